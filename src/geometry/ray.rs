@@ -1,0 +1,55 @@
+//! What every intersector takes and gives.
+
+/// A ray as a shader passes it to a trace: world space, direction not normalised, t in units of
+/// the direction's length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    pub origin: [f32; 3],
+    pub direction: [f32; 3],
+    pub t_min: f32,
+    pub t_max: f32,
+}
+
+impl Ray {
+    /// A ray over the whole half-line: `t_min` 0, `t_max` infinity.
+    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
+        Self { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+    }
+
+    /// The same ray over another interval.
+    #[must_use]
+    pub fn with_interval(self, t_min: f32, t_max: f32) -> Self {
+        Self { t_min, t_max, ..self }
+    }
+}
+
+/// Which surface of a primitive a ray entered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Surface {
+    /// A triangle seen from its front (as wound in object space, before instance flags).
+    TriangleFront,
+    /// A triangle seen from its back.
+    TriangleBack,
+    /// A box's entry (or a start inside it).
+    Aabb,
+    /// A sphere.
+    Sphere,
+    /// The side of a linear swept sphere.
+    Side,
+    /// The cap around the first point of a linear swept sphere.
+    Cap0,
+    /// The cap around the second point of a linear swept sphere.
+    Cap1,
+}
+
+/// Where a ray meets a primitive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Intersection {
+    /// The correctly rounded ray parameter.
+    pub t: f32,
+    /// Triangles: the barycentrics of the second and third vertex. Linear swept spheres: u of the
+    /// generating sphere, then 0. Spheres and boxes: 0, 0.
+    pub attributes: [f32; 2],
+    /// Which surface was entered.
+    pub surface: Surface,
+}

@@ -1,0 +1,45 @@
+//! Names, source files and lines.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use crate::module::Id;
+
+/// A source file that debug information names, with its text where the module holds it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceFile {
+    /// The name as the compiler wrote it.
+    pub name: String,
+    /// The text, where embedded.
+    pub text: Option<Arc<str>>,
+}
+
+/// A place in a source file; line and column count from 1, column 0 is unknown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Line {
+    /// Index into [`DebugInfo::files`].
+    pub file: u32,
+    pub line: u32,
+    pub column: u32,
+}
+
+/// Everything that helps a reader and changes no result.
+#[derive(Clone, Debug, Default)]
+pub struct DebugInfo {
+    /// `OpName`.
+    pub names: HashMap<Id, String>,
+    /// `OpMemberName`.
+    pub member_names: HashMap<(Id, u32), String>,
+    /// Source files, from `OpString`/`OpSource` and `DebugSource`.
+    pub files: Vec<SourceFile>,
+    /// The line in force from a word offset on, ascending by offset; `None` ends one.
+    pub lines: Vec<(u32, Option<Line>)>,
+}
+
+impl DebugInfo {
+    /// The source line of the instruction at a word offset.
+    pub fn line_at(&self, offset: u32) -> Option<Line> {
+        let after = self.lines.partition_point(|&(start, _)| start <= offset);
+        self.lines[..after].last()?.1
+    }
+}

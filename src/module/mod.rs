@@ -1,0 +1,156 @@
+//! SPIR-V bytes, read into a typed module.
+//!
+//! This folder and `ops/` are the only ones that name rspirv: its grammar tables say how many
+//! operands an instruction has and of what kind. The words are walked by ourselves, because real
+//! modules hold what rspirv's own loader refuses.
+
+pub mod constant;
+pub mod debug_info;
+pub mod decoration;
+pub mod interface;
+pub mod load;
+pub mod ty;
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use crate::module::constant::Constant;
+use crate::module::debug_info::DebugInfo;
+use crate::module::decoration::Decorations;
+use crate::module::interface::EntryPoint;
+use crate::module::ty::{Type, TypeId};
+
+pub use load::load;
+
+/// A result id of the module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Id(pub u32);
+
+/// One instruction inside a function, its words untouched.
+///
+/// `opcode` is the number of the specification: unknown ones are carried and refused only where
+/// they would have to run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Instruction {
+    /// The opcode's number.
+    pub opcode: u16,
+    /// Where the instruction begins, in words from the start of the module.
+    pub offset: u32,
+    /// The result type's id, where the opcode has one.
+    pub result_type: Option<Id>,
+    /// The result id, where the opcode has one.
+    pub result: Option<Id>,
+    /// The words after result type and result id, as a range of [`Module::words`].
+    pub operands: Range<u32>,
+}
+
+/// A basic block: a label and the instructions up to and including its terminator.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// The id of its `OpLabel`.
+    pub label: Id,
+    /// The instructions after the label; the last is the terminator, the one before it may be a
+    /// merge instruction. `OpLine`, `OpNoLine` and debug-information instructions are left out.
+    pub instructions: Vec<Instruction>,
+}
+
+/// A function with its parameters and blocks, in the module's order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Function {
+    /// The id of its `OpFunction`.
+    pub id: Id,
+    /// The return type.
+    pub return_type: TypeId,
+    /// Parameters: result id and type.
+    pub parameters: Vec<(Id, TypeId)>,
+    /// Blocks; empty for a declaration without a body (an import).
+    pub blocks: Vec<Block>,
+}
+
+/// An `OpVariable` at module scope.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GlobalVariable {
+    /// The result id.
+    pub id: Id,
+    /// The pointer type (its storage class and pointee).
+    pub pointer: TypeId,
+    /// The storage class's number.
+    pub storage_class: u32,
+    /// The initialiser, a constant or a variable.
+    pub initializer: Option<Id>,
+    /// Where it stands, in words.
+    pub offset: u32,
+}
+
+/// What an id stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Definition {
+    /// A type.
+    Type(TypeId),
+    /// A constant: index into [`Module::constants`].
+    Constant(u32),
+    /// A variable at module scope: index into [`Module::variables`].
+    Variable(u32),
+    /// A function: index into [`Module::functions`].
+    Function(u32),
+    /// A parameter of a function: function's index, parameter's index.
+    Parameter(u32, u32),
+    /// The label of a block: function's index, block's index.
+    Label(u32, u32),
+    /// The result of an instruction in a function: function's, block's and instruction's index.
+    Result(u32, u32, u32),
+    /// An imported instruction set: index into [`Module::instruction_sets`].
+    InstructionSet(u32),
+    /// Anything else at module scope: a string, a decoration group, debug information.
+    Other,
+}
+
+/// A module: arenas of types, constants, variables and functions, with names and spans.
+#[derive(Clone, Debug)]
+pub struct Module {
+    /// The words, in this machine's byte order, header included.
+    pub words: Vec<u32>,
+    /// Major and minor version.
+    pub version: (u8, u8),
+    /// The header's generator word.
+    pub generator: u32,
+    /// Numbers of the declared capabilities.
+    pub capabilities: Vec<u32>,
+    /// Names of the declared extensions.
+    pub extensions: Vec<String>,
+    /// Names of the imported instruction sets.
+    pub instruction_sets: Vec<String>,
+    /// Entry points in the module's order.
+    pub entry_points: Vec<EntryPoint>,
+    /// All types; a [`TypeId`] is an index.
+    pub types: Vec<Type>,
+    /// All constants, specialization constants and undefined values of module scope.
+    pub constants: Vec<Constant>,
+    /// All variables of module scope.
+    pub variables: Vec<GlobalVariable>,
+    /// All functions.
+    pub functions: Vec<Function>,
+    /// Decorations of ids and members.
+    pub decorations: Decorations,
+    /// Names, source files, lines.
+    pub debug_info: DebugInfo,
+    /// What each id stands for.
+    pub definitions: HashMap<Id, Definition>,
+}
+
+impl Module {
+    /// The operand words of an instruction (after result type and result id).
+    pub fn operands(&self, instruction: &Instruction) -> &[u32] {
+        &self.words[instruction.operands.start as usize..instruction.operands.end as usize]
+    }
+
+    /// The type with this handle.
+    pub fn ty(&self, ty: TypeId) -> &Type {
+        &self.types[ty.0 as usize]
+    }
+
+    /// What an id stands for; `None` where nothing defines it.
+    pub fn definition(&self, id: Id) -> Option<Definition> {
+        self.definitions.get(&id).copied()
+    }
+}
