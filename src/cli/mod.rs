@@ -1,5 +1,7 @@
 //! One file per command.
 
+pub mod compile;
+
 use std::process::ExitCode;
 
 /// Parses the command line, runs the command and reports its error.

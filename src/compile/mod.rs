@@ -1,1 +1,165 @@
-//! (doc to come)
+//! Front ends: shader source to SPIR-V.
+//!
+//! Nothing else of the crate needs a compiler: scenes and tests name `.spv` files. This folder makes
+//! those from GLSL (feature `glsl`), WGSL (feature `wgsl`, on by default) and Slang (the tool
+//! `slangc`, where it is installed), and keeps `spirv-fixtures/` in step with `shaders/`.
+//!
+//! ```
+//! use anyhit::compile::{Options, Source, compile};
+//!
+//! let source = Source::from_text("double.wgsl", "@group(0) @binding(0) var<storage, read_write> x: array<f32>;
+//!     @compute @workgroup_size(1) fn double() { x[0] *= 2.0; }")?;
+//! # #[cfg(feature = "wgsl")] {
+//! let spirv = compile(&source, &Options::default())?;
+//! assert_eq!(spirv[..4], [0x03, 0x02, 0x23, 0x07]);
+//! # }
+//! # Ok::<(), anyhit::Error>(())
+//! ```
+
+pub mod fixtures;
+mod message;
+mod slang;
+mod source;
+
+#[cfg(feature = "glsl")]
+mod glsl;
+#[cfg(feature = "glsl")]
+mod glslang_debug;
+#[cfg(feature = "wgsl")]
+mod wgsl;
+
+pub use source::{Language, Source, Stage, content_hash};
+
+use crate::error::{Error, ErrorKind, Result};
+
+/// How to compile.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Options {
+    /// What the module tells about its source.
+    pub debug: DebugInfo,
+    /// Whether the compiler optimises. Only `slangc` does; glslang is built without its optimiser,
+    /// and naga has none.
+    pub optimize: Optimize,
+}
+
+/// What a module tells about its source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DebugInfo {
+    /// Names, as the compiler gives them by default, and no lines.
+    #[default]
+    Names,
+    /// `OpSource` and `OpLine`; with Slang the same as `Full`, as it has no such level.
+    Lines,
+    /// `NonSemantic.Shader.DebugInfo`: lines, columns, variables, scopes and the source's text.
+    /// naga writes `OpLine` at most.
+    Full,
+}
+
+/// Whether the compiler optimises.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Optimize {
+    /// What the compiler does when not told.
+    #[default]
+    Default,
+    /// `-O0`.
+    Off,
+}
+
+impl Options {
+    /// The options that command line flags stand for: `-g`, `-gVS` (or `-g2`), `-O0`.
+    ///
+    /// # Errors
+    /// [`ErrorKind::InvalidArgument`] for any other flag.
+    pub fn from_flags<'a>(flags: impl IntoIterator<Item = &'a str>) -> Result<Self> {
+        let mut options = Self::default();
+        for flag in flags {
+            match flag {
+                "-g" => options.debug = DebugInfo::Lines,
+                "-gVS" | "-g2" => options.debug = DebugInfo::Full,
+                "-O0" => options.optimize = Optimize::Off,
+                _ => {
+                    let text = format!("unknown compiler flag `{flag}`");
+                    return Err(Error::new(ErrorKind::InvalidArgument, text)
+                        .note("the flags are -g (lines), -gVS (full debug info) and -O0"));
+                }
+            }
+        }
+        Ok(options)
+    }
+}
+
+/// Compiles one source to a SPIR-V module, as the bytes of a `.spv` file.
+///
+/// GLSL gives SPIR-V 1.6 for Vulkan 1.3 with the entry point `main`; WGSL and Slang give one module
+/// with all the entry points of the source under their own names.
+///
+/// # Errors
+/// [`ErrorKind::InvalidSource`] with the places that the compiler named;
+/// [`ErrorKind::UnsupportedTool`] where this build or machine lacks the compiler;
+/// [`ErrorKind::Io`] where a file cannot be read or written.
+pub fn compile(source: &Source, options: &Options) -> Result<Vec<u8>> {
+    match source.language() {
+        #[cfg(feature = "glsl")]
+        Language::Glsl(stage) => glsl::compile(source, stage, options),
+        #[cfg(feature = "wgsl")]
+        Language::Wgsl => wgsl::compile(source, options),
+        Language::Slang => slang::compile(source, options),
+        #[allow(unreachable_patterns)]
+        language => Err(missing_feature(language)),
+    }
+}
+
+/// The name and version of the compiler that [`compile`] would use: `"glslang 16.3.0"`.
+///
+/// # Errors
+/// [`ErrorKind::UnsupportedTool`] where this build or machine lacks it.
+pub fn tool(language: Language) -> Result<String> {
+    match language {
+        #[cfg(feature = "glsl")]
+        Language::Glsl(_) => Ok(glslang_debug::version()),
+        #[cfg(feature = "wgsl")]
+        Language::Wgsl => Ok(format!("naga {}", wgsl::NAGA_VERSION)),
+        Language::Slang => slang::version(),
+        #[allow(unreachable_patterns)]
+        language => Err(missing_feature(language)),
+    }
+}
+
+fn missing_feature(language: Language) -> Error {
+    let (name, feature) = match language {
+        Language::Glsl(_) => ("GLSL", "glsl"),
+        Language::Wgsl => ("WGSL", "wgsl"),
+        Language::Slang => ("Slang", "slang"),
+    };
+    Error::new(ErrorKind::UnsupportedTool, format!("this build of anyhit cannot compile {name}"))
+        .note(format!("build it with `cargo build --features {feature}`"))
+}
+
+/// SPIR-V words as the bytes of a `.spv` file: little endian on every machine.
+#[cfg(any(feature = "glsl", feature = "wgsl"))]
+fn bytes(words: &[u32]) -> Vec<u8> {
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flags_become_options() {
+        let options = Options::from_flags(["-gVS", "-O0"]).unwrap();
+        assert_eq!(options, Options { debug: DebugInfo::Full, optimize: Optimize::Off });
+        let error = Options::from_flags(["-O3"]).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+        assert!(error.message().contains("-O3"), "{error}");
+    }
+
+    #[test]
+    #[cfg(not(feature = "glsl"))]
+    fn a_build_without_glslang_says_how_to_get_it() {
+        let source = Source::from_text("a.rgen", "").unwrap();
+        let error = compile(&source, &Options::default()).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::UnsupportedTool);
+        assert!(error.render().contains("--features glsl"), "{error:?}");
+    }
+}

@@ -1,0 +1,108 @@
+//! `anyhit compile`: shader sources to SPIR-V.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::compile::{Options, Source, compile, fixtures};
+use crate::error::{Error, ErrorKind, Result};
+
+/// Compiles GLSL, WGSL or Slang to SPIR-V.
+#[derive(Args, Clone, Debug)]
+pub struct CompileArgs {
+    /// Shader sources; the extension tells language and stage (.rgen .rint .rahit .rchit .rmiss
+    /// .rcall .comp .wgsl .slang)
+    #[arg(value_name = "SOURCE", required_unless_present = "fixtures")]
+    sources: Vec<PathBuf>,
+    /// Where to write the module, or with several sources the folder [default: SOURCE.spv]
+    #[arg(short, long, value_name = "PATH", conflicts_with = "fixtures")]
+    output: Option<PathBuf>,
+    /// Debug information: lines; as -gVS or -g2, all (NonSemantic.Shader.DebugInfo)
+    #[arg(short = 'g', value_name = "LEVEL", num_args = 0..=1, require_equals = false,
+          default_missing_value = "", conflicts_with = "fixtures", value_parser = ["", "VS", "2"])]
+    debug: Option<String>,
+    /// Optimisation: -O0 for none, else what the compiler does by default
+    #[arg(short = 'O', value_name = "LEVEL", conflicts_with = "fixtures", value_parser = ["0"])]
+    optimize: Option<String>,
+    /// Bring spirv-fixtures/ in step with shaders/, in the current folder
+    #[arg(long)]
+    fixtures: bool,
+    /// With --fixtures: compile all again, not only what has changed
+    #[arg(long, requires = "fixtures")]
+    force: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// What the compilers report, all sources in one; with `--fixtures` also
+/// [`ErrorKind::UnsupportedTool`] where a stale fixture needs a compiler that is not there.
+pub fn run(args: CompileArgs) -> Result<()> {
+    if args.fixtures { regenerate(args.force) } else { compile_sources(&args) }
+}
+
+fn compile_sources(args: &CompileArgs) -> Result<()> {
+    let debug = args.debug.as_ref().map(|level| format!("-g{level}"));
+    let optimize = args.optimize.as_ref().map(|level| format!("-O{level}"));
+    let options = Options::from_flags(debug.as_deref().into_iter().chain(optimize.as_deref()))?;
+    let mut errors = Vec::new();
+    for path in &args.sources {
+        let mut file = path.file_name().unwrap_or_default().to_owned();
+        file.push(".spv");
+        let output = match &args.output {
+            None => path.with_file_name(file),
+            Some(output) if args.sources.len() == 1 && !output.is_dir() => output.clone(),
+            Some(folder) => folder.join(file),
+        };
+        let result = Source::read(path)
+            .and_then(|source| compile(&source, &options))
+            .and_then(|spirv| std::fs::write(&output, spirv).map_err(|error| Error::io(&output, error)));
+        errors.extend(result.err());
+    }
+    if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
+}
+
+fn regenerate(force: bool) -> Result<()> {
+    let root = std::env::current_dir().map_err(|error| Error::io(".", error))?;
+    if !root.join(fixtures::SOURCES).is_dir() {
+        let text = format!("there is no folder {}/ here", fixtures::SOURCES);
+        return Err(Error::new(ErrorKind::InvalidArgument, text).note("run it in the root of the repository"));
+    }
+    let report = fixtures::regenerate(&root, force)?;
+    for name in &report.written {
+        println!("wrote {}/{name}", fixtures::FIXTURES);
+    }
+    for name in &report.removed {
+        println!("removed {}/{name}", fixtures::FIXTURES);
+    }
+    println!("{} written, {} in step already", report.written.len(), report.kept);
+    let skipped = report.skipped.into_iter().map(|(name, error)| error.context(name));
+    let skipped: Vec<_> = skipped.collect();
+    if skipped.is_empty() { Ok(()) } else { Err(Error::several(skipped)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: CompileArgs,
+    }
+
+    fn parse(line: &str) -> Option<CompileArgs> {
+        Command::try_parse_from(line.split(' ')).ok().map(|command| command.args)
+    }
+
+    #[test]
+    fn the_flags_of_compilers_are_understood() {
+        let args = parse("compile a.rgen -gVS -O0 -o out.spv").unwrap();
+        assert_eq!((args.debug.as_deref(), args.optimize.as_deref()), (Some("VS"), Some("0")));
+        assert_eq!(parse("compile -g -O0 a.rgen").unwrap().debug.as_deref(), Some(""));
+        assert!(parse("compile").is_none(), "neither source nor --fixtures");
+        assert!(parse("compile --fixtures a.rgen -g").is_none(), "flags of fixtures stand in the sources");
+    }
+}

@@ -1,0 +1,196 @@
+//! What outside compilers say, as errors with places.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::Source;
+use crate::error::{Error, ErrorKind, Place};
+
+/// One complaint of a compiler.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Complaint {
+    /// The file's name as the compiler gave it; empty for the source itself.
+    pub(super) file: String,
+    /// From 1; 0 where the compiler named none.
+    pub(super) line: usize,
+    /// From 1; 0 where the compiler named none.
+    pub(super) column: usize,
+    /// The number of characters meant; 0 where unknown.
+    pub(super) width: usize,
+    /// What is wrong.
+    pub(super) text: String,
+}
+
+/// Complaints as one error, each at its place in the text. With none, the whole output is the message.
+pub(super) fn error(source: &Source, complaints: Vec<Complaint>, output: &str) -> Error {
+    if complaints.is_empty() {
+        let message = output.trim().lines().next().unwrap_or("the compiler failed and said nothing");
+        let rest = output.trim().lines().skip(1).collect::<Vec<_>>().join("\n");
+        let error = Error::new(ErrorKind::InvalidSource, format!("{}: {message}", source.name()));
+        return if rest.is_empty() { error } else { error.note(rest) };
+    }
+    let files = source.closure();
+    let errors = complaints.into_iter().map(|complaint| {
+        let error = Error::new(ErrorKind::InvalidSource, complaint.text);
+        let name = if complaint.file.is_empty() { source.name() } else { &complaint.file };
+        let text = if name == source.name() { Some(source.text()) } else { files.get(name) };
+        match text {
+            _ if complaint.line == 0 => error.at(Place::File(name.into())),
+            Some(text) => error.at(Place::Text {
+                file: name.to_owned(),
+                text: text.clone(),
+                span: span(text, complaint.line, complaint.column, complaint.width),
+            }),
+            None => error.at(Place::Line {
+                file: name.to_owned(),
+                line: u32::try_from(complaint.line).unwrap_or(u32::MAX),
+                column: u32::try_from(complaint.column).unwrap_or(0),
+            }),
+        }
+    });
+    Error::several(errors.collect())
+}
+
+/// The complaints in a log of glslang: `ERROR: FILE:LINE: TEXT`, where `0` is the source itself.
+#[cfg(any(feature = "glsl", test))]
+pub(super) fn glslang(log: &str) -> Vec<Complaint> {
+    let errors = log.lines().filter_map(|line| line.trim().strip_prefix("ERROR: "));
+    let complaints = errors.filter_map(|line| {
+        let (place, text) = line.split_once(": ")?;
+        // With a column: FILE:LINE:COLUMN. A file's name may hold colons, so read from the right.
+        let mut parts = place.rsplitn(3, ':').collect::<Vec<_>>();
+        parts.reverse();
+        let number = |text: &str| text.parse::<usize>().ok();
+        let (file, line, column) = match parts[..] {
+            [file, line, column] if number(line).is_some() => {
+                (file.to_owned(), number(line)?, number(column)?)
+            }
+            [head, file, line] => (format!("{head}:{file}"), number(line)?, 0),
+            [file, line] => (file.to_owned(), number(line)?, 0),
+            _ => return None,
+        };
+        // Said after the last mistake of a file, not a mistake itself.
+        if tidy(text) == "compilation terminated" {
+            return None;
+        }
+        let file = if file == "0" { String::new() } else { file };
+        Some(Complaint { file, line, column, width: 0, text: tidy(text) })
+    });
+    complaints.collect()
+}
+
+/// The complaints in the output of `slangc`: `error[E1]: TITLE`, then ` --> FILE:LINE:COLUMN` and
+/// carets beneath the line; older ones write `FILE(LINE): error 1: TEXT`.
+pub(super) fn slangc(output: &str) -> Vec<Complaint> {
+    let mut complaints: Vec<Complaint> = Vec::new();
+    let mut title = None;
+    for line in output.lines() {
+        if let Some(text) = line.strip_prefix("error") {
+            title = text.split_once(": ").map(|(_, text)| text.to_owned());
+        } else if line.starts_with("warning") || line.starts_with("note") {
+            title = None;
+        } else if let Some(place) = line.trim_start().strip_prefix("--> ")
+            && let Some(text) = title.take()
+        {
+            let mut parts = place.trim().rsplitn(3, ':');
+            let column = parts.next().and_then(|part| part.parse().ok()).unwrap_or(0);
+            let line = parts.next().and_then(|part| part.parse().ok()).unwrap_or(0);
+            let file = parts.next().unwrap_or(place).to_owned();
+            complaints.push(Complaint { file, line, column, width: 0, text });
+        } else if let Some((_, carets)) = line.split_once("| ")
+            && let Some(last) = complaints.last_mut()
+            && last.width == 0
+            && carets.trim_start().starts_with('^')
+        {
+            let carets = carets.trim_start();
+            let detail = carets.trim_start_matches('^');
+            last.width = carets.len() - detail.len();
+            if !detail.trim().is_empty() {
+                last.text = format!("{}: {}", last.text, detail.trim());
+            }
+        } else if let Some((place, text)) = line.split_once("): error ") {
+            let (file, number) = place.rsplit_once('(').unwrap_or((place, "0"));
+            let text = text.split_once(": ").map_or(text, |(_, text)| text).to_owned();
+            let line = number.parse().unwrap_or(0);
+            complaints.push(Complaint { file: file.to_owned(), line, column: 0, width: 0, text });
+        }
+    }
+    complaints
+}
+
+/// glslang writes `'name' :  what is wrong` with holes where a part is empty.
+#[cfg(any(feature = "glsl", test))]
+fn tidy(text: &str) -> String {
+    let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    words.trim_start_matches("'' : ").replace(" : ", ": ")
+}
+
+/// The bytes of a line from a column on; the whole line without its indentation where the column
+/// is unknown (0).
+fn span(text: &Arc<str>, line: usize, column: usize, width: usize) -> Range<usize> {
+    let mut start = 0;
+    for (number, content) in text.split_inclusive('\n').enumerate() {
+        if number + 1 == line {
+            let content = content.trim_end();
+            let indent = content.len() - content.trim_start().len();
+            if column == 0 {
+                return start + indent..start + content.len();
+            }
+            let at = |characters: usize| {
+                content.char_indices().nth(characters).map_or(content.len(), |(offset, _)| offset)
+            };
+            return start + at(column - 1)..start + at(column - 1 + width.max(1));
+        }
+        start += content.len();
+    }
+    text.len()..text.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn glslang_logs() {
+        let log = "ERROR: 0:12: 'x' :  undeclared identifier \n\
+                   ERROR: a/b.glsl:3: '' :  syntax error, unexpected SEMICOLON\n\
+                   ERROR: 0:7:5: 'y' : redefinition\n\
+                   ERROR: 0:7:9: '' : compilation terminated \n\
+                   ERROR: 2 compilation errors.  No code generated.\n";
+        let complaints = glslang(log);
+        let short: Vec<_> =
+            complaints.iter().map(|c| (c.file.as_str(), c.line, c.column, c.text.as_str())).collect();
+        assert_eq!(
+            short,
+            [
+                ("", 12, 0, "'x': undeclared identifier"),
+                ("a/b.glsl", 3, 0, "syntax error, unexpected SEMICOLON"),
+                ("", 7, 5, "'y': redefinition"),
+            ]
+        );
+    }
+
+    #[test]
+    fn slangc_output_new_and_old() {
+        let output = "warning[E1]: odd\n --> a.slang:1:1\n  |\n1 | x\n  | ^ odd\n\
+                      error[E30027]: member not found\n --> e.slang:3:56\n  |\n3 | a b\n  |   ^^ 'd' is not a member.\n--'\n";
+        let complaint = &slangc(output)[0];
+        assert_eq!(slangc(output).len(), 1);
+        assert_eq!((complaint.file.as_str(), complaint.line, complaint.column), ("e.slang", 3, 56));
+        assert_eq!((complaint.width, complaint.text.as_str()), (2, "member not found: 'd' is not a member."));
+        let old = &slangc("e.slang(3): error 30027: 'd' is not a member of 'P'.\n")[0];
+        assert_eq!(
+            (old.file.as_str(), old.line, old.text.as_str()),
+            ("e.slang", 3, "'d' is not a member of 'P'.")
+        );
+    }
+
+    #[test]
+    fn spans_count_characters_and_survive_any_number() {
+        let text: Arc<str> = "a\n  é = b;\n".into();
+        assert_eq!(span(&text, 2, 0, 0), 4..11);
+        assert_eq!(span(&text, 2, 5, 1), 7..8);
+        assert_eq!(span(&text, 2, 99, 9), 11..11);
+        assert_eq!(span(&text, 99, 1, 1), 12..12);
+    }
+}

@@ -1,0 +1,284 @@
+//! A shader's source: its text, its language, and the files that it includes.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
+
+use sha2::{Digest, Sha256};
+
+use crate::error::{Error, ErrorKind, Result};
+
+/// A pipeline stage, named by the file extension that glslang knows it by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// `.rgen`
+    RayGeneration,
+    /// `.rint`
+    Intersection,
+    /// `.rahit`
+    AnyHit,
+    /// `.rchit`
+    ClosestHit,
+    /// `.rmiss`
+    Miss,
+    /// `.rcall`
+    Callable,
+    /// `.comp`
+    Compute,
+}
+
+/// The language of a source, known by its file extension.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Language {
+    /// GLSL: one stage a file, entry point `main`.
+    Glsl(Stage),
+    /// WGSL (`.wgsl`), with naga's ray-tracing extensions.
+    Wgsl,
+    /// Slang (`.slang`).
+    Slang,
+}
+
+impl Language {
+    /// The language of a file name, by its extension; `None` for headers and everything else.
+    pub fn of(path: &Path) -> Option<Self> {
+        Some(match path.extension()?.to_str()? {
+            "rgen" => Self::Glsl(Stage::RayGeneration),
+            "rint" => Self::Glsl(Stage::Intersection),
+            "rahit" => Self::Glsl(Stage::AnyHit),
+            "rchit" => Self::Glsl(Stage::ClosestHit),
+            "rmiss" => Self::Glsl(Stage::Miss),
+            "rcall" => Self::Glsl(Stage::Callable),
+            "comp" => Self::Glsl(Stage::Compute),
+            "wgsl" => Self::Wgsl,
+            "slang" => Self::Slang,
+            _ => return None,
+        })
+    }
+}
+
+/// A shader's source text and where it came from.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Source {
+    folder: PathBuf,
+    name: String,
+    text: Arc<str>,
+    language: Language,
+    on_disk: bool,
+}
+
+impl Source {
+    /// Reads a source file. Its name, in messages and debug information, is the path as given.
+    ///
+    /// # Errors
+    /// As [`Source::read_in`].
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        Self::read_in(Path::new(""), &path.as_ref().to_string_lossy())
+    }
+
+    /// Reads the source file `name` (with `/` between folders) relative to a folder. Only the name
+    /// reaches messages and debug information, so that these are the same on every machine.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Io`] where the file cannot be read, [`ErrorKind::InvalidSource`] where it is not
+    /// UTF-8, and [`ErrorKind::InvalidArgument`] where its extension is of no language.
+    pub fn read_in(folder: &Path, name: &str) -> Result<Self> {
+        let path = folder.join(name);
+        let language = Language::of(&path).ok_or_else(|| unknown_language(name))?;
+        let text = read_text(&path)?;
+        Ok(Self { folder: folder.into(), name: name.into(), text: text.into(), language, on_disk: true })
+    }
+
+    /// A source from memory; its includes are looked up in the current folder.
+    ///
+    /// # Errors
+    /// [`ErrorKind::InvalidArgument`] where the name's extension is of no language.
+    pub fn from_text(name: impl Into<String>, text: impl Into<Arc<str>>) -> Result<Self> {
+        let name = name.into();
+        let language = Language::of(Path::new(&name)).ok_or_else(|| unknown_language(&name))?;
+        Ok(Self { folder: PathBuf::new(), name, text: text.into(), language, on_disk: false })
+    }
+
+    /// The name in messages and debug information.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The text.
+    pub fn text(&self) -> &Arc<str> {
+        &self.text
+    }
+
+    /// The language, and with GLSL the stage.
+    pub fn language(&self) -> Language {
+        self.language
+    }
+
+    /// The folder that [`Source::name`] is relative to; empty for the current one.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Whether the text is that of a file, which an outside tool can open.
+    pub(super) fn on_disk(&self) -> bool {
+        self.on_disk
+    }
+
+    /// The text of an included file, with the name that it goes by from there on. `includer` is the
+    /// name of the including file.
+    pub(super) fn include(&self, includer: &str, header: &str) -> Option<(String, String)> {
+        let parent = Path::new(includer).parent().unwrap_or(Path::new(""));
+        let name = normal(&parent.join(header));
+        let text = std::fs::read_to_string(self.folder.join(&name)).ok()?;
+        Some((name, text))
+    }
+
+    /// Everything that the result depends on: this text and, by name, the text of each file that an
+    /// `#include`, `import` or `__include` reaches, whether or not a condition hides it. What is not
+    /// found is left out: the compiler's own modules, or a name that a macro makes.
+    pub(super) fn closure(&self) -> BTreeMap<String, Arc<str>> {
+        let mut seen = BTreeMap::from([(normal(Path::new(&self.name)), self.text.clone())]);
+        let mut left = vec![normal(Path::new(&self.name))];
+        while let Some(includer) = left.pop() {
+            let text = seen[&includer].clone();
+            for header in text.lines().filter_map(included_file) {
+                if let Some((name, text)) = self.include(&includer, &header)
+                    && !seen.contains_key(&name)
+                {
+                    seen.insert(name.clone(), text.into());
+                    left.push(name);
+                }
+            }
+        }
+        seen
+    }
+}
+
+/// Name and language; the text would drown a failing test's message.
+impl fmt::Debug for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Source({}, {:?})", self.name, self.language)
+    }
+}
+
+/// SHA-256, in hexadecimal, of a source and all the files that it includes.
+///
+/// A module is a function of this hash, the compiler's name and version, and the flags: the three
+/// make the key of a cache. Line ends do not count, so that a checkout with CR LF hashes alike.
+pub fn content_hash(source: &Source) -> String {
+    let mut hasher = Sha256::new();
+    for (name, text) in source.closure() {
+        let text = text.replace("\r\n", "\n");
+        // Lengths first: otherwise text could move from one file to the next unnoticed.
+        for part in [name.as_bytes(), text.as_bytes()] {
+            hasher.update((part.len() as u64).to_le_bytes());
+            hasher.update(part);
+        }
+    }
+    hex(&hasher.finalize())
+}
+
+/// SHA-256 of bytes, in hexadecimal.
+pub(super) fn bytes_hash(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The file that a line includes, relative to the file that it stands in.
+fn included_file(line: &str) -> Option<String> {
+    let line = line.trim_start();
+    if let Some(rest) = line.strip_prefix('#') {
+        let rest = rest.trim_start().strip_prefix("include")?.trim_start();
+        let close = match rest.chars().next()? {
+            '"' => '"',
+            '<' => '>',
+            _ => return None,
+        };
+        return Some(rest[1..].split_once(close)?.0.to_owned());
+    }
+    let rest = line.strip_prefix("import ").or_else(|| line.strip_prefix("__include "))?;
+    let name = rest.split_once(';')?.0.trim().trim_matches('"');
+    Some(if name.ends_with(".slang") { name.into() } else { format!("{}.slang", name.replace('.', "/")) })
+}
+
+/// A path without `.` and, where possible, `..`, with `/` between folders on every machine.
+fn normal(path: &Path) -> String {
+    let mut parts: Vec<String> = Vec::new();
+    let mut root = "";
+    for part in path.components() {
+        match part {
+            Component::CurDir => {}
+            Component::RootDir => root = "/",
+            Component::ParentDir if parts.last().is_some_and(|last| last != "..") => {
+                parts.pop();
+            }
+            other => parts.push(other.as_os_str().to_string_lossy().into_owned()),
+        }
+    }
+    format!("{root}{}", parts.join("/"))
+}
+
+fn read_text(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
+    String::from_utf8(bytes).map_err(|error| {
+        let offset = error.utf8_error().valid_up_to();
+        let text = format!("{}: not UTF-8 from byte {offset} on", path.display());
+        Error::new(ErrorKind::InvalidSource, text)
+    })
+}
+
+fn unknown_language(name: &str) -> Error {
+    Error::new(ErrorKind::InvalidArgument, format!("`{name}`: the extension is of no shader language"))
+        .note("GLSL: .rgen .rint .rahit .rchit .rmiss .rcall .comp; WGSL: .wgsl; Slang: .slang")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_that_include() {
+        let file = |line| included_file(line);
+        assert_eq!(file("#include \"a/b.glsl\" // c").as_deref(), Some("a/b.glsl"));
+        assert_eq!(file("  #  include <b.glsl>").as_deref(), Some("b.glsl"));
+        assert_eq!(file("import lighting.sky;").as_deref(), Some("lighting/sky.slang"));
+        assert_eq!(file("__include \"part.slang\";").as_deref(), Some("part.slang"));
+        assert_eq!(file("// #include \"a\""), None);
+        assert_eq!(file("#include NAME"), None);
+        assert_eq!(file("important = 1;"), None);
+    }
+
+    #[test]
+    fn paths_lose_their_dots() {
+        assert_eq!(normal(Path::new("a/./b/../c.glsl")), "a/c.glsl");
+        assert_eq!(normal(Path::new("../a.glsl")), "../a.glsl");
+        assert_eq!(normal(Path::new("/a/b")), "/a/b");
+    }
+
+    #[test]
+    fn the_hash_sees_includes_and_names_but_not_line_ends() {
+        let folder = std::env::temp_dir().join(format!("anyhit-source-{}", std::process::id()));
+        std::fs::create_dir_all(folder.join("sub")).unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+        let hash = || content_hash(&Source::read_in(&folder, "a.rmiss").unwrap());
+        write("a.rmiss", "#include \"sub/b.glsl\"\nvoid main() {}\n");
+        write("sub/b.glsl", "#include \"../c.glsl\"\n");
+        write("c.glsl", "#include \"sub/b.glsl\"\nconst int x = 1;\n");
+        let first = hash();
+        write("c.glsl", "#include \"sub/b.glsl\"\r\nconst int x = 1;\r\n");
+        assert_eq!(hash(), first, "line ends count");
+        write("c.glsl", "#include \"sub/b.glsl\"\nconst int x = 2;\n");
+        assert_ne!(hash(), first, "an include of an include does not count");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn the_hash_of_the_empty_message_is_that_of_the_standard() {
+        // FIPS 180-4's example value for the empty message.
+        let expected = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
+        assert_eq!(bytes_hash(b""), expected);
+    }
+}
