@@ -1,1 +1,23 @@
-//! (doc to come)
+//! The state of a running batch of invocations, without any instruction.
+//!
+//! A batch runs one entry point for up to W invocations at once. Everything a shader holds in
+//! Function, Private, Input, payload and attribute storage is a row of the batch's register file:
+//! one 32-bit word for each lane. Buffers, images and acceleration structures are shared
+//! [`resource`]s.
+
+pub mod batch;
+pub mod image;
+pub mod invocation;
+pub mod lanes;
+pub mod observe;
+pub mod resource;
+pub mod stop;
+pub mod trap;
+
+pub use batch::{Batch, Frame};
+pub use invocation::{Hit, Invocation, ShaderRecord};
+pub use lanes::{Lanes, Mask, Reg, Registers, Scalar};
+pub use observe::Observer;
+pub use resource::{Binding, Bindings, Buffer, Descriptor, Resources};
+pub use stop::Stop;
+pub use trap::{Exit, Trap, TrapCode};

@@ -1,0 +1,239 @@
+//! A batch: up to W invocations of one entry point, and where each of them is.
+//!
+//! Lanes that stand in different blocks wait for each other by the blocks' order: the batch always
+//! runs the lowest block in which a lane waits. As a program's blocks are in structured order
+//! (a merge block after everything that it merges, a loop's merge after the loop), lanes meet again
+//! at the merge block, and no stack of masks is needed.
+
+use crate::machine::invocation::Invocation;
+use crate::machine::lanes::{Mask, Registers};
+use crate::machine::trap::{Exit, Trap, TrapCode};
+
+/// Lanes that wait at the beginning of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Waiting<const W: usize> {
+    block: u32,
+    mask: Mask<W>,
+}
+
+/// A call in progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Frame<const W: usize> {
+    /// The block to go on with when every lane has returned.
+    pub return_to: u32,
+    /// The lanes that called.
+    pub mask: Mask<W>,
+    /// How many entries of the waiting list belong to callers.
+    base: usize,
+}
+
+/// Up to W invocations of one entry point; plain data, so that a copy is a checkpoint.
+#[derive(Clone, Debug)]
+pub struct Batch<const W: usize> {
+    /// The register file.
+    pub registers: Registers<W>,
+    /// What builtins read, for each lane.
+    pub invocations: Vec<Invocation>,
+    /// The lanes that run now.
+    pub mask: Mask<W>,
+    /// The operation that runs next.
+    pub op: u32,
+    /// The block that runs now.
+    pub block: u32,
+    /// How each lane ended, meaningful once it has.
+    pub exits: [Exit; W],
+    /// The lanes that have not been stopped.
+    live: Mask<W>,
+    /// Operations that each lane may still spend at back edges and calls.
+    budget: [u64; W],
+    /// Lanes that wait at later blocks, the lowest block last.
+    waiting: Vec<Waiting<W>>,
+    frames: Vec<Frame<W>>,
+}
+
+impl<const W: usize> Batch<W> {
+    /// A batch whose registers are the given file (constants filled in, the rest zero).
+    pub fn new(registers: Registers<W>) -> Self {
+        Self {
+            registers,
+            invocations: vec![Invocation::default(); W],
+            mask: Mask::NONE,
+            op: 0,
+            block: 0,
+            exits: [Exit::Returned; W],
+            live: Mask::NONE,
+            budget: [0; W],
+            waiting: Vec::new(),
+            frames: Vec::new(),
+        }
+    }
+
+    /// Puts the lanes of a mask at the beginning of a block, each with its instruction budget.
+    pub fn begin(&mut self, mask: Mask<W>, block: u32, op: u32, budget: u64) {
+        self.mask = mask;
+        self.live = mask;
+        self.block = block;
+        self.op = op;
+        self.exits = [Exit::Returned; W];
+        self.budget = [budget; W];
+        self.waiting.clear();
+        self.frames.clear();
+    }
+
+    /// The calls in progress, the outermost first.
+    pub fn frames(&self) -> &[Frame<W>] {
+        &self.frames
+    }
+
+    /// Lets the running lanes go on at the given blocks and chooses the block that runs next.
+    ///
+    /// The edges must have disjoint masks; all running lanes that are on no edge have returned from
+    /// the running function. `false` when nothing is left to run.
+    #[inline]
+    pub fn follow(&mut self, edges: impl IntoIterator<Item = (u32, Mask<W>)>) -> bool {
+        for (block, mask) in edges {
+            if !mask.is_empty() {
+                self.wait(block, mask);
+            }
+        }
+        self.next()
+    }
+
+    /// The common case of [`Batch::follow`]: all running lanes go on at one block.
+    #[inline]
+    pub fn jump(&mut self, block: u32) -> bool {
+        let base = self.frames.last().map_or(0, |frame| frame.base);
+        if self.waiting[base..].last().is_none_or(|lowest| block < lowest.block) && !self.mask.is_empty() {
+            self.block = block;
+            return true;
+        }
+        let mask = self.mask;
+        self.follow([(block, mask)])
+    }
+
+    /// Calls a function: its first block runs next, and `return_to` when every lane has returned.
+    pub fn call(&mut self, block: u32, return_to: u32) {
+        self.frames.push(Frame { return_to, mask: self.mask, base: self.waiting.len() });
+        self.block = block;
+    }
+
+    /// Ends lanes for good.
+    pub fn exit(&mut self, mask: Mask<W>, exit: Exit) {
+        for lane in mask.lanes() {
+            self.exits[lane] = exit;
+        }
+        self.live = self.live.without(mask);
+        self.mask = self.mask.without(mask);
+    }
+
+    /// Stops lanes that misbehaved at an operation.
+    #[cold]
+    pub fn trap(&mut self, mask: Mask<W>, code: TrapCode, op: u32) {
+        self.exit(mask & self.mask, Exit::Trapped(Trap { code, op }));
+    }
+
+    /// Charges the running lanes; those that cannot pay are stopped.
+    #[inline]
+    pub fn spend(&mut self, cost: u32, op: u32) {
+        let mask = self.mask;
+        let mut broke = Mask::NONE;
+        for lane in 0..W {
+            let charge = if mask.contains(lane) { u64::from(cost) } else { 0 };
+            let (rest, spent) = self.budget[lane].overflowing_sub(charge);
+            self.budget[lane] = rest;
+            if spent {
+                broke = broke | Mask::lane(lane);
+            }
+        }
+        if !broke.is_empty() {
+            self.trap(broke, TrapCode::BudgetSpent, op);
+        }
+    }
+
+    fn wait(&mut self, block: u32, mask: Mask<W>) {
+        let base = self.frames.last().map_or(0, |frame| frame.base);
+        let mut at = self.waiting.len();
+        while at > base && self.waiting[at - 1].block < block {
+            at -= 1;
+        }
+        if at > base && self.waiting[at - 1].block == block {
+            self.waiting[at - 1].mask = self.waiting[at - 1].mask | mask;
+        } else {
+            self.waiting.insert(at, Waiting { block, mask });
+        }
+    }
+
+    fn next(&mut self) -> bool {
+        loop {
+            let base = self.frames.last().map_or(0, |frame| frame.base);
+            if self.waiting.len() > base {
+                let next = self.waiting.pop().expect("bug in anyhit: the waiting list is empty");
+                self.block = next.block;
+                self.mask = next.mask & self.live;
+            } else if let Some(frame) = self.frames.pop() {
+                self.block = frame.return_to;
+                self.mask = frame.mask & self.live;
+                // The caller's own waiting lanes may stand before the block returned to.
+                let mask = self.mask;
+                if !mask.is_empty() {
+                    self.wait(frame.return_to, mask);
+                }
+                continue;
+            } else {
+                self.mask = Mask::NONE;
+                return false;
+            }
+            if !self.mask.is_empty() {
+                return true;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn batch() -> Batch<4> {
+        let mut batch = Batch::new(Registers::new(1));
+        batch.begin(Mask::ALL, 0, 0, 10);
+        batch
+    }
+
+    #[test]
+    fn lanes_meet_again_at_the_merge_block() {
+        let mut batch = batch();
+        assert!(batch.follow([(1, Mask::first(1)), (2, !Mask::first(1))]));
+        assert_eq!((batch.block, batch.mask.count()), (1, 1));
+        assert!(batch.jump(3));
+        assert_eq!((batch.block, batch.mask.count()), (2, 3));
+        assert!(batch.jump(3));
+        assert_eq!((batch.block, batch.mask.count()), (3, 4));
+    }
+
+    #[test]
+    fn a_call_returns_when_every_lane_has() {
+        let mut batch = batch();
+        batch.call(10, 1);
+        assert!(batch.follow([(11, Mask::first(2)), (12, !Mask::first(2))]));
+        assert_eq!(batch.block, 11);
+        // The lanes in block 11 return.
+        assert!(batch.follow([]));
+        assert_eq!(batch.block, 12);
+        batch.trap(Mask::lane(3), TrapCode::Unreachable, 7);
+        assert!(batch.follow([]));
+        assert_eq!((batch.block, batch.mask.count()), (1, 3));
+        assert!(!batch.follow([]));
+        assert_eq!(batch.exits[3], Exit::Trapped(Trap { code: TrapCode::Unreachable, op: 7 }));
+        assert_eq!(batch.exits[0], Exit::Returned);
+    }
+
+    #[test]
+    fn a_lane_without_budget_is_stopped() {
+        let mut batch = batch();
+        batch.spend(10, 0);
+        assert_eq!(batch.mask.count(), 4);
+        batch.spend(1, 0);
+        assert!(batch.mask.is_empty());
+    }
+}

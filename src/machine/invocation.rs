@@ -1,0 +1,47 @@
+//! What builtins read: the state of one invocation beside its registers.
+
+use std::sync::Arc;
+
+use crate::accel::{Candidate, HitKind, Tlas, TraceRay};
+use crate::machine::resource::Buffer;
+
+/// The state of one invocation that builtin variables show to its shader.
+#[derive(Clone, Debug, Default)]
+pub struct Invocation {
+    /// `LaunchIdKHR`
+    pub launch_id: [u32; 3],
+    /// `LaunchSizeKHR`
+    pub launch_size: [u32; 3],
+    /// The trace that called this shader, where one did.
+    pub trace: Option<TraceRay>,
+    /// `RayTmaxKHR` as this stage sees it.
+    pub t_max: f32,
+    /// What was hit, in any-hit, closest-hit and intersection shaders.
+    pub hit: Option<Hit>,
+    /// The shader record's data after the handle.
+    pub record: Option<ShaderRecord>,
+    /// How deep in the tree of traces this runs: 0 in ray generation.
+    pub depth: u32,
+}
+
+/// A hit or candidate together with the structure that holds it.
+#[derive(Clone, Debug)]
+pub struct Hit {
+    /// Where instance and primitive are looked up.
+    pub tlas: Arc<Tlas>,
+    /// The instance, geometry and primitive.
+    pub candidate: Candidate,
+    /// `HitKindKHR`
+    pub kind: HitKind,
+}
+
+/// The data of a shader record: a stretch of a buffer.
+#[derive(Clone, Debug)]
+pub struct ShaderRecord {
+    /// The table's data.
+    pub data: Arc<Buffer>,
+    /// Where the record's data begins, in bytes.
+    pub offset: u64,
+    /// How many bytes it has.
+    pub size: u64,
+}

@@ -1,0 +1,357 @@
+//! Lanes and masks: the only loops over the invocations of a batch that compute values.
+
+use std::ops::{BitAnd, BitOr, Index, IndexMut, Not};
+
+use half::f16;
+
+/// A row of the register file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Reg(pub u32);
+
+impl Reg {
+    /// The row `words` further on.
+    #[must_use]
+    pub fn plus(self, words: u32) -> Self {
+        Self(self.0 + words)
+    }
+}
+
+/// One 32-bit word for each of W lanes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+pub struct Lanes<const W: usize>(pub [u32; W]);
+
+impl<const W: usize> Lanes<W> {
+    /// The same word in every lane.
+    pub fn splat(word: u32) -> Self {
+        Self([word; W])
+    }
+}
+
+/// A set of lanes; W is at most 64.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mask<const W: usize>(u64);
+
+impl<const W: usize> Mask<W> {
+    /// No lane.
+    pub const NONE: Self = Self(0);
+    /// Every lane.
+    pub const ALL: Self = Self(if W == 64 { u64::MAX } else { (1 << W) - 1 });
+
+    /// The first `count` lanes.
+    pub fn first(count: usize) -> Self {
+        if count >= W { Self::ALL } else { Self((1 << count) - 1) }
+    }
+
+    /// One lane alone.
+    pub fn lane(lane: usize) -> Self {
+        Self(1 << lane)
+    }
+
+    /// The lanes whose word is not zero.
+    #[inline]
+    pub fn of(words: &Lanes<W>) -> Self {
+        let mut bits = 0;
+        for lane in 0..W {
+            bits |= u64::from(words.0[lane] != 0) << lane;
+        }
+        Self(bits)
+    }
+
+    /// The lanes for which a condition holds.
+    #[inline]
+    pub fn from_fn(mut condition: impl FnMut(usize) -> bool) -> Self {
+        let mut bits = 0;
+        for lane in 0..W {
+            bits |= u64::from(condition(lane)) << lane;
+        }
+        Self(bits)
+    }
+
+    /// Whether no lane is in it.
+    #[inline]
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether every lane is in it.
+    #[inline]
+    pub fn is_all(self) -> bool {
+        self == Self::ALL
+    }
+
+    /// Whether a lane is in it.
+    #[inline]
+    pub fn contains(self, lane: usize) -> bool {
+        self.0 >> lane & 1 != 0
+    }
+
+    /// How many lanes are in it.
+    pub fn count(self) -> u32 {
+        self.0.count_ones()
+    }
+
+    /// The lanes of this set that are not in another.
+    #[inline]
+    #[must_use]
+    pub fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    /// The lowest lane, where there is one.
+    pub fn lowest(self) -> Option<usize> {
+        (self.0 != 0).then(|| self.0.trailing_zeros() as usize)
+    }
+
+    /// The lanes in ascending order.
+    #[inline]
+    pub fn lanes(self) -> impl Iterator<Item = usize> {
+        let mut bits = self.0;
+        std::iter::from_fn(move || {
+            if bits == 0 {
+                return None;
+            }
+            let lane = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            Some(lane)
+        })
+    }
+}
+
+impl<const W: usize> BitAnd for Mask<W> {
+    type Output = Self;
+    fn bitand(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+}
+
+impl<const W: usize> BitOr for Mask<W> {
+    type Output = Self;
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+impl<const W: usize> Not for Mask<W> {
+    type Output = Self;
+    fn not(self) -> Self {
+        Self(!self.0 & Self::ALL.0)
+    }
+}
+
+/// The register file of a batch.
+#[derive(Clone, Debug)]
+pub struct Registers<const W: usize> {
+    rows: Vec<Lanes<W>>,
+}
+
+impl<const W: usize> Registers<W> {
+    /// A file of rows that are all zero.
+    pub fn new(rows: usize) -> Self {
+        Self { rows: vec![Lanes::splat(0); rows] }
+    }
+
+    /// How many rows there are.
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// A stretch of rows.
+    pub fn rows_mut(&mut self, first: Reg, count: u32) -> &mut [Lanes<W>] {
+        &mut self.rows[first.0 as usize..(first.0 + count) as usize]
+    }
+
+    /// The words of one lane in a stretch of rows.
+    pub fn lane_words(&self, first: Reg, count: u32, lane: usize) -> impl Iterator<Item = u32> {
+        self.rows[first.0 as usize..(first.0 + count) as usize].iter().map(move |row| row.0[lane])
+    }
+
+    /// Sets the words of one lane in consecutive rows.
+    pub fn set_lane_words(&mut self, first: Reg, lane: usize, words: impl IntoIterator<Item = u32>) {
+        for (row, word) in self.rows[first.0 as usize..].iter_mut().zip(words) {
+            row.0[lane] = word;
+        }
+    }
+
+    /// Copies a row into another, for the lanes of a mask.
+    #[inline]
+    pub fn copy(&mut self, to: Reg, from: Reg, mask: Mask<W>) {
+        let source = self[from];
+        if mask.is_all() {
+            self[to] = source;
+            return;
+        }
+        let row = &mut self[to];
+        for lane in 0..W {
+            row.0[lane] = if mask.contains(lane) { source.0[lane] } else { row.0[lane] };
+        }
+    }
+}
+
+impl<const W: usize> Index<Reg> for Registers<W> {
+    type Output = Lanes<W>;
+    #[inline]
+    fn index(&self, reg: Reg) -> &Lanes<W> {
+        &self.rows[reg.0 as usize]
+    }
+}
+
+impl<const W: usize> IndexMut<Reg> for Registers<W> {
+    #[inline]
+    fn index_mut(&mut self, reg: Reg) -> &mut Lanes<W> {
+        &mut self.rows[reg.0 as usize]
+    }
+}
+
+/// A scalar as it lies in one or two rows.
+///
+/// Narrow values lie in the low bits, the rest is zero; a bool is 0 or 1; 64-bit values lie in two
+/// rows, the low word first.
+pub trait Scalar: Copy {
+    /// Rows taken: 1 or 2.
+    const WORDS: u32;
+    /// Reads it; `high` counts for two rows only.
+    fn from_words(low: u32, high: u32) -> Self;
+    /// Writes it, low word first.
+    fn to_words(self) -> (u32, u32);
+}
+
+macro_rules! scalars {
+    ($($ty:ty, $words:literal, |$low:ident, $high:ident| $from:expr, |$value:ident| $to:expr;)*) => {$(
+        impl Scalar for $ty {
+            const WORDS: u32 = $words;
+            #[inline(always)]
+            fn from_words($low: u32, $high: u32) -> Self {
+                $from
+            }
+            #[inline(always)]
+            fn to_words(self) -> (u32, u32) {
+                let $value = self;
+                $to
+            }
+        }
+    )*};
+}
+
+scalars! {
+    bool, 1, |low, _high| low != 0, |value| (u32::from(value), 0);
+    u8, 1, |low, _high| low as u8, |value| (u32::from(value), 0);
+    i8, 1, |low, _high| low as i8, |value| (u32::from(value as u8), 0);
+    u16, 1, |low, _high| low as u16, |value| (u32::from(value), 0);
+    i16, 1, |low, _high| low as i16, |value| (u32::from(value as u16), 0);
+    f16, 1, |low, _high| f16::from_bits(low as u16), |value| (u32::from(value.to_bits()), 0);
+    u32, 1, |low, _high| low, |value| (value, 0);
+    i32, 1, |low, _high| low as i32, |value| (value as u32, 0);
+    f32, 1, |low, _high| f32::from_bits(low), |value| (value.to_bits(), 0);
+    u64, 2, |low, high| u64::from(low) | u64::from(high) << 32, |value| (value as u32, (value >> 32) as u32);
+    i64, 2, |low, high| u64::from_words(low, high) as i64, |value| (value as u64).to_words();
+    f64, 2, |low, high| f64::from_bits(u64::from_words(low, high)), |value| value.to_bits().to_words();
+}
+
+/// Reads one operand's rows: the low words and, for two-row scalars, the high words.
+#[inline(always)]
+fn operand<const W: usize, A: Scalar>(registers: &Registers<W>, reg: Reg) -> (&Lanes<W>, &Lanes<W>) {
+    let low = &registers[reg];
+    (low, if A::WORDS == 2 { &registers[reg.plus(1)] } else { low })
+}
+
+#[inline(always)]
+fn store<const W: usize, R: Scalar>(registers: &mut Registers<W>, to: Reg, low: [u32; W], high: [u32; W]) {
+    registers[to].0 = low;
+    if R::WORDS == 2 {
+        registers[to.plus(1)].0 = high;
+    }
+}
+
+/// Applies a scalar function of one operand to every lane.
+#[inline(always)]
+pub fn map1<const W: usize, A: Scalar, R: Scalar>(
+    registers: &mut Registers<W>,
+    to: Reg,
+    from: &[Reg; 3],
+    function: impl Fn(A) -> R,
+) {
+    let (mut low, mut high) = ([0; W], [0; W]);
+    let (a0, a1) = operand::<W, A>(registers, from[0]);
+    for lane in 0..W {
+        (low[lane], high[lane]) = function(A::from_words(a0.0[lane], a1.0[lane])).to_words();
+    }
+    store::<W, R>(registers, to, low, high);
+}
+
+/// Applies a scalar function of two operands to every lane.
+#[inline(always)]
+pub fn map2<const W: usize, A: Scalar, B: Scalar, R: Scalar>(
+    registers: &mut Registers<W>,
+    to: Reg,
+    from: &[Reg; 3],
+    function: impl Fn(A, B) -> R,
+) {
+    let (mut low, mut high) = ([0; W], [0; W]);
+    let (a0, a1) = operand::<W, A>(registers, from[0]);
+    let (b0, b1) = operand::<W, B>(registers, from[1]);
+    for lane in 0..W {
+        let a = A::from_words(a0.0[lane], a1.0[lane]);
+        let b = B::from_words(b0.0[lane], b1.0[lane]);
+        (low[lane], high[lane]) = function(a, b).to_words();
+    }
+    store::<W, R>(registers, to, low, high);
+}
+
+/// Applies a scalar function of three operands to every lane.
+#[inline(always)]
+pub fn map3<const W: usize, A: Scalar, B: Scalar, C: Scalar, R: Scalar>(
+    registers: &mut Registers<W>,
+    to: Reg,
+    from: &[Reg; 3],
+    function: impl Fn(A, B, C) -> R,
+) {
+    let (mut low, mut high) = ([0; W], [0; W]);
+    let (a0, a1) = operand::<W, A>(registers, from[0]);
+    let (b0, b1) = operand::<W, B>(registers, from[1]);
+    let (c0, c1) = operand::<W, C>(registers, from[2]);
+    for lane in 0..W {
+        let a = A::from_words(a0.0[lane], a1.0[lane]);
+        let b = B::from_words(b0.0[lane], b1.0[lane]);
+        let c = C::from_words(c0.0[lane], c1.0[lane]);
+        (low[lane], high[lane]) = function(a, b, c).to_words();
+    }
+    store::<W, R>(registers, to, low, high);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_of_every_width() {
+        assert_eq!(Mask::<1>::ALL.count(), 1);
+        assert_eq!(Mask::<32>::ALL.count(), 32);
+        assert_eq!(Mask::<64>::ALL.count(), 64);
+        assert_eq!(Mask::<32>::first(5).lanes().collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+        assert_eq!((!Mask::<8>::first(6)).lanes().collect::<Vec<_>>(), [6, 7]);
+        assert_eq!(Mask::<8>::NONE.lowest(), None);
+    }
+
+    #[test]
+    fn narrow_and_wide_scalars_keep_their_bits() {
+        assert_eq!((-1i8).to_words(), (0xFF, 0));
+        assert_eq!(i16::from_words(0x8000, 0), i16::MIN);
+        assert_eq!((-2i64).to_words(), (0xFFFF_FFFE, 0xFFFF_FFFF));
+        assert_eq!(f64::from_words(0, 0x3FF0_0000), 1.0);
+    }
+
+    #[test]
+    fn a_result_may_overwrite_its_operand() {
+        let mut registers = Registers::<4>::new(3);
+        registers[Reg(0)] = Lanes([1, 2, 3, 4]);
+        registers[Reg(1)] = Lanes([10, 20, 30, 40]);
+        map2::<4, u32, u32, u32>(&mut registers, Reg(0), &[Reg(0), Reg(1), Reg(0)], |a, b| a + b);
+        assert_eq!(registers[Reg(0)].0, [11, 22, 33, 44]);
+    }
+}

@@ -1,0 +1,230 @@
+//! Buffers, images, samplers and acceleration structures, and the descriptors that name them.
+//!
+//! Resources are shared by all threads of a launch, so their memory is made of relaxed atomics:
+//! plain loads and stores on every machine, and no undefined behaviour where a shader races.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use crate::accel::Tlas;
+use crate::machine::image::{Image, Sampler};
+
+/// Where a descriptor is bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Binding {
+    /// `DescriptorSet`
+    pub set: u32,
+    /// `Binding`
+    pub binding: u32,
+}
+
+/// What a binding's array element refers to.
+#[derive(Clone, Debug)]
+pub enum Descriptor {
+    /// A storage or uniform buffer.
+    Buffer(Arc<Buffer>),
+    /// A sampled or storage image, or a texel buffer.
+    Image(Arc<Image>),
+    /// A sampler.
+    Sampler(Arc<Sampler>),
+    /// A combined image sampler.
+    ImageSampler(Arc<Image>, Arc<Sampler>),
+    /// An acceleration structure.
+    AccelerationStructure(Arc<Tlas>),
+}
+
+/// Memory of a buffer; its size is in bytes and need not be a multiple of four.
+#[derive(Debug)]
+pub struct Buffer {
+    words: Box<[AtomicU32]>,
+    size: u64,
+}
+
+impl Buffer {
+    /// A buffer that holds these bytes.
+    pub fn new(bytes: &[u8]) -> Arc<Self> {
+        let words = bytes.chunks(4).map(|chunk| {
+            let mut word = [0; 4];
+            word[..chunk.len()].copy_from_slice(chunk);
+            AtomicU32::new(u32::from_le_bytes(word))
+        });
+        Arc::new(Self { words: words.collect(), size: bytes.len() as u64 })
+    }
+
+    /// A buffer of zeros.
+    pub fn zeroed(size: usize) -> Arc<Self> {
+        let words = (0..size.div_ceil(4)).map(|_| AtomicU32::new(0));
+        Arc::new(Self { words: words.collect(), size: size as u64 })
+    }
+
+    /// The size in bytes.
+    pub fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// A copy of the bytes.
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut bytes: Vec<u8> =
+            self.words.iter().flat_map(|word| word.load(Relaxed).to_le_bytes()).collect();
+        bytes.truncate(self.size as usize);
+        bytes
+    }
+
+    /// The scalar of `width` bits (8, 16 or 32) at a byte offset; `None` outside the buffer.
+    #[inline]
+    pub fn load(&self, offset: u64, width: u32) -> Option<u32> {
+        let bytes = u64::from(width / 8);
+        if offset.checked_add(bytes)? > self.size {
+            return None;
+        }
+        let word = self.words[(offset / 4) as usize].load(Relaxed);
+        let shift = (offset % 4) as u32 * 8;
+        if shift == 0 && width == 32 {
+            return Some(word);
+        }
+        let mut pair = u64::from(word);
+        if shift + width > 32 {
+            pair |= u64::from(self.words[(offset / 4) as usize + 1].load(Relaxed)) << 32;
+        }
+        Some((pair >> shift) as u32 & (u32::MAX >> (32 - width)))
+    }
+
+    /// Stores a scalar of `width` bits (8, 16 or 32) at a byte offset; `None` outside the buffer.
+    #[inline]
+    pub fn store(&self, offset: u64, width: u32, value: u32) -> Option<()> {
+        let bytes = u64::from(width / 8);
+        if offset.checked_add(bytes)? > self.size {
+            return None;
+        }
+        let index = (offset / 4) as usize;
+        if width == 32 && offset % 4 == 0 {
+            self.words[index].store(value, Relaxed);
+            return Some(());
+        }
+        let shift = (offset % 4) as u32 * 8;
+        let mask = u64::from(u32::MAX >> (32 - width)) << shift;
+        let bits = u64::from(value) << shift & mask;
+        let put = |index: usize, mask: u32, bits: u32| {
+            if mask != 0 {
+                let merge = |old: u32| Some(old & !mask | bits);
+                self.words[index].fetch_update(Relaxed, Relaxed, merge).ok();
+            }
+        };
+        put(index, mask as u32, bits as u32);
+        put(index + 1, (mask >> 32) as u32, (bits >> 32) as u32);
+        Some(())
+    }
+
+    /// The word at an aligned byte offset, for atomics; `None` outside the buffer.
+    pub fn word(&self, offset: u64) -> Option<&AtomicU32> {
+        let inside = offset % 4 == 0 && offset.checked_add(4)? <= self.size;
+        inside.then(|| &self.words[(offset / 4) as usize])
+    }
+}
+
+/// All that descriptor sets and push constants give to a launch.
+#[derive(Clone, Debug, Default)]
+pub struct Resources {
+    /// Descriptors by binding; the position is the array element.
+    pub descriptors: BTreeMap<Binding, Vec<Descriptor>>,
+    /// The bytes of the push constants.
+    pub push_constants: Option<Arc<Buffer>>,
+}
+
+impl Resources {
+    /// Binds a descriptor to the first array element of a binding.
+    #[must_use]
+    pub fn bind(mut self, set: u32, binding: u32, descriptor: Descriptor) -> Self {
+        self.descriptors.insert(Binding { set, binding }, vec![descriptor]);
+        self
+    }
+
+    /// The buffer at a binding's first array element.
+    pub fn buffer(&self, set: u32, binding: u32) -> Option<&Arc<Buffer>> {
+        match self.descriptors.get(&Binding { set, binding })?.first()? {
+            Descriptor::Buffer(buffer) => Some(buffer),
+            _ => None,
+        }
+    }
+
+    /// The image at a binding's first array element.
+    pub fn image(&self, set: u32, binding: u32) -> Option<&Arc<Image>> {
+        match self.descriptors.get(&Binding { set, binding })?.first()? {
+            Descriptor::Image(image) | Descriptor::ImageSampler(image, _) => Some(image),
+            _ => None,
+        }
+    }
+
+    /// The descriptors of a program's slots, in the order of the slots.
+    pub fn bindings(&self, slots: impl IntoIterator<Item = Binding>) -> Bindings {
+        Bindings {
+            slots: slots
+                .into_iter()
+                .map(|binding| self.descriptors.get(&binding).cloned().unwrap_or_default())
+                .collect(),
+            push_constants: self.push_constants.clone(),
+        }
+    }
+}
+
+/// Bits of a descriptor handle that name the array element; the bits above name the slot.
+pub const ELEMENT_BITS: u32 = 20;
+
+/// The descriptors of one program, found by handle: slot above, array element below
+/// [`ELEMENT_BITS`].
+#[derive(Clone, Debug, Default)]
+pub struct Bindings {
+    slots: Vec<Vec<Descriptor>>,
+    /// The push constants.
+    pub push_constants: Option<Arc<Buffer>>,
+}
+
+impl Bindings {
+    /// The handle of a slot's array element.
+    pub fn handle(slot: u32, element: u32) -> u32 {
+        slot << ELEMENT_BITS | element.min((1 << ELEMENT_BITS) - 1)
+    }
+
+    /// The descriptor with a handle.
+    #[inline]
+    pub fn descriptor(&self, handle: u32) -> Option<&Descriptor> {
+        let element = handle & ((1 << ELEMENT_BITS) - 1);
+        self.slots.get((handle >> ELEMENT_BITS) as usize)?.get(element as usize)
+    }
+
+    /// The buffer with a handle.
+    #[inline]
+    pub fn buffer(&self, handle: u32) -> Option<&Buffer> {
+        match self.descriptor(handle)? {
+            Descriptor::Buffer(buffer) => Some(buffer),
+            _ => None,
+        }
+    }
+
+    /// The acceleration structure with a handle.
+    pub fn tlas(&self, handle: u32) -> Option<&Arc<Tlas>> {
+        match self.descriptor(handle)? {
+            Descriptor::AccelerationStructure(tlas) => Some(tlas),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scalars_of_every_width_and_alignment() {
+        let buffer = Buffer::new(&[0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(buffer.load(0, 32), Some(0x0302_0100));
+        assert_eq!(buffer.load(3, 16), Some(0x0403));
+        assert_eq!(buffer.load(6, 8), Some(6));
+        assert_eq!(buffer.load(6, 16), None);
+        assert_eq!(buffer.load(u64::MAX, 32), None);
+        assert_eq!(buffer.store(3, 16, 0xBBAA), Some(()));
+        assert_eq!(buffer.bytes(), [0, 1, 2, 0xAA, 0xBB, 5, 6]);
+        assert_eq!(buffer.store(4, 32, 0), None);
+    }
+}

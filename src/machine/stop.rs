@@ -1,0 +1,55 @@
+//! Why the interpreter handed a batch back.
+
+use crate::machine::lanes::{Mask, Reg};
+
+/// Why the interpreter stopped; the mask holds the lanes that wait.
+///
+/// Whoever serves a stop reads operands and writes results in the batch's registers, and runs the
+/// batch again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stop<const W: usize> {
+    /// Every lane has ended; see [`Batch::exits`](crate::machine::Batch::exits).
+    Done,
+    /// `OpTraceRayKHR`
+    TraceRay {
+        /// The lanes that trace.
+        mask: Mask<W>,
+        /// Operand rows in the order of the instruction: acceleration structure (2 words), ray
+        /// flags, cull mask, SBT offset, SBT stride, miss index, origin (3), t min, direction (3),
+        /// t max.
+        operands: Reg,
+        /// The rows of the payload variable.
+        payload: Rows,
+    },
+    /// `OpExecuteCallableKHR`
+    ExecuteCallable {
+        /// The lanes that call.
+        mask: Mask<W>,
+        /// The row of the SBT index.
+        index: Reg,
+        /// The rows of the callable data variable.
+        data: Rows,
+    },
+    /// `OpReportIntersectionKHR`
+    ReportIntersection {
+        /// The lanes that report.
+        mask: Mask<W>,
+        /// The row of the hit distance.
+        t: Reg,
+        /// The row of the hit kind.
+        hit_kind: Reg,
+        /// The row that takes the answer, a bool.
+        accepted: Reg,
+    },
+    /// The observer asked for a pause before the operation that runs next.
+    Paused,
+}
+
+/// A stretch of rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rows {
+    /// The first row.
+    pub first: Reg,
+    /// How many.
+    pub count: u32,
+}

@@ -1,0 +1,87 @@
+//! How an invocation ends.
+
+use std::fmt;
+
+/// Why an invocation was stopped by the machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+#[non_exhaustive]
+pub enum TrapCode {
+    /// An index of an access chain is outside its array.
+    IndexOutOfBounds,
+    /// A load or store is outside its buffer.
+    BufferOutOfBounds,
+    /// No descriptor is bound, or one of another kind.
+    DescriptorMissing,
+    /// A texel coordinate is outside its image.
+    ImageOutOfBounds,
+    /// `OpUnreachable` was reached.
+    Unreachable,
+    /// The instruction budget is spent.
+    BudgetSpent,
+    /// A trace breaks a rule of SEMANTICS 4.1 (VUID-RuntimeSpirv-OpTraceRayKHR-06355 and others).
+    InvalidTrace,
+    /// The acceleration structure of a trace does not exist.
+    AccelerationStructureMissing,
+    /// `maxPipelineRayRecursionDepth` would be passed.
+    RecursionTooDeep,
+    /// The shader binding table has no such record.
+    ShaderRecordMissing,
+    /// The hit kind of a report is above 127 (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998).
+    InvalidHitKind,
+    /// A shader that this one called trapped.
+    Callee,
+}
+
+impl TrapCode {
+    /// One line on what happened.
+    pub fn message(self) -> &'static str {
+        match self {
+            Self::IndexOutOfBounds => "an index is outside its array",
+            Self::BufferOutOfBounds => "a buffer is accessed outside its range",
+            Self::DescriptorMissing => "no descriptor of this kind is bound here",
+            Self::ImageOutOfBounds => "a texel coordinate is outside its image",
+            Self::Unreachable => "OpUnreachable was reached",
+            Self::BudgetSpent => "the instruction budget is spent: an endless loop?",
+            Self::InvalidTrace => {
+                "the operands of a trace break a rule (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359)"
+            }
+            Self::AccelerationStructureMissing => "the acceleration structure of a trace does not exist",
+            Self::RecursionTooDeep => "maxPipelineRayRecursionDepth is passed",
+            Self::ShaderRecordMissing => "the shader binding table has no such record",
+            Self::InvalidHitKind => {
+                "the hit kind of a report is above 127 (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998)"
+            }
+            Self::Callee => "a called shader trapped",
+        }
+    }
+}
+
+impl fmt::Display for TrapCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.message())
+    }
+}
+
+/// A trap with the place in the program where it happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Trap {
+    /// Why.
+    pub code: TrapCode,
+    /// The index of the operation in its program.
+    pub op: u32,
+}
+
+/// How one lane of a batch ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Exit {
+    /// It runs still, or ran to the end of its entry point.
+    #[default]
+    Returned,
+    /// `OpIgnoreIntersectionKHR`
+    Ignored,
+    /// `OpTerminateRayKHR`
+    Terminated,
+    /// The machine stopped it.
+    Trapped(Trap),
+}
