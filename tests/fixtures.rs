@@ -1,8 +1,10 @@
-//! The compiled shaders are those of the sources, and nobody has edited them.
+//! The compiled shaders are those of the sources, and nobody has edited them; the demo's texture is
+//! what its formula says.
 
 use std::path::Path;
 
 use anyhit::compile::fixtures;
+use image::{Rgb, RgbImage};
 
 #[test]
 fn every_source_has_its_fixture_and_every_fixture_its_source() {
@@ -14,4 +16,35 @@ fn every_source_has_its_fixture_and_every_fixture_its_source() {
          (with slangc on the PATH where a Slang source has changed).",
         problems.join("\n  ")
     );
+}
+
+#[test]
+fn the_palette_is_drawn_by_its_formula() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders/demo/swept-spheres/palette.png");
+    let drawn = RgbImage::from_fn(64, 64, palette_pixel);
+    if std::env::var_os("BLESS").is_some() {
+        drawn.save(&path).unwrap();
+    }
+    let stored = image::open(&path).unwrap().into_rgb8();
+    assert_eq!(stored.dimensions(), (64, 64));
+    for (x, y, pixel) in stored.enumerate_pixels() {
+        assert_eq!(pixel, drawn.get_pixel(x, y), "at ({x}, {y})");
+    }
+}
+
+/// Each band of 16 rows runs from one tint to another, in weave-like squares of 4 x 4 pixels that
+/// are a little lighter and darker in turn. The spheres' band runs there and back: it wraps around.
+fn palette_pixel(x: u32, y: u32) -> Rgb<u8> {
+    let (from, to): ([u32; 3], [u32; 3]) = match y / 16 {
+        0 => ([44, 92, 24], [190, 214, 78]),    // grass, root to tip
+        1 => ([196, 60, 44], [244, 204, 92]),   // spheres
+        2 => ([104, 116, 140], [222, 160, 92]), // chains
+        _ => ([122, 104, 84], [186, 176, 158]), // ground
+    };
+    let at = if y / 16 != 1 { x } else { 63 - (2 * x).abs_diff(63) };
+    let lift = if (x / 4 + y / 4).is_multiple_of(2) { 8 } else { 0 };
+    Rgb([0, 1, 2].map(|c| {
+        let mixed = (from[c] * (63 - at) + to[c] * at) / 63 + lift;
+        u8::try_from(mixed).expect("the tints leave room for the lift")
+    }))
 }

@@ -39,9 +39,8 @@ pub(super) fn compile(
     // What a debugger shows is the text as written; only its lines' numbers come from the other.
     let text = c_string(source.text())?;
     let limits: &ResourceLimits = &DEFAULT_LIMITS;
-    let messages = sys::glslang_messages_t::SPV_RULES
-        | sys::glslang_messages_t::VULKAN_RULES
-        | sys::glslang_messages_t::DEBUG_INFO;
+    // Not DEBUG_INFO: it would add the preprocessed text to the text as written.
+    let messages = sys::glslang_messages_t::SPV_RULES | sys::glslang_messages_t::VULKAN_RULES;
     let input = sys::glslang_input_t {
         language: sys::glslang_source_t::GLSL,
         stage,
