@@ -14,6 +14,9 @@ pub struct Constant {
     pub value: ConstantValue,
     /// The `SpecId` decoration.
     pub spec_id: Option<u32>,
+    /// Made by one of the `OpSpecConstant*`: a specialization may change it, directly or through
+    /// what it is made of.
+    pub specializable: bool,
     /// Where it stands, in words.
     pub offset: u32,
 }

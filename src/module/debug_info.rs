@@ -30,6 +30,13 @@ pub struct DebugInfo {
     pub names: HashMap<Id, String>,
     /// `OpMemberName`.
     pub member_names: HashMap<(Id, u32), String>,
+    /// Names of functions in the source, by the id of their `OpFunction`: from `DebugFunction`.
+    pub function_names: HashMap<Id, Arc<str>>,
+    /// Names of variables in the source, by the id of the variable or value that holds them: from
+    /// `DebugDeclare`, `DebugValue` and `DebugGlobalVariable`.
+    pub variable_names: HashMap<Id, Arc<str>>,
+    /// `OpString`: file names, source texts, formats of `NonSemantic.DebugPrintf`.
+    pub strings: HashMap<Id, Arc<str>>,
     /// Source files, from `OpString`/`OpSource` and `DebugSource`.
     pub files: Vec<SourceFile>,
     /// The line in force from a word offset on, ascending by offset; `None` ends one.

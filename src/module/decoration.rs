@@ -1,8 +1,15 @@
 //! Decorations of ids and of struct members.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+use std::ops::Range;
 
-use crate::module::Id;
+use rspirv::spirv;
+
+use crate::error::Result;
+use crate::module::load::{CopyBudget, UnknownResults};
+use crate::module::ty::{MatrixLayout, Type};
+use crate::module::words::{Span, invalid};
+use crate::module::{Definition, Id, Module};
 
 /// A decoration with its literal operands, numbers as in the specification.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,11 +32,200 @@ pub struct Decorations {
 impl Decorations {
     /// The decoration with this number on an id.
     pub fn find(&self, id: Id, number: u32) -> Option<&Decoration> {
-        self.of_id.get(&id)?.iter().find(|decoration| decoration.number == number)
+        find(self.of_id.get(&id)?, number)
     }
 
     /// The first literal of a decoration on an id.
     pub fn literal(&self, id: Id, number: u32) -> Option<u32> {
         self.find(id, number)?.operands.first().copied()
+    }
+
+    /// The decoration with this number on a member of a struct.
+    pub fn find_member(&self, id: Id, member: u32, number: u32) -> Option<&Decoration> {
+        find(self.of_member.get(&(id, member))?, number)
+    }
+}
+
+fn find(decorations: &[Decoration], number: u32) -> Option<&Decoration> {
+    decorations.iter().find(|decoration| decoration.number == number)
+}
+
+/// Decorations as met, before their targets are known.
+#[derive(Default)]
+pub(super) struct PendingDecorations {
+    groups: HashSet<Id>,
+    steps: Vec<Step>,
+    /// What each group stands for.
+    of_group: HashMap<Id, Vec<Decoration>>,
+}
+
+struct Step {
+    target: Target,
+    /// Where the target's id stands.
+    at: usize,
+    what: What,
+}
+
+#[derive(Clone, Copy)]
+enum Target {
+    Id(Id),
+    Member(Id, u32),
+}
+
+enum What {
+    One(Decoration),
+    Group(Id),
+}
+
+impl PendingDecorations {
+    /// `OpDecorate`, `OpDecorateId`, `OpDecorateString`.
+    pub(super) fn decorate(&mut self, words: &[u32], span: Span) {
+        let at = span.start + 1;
+        self.one(Target::Id(Id(words[at])), at, words, at + 1..span.end);
+    }
+
+    /// `OpMemberDecorate`, `OpMemberDecorateIdEXT`, `OpMemberDecorateString`.
+    pub(super) fn decorate_member(&mut self, words: &[u32], span: Span) {
+        let at = span.start + 1;
+        self.one(Target::Member(Id(words[at]), words[at + 1]), at, words, at + 2..span.end);
+    }
+
+    fn one(&mut self, target: Target, at: usize, words: &[u32], range: Range<usize>) {
+        let decoration =
+            Decoration { number: words[range.start], operands: words[range.start + 1..range.end].to_vec() };
+        self.steps.push(Step { target, at, what: What::One(decoration) });
+    }
+
+    /// `OpDecorationGroup`.
+    pub(super) fn group(&mut self, id: Id) {
+        self.groups.insert(id);
+    }
+
+    /// `OpGroupDecorate`.
+    pub(super) fn apply_group(&mut self, words: &[u32], span: Span) {
+        let group = Id(words[span.start + 1]);
+        let first = span.start + 2;
+        for (index, &target) in words[first..span.end].iter().enumerate() {
+            let target = Target::Id(Id(target));
+            self.steps.push(Step { target, at: first + index, what: What::Group(group) });
+        }
+    }
+
+    /// `OpGroupMemberDecorate`.
+    pub(super) fn apply_group_to_members(&mut self, words: &[u32], span: Span) {
+        let group = Id(words[span.start + 1]);
+        for at in (span.start + 2..span.end).step_by(2) {
+            let target = Target::Member(Id(words[at]), words[at + 1]);
+            self.steps.push(Step { target, at, what: What::Group(group) });
+        }
+    }
+
+    /// Gives all decorations to their targets and folds those that shape memory into the types.
+    pub(super) fn apply(mut self, module: &mut Module, unknown: &UnknownResults, words: usize) -> Result<()> {
+        let mut budget = CopyBudget::new(words);
+        for Step { target, at, what } in std::mem::take(&mut self.steps) {
+            let decorations = match what {
+                What::One(decoration) => match target {
+                    Target::Id(id) if self.groups.contains(&id) => {
+                        self.of_group.entry(id).or_default().push(decoration);
+                        continue;
+                    }
+                    _ => vec![decoration],
+                },
+                // A group stands behind its decorations: the specification says so of OpDecorate
+                // with a group as its target.
+                What::Group(group) if self.groups.contains(&group) => {
+                    let decorations = self.of_group.get(&group).map_or(&[][..], Vec::as_slice);
+                    let words: usize = decorations.iter().map(|one| 1 + one.operands.len()).sum();
+                    budget.spend(words, at)?;
+                    decorations.to_vec()
+                }
+                What::Group(group) => {
+                    return Err(invalid(
+                        at,
+                        format!("expected the id of an OpDecorationGroup, found %{}", group.0),
+                    ));
+                }
+            };
+            if !check_target(module, unknown, target, at)? {
+                continue;
+            }
+            match target {
+                Target::Id(id) => module.decorations.of_id.entry(id).or_default().extend(decorations),
+                Target::Member(id, member) => {
+                    module.decorations.of_member.entry((id, member)).or_default().extend(decorations);
+                }
+            }
+        }
+        fold(module);
+        Ok(())
+    }
+}
+
+/// Whether a target exists; `false` where an unknown instruction may define it.
+fn check_target(module: &Module, unknown: &UnknownResults, target: Target, at: usize) -> Result<bool> {
+    let (Target::Id(id) | Target::Member(id, _)) = target;
+    let Some(definition) = module.definition(id) else {
+        if unknown.contains_key(&id) {
+            return Ok(false);
+        }
+        return Err(invalid(at, format!("%{} is decorated, but nothing defines it", id.0)));
+    };
+    let Target::Member(_, member) = target else { return Ok(true) };
+    match definition {
+        Definition::Type(ty) => match module.ty(ty) {
+            Type::Struct { members, .. } if (member as usize) < members.len() => Ok(true),
+            Type::Struct { members, .. } => Err(invalid(
+                at + 1,
+                format!("member {member} of %{} is decorated, which has {} members", id.0, members.len()),
+            )),
+            Type::Other(_) => Ok(false),
+            _ => Err(invalid(at, format!("a member of %{} is decorated, which is no struct", id.0))),
+        },
+        _ => Err(invalid(at, format!("a member of %{} is decorated, which is no struct", id.0))),
+    }
+}
+
+/// Folds decorations into types, members and constants.
+fn fold(module: &mut Module) {
+    let number = |decoration: spirv::Decoration| decoration as u32;
+    let literal = |all: &[Decoration], decoration: spirv::Decoration| {
+        find(all, number(decoration)).and_then(|one| one.operands.first().copied())
+    };
+    for (id, all) in &module.decorations.of_id {
+        match module.definitions.get(id) {
+            Some(Definition::Type(ty)) => match &mut module.types[ty.0 as usize] {
+                Type::Array { stride, .. }
+                | Type::RuntimeArray { stride, .. }
+                | Type::Pointer { stride, .. } => *stride = literal(all, spirv::Decoration::ArrayStride),
+                Type::Struct { block, buffer_block, .. } => {
+                    *buffer_block = find(all, number(spirv::Decoration::BufferBlock)).is_some();
+                    *block = *buffer_block || find(all, number(spirv::Decoration::Block)).is_some();
+                }
+                _ => {}
+            },
+            Some(Definition::Constant(constant)) => {
+                module.constants[*constant as usize].spec_id = literal(all, spirv::Decoration::SpecId);
+            }
+            _ => {}
+        }
+    }
+    for ((id, index), all) in &module.decorations.of_member {
+        let Some(Definition::Type(ty)) = module.definitions.get(id) else { continue };
+        let Type::Struct { members, .. } = &mut module.types[ty.0 as usize] else { continue };
+        let member = &mut members[*index as usize];
+        member.offset = literal(all, spirv::Decoration::Offset);
+        member.builtin = literal(all, spirv::Decoration::BuiltIn);
+        member.matrix = literal(all, spirv::Decoration::MatrixStride).map(|stride| MatrixLayout {
+            stride,
+            row_major: find(all, number(spirv::Decoration::RowMajor)).is_some(),
+        });
+    }
+    for ((id, index), name) in &module.debug_info.member_names {
+        let Some(Definition::Type(ty)) = module.definitions.get(id) else { continue };
+        let Type::Struct { members, .. } = &mut module.types[ty.0 as usize] else { continue };
+        if let Some(member) = members.get_mut(*index as usize) {
+            member.name.clone_from(name);
+        }
     }
 }

@@ -1,9 +1,587 @@
 //! Bytes to module.
+//!
+//! One pass over the words fills the arenas: module scope here and in `declare_type`,
+//! `declare_constant` and `decoration`; functions in `functions`. A second pass (`check`,
+//! `check_flow`) holds the instructions of the functions against the grammar and the definitions,
+//! which they may name before they come. All work is linear in the number of words.
 
-use crate::error::Result;
-use crate::module::Module;
+use std::collections::HashMap;
+
+use rspirv::spirv::Op;
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::module::debug_info::DebugInfo;
+use crate::module::debug_reader::DebugReader;
+use crate::module::decoration::{Decorations, PendingDecorations};
+use crate::module::grammar::{Opcode, is_id, opcode, walk};
+use crate::module::interface::{EntryPoint, Stage};
+use crate::module::names::opcode_name;
+use crate::module::ty::{Type, TypeId};
+use crate::module::words::{Header, Span, Walker, header, invalid, string, words_of};
+use crate::module::{Definition, GlobalVariable, Id, Module, check, check_flow};
+
+/// The storage class of variables inside functions.
+pub(super) const FUNCTION_STORAGE: u32 = 7;
 
 /// Reads a module from bytes of either byte order.
-pub fn load(_bytes: &[u8]) -> Result<Module> {
-    unreachable!("bug in anyhit: the loader is not there yet")
+///
+/// Opcodes and enumerants that are not known here are carried as numbers: only running into them
+/// is an error. So are capabilities, memory models and instructions that this crate does not run.
+///
+/// # Errors
+/// * `InvalidModule` where the bytes are no module or break a rule without which they have no
+///   meaning: words, grammar, definitions, types of constants, blocks, branches, calls. The place
+///   is the offset of the word, counted from the module's first.
+/// * `UnsupportedModule` for versions above 1.6, and where a few words ask for a multitude of
+///   copies (decoration groups, execution modes).
+pub fn load(bytes: &[u8]) -> Result<Module> {
+    let words = words_of(bytes)?;
+    let header = header(&words)?;
+    let mut walker = Walker::new(&words);
+    let mut loader = Loader::new(&words, header);
+    let first_function = loader.module_scope(&mut walker)?;
+    loader.functions(&mut walker, first_function)?;
+    let (mut module, unknown) = loader.finish()?;
+    module.words = words;
+    check::functions(&module, &unknown)?;
+    check_flow::functions(&module)?;
+    Ok(module)
+}
+
+/// Ids that an instruction of unknown opcode may define, with that opcode.
+pub(super) type UnknownResults = HashMap<Id, u16>;
+
+/// What an imported instruction set means to us.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum SetKind {
+    /// Its instructions count.
+    Semantic,
+    /// Debug information that is read.
+    Debug,
+    /// Changes no result and is not read.
+    Ignored,
+}
+
+impl SetKind {
+    fn of(name: &str) -> Self {
+        match name {
+            "NonSemantic.DebugPrintf" => Self::Semantic,
+            "OpenCL.DebugInfo.100" => Self::Debug,
+            "DebugInfo" => Self::Ignored,
+            _ if name.starts_with("NonSemantic.Shader.DebugInfo.") => Self::Debug,
+            _ if name.starts_with("NonSemantic.") => Self::Ignored,
+            _ => Self::Semantic,
+        }
+    }
+}
+
+/// An execution mode before its entry points are known.
+struct PendingMode {
+    number: u32,
+    operands: Vec<u32>,
+}
+
+/// A module under construction.
+pub(super) struct Loader<'w> {
+    pub(super) words: &'w [u32],
+    pub(super) module: Module,
+    pub(super) debug: DebugReader<'w>,
+    /// How deep each type is nested, by [`TypeId`].
+    pub(super) depths: Vec<u32>,
+    /// Where the types of which only one may exist are declared, by opcode and operands.
+    pub(super) unique_types: HashMap<Vec<u32>, usize>,
+    /// Pointers declared forward and not defined yet: where.
+    pub(super) forward: HashMap<Id, usize>,
+    pub(super) unknown: UnknownResults,
+    pub(super) pending: PendingDecorations,
+    set_kinds: Vec<SetKind>,
+    /// Results of debug instructions: defined last, so that broken ones disturb nothing.
+    debug_results: Vec<Id>,
+    modes: HashMap<Id, Vec<PendingMode>>,
+    /// Targets of execution modes, with the offset that names them.
+    mode_targets: Vec<(Id, usize)>,
+    memory_model: Option<(u32, u32)>,
+    bound: u32,
+}
+
+impl<'w> Loader<'w> {
+    fn new(words: &'w [u32], header: Header) -> Self {
+        Self {
+            words,
+            module: Module {
+                words: Vec::new(),
+                version: header.version,
+                generator: header.generator,
+                memory_model: (0, 0),
+                capabilities: Vec::new(),
+                extensions: Vec::new(),
+                instruction_sets: Vec::new(),
+                entry_points: Vec::new(),
+                types: Vec::new(),
+                type_ids: Vec::new(),
+                constants: Vec::new(),
+                variables: Vec::new(),
+                functions: Vec::new(),
+                decorations: Decorations::default(),
+                debug_info: DebugInfo::default(),
+                definitions: HashMap::new(),
+            },
+            debug: DebugReader::new(words),
+            depths: Vec::new(),
+            unique_types: HashMap::new(),
+            forward: HashMap::new(),
+            unknown: HashMap::new(),
+            pending: PendingDecorations::default(),
+            set_kinds: Vec::new(),
+            debug_results: Vec::new(),
+            modes: HashMap::new(),
+            mode_targets: Vec::new(),
+            memory_model: None,
+            bound: header.bound,
+        }
+    }
+
+    /// Reads everything before the first `OpFunction`, and returns that.
+    fn module_scope(&mut self, walker: &mut Walker<'w>) -> Result<Option<Span>> {
+        while let Some(span) = walker.next()? {
+            let Some(known) = opcode(span.opcode) else {
+                self.note_unknown(span);
+                continue;
+            };
+            if known.op == Op::Function {
+                return Ok(Some(span));
+            }
+            self.module_instruction(span, known)?;
+        }
+        Ok(None)
+    }
+
+    fn module_instruction(&mut self, span: Span, known: &Opcode) -> Result<()> {
+        let words = self.words;
+        if self.debug_instruction(span, known)? {
+            return Ok(());
+        }
+        let literal_words = self.literal_words(span, known);
+        let before = |loader: &Self, at: usize| {
+            let id = loader.id(at);
+            if loader.module.definitions.contains_key(&id) || loader.unknown.contains_key(&id) {
+                return Ok(());
+            }
+            Err(loader.expected(span, at, "an id defined before"))
+        };
+        if is_declaration(known) {
+            walk(words, span, literal_words, &mut |at, kind| {
+                if is_id(kind) { before(self, at) } else { Ok(()) }
+            })?;
+        } else {
+            walk(words, span, literal_words, &mut |_, _| Ok(()))?;
+        }
+        let first = span.start + 1;
+        match known.op {
+            Op::Nop => {}
+            Op::Capability => self.module.capabilities.push(words[first]),
+            Op::Extension => {
+                let name = self.string_at(first);
+                self.module.extensions.push(name);
+            }
+            Op::ExtInstImport => {
+                let name = self.string_at(first + 1);
+                self.define(first, Definition::InstructionSet(self.set_kinds.len() as u32))?;
+                self.set_kinds.push(SetKind::of(&name));
+                self.module.instruction_sets.push(name);
+            }
+            Op::MemoryModel => {
+                if self.memory_model.is_some() {
+                    return Err(invalid(span.start, "OpMemoryModel stands twice; exactly one is expected"));
+                }
+                self.memory_model = Some((words[first], words[first + 1]));
+            }
+            Op::EntryPoint => self.entry_point(span),
+            Op::ExecutionMode | Op::ExecutionModeId => {
+                let function = self.id(first);
+                self.mode_targets.push((function, first));
+                self.modes.entry(function).or_default().push(PendingMode {
+                    number: words[first + 1],
+                    operands: words[first + 2..span.end].to_vec(),
+                });
+            }
+            Op::Decorate | Op::DecorateId | Op::DecorateString => self.pending.decorate(words, span),
+            Op::MemberDecorate | Op::MemberDecorateString | Op::MemberDecorateIdEXT => {
+                self.pending.decorate_member(words, span);
+            }
+            Op::DecorationGroup => {
+                self.define(first, Definition::Other)?;
+                self.pending.group(self.id(first));
+            }
+            Op::GroupDecorate => self.pending.apply_group(words, span),
+            Op::GroupMemberDecorate => self.pending.apply_group_to_members(words, span),
+            Op::TypeForwardPointer => self.declare_forward_pointer(span)?,
+            Op::Variable | Op::UntypedVariableKHR => self.global_variable(span, known)?,
+            _ if known.name.starts_with("Type") => self.declare_type(span, known)?,
+            _ if is_constant(known) => self.declare_constant(span, known)?,
+            _ if is_carried(known) => {
+                if known.has_result {
+                    self.define(first + usize::from(known.has_type), Definition::Other)?;
+                }
+            }
+            _ => {
+                return Err(invalid(
+                    span.start,
+                    format!("{} stands outside a function", opcode_name(span.opcode)),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands names, sources, lines and debug information to their reader; says whether it was any.
+    pub(super) fn debug_instruction(&mut self, span: Span, known: &Opcode) -> Result<bool> {
+        match known.op {
+            Op::Name
+            | Op::MemberName
+            | Op::Source
+            | Op::SourceContinued
+            | Op::SourceExtension
+            | Op::ModuleProcessed
+            | Op::Line
+            | Op::NoLine => self.debug.core(span, known.op),
+            Op::String => {
+                if span.end > span.start + 1 {
+                    self.define(span.start + 1, Definition::Other)?;
+                }
+                self.debug.core(span, known.op);
+            }
+            Op::ExtInst | Op::ExtInstWithForwardRefsKHR => {
+                walk(self.words, span, 1, &mut |_, _| Ok(()))?;
+                let kind = self.set_kind(span)?;
+                match kind {
+                    SetKind::Semantic => return Ok(false),
+                    SetKind::Debug => self.debug.extended(span, &self.module),
+                    SetKind::Ignored => {}
+                }
+                self.debug_results.push(self.id(span.start + 2));
+            }
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    /// The kind of the set that an `OpExtInst` names.
+    fn set_kind(&self, span: Span) -> Result<SetKind> {
+        match self.module.definition(self.id(span.start + 3)) {
+            Some(Definition::InstructionSet(set)) => Ok(self.set_kinds[set as usize]),
+            _ => Err(self.expected(span, span.start + 3, "an instruction set imported before")),
+        }
+    }
+
+    /// Remembers what an instruction of unknown opcode may define: its first or second operand.
+    pub(super) fn note_unknown(&mut self, span: Span) {
+        for at in span.operands().take(2) {
+            self.unknown.entry(self.id(at)).or_insert(span.opcode);
+        }
+    }
+
+    fn entry_point(&mut self, span: Span) {
+        let name_at = span.start + 3;
+        let (name, count) = string(&self.words[name_at..span.end])
+            .expect("bug in anyhit: the grammar has seen the end of this string");
+        self.module.entry_points.push(EntryPoint {
+            stage: Stage::of(self.words[span.start + 1]),
+            name,
+            function: self.id(span.start + 2),
+            interface: self.words[name_at + count..span.end].iter().copied().map(Id).collect(),
+            modes: Vec::new(),
+            offset: span.start as u32,
+        });
+    }
+
+    fn global_variable(&mut self, span: Span, known: &Opcode) -> Result<()> {
+        let first = span.start + 1;
+        let pointer = self.type_at(span, first)?;
+        let storage_class = self.words[first + 2];
+        let untyped = known.op == Op::UntypedVariableKHR;
+        let pointee = self.variable_type(span, pointer, storage_class, untyped)?;
+        if storage_class == FUNCTION_STORAGE {
+            return Err(invalid(
+                first + 2,
+                format!("{} of storage class Function stands outside a function", opcode_name(span.opcode)),
+            ));
+        }
+        let initializer_at = first + if untyped { 4 } else { 3 };
+        let initializer = (initializer_at < span.end).then(|| self.id(initializer_at));
+        if let Some(id) = initializer {
+            match self.module.definition(id) {
+                Some(Definition::Constant(constant)) => {
+                    let ty = self.module.constants[constant as usize].ty;
+                    if pointee.is_some_and(|pointee| pointee != ty) {
+                        return Err(self.expected(span, initializer_at, "a constant of the variable's type"));
+                    }
+                }
+                Some(Definition::Variable(_)) => {}
+                None if self.unknown.contains_key(&id) => {}
+                _ => {
+                    return Err(self.expected(
+                        span,
+                        initializer_at,
+                        "a constant or a variable of module scope",
+                    ));
+                }
+            }
+        }
+        self.define(first + 1, Definition::Variable(self.module.variables.len() as u32))?;
+        self.module.variables.push(GlobalVariable {
+            id: self.id(first + 1),
+            pointer,
+            storage_class,
+            initializer,
+            offset: span.start as u32,
+        });
+        Ok(())
+    }
+
+    /// Holds a variable's result type against its storage class; the type pointed to.
+    pub(super) fn variable_type(
+        &self,
+        span: Span,
+        pointer: TypeId,
+        storage_class: u32,
+        untyped: bool,
+    ) -> Result<Option<TypeId>> {
+        match *self.module.ty(pointer) {
+            Type::Pointer { storage_class: declared, pointee, .. } => {
+                if declared != storage_class {
+                    return Err(self.expected(span, span.start + 3, "the storage class of the result type"));
+                }
+                if pointee.is_none() && !untyped {
+                    return Err(self.expected(span, span.start + 1, "a pointer type defined before"));
+                }
+                Ok(pointee)
+            }
+            Type::Other(_) => Ok(None),
+            _ => Err(self.expected(span, span.start + 1, "a pointer type")),
+        }
+    }
+
+    fn finish(mut self) -> Result<(Module, UnknownResults)> {
+        if let Some((id, &at)) = self.forward.iter().min_by_key(|(_, at)| **at) {
+            return Err(invalid(
+                at,
+                format!("OpTypeForwardPointer announces %{}, but no OpTypePointer defines it", id.0),
+            ));
+        }
+        let Some(memory_model) = self.memory_model else {
+            return Err(invalid(self.words.len(), "the module has no OpMemoryModel"));
+        };
+        self.module.memory_model = memory_model;
+        for id in std::mem::take(&mut self.debug_results) {
+            self.module.definitions.entry(id).or_insert(Definition::Other);
+        }
+        self.check_entry_points()?;
+        self.apply_modes()?;
+        self.module.debug_info = self.debug.finish();
+        std::mem::take(&mut self.pending).apply(&mut self.module, &self.unknown, self.words.len())?;
+        Ok((self.module, self.unknown))
+    }
+
+    /// Each entry point names a function with a body and variables of module scope.
+    fn check_entry_points(&self) -> Result<()> {
+        /// The execution model of OpenCL, whose entry points take parameters.
+        const KERNEL: Stage = Stage::Other(6);
+        let mut seen = HashMap::new();
+        for entry in &self.module.entry_points {
+            let at = entry.offset as usize;
+            if seen.insert((entry.stage, entry.name.as_str()), at).is_some() {
+                return Err(invalid(
+                    at,
+                    format!("a second entry point `{}` of {}", entry.name, entry.stage.name()),
+                ));
+            }
+            let Some(Definition::Function(function)) = self.module.definition(entry.function) else {
+                return Err(invalid(
+                    at + 2,
+                    format!("OpEntryPoint: expected the id of a function, found %{}", entry.function.0),
+                ));
+            };
+            let function = &self.module.functions[function as usize];
+            let returns = self.module.ty(function.return_type);
+            if function.blocks.is_empty() {
+                return Err(invalid(at + 2, format!("entry point `{}` has no body", entry.name)));
+            }
+            if entry.stage != KERNEL && !(function.parameters.is_empty() && *returns == Type::Void) {
+                return Err(invalid(
+                    at + 2,
+                    format!("entry point `{}` must take no parameters and return nothing", entry.name),
+                ));
+            }
+            let end = at + (self.words[at] >> 16) as usize;
+            let start = end - entry.interface.len();
+            for (index, id) in entry.interface.iter().enumerate() {
+                match self.module.definition(*id) {
+                    Some(Definition::Variable(_)) => {}
+                    None if self.unknown.contains_key(id) => {}
+                    _ => {
+                        return Err(invalid(
+                            start + index,
+                            format!(
+                                "OpEntryPoint: expected the id of a variable of module scope, found %{}",
+                                id.0
+                            ),
+                        ));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn apply_modes(&mut self) -> Result<()> {
+        let functions: HashMap<Id, ()> =
+            self.module.entry_points.iter().map(|entry| (entry.function, ())).collect();
+        for &(id, at) in &self.mode_targets {
+            if !functions.contains_key(&id) {
+                return Err(invalid(
+                    at,
+                    format!("an execution mode's target must be an entry point, found %{}", id.0),
+                ));
+            }
+        }
+        let mut budget = CopyBudget::new(self.words.len());
+        for entry in &mut self.module.entry_points {
+            for mode in self.modes.get(&entry.function).into_iter().flatten() {
+                budget.spend(1 + mode.operands.len(), entry.offset as usize)?;
+                entry.modes.push((mode.number, mode.operands.clone()));
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn id(&self, at: usize) -> Id {
+        Id(self.words[at])
+    }
+
+    fn string_at(&self, at: usize) -> String {
+        string(&self.words[at..]).map(|(text, _)| text).unwrap_or_default()
+    }
+
+    /// The type whose id stands at a word.
+    pub(super) fn type_at(&mut self, span: Span, at: usize) -> Result<TypeId> {
+        let id = self.id(at);
+        match self.module.definition(id) {
+            Some(Definition::Type(ty)) => return Ok(ty),
+            Some(_) => {}
+            None => {
+                if let Some(&opcode) = self.unknown.get(&id) {
+                    let ty = self.push_type(id, Type::Other(opcode), 1);
+                    self.module.definitions.insert(id, Definition::Type(ty));
+                    return Ok(ty);
+                }
+            }
+        }
+        Err(self.expected(span, at, "the id of a type"))
+    }
+
+    pub(super) fn push_type(&mut self, id: Id, ty: Type, depth: u32) -> TypeId {
+        self.module.types.push(ty);
+        self.module.type_ids.push(id);
+        self.depths.push(depth);
+        TypeId(self.module.types.len() as u32 - 1)
+    }
+
+    /// Gives the id at a word its meaning.
+    pub(super) fn define(&mut self, at: usize, definition: Definition) -> Result<()> {
+        let id = self.id(at);
+        if id.0 == 0 || id.0 >= self.bound {
+            return Err(invalid(
+                at,
+                format!("expected a result id from 1 to {}, found {}", self.bound - 1, id.0),
+            ));
+        }
+        if self.module.definitions.insert(id, definition).is_some() {
+            return Err(invalid(at, format!("%{} is defined twice", id.0)));
+        }
+        Ok(())
+    }
+
+    /// The error that something else than what is expected stands at a word.
+    #[cold]
+    pub(super) fn expected(&self, span: Span, at: usize, what: &str) -> Error {
+        invalid(
+            at,
+            format!(
+                "{}: expected {what}, found {}",
+                opcode_name(span.opcode),
+                self.module.describe_id(self.id(at))
+            ),
+        )
+    }
+}
+
+/// Bounds copies that a few words can ask for in number (a group's decorations for each target).
+pub(super) struct CopyBudget {
+    left: usize,
+}
+
+impl CopyBudget {
+    pub(super) fn new(words: usize) -> Self {
+        Self { left: 16 * words + 65_536 }
+    }
+
+    pub(super) fn spend(&mut self, words: usize, at: usize) -> Result<()> {
+        match self.left.checked_sub(words) {
+            Some(left) => {
+                self.left = left;
+                Ok(())
+            }
+            None => Err(Error::new(
+                ErrorKind::UnsupportedModule,
+                "the module's few words ask for more copies of decorations or modes than are made here",
+            )
+            .at(Place::Word(at))),
+        }
+    }
+}
+
+/// Whether the ids that an instruction of module scope names must be defined before it.
+fn is_declaration(known: &Opcode) -> bool {
+    known.op != Op::TypeForwardPointer
+        && (known.name.starts_with("Type")
+            || is_constant(known)
+            || matches!(known.op, Op::Variable | Op::UntypedVariableKHR))
+}
+
+/// Whether an opcode defines a constant or an undefined value.
+fn is_constant(known: &Opcode) -> bool {
+    known.op == Op::Undef || known.name.starts_with("Constant") || known.name.starts_with("SpecConstant")
+}
+
+/// Instructions of module scope that are valid and mean nothing to this crate.
+fn is_carried(known: &Opcode) -> bool {
+    known.op == Op::SamplerImageAddressingModeNV
+        || known.op == Op::AsmTargetINTEL
+        || known.op == Op::AsmINTEL
+        || ["Graph", "Alias", "Conditional"].iter().any(|start| known.name.starts_with(start))
+}
+
+/// Whether an instruction may stand outside functions only.
+pub(super) fn is_module_scope_only(known: &Opcode) -> bool {
+    matches!(
+        known.op,
+        Op::Capability
+            | Op::Extension
+            | Op::ExtInstImport
+            | Op::MemoryModel
+            | Op::EntryPoint
+            | Op::ExecutionMode
+            | Op::ExecutionModeId
+            | Op::Decorate
+            | Op::DecorateId
+            | Op::DecorateString
+            | Op::MemberDecorate
+            | Op::MemberDecorateString
+            | Op::MemberDecorateIdEXT
+            | Op::DecorationGroup
+            | Op::GroupDecorate
+            | Op::GroupMemberDecorate
+    ) || known.name.starts_with("Type")
+        || (is_constant(known) && known.op != Op::Undef)
 }

@@ -4,12 +4,29 @@
 //! operands an instruction has and of what kind. The words are walked by ourselves, because real
 //! modules hold what rspirv's own loader refuses.
 
+mod check;
+mod check_flow;
 pub mod constant;
 pub mod debug_info;
+mod debug_reader;
+mod declare_constant;
+mod declare_type;
 pub mod decoration;
+mod functions;
+mod grammar;
 pub mod interface;
 pub mod load;
+mod lookup;
+pub mod names;
 pub mod ty;
+mod words;
+
+#[cfg(test)]
+pub(crate) mod assemble;
+#[cfg(test)]
+mod load_tests;
+#[cfg(test)]
+mod refuse_tests;
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -49,6 +66,8 @@ pub struct Instruction {
 pub struct Block {
     /// The id of its `OpLabel`.
     pub label: Id,
+    /// Where its `OpLabel` stands, in words.
+    pub offset: u32,
     /// The instructions after the label; the last is the terminator, the one before it may be a
     /// merge instruction. `OpLine`, `OpNoLine` and debug-information instructions are left out.
     pub instructions: Vec<Instruction>,
@@ -59,6 +78,10 @@ pub struct Block {
 pub struct Function {
     /// The id of its `OpFunction`.
     pub id: Id,
+    /// Where its `OpFunction` stands, in words.
+    pub offset: u32,
+    /// `Function Control`, a mask.
+    pub control: u32,
     /// The return type.
     pub return_type: TypeId,
     /// Parameters: result id and type.
@@ -114,6 +137,8 @@ pub struct Module {
     pub version: (u8, u8),
     /// The header's generator word.
     pub generator: u32,
+    /// Numbers of the addressing model and the memory model.
+    pub memory_model: (u32, u32),
     /// Numbers of the declared capabilities.
     pub capabilities: Vec<u32>,
     /// Names of the declared extensions.
@@ -124,6 +149,8 @@ pub struct Module {
     pub entry_points: Vec<EntryPoint>,
     /// All types; a [`TypeId`] is an index.
     pub types: Vec<Type>,
+    /// The id that declares each type.
+    pub type_ids: Vec<Id>,
     /// All constants, specialization constants and undefined values of module scope.
     pub constants: Vec<Constant>,
     /// All variables of module scope.

@@ -1,0 +1,270 @@
+//! The instructions of the functions, held against the grammar and the definitions.
+
+use rspirv::spirv::Op;
+
+use crate::error::{Error, Place, Result};
+use crate::module::grammar::{is_id, opcode, walk};
+use crate::module::load::UnknownResults;
+use crate::module::names::opcode_name;
+use crate::module::words::{Span, invalid};
+use crate::module::{Block, Definition, Id, Instruction, Module};
+
+/// Checks every instruction of every function, then that no entry point calls itself in a circle.
+///
+/// # Errors
+/// `InvalidModule` where operands are missing or left over, an id has no definition or one in
+/// another function, a label stands where a value is expected or the other way round, a call does
+/// not fit its function, or calls go round in a circle.
+pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<()> {
+    let mut calls = vec![Vec::new(); module.functions.len()];
+    for (index, function) in module.functions.iter().enumerate() {
+        let checker = Checker { module, unknown, function: index as u32 };
+        for block in &function.blocks {
+            for instruction in &block.instructions {
+                checker.instruction(instruction)?;
+                if instruction.opcode == Op::FunctionCall as u16 {
+                    let (callee, at) = checker.call(instruction)?;
+                    calls[index].extend(callee.map(|callee| (callee, at)));
+                }
+            }
+            checker.order(block)?;
+        }
+    }
+    circles(module, &calls)
+}
+
+struct Checker<'m> {
+    module: &'m Module,
+    unknown: &'m UnknownResults,
+    function: u32,
+}
+
+impl Checker<'_> {
+    fn instruction(&self, instruction: &Instruction) -> Result<()> {
+        let Some(known) = opcode(instruction.opcode) else { return Ok(()) };
+        let span = span_of(instruction);
+        let literal_words = self.module.switch_literal_words(instruction);
+        let first = instruction.operands.start as usize;
+        let mut extended_set = None;
+        if matches!(known.op, Op::ExtInst | Op::ExtInstWithForwardRefsKHR) {
+            extended_set = Some(first);
+        }
+        let mut index = 0;
+        walk(&self.module.words, span, literal_words, &mut |at, kind| {
+            let place = index;
+            index += 1;
+            if !is_id(kind) {
+                return Ok(());
+            }
+            let id = Id(self.module.words[at]);
+            let Some(definition) = self.module.definition(id) else {
+                if self.unknown.contains_key(&id) {
+                    return Ok(());
+                }
+                return Err(invalid(
+                    at,
+                    format!("{} names %{}, but nothing defines it", opcode_name(span.opcode), id.0),
+                ));
+            };
+            if Some(at) == extended_set {
+                return match definition {
+                    Definition::InstructionSet(_) => Ok(()),
+                    _ => Err(self.expected(span, at, "an imported instruction set")),
+                };
+            }
+            match (names_label(known.op, place), definition) {
+                (true, Definition::Label(function, _)) if function == self.function => Ok(()),
+                (true, _) => Err(self.expected(span, at, "a label of the same function")),
+                (false, Definition::Label(..)) => Err(self.expected(span, at, "a value")),
+                (false, Definition::Parameter(function, _) | Definition::Result(function, ..))
+                    if function != self.function =>
+                {
+                    Err(self.expected(span, at, "a value of the same function"))
+                }
+                _ => Ok(()),
+            }
+        })
+    }
+
+    /// Holds a call's arguments against the function; its index and where the call names it.
+    fn call(&self, instruction: &Instruction) -> Result<(Option<u32>, usize)> {
+        let span = span_of(instruction);
+        let at = instruction.operands.start as usize;
+        let operands = self.module.operands(instruction);
+        let (callee, arguments) = (Id(operands[0]), &operands[1..]);
+        let index = match self.module.definition(callee) {
+            Some(Definition::Function(index)) => index,
+            // An unknown instruction may define it.
+            None => return Ok((None, at)),
+            _ => return Err(self.expected(span, at, "a function")),
+        };
+        let function = &self.module.functions[index as usize];
+        let returned = instruction.result_type.and_then(|id| self.module.type_with_id(id));
+        if returned != Some(function.return_type) {
+            let what = format!(
+                "the type that the function returns ({})",
+                self.module.describe_type(function.return_type)
+            );
+            return Err(self.expected(span, span.start + 1, &what));
+        }
+        if arguments.len() != function.parameters.len() {
+            return Err(invalid(
+                span.start,
+                format!(
+                    "OpFunctionCall: %{} takes {} arguments, found {}",
+                    callee.0,
+                    function.parameters.len(),
+                    arguments.len()
+                ),
+            ));
+        }
+        for (index, (argument, (_, wanted))) in arguments.iter().zip(&function.parameters).enumerate() {
+            if self.module.type_of(Id(*argument)).is_some_and(|ty| ty != *wanted) {
+                let what = format!("an argument of type {}", self.module.describe_type(*wanted));
+                return Err(self.expected(span, at + 1 + index, &what));
+            }
+        }
+        Ok((Some(index), at))
+    }
+
+    /// `OpPhi` opens a block; a merge instruction stands right before its end.
+    fn order(&self, block: &Block) -> Result<()> {
+        let mut phis_over = false;
+        let last = block.instructions.len().saturating_sub(1);
+        for (index, instruction) in block.instructions.iter().enumerate() {
+            let is = |op: Op| instruction.opcode == op as u16;
+            if is(Op::Phi) && phis_over {
+                return Err(invalid(
+                    instruction.offset as usize,
+                    format!("OpPhi stands behind another instruction of block %{}", block.label.0),
+                ));
+            }
+            phis_over |= !is(Op::Phi);
+            if (is(Op::SelectionMerge) || is(Op::LoopMerge)) && index + 1 != last {
+                return Err(invalid(
+                    instruction.offset as usize,
+                    format!(
+                        "{} must stand right before the terminator of block %{}",
+                        opcode_name(instruction.opcode),
+                        block.label.0
+                    ),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    #[cold]
+    fn expected(&self, span: Span, at: usize, what: &str) -> Error {
+        invalid(
+            at,
+            format!(
+                "{}: expected {what}, found {}",
+                opcode_name(span.opcode),
+                self.module.describe_id(Id(self.module.words[at]))
+            ),
+        )
+    }
+}
+
+/// An instruction's words, its first included.
+pub(super) fn span_of(instruction: &Instruction) -> Span {
+    Span {
+        opcode: instruction.opcode,
+        start: instruction.offset as usize,
+        end: instruction.operands.end as usize,
+    }
+}
+
+/// Whether the operand of this index (behind result type and result id) names a label.
+fn names_label(op: Op, index: usize) -> bool {
+    match op {
+        Op::Branch | Op::SelectionMerge => index == 0,
+        Op::LoopMerge => index < 2,
+        Op::BranchConditional => index == 1 || index == 2,
+        // Selector, default, then pairs of literal and label.
+        Op::Switch => index % 2 == 1,
+        // Pairs of value and parent.
+        Op::Phi => index % 2 == 1,
+        _ => false,
+    }
+}
+
+/// Refuses circles of calls that an entry point reaches ("the static function-call graph for an
+/// entry point must not contain cycles", section 2.16.1), and calls of entry points.
+fn circles(module: &Module, calls: &[Vec<(u32, usize)>]) -> Result<()> {
+    #[derive(Clone, Copy, PartialEq)]
+    enum Color {
+        New,
+        /// On the path from the entry point.
+        Open,
+        Done,
+    }
+    let index_of = |id: Id| match module.definition(id) {
+        Some(Definition::Function(index)) => index,
+        _ => panic!("bug in anyhit: an entry point is no function"),
+    };
+    let mut is_entry = vec![false; calls.len()];
+    for entry in &module.entry_points {
+        is_entry[index_of(entry.function) as usize] = true;
+    }
+    for &(callee, at) in calls.iter().flatten() {
+        if is_entry[callee as usize] {
+            return Err(invalid(
+                at,
+                format!(
+                    "OpFunctionCall calls %{}, which is an entry point",
+                    module.functions[callee as usize].id.0
+                ),
+            ));
+        }
+    }
+    let mut colors = vec![Color::New; calls.len()];
+    for entry in &module.entry_points {
+        let root = index_of(entry.function);
+        if colors[root as usize] != Color::New {
+            continue;
+        }
+        colors[root as usize] = Color::Open;
+        let mut path = vec![(root, 0)];
+        while let Some((function, next)) = path.last_mut() {
+            let Some(&(callee, at)) = calls[*function as usize].get(*next) else {
+                colors[*function as usize] = Color::Done;
+                path.pop();
+                continue;
+            };
+            *next += 1;
+            match colors[callee as usize] {
+                Color::New => {
+                    colors[callee as usize] = Color::Open;
+                    path.push((callee, 0));
+                }
+                Color::Open => {
+                    let name = module.describe_id(module.functions[callee as usize].id);
+                    return Err(invalid(at, format!("OpFunctionCall closes a circle of calls at {name}"))
+                        .at_with(
+                            Place::Word(module.functions[callee as usize].offset as usize),
+                            "the function called again",
+                        )
+                        .note("SPIR-V forbids recursion: the calls of an entry point must not form a cycle (2.16.1)"));
+                }
+                Color::Done => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn switch_and_phi_name_labels_at_odd_places() {
+        // OpSwitch %selector %default 0 %a: the grammar shows the literal as one operand.
+        assert!(!names_label(Op::Switch, 0) && names_label(Op::Switch, 1));
+        assert!(!names_label(Op::Switch, 2) && names_label(Op::Switch, 3));
+        assert!(!names_label(Op::Phi, 0) && names_label(Op::Phi, 1));
+        assert!(names_label(Op::LoopMerge, 1) && !names_label(Op::LoopMerge, 2));
+    }
+}

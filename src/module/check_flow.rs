@@ -1,0 +1,78 @@
+//! The control-flow graph of each function: what branches and `OpPhi` say about each other.
+
+use std::collections::HashMap;
+
+use rspirv::spirv::Op;
+
+use crate::error::Result;
+use crate::module::words::invalid;
+use crate::module::{Definition, Function, Id, Instruction, Module};
+
+/// Checks the edges between the blocks of every function.
+///
+/// # Errors
+/// `InvalidModule` where the first block is a branch's target, or an `OpPhi` does not name each
+/// block that branches to its own block exactly once.
+pub(super) fn functions(module: &Module) -> Result<()> {
+    for function in &module.functions {
+        let predecessors = predecessors(module, function)?;
+        for (index, block) in function.blocks.iter().enumerate() {
+            let phis = block.instructions.iter().take_while(|one| one.opcode == Op::Phi as u16);
+            for phi in phis {
+                check_phi(module, &predecessors[index], phi)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The indices of the blocks that branch to each block, each once, ascending.
+fn predecessors(module: &Module, function: &Function) -> Result<Vec<Vec<u32>>> {
+    let mut predecessors = vec![Vec::new(); function.blocks.len()];
+    for (index, block) in function.blocks.iter().enumerate() {
+        let Some(last) = block.instructions.last() else { continue };
+        for target in module.branch_targets(last) {
+            let Some(Definition::Label(_, target)) = module.definition(target) else { continue };
+            if target == 0 {
+                return Err(invalid(
+                    last.offset as usize,
+                    format!(
+                        "a branch leads to %{}, the first block of its function",
+                        function.blocks[0].label.0
+                    ),
+                ));
+            }
+            let from = &mut predecessors[target as usize];
+            if from.last() != Some(&(index as u32)) {
+                from.push(index as u32);
+            }
+        }
+    }
+    Ok(predecessors)
+}
+
+/// One pair of value and parent for each block that branches here.
+fn check_phi(module: &Module, predecessors: &[u32], phi: &Instruction) -> Result<()> {
+    let mut seen: HashMap<u32, usize> = HashMap::new();
+    for (index, pair) in module.operands(phi).chunks_exact(2).enumerate() {
+        let at = phi.operands.start as usize + 2 * index + 1;
+        let Some(Definition::Label(_, parent)) = module.definition(Id(pair[1])) else { continue };
+        if predecessors.binary_search(&parent).is_err() {
+            return Err(invalid(at, format!("OpPhi names %{}, which does not branch to its block", pair[1])));
+        }
+        if seen.insert(parent, at).is_some() {
+            return Err(invalid(at, format!("OpPhi names the block %{} twice", pair[1])));
+        }
+    }
+    if seen.len() < predecessors.len() {
+        return Err(invalid(
+            phi.offset as usize,
+            format!(
+                "OpPhi has {} parents, but {} blocks branch to its block",
+                seen.len(),
+                predecessors.len()
+            ),
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,280 @@
+//! Type declarations: words to the arena of types.
+//!
+//! SPIR-V specification, sections 2.8 "Types and Variables" and 3.3.6 "Type-Declaration
+//! Instructions".
+
+use rspirv::spirv::Op;
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::module::constant::ConstantValue;
+use crate::module::grammar::Opcode;
+use crate::module::load::Loader;
+use crate::module::names::opcode_name;
+use crate::module::ty::{ImageType, Member, Type, TypeId};
+use crate::module::words::{Span, invalid};
+use crate::module::{Definition, Id};
+
+/// How deep types may be nested: the universal limit of "Structure nesting depth" (specification,
+/// section 2.17), used for every kind of nesting so that nobody who walks a type runs out of stack.
+const MAX_DEPTH: u32 = 255;
+
+impl Loader<'_> {
+    /// `OpTypeForwardPointer`: a pointer whose pointee follows.
+    pub(super) fn declare_forward_pointer(&mut self, span: Span) -> Result<()> {
+        let at = span.start + 1;
+        let storage_class = self.words[at + 1];
+        let ty = TypeId(self.module.types.len() as u32);
+        self.define(at, Definition::Type(ty))?;
+        self.push_type(self.id(at), Type::Pointer { storage_class, pointee: None, stride: None }, 1);
+        self.forward.insert(self.id(at), at);
+        Ok(())
+    }
+
+    /// Any other type declaration.
+    pub(super) fn declare_type(&mut self, span: Span, known: &Opcode) -> Result<()> {
+        if !known.has_result {
+            return Err(continued(span));
+        }
+        let at = span.start + 1;
+        let (ty, depth) = self.type_of_words(span, known.op)?;
+        if depth > MAX_DEPTH {
+            return Err(invalid(
+                span.start,
+                format!("{}: types are nested deeper than {MAX_DEPTH}", opcode_name(span.opcode)),
+            ));
+        }
+        if must_be_unique(&ty) {
+            let mut key = self.words[at + 1..span.end].to_vec();
+            key.push(u32::from(span.opcode));
+            if let Some(first) = self.unique_types.insert(key, span.start) {
+                return Err(invalid(
+                    span.start,
+                    format!("{} declares a type that exists already", opcode_name(span.opcode)),
+                )
+                .at_with(Place::Word(first), "the first declaration"));
+            }
+        }
+        if known.op == Op::TypePointer && self.forward.contains_key(&self.id(at)) {
+            return self.define_forward_pointer(span, ty);
+        }
+        let id = TypeId(self.module.types.len() as u32);
+        self.define(at, Definition::Type(id))?;
+        self.push_type(self.id(at), ty, depth);
+        Ok(())
+    }
+
+    fn define_forward_pointer(&mut self, span: Span, ty: Type) -> Result<()> {
+        let id = self.id(span.start + 1);
+        let Some(Definition::Type(forward)) = self.module.definition(id) else {
+            panic!("bug in anyhit: a forward pointer is no type");
+        };
+        let declared = &mut self.module.types[forward.0 as usize];
+        let same = match (&*declared, &ty) {
+            (Type::Pointer { storage_class: first, .. }, Type::Pointer { storage_class: second, .. }) => {
+                first == second
+            }
+            _ => false,
+        };
+        if !same {
+            return Err(invalid(
+                span.start + 2,
+                format!(
+                    "OpTypePointer: the storage class of %{} differs from its OpTypeForwardPointer",
+                    id.0
+                ),
+            ));
+        }
+        *declared = ty;
+        self.forward.remove(&id);
+        Ok(())
+    }
+
+    /// The type with its depth of nesting.
+    fn type_of_words(&mut self, span: Span, op: Op) -> Result<(Type, u32)> {
+        let at = span.start + 2;
+        let words = self.words;
+        let ty = match op {
+            Op::TypeVoid => Type::Void,
+            Op::TypeBool => Type::Bool,
+            Op::TypeInt => {
+                let (width, signed) = (words[at], words[at + 1]);
+                if width == 0 || signed > 1 {
+                    return Err(invalid(
+                        at,
+                        format!("OpTypeInt: width {width}, signedness {signed} (0 or 1 is expected)"),
+                    ));
+                }
+                match width {
+                    8 | 16 | 32 | 64 => Type::Int { width, signed: signed == 1 },
+                    _ => Type::Other(span.opcode),
+                }
+            }
+            Op::TypeFloat => {
+                let width = words[at];
+                match width {
+                    0 => return Err(invalid(at, "OpTypeFloat: a width above 0 is expected, found 0")),
+                    8 | 16 | 32 | 64 => {
+                        Type::Float { width, encoding: words[at + 1..span.end].first().copied() }
+                    }
+                    _ => Type::Other(span.opcode),
+                }
+            }
+            Op::TypeVector => {
+                let component = self.type_at(span, at)?;
+                if !is_scalar(self.module.ty(component)) {
+                    return Err(self.expected(span, at, "a scalar type"));
+                }
+                let count = self.count(span, at + 1)?;
+                return Ok((Type::Vector { component, count }, self.depth(component) + 1));
+            }
+            Op::TypeMatrix => {
+                let column = self.type_at(span, at)?;
+                if !matches!(self.module.ty(column), Type::Vector { .. }) {
+                    return Err(self.expected(span, at, "a vector type"));
+                }
+                let count = self.count(span, at + 1)?;
+                return Ok((Type::Matrix { column, count }, self.depth(column) + 1));
+            }
+            Op::TypeArray => {
+                let element = self.data_type(span, at)?;
+                let length = self.array_length(span, at + 1)?;
+                return Ok((Type::Array { element, length, stride: None }, self.depth(element) + 1));
+            }
+            Op::TypeRuntimeArray => {
+                let element = self.data_type(span, at)?;
+                return Ok((Type::RuntimeArray { element, stride: None }, self.depth(element) + 1));
+            }
+            Op::TypeStruct => {
+                let mut members = Vec::with_capacity(span.end - at);
+                let mut depth = 0;
+                for member in at..span.end {
+                    let ty = self.data_type(span, member)?;
+                    depth = depth.max(self.depth(ty));
+                    members.push(Member {
+                        ty,
+                        name: String::new(),
+                        offset: None,
+                        matrix: None,
+                        builtin: None,
+                    });
+                }
+                return Ok((Type::Struct { members, block: false, buffer_block: false }, depth + 1));
+            }
+            Op::TypePointer => {
+                let pointee = self.type_at(span, at + 1)?;
+                let depth = self.depth(pointee) + 1;
+                return Ok((
+                    Type::Pointer { storage_class: words[at], pointee: Some(pointee), stride: None },
+                    depth,
+                ));
+            }
+            Op::TypeUntypedPointerKHR => {
+                Type::Pointer { storage_class: words[at], pointee: None, stride: None }
+            }
+            Op::TypeFunction => {
+                let return_type = self.type_at(span, at)?;
+                let mut parameters = Vec::with_capacity(span.end - at - 1);
+                for parameter in at + 1..span.end {
+                    parameters.push(self.data_type(span, parameter)?);
+                }
+                return Ok((Type::Function { return_type, parameters }, 1));
+            }
+            Op::TypeImage => Type::Image(ImageType {
+                sampled_type: self.type_at(span, at)?,
+                dim: words[at + 1],
+                depth: words[at + 2],
+                arrayed: words[at + 3] != 0,
+                multisampled: words[at + 4] != 0,
+                sampled: words[at + 5],
+                format: words[at + 6],
+            }),
+            Op::TypeSampledImage => {
+                let image = self.type_at(span, at)?;
+                if !matches!(self.module.ty(image), Type::Image(_) | Type::Other(_)) {
+                    return Err(self.expected(span, at, "an image type"));
+                }
+                Type::SampledImage(image)
+            }
+            Op::TypeSampler => Type::Sampler,
+            Op::TypeAccelerationStructureKHR => Type::AccelerationStructure,
+            Op::TypeRayQueryKHR => Type::RayQuery,
+            Op::TypeHitObjectNV => Type::HitObject { ext: false },
+            Op::TypeHitObjectEXT => Type::HitObject { ext: true },
+            _ => Type::Other(span.opcode),
+        };
+        Ok((ty, 1))
+    }
+
+    fn depth(&self, ty: TypeId) -> u32 {
+        self.depths[ty.0 as usize]
+    }
+
+    /// A count of components or columns.
+    fn count(&self, span: Span, at: usize) -> Result<u32> {
+        match self.words[at] {
+            count @ 2.. => Ok(count),
+            count => Err(invalid(
+                at,
+                format!("{}: expected a count of at least 2, found {count}", opcode_name(span.opcode)),
+            )),
+        }
+    }
+
+    /// A type of which values can be kept: neither void nor a function.
+    fn data_type(&mut self, span: Span, at: usize) -> Result<TypeId> {
+        let ty = self.type_at(span, at)?;
+        match self.module.ty(ty) {
+            Type::Void | Type::Function { .. } => Err(self.expected(span, at, "a type that values can have")),
+            _ => Ok(ty),
+        }
+    }
+
+    /// The id of an array's length: a constant integer, at least 1 where it is known already.
+    fn array_length(&self, span: Span, at: usize) -> Result<Id> {
+        let id = self.id(at);
+        let constant = match self.module.definition(id) {
+            Some(Definition::Constant(index)) => &self.module.constants[index as usize],
+            None if self.unknown.contains_key(&id) => return Ok(id),
+            _ => return Err(self.expected(span, at, "a constant integer")),
+        };
+        let (width, signed) = match *self.module.ty(constant.ty) {
+            Type::Int { width, signed } => (width, signed),
+            Type::Other(_) => return Ok(id),
+            _ => return Err(self.expected(span, at, "a constant integer")),
+        };
+        let too_small = match constant.value {
+            ConstantValue::Scalar(value) => value == 0 || (signed && value >> (width - 1) == 1),
+            ConstantValue::Null => true,
+            _ => false,
+        };
+        if too_small {
+            return Err(invalid(at, format!("OpTypeArray: the length %{} is not at least 1", id.0)));
+        }
+        Ok(id)
+    }
+}
+
+/// The instructions that prolong another one beyond 65,535 words.
+pub(super) fn continued(span: Span) -> Error {
+    Error::new(
+        ErrorKind::UnsupportedModule,
+        format!("{} is not read: split the aggregate into smaller ones", opcode_name(span.opcode)),
+    )
+    .at(Place::Word(span.start))
+}
+
+fn is_scalar(ty: &Type) -> bool {
+    matches!(ty, Type::Bool | Type::Int { .. } | Type::Float { .. } | Type::Pointer { .. } | Type::Other(_))
+}
+
+/// Types other than aggregates and pointers must not be declared twice (section 2.8).
+fn must_be_unique(ty: &Type) -> bool {
+    !matches!(
+        ty,
+        Type::Array { .. }
+            | Type::RuntimeArray { .. }
+            | Type::Struct { .. }
+            | Type::Pointer { .. }
+            | Type::Other(_)
+    )
+}

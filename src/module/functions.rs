@@ -1,0 +1,267 @@
+//! Functions: words to blocks.
+//!
+//! SPIR-V specification, sections 2.4 "Logical Layout of a Module" (items 10 and 11) and 2.11
+//! "Structured Control Flow".
+
+use rspirv::grammar::reflect::is_block_terminator;
+use rspirv::spirv::Op;
+
+use crate::error::Result;
+use crate::module::grammar::{Opcode, opcode, walk};
+use crate::module::load::{FUNCTION_STORAGE, Loader, is_module_scope_only};
+use crate::module::names::opcode_name;
+use crate::module::ty::{Type, TypeId};
+use crate::module::words::{Span, Walker, invalid};
+use crate::module::{Block, Definition, Function, Id, Instruction};
+
+impl<'w> Loader<'w> {
+    /// Reads the functions, of which the first has been met.
+    pub(super) fn functions(&mut self, walker: &mut Walker<'w>, first: Option<Span>) -> Result<()> {
+        let mut next = first;
+        while let Some(span) = next {
+            match opcode(span.opcode) {
+                None => self.note_unknown(span),
+                Some(known) if known.op == Op::Function => self.function(span, walker)?,
+                Some(known) if known.op == Op::Nop || self.debug_instruction(span, known)? => {}
+                Some(_) => {
+                    return Err(invalid(
+                        span.start,
+                        format!("expected OpFunction, found {}", opcode_name(span.opcode)),
+                    ));
+                }
+            }
+            next = walker.next()?;
+        }
+        Ok(())
+    }
+
+    fn function(&mut self, span: Span, walker: &mut Walker<'w>) -> Result<()> {
+        walk(self.words, span, 1, &mut |_, _| Ok(()))?;
+        let first = span.start + 1;
+        let return_type = self.type_at(span, first)?;
+        let function_type = self.type_at(span, first + 3)?;
+        let wanted = match self.module.ty(function_type) {
+            Type::Function { return_type: declared, parameters } if *declared == return_type => {
+                parameters.clone()
+            }
+            _ => return Err(self.expected(span, first + 3, "a function type with the same return type")),
+        };
+        let index = self.module.functions.len() as u32;
+        self.define(first + 1, Definition::Function(index))?;
+        let id = self.id(first + 1);
+        self.module.functions.push(Function {
+            id,
+            offset: span.start as u32,
+            control: self.words[first + 2],
+            return_type,
+            parameters: Vec::with_capacity(wanted.len()),
+            blocks: Vec::new(),
+        });
+        self.debug.enter_function(id);
+        let mut body = Body { index, wanted, open: None };
+        while let Some(span) = walker.next()? {
+            if self.body_instruction(span, &mut body)? {
+                self.debug.leave_function();
+                return Ok(());
+            }
+        }
+        Err(invalid(self.words.len(), format!("the module ends before the OpFunctionEnd of %{}", id.0)))
+    }
+
+    /// Takes one instruction of a function; says whether it was the `OpFunctionEnd`.
+    fn body_instruction(&mut self, span: Span, body: &mut Body) -> Result<bool> {
+        let Some(known) = opcode(span.opcode) else {
+            self.note_unknown(span);
+            self.push_instruction(span, None, body)?;
+            return Ok(false);
+        };
+        if known.op == Op::Nop || self.debug_instruction(span, known)? {
+            return Ok(false);
+        }
+        match known.op {
+            Op::FunctionParameter => self.parameter(span, body)?,
+            Op::FunctionEnd => {
+                walk(self.words, span, 1, &mut |_, _| Ok(()))?;
+                self.close_open_block(span, body)?;
+                self.check_parameter_count(span, body)?;
+                return Ok(true);
+            }
+            Op::Label => {
+                walk(self.words, span, 1, &mut |_, _| Ok(()))?;
+                self.close_open_block(span, body)?;
+                self.check_parameter_count(span, body)?;
+                let block = self.module.functions[body.index as usize].blocks.len() as u32;
+                self.define(span.start + 1, Definition::Label(body.index, block))?;
+                body.open = Some(Block {
+                    label: self.id(span.start + 1),
+                    offset: span.start as u32,
+                    instructions: Vec::new(),
+                });
+            }
+            Op::Function => {
+                return Err(invalid(
+                    span.start,
+                    "OpFunction stands before the OpFunctionEnd of the last one",
+                ));
+            }
+            _ if is_module_scope_only(known) => {
+                return Err(invalid(
+                    span.start,
+                    format!("{} stands inside a function", opcode_name(span.opcode)),
+                ));
+            }
+            _ => {
+                self.push_instruction(span, Some(known), body)?;
+                if is_terminator(known) {
+                    self.close_block(body);
+                    self.debug.leave_block(span.end);
+                }
+            }
+        }
+        Ok(false)
+    }
+
+    fn parameter(&mut self, span: Span, body: &Body) -> Result<()> {
+        walk(self.words, span, 1, &mut |_, _| Ok(()))?;
+        let function = &self.module.functions[body.index as usize];
+        if body.open.is_some() || !function.blocks.is_empty() {
+            return Err(invalid(span.start, "OpFunctionParameter stands behind the first OpLabel"));
+        }
+        let index = function.parameters.len();
+        let Some(&wanted) = body.wanted.get(index) else {
+            return Err(invalid(
+                span.start,
+                format!("OpFunctionParameter: the function's type has {index} parameters only"),
+            ));
+        };
+        let ty = self.type_at(span, span.start + 1)?;
+        if ty != wanted {
+            let what = format!("{}, as the function's type says", self.module.describe_type(wanted));
+            return Err(self.expected(span, span.start + 1, &what));
+        }
+        self.define(span.start + 2, Definition::Parameter(body.index, index as u32))?;
+        let id = self.id(span.start + 2);
+        self.module.functions[body.index as usize].parameters.push((id, ty));
+        Ok(())
+    }
+
+    fn check_parameter_count(&self, span: Span, body: &Body) -> Result<()> {
+        let function = &self.module.functions[body.index as usize];
+        if function.parameters.len() == body.wanted.len() {
+            return Ok(());
+        }
+        Err(invalid(
+            span.start,
+            format!(
+                "%{}: expected {} OpFunctionParameter, found {} before {}",
+                function.id.0,
+                body.wanted.len(),
+                function.parameters.len(),
+                opcode_name(span.opcode)
+            ),
+        ))
+    }
+
+    fn push_instruction(&mut self, span: Span, known: Option<&Opcode>, body: &mut Body) -> Result<()> {
+        let Some(block) = &mut body.open else {
+            let wanted = match self.module.functions[body.index as usize].blocks.is_empty() {
+                true => "OpFunctionParameter, OpLabel or OpFunctionEnd",
+                false => "OpLabel or OpFunctionEnd",
+            };
+            return Err(invalid(
+                span.start,
+                format!("expected {wanted}, found {}", opcode_name(span.opcode)),
+            ));
+        };
+        let mut operands = span.operands();
+        let mut take = |wanted: bool| wanted.then(|| operands.next()).flatten();
+        let type_at = take(known.is_some_and(|known| known.has_type));
+        let result_at = take(known.is_some_and(|known| known.has_result));
+        if known.is_some_and(|known| span.end - span.start <= known.result_words()) {
+            return Err(invalid(
+                span.start,
+                format!("{} ends before its result id", opcode_name(span.opcode)),
+            ));
+        }
+        let instruction = Instruction {
+            opcode: span.opcode,
+            offset: span.start as u32,
+            result_type: type_at.map(|at| Id(self.words[at])),
+            result: result_at.map(|at| Id(self.words[at])),
+            operands: operands.start as u32..operands.end as u32,
+        };
+        let block_index = self.module.functions[body.index as usize].blocks.len() as u32;
+        let definition = Definition::Result(body.index, block_index, block.instructions.len() as u32);
+        block.instructions.push(instruction);
+        if let Some(at) = type_at {
+            let ty = self.type_at(span, at)?;
+            if let Some(known) = known
+                && matches!(known.op, Op::Variable | Op::UntypedVariableKHR)
+            {
+                self.local_variable(span, known, ty, block_index)?;
+            }
+        }
+        if let Some(at) = result_at {
+            self.define(at, definition)?;
+        }
+        Ok(())
+    }
+
+    fn local_variable(&self, span: Span, known: &Opcode, ty: TypeId, block: u32) -> Result<()> {
+        walk(self.words, span, 1, &mut |_, _| Ok(()))?;
+        let storage_class = self.words[span.start + 3];
+        if storage_class != FUNCTION_STORAGE {
+            return Err(invalid(
+                span.start + 3,
+                format!(
+                    "{} inside a function must have the storage class Function",
+                    opcode_name(span.opcode)
+                ),
+            ));
+        }
+        if block != 0 {
+            return Err(invalid(
+                span.start,
+                format!("{} stands behind the function's first block", opcode_name(span.opcode)),
+            ));
+        }
+        self.variable_type(span, ty, storage_class, known.op == Op::UntypedVariableKHR)?;
+        Ok(())
+    }
+
+    /// Ends a block at `OpLabel` or `OpFunctionEnd`: right only if an unknown opcode came last,
+    /// which may be a terminator.
+    fn close_open_block(&mut self, span: Span, body: &mut Body) -> Result<()> {
+        let Some(block) = &body.open else { return Ok(()) };
+        match block.instructions.last() {
+            Some(last) if opcode(last.opcode).is_none() => {
+                self.close_block(body);
+                self.debug.leave_block(span.start);
+                Ok(())
+            }
+            _ => Err(invalid(
+                span.start,
+                format!("block %{} has no terminator before {}", block.label.0, opcode_name(span.opcode)),
+            )),
+        }
+    }
+
+    fn close_block(&mut self, body: &mut Body) {
+        if let Some(block) = body.open.take() {
+            self.module.functions[body.index as usize].blocks.push(block);
+        }
+    }
+}
+
+/// What stands behind an `OpFunction` so far.
+struct Body {
+    index: u32,
+    /// Types of the parameters, by the function's type.
+    wanted: Vec<TypeId>,
+    open: Option<Block>,
+}
+
+/// Whether an instruction ends its block.
+pub(super) fn is_terminator(known: &Opcode) -> bool {
+    is_block_terminator(known.op)
+}

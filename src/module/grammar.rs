@@ -1,0 +1,346 @@
+//! What follows an opcode: the operand kinds of rspirv's grammar tables, stepped over word by word.
+//!
+//! An enumerant that the tables do not know may have parameters of its own, so nothing behind it
+//! can be told apart: the rest of such an instruction is carried unread.
+
+use std::ops::Range;
+use std::sync::LazyLock;
+
+use rspirv::dr;
+use rspirv::grammar::{INSTRUCTION_TABLE, LogicalOperand, OperandKind, OperandQuantifier};
+use rspirv::spirv;
+
+use crate::error::Result;
+use crate::module::names::opcode_name;
+use crate::module::words::{Span, ends_string, invalid};
+
+/// An opcode of the tables.
+#[derive(Clone, Copy)]
+pub(crate) struct Opcode {
+    /// The enumerant.
+    pub(crate) op: spirv::Op,
+    /// The name without its `Op`.
+    pub(crate) name: &'static str,
+    /// Whether its first operand is a result type.
+    pub(crate) has_type: bool,
+    /// Whether it has a result id (behind the result type, where there is one).
+    pub(crate) has_result: bool,
+    operands: &'static [LogicalOperand],
+}
+
+impl Opcode {
+    /// Words of result type and result id.
+    pub(crate) fn result_words(&self) -> usize {
+        usize::from(self.has_type) + usize::from(self.has_result)
+    }
+}
+
+/// One optional id that newer revisions of the specification let follow, and the tables lack.
+const OPTIONAL_ID: LogicalOperand =
+    LogicalOperand { kind: OperandKind::IdRef, quantifier: OperandQuantifier::ZeroOrOne };
+
+/// The entry of an opcode's number; `None` where the tables do not know it.
+pub(crate) fn opcode(number: u16) -> Option<&'static Opcode> {
+    // The crate's own look-up is a linear search through 800 entries.
+    static TABLE: LazyLock<Vec<Option<Opcode>>> = LazyLock::new(|| {
+        let mut table = Vec::new();
+        for entry in INSTRUCTION_TABLE.iter() {
+            let number = entry.opcode as usize;
+            if table.len() <= number {
+                table.resize(number + 1, None);
+            }
+            let kind = |index: usize| entry.operands.get(index).map(|operand| operand.kind);
+            let has_type = kind(0) == Some(OperandKind::IdResultType);
+            table[number] = Some(Opcode {
+                op: entry.opcode,
+                name: entry.opname,
+                has_type,
+                has_result: kind(usize::from(has_type)) == Some(OperandKind::IdResult),
+                operands: entry.operands,
+            });
+        }
+        table
+    });
+    TABLE.get(usize::from(number))?.as_ref()
+}
+
+/// Whether words of this kind are ids.
+pub(crate) fn is_id(kind: OperandKind) -> bool {
+    matches!(kind, OperandKind::IdRef | OperandKind::IdScope | OperandKind::IdMemorySemantics)
+}
+
+/// Holds an instruction's operands (result type and result id included) against the grammar.
+///
+/// `literal_words` is how many words a number takes whose width hangs on a type: the value of
+/// `OpConstant`, the cases of `OpSwitch`. Unknown opcodes pass.
+///
+/// # Errors
+/// `InvalidModule` where operands are missing or left over, and what `visit` returns; it is given
+/// the offset of each operand's first word and the operand's kind, without result type and id.
+pub(crate) fn walk(
+    words: &[u32],
+    span: Span,
+    literal_words: usize,
+    visit: &mut dyn FnMut(usize, OperandKind) -> Result<()>,
+) -> Result<()> {
+    let Some(opcode) = opcode(span.opcode) else { return Ok(()) };
+    let mut cursor = Cursor { words, span, at: span.start + 1, literal_words, visit };
+    for _ in 0..opcode.result_words() {
+        cursor.take("its result")?;
+    }
+    cursor.operands(&opcode.operands[opcode.result_words()..])?;
+    if opcode.op == spirv::Op::HitObjectRecordFromQueryEXT {
+        cursor.operands(&[OPTIONAL_ID])?;
+    }
+    if cursor.at < span.end {
+        return Err(invalid(
+            cursor.at,
+            format!(
+                "{} takes {} words here, but its word count is {}",
+                opcode_name(span.opcode),
+                cursor.at - span.start,
+                span.end - span.start
+            ),
+        ));
+    }
+    Ok(())
+}
+
+/// The offsets of an instruction's operands that are ids, without result type and result id.
+///
+/// `operands` is where they stand behind result type and result id. Reads an instruction that has
+/// passed [`walk`] before: what does not fit is left out.
+pub(crate) fn id_operands(
+    words: &[u32],
+    opcode_number: u16,
+    operands: Range<usize>,
+    literal_words: usize,
+    visit: &mut dyn FnMut(usize),
+) {
+    let Some(opcode) = opcode(opcode_number) else { return };
+    let start = operands.start.saturating_sub(1 + opcode.result_words());
+    let span = Span { opcode: opcode_number, start, end: operands.end };
+    let passed = walk(words, span, literal_words, &mut |at, kind| {
+        if is_id(kind) {
+            visit(at);
+        }
+        Ok(())
+    });
+    debug_assert!(passed.is_ok(), "bug in anyhit: an instruction of a loaded module breaks the grammar");
+}
+
+struct Cursor<'a> {
+    words: &'a [u32],
+    span: Span,
+    at: usize,
+    literal_words: usize,
+    visit: &'a mut dyn FnMut(usize, OperandKind) -> Result<()>,
+}
+
+impl Cursor<'_> {
+    /// Steps over operands in their order.
+    fn operands(&mut self, operands: &[LogicalOperand]) -> Result<()> {
+        for operand in operands {
+            match operand.quantifier {
+                OperandQuantifier::One => self.operand(operand.kind)?,
+                OperandQuantifier::ZeroOrOne if self.at == self.span.end => {}
+                OperandQuantifier::ZeroOrOne => self.operand(operand.kind)?,
+                OperandQuantifier::ZeroOrMore => {
+                    while self.at < self.span.end {
+                        self.operand(operand.kind)?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Steps over one operand with what its enumerant brings along.
+    fn operand(&mut self, kind: OperandKind) -> Result<()> {
+        use OperandKind as K;
+        match kind {
+            K::PairIdRefIdRef => {
+                self.one(K::IdRef)?;
+                self.one(K::IdRef)?;
+                Ok(())
+            }
+            K::PairIdRefLiteralInteger => {
+                self.one(K::IdRef)?;
+                self.one(K::LiteralInteger)?;
+                Ok(())
+            }
+            K::PairLiteralIntegerIdRef => {
+                self.operand(K::LiteralContextDependentNumber)?;
+                self.one(K::IdRef)?;
+                Ok(())
+            }
+            K::LiteralContextDependentNumber => {
+                self.one(kind)?;
+                for _ in 1..self.literal_words {
+                    self.take("the high word of a 64-bit number")?;
+                }
+                Ok(())
+            }
+            K::LiteralString => {
+                let start = self.at;
+                self.one(kind)?;
+                let mut last = self.words[start];
+                while !ends_string(last) {
+                    last = self.words[self.take("the closing zero byte of a string")?];
+                }
+                Ok(())
+            }
+            K::LiteralSpecConstantOpInteger => {
+                let at = self.one(kind)?;
+                match u16::try_from(self.words[at]).ok().and_then(opcode) {
+                    Some(inner) => self.operands(&inner.operands[inner.result_words()..]),
+                    None => self.skip_rest(),
+                }
+            }
+            _ => {
+                let at = self.one(kind)?;
+                match parameters(kind, self.words[at]) {
+                    Some(parameters) => self.operands(&parameters),
+                    None => self.skip_rest(),
+                }
+            }
+        }
+    }
+
+    /// Takes one word and shows it.
+    fn one(&mut self, kind: OperandKind) -> Result<usize> {
+        let at = self.take_kind(kind)?;
+        (self.visit)(at, kind)?;
+        Ok(at)
+    }
+
+    fn take_kind(&mut self, kind: OperandKind) -> Result<usize> {
+        if self.at < self.span.end {
+            self.at += 1;
+            return Ok(self.at - 1);
+        }
+        self.take(&format!("an operand ({kind:?})"))
+    }
+
+    fn take(&mut self, what: &str) -> Result<usize> {
+        if self.at == self.span.end {
+            return Err(invalid(
+                self.span.start,
+                format!(
+                    "{} ends after {} words where {what} is expected",
+                    opcode_name(self.span.opcode),
+                    self.span.end - self.span.start
+                ),
+            ));
+        }
+        self.at += 1;
+        Ok(self.at - 1)
+    }
+
+    fn skip_rest(&mut self) -> Result<()> {
+        self.at = self.span.end;
+        Ok(())
+    }
+}
+
+/// The operands that an enumerant brings along; `None` where the enumerant is not known.
+fn parameters(kind: OperandKind, word: u32) -> Option<Vec<LogicalOperand>> {
+    /// The bits of a mask one by one, lowest first: the order in which their parameters stand.
+    fn of_bits(word: u32, of_bit: impl Fn(u32) -> Option<dr::Operand>) -> Option<Vec<LogicalOperand>> {
+        let mut all = Vec::new();
+        for bit in (0..u32::BITS).map(|index| 1 << index).filter(|bit| word & bit != 0) {
+            all.extend(of_bit(bit)?.additional_operands());
+        }
+        Some(all)
+    }
+    match kind {
+        OperandKind::Decoration => spirv::Decoration::from_u32(word)
+            .map(|value| dr::Operand::Decoration(value).additional_operands()),
+        OperandKind::ExecutionMode => spirv::ExecutionMode::from_u32(word)
+            .map(|value| dr::Operand::ExecutionMode(value).additional_operands()),
+        OperandKind::ImageOperands => {
+            of_bits(word, |bit| spirv::ImageOperands::from_bits(bit).map(dr::Operand::ImageOperands))
+        }
+        OperandKind::LoopControl => {
+            of_bits(word, |bit| spirv::LoopControl::from_bits(bit).map(dr::Operand::LoopControl))
+        }
+        OperandKind::MemoryAccess => {
+            of_bits(word, |bit| spirv::MemoryAccess::from_bits(bit).map(dr::Operand::MemoryAccess))
+        }
+        OperandKind::TensorAddressingOperands => of_bits(word, |bit| {
+            spirv::TensorAddressingOperands::from_bits(bit).map(dr::Operand::TensorAddressingOperands)
+        }),
+        OperandKind::TensorOperands => {
+            of_bits(word, |bit| spirv::TensorOperands::from_bits(bit).map(dr::Operand::TensorOperands))
+        }
+        _ => Some(Vec::new()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The kinds that a walk shows for one instruction's words, or its error's text.
+    fn kinds(words: &[u32], literal_words: usize) -> std::result::Result<Vec<OperandKind>, String> {
+        let mut seen = Vec::new();
+        let span = Span { opcode: words[0] as u16, start: 0, end: words.len() };
+        walk(words, span, literal_words, &mut |_, kind| {
+            seen.push(kind);
+            Ok(())
+        })
+        .map_err(|error| error.message().to_owned())?;
+        Ok(seen)
+    }
+
+    #[test]
+    fn parameters_of_a_mask_stand_in_the_order_of_its_bits() {
+        // OpImageSampleExplicitLod with Lod | Grad is not sensible, but shows the counts: 1 + 2 ids.
+        let all = kinds(&[88, 1, 2, 3, 4, 0x2 | 0x4, 5, 6, 7], 1).unwrap();
+        assert_eq!(all.iter().filter(|kind| is_id(**kind)).count(), 5);
+        // OpLoad, Aligned (a literal) | MakePointerVisible (an id): bits 1 and 4.
+        let all = kinds(&[61, 1, 2, 3, 0x2 | 0x10, 16, 9], 1).unwrap();
+        assert_eq!(all[2..], [OperandKind::LiteralInteger, OperandKind::IdScope]);
+    }
+
+    #[test]
+    fn the_optional_operand_that_the_tables_lack_is_known() {
+        let words = [spirv::Op::HitObjectRecordFromQueryEXT as u32, 1, 2, 3, 4, 5];
+        assert_eq!(kinds(&words, 1).unwrap().len(), 5);
+        assert_eq!(kinds(&words[..5], 1).unwrap().len(), 4);
+    }
+
+    #[test]
+    fn missing_and_spare_words_are_told() {
+        assert_eq!(
+            kinds(&[128, 1, 2, 3], 1).unwrap_err(),
+            "OpIAdd ends after 4 words where an operand (IdRef) is expected"
+        );
+        assert_eq!(
+            kinds(&[128, 1, 2, 3, 4, 5], 1).unwrap_err(),
+            "OpIAdd takes 5 words here, but its word count is 6"
+        );
+        assert_eq!(kinds(&[128], 1).unwrap_err(), "OpIAdd ends after 1 words where its result is expected");
+        assert_eq!(
+            kinds(&[7, 1, u32::from_le_bytes(*b"abcd")], 1).unwrap_err(),
+            "OpString ends after 3 words where the closing zero byte of a string is expected"
+        );
+    }
+
+    #[test]
+    fn unknown_enumerants_hide_the_rest_of_their_instruction() {
+        // OpDecorate %1 with a decoration that does not exist.
+        assert_eq!(kinds(&[71, 1, 0xffff, 3, 4, 5], 1).unwrap().len(), 2);
+        // A memory operand bit that does not exist.
+        assert_eq!(kinds(&[61, 1, 2, 3, 1 << 30, 7, 7, 7], 1).unwrap().len(), 2);
+    }
+
+    #[test]
+    fn wide_switch_cases_take_two_words_each() {
+        assert_eq!(kinds(&[251, 1, 2, 7, 0, 3, 8, 0, 4], 2).unwrap().len(), 6);
+        assert_eq!(
+            kinds(&[251, 1, 2, 7, 0, 3, 8, 0], 2).unwrap_err(),
+            "OpSwitch ends after 8 words where an operand (IdRef) is expected"
+        );
+    }
+}

@@ -1,0 +1,129 @@
+//! Questions about a module that is loaded.
+
+use rspirv::spirv::Op;
+use smallvec::SmallVec;
+
+use crate::module::constant::ConstantValue;
+use crate::module::grammar::{id_operands, opcode};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Function, Id, Instruction, Module};
+
+impl Module {
+    /// The bits of a plain scalar constant: no specialization constant, no composite.
+    ///
+    /// A bool is 0 or 1, an integer its low `width` bits zero-extended, a float its bits. A null
+    /// constant of scalar type is 0. `None` for all else, undefined values included.
+    pub fn constant_scalar(&self, id: Id) -> Option<u64> {
+        let Some(Definition::Constant(index)) = self.definition(id) else { return None };
+        let constant = &self.constants[index as usize];
+        let scalar = matches!(self.ty(constant.ty), Type::Bool | Type::Int { .. } | Type::Float { .. });
+        match constant.value {
+            _ if constant.specializable => None,
+            ConstantValue::Scalar(bits) => Some(bits),
+            ConstantValue::Null if scalar => Some(0),
+            _ => None,
+        }
+    }
+
+    /// The type that an id has as a value: of constants, variables, parameters and results.
+    ///
+    /// `None` for types, labels, functions, and where nothing known defines the id.
+    pub fn type_of(&self, id: Id) -> Option<TypeId> {
+        match self.definition(id)? {
+            Definition::Constant(index) => Some(self.constants[index as usize].ty),
+            Definition::Variable(index) => Some(self.variables[index as usize].pointer),
+            Definition::Parameter(function, index) => {
+                Some(self.functions[function as usize].parameters[index as usize].1)
+            }
+            Definition::Result(function, block, index) => {
+                let block = &self.functions[function as usize].blocks[block as usize];
+                self.type_with_id(block.instructions[index as usize].result_type?)
+            }
+            _ => None,
+        }
+    }
+
+    /// The type that an id declares.
+    pub fn type_with_id(&self, id: Id) -> Option<TypeId> {
+        match self.definition(id)? {
+            Definition::Type(ty) => Some(ty),
+            _ => None,
+        }
+    }
+
+    /// The function that an id defines.
+    pub fn function(&self, id: Id) -> Option<&Function> {
+        match self.definition(id)? {
+            Definition::Function(index) => Some(&self.functions[index as usize]),
+            _ => None,
+        }
+    }
+
+    /// The name of an id: from `OpName`, else from debug information.
+    pub fn name(&self, id: Id) -> Option<&str> {
+        let info = &self.debug_info;
+        let name = info.names.get(&id).map(String::as_str).filter(|name| !name.is_empty());
+        name.or_else(|| info.variable_names.get(&id).map(|name| &**name))
+            .or_else(|| info.function_names.get(&id).map(|name| &**name))
+    }
+
+    /// An id in words for an error: `%7 (a label)`, `%12 (the constant "scale")`.
+    pub fn describe_id(&self, id: Id) -> String {
+        let what = match self.definition(id) {
+            None => return format!("%{}, which nothing defines", id.0),
+            Some(Definition::Type(ty)) => format!("the type {}", self.describe_type(ty)),
+            Some(Definition::Constant(_)) => "a constant".to_owned(),
+            Some(Definition::Variable(_)) => "a variable".to_owned(),
+            Some(Definition::Function(_)) => "a function".to_owned(),
+            Some(Definition::Parameter(..)) => "a parameter".to_owned(),
+            Some(Definition::Label(..)) => "a label".to_owned(),
+            Some(Definition::Result(..)) => "a result".to_owned(),
+            Some(Definition::InstructionSet(_)) => "an instruction set".to_owned(),
+            Some(Definition::Other) => "no value".to_owned(),
+        };
+        match self.name(id) {
+            Some(name) => format!("%{} ({what} `{name}`)", id.0),
+            None => format!("%{} ({what})", id.0),
+        }
+    }
+
+    /// The operands of an instruction that are ids, result type and result id left out.
+    ///
+    /// Empty for unknown opcodes. Literals that look like ids are told apart by the grammar.
+    pub fn operand_ids(&self, instruction: &Instruction) -> SmallVec<[Id; 8]> {
+        let mut ids = SmallVec::new();
+        let operands = instruction.operands.start as usize..instruction.operands.end as usize;
+        let literal_words = self.switch_literal_words(instruction);
+        id_operands(&self.words, instruction.opcode, operands, literal_words, &mut |at| {
+            ids.push(Id(self.words[at]));
+        });
+        ids
+    }
+
+    /// The labels that a terminator may go on to, in the order of its operands; empty for others.
+    pub fn branch_targets(&self, terminator: &Instruction) -> SmallVec<[Id; 2]> {
+        let operands = self.operands(terminator);
+        match opcode(terminator.opcode).map(|known| known.op) {
+            Some(Op::Branch) => operands.iter().copied().map(Id).collect(),
+            Some(Op::BranchConditional) => operands[1..3].iter().copied().map(Id).collect(),
+            Some(Op::Switch) => {
+                let pair = 1 + self.switch_literal_words(terminator);
+                let cases = operands[2..].chunks_exact(pair).map(|case| Id(case[pair - 1]));
+                std::iter::once(Id(operands[1])).chain(cases).collect()
+            }
+            _ => SmallVec::new(),
+        }
+    }
+
+    /// How many words each case literal of an `OpSwitch` takes: 2 for a 64-bit selector, else 1.
+    pub fn switch_literal_words(&self, instruction: &Instruction) -> usize {
+        if instruction.opcode != Op::Switch as u16 {
+            return 1;
+        }
+        let selector = self.operands(instruction).first().and_then(|id| self.type_of(Id(*id)));
+        match selector.map(|ty| self.ty(ty)) {
+            Some(Type::Int { width: 64, .. }) => 2,
+            _ => 1,
+        }
+    }
+}
