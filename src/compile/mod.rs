@@ -153,13 +153,4 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         assert!(error.message().contains("-O3"), "{error}");
     }
-
-    #[test]
-    #[cfg(not(feature = "glsl"))]
-    fn a_build_without_glslang_says_how_to_get_it() {
-        let source = Source::from_text("a.rgen", "").unwrap();
-        let error = compile(&source, &Options::default()).unwrap_err();
-        assert_eq!(error.kind(), ErrorKind::UnsupportedTool);
-        assert!(error.render().contains("--features glsl"), "{error:?}");
-    }
 }

@@ -104,45 +104,6 @@ fn plain(path: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compile::compile;
-
-    const MISS: &str = "struct Payload { float3 colour; };\n\
-        [shader(\"miss\")] void sky(inout Payload payload) { payload.colour = float3(1, 2, 3); }\n";
-
-    /// Whether `slangc` is there; says so where it is not.
-    fn installed(test: &str) -> bool {
-        let found = version();
-        if let Err(error) = &found {
-            eprintln!("SKIPPED {test}: {}", error.message());
-        }
-        found.is_ok()
-    }
-
-    #[test]
-    fn a_module_keeps_the_names_of_its_entry_points() {
-        if !installed("a_module_keeps_the_names_of_its_entry_points") {
-            return;
-        }
-        let source = Source::from_text("a.slang", MISS).unwrap();
-        for optimize in [Optimize::Default, Optimize::Off] {
-            let spirv = compile(&source, &Options { optimize, ..Options::default() }).unwrap();
-            assert_eq!(spirv[..4], [3, 2, 0x23, 7]);
-            assert!(spirv.windows(4).any(|bytes| bytes == b"sky\0"));
-        }
-    }
-
-    #[test]
-    fn a_mistake_is_shown_in_the_text() {
-        if !installed("a_mistake_is_shown_in_the_text") {
-            return;
-        }
-        let source = Source::from_text("a.slang", MISS.replace("float3(1, 2, 3)", "blue")).unwrap();
-        let error = compile(&source, &Options::default()).unwrap_err();
-        assert_eq!(error.kind(), ErrorKind::InvalidSource);
-        let report = error.render();
-        assert!(report.contains("a.slang:2:69"), "{report}");
-        assert!(report.contains("^^^^"), "{report}");
-    }
 
     #[test]
     fn a_missing_tool_says_how_to_get_it() {
