@@ -3,6 +3,7 @@
 use rspirv::spirv::Op;
 
 use crate::error::{Error, Place, Result};
+use crate::module::check_access;
 use crate::module::grammar::{is_id, opcode, walk};
 use crate::module::load::UnknownResults;
 use crate::module::names::opcode_name;
@@ -13,15 +14,16 @@ use crate::module::{Block, Definition, Id, Instruction, Module};
 ///
 /// # Errors
 /// `InvalidModule` where operands are missing or left over, an id has no definition or one in
-/// another function, a label stands where a value is expected or the other way round, a call does
-/// not fit its function, or calls go round in a circle.
+/// another function or further down, a label stands where a value is expected or the other way round, a call does
+/// not fit its function, an index leaves its composite, or calls go round in a circle.
 pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<()> {
     let mut calls = vec![Vec::new(); module.functions.len()];
     for (index, function) in module.functions.iter().enumerate() {
         let checker = Checker { module, unknown, function: index as u32 };
-        for block in &function.blocks {
-            for instruction in &block.instructions {
-                checker.instruction(instruction)?;
+        for (block_index, block) in function.blocks.iter().enumerate() {
+            for (position, instruction) in block.instructions.iter().enumerate() {
+                checker.instruction(instruction, (block_index as u32, position as u32))?;
+                check_access::instruction(module, instruction)?;
                 if instruction.opcode == Op::FunctionCall as u16 {
                     let (callee, at) = checker.call(instruction)?;
                     calls[index].extend(callee.map(|callee| (callee, at)));
@@ -40,7 +42,8 @@ struct Checker<'m> {
 }
 
 impl Checker<'_> {
-    fn instruction(&self, instruction: &Instruction) -> Result<()> {
+    /// `here` is the block's index and the instruction's in it.
+    fn instruction(&self, instruction: &Instruction, here: (u32, u32)) -> Result<()> {
         let Some(known) = opcode(instruction.opcode) else { return Ok(()) };
         let span = span_of(instruction);
         let literal_words = self.module.switch_literal_words(instruction);
@@ -80,6 +83,12 @@ impl Checker<'_> {
                     if function != self.function =>
                 {
                     Err(self.expected(span, at, "a value of the same function"))
+                }
+                // Blocks stand behind those that dominate them, so definitions stand before uses.
+                (false, Definition::Result(_, block, position))
+                    if (block, position) >= here && known.op != Op::Phi =>
+                {
+                    Err(self.expected(span, at, "a value defined before"))
                 }
                 _ => Ok(()),
             }

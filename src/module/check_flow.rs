@@ -5,8 +5,9 @@ use std::collections::HashMap;
 use rspirv::spirv::Op;
 
 use crate::error::Result;
+use crate::module::grammar::opcode;
 use crate::module::words::invalid;
-use crate::module::{Definition, Function, Id, Instruction, Module};
+use crate::module::{Block, Definition, Function, Id, Instruction, Module};
 
 /// Checks the edges between the blocks of every function.
 ///
@@ -19,7 +20,7 @@ pub(super) fn functions(module: &Module) -> Result<()> {
         for (index, block) in function.blocks.iter().enumerate() {
             let phis = block.instructions.iter().take_while(|one| one.opcode == Op::Phi as u16);
             for phi in phis {
-                check_phi(module, &predecessors[index], phi)?;
+                check_phi(module, function, &predecessors[index], phi)?;
             }
         }
     }
@@ -52,11 +53,14 @@ fn predecessors(module: &Module, function: &Function) -> Result<Vec<Vec<u32>>> {
 }
 
 /// One pair of value and parent for each block that branches here.
-fn check_phi(module: &Module, predecessors: &[u32], phi: &Instruction) -> Result<()> {
-    let mut seen: HashMap<u32, usize> = HashMap::new();
+fn check_phi(module: &Module, function: &Function, predecessors: &[u32], phi: &Instruction) -> Result<()> {
+    let mut seen = HashMap::new();
     for (index, pair) in module.operands(phi).chunks_exact(2).enumerate() {
         let at = phi.operands.start as usize + 2 * index + 1;
         let Some(Definition::Label(_, parent)) = module.definition(Id(pair[1])) else { continue };
+        if ends_unknown(&function.blocks[parent as usize]) {
+            continue;
+        }
         if predecessors.binary_search(&parent).is_err() {
             return Err(invalid(at, format!("OpPhi names %{}, which does not branch to its block", pair[1])));
         }
@@ -75,4 +79,9 @@ fn check_phi(module: &Module, predecessors: &[u32], phi: &Instruction) -> Result
         ));
     }
     Ok(())
+}
+
+/// Whether an instruction of unknown opcode ends a block: nobody knows where it goes on.
+fn ends_unknown(block: &Block) -> bool {
+    block.instructions.last().is_some_and(|last| opcode(last.opcode).is_none())
 }

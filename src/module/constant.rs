@@ -1,7 +1,8 @@
 //! Constants and specialization constants of module scope.
 
-use crate::module::Id;
-use crate::module::ty::TypeId;
+use crate::error::{Error, ErrorKind, Result};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Id, Module};
 
 /// A constant with its type.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,4 +37,126 @@ pub enum ConstantValue {
     Operation { opcode: u16, operands: Vec<u32> },
     /// A kind that this crate does not evaluate (`OpConstantSampler`, ...): the opcode's number.
     Other(u16),
+}
+
+impl Module {
+    /// Overrides the specialization constants with this `SpecId`.
+    ///
+    /// `bits` is a bool (0 is false), an integer or a float's bits; what lies above the type's
+    /// width is cut off.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the module has no scalar specialization constant with this id; the
+    /// message lists those that it has.
+    pub fn specialize(&mut self, spec_id: u32, bits: u64) -> Result<()> {
+        let mut found = false;
+        for constant in &mut self.constants {
+            if constant.spec_id != Some(spec_id) || !constant.specializable {
+                continue;
+            }
+            let ConstantValue::Scalar(value) = &mut constant.value else { continue };
+            *value = match self.types[constant.ty.0 as usize] {
+                Type::Int { width, .. } | Type::Float { width, .. } => bits & (u64::MAX >> (64 - width)),
+                _ => u64::from(bits != 0),
+            };
+            found = true;
+        }
+        if found {
+            return Ok(());
+        }
+        Err(Error::new(
+            ErrorKind::InvalidArgument,
+            format!("the module has no specialization constant {spec_id}"),
+        )
+        .note(self.list_specializations()))
+    }
+
+    /// The bits of a scalar constant as it stands, specialization constants included: their
+    /// default, or what [`Module::specialize`] has put there.
+    ///
+    /// Bits as in [`Module::constant_scalar`]. `None` for composites, undefined values, and what
+    /// `OpSpecConstantOp` computes.
+    pub fn scalar_value(&self, id: Id) -> Option<u64> {
+        match self.definition(id)? {
+            Definition::Constant(index) => match self.constants[index as usize].value {
+                ConstantValue::Scalar(bits) => Some(bits),
+                _ => self.constant_scalar(id),
+            },
+            _ => None,
+        }
+    }
+
+    fn list_specializations(&self) -> String {
+        let mut known: Vec<(u32, String)> = self
+            .constants
+            .iter()
+            .filter(|constant| matches!(constant.value, ConstantValue::Scalar(_)))
+            .filter_map(|constant| {
+                let name = self.name(constant.id).map(|name| format!(" `{name}`")).unwrap_or_default();
+                let spec_id = constant.spec_id?;
+                Some((spec_id, format!("{spec_id} ({}{name})", self.describe_type(constant.ty))))
+            })
+            .collect();
+        known.sort();
+        if known.is_empty() {
+            return "it has none at all".to_owned();
+        }
+        let known: Vec<String> = known.into_iter().map(|(_, text)| text).collect();
+        format!("it has {}", known.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pretty_assertions::assert_eq;
+    use rspirv::spirv::Op;
+
+    use crate::error::ErrorKind;
+    use crate::module::Id;
+    use crate::module::assemble::Assembler;
+
+    #[test]
+    fn specialization_replaces_the_default_in_the_types_width() {
+        let mut a = Assembler::new();
+        a.with_string(Op::Name, &[20], "samples", &[]);
+        a.op(Op::Decorate, &[20, 1, 3]);
+        a.op(Op::Decorate, &[21, 1, 4]);
+        a.op(Op::Decorate, &[22, 1, 5]);
+        a.types();
+        a.op(Op::SpecConstant, &[5, 20, 16]);
+        a.op(Op::SpecConstantTrue, &[3, 21]);
+        a.op(Op::TypeInt, &[23, 64, 0]);
+        a.op(Op::SpecConstant, &[23, 22, 1, 2]);
+        let mut module = a.loaded();
+        let value = |module: &crate::module::Module, id| module.scalar_value(Id(id));
+        assert_eq!([20, 21, 22].map(|id| value(&module, id)), [Some(16), Some(1), Some(0x2_0000_0001)]);
+        module.specialize(3, 0xffff_ffff_0000_0001).unwrap();
+        module.specialize(4, 0).unwrap();
+        module.specialize(5, u64::MAX).unwrap();
+        assert_eq!([20, 21, 22].map(|id| value(&module, id)), [Some(1), Some(0), Some(u64::MAX)]);
+        assert_eq!(value(&module, 8), Some(3));
+
+        let error = module.specialize(9, 0).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+        assert_eq!(error.message(), "the module has no specialization constant 9");
+        assert_eq!(error.notes(), ["it has 3 (uint `samples`), 4 (bool), 5 (uint64_t)"]);
+    }
+
+    #[test]
+    fn a_module_without_specialization_constants_says_so() {
+        let error = Assembler::new().loaded().specialize(0, 0).unwrap_err();
+        assert_eq!(error.notes(), ["it has none at all"]);
+    }
+
+    #[test]
+    fn narrow_constants_lose_the_sign_bits_above_their_width() {
+        let mut a = Assembler::new();
+        a.op(Op::TypeInt, &[1, 16, 1]);
+        // -2 as a 16-bit integer: sign-extended in its word (specification, section 2.2.1).
+        a.op(Op::Constant, &[1, 2, 0xffff_fffe]);
+        a.op(Op::ConstantNull, &[1, 3]);
+        a.op(Op::Undef, &[1, 4]);
+        let module = a.loaded();
+        assert_eq!([2, 3, 4].map(|id| module.constant_scalar(Id(id))), [Some(0xfffe), Some(0), None]);
+    }
 }

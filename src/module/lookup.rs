@@ -67,24 +67,9 @@ impl Module {
             .or_else(|| info.function_names.get(&id).map(|name| &**name))
     }
 
-    /// An id in words for an error: `%7 (a label)`, `%12 (the constant "scale")`.
-    pub fn describe_id(&self, id: Id) -> String {
-        let what = match self.definition(id) {
-            None => return format!("%{}, which nothing defines", id.0),
-            Some(Definition::Type(ty)) => format!("the type {}", self.describe_type(ty)),
-            Some(Definition::Constant(_)) => "a constant".to_owned(),
-            Some(Definition::Variable(_)) => "a variable".to_owned(),
-            Some(Definition::Function(_)) => "a function".to_owned(),
-            Some(Definition::Parameter(..)) => "a parameter".to_owned(),
-            Some(Definition::Label(..)) => "a label".to_owned(),
-            Some(Definition::Result(..)) => "a result".to_owned(),
-            Some(Definition::InstructionSet(_)) => "an instruction set".to_owned(),
-            Some(Definition::Other) => "no value".to_owned(),
-        };
-        match self.name(id) {
-            Some(name) => format!("%{} ({what} `{name}`)", id.0),
-            None => format!("%{} ({what})", id.0),
-        }
+    /// The id that declares a type.
+    pub fn id_of_type(&self, ty: TypeId) -> Option<Id> {
+        self.type_ids.get(ty.0 as usize).copied()
     }
 
     /// The operands of an instruction that are ids, result type and result id left out.

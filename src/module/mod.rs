@@ -5,6 +5,7 @@
 //! modules hold what rspirv's own loader refuses.
 
 mod check;
+mod check_access;
 mod check_flow;
 pub mod constant;
 pub mod debug_info;
@@ -12,6 +13,7 @@ mod debug_reader;
 mod declare_constant;
 mod declare_type;
 pub mod decoration;
+mod describe;
 mod functions;
 mod grammar;
 pub mod interface;

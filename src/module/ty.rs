@@ -1,6 +1,7 @@
 //! The arena of types.
 
-use crate::module::names::{opcode_name, storage_class_name};
+use std::collections::HashMap;
+
 use crate::module::{Id, Module};
 
 /// A handle of a type: an index into [`Module::types`](crate::module::Module::types).
@@ -111,142 +112,226 @@ pub struct MatrixLayout {
     pub row_major: bool,
 }
 
+/// `PhysicalStorageBuffer`: the storage class whose pointers have a size in memory.
+const PHYSICAL_STORAGE_BUFFER: u32 = 5349;
+
 impl Module {
-    /// A type in GLSL's words, for people: `vec3`, `float[2]`, `struct Payload`.
-    pub fn describe_type(&self, ty: TypeId) -> String {
-        let mut text = String::new();
-        self.write_type(ty, 4, &mut text);
-        text
+    /// The size of a type in bytes, from its first byte to the last one that a part of it covers,
+    /// by the explicit layout of its `Offset`, `ArrayStride` and `MatrixStride`.
+    ///
+    /// Specialization constants count as they stand ([`Module::specialize`]). `None` for types
+    /// without a size (runtime arrays, opaque types, booleans), for lengths that are not known,
+    /// where a decoration is missing, and where the size does not fit 64 bits.
+    pub fn size_of(&self, ty: TypeId) -> Option<u64> {
+        self.size_of_with(ty, &|id| self.scalar_value(id))
     }
 
-    /// `pointers` bounds how many pointers are followed: they may lead round in a circle.
-    fn write_type(&self, ty: TypeId, pointers: u32, out: &mut String) {
-        match self.ty(ty) {
-            Type::Void => out.push_str("void"),
-            Type::Bool => out.push_str("bool"),
-            Type::Int { width, signed } => out.push_str(&int_name(*width, *signed)),
-            Type::Float { width, encoding } => out.push_str(&float_name(*width, *encoding)),
-            Type::Vector { component, count } => {
-                match self.ty(*component) {
-                    Type::Bool => out.push('b'),
-                    Type::Int { width: 32, signed: true } => out.push('i'),
-                    Type::Int { width: 32, signed: false } => out.push('u'),
-                    Type::Int { width, signed } => {
-                        out.push_str(if *signed { "i" } else { "u" });
-                        out.push_str(&width.to_string());
-                    }
-                    Type::Float { width: 32, encoding: None } => {}
-                    Type::Float { width: 64, encoding: None } => out.push('d'),
-                    Type::Float { width: 16, encoding: None } => out.push_str("f16"),
-                    _ => {
-                        self.write_type(*component, pointers, out);
-                        out.push_str(" vector of ");
-                        out.push_str(&count.to_string());
-                        return;
-                    }
-                }
-                out.push_str("vec");
-                out.push_str(&count.to_string());
-            }
+    /// As [`Module::size_of`], with the values of array lengths told by the caller, who may know
+    /// what `OpSpecConstantOp` computes.
+    pub fn size_of_with(&self, ty: TypeId, length: &dyn Fn(Id) -> Option<u64>) -> Option<u64> {
+        Sizes { module: self, length, known: HashMap::new() }.size(ty, None)
+    }
+
+    /// The number of scalars that a value of a type is made of; opaque types and pointers count
+    /// as one.
+    ///
+    /// Saturates at `u64::MAX`: a few words can ask for `float[2147483647][2147483647]`, so hold
+    /// the count against a limit before making room for it. `None` for runtime arrays and lengths
+    /// that are not known (see [`Module::size_of`]).
+    pub fn scalar_count(&self, ty: TypeId) -> Option<u64> {
+        self.scalar_count_with(ty, &|id| self.scalar_value(id))
+    }
+
+    /// As [`Module::scalar_count`], with the values of array lengths told by the caller.
+    pub fn scalar_count_with(&self, ty: TypeId, length: &dyn Fn(Id) -> Option<u64>) -> Option<u64> {
+        Counts { module: self, length, known: HashMap::new() }.count(ty)
+    }
+}
+
+/// Sizes of structs are kept: a struct of two structs of two structs... would be visited 2^depth
+/// times. The depth itself is bounded by the loader.
+struct Sizes<'a> {
+    module: &'a Module,
+    length: &'a dyn Fn(Id) -> Option<u64>,
+    known: HashMap<TypeId, Option<u64>>,
+}
+
+impl Sizes<'_> {
+    /// `layout` is that of the struct member around, which says how matrices lie.
+    fn size(&mut self, ty: TypeId, layout: Option<MatrixLayout>) -> Option<u64> {
+        match self.module.ty(ty) {
+            Type::Int { width, .. } | Type::Float { width, .. } => Some(u64::from(width / 8)),
+            Type::Vector { component, count } => self.size(*component, None)?.checked_mul(u64::from(*count)),
             Type::Matrix { column, count } => {
-                let (component, rows) = match self.ty(*column) {
-                    Type::Vector { component, count } => (self.ty(*component), *count),
-                    _ => (&Type::Void, 0),
-                };
-                match component {
-                    Type::Float { width: 64, .. } => out.push('d'),
-                    Type::Float { width: 16, .. } => out.push_str("f16"),
-                    _ => {}
-                }
-                out.push_str("mat");
-                out.push_str(&count.to_string());
-                if *count != rows {
-                    out.push_str(&format!("x{rows}"));
-                }
+                let Type::Vector { component, count: rows } = self.module.ty(*column) else { return None };
+                let (layout, component) = (layout?, self.size(*component, None)?);
+                let (lines, parts) = if layout.row_major { (*rows, *count) } else { (*count, *rows) };
+                spread(u64::from(lines), u64::from(layout.stride), component * u64::from(parts))
             }
-            Type::Array { .. } | Type::RuntimeArray { .. } => {
-                // The outermost array's length stands first, as GLSL writes it.
-                let mut lengths = String::new();
-                let mut inner = ty;
-                loop {
-                    match self.ty(inner) {
-                        Type::Array { element, length, .. } => {
-                            match self.constant_scalar(*length) {
-                                Some(length) => lengths.push_str(&format!("[{length}]")),
-                                None => match self.name(*length) {
-                                    Some(name) => lengths.push_str(&format!("[{name}]")),
-                                    None => lengths.push_str(&format!("[%{}]", length.0)),
-                                },
-                            }
-                            inner = *element;
-                        }
-                        Type::RuntimeArray { element, .. } => {
-                            lengths.push_str("[]");
-                            inner = *element;
-                        }
-                        _ => break,
-                    }
-                }
-                self.write_type(inner, pointers, out);
-                out.push_str(&lengths);
+            Type::Array { element, length, stride } => {
+                let length = (self.length)(*length)?;
+                let element = self.size(*element, layout)?;
+                spread(length, u64::from((*stride)?), element)
             }
-            Type::Struct { .. } => match self.id_of_type(ty) {
-                Some(id) => match self.name(id) {
-                    Some(name) => out.push_str(&format!("struct {name}")),
-                    None => out.push_str(&format!("struct %{}", id.0)),
-                },
-                None => out.push_str("struct"),
-            },
-            Type::Pointer { storage_class, pointee, .. } => {
-                out.push_str("pointer to ");
-                out.push_str(&storage_class_name(*storage_class));
-                if let Some(pointee) = pointee {
-                    out.push(' ');
-                    if pointers == 0 {
-                        out.push_str("...");
-                    } else {
-                        self.write_type(*pointee, pointers - 1, out);
-                    }
+            Type::Struct { members, .. } => {
+                if let Some(known) = self.known.get(&ty) {
+                    return *known;
                 }
-            }
-            Type::Function { return_type, parameters } => {
-                out.push_str("function of ");
-                out.push_str(&parameters.len().to_string());
-                out.push_str(" parameters returning ");
-                if pointers == 0 {
-                    out.push_str("...");
-                } else {
-                    self.write_type(*return_type, pointers - 1, out);
+                let mut size = Some(0);
+                for member in members {
+                    let end = member.offset.and_then(|offset| {
+                        self.size(member.ty, member.matrix)?.checked_add(u64::from(offset))
+                    });
+                    size = size.zip(end).map(|(size, end)| size.max(end));
                 }
+                self.known.insert(ty, size);
+                size
             }
-            Type::Image(_) => out.push_str("image"),
-            Type::Sampler => out.push_str("sampler"),
-            Type::SampledImage(_) => out.push_str("sampled image"),
-            Type::AccelerationStructure => out.push_str("accelerationStructureEXT"),
-            Type::RayQuery => out.push_str("rayQueryEXT"),
-            Type::HitObject { ext: true } => out.push_str("hitObjectEXT"),
-            Type::HitObject { ext: false } => out.push_str("hitObjectNV"),
-            Type::Other(opcode) => out.push_str(&opcode_name(*opcode)),
+            Type::Pointer { storage_class: PHYSICAL_STORAGE_BUFFER, .. } => Some(8),
+            _ => None,
         }
     }
+}
 
-    /// The id that declares a type.
-    pub fn id_of_type(&self, ty: TypeId) -> Option<Id> {
-        self.type_ids.get(ty.0 as usize).copied()
+/// Bytes from the first of `count` elements to the end of the last.
+fn spread(count: u64, stride: u64, element: u64) -> Option<u64> {
+    count.checked_sub(1)?.checked_mul(stride)?.checked_add(element)
+}
+
+struct Counts<'a> {
+    module: &'a Module,
+    length: &'a dyn Fn(Id) -> Option<u64>,
+    known: HashMap<TypeId, Option<u64>>,
+}
+
+impl Counts<'_> {
+    fn count(&mut self, ty: TypeId) -> Option<u64> {
+        match self.module.ty(ty) {
+            Type::Void | Type::Function { .. } => Some(0),
+            Type::Vector { count, .. } => Some(u64::from(*count)),
+            Type::Matrix { column, count } => Some(self.count(*column)?.saturating_mul(u64::from(*count))),
+            Type::Array { element, length, .. } => {
+                let length = (self.length)(*length)?;
+                Some(self.count(*element)?.saturating_mul(length))
+            }
+            Type::RuntimeArray { .. } => None,
+            Type::Struct { members, .. } => {
+                if let Some(known) = self.known.get(&ty) {
+                    return *known;
+                }
+                let mut sum = Some(0_u64);
+                for member in members {
+                    let count = self.count(member.ty);
+                    sum = sum.zip(count).map(|(sum, count)| sum.saturating_add(count));
+                }
+                self.known.insert(ty, sum);
+                sum
+            }
+            _ => Some(1),
+        }
     }
 }
 
-fn int_name(width: u32, signed: bool) -> String {
-    let base = if signed { "int" } else { "uint" };
-    if width == 32 { base.to_owned() } else { format!("{base}{width}_t") }
-}
+#[cfg(test)]
+mod tests {
+    use pretty_assertions::assert_eq;
+    use rspirv::spirv::Op;
 
-fn float_name(width: u32, encoding: Option<u32>) -> String {
-    match (width, encoding) {
-        (32, None) => "float".to_owned(),
-        (64, None) => "double".to_owned(),
-        (16, Some(0)) => "bfloat16_t".to_owned(),
-        (width, None) => format!("float{width}_t"),
-        (width, Some(encoding)) => format!("float{width}_t of encoding {encoding}"),
+    use super::*;
+    use crate::module::assemble::Assembler;
+
+    fn size(module: &Module, id: u32) -> Option<u64> {
+        module.size_of(module.type_with_id(Id(id)).unwrap())
+    }
+
+    fn count(module: &Module, id: u32) -> Option<u64> {
+        module.scalar_count(module.type_with_id(Id(id)).unwrap())
+    }
+
+    #[test]
+    fn sizes_follow_the_explicit_layout() {
+        let mut a = Assembler::new();
+        // struct { mat3x2 row-major at 16, stride 16; float[3] at 64, stride 8; pointer at 96 }
+        a.op(Op::MemberDecorate, &[20, 0, 35, 16]);
+        a.op(Op::MemberDecorate, &[20, 0, 4]);
+        a.op(Op::MemberDecorate, &[20, 0, 7, 16]);
+        a.op(Op::MemberDecorate, &[20, 1, 35, 64]);
+        a.op(Op::MemberDecorate, &[20, 2, 35, 96]);
+        a.op(Op::MemberDecorate, &[21, 0, 35, 4]);
+        a.op(Op::MemberDecorate, &[21, 0, 7, 16]);
+        a.op(Op::Decorate, &[12, 6, 8]);
+        a.op(Op::Decorate, &[22, 6, 64]);
+        a.types();
+        a.op(Op::TypeVector, &[10, 6, 2]);
+        a.op(Op::TypeMatrix, &[11, 10, 3]);
+        a.op(Op::TypeArray, &[12, 6, 8]);
+        a.op(Op::TypePointer, &[13, 5349, 6]);
+        a.op(Op::TypeStruct, &[20, 11, 12, 13]);
+        a.op(Op::TypeArray, &[22, 11, 8]);
+        a.op(Op::TypeStruct, &[21, 22]);
+        a.op(Op::TypeStruct, &[23, 6]);
+        a.op(Op::TypeRuntimeArray, &[24, 6]);
+        let module = a.loaded();
+        assert_eq!(size(&module, 7), Some(12));
+        // Two elements of stride 8 and one float.
+        assert_eq!(size(&module, 12), Some(20));
+        assert_eq!(size(&module, 20), Some(104));
+        // Column-major: offset 4, two strides of 64 between three matrices, two of 16 between
+        // three columns, one column of 8 bytes.
+        assert_eq!(size(&module, 21), Some(4 + 2 * 64 + 2 * 16 + 8));
+        assert_eq!([3, 11, 23, 24].map(|id| size(&module, id)), [None; 4]);
+        // Row-major: two rows, the last one of three floats.
+        let Type::Struct { members, .. } = module.ty(module.type_with_id(Id(20)).unwrap()) else { panic!() };
+        let mut sizes =
+            Sizes { module: &module, length: &|id| module.scalar_value(id), known: HashMap::new() };
+        assert_eq!(sizes.size(members[0].ty, members[0].matrix), Some(16 + 12));
+    }
+
+    #[test]
+    fn scalars_are_counted_and_monsters_saturate() {
+        let mut a = Assembler::new();
+        a.types();
+        a.op(Op::Constant, &[5, 10, 0x7fff_ffff]);
+        a.op(Op::TypeArray, &[11, 6, 10]);
+        a.op(Op::TypeArray, &[12, 11, 10]);
+        a.op(Op::TypeArray, &[13, 12, 10]);
+        a.op(Op::TypeMatrix, &[14, 7, 4]);
+        a.op(Op::TypeStruct, &[15, 14, 6, 3]);
+        a.op(Op::TypeRuntimeArray, &[16, 6]);
+        let module = a.loaded();
+        assert_eq!(count(&module, 12), Some(0x7fff_ffff * 0x7fff_ffff));
+        assert_eq!(count(&module, 13), Some(u64::MAX));
+        assert_eq!(count(&module, 15), Some(14));
+        assert_eq!(count(&module, 16), None);
+    }
+
+    #[test]
+    fn specialization_changes_sizes() {
+        let mut a = Assembler::new();
+        a.op(Op::Decorate, &[10, 1, 0]);
+        a.op(Op::Decorate, &[11, 6, 4]);
+        a.types();
+        a.op(Op::SpecConstant, &[5, 10, 2]);
+        a.op(Op::TypeArray, &[11, 6, 10]);
+        let mut module = a.loaded();
+        assert_eq!((size(&module, 11), count(&module, 11)), (Some(8), Some(2)));
+        module.specialize(0, 5).unwrap();
+        assert_eq!((size(&module, 11), count(&module, 11)), (Some(20), Some(5)));
+        let ty = module.type_with_id(Id(11)).unwrap();
+        assert_eq!(module.size_of_with(ty, &|_| Some(3)), Some(12));
+    }
+
+    #[test]
+    fn structs_of_structs_of_structs_take_no_time() {
+        let mut a = Assembler::new();
+        a.types();
+        a.op(Op::TypeStruct, &[100, 6, 6]);
+        for id in 101..300 {
+            a.op(Op::TypeStruct, &[id, id - 1, id - 1]);
+        }
+        let module = a.loaded();
+        assert_eq!(count(&module, 163), Some(u64::MAX));
+        assert_eq!(count(&module, 150), Some(1 << 51));
+        assert_eq!(size(&module, 299), None);
     }
 }

@@ -1,0 +1,226 @@
+//! Ids and types in words, for errors and listings.
+
+use crate::module::names::{opcode_name, storage_class_name};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Id, Module};
+
+impl Module {
+    /// An id in words for an error: `%7 (a label)`, `%12 (the constant "scale")`.
+    pub fn describe_id(&self, id: Id) -> String {
+        let what = match self.definition(id) {
+            None => return format!("%{}, which nothing defines", id.0),
+            Some(Definition::Type(ty)) => {
+                return format!("%{} (the type {})", id.0, self.describe_type(ty));
+            }
+            Some(Definition::Constant(_)) => "a constant",
+            Some(Definition::Variable(_)) => "a variable",
+            Some(Definition::Function(_)) => "a function",
+            Some(Definition::Parameter(..)) => "a parameter",
+            Some(Definition::Label(..)) => "a label",
+            Some(Definition::Result(..)) => "a result",
+            Some(Definition::InstructionSet(_)) => "an instruction set",
+            Some(Definition::Other) => "no value",
+        };
+        match self.name(id) {
+            Some(name) => format!("%{} ({what} `{name}`)", id.0),
+            None => format!("%{} ({what})", id.0),
+        }
+    }
+
+    /// A type in GLSL's words, for people: `vec3`, `float[2]`, `struct Payload`.
+    pub fn describe_type(&self, ty: TypeId) -> String {
+        let mut text = String::new();
+        self.write_type(ty, 4, &mut text);
+        text
+    }
+
+    /// `pointers` bounds how many pointers are followed: they may lead round in a circle.
+    fn write_type(&self, ty: TypeId, pointers: u32, out: &mut String) {
+        match self.ty(ty) {
+            Type::Void => out.push_str("void"),
+            Type::Bool => out.push_str("bool"),
+            Type::Int { width, signed } => out.push_str(&int_name(*width, *signed)),
+            Type::Float { width, encoding } => out.push_str(&float_name(*width, *encoding)),
+            Type::Vector { component, count } => {
+                match self.ty(*component) {
+                    Type::Bool => out.push('b'),
+                    Type::Int { width: 32, signed: true } => out.push('i'),
+                    Type::Int { width: 32, signed: false } => out.push('u'),
+                    Type::Int { width, signed } => {
+                        out.push_str(if *signed { "i" } else { "u" });
+                        out.push_str(&width.to_string());
+                    }
+                    Type::Float { width: 32, encoding: None } => {}
+                    Type::Float { width: 64, encoding: None } => out.push('d'),
+                    Type::Float { width: 16, encoding: None } => out.push_str("f16"),
+                    _ => {
+                        self.write_type(*component, pointers, out);
+                        out.push_str(" vector of ");
+                        out.push_str(&count.to_string());
+                        return;
+                    }
+                }
+                out.push_str("vec");
+                out.push_str(&count.to_string());
+            }
+            Type::Matrix { column, count } => {
+                let (component, rows) = match self.ty(*column) {
+                    Type::Vector { component, count } => (self.ty(*component), *count),
+                    _ => (&Type::Void, 0),
+                };
+                match component {
+                    Type::Float { width: 64, .. } => out.push('d'),
+                    Type::Float { width: 16, .. } => out.push_str("f16"),
+                    _ => {}
+                }
+                out.push_str("mat");
+                out.push_str(&count.to_string());
+                if *count != rows {
+                    out.push_str(&format!("x{rows}"));
+                }
+            }
+            Type::Array { .. } | Type::RuntimeArray { .. } => {
+                // The outermost array's length stands first, as GLSL writes it.
+                let mut lengths = String::new();
+                let mut inner = ty;
+                loop {
+                    match self.ty(inner) {
+                        Type::Array { element, length, .. } => {
+                            match self.constant_scalar(*length) {
+                                Some(length) => lengths.push_str(&format!("[{length}]")),
+                                None => match self.name(*length) {
+                                    Some(name) => lengths.push_str(&format!("[{name}]")),
+                                    None => lengths.push_str(&format!("[%{}]", length.0)),
+                                },
+                            }
+                            inner = *element;
+                        }
+                        Type::RuntimeArray { element, .. } => {
+                            lengths.push_str("[]");
+                            inner = *element;
+                        }
+                        _ => break,
+                    }
+                }
+                self.write_type(inner, pointers, out);
+                out.push_str(&lengths);
+            }
+            Type::Struct { .. } => match self.id_of_type(ty) {
+                Some(id) => match self.name(id) {
+                    Some(name) => out.push_str(&format!("struct {name}")),
+                    None => out.push_str(&format!("struct %{}", id.0)),
+                },
+                None => out.push_str("struct"),
+            },
+            Type::Pointer { storage_class, pointee, .. } => {
+                out.push_str("pointer to ");
+                out.push_str(&storage_class_name(*storage_class));
+                if let Some(pointee) = pointee {
+                    out.push(' ');
+                    if pointers == 0 {
+                        out.push_str("...");
+                    } else {
+                        self.write_type(*pointee, pointers - 1, out);
+                    }
+                }
+            }
+            Type::Function { return_type, parameters } => {
+                out.push_str("function of ");
+                out.push_str(&parameters.len().to_string());
+                out.push_str(" parameters returning ");
+                if pointers == 0 {
+                    out.push_str("...");
+                } else {
+                    self.write_type(*return_type, pointers - 1, out);
+                }
+            }
+            Type::Image(_) => out.push_str("image"),
+            Type::Sampler => out.push_str("sampler"),
+            Type::SampledImage(_) => out.push_str("sampled image"),
+            Type::AccelerationStructure => out.push_str("accelerationStructureEXT"),
+            Type::RayQuery => out.push_str("rayQueryEXT"),
+            Type::HitObject { ext: true } => out.push_str("hitObjectEXT"),
+            Type::HitObject { ext: false } => out.push_str("hitObjectNV"),
+            Type::Other(opcode) => out.push_str(&opcode_name(*opcode)),
+        }
+    }
+}
+
+fn int_name(width: u32, signed: bool) -> String {
+    let base = if signed { "int" } else { "uint" };
+    if width == 32 { base.to_owned() } else { format!("{base}{width}_t") }
+}
+
+fn float_name(width: u32, encoding: Option<u32>) -> String {
+    match (width, encoding) {
+        (32, None) => "float".to_owned(),
+        (64, None) => "double".to_owned(),
+        (16, Some(0)) => "bfloat16_t".to_owned(),
+        (width, None) => format!("float{width}_t"),
+        (width, Some(encoding)) => format!("float{width}_t of encoding {encoding}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pretty_assertions::assert_eq;
+    use rspirv::spirv::Op;
+
+    use crate::module::Id;
+    use crate::module::assemble::Assembler;
+
+    #[test]
+    fn types_are_told_in_the_words_of_glsl() {
+        let mut a = Assembler::new();
+        a.with_string(Op::Name, &[30], "Payload", &[]);
+        a.types();
+        a.op(Op::TypeFloat, &[10, 64]);
+        a.op(Op::TypeVector, &[11, 10, 2]);
+        a.op(Op::TypeVector, &[12, 3, 4]);
+        a.op(Op::TypeVector, &[13, 5, 3]);
+        a.op(Op::TypeMatrix, &[14, 7, 4]);
+        a.op(Op::TypeMatrix, &[15, 7, 3]);
+        a.op(Op::SpecConstant, &[5, 16, 2]);
+        a.op(Op::TypeArray, &[17, 6, 8]);
+        a.op(Op::TypeArray, &[18, 17, 16]);
+        a.op(Op::TypeRuntimeArray, &[19, 18]);
+        a.op(Op::TypeStruct, &[30, 6]);
+        a.op(Op::TypeStruct, &[31, 6]);
+        a.op(Op::TypePointer, &[32, 12, 30]);
+        a.op(Op::TypeInt, &[33, 16, 0]);
+        a.op(Op::TypeAccelerationStructureKHR, &[34]);
+        let module = a.loaded();
+        let told = [11, 12, 13, 14, 15, 18, 19, 30, 31, 32, 33, 34]
+            .map(|id| module.describe_type(module.type_with_id(Id(id)).unwrap()));
+        assert_eq!(
+            told,
+            [
+                "dvec2",
+                "bvec4",
+                "uvec3",
+                "mat4x3",
+                "mat3",
+                "float[%16][3]",
+                "float[][%16][3]",
+                "struct Payload",
+                "struct %31",
+                "pointer to StorageBuffer struct Payload",
+                "uint16_t",
+                "accelerationStructureEXT",
+            ]
+        );
+        assert_eq!(module.describe_id(Id(8)), "%8 (a constant)");
+        assert_eq!(module.describe_id(Id(30)), "%30 (the type struct Payload)");
+        assert_eq!(module.describe_id(Id(99)), "%99, which nothing defines");
+    }
+
+    #[test]
+    fn a_circle_of_pointers_is_told_in_finite_words() {
+        let mut a = Assembler::new();
+        a.op(Op::TypeForwardPointer, &[1, 5349]);
+        a.op(Op::TypePointer, &[1, 5349, 1]);
+        let module = a.loaded();
+        let told = module.describe_type(module.type_with_id(Id(1)).unwrap());
+        assert!(told.ends_with("pointer to PhysicalStorageBuffer ..."), "{told}");
+    }
+}
