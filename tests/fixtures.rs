@@ -19,6 +19,34 @@ fn every_source_has_its_fixture_and_every_fixture_its_source() {
 }
 
 #[test]
+fn no_module_names_a_folder_of_the_machine_that_made_it() {
+    const OP_STRING: u32 = 7;
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(fixtures::FIXTURES);
+    let mut folders = vec![root];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let bytes = std::fs::read(&path).unwrap();
+            let words: Vec<u32> =
+                bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
+            let mut at = 5;
+            while path.extension().is_some_and(|extension| extension == "spv") && at < words.len() {
+                if words[at] & 0xFFFF == OP_STRING {
+                    let start = words[at + 2].to_le_bytes();
+                    let absolute = start[0] == b'/' && start[1] != b'/' || start[1..3] == *b":\\";
+                    assert!(!absolute, "{}: the string at word {at} is an absolute path", path.display());
+                }
+                at += (words[at] >> 16) as usize;
+            }
+        }
+    }
+}
+
+#[test]
 fn the_palette_is_drawn_by_its_formula() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders/demo/swept-spheres/palette.png");
     let drawn = RgbImage::from_fn(64, 64, palette_pixel);

@@ -2,6 +2,8 @@
 #extension GL_EXT_ray_tracing : require
 #extension GL_NV_linear_swept_spheres : require
 #extension GL_GOOGLE_include_directive : require
+//@ flags: -g
+//@ also gVS: -gVS
 #define HIT_SHADER
 #include "scene.glsl"
 #include "normals.glsl"

@@ -2,6 +2,7 @@
 #extension GL_EXT_ray_tracing : require
 #extension GL_NV_linear_swept_spheres : require
 #extension GL_GOOGLE_include_directive : require
+//@ flags: -g
 #include "scene.glsl"
 #include "shade.glsl"
 
