@@ -1,5 +1,39 @@
 //! Primitives and their intersection with a ray, one file a primitive.
+//!
+//! Every `intersect` takes an [`ObjectRay`] and the primitive's `f32` data and answers *exactly* for
+//! those inputs: whether the ray meets it, on which surface, and within the interval or not; t and
+//! the attributes are the correctly rounded values of the real numbers. An f64 attempt with a
+//! proven error bound decides nearly always; what it leaves undecided goes to exact arithmetic.
+//! [`Precision`] trades that away.
+//!
+//! The interval of a ray is the caller's t_min and t_max. A traversal that has found a hit compares
+//! the *rounded* t of later ones itself: shrinking `t_max` to a rounded t would make ties depend on
+//! the order.
 
+// `!(x > error)` is not `x <= error`: a NaN must count as undecided.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
+pub mod aabb;
+mod bounds;
+pub mod linear_swept_sphere;
+mod object_ray;
 pub mod ray;
+pub mod sphere;
+pub mod triangle;
+mod verdict;
 
+pub use bounds::Bounds;
+pub use object_ray::{ObjectRay, Transform, world_to_object};
 pub use ray::{Intersection, Ray, Surface};
+
+/// How intersections are computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// Plain f32 formulas, rearranged against cancellation, as a careful GPU kernel has them.
+    Float,
+    /// The same in f64.
+    Double,
+    /// Decisions exact, values correctly rounded.
+    #[default]
+    Exact,
+}

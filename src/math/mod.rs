@@ -1,1 +1,9 @@
-//! (doc to come)
+//! Numerics below everything else: exact arithmetic, error bounds, distances in ulp.
+
+pub mod error_bound;
+pub mod exact;
+pub mod real;
+pub mod surd;
+pub mod ulp;
+
+pub use ulp::{ulp_error, ulps};

@@ -1,0 +1,352 @@
+//! Linear swept spheres: the convex hull of two spheres, one candidate a primitive.
+//!
+//! # Derivation
+//! Ends (P0, r0) and (P1, r1), D = P1 - P0, δ = r1 - r0, g = D.D - δ^2. For g <= 0 the greater sphere
+//! holds the other one and is all there is. Otherwise let w = origin - P0 and x = w + t d. The ball of
+//! the sweep at u is met where
+//!
+//! ```text
+//! F(u, t) = |x - u D|^2 - (r0 + u δ)^2 = (x.x - r0^2) - 2 u (x.D + r0 δ) + u^2 g <= 0,
+//! ```
+//!
+//! least at u*(t) = (a + b t) / g with a = w.D + r0 δ and b = d.D. So the hull is entered on cap 0, on the
+//! side or on cap 1 as u* at the entry is <= 0, strictly between, or >= 1 (SEMANTICS 2.9). As u* is linear
+//! in t, the line falls into three stretches, and F(clamp u*, t) is on each of them the quadratic of
+//! sphere 0, of the cone, of sphere 1. The hull being convex, *exactly one* of these holds, or none and
+//! the line misses:
+//! * sphere 0 is entered at t with u*(t) <= 0: cap 0;
+//! * the cone's quadratic falls through 0 at t with 0 < u*(t) < 1: the side;
+//! * sphere 1 is entered at t with u*(t) >= 1: cap 1.
+//!
+//! If the entry lies on a disabled cap there is no candidate at all (SEMANTICS 9).
+//!
+//! Multiplied by g the cone's quadratic is A t^2 + 2 B t + C with
+//!
+//! ```text
+//! A = |d x D|^2 - |δ d|^2                  B = (w x D).(d x D) - (r0 D + δ w).(δ d)
+//! C = |w x D|^2 - |r0 D + δ w|^2           B^2 - A C = g (|N|^2 - M^2)
+//! N = r0 (d x D) + δ (d x w)               M = w.(d x D)
+//! ```
+//!
+//! (A, B, C are the Gram minors of (w, -r0), (d, 0), (D, δ) in the scalar product v.v' - s s'; the
+//! discriminant is then -g times their Gram determinant, and that the signed sum of squared 3x3
+//! minors: Cauchy-Binet.) For r0 == r1 it says that the lines are closer than the radius.
+//! |N|^2 - M^2 cancels only in grazing: its relative error is of order u |w| / r, that of B^2 - A C
+//! of order u |w|^2 / r^2. |N|^2 < M^2 rejects most rays after two vector products.
+//!
+//! The falling root, entering, is (-B - s) / A for either sign of A, as the derivative there is -2 s;
+//! without cancellation C / (s - B) where B <= 0, and -(B + s) / A where B > 0. A negative A belongs
+//! to a ray steeper than the cone; its mirror nappe has a negative radius and never 0 < u* < 1.
+//!
+//! **Which cap.** Let A > 0 and the falling root τ have u*(τ) < 0. Both spheres lie in one nappe of the
+//! double cone, which the line is in during [τ, τ'] only. Cap 1 entered at t has t in that interval;
+//! if b >= 0 then u* < 0 before τ, so that the line runs from u* < 0 at τ, inside the cone, to u* >= 1,
+//! inside the cone all the while: through the side's stretch with F < 0, inside the hull before t, a
+//! contradiction. If b < 0 then u*(t) <= u*(τ) < 1. So only cap 0 can be; the mirror statement has
+//! u*(τ) > 1 and cap 1. For A <= 0 both are asked.
+//!
+//! # Degenerate shapes (SEMANTICS 9)
+//! A NaN or infinity, or no positive radius: never hit. One negative radius: the shape ends in the
+//! point where the interpolated radius reaches 0, at u = r0 / (r0 - r1); there is no sphere beyond,
+//! and that point counts as side. Such shapes (invalid usage in Vulkan) always take the exact step.
+//!
+//! # Error
+//! Norms are 1-norms. A product's bound is `math::error_bound::product_error`, a quotient's
+//! `quotient_error`; a root s = sqrt(g) sqrt(G) of values known to e_g < g and e_G < G is off by at
+//! most (e_g / g + e_G / G + 3u) s, since 1 - sqrt((1 - x)(1 - y)) <= x + y. The greatest product for
+//! the rays that `ObjectRay` lets into f64 is below 2^900, the least second-order term of a bound of a
+//! nonzero G above 2^-1010.
+
+mod exact;
+
+use crate::geometry::object_ray::{ObjectRay, View};
+use crate::geometry::verdict::{Verdict, rounded, settle_closed, when};
+use crate::geometry::{Bounds, Intersection, Precision, Surface, sphere};
+use crate::math::error_bound::{product_error, quotient_error, two_units};
+use crate::math::real::{Real, add, cross, dot, from_f32, norm1, scale, sub};
+
+/// Where a ray enters a linear swept sphere, within the closed interval: ends `positions` and
+/// `radii`, `caps` says which of the two caps are enabled. The attribute is u of the generating
+/// sphere: exactly 0 or 1 on the caps, strictly between on the side.
+#[inline]
+pub fn intersect(
+    ray: &ObjectRay,
+    positions: [[f32; 3]; 2],
+    radii: [f32; 2],
+    caps: [bool; 2],
+    precision: Precision,
+) -> Option<Intersection> {
+    if !is_solid(positions, radii) {
+        return None;
+    }
+    if radii[0] < 0.0 || radii[1] < 0.0 {
+        return exact::intersect(ray, positions, radii, caps);
+    }
+    match precision {
+        Precision::Float => approach::<f32, false>(ray, positions, radii, caps).found(),
+        Precision::Double => approach::<f64, false>(ray, positions, radii, caps).found(),
+        Precision::Exact => match approach::<f64, true>(ray, positions, radii, caps) {
+            Verdict::Hit(hit) => Some(hit),
+            Verdict::Miss => None,
+            Verdict::Undecided => exact::intersect(ray, positions, radii, caps),
+        },
+    }
+}
+
+/// The box around a linear swept sphere (with both caps); `None` where it is never hit.
+pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
+    is_solid(positions, radii).then(|| {
+        // An end of negative radius is cut off before its point: the point itself is enough.
+        let end = |k: usize| Bounds::around(positions[k], radii[k].max(0.0));
+        end(0).union(&end(1))
+    })
+}
+
+fn is_solid(positions: [[f32; 3]; 2], radii: [f32; 2]) -> bool {
+    let finite = positions.as_flattened().iter().chain(&radii).all(|x| x.is_finite());
+    finite && (radii[0] > 0.0 || radii[1] > 0.0)
+}
+
+/// The side's u, which never shows as that of a cap.
+fn side(t: f32, u: f32) -> Intersection {
+    let u = u.clamp(f32::MIN_POSITIVE, 1.0f32.next_down());
+    Intersection { t, attributes: [u, 0.0], surface: Surface::Side }
+}
+
+fn cap(t: f32, end: usize) -> Intersection {
+    let surface = [Surface::Cap0, Surface::Cap1][end];
+    Intersection { t, attributes: [end as f32, 0.0], surface }
+}
+
+#[inline(always)]
+fn approach<R: Real, const BOUNDED: bool>(
+    ray: &ObjectRay,
+    positions: [[f32; 3]; 2],
+    radii: [f32; 2],
+    caps: [bool; 2],
+) -> Verdict<Intersection> {
+    let ray = &ray.view::<R>();
+    let u2 = two_units::<R>();
+    let ends: [[R; 3]; 2] = positions.map(from_f32);
+    let [r0, r1] = radii.map(R::from_f32);
+
+    let d = ray.direction;
+    let (dn, ed) = (ray.direction_norm, ray.direction_error);
+    let axis = sub(ends[1], ends[0]);
+    let axis_n = norm1(axis);
+    let e_axis = u2 * axis_n;
+    let delta = r1 - r0;
+    let slope = delta.abs();
+    let e_delta = u2 * slope;
+    let w = sub(ray.origin, ends[0]);
+    let wn = norm1(w);
+    let ew = ray.origin_error + u2 * wn;
+
+    // 2u for each rounded difference, 4u for its square and sum.
+    let axis2 = dot(axis, axis);
+    let g = axis2 - delta * delta;
+    let e_g = when::<R, BOUNDED>(u2 * R::from_f32(6.0) * (axis2 + delta * delta));
+    if !(g > e_g) {
+        if BOUNDED && !(g < -e_g) {
+            return Verdict::Undecided;
+        }
+        let outer = usize::from(r1 > r0);
+        return whole_sphere::<R, BOUNDED>(ray, ends[outer], [r0, r1][outer], outer, caps);
+    }
+
+    let c1 = cross(d, axis);
+    let c1n = norm1(c1);
+    let e_c1 = product_error(dn, ed, axis_n, e_axis);
+    let c2 = cross(d, w);
+    let c2n = norm1(c2);
+    let e_c2 = product_error(dn, ed, wn, ew);
+    let n = add(scale(r0, c1), scale(delta, c2));
+    let nn = norm1(n);
+    let e_n = r0 * e_c1 + slope * e_c2 + e_delta * (c2n + e_c2) + u2 * (r0 * c1n + slope * c2n + nn);
+    let m = dot(w, c1);
+    let e_m = product_error(wn, ew, c1n, e_c1);
+    let (n2, m2) = (dot(n, n), m * m);
+    let gram = n2 - m2;
+    let e_gram = product_error(nn, e_n, nn, e_n) + product_error(m.abs(), e_m, m.abs(), e_m) + u2 * (n2 + m2);
+    let e_gram = when::<R, BOUNDED>(e_gram);
+    if gram < -e_gram {
+        return Verdict::Miss;
+    }
+    if BOUNDED && !(gram > e_gram) {
+        return Verdict::Undecided;
+    }
+    let s = g.sqrt() * gram.sqrt();
+    let e_s = s * (e_g / g + e_gram / gram + u2 + u2);
+
+    let x = cross(w, axis);
+    let xn = norm1(x);
+    let e_x = product_error(wn, ew, axis_n, e_axis);
+    let y = add(scale(r0, axis), scale(delta, w));
+    let yn = norm1(y);
+    let e_y = r0 * e_axis + slope * ew + e_delta * (wn + ew) + u2 * (r0 * axis_n + slope * wn + yn);
+    let z = scale(delta, d);
+    let zn = slope * dn;
+    let e_z = slope * ed + e_delta * (dn + ed) + u2 * zn;
+    let (c1c1, zz) = (dot(c1, c1), dot(z, z));
+    let qa = c1c1 - zz;
+    let e_qa = product_error(c1n, e_c1, c1n, e_c1) + product_error(zn, e_z, zn, e_z) + u2 * (c1c1 + zz);
+    let (xc, yz) = (dot(x, c1), dot(y, z));
+    let qb = xc - yz;
+    let e_qb =
+        product_error(xn, e_x, c1n, e_c1) + product_error(yn, e_y, zn, e_z) + u2 * (xc.abs() + yz.abs());
+    let (numerator, e_numerator, denominator, e_denominator) = if qb <= R::ZERO {
+        let (xx, yy) = (dot(x, x), dot(y, y));
+        let e_qc = product_error(xn, e_x, xn, e_x) + product_error(yn, e_y, yn, e_y) + u2 * (xx + yy);
+        let den = s - qb;
+        (xx - yy, e_qc, den, e_s + e_qb + u2 * den)
+    } else {
+        let num = -(qb + s);
+        (num, e_s + e_qb - u2 * num, qa, e_qa)
+    };
+    let t = numerator / denominator;
+    let e_t = quotient_error(t, e_numerator, denominator, e_denominator);
+
+    let sweep = Sweep {
+        a: dot(w, axis) + r0 * delta,
+        e_a: product_error(wn, ew, axis_n, e_axis) + r0 * e_delta + (u2 + u2) * (wn * axis_n + r0 * slope),
+        b: dot(d, axis),
+        e_b: product_error(dn, ed, axis_n, e_axis),
+        g,
+        e_g,
+    };
+    let (v, e_v) = sweep.at::<BOUNDED>(t, e_t);
+    let below_one = sweep.below_one::<BOUNDED>(v, e_v);
+    if v > e_v && below_one == Some(true) {
+        let t = match settle_closed::<R, BOUNDED>(ray, t, e_t) {
+            Verdict::Hit(t) => t,
+            Verdict::Miss => return Verdict::Miss,
+            Verdict::Undecided => return Verdict::Undecided,
+        };
+        let u = v / g;
+        let e_u = when::<R, BOUNDED>(quotient_error(u, e_v, g, e_g));
+        return match rounded(u - e_u, u + e_u) {
+            Verdict::Hit(u) => Verdict::Hit(side(t, u)),
+            _ => Verdict::Undecided,
+        };
+    }
+    if qa > when::<R, BOUNDED>(e_qa) {
+        let end = if v < -e_v || (!BOUNDED && v <= R::ZERO) {
+            0
+        } else if below_one == Some(false) {
+            1
+        } else {
+            return if BOUNDED { Verdict::Undecided } else { Verdict::Miss };
+        };
+        if !caps[end] {
+            return Verdict::Miss;
+        }
+        return end_entry::<R, BOUNDED>(ray, &sweep, ends[end], [r0, r1][end], end, caps);
+    }
+    match end_entry::<R, BOUNDED>(ray, &sweep, ends[0], r0, 0, caps) {
+        Verdict::Miss => end_entry::<R, BOUNDED>(ray, &sweep, ends[1], r1, 1, caps),
+        settled => settled,
+    }
+}
+
+/// How u* g = a + b t runs along the line.
+struct Sweep<R> {
+    a: R,
+    e_a: R,
+    b: R,
+    e_b: R,
+    g: R,
+    e_g: R,
+}
+
+impl<R: Real> Sweep<R> {
+    /// a + b t and its error.
+    #[inline(always)]
+    fn at<const BOUNDED: bool>(&self, t: R, e_t: R) -> (R, R) {
+        let bt = self.b * t;
+        let e = self.e_a
+            + product_error(self.b.abs(), self.e_b, t.abs(), e_t)
+            + two_units::<R>() * (self.a.abs() + bt.abs());
+        (self.a + bt, when::<R, BOUNDED>(e))
+    }
+
+    /// Whether u* < 1; without a bound always answered.
+    #[inline(always)]
+    fn below_one<const BOUNDED: bool>(&self, v: R, e_v: R) -> Option<bool> {
+        let rest = self.g - v;
+        let e = when::<R, BOUNDED>(e_v + self.e_g + two_units::<R>() * (self.g + v.abs()));
+        if rest > e {
+            Some(true)
+        } else if rest < -e || !BOUNDED {
+            Some(false)
+        } else {
+            None
+        }
+    }
+}
+
+/// The hull's entry where it is that of one end's sphere; a miss where it is not.
+#[inline(always)]
+fn end_entry<R: Real, const BOUNDED: bool>(
+    ray: &View<R>,
+    sweep: &Sweep<R>,
+    center: [R; 3],
+    radius: R,
+    end: usize,
+    caps: [bool; 2],
+) -> Verdict<Intersection> {
+    let (t, e_t) = match sphere::entry::<R, BOUNDED>(ray, center, radius) {
+        Verdict::Hit(entry) => entry,
+        Verdict::Miss => return Verdict::Miss,
+        Verdict::Undecided => return Verdict::Undecided,
+    };
+    let (v, e_v) = sweep.at::<BOUNDED>(t, e_t);
+    let owned = if end == 0 {
+        if v > e_v {
+            Some(false)
+        } else if v < -e_v || !BOUNDED {
+            Some(true)
+        } else {
+            None
+        }
+    } else {
+        sweep.below_one::<BOUNDED>(v, e_v).map(|below| !below)
+    };
+    match owned {
+        Some(true) => on_cap::<R, BOUNDED>(ray, t, e_t, end, caps),
+        Some(false) => Verdict::Miss,
+        None => Verdict::Undecided,
+    }
+}
+
+#[inline(always)]
+fn whole_sphere<R: Real, const BOUNDED: bool>(
+    ray: &View<R>,
+    center: [R; 3],
+    radius: R,
+    end: usize,
+    caps: [bool; 2],
+) -> Verdict<Intersection> {
+    match sphere::entry::<R, BOUNDED>(ray, center, radius) {
+        Verdict::Hit((t, e_t)) => on_cap::<R, BOUNDED>(ray, t, e_t, end, caps),
+        Verdict::Miss => Verdict::Miss,
+        Verdict::Undecided => Verdict::Undecided,
+    }
+}
+
+#[inline(always)]
+fn on_cap<R: Real, const BOUNDED: bool>(
+    ray: &View<R>,
+    t: R,
+    e_t: R,
+    end: usize,
+    caps: [bool; 2],
+) -> Verdict<Intersection> {
+    if !caps[end] {
+        return Verdict::Miss;
+    }
+    match settle_closed::<R, BOUNDED>(ray, t, e_t) {
+        Verdict::Hit(t) => Verdict::Hit(cap(t, end)),
+        Verdict::Miss => Verdict::Miss,
+        Verdict::Undecided => Verdict::Undecided,
+    }
+}

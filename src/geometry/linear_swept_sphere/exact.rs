@@ -1,0 +1,166 @@
+//! The exact step for linear swept spheres: the three conditions of the parent module, each asked
+//! in dyadic numbers.
+
+use std::cmp::Ordering;
+
+use crate::geometry::object_ray::ObjectRay;
+use crate::geometry::{Intersection, sphere};
+use crate::math::exact::{self, Dyadic, Vector};
+use crate::math::surd::Surd;
+
+/// Where the exact ray enters, for finite ends of which one at least has a positive radius.
+#[cold]
+#[inline(never)]
+pub(super) fn intersect(
+    ray: &ObjectRay,
+    positions: [[f32; 3]; 2],
+    radii: [f32; 2],
+    caps: [bool; 2],
+) -> Option<Intersection> {
+    // An end of negative radius comes second; u then runs the other way.
+    let turned = radii[0] < 0.0;
+    let order = if turned { [1, 0] } else { [0, 1] };
+    let shape = Shape::new(ray, order.map(|end| positions[end]), order.map(|end| radii[end]));
+    let entry = shape.entry()?;
+    let (surface, t) = match entry {
+        Entry::Cap(end, t) => {
+            let end = order[end];
+            if !caps[end] {
+                return None;
+            }
+            return Some(super::cap(ray.settle_closed(&t)?, end));
+        }
+        Entry::Side(t) => (shape.parameter(&t), t),
+        Entry::Apex(t) => (Surd::ratio(shape.cut.clone(), shape.whole.clone()), t),
+    };
+    let u = if turned {
+        let one = Dyadic::integer(1);
+        surface.affine(&one, &Dyadic::integer(-1), &one)
+    } else {
+        surface
+    };
+    Some(super::side(ray.settle_closed(&t)?, u.to_f32()))
+}
+
+enum Entry {
+    Cap(usize, Surd),
+    Side(Surd),
+    /// The point in which a shape with one negative radius ends.
+    Apex(Surd),
+}
+
+/// Ray and shape, multiplied by the ray's weight and, where the shape is cut at its apex, by
+/// `whole`, so that no coordinate needs a division.
+struct Shape {
+    /// From the first end to the ray's origin.
+    w: Vector,
+    d: Vector,
+    axis: Vector,
+    r0: Dyadic,
+    r1: Dyadic,
+    delta: Dyadic,
+    g: Dyadic,
+    /// The shape ends at u = cut / whole; both are 1 where no radius is negative.
+    cut: Dyadic,
+    whole: Dyadic,
+    is_cut: bool,
+}
+
+impl Shape {
+    fn new(ray: &ObjectRay, positions: [[f32; 3]; 2], radii: [f32; 2]) -> Self {
+        let ray = ray.exact();
+        let [p0, p1] = positions.map(exact::vector);
+        let [r0, r1] = radii.map(Dyadic::from_f32);
+        let is_cut = r1.sign() < 0;
+        let one = Dyadic::integer(1);
+        // The radius r0 + u (r1 - r0) is 0 at u = r0 / (r0 - r1).
+        let (cut, whole, r1) =
+            if is_cut { (r0.clone(), &r0 - &r1, Dyadic::zero()) } else { (one.clone(), one, r1) };
+        let length = &ray.weight * &whole;
+        let axis = exact::scale(&(&ray.weight * &cut), &exact::sub(&p1, &p0));
+        let (r0, r1) = (&length * &r0, &length * &r1);
+        let delta = &r1 - &r0;
+        let g = &exact::dot(&axis, &axis) - &delta.square();
+        Self {
+            w: exact::scale(&whole, &ray.origin_from(&p0)),
+            d: exact::scale(&whole, &ray.direction),
+            axis,
+            r0,
+            r1,
+            delta,
+            g,
+            cut,
+            whole,
+            is_cut,
+        }
+    }
+
+    fn entry(&self) -> Option<Entry> {
+        if self.d.iter().all(Dyadic::is_zero) {
+            return None;
+        }
+        if self.g.sign() <= 0 {
+            let end = usize::from(self.r1.compare(&self.r0) == Ordering::Greater);
+            return Some(Entry::Cap(end, self.sphere(end)?));
+        }
+        let position = |t: &Surd| self.sweep(t);
+        if let Some(t) = self.sphere(0)
+            && position(&t).sign() <= 0
+        {
+            return Some(Entry::Cap(0, t));
+        }
+        if let Some(t) = self.cone()
+            && position(&t).sign() > 0
+            && position(&t).compare(&self.g) == Ordering::Less
+        {
+            return Some(Entry::Side(t));
+        }
+        let t = self.sphere(1)?;
+        if position(&t).compare(&self.g) == Ordering::Less {
+            return None;
+        }
+        Some(if self.is_cut { Entry::Apex(t) } else { Entry::Cap(1, t) })
+    }
+
+    fn sphere(&self, end: usize) -> Option<Surd> {
+        if end == 0 {
+            sphere::entry_exactly(&self.w, &self.d, &self.r0)
+        } else {
+            sphere::entry_exactly(&exact::sub(&self.w, &self.axis), &self.d, &self.r1)
+        }
+    }
+
+    /// Where the cone's quadratic falls through 0; `None` where it never does.
+    fn cone(&self) -> Option<Surd> {
+        let (a, b) = self.line();
+        let dd = exact::dot(&self.d, &self.d);
+        let wd = exact::dot(&self.w, &self.d);
+        let ww = &exact::dot(&self.w, &self.w) - &self.r0.square();
+        let qa = &(&self.g * &dd) - &b.square();
+        let qb = &(&self.g * &wd) - &(&a * &b);
+        let qc = &(&self.g * &ww) - &a.square();
+        if qa.is_zero() {
+            return (qb.sign() < 0).then(|| Surd::ratio(-&qc, &qb * &Dyadic::integer(2)));
+        }
+        let discriminant = &qb.square() - &(&qa * &qc);
+        (discriminant.sign() >= 0).then(|| Surd::new(-&qb, Dyadic::integer(-1), discriminant, qa))
+    }
+
+    /// a and b of u* g = a + b t.
+    fn line(&self) -> (Dyadic, Dyadic) {
+        let a = &exact::dot(&self.w, &self.axis) + &(&self.r0 * &self.delta);
+        (a, exact::dot(&self.d, &self.axis))
+    }
+
+    /// a + b t.
+    fn sweep(&self, t: &Surd) -> Surd {
+        let (a, b) = self.line();
+        t.affine(&a, &b, &Dyadic::integer(1))
+    }
+
+    /// u of the uncut shape at a point of the side.
+    fn parameter(&self, t: &Surd) -> Surd {
+        let (a, b) = self.line();
+        t.affine(&(&a * &self.cut), &(&b * &self.cut), &(&self.g * &self.whole))
+    }
+}

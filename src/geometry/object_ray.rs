@@ -1,0 +1,366 @@
+//! A ray in the object space of an instance, approximate with a bound and exact on demand.
+//!
+//! An instance's 3x4 matrix maps an object-space point x to A x + b. With D = det A and adj A its
+//! adjugate, the ray o + t d becomes
+//!
+//! ```text
+//! origin    = adj A (o - b) / D
+//! direction = adj A  d      / D        (t is the same number in both spaces)
+//! ```
+//!
+//! **Exactly** the division is never made: [`ExactRay`] is homogeneous, (adj A (o - b), adj A d, D),
+//! its signs turned so that the weight D is positive. Every decision is then the sign of a
+//! polynomial of the inputs: a point p of a primitive is compared as D p.
+//!
+//! **In f64**, for entries of magnitude 0 or 2^-149 to 2^128 nothing over- or underflows: products of
+//! two f32 are exact, so an entry of adj A costs one rounding (relative error u = 2^-53). D is an
+//! inner product of such entries with a row of A: off by at most 4u S, S = sum |a_0j adj_j0|. With
+//! e = 6u S / |D| <= 2^-10 an entry of the inverse is off by at most u + u + e/(1-e) + O(u^2) <=
+//! 4u + 2e relatively, and a component of the result by (that + u + 3u) sum |inv_kj v_j|, plus u for
+//! the difference o - b. The coefficients in the code are greater still (see `math::error_bound`).
+//! Where e is greater (a nearly singular matrix) or the result leaves the range that the
+//! intersectors' bounds assume, the error is declared infinite and all is decided exactly.
+
+use std::cmp::Ordering;
+
+use crate::geometry::Ray;
+use crate::math::exact::{self, Dyadic, Vector};
+use crate::math::real::{Real, norm1};
+use crate::math::surd::Surd;
+
+const UNIT: f64 = f64::EPSILON / 2.0;
+
+/// An instance's object-to-world transform, inverted once for all its rays.
+#[derive(Clone, Copy, Debug)]
+pub struct Transform {
+    matrix: [[f32; 4]; 3],
+    /// The inverse of the linear part.
+    inverse: [[f64; 3]; 3],
+    /// Relative error of each of its entries; infinite where only exact arithmetic will do.
+    inverse_error: f64,
+}
+
+impl Transform {
+    /// Inverts a row-major 3x4 matrix (the form of `VkTransformMatrixKHR`). `None` where it is
+    /// singular (determinant exactly 0) or not finite: no ray meets such an instance.
+    pub fn new(object_to_world: &[[f32; 4]; 3]) -> Option<Self> {
+        let m = object_to_world;
+        if !m.as_flattened().iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        let a = m.map(|row| [row[0], row[1], row[2]].map(f64::from));
+        let adjugate: [[f64; 3]; 3] = std::array::from_fn(|i| {
+            std::array::from_fn(|j| minor(j, i, |r, c| a[r][c], |x, y| x * y, |x, y| x - y))
+        });
+        let terms: [f64; 3] = std::array::from_fn(|j| a[0][j] * adjugate[j][0]);
+        let determinant = terms[0] + terms[1] + terms[2];
+        let error = 6.0 * UNIT * norm1(terms) / determinant.abs();
+        let sure = error < 2f64.powi(-10);
+        if !sure && exact_inverse(m).1.is_zero() {
+            return None;
+        }
+        let inverse = adjugate.map(|row| row.map(|x| x / determinant));
+        let inverse_error = if sure { 6.0 * UNIT + 2.0 * error } else { f64::INFINITY };
+        Some(Self { matrix: *m, inverse, inverse_error })
+    }
+
+    /// The matrix it was made from.
+    pub fn object_to_world(&self) -> &[[f32; 4]; 3] {
+        &self.matrix
+    }
+
+    /// The inverse as a row-major 3x4 matrix, each entry the correctly rounded value of the exact
+    /// inverse's (the builtin `WorldToObjectKHR`, transposed).
+    pub fn world_to_object(&self) -> [[f32; 4]; 3] {
+        let (adjugate, determinant) = exact_inverse(&self.matrix);
+        let translation = self.matrix.map(|row| Dyadic::from_f32(row[3]));
+        let entry = |numerator: Dyadic| Surd::ratio(numerator, determinant.clone()).to_f32();
+        adjugate.map(|row| {
+            let shift = -&exact::dot(&row, &translation);
+            let [x, y, z] = row.map(entry);
+            [x, y, z, entry(shift)]
+        })
+    }
+
+    /// `A^-1 v` and a bound of each component's error.
+    fn apply(&self, v: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let terms = self.inverse.map(|row| [row[0] * v[0], row[1] * v[1], row[2] * v[2]]);
+        let error = self.inverse_error + 8.0 * UNIT;
+        (terms.map(|[x, y, z]| x + y + z), terms.map(|row| error * norm1(row)))
+    }
+}
+
+/// The exact inverse of a 3x4 matrix, each entry correctly rounded; `None` where it has none.
+pub fn world_to_object(object_to_world: &[[f32; 4]; 3]) -> Option<[[f32; 4]; 3]> {
+    Some(Transform::new(object_to_world)?.world_to_object())
+}
+
+/// A ray as the primitives of one instance see it.
+#[derive(Clone, Copy, Debug)]
+pub struct ObjectRay {
+    world: Ray,
+    matrix: Option<[[f32; 4]; 3]>,
+    pub(super) origin: [f64; 3],
+    pub(super) direction: [f64; 3],
+    /// Bounds of each component's error; infinite where only exact arithmetic will do.
+    pub(super) origin_error: [f64; 3],
+    pub(super) direction_error: [f64; 3],
+}
+
+impl ObjectRay {
+    /// The ray in the object space of a row-major 3x4 matrix; no matrix is the identity and costs
+    /// nothing. `None` where the matrix is singular (determinant exactly 0), or where matrix or ray
+    /// hold a NaN or an infinity (`t_min` and `t_max` may be infinite): nothing is hit then.
+    pub fn new(ray: &Ray, object_to_world: Option<&[[f32; 4]; 3]>) -> Option<Self> {
+        match object_to_world {
+            None => Self::in_world(ray),
+            Some(matrix) => Self::in_instance(ray, &Transform::new(matrix)?),
+        }
+    }
+
+    /// The ray in world space. `None` where it holds a NaN or an infinite origin or direction.
+    #[inline]
+    pub fn in_world(ray: &Ray) -> Option<Self> {
+        is_valid(ray).then(|| {
+            let origin = ray.origin.map(f64::from);
+            let direction = ray.direction.map(f64::from);
+            Self::with(ray, None, (origin, [0.0; 3]), (direction, [0.0; 3]))
+        })
+    }
+
+    /// The ray in the object space of an instance. `None` where it holds a NaN or an infinite
+    /// origin or direction.
+    #[inline]
+    pub fn in_instance(ray: &Ray, transform: &Transform) -> Option<Self> {
+        is_valid(ray).then(|| {
+            let offset =
+                std::array::from_fn(|i| f64::from(ray.origin[i]) - f64::from(transform.matrix[i][3]));
+            let origin = transform.apply(offset);
+            let direction = transform.apply(ray.direction.map(f64::from));
+            Self::with(ray, Some(transform.matrix), origin, direction)
+        })
+    }
+
+    #[inline]
+    fn with(
+        ray: &Ray,
+        matrix: Option<[[f32; 4]; 3]>,
+        (origin, mut origin_error): ([f64; 3], [f64; 3]),
+        (direction, mut direction_error): ([f64; 3], [f64; 3]),
+    ) -> Self {
+        let far = norm1(origin);
+        let long = norm1(direction);
+        let range = 2f64.powi(130);
+        // Written so that a NaN is out of range.
+        let in_range = far <= range && long <= range && long >= 2f64.powi(-150);
+        if !in_range {
+            origin_error = [f64::INFINITY; 3];
+            direction_error = [f64::INFINITY; 3];
+        }
+        Self { world: *ray, matrix, origin, direction, origin_error, direction_error }
+    }
+
+    /// The ray that it was made from.
+    pub fn world(&self) -> &Ray {
+        &self.world
+    }
+
+    /// The lower end of the interval.
+    pub fn t_min(&self) -> f32 {
+        self.world.t_min
+    }
+
+    /// The upper end of the interval.
+    pub fn t_max(&self) -> f32 {
+        self.world.t_max
+    }
+
+    /// The origin, each component correctly rounded from the exact one (`ObjectRayOriginKHR`).
+    pub fn object_origin_f32(&self) -> [f32; 3] {
+        if self.matrix.is_none() {
+            return self.world.origin;
+        }
+        round(self.origin, self.origin_error, || {
+            let exact = self.exact();
+            (exact.origin, exact.weight)
+        })
+    }
+
+    /// The direction, each component correctly rounded from the exact one
+    /// (`ObjectRayDirectionKHR`); not normalised.
+    pub fn object_direction_f32(&self) -> [f32; 3] {
+        if self.matrix.is_none() {
+            return self.world.direction;
+        }
+        round(self.direction, self.direction_error, || {
+            let exact = self.exact();
+            (exact.direction, exact.weight)
+        })
+    }
+
+    /// The ray in another format, errors as 1-norms.
+    #[inline(always)]
+    pub(super) fn view<R: Real>(&self) -> View<R> {
+        let origin = self.origin.map(R::from_f64);
+        let direction = self.direction.map(R::from_f64);
+        let direction_norm = norm1(direction);
+        // Rounding to R costs u again (nothing where R is f64 or the value is an f32, but it is
+        // not worth a branch in that one).
+        let round = if size_of::<R>() == 4 { R::UNIT + R::UNIT } else { R::ZERO };
+        View {
+            origin,
+            direction,
+            origin_error: R::from_f64(norm1(self.origin_error)) + round * norm1(origin),
+            direction_error: R::from_f64(norm1(self.direction_error)) + round * direction_norm,
+            direction_norm,
+            t_min: R::from_f32(self.world.t_min),
+            t_max: R::from_f32(self.world.t_max),
+        }
+    }
+
+    /// The exact homogeneous ray.
+    #[cold]
+    pub(super) fn exact(&self) -> ExactRay {
+        let origin = exact::vector(self.world.origin);
+        let direction = exact::vector(self.world.direction);
+        let Some(matrix) = &self.matrix else {
+            return ExactRay { origin, direction, weight: Dyadic::integer(1) };
+        };
+        let (mut adjugate, mut weight) = exact_inverse(matrix);
+        if weight.sign() < 0 {
+            adjugate = adjugate.map(|row| row.map(|x| -&x));
+            weight = -&weight;
+        }
+        let offset = exact::sub(&origin, &matrix.map(|row| Dyadic::from_f32(row[3])));
+        let apply = |v: &Vector| std::array::from_fn(|i| exact::dot(&adjugate[i], v));
+        ExactRay { origin: apply(&offset), direction: apply(&direction), weight }
+    }
+
+    /// Where an exact parameter stands to the closed interval: `None` outside.
+    pub(super) fn settle_closed(&self, t: &Surd) -> Option<f32> {
+        let inside = t.compare_f32(self.world.t_min) != Ordering::Less
+            && t.compare_f32(self.world.t_max) != Ordering::Greater;
+        inside.then(|| t.to_f32())
+    }
+
+    /// Where an exact parameter stands to the open interval: `None` outside or at its ends.
+    pub(super) fn settle_open(&self, t: &Surd) -> Option<f32> {
+        let inside = t.compare_f32(self.world.t_min) == Ordering::Greater
+            && t.compare_f32(self.world.t_max) == Ordering::Less;
+        inside.then(|| t.to_f32())
+    }
+}
+
+/// What a bounded attempt in the format R reads.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct View<R> {
+    pub origin: [R; 3],
+    pub direction: [R; 3],
+    /// Bounds of the 1-norm of the error vectors.
+    pub origin_error: R,
+    pub direction_error: R,
+    /// The 1-norm of the direction.
+    pub direction_norm: R,
+    pub t_min: R,
+    pub t_max: R,
+}
+
+/// A ray whose points are (origin + t direction) / weight, weight > 0.
+#[derive(Clone, Debug)]
+pub(super) struct ExactRay {
+    pub origin: Vector,
+    pub direction: Vector,
+    pub weight: Dyadic,
+}
+
+impl ExactRay {
+    /// The vector from an object-space point to the origin, times the weight.
+    pub fn origin_from(&self, point: &Vector) -> Vector {
+        exact::sub(&self.origin, &exact::scale(&self.weight, point))
+    }
+}
+
+fn is_valid(ray: &Ray) -> bool {
+    let finite = |v: [f32; 3]| v.iter().all(|x| x.is_finite());
+    finite(ray.origin) && finite(ray.direction) && !ray.t_min.is_nan() && !ray.t_max.is_nan()
+}
+
+/// The components rounded to f32: at once where the bound allows, from the exact ones otherwise.
+fn round(value: [f64; 3], error: [f64; 3], exact: impl FnOnce() -> (Vector, Dyadic)) -> [f32; 3] {
+    let below: [f32; 3] = std::array::from_fn(|i| (value[i] - error[i]) as f32 + 0.0);
+    let above: [f32; 3] = std::array::from_fn(|i| (value[i] + error[i]) as f32 + 0.0);
+    if below == above {
+        return below;
+    }
+    let (numerators, denominator) = exact();
+    numerators.map(|numerator| Surd::ratio(numerator, denominator.clone()).to_f32())
+}
+
+/// The adjugate and the determinant of the linear part.
+fn exact_inverse(matrix: &[[f32; 4]; 3]) -> ([Vector; 3], Dyadic) {
+    let a = matrix.map(|row| [row[0], row[1], row[2]].map(Dyadic::from_f32));
+    let adjugate: [Vector; 3] = std::array::from_fn(|i| {
+        std::array::from_fn(|j| minor(j, i, |r, c| a[r][c].clone(), |x, y| &x * &y, |x, y| &x - &y))
+    });
+    let column = std::array::from_fn(|j| adjugate[j][0].clone());
+    let determinant = exact::dot(&a[0], &column);
+    (adjugate, determinant)
+}
+
+/// The cofactor of row `r` and column `c`, in whatever numbers `at` gives.
+fn minor<T>(
+    r: usize,
+    c: usize,
+    at: impl Fn(usize, usize) -> T,
+    mul: impl Fn(T, T) -> T,
+    sub: impl Fn(T, T) -> T,
+) -> T {
+    let (r1, r2) = ((r + 1) % 3, (r + 2) % 3);
+    let (c1, c2) = ((c + 1) % 3, (c + 2) % 3);
+    sub(mul(at(r1, c1), at(r2, c2)), mul(at(r1, c2), at(r2, c1)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHEAR: [[f32; 4]; 3] = [[2.0, 1.0, 0.0, 5.0], [0.0, 4.0, 0.0, 6.0], [0.0, 0.0, -3.0, 7.0]];
+
+    #[test]
+    fn the_inverse_is_rounded_from_exact_rationals() {
+        // By hand: A^-1 = [1/2 -1/8 0; 0 1/4 0; 0 0 -1/3], -A^-1 b = (-7/4, -3/2, 7/3).
+        let expected = [[0.5, -0.125, 0.0, -1.75], [0.0, 0.25, 0.0, -1.5], [0.0, 0.0, -1.0 / 3.0, 7.0 / 3.0]];
+        assert_eq!(world_to_object(&SHEAR), Some(expected));
+    }
+
+    #[test]
+    fn the_object_ray_is_rounded_from_exact_rationals() {
+        let ray = Ray::new([6.0, 10.0, 8.0], [1.0, 1.0, 1.0]);
+        let object = ObjectRay::new(&ray, Some(&SHEAR)).unwrap();
+        // o - b = (1, 4, 1): (1/2 - 1/2, 1, -1/3); direction (3/8, 1/4, -1/3).
+        assert_eq!(object.object_origin_f32(), [0.0, 1.0, -1.0 / 3.0]);
+        assert_eq!(object.object_direction_f32(), [0.375, 0.25, -1.0 / 3.0]);
+        assert_eq!(object.exact().weight.sign(), 1);
+    }
+
+    #[test]
+    fn singular_is_decided_exactly() {
+        let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
+        // Rows 1 and 2 are the same but for the last bit of one entry.
+        let mut matrix = [[0.1, 0.2, 0.3, 0.0], [0.7, 0.11, 0.13, 0.0], [0.7, 0.11, 0.13, 0.0]];
+        assert!(ObjectRay::new(&ray, Some(&matrix)).is_none());
+        matrix[2][1] = 0.11f32.next_up();
+        let object = ObjectRay::new(&ray, Some(&matrix)).unwrap();
+        assert!(object.object_direction_f32().iter().all(|x| x.is_finite()));
+        // The determinant of rows (1e-20, 2e-20), (2e-20, 4e-20) scaled up elsewhere is 0 in f32.
+        let tiny = [[1e-30, 0.0, 0.0, 0.0], [0.0, 1e-30, 0.0, 0.0], [0.0, 0.0, 1e-30, 0.0]];
+        assert!(ObjectRay::new(&ray, Some(&tiny)).is_some());
+    }
+
+    #[test]
+    fn what_is_not_finite_meets_nothing() {
+        assert!(ObjectRay::new(&Ray::new([f32::NAN, 0.0, 0.0], [1.0; 3]), None).is_none());
+        assert!(ObjectRay::new(&Ray::new([0.0; 3], [f32::INFINITY, 0.0, 0.0]), None).is_none());
+        assert!(ObjectRay::new(&Ray::new([0.0; 3], [1.0; 3]).with_interval(0.0, f32::NAN), None).is_none());
+    }
+}

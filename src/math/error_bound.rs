@@ -1,0 +1,86 @@
+//! Forward error bounds for the bounded attempts in [`crate::geometry`].
+//!
+//! A bound is carried beside each value: `|computed - exact| <= error`, for vectors in the 1-norm.
+//! Source of the rules: N. J. Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed.,
+//! sections 2.2 and 3.1 (standard model, inner products), with u the unit roundoff.
+//!
+//! The bounds are themselves computed in floating point, each of their operations losing at most
+//! u relatively. Therefore every *source* of error enters with a coefficient at least 1/8 greater
+//! than the theory asks (2u for one rounding, 4u for an inner product of three terms, which needs
+//! 3u + O(u^2)); a bound is a sum of products of such sources and exact factors, so that this slack
+//! reaches the result and outweighs the few hundred u that evaluating the bound can lose.
+//!
+//! Underflow: an operation that underflows is off by at most the smallest subnormal, once. The
+//! callers keep their inputs in a range (`ObjectRay` refuses others) in which the bounds' second
+//! order terms are far greater than that. Overflow gives an infinite bound or a NaN, and neither
+//! compares as decided.
+
+use super::real::Real;
+
+/// The error of an inner product, vector product (in the 1-norm) or plain product of two computed
+/// values with magnitudes at most `x` and `y` (1-norms) that are off by at most `ex` and `ey`.
+///
+/// For exact X = x + dx, Y = y + dy: |X.Y - x.y| <= |x||dy| + |y||dx| + |dx||dy|, and evaluating
+/// x.y costs (3u + O(u^2)) sum |x_i y_i| <= 4u |x||y|. A component of a vector product costs
+/// 2u (|x_i y_j| + |x_j y_i|), in sum at most 2u |x||y|.
+#[inline(always)]
+pub fn product_error<R: Real>(x: R, ex: R, y: R, ey: R) -> R {
+    x * ey + y * ex + ex * ey + four_units::<R>() * (x * y)
+}
+
+/// The error of the quotient `q = n / d` of computed values that are off by at most `en` and `ed`;
+/// infinite where the denominator's sign is not certain.
+///
+/// |n/d - N/D| <= (en + |n/d| ed) / |D| with |D| >= |d| - ed, and the division rounds once.
+#[inline(always)]
+pub fn quotient_error<R: Real>(q: R, en: R, d: R, ed: R) -> R {
+    let room = d.abs() - ed;
+    let error = (en + q.abs() * ed) / room + two_units::<R>() * q.abs();
+    if room > R::ZERO { error } else { R::ONE / R::ZERO }
+}
+
+/// 2u: one rounding, with slack.
+#[inline(always)]
+pub fn two_units<R: Real>() -> R {
+    R::UNIT + R::UNIT
+}
+
+/// 4u: an inner product of three terms, with slack.
+#[inline(always)]
+pub fn four_units<R: Real>() -> R {
+    two_units::<R>() + two_units::<R>()
+}
+
+/// The greatest `f32` that is at most `value`; -infinity below the range.
+pub fn round_down(value: f64) -> f32 {
+    let nearest = value as f32;
+    if f64::from(nearest) > value { nearest.next_down() } else { nearest }
+}
+
+/// The least `f32` that is at least `value`; infinity above the range.
+pub fn round_up(value: f64) -> f32 {
+    -round_down(-value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outward_rounding_brackets_the_value() {
+        // 1 + 2^-30 lies between 1 and 1 + 2^-23.
+        let value = 1.0 + 2f64.powi(-30);
+        assert_eq!(round_down(value), 1.0);
+        assert_eq!(round_up(value), 1.0 + f32::EPSILON);
+        assert_eq!(round_down(1e39), f32::MAX);
+        assert_eq!(round_up(1e39), f32::INFINITY);
+        assert_eq!(round_up(1e-60), f32::from_bits(1));
+        assert_eq!(round_down(0.5), 0.5);
+    }
+
+    #[test]
+    fn an_uncertain_denominator_bounds_nothing() {
+        assert_eq!(quotient_error(1.0f64, 0.1, 1.0, 1.5), f64::INFINITY);
+        assert!(quotient_error(1.0f64, 0.25, 1.0, 0.5) >= 1.5);
+    }
+}

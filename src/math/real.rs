@@ -1,0 +1,127 @@
+//! The two binary formats that a first, bounded attempt at a geometric question runs in.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// `f32` or `f64`: what a formula needs to be written once for both.
+pub trait Real:
+    Copy
+    + PartialOrd
+    + Neg<Output = Self>
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+{
+    /// 0.
+    const ZERO: Self;
+    /// 1.
+    const ONE: Self;
+    /// The unit roundoff: 2^-24 or 2^-53. One operation is off by at most this, relatively.
+    const UNIT: Self;
+
+    /// Exact.
+    fn from_f32(value: f32) -> Self;
+    /// To nearest.
+    fn from_f64(value: f64) -> Self;
+    /// To nearest even.
+    fn to_f32(self) -> f32;
+    /// Correctly rounded.
+    fn sqrt(self) -> Self;
+    /// Exact.
+    fn abs(self) -> Self;
+
+    /// The greater one; the other where one is NaN.
+    fn greater(self, other: Self) -> Self;
+    /// The lesser one; the other where one is NaN.
+    fn lesser(self, other: Self) -> Self;
+}
+
+macro_rules! real {
+    ($ty:ty, $unit:expr) => {
+        impl Real for $ty {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            const UNIT: Self = $unit;
+
+            #[inline(always)]
+            fn from_f32(value: f32) -> Self {
+                value.into()
+            }
+
+            #[inline(always)]
+            fn from_f64(value: f64) -> Self {
+                value as $ty
+            }
+
+            #[inline(always)]
+            fn to_f32(self) -> f32 {
+                self as f32
+            }
+
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                self.sqrt()
+            }
+
+            #[inline(always)]
+            fn abs(self) -> Self {
+                self.abs()
+            }
+
+            #[inline(always)]
+            fn greater(self, other: Self) -> Self {
+                self.max(other)
+            }
+
+            #[inline(always)]
+            fn lesser(self, other: Self) -> Self {
+                self.min(other)
+            }
+        }
+    };
+}
+
+real!(f32, f32::EPSILON / 2.0);
+real!(f64, f64::EPSILON / 2.0);
+
+/// The three components as another format, exactly.
+#[inline(always)]
+pub fn from_f32<R: Real>(v: [f32; 3]) -> [R; 3] {
+    v.map(R::from_f32)
+}
+
+/// `a - b`.
+#[inline(always)]
+pub fn sub<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// `a + b`.
+#[inline(always)]
+pub fn add<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+/// `s * v`.
+#[inline(always)]
+pub fn scale<R: Real>(s: R, v: [R; 3]) -> [R; 3] {
+    [s * v[0], s * v[1], s * v[2]]
+}
+
+/// The scalar product.
+#[inline(always)]
+pub fn dot<R: Real>(a: [R; 3], b: [R; 3]) -> R {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The vector product.
+#[inline(always)]
+pub fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// The sum of the components' magnitudes: bounds the length, and costs no square root.
+#[inline(always)]
+pub fn norm1<R: Real>(v: [R; 3]) -> R {
+    v[0].abs() + v[1].abs() + v[2].abs()
+}
