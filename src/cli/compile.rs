@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::compile::{Options, Source, compile, fixtures};
+use crate::compile::{DebugInfo, Optimize, Options, Source, compile, fixtures};
 use crate::error::{Error, ErrorKind, Result};
 
 /// Compiles GLSL, WGSL or Slang to SPIR-V.
@@ -12,15 +12,17 @@ use crate::error::{Error, ErrorKind, Result};
 pub struct CompileArgs {
     /// Shader sources; the extension tells language and stage (.rgen .rint .rahit .rchit .rmiss
     /// .rcall .comp .wgsl .slang)
-    #[arg(value_name = "SOURCE", required_unless_present = "fixtures")]
+    #[arg(value_name = "SOURCE", required_unless_present = "fixtures", conflicts_with = "fixtures")]
     sources: Vec<PathBuf>,
     /// Where to write the module, or with several sources the folder [default: SOURCE.spv]
     #[arg(short, long, value_name = "PATH", conflicts_with = "fixtures")]
     output: Option<PathBuf>,
-    /// Debug information: lines; as -gVS or -g2, all (NonSemantic.Shader.DebugInfo)
-    #[arg(short = 'g', value_name = "LEVEL", num_args = 0..=1, require_equals = false,
-          default_missing_value = "", conflicts_with = "fixtures", value_parser = ["", "VS", "2"])]
-    debug: Option<String>,
+    /// Debug information: lines
+    #[arg(short = 'g', conflicts_with = "fixtures")]
+    lines: bool,
+    /// Debug information: lines, columns, variables and text, as glslang's -gVS or slangc's -g2
+    #[arg(short = 'G', conflicts_with = "fixtures")]
+    full: bool,
     /// Optimisation: -O0 for none, else what the compiler does by default
     #[arg(short = 'O', value_name = "LEVEL", conflicts_with = "fixtures", value_parser = ["0"])]
     optimize: Option<String>,
@@ -28,7 +30,7 @@ pub struct CompileArgs {
     #[arg(long)]
     fixtures: bool,
     /// With --fixtures: compile all again, not only what has changed
-    #[arg(long, requires = "fixtures")]
+    #[arg(long, requires = "fixtures", conflicts_with = "sources")]
     force: bool,
 }
 
@@ -42,9 +44,13 @@ pub fn run(args: CompileArgs) -> Result<()> {
 }
 
 fn compile_sources(args: &CompileArgs) -> Result<()> {
-    let debug = args.debug.as_ref().map(|level| format!("-g{level}"));
-    let optimize = args.optimize.as_ref().map(|level| format!("-O{level}"));
-    let options = Options::from_flags(debug.as_deref().into_iter().chain(optimize.as_deref()))?;
+    let debug = match (args.full, args.lines) {
+        (true, _) => DebugInfo::Full,
+        (false, true) => DebugInfo::Lines,
+        (false, false) => DebugInfo::Names,
+    };
+    let optimize = if args.optimize.is_some() { Optimize::Off } else { Optimize::Default };
+    let options = Options { debug, optimize };
     let mut errors = Vec::new();
     for path in &args.sources {
         let mut file = path.file_name().unwrap_or_default().to_owned();
@@ -99,10 +105,11 @@ mod tests {
 
     #[test]
     fn the_flags_of_compilers_are_understood() {
-        let args = parse("compile a.rgen -gVS -O0 -o out.spv").unwrap();
-        assert_eq!((args.debug.as_deref(), args.optimize.as_deref()), (Some("VS"), Some("0")));
-        assert_eq!(parse("compile -g -O0 a.rgen").unwrap().debug.as_deref(), Some(""));
+        let args = parse("compile -g a.rgen b.rmiss -O0 -o out").unwrap();
+        assert!(args.lines && !args.full && args.optimize.is_some());
+        assert_eq!(args.sources.len(), 2);
         assert!(parse("compile").is_none(), "neither source nor --fixtures");
         assert!(parse("compile --fixtures a.rgen -g").is_none(), "flags of fixtures stand in the sources");
+        assert!(parse("compile a.rgen --force").is_none(), "only fixtures are forced");
     }
 }
