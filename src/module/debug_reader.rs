@@ -219,3 +219,133 @@ impl<'w> DebugReader<'w> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use pretty_assertions::assert_eq;
+
+    use super::*;
+    use crate::module::assemble::Assembler;
+
+    const SET: u32 = 100;
+    const VOID: u32 = 1;
+
+    fn debug(a: &mut Assembler, id: u32, op: DebugOp, operands: &[u32]) {
+        a.op(Op::ExtInst, &[&[VOID, id, SET, op as u32], operands].concat());
+    }
+
+    /// Strings, then module scope with the usual types and a debug source of two parts.
+    fn module_scope() -> Assembler {
+        let mut a = Assembler::new();
+        a.with_string(Op::Extension, &[], "SPV_KHR_non_semantic_info", &[]);
+        a.with_string(Op::ExtInstImport, &[SET], "NonSemantic.Shader.DebugInfo.100", &[]);
+        a.with_string(Op::String, &[110], "hit.slang", &[]);
+        a.with_string(Op::String, &[111], "float f;\n", &[]);
+        a.with_string(Op::String, &[112], "float g;\n", &[]);
+        a.with_string(Op::String, &[113], "closestHit", &[]);
+        a.with_string(Op::String, &[114], "colour", &[]);
+        a.with_string(Op::String, &[115], "scene", &[]);
+        a.types();
+        a.op(Op::Constant, &[5, 120, 7]);
+        a.op(Op::Constant, &[5, 121, 9]);
+        a.op(Op::TypePointer, &[122, 7, 6]);
+        a.op(Op::TypePointer, &[123, 6, 6]);
+        debug(&mut a, 130, DebugOp::DebugSource, &[110, 111]);
+        debug(&mut a, 131, DebugOp::DebugSourceContinued, &[112]);
+        debug(&mut a, 132, DebugOp::DebugFunction, &[113, 8, 130, 8, 8, 8, 113, 8, 8]);
+        debug(&mut a, 133, DebugOp::DebugLocalVariable, &[114, 8, 130, 8, 8, 132, 8]);
+        a.op(Op::Variable, &[123, 140, 6]);
+        debug(&mut a, 134, DebugOp::DebugGlobalVariable, &[115, 8, 130, 8, 8, 132, 115, 140, 8]);
+        a
+    }
+
+    #[test]
+    fn names_sources_and_lines_are_read_and_left_out_of_the_blocks() {
+        let mut a = module_scope();
+        a.function(50, 51, |a| {
+            debug(a, 150, DebugOp::DebugFunctionDefinition, &[132, 50]);
+            a.op(Op::Variable, &[122, 52, 7]);
+            debug(a, 151, DebugOp::DebugDeclare, &[133, 52, 8]);
+            debug(a, 152, DebugOp::DebugLine, &[130, 120, 120, 121, 121]);
+            a.op(Op::Load, &[6, 53, 52]);
+            debug(a, 153, DebugOp::DebugNoLine, &[]);
+            a.op(Op::Load, &[6, 54, 52]);
+            a.op(Op::Return, &[]);
+        });
+        let module = a.loaded();
+        let info = &module.debug_info;
+        assert_eq!(info.files.len(), 1);
+        assert_eq!(info.files[0].name, "hit.slang");
+        assert_eq!(info.files[0].text.as_deref(), Some("float f;\nfloat g;\n"));
+        assert_eq!(
+            [50, 52, 140, 53].map(|id| module.name(Id(id))),
+            [Some("closestHit"), Some("colour"), Some("scene"), None]
+        );
+        let instructions = &module.functions[0].blocks[0].instructions;
+        assert_eq!(instructions.iter().map(|one| one.opcode).collect::<Vec<_>>(), [59, 61, 61, 253]);
+        assert_eq!(info.line_at(instructions[1].offset), Some(Line { file: 0, line: 7, column: 9 }));
+        assert_eq!(info.line_at(instructions[2].offset), None);
+    }
+
+    #[test]
+    fn broken_debug_information_is_no_error() {
+        let mut a = Assembler::new();
+        a.with_string(Op::ExtInstImport, &[SET], "NonSemantic.Shader.DebugInfo.102", &[]);
+        a.with_string(Op::ExtInstImport, &[101], "NonSemantic.Whatever", &[]);
+        a.op(Op::Name, &[]);
+        a.op(Op::Name, &[999]);
+        a.op(Op::Name, &[998, 0x6161_6161]);
+        a.op(Op::MemberName, &[6, 77, 0]);
+        a.op(Op::String, &[110, 0xffff_ffff]);
+        a.op(Op::Source, &[]);
+        a.op(Op::Source, &[2, 460, 555]);
+        a.op(Op::SourceContinued, &[0x6161_6161]);
+        a.types();
+        a.op(Op::Line, &[555, 1]);
+        debug(&mut a, 130, DebugOp::DebugSource, &[]);
+        debug(&mut a, 131, DebugOp::DebugSource, &[777]);
+        debug(&mut a, 131, DebugOp::DebugFunction, &[6]);
+        a.op(Op::ExtInstWithForwardRefsKHR, &[VOID, 132, SET, 5000, 900, 901]);
+        a.op(Op::ExtInst, &[VOID, 6, 101, 1]);
+        a.function(50, 51, |a| {
+            debug(a, 150, DebugOp::DebugLine, &[131, 6, 6, 6, 6]);
+            debug(a, 151, DebugOp::DebugLine, &[130]);
+            debug(a, 152, DebugOp::DebugDeclare, &[6, 7]);
+            a.op(Op::Return, &[]);
+        });
+        let module = a.loaded();
+        assert_eq!(module.name(Id(998)), Some("aaaa"));
+        assert!(module.debug_info.lines.is_empty());
+        assert!(module.debug_info.variable_names.is_empty());
+    }
+
+    #[test]
+    fn printf_is_kept_with_its_format() {
+        let mut a = Assembler::new();
+        a.with_string(Op::ExtInstImport, &[SET], "NonSemantic.DebugPrintf", &[]);
+        a.with_string(Op::String, &[110], "t = %f", &[]);
+        a.types();
+        a.op(Op::Constant, &[6, 120, 0]);
+        a.function(50, 51, |a| {
+            a.op(Op::ExtInst, &[VOID, 150, SET, 1, 110, 120]);
+            a.op(Op::Return, &[]);
+        });
+        let module = a.loaded();
+        let instructions = &module.functions[0].blocks[0].instructions;
+        assert_eq!(module.operands(&instructions[0]), [SET, 1, 110, 120]);
+        assert_eq!(&*module.debug_info.strings[&Id(110)], "t = %f");
+    }
+
+    #[test]
+    fn a_text_that_is_continued_with_itself_over_and_over_stays_small() {
+        let mut a = module_scope();
+        let long = "x".repeat(200_000);
+        a.with_string(Op::String, &[160], &long, &[]);
+        for id in 0..1000 {
+            debug(&mut a, 200 + id % 700, DebugOp::DebugSourceContinued, &[160]);
+        }
+        let module = a.loaded();
+        let length = module.debug_info.files[0].text.as_ref().unwrap().len();
+        assert!(length <= 16 * module.words.len() + 65_536, "{length} bytes");
+    }
+}
