@@ -23,8 +23,8 @@ pub struct CompileArgs {
     /// Debug information: lines, columns, variables and text, as glslang's -gVS or slangc's -g2
     #[arg(short = 'G', conflicts_with = "fixtures")]
     full: bool,
-    /// Optimisation: -O0 for none, else what the compiler does by default
-    #[arg(short = 'O', value_name = "LEVEL", conflicts_with = "fixtures", value_parser = ["0"])]
+    /// Optimisation: -O0 for none, -O2 for much; else what the compiler does by default
+    #[arg(short = 'O', value_name = "LEVEL", conflicts_with = "fixtures", value_parser = ["0", "2"])]
     optimize: Option<String>,
     /// Bring spirv-fixtures/ in step with shaders/, in the current folder
     #[arg(long)]
@@ -49,7 +49,11 @@ fn compile_sources(args: &CompileArgs) -> Result<()> {
         (false, true) => DebugInfo::Lines,
         (false, false) => DebugInfo::Names,
     };
-    let optimize = if args.optimize.is_some() { Optimize::Off } else { Optimize::Default };
+    let optimize = match args.optimize.as_deref() {
+        None => Optimize::Default,
+        Some("0") => Optimize::Off,
+        Some(_) => Optimize::High,
+    };
     let options = Options { debug, optimize };
     let mut errors = Vec::new();
     for path in &args.sources {
@@ -82,9 +86,13 @@ fn regenerate(force: bool) -> Result<()> {
         println!("removed {}/{name}", fixtures::FIXTURES);
     }
     println!("{} written, {} in step already", report.written.len(), report.kept);
-    let skipped = report.skipped.into_iter().map(|(name, error)| error.context(name));
-    let skipped: Vec<_> = skipped.collect();
-    if skipped.is_empty() { Ok(()) } else { Err(Error::several(skipped)) }
+    // One report for all: each of them lacks a compiler, and most of them the same one.
+    let names = report.skipped.iter().map(|(name, _)| format!("stale: {}/{name}", fixtures::FIXTURES));
+    let names: Vec<_> = names.collect();
+    match report.skipped.into_iter().next() {
+        None => Ok(()),
+        Some((_, error)) => Err(names.into_iter().fold(error, Error::note)),
+    }
 }
 
 #[cfg(test)]

@@ -63,10 +63,12 @@ pub enum Optimize {
     Default,
     /// `-O0`.
     Off,
+    /// `-O2`: with slangc, values in registers and phis instead of variables.
+    High,
 }
 
 impl Options {
-    /// The options that command line flags stand for: `-g`, `-gVS` (or `-g2`), `-O0`.
+    /// The options that command line flags stand for: `-g`, `-gVS` (or `-g2`), `-O0`, `-O2`.
     ///
     /// # Errors
     /// [`ErrorKind::InvalidArgument`] for any other flag.
@@ -77,10 +79,11 @@ impl Options {
                 "-g" => options.debug = DebugInfo::Lines,
                 "-gVS" | "-g2" => options.debug = DebugInfo::Full,
                 "-O0" => options.optimize = Optimize::Off,
+                "-O2" => options.optimize = Optimize::High,
                 _ => {
                     let text = format!("unknown compiler flag `{flag}`");
                     return Err(Error::new(ErrorKind::InvalidArgument, text)
-                        .note("the flags are -g (lines), -gVS (full debug info) and -O0"));
+                        .note("the flags are -g (lines), -gVS (full debug info), -O0 and -O2"));
                 }
             }
         }

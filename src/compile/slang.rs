@@ -39,6 +39,9 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Vec<u8>> {
         Optimize::Off => {
             command.arg("-O0");
         }
+        Optimize::High => {
+            command.arg("-O2");
+        }
     }
     let result = run(&mut command)?;
     let said =
