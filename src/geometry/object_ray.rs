@@ -198,6 +198,20 @@ impl ObjectRay {
         })
     }
 
+    /// The object-space origin in f64 and a bound of each component's error (infinite where nothing
+    /// is known): what a node test needs.
+    #[inline]
+    pub fn origin_bounded(&self) -> ([f64; 3], [f64; 3]) {
+        (self.origin, self.origin_error)
+    }
+
+    /// The object-space direction in f64 and a bound of each component's error (infinite where
+    /// nothing is known).
+    #[inline]
+    pub fn direction_bounded(&self) -> ([f64; 3], [f64; 3]) {
+        (self.direction, self.direction_error)
+    }
+
     /// The ray in another format, errors as 1-norms.
     #[inline(always)]
     pub(super) fn view<R: Real>(&self) -> View<R> {
