@@ -1,9 +1,13 @@
 //! Bottom-level acceleration structures.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use crate::accel::geometry_data::GeometryData;
-use crate::error::Result;
+use crate::accel::body::Body;
+use crate::accel::geometry_data::{GeometryData, GeometryKind};
+use crate::accel::primitive::Primitive;
+use crate::accel::validate;
+use crate::error::{Error, Result};
+use crate::geometry::Bounds;
 
 /// `VkGeometryFlagsKHR`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -12,8 +16,14 @@ pub struct GeometryFlags(pub u32);
 impl GeometryFlags {
     /// `VK_GEOMETRY_OPAQUE_BIT_KHR`
     pub const OPAQUE: Self = Self(1);
-    /// `VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR`
+    /// `VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR`: nothing to do, any-hit never runs
+    /// twice for one candidate here.
     pub const NO_DUPLICATE_ANY_HIT: Self = Self(2);
+
+    /// Whether all of the given bits are set.
+    pub fn contains(self, bits: Self) -> bool {
+        self.0 & bits.0 == bits.0
+    }
 }
 
 /// One geometry of a BLAS.
@@ -26,23 +36,63 @@ pub struct Geometry {
 }
 
 /// A bottom-level acceleration structure: geometries of one kind over one tree.
+///
+/// Making one checks its numbers and no more: boxes and tree come with the first ray that reaches
+/// it, and not at all where it holds only a few primitives.
 #[derive(Debug)]
 pub struct Blas {
     geometries: Vec<Geometry>,
+    body: OnceLock<Body>,
 }
 
 impl Blas {
     /// Takes the geometries; the tree is built on first use.
     ///
     /// # Errors
-    /// `InvalidScene` where kinds are mixed (VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03792),
-    /// an index is out of range or a count does not fit.
+    /// `InvalidScene`, naming geometry and primitive, where kinds are mixed
+    /// (VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03792), an index is out of range, a
+    /// count does not fit, a box is inside out (VUID-VkAabbPositionsKHR-minX-03546 and the next
+    /// two), a referenced radius is negative (VUIDs 10426 and 10436), successive indexing lacks
+    /// indices (VUID 10427), or a geometry transform is singular
+    /// (VUID-VkTransformMatrixKHR-matrix-03799). All mistakes are reported at once.
     pub fn new(geometries: Vec<Geometry>) -> Result<Arc<Self>> {
-        Ok(Arc::new(Self { geometries }))
+        let mistakes = validate::geometries(&geometries);
+        if !mistakes.is_empty() {
+            return Err(Error::several(mistakes));
+        }
+        Ok(Arc::new(Self { geometries, body: OnceLock::new() }))
     }
 
     /// The geometries in the order of their `RayGeometryIndexKHR`.
     pub fn geometries(&self) -> &[Geometry] {
         &self.geometries
+    }
+
+    /// What its geometries are made of; `None` for a BLAS without geometries.
+    pub fn kind(&self) -> Option<GeometryKind> {
+        self.geometries.first().map(|geometry| geometry.data.kind())
+    }
+
+    /// The numbers of a primitive, bit for bit as given (triangles: after the geometry transform):
+    /// what the hit builtins and position fetch return. `None` where there is no such primitive.
+    pub fn primitive(&self, geometry: u32, primitive: u32) -> Option<Primitive> {
+        let data = &self.geometries.get(geometry as usize)?.data;
+        ((primitive as usize) < data.primitive_count()).then(|| data.primitive(primitive))
+    }
+
+    /// Whether rays have reached it, so that its boxes (and tree) exist.
+    pub fn is_built(&self) -> bool {
+        self.body.get().is_some()
+    }
+
+    /// The box around all active primitives, in object space; empty where there are none. Builds.
+    pub fn bounds(&self) -> Bounds {
+        self.body().bounds()
+    }
+
+    /// The primitives in the form that traversal takes; builds on first use.
+    #[inline]
+    pub(super) fn body(&self) -> &Body {
+        self.body.get_or_init(|| Body::build(&self.geometries))
     }
 }

@@ -1,11 +1,37 @@
 //! The resumable traversal of one ray: for traces and for ray queries.
+//!
+//! # Order
+//! A traversal runs *as if* all primitives that the ray meets stood in one list, ascending by their
+//! key (t, instance, geometry, primitive), t being the correctly rounded f32, for a box its entry,
+//! and the list were walked from its start:
+//!
+//! * an opaque triangle, sphere or LSS commits, silently;
+//! * any other primitive is handed out as a [`Candidate`]; the caller confirms it, reports hits in
+//!   it (a box), or passes it over;
+//! * the walk ends at the first entry whose key lies behind the committed hit's key, at the end of
+//!   the list, or when it is told to.
+//!
+//! So which candidates are seen, in which order, what `t_max` is meanwhile and what is committed in
+//! the end depend on the ray and the scene alone, never on trees, threads or batches. In
+//! particular an opaque hit behind a candidate is not yet committed when that candidate is handed
+//! out, even where traversal has found it already; and under `TerminateOnFirstHitKHR` the hit that
+//! counts is the first of the list that is confirmed.
+//!
+//! A hit reported in a box can lie anywhere behind the box's entry; it is accepted where it lies
+//! within `t_min..=t_max()` and, at equal t, where its key is not behind the committed one's. A
+//! later report in the same box at equal t replaces the earlier.
 
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
+
+use smallvec::SmallVec;
+
+use crate::accel::node_ray::NodeRay;
+pub use crate::accel::rules::RayFlags;
 use crate::accel::tlas::Tlas;
-use crate::geometry::{Intersection, Ray};
-
-/// Ray flags, numbers as in SPIR-V.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct RayFlags(pub u32);
+use crate::accel::visit::{Place, Visit};
+use crate::accel::walk::{Level, Open};
+use crate::geometry::{Intersection, Ray, Surface};
 
 /// A hit kind: 254 and 255 for triangles, 0 to 127 for reported ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -42,10 +68,52 @@ pub struct Candidate {
     pub geometry: u32,
     /// `PrimitiveId`
     pub primitive: u32,
-    /// Where; for a box its entry.
+    /// Where; for a box its entry. A triangle's side is the one that its instance presents
+    /// (`TRIANGLE_FLIP_FACING` turns it).
     pub intersection: Intersection,
     /// Whether a hit of it is opaque (a box: no any-hit after a report).
     pub opaque: bool,
+}
+
+impl Candidate {
+    /// Whether it is a box, in which an intersection shader looks for hits.
+    #[inline]
+    pub fn is_box(&self) -> bool {
+        self.intersection.surface == Surface::Aabb
+    }
+
+    /// The hit kind that it has when it is hit; `None` for a box, where the report names it.
+    #[inline]
+    pub fn hit_kind(&self) -> Option<HitKind> {
+        match self.intersection.surface {
+            Surface::TriangleFront => Some(HitKind::FRONT_FACING_TRIANGLE),
+            Surface::TriangleBack => Some(HitKind::BACK_FACING_TRIANGLE),
+            Surface::Aabb => None,
+            Surface::Sphere => Some(HitKind::SPHERE),
+            Surface::Side | Surface::Cap0 | Surface::Cap1 => Some(HitKind::LINEAR_SWEPT_SPHERE),
+        }
+    }
+
+    /// Which primitive it is.
+    #[inline]
+    pub fn place(&self) -> Place {
+        Place { instance: self.instance, geometry: self.geometry, primitive: self.primitive }
+    }
+
+    /// What orders hits: see the head of this file.
+    #[inline]
+    fn key(&self, t: f32) -> Key {
+        Key { t, instance: self.instance, geometry: self.geometry, primitive: self.primitive }
+    }
+}
+
+/// The order of hits. t is never NaN.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+struct Key {
+    t: f32,
+    instance: u32,
+    geometry: u32,
+    primitive: u32,
 }
 
 /// The closest hit so far.
@@ -59,20 +127,253 @@ pub struct Committed {
     pub hit_kind: HitKind,
 }
 
-/// A traversal in progress.
+impl Committed {
+    fn key(&self) -> Key {
+        self.candidate.key(self.t)
+    }
+}
+
+/// A candidate that waits for its turn; ordered by key.
+#[derive(Clone, Copy, Debug)]
+struct Waiting(Candidate);
+
+impl Waiting {
+    fn key(&self) -> Key {
+        self.0.key(self.0.intersection.t)
+    }
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Waiting {}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Waiting {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.key().partial_cmp(&other.key()).expect("bug in anyhit: a hit's t is NaN")
+    }
+}
+
+/// Whether a traversal goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Underway,
+    /// No further candidate and no further commit.
+    Ended,
+}
+
+/// A traversal in progress. It holds no borrow: the same [`Tlas`] is passed to each step.
 #[derive(Clone, Debug)]
 pub struct Cursor {
-    trace: TraceRay,
+    pub(super) trace: TraceRay,
+    pub(super) open: SmallVec<[Open; 24]>,
+    /// The ray for the nodes of the TLAS; `None` where that has no tree.
+    pub(super) world: Option<NodeRay>,
+    pub(super) level: Option<Level>,
+    /// No hit behind it matters; a rounded t.
+    pub(super) cull_t: f32,
+    waiting: BinaryHeap<Reverse<Waiting>>,
+    /// The closest opaque hit that was found and whose turn has not come.
+    opaque: Option<Committed>,
+    committed: Option<Committed>,
+    /// The candidate that is with the caller.
+    presented: Option<Candidate>,
+    state: State,
+    any_opaque_hit_ends: bool,
 }
 
 impl Cursor {
-    /// Begins a traversal.
-    pub fn new(_tlas: &Tlas, trace: TraceRay) -> Self {
-        Self { trace }
+    /// Begins a traversal. A ray that holds a NaN or an infinite origin or direction meets nothing.
+    pub fn new(tlas: &Tlas, trace: TraceRay) -> Self {
+        let mut cursor = Self {
+            trace,
+            open: SmallVec::new(),
+            world: None,
+            level: None,
+            cull_t: 0.0,
+            waiting: BinaryHeap::new(),
+            opaque: None,
+            committed: None,
+            presented: None,
+            state: State::Underway,
+            any_opaque_hit_ends: false,
+        };
+        cursor.reset(tlas, trace);
+        cursor
+    }
+
+    /// Begins another traversal in the memory of this one.
+    pub fn reset(&mut self, tlas: &Tlas, trace: TraceRay) {
+        self.trace = trace;
+        self.cull_t = trace.ray.t_max;
+        self.waiting.clear();
+        self.opaque = None;
+        self.committed = None;
+        self.presented = None;
+        self.state = State::Underway;
+        self.any_opaque_hit_ends = false;
+        self.start(tlas);
+    }
+
+    /// Lets the traversal end at *any* opaque hit, the first that it comes upon. For rays that only
+    /// ask whether something is hit: the caller must see to it that nobody can observe which hit
+    /// was committed, or which candidates were handed out before.
+    pub fn end_at_any_opaque_hit(&mut self) {
+        self.any_opaque_hit_ends = true;
     }
 
     /// The operands of the trace.
     pub fn trace(&self) -> &TraceRay {
         &self.trace
+    }
+
+    /// Goes on to the next candidate; `None` at the end. What was handed out before and not
+    /// confirmed is passed over.
+    pub fn proceed(&mut self, tlas: &Tlas) -> Option<Candidate> {
+        self.proceed_with(tlas, &mut ())
+    }
+
+    /// The same under the eyes of an onlooker.
+    pub fn proceed_with(&mut self, tlas: &Tlas, visit: &mut impl Visit) -> Option<Candidate> {
+        self.presented = None;
+        if self.state == State::Ended {
+            return None;
+        }
+        loop {
+            if let Some(&Reverse(first)) = self.waiting.peek()
+                && self.is_next(&first)
+            {
+                self.waiting.pop();
+                if self.is_behind(&first) {
+                    break;
+                }
+                self.presented = Some(first.0);
+                visit.present(&first.0);
+                return Some(first.0);
+            }
+            if !self.step(tlas, visit) {
+                break;
+            }
+        }
+        self.finish(visit);
+        None
+    }
+
+    /// Commits the candidate that [`Cursor::proceed`] returned last (not a box); the traversal is
+    /// over then, as all else lies behind. Returns whether there was one to commit.
+    pub fn confirm(&mut self) -> bool {
+        let Some(candidate) = self.presented.filter(|candidate| !candidate.is_box()) else { return false };
+        let Some(hit_kind) = candidate.hit_kind() else { return false };
+        self.committed = Some(Committed { candidate, t: candidate.intersection.t, hit_kind });
+        self.terminate();
+        true
+    }
+
+    /// Whether a hit at t in the current box would be accepted now.
+    #[inline]
+    pub fn accepts(&self, t: f32) -> bool {
+        let Some(candidate) = self.presented.filter(Candidate::is_box) else { return false };
+        let in_interval = t >= self.trace.ray.t_min && t <= self.t_max();
+        in_interval && self.committed.is_none_or(|committed| candidate.key(t) <= committed.key())
+    }
+
+    /// Commits a hit at t in the current box, where it is accepted; says whether it was. Several
+    /// may follow each other for one box.
+    pub fn generate(&mut self, t: f32, hit_kind: HitKind) -> bool {
+        let Some(candidate) = self.presented.filter(|_| self.accepts(t)) else { return false };
+        self.committed = Some(Committed { candidate, t, hit_kind });
+        self.cull_t = self.cull_t.min(t);
+        if self.trace.flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT) {
+            self.terminate();
+        }
+        true
+    }
+
+    /// Ends the traversal; what is committed stays, and nothing is added.
+    pub fn terminate(&mut self) {
+        self.state = State::Ended;
+        self.presented = None;
+        self.opaque = None;
+        self.waiting.clear();
+        self.open.clear();
+        self.level = None;
+    }
+
+    /// The candidate that is with the caller.
+    pub fn candidate(&self) -> Option<&Candidate> {
+        self.presented.as_ref()
+    }
+
+    /// The closest hit so far; after the end, the hit.
+    pub fn committed(&self) -> Option<&Committed> {
+        self.committed.as_ref()
+    }
+
+    /// The current `RayTmaxKHR`: the committed t, or the ray's own.
+    #[inline]
+    pub fn t_max(&self) -> f32 {
+        self.committed.map_or(self.trace.ray.t_max, |committed| committed.t)
+    }
+
+    /// Takes an opaque hit; says whether it is the closest so far.
+    #[inline]
+    pub(super) fn take_opaque(&mut self, candidate: Candidate) -> bool {
+        let Some(hit_kind) = candidate.hit_kind() else { return false };
+        let hit = Committed { candidate, t: candidate.intersection.t, hit_kind };
+        let closest =
+            [&self.opaque, &self.committed].into_iter().flatten().all(|other| hit.key() < other.key());
+        if closest {
+            self.opaque = Some(hit);
+            self.cull_t = self.cull_t.min(hit.t);
+            if self.any_opaque_hit_ends {
+                self.open.clear();
+                self.waiting.clear();
+            }
+        }
+        closest
+    }
+
+    /// Takes a candidate that will be handed out in its turn; says whether it may have one.
+    #[inline]
+    pub(super) fn take_candidate(&mut self, candidate: Candidate) -> bool {
+        let waiting = Waiting(candidate);
+        if self.is_behind(&waiting) {
+            return false;
+        }
+        self.waiting.push(Reverse(waiting));
+        true
+    }
+
+    fn is_behind(&self, waiting: &Waiting) -> bool {
+        [&self.opaque, &self.committed].into_iter().flatten().any(|other| other.key() < waiting.key())
+    }
+
+    /// Whether nothing unvisited can have a smaller key: a node whose entry is equal may hide an
+    /// equal t.
+    #[inline]
+    fn is_next(&self, waiting: &Waiting) -> bool {
+        self.open.last().is_none_or(|open| waiting.0.intersection.t < open.floor)
+    }
+
+    /// The turn of the closest opaque hit: every candidate before it had its own.
+    fn finish(&mut self, visit: &mut impl Visit) {
+        let complete = self.open.is_empty();
+        if let Some(hit) = self.opaque
+            && self.committed.is_none_or(|committed| hit.key() < committed.key())
+        {
+            self.committed = Some(hit);
+            visit.commit(&hit);
+        }
+        self.terminate();
+        visit.end(complete);
     }
 }

@@ -1,5 +1,7 @@
 //! What a geometry is made of, decoded to f32 and u32.
 
+use std::fmt;
+
 /// The primitives of one geometry, in object space.
 #[derive(Clone, Debug, PartialEq)]
 pub enum GeometryData {
@@ -36,6 +38,61 @@ pub enum GeometryData {
         /// `VkRayTracingLssPrimitiveEndCapsModeNV`.
         end_caps: EndCaps,
     },
+}
+
+impl GeometryData {
+    /// Which kind of primitive it holds (`VkGeometryTypeKHR`).
+    pub fn kind(&self) -> GeometryKind {
+        match self {
+            Self::Triangles { .. } => GeometryKind::Triangles,
+            Self::Aabbs(_) => GeometryKind::Aabbs,
+            Self::Spheres { .. } => GeometryKind::Spheres,
+            Self::LinearSweptSpheres { .. } => GeometryKind::LinearSweptSpheres,
+        }
+    }
+
+    /// How many primitives it holds, inactive ones included. An incomplete last primitive does not
+    /// count.
+    pub fn primitive_count(&self) -> usize {
+        match self {
+            Self::Triangles { vertices, indices, .. } => {
+                indices.as_ref().map_or(vertices.len(), Vec::len) / 3
+            }
+            Self::Aabbs(boxes) => boxes.len(),
+            Self::Spheres { positions, indices, .. } => indices.as_ref().map_or(positions.len(), Vec::len),
+            Self::LinearSweptSpheres { positions, indices, indexing, .. } => {
+                let entries = indices.as_ref().map_or(positions.len(), Vec::len);
+                match indexing {
+                    Indexing::List => entries / 2,
+                    Indexing::Successive => entries,
+                }
+            }
+        }
+    }
+}
+
+/// `VkGeometryTypeKHR`: what a BLAS holds one kind of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum GeometryKind {
+    /// `VK_GEOMETRY_TYPE_TRIANGLES_KHR`
+    Triangles,
+    /// `VK_GEOMETRY_TYPE_AABBS_KHR`
+    Aabbs,
+    /// `VK_GEOMETRY_TYPE_SPHERES_NV`
+    Spheres,
+    /// `VK_GEOMETRY_TYPE_LINEAR_SWEPT_SPHERES_NV`
+    LinearSweptSpheres,
+}
+
+impl fmt::Display for GeometryKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Triangles => "triangles",
+            Self::Aabbs => "AABBs",
+            Self::Spheres => "spheres",
+            Self::LinearSweptSpheres => "linear swept spheres",
+        })
+    }
 }
 
 /// `VkRayTracingLssIndexingModeNV`.

@@ -1,11 +1,28 @@
 //! Acceleration structures and the resumable traversal.
+//!
+//! A [`Blas`] holds geometries of one kind, a [`Tlas`] places BLASes as instances, and a [`Cursor`]
+//! carries one ray through them, stopping wherever a shader has to decide. Trees are built when the
+//! first ray arrives; they save work and change nothing: what a cursor reports is what a linear
+//! scan would (`cursor` states the order, `node_ray` proves that no hit is lost).
 
 pub mod blas;
+mod body;
 pub mod cursor;
 pub mod geometry_data;
+mod node;
+mod node_ray;
+pub mod primitive;
+pub mod rules;
 pub mod tlas;
+mod transform;
+mod tree;
+mod validate;
+pub mod visit;
+mod walk;
 
 pub use blas::{Blas, Geometry, GeometryFlags};
 pub use cursor::{Candidate, Committed, Cursor, HitKind, RayFlags, TraceRay};
-pub use geometry_data::{EndCaps, GeometryData, Indexing};
+pub use geometry_data::{EndCaps, GeometryData, GeometryKind, Indexing};
+pub use primitive::Primitive;
 pub use tlas::{Instance, InstanceFlags, Tlas};
+pub use visit::{Counters, InstanceVerdict, Place, PrimitiveVerdict, Visit};

@@ -1,13 +1,37 @@
 //! Top-level acceleration structures and instances.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::accel::blas::Blas;
-use crate::error::Result;
+use crate::accel::transform::IDENTITY;
+use crate::accel::tree::Tree;
+use crate::accel::validate;
+use crate::error::{Error, Result};
+use crate::geometry::{Bounds, ObjectRay, Precision, Ray, Transform};
+
+/// Up to this many instances are entered one after another, without boxes or tree: then no BLAS is
+/// touched that no ray reaches.
+const LINEAR: usize = 4;
 
 /// `VkGeometryInstanceFlagsKHR`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct InstanceFlags(pub u32);
+
+impl InstanceFlags {
+    /// `VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR`
+    pub const TRIANGLE_FACING_CULL_DISABLE: Self = Self(1);
+    /// `VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR`
+    pub const TRIANGLE_FLIP_FACING: Self = Self(2);
+    /// `VK_GEOMETRY_INSTANCE_FORCE_OPAQUE_BIT_KHR`
+    pub const FORCE_OPAQUE: Self = Self(4);
+    /// `VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR`
+    pub const FORCE_NO_OPAQUE: Self = Self(8);
+
+    /// Whether all of the given bits are set.
+    pub fn contains(self, bits: Self) -> bool {
+        self.0 & bits.0 == bits.0
+    }
+}
 
 /// An instance of a BLAS.
 #[derive(Clone, Debug)]
@@ -30,19 +54,106 @@ pub struct Instance {
 #[derive(Debug)]
 pub struct Tlas {
     instances: Vec<Instance>,
+    /// Parallel to the instances; `None` for the identity.
+    transforms: Vec<Option<Transform>>,
+    /// Parallel to the instances, made when a shader asks.
+    world_to_object: Vec<OnceLock<[[f32; 4]; 3]>>,
+    tree: OnceLock<Option<(Tree, Vec<u32>)>>,
+    precision: Precision,
 }
 
 impl Tlas {
-    /// Takes the instances in the order of their `InstanceId`.
+    /// Takes the instances in the order of their `InstanceId`; intersections are exact.
     ///
     /// # Errors
-    /// `InvalidScene` where a field has too many bits.
+    /// `InvalidScene`, naming the instance, where a field has too many bits, flags contradict each
+    /// other, or a transform is not finite or singular (VUID-VkTransformMatrixKHR-matrix-03799;
+    /// decided exactly). All mistakes are reported at once.
     pub fn new(instances: Vec<Instance>) -> Result<Arc<Self>> {
-        Ok(Arc::new(Self { instances }))
+        Self::with_precision(instances, Precision::Exact)
+    }
+
+    /// The same with a choice of how intersections are computed.
+    ///
+    /// # Errors
+    /// As [`Tlas::new`].
+    pub fn with_precision(instances: Vec<Instance>, precision: Precision) -> Result<Arc<Self>> {
+        let mistakes = validate::instances(&instances);
+        if !mistakes.is_empty() {
+            return Err(Error::several(mistakes));
+        }
+        let transforms = instances
+            .iter()
+            .map(|instance| {
+                (instance.transform != IDENTITY).then(|| {
+                    Transform::new(&instance.transform)
+                        .expect("bug in anyhit: a singular instance passed validation")
+                })
+            })
+            .collect();
+        let world_to_object = instances.iter().map(|_| OnceLock::new()).collect();
+        Ok(Arc::new(Self { instances, transforms, world_to_object, tree: OnceLock::new(), precision }))
     }
 
     /// The instances in the order of their `InstanceId`.
     pub fn instances(&self) -> &[Instance] {
         &self.instances
+    }
+
+    /// How intersections are computed.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// World to object of an instance, row-major 3x4, each entry correctly rounded from the exact
+    /// inverse (`WorldToObjectKHR`).
+    ///
+    /// # Panics
+    /// Where there is no such instance.
+    pub fn world_to_object(&self, instance: u32) -> &[[f32; 4]; 3] {
+        let at = instance as usize;
+        self.world_to_object[at]
+            .get_or_init(|| self.transforms[at].as_ref().map_or(IDENTITY, Transform::world_to_object))
+    }
+
+    /// A ray as an instance's primitives see it (`ObjectRayOriginKHR`, `ObjectRayDirectionKHR`).
+    /// `None` where the ray itself holds a NaN or an infinity.
+    ///
+    /// # Panics
+    /// Where there is no such instance.
+    #[inline]
+    pub fn object_ray(&self, instance: u32, ray: &Ray) -> Option<ObjectRay> {
+        match &self.transforms[instance as usize] {
+            Some(transform) => ObjectRay::in_instance(ray, transform),
+            None => ObjectRay::in_world(ray),
+        }
+    }
+
+    /// The tree over the instances' world boxes, with its order (place -> instance); `None` for a
+    /// few instances. Builds on first use, and with it the boxes of every BLAS that has primitives.
+    pub(super) fn tree(&self) -> Option<&(Tree, Vec<u32>)> {
+        if self.instances.len() <= LINEAR {
+            return None;
+        }
+        self.tree.get_or_init(|| self.build()).as_ref()
+    }
+
+    fn build(&self) -> Option<(Tree, Vec<u32>)> {
+        let mut boxes = Vec::new();
+        let mut numbers = Vec::new();
+        for (number, instance) in self.instances.iter().enumerate() {
+            let bounds = instance.blas.bounds();
+            // Nothing active: never hit.
+            if bounds == Bounds::EMPTY {
+                continue;
+            }
+            boxes.push(match self.transforms[number] {
+                Some(_) => bounds.transformed(&instance.transform),
+                None => bounds,
+            });
+            numbers.push(number as u32);
+        }
+        let (tree, order) = Tree::build(&boxes, 1)?;
+        Some((tree, order.into_iter().map(|place| numbers[place as usize]).collect()))
     }
 }

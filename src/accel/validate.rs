@@ -1,0 +1,191 @@
+//! What Vulkan's valid usage demands of geometries and instances.
+
+use crate::accel::blas::Geometry;
+use crate::accel::geometry_data::{GeometryData, Indexing};
+use crate::accel::primitive::Primitive;
+use crate::accel::tlas::{Instance, InstanceFlags};
+use crate::error::{Error, ErrorKind};
+use crate::geometry::Transform;
+
+/// `VkPhysicalDeviceAccelerationStructurePropertiesKHR::maxPrimitiveCount`: what every device has.
+const MAX_PRIMITIVES: usize = (1 << 29) - 1;
+/// `maxGeometryCount` and `maxInstanceCount`.
+const MAX_GEOMETRIES: usize = (1 << 24) - 1;
+
+/// The mistakes in the geometries of a BLAS, at most one for each geometry and rule.
+pub fn geometries(geometries: &[Geometry]) -> Vec<Error> {
+    let mut mistakes = Vec::new();
+    if geometries.len() > MAX_GEOMETRIES {
+        let text =
+            format!("a BLAS of {} geometries: 2^24 - 1 is the most (maxGeometryCount)", geometries.len());
+        mistakes.push(Error::new(ErrorKind::InvalidScene, text));
+    }
+    for (index, geometry) in geometries.iter().enumerate() {
+        let mut found = |text: String| {
+            mistakes.push(Error::new(ErrorKind::InvalidScene, format!("geometry {index}: {text}")));
+        };
+        let (first, kind) = (geometries[0].data.kind(), geometry.data.kind());
+        if kind != first {
+            found(format!(
+                "{kind} in a BLAS of {first}: all geometries of a BLAS are of one type \
+                 (VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03792)"
+            ));
+        }
+        match &geometry.data {
+            GeometryData::Triangles { vertices, indices, transform } => {
+                check_triples(vertices.len(), indices.as_deref(), &mut found);
+                check_indices(indices.as_deref(), vertices.len(), 0, "vertex", &mut found);
+                if transform.as_ref().is_some_and(|matrix| Transform::new(matrix).is_none()) {
+                    found(
+                        "the geometry transform is singular or not finite \
+                         (VUID-VkTransformMatrixKHR-matrix-03799)"
+                            .to_owned(),
+                    );
+                }
+            }
+            GeometryData::Aabbs(boxes) => check_boxes(boxes, &mut found),
+            GeometryData::Spheres { positions, radii, indices } => {
+                check_radii_count(positions.len(), radii.len(), &mut found);
+                check_indices(indices.as_deref(), positions.len(), 0, "position", &mut found);
+            }
+            GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, .. } => {
+                check_radii_count(positions.len(), radii.len(), &mut found);
+                let reach = match indexing {
+                    Indexing::List => 0,
+                    Indexing::Successive => 1,
+                };
+                match (indexing, indices) {
+                    (Indexing::Successive, None) => found(
+                        "successive indexing needs indices \
+                         (VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexingMode-10427)"
+                            .to_owned(),
+                    ),
+                    (Indexing::List, Some(indices)) if !indices.len().is_multiple_of(2) => {
+                        found(format!("{} indices do not make pairs", indices.len()));
+                    }
+                    _ => {}
+                }
+                check_indices(indices.as_deref(), positions.len(), reach, "position", &mut found);
+            }
+        }
+        let primitives = geometry.data.primitive_count();
+        if primitives > MAX_PRIMITIVES {
+            found(format!("{primitives} primitives: 2^29 - 1 is the most (maxPrimitiveCount)"));
+        }
+    }
+    if mistakes.is_empty() {
+        // Only now does every primitive name vertices that exist.
+        mistakes.extend(geometries.iter().enumerate().filter_map(|(index, geometry)| {
+            let text = negative_radius(&geometry.data)?;
+            Some(Error::new(ErrorKind::InvalidScene, format!("geometry {index}: {text}")))
+        }));
+    }
+    mistakes
+}
+
+fn check_triples(vertices: usize, indices: Option<&[u32]>, found: &mut impl FnMut(String)) {
+    match indices {
+        Some(indices) if !indices.len().is_multiple_of(3) => {
+            found(format!("{} indices do not make triangles", indices.len()));
+        }
+        None if !vertices.is_multiple_of(3) => found(format!("{vertices} vertices do not make triangles")),
+        _ => {}
+    }
+}
+
+/// Every index, and `reach` after it, must name an entry.
+fn check_indices(
+    indices: Option<&[u32]>,
+    entries: usize,
+    reach: usize,
+    entry: &str,
+    found: &mut impl FnMut(String),
+) {
+    let outside = |&(_, &index): &(usize, &u32)| index as usize + reach >= entries;
+    let Some((at, index)) = indices.unwrap_or_default().iter().enumerate().find(outside) else { return };
+    let reaches =
+        if reach == 0 { String::new() } else { format!(" (and {entry} {})", u64::from(*index) + 1) };
+    found(format!("indices[{at}] names {entry} {index}{reaches} of {entries}"));
+}
+
+fn check_radii_count(positions: usize, radii: usize, found: &mut impl FnMut(String)) {
+    if positions != radii {
+        found(format!("{positions} positions with {radii} radii: one radius a position"));
+    }
+}
+
+fn check_boxes(boxes: &[[f32; 6]], found: &mut impl FnMut(String)) {
+    const AXES: [(&str, &str); 3] = [("X", "minX-03546"), ("Y", "minY-03547"), ("Z", "minZ-03548")];
+    for (primitive, corners) in boxes.iter().enumerate() {
+        // A NaN here marks the box as inactive.
+        if corners[0].is_nan() {
+            continue;
+        }
+        for (axis, (name, vuid)) in AXES.iter().enumerate() {
+            let (min, max) = (corners[axis], corners[axis + 3]);
+            let in_order = min <= max;
+            if !in_order {
+                return found(format!(
+                    "primitive {primitive}: min{name} {min} is not at most max{name} {max} \
+                     (VUID-VkAabbPositionsKHR-{vuid})"
+                ));
+            }
+        }
+    }
+}
+
+/// The first primitive with a negative radius. (A NaN makes it inactive, which is valid.)
+fn negative_radius(data: &GeometryData) -> Option<String> {
+    let vuid = match data {
+        GeometryData::Spheres { .. } => "VUID-VkAccelerationStructureGeometrySpheresDataNV-radiusData-10436",
+        GeometryData::LinearSweptSpheres { .. } => {
+            "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-radiusData-10426"
+        }
+        GeometryData::Triangles { .. } | GeometryData::Aabbs(_) => return None,
+    };
+    (0..data.primitive_count() as u32).find_map(|primitive| {
+        let radii = match data.primitive(primitive) {
+            Primitive::Sphere { radius, .. } => [radius; 2],
+            Primitive::LinearSweptSphere { radii, .. } => radii,
+            Primitive::Triangle(_) | Primitive::Aabb(_) => return None,
+        };
+        let radius = radii.into_iter().find(|&radius| radius < 0.0)?;
+        Some(format!("primitive {primitive} has the negative radius {radius} ({vuid})"))
+    })
+}
+
+/// The mistakes in the instances of a TLAS.
+pub fn instances(instances: &[Instance]) -> Vec<Error> {
+    const FIELD: u32 = 1 << 24;
+    let mut mistakes = Vec::new();
+    if instances.len() > MAX_GEOMETRIES {
+        let text =
+            format!("a TLAS of {} instances: 2^24 - 1 is the most (maxInstanceCount)", instances.len());
+        mistakes.push(Error::new(ErrorKind::InvalidScene, text));
+    }
+    for (index, instance) in instances.iter().enumerate() {
+        let mut found = |text: &str| {
+            mistakes.push(Error::new(ErrorKind::InvalidScene, format!("instance {index}: {text}")));
+        };
+        if instance.custom_index >= FIELD {
+            found(&format!("custom index {} has more than 24 bits", instance.custom_index));
+        }
+        if instance.sbt_record_offset >= FIELD {
+            found(&format!("SBT record offset {} has more than 24 bits", instance.sbt_record_offset));
+        }
+        if instance.flags.0 > 0xFF {
+            found(&format!("flags {:#x} have more than 8 bits", instance.flags.0));
+        }
+        if instance.flags.contains(InstanceFlags::FORCE_OPAQUE)
+            && instance.flags.contains(InstanceFlags::FORCE_NO_OPAQUE)
+        {
+            found("force-opaque and force-no-opaque exclude each other");
+        }
+        if !instance.transform.as_flattened().iter().all(|x| x.is_finite()) {
+            found("the transform is not finite");
+        } else if Transform::new(&instance.transform).is_none() {
+            found("the transform is singular (VUID-VkTransformMatrixKHR-matrix-03799)");
+        }
+    }
+    mistakes
+}

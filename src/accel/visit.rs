@@ -1,0 +1,111 @@
+//! What an onlooker of a traversal is told: for counters and for explaining a ray.
+
+use crate::accel::cursor::{Candidate, Committed};
+use crate::geometry::Intersection;
+
+/// An onlooker. `()` looks away and costs nothing.
+///
+/// What a tree leaves out is not told: boxes that the ray misses, and what lies behind a hit that
+/// is known already.
+pub trait Visit {
+    /// Whether reasons are wanted. They cost a second test of each primitive that is not hit.
+    const REASONS: bool;
+
+    /// A node of a tree was opened.
+    fn node(&mut self) {}
+
+    /// An instance was reached.
+    fn instance(&mut self, _instance: u32, _verdict: InstanceVerdict) {}
+
+    /// A primitive was tested.
+    fn primitive(&mut self, _place: Place, _verdict: PrimitiveVerdict) {}
+
+    /// A candidate is handed to the shaders.
+    fn present(&mut self, _candidate: &Candidate) {}
+
+    /// An opaque hit was committed. (What the caller confirms or generates it knows itself.)
+    fn commit(&mut self, _committed: &Committed) {}
+
+    /// The traversal ended; `complete` is false where a hit ended it early.
+    fn end(&mut self, _complete: bool) {}
+}
+
+impl Visit for () {
+    const REASONS: bool = false;
+}
+
+/// Which primitive of a TLAS.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Place {
+    /// `InstanceId`
+    pub instance: u32,
+    /// `RayGeometryIndexKHR`
+    pub geometry: u32,
+    /// `PrimitiveId`
+    pub primitive: u32,
+}
+
+/// What became of an instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum InstanceVerdict {
+    /// Its primitives are looked at.
+    Entered,
+    /// Its mask and the ray's cull mask share no bit.
+    Masked,
+    /// The ray's flags skip its kind of primitive.
+    Skipped,
+    /// The ray passes by the box around all its primitives, or that lies outside the interval.
+    Missed,
+}
+
+/// What became of a primitive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PrimitiveVerdict {
+    /// The ray does not meet it.
+    Missed,
+    /// The ray meets it before t_min or after t_max.
+    OutsideInterval(Intersection),
+    /// The ray's flags cull its opacity.
+    CulledByOpacity(Intersection),
+    /// The ray's flags cull the side that it shows.
+    CulledByFace(Intersection),
+    /// It lies behind a hit that is known already.
+    Behind(Intersection),
+    /// An opaque hit, the closest so far.
+    Opaque(Intersection),
+    /// A candidate for the shaders.
+    Candidate(Intersection),
+}
+
+/// Counts the work of traversals.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Nodes opened.
+    pub nodes: u64,
+    /// Instances reached.
+    pub instances: u64,
+    /// Primitives tested.
+    pub primitives: u64,
+    /// Candidates handed out.
+    pub candidates: u64,
+}
+
+impl Visit for Counters {
+    const REASONS: bool = false;
+
+    fn node(&mut self) {
+        self.nodes += 1;
+    }
+
+    fn instance(&mut self, _: u32, _: InstanceVerdict) {
+        self.instances += 1;
+    }
+
+    fn primitive(&mut self, _: Place, _: PrimitiveVerdict) {
+        self.primitives += 1;
+    }
+
+    fn present(&mut self, _: &Candidate) {
+        self.candidates += 1;
+    }
+}

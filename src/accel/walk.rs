@@ -1,0 +1,229 @@
+//! One step of a traversal through the trees of a TLAS and its BLASes.
+
+use crate::accel::body::Body;
+use crate::accel::cursor::{Candidate, Cursor};
+use crate::accel::node::{Child, Node, WIDTH};
+use crate::accel::node_ray::NodeRay;
+use crate::accel::rules::{
+    is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible, presented,
+};
+use crate::accel::tlas::Tlas;
+use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
+use crate::geometry::{Intersection, ObjectRay};
+
+/// A part of a tree that is still to be visited.
+#[derive(Clone, Copy, Debug)]
+pub struct Open {
+    child: Child,
+    /// A lower bound of the rounded t of any hit in it.
+    entry: f32,
+    /// The least entry of this and all below it on the stack.
+    pub floor: f32,
+}
+
+/// The BLAS that the upper end of the stack belongs to.
+#[derive(Clone, Debug)]
+pub struct Level {
+    instance: u32,
+    /// How many entries of the stack lie below it.
+    base: usize,
+    object_ray: ObjectRay,
+    node_ray: NodeRay,
+}
+
+impl Cursor {
+    /// Puts the root on the stack.
+    pub(super) fn start(&mut self, tlas: &Tlas) {
+        self.open.clear();
+        self.level = None;
+        self.world = None;
+        let ray = &self.trace.ray;
+        let Some(object_ray) = ObjectRay::in_world(ray) else { return };
+        let Some((tree, _)) = tlas.tree() else {
+            let count = tlas.instances().len() as u32;
+            if count > 0 {
+                self.push(Child { first: 0, count }, ray.t_min);
+            }
+            return;
+        };
+        if let Some(node_ray) = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale()) {
+            self.push(tree.root(), node_ray.root_entry());
+            self.world = Some(node_ray);
+        }
+    }
+
+    /// Visits what lies on top of the stack; `false` where nothing is left.
+    pub(super) fn step(&mut self, tlas: &Tlas, visit: &mut impl Visit) -> bool {
+        if self.level.as_ref().is_some_and(|level| self.open.len() == level.base) {
+            self.level = None;
+        }
+        let Some(Open { child, entry, .. }) = self.open.pop() else { return false };
+        if entry > self.cull_t {
+            return true;
+        }
+        let Some(level) = &self.level else {
+            self.step_in_world(tlas, child, entry, visit);
+            return true;
+        };
+        let instance = level.instance;
+        let body = tlas.instances()[instance as usize].blas.body();
+        if child.count > 0 {
+            let object_ray = level.object_ray;
+            self.test(tlas, instance, body, child, &object_ray, visit);
+        } else if let Some(tree) = body.tree() {
+            visit.node();
+            let node_ray = level.node_ray;
+            self.push_children(tree.node(child.first), &node_ray);
+        }
+        true
+    }
+
+    fn step_in_world(&mut self, tlas: &Tlas, child: Child, entry: f32, visit: &mut impl Visit) {
+        match (child.count, tlas.tree()) {
+            (0, Some((tree, _))) => {
+                let Some(world) = self.world else { return };
+                visit.node();
+                self.push_children(tree.node(child.first), &world);
+            }
+            (1, tree) => {
+                let instance = tree.map_or(child.first, |(_, order)| order[child.first as usize]);
+                let verdict = self.enter(tlas, instance, visit);
+                visit.instance(instance, verdict);
+            }
+            (count, _) => {
+                // The lowest place is looked at first.
+                for place in (child.first..child.first + count).rev() {
+                    self.push(Child { first: place, count: 1 }, entry);
+                }
+            }
+        }
+    }
+
+    /// Goes into an instance: its primitives are tested at once where they are few, otherwise the
+    /// root of its tree comes on the stack.
+    fn enter(&mut self, tlas: &Tlas, number: u32, visit: &mut impl Visit) -> InstanceVerdict {
+        let instance = &tlas.instances()[number as usize];
+        if !is_visible(instance.mask, self.trace.cull_mask) {
+            return InstanceVerdict::Masked;
+        }
+        if instance.blas.kind().is_some_and(|kind| is_skipped(self.trace.flags, kind)) {
+            return InstanceVerdict::Skipped;
+        }
+        let Some(object_ray) = tlas.object_ray(number, &self.trace.ray) else {
+            return InstanceVerdict::Missed;
+        };
+        let body = instance.blas.body();
+        let Some(tree) = body.tree() else {
+            let all = Child { first: 0, count: body.len() as u32 };
+            self.test(tlas, number, body, all, &object_ray, visit);
+            return InstanceVerdict::Entered;
+        };
+        let Some(node_ray) = NodeRay::new(&object_ray, self.cull_t, tree.bounds(), tree.scale()) else {
+            return InstanceVerdict::Missed;
+        };
+        self.level = Some(Level { instance: number, base: self.open.len(), object_ray, node_ray });
+        self.push(tree.root(), node_ray.root_entry());
+        InstanceVerdict::Entered
+    }
+
+    /// Tests a run of primitives of an instance.
+    fn test<V: Visit>(
+        &mut self,
+        tlas: &Tlas,
+        number: u32,
+        body: &Body,
+        run: Child,
+        ray: &ObjectRay,
+        visit: &mut V,
+    ) {
+        let instance = &tlas.instances()[number as usize];
+        let flags = self.trace.flags;
+        for at in run.first as usize..(run.first + run.count) as usize {
+            let name = body.name(at);
+            let place = Place { instance: number, geometry: name.geometry, primitive: name.primitive };
+            let geometry = &instance.blas.geometries()[name.geometry as usize];
+            let opaque = is_opaque(flags, instance.flags, geometry.flags);
+            let culled = is_culled_by_opacity(flags, opaque);
+            if culled && !V::REASONS {
+                continue;
+            }
+            let Some(found) = body.intersect(at, ray, tlas.precision()) else {
+                let verdict = if V::REASONS {
+                    missed_or_outside(tlas, number, body, at, ray)
+                } else {
+                    PrimitiveVerdict::Missed
+                };
+                visit.primitive(place, verdict);
+                continue;
+            };
+            let found = Intersection { surface: presented(found.surface, instance.flags), ..found };
+            let verdict = if culled {
+                PrimitiveVerdict::CulledByOpacity(found)
+            } else if is_culled_by_face(flags, instance.flags, found.surface) {
+                PrimitiveVerdict::CulledByFace(found)
+            } else {
+                self.take(Candidate {
+                    instance: number,
+                    geometry: name.geometry,
+                    primitive: name.primitive,
+                    intersection: found,
+                    opaque,
+                })
+            };
+            visit.primitive(place, verdict);
+        }
+    }
+
+    #[inline]
+    fn take(&mut self, candidate: Candidate) -> PrimitiveVerdict {
+        let found = candidate.intersection;
+        if candidate.opaque && !candidate.is_box() {
+            if self.take_opaque(candidate) {
+                return PrimitiveVerdict::Opaque(found);
+            }
+        } else if self.take_candidate(candidate) {
+            return PrimitiveVerdict::Candidate(found);
+        }
+        PrimitiveVerdict::Behind(found)
+    }
+
+    #[inline]
+    fn push(&mut self, child: Child, entry: f32) {
+        let floor =
+            self.open.last().map_or(entry, |below| if below.floor < entry { below.floor } else { entry });
+        self.open.push(Open { child, entry, floor });
+    }
+
+    /// Puts the children that the ray meets on the stack, the nearest on top.
+    #[inline]
+    fn push_children(&mut self, node: &Node, ray: &NodeRay) {
+        let entries = node.entries(ray, ray.limit(self.cull_t));
+        let mut met = [(0.0f32, 0usize); WIDTH];
+        let mut count = 0;
+        for (slot, &entry) in entries.iter().enumerate() {
+            if entry == f32::INFINITY {
+                continue;
+            }
+            // Insertion, the farthest first.
+            let mut at = count;
+            while at > 0 && met[at - 1].0 < entry {
+                met[at] = met[at - 1];
+                at -= 1;
+            }
+            met[at] = (entry, slot);
+            count += 1;
+        }
+        for &(entry, slot) in &met[..count] {
+            self.push(node.child(slot), entry);
+        }
+    }
+}
+
+/// Why a primitive was not hit: tests it again over all t >= 0.
+#[cold]
+fn missed_or_outside(tlas: &Tlas, number: u32, body: &Body, at: usize, ray: &ObjectRay) -> PrimitiveVerdict {
+    let whole = ray.world().with_interval(0.0, f32::INFINITY);
+    tlas.object_ray(number, &whole)
+        .and_then(|whole| body.intersect(at, &whole, tlas.precision()))
+        .map_or(PrimitiveVerdict::Missed, PrimitiveVerdict::OutsideInterval)
+}
