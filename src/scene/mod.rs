@@ -1,1 +1,29 @@
-//! (doc to come)
+//! Scenes: `scene.toml` and everything that it names, read into plain descriptions.
+//!
+//! Reading goes in two steps. [`file`] mirrors the text: every value knows its line, unknown keys
+//! are refused, and a mistake does not stop the reading. [`resolve`] then looks names up, loads
+//! meshes, images and modules through [`files`], and runs generators. The result, [`ResolvedScene`],
+//! knows acceleration structures, bytes and texels, but no pipeline: the pipeline makes its own
+//! objects from it. `docs/scene.md` is the format's reference.
+
+pub mod camera;
+pub mod data;
+pub mod file;
+pub mod files;
+pub mod generate;
+pub mod geometry;
+pub mod image;
+pub mod mesh;
+pub mod random;
+pub mod read;
+pub mod resolve;
+pub mod resolved;
+pub mod resources;
+pub mod tree;
+
+pub use files::{DiskFiles, EmbeddedFiles, Files};
+pub use resolve::{Options, load, load_text};
+pub use resolved::ResolvedScene;
+
+#[cfg(test)]
+mod mistakes;

@@ -1,0 +1,333 @@
+//! Typed bytes as a scene writes them: buffers, push constants, shader records and specialization
+//! constants.
+//!
+//! ```toml
+//! data = { f32 = [[1, 0, 0], [0, 1, 0]] }                # nested arrays are flattened
+//! data = [{ u32 = 3 }, { align = 16 }, { f32 = [0.5] }]  # pieces follow each other
+//! ```
+//! Everything is little-endian, and nothing is padded that does not say so: the file shows the very
+//! bytes that a shader's `std430`, `scalar` or `std140` layout will find.
+
+use std::path::Path;
+
+use half::f16;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::scene::camera::Camera;
+use crate::scene::files::Files;
+use crate::scene::read::{At, OneOrMore, Parse, Span, Table, Value, integer};
+use crate::scene::tree::Toml;
+
+/// The largest buffer that a scene may describe, in bytes.
+pub const MAX_DATA_SIZE: u64 = 1 << 30;
+
+/// A sequence of pieces.
+#[derive(Clone, Debug)]
+pub struct Data(Vec<At<Piece>>);
+
+#[derive(Clone, Debug)]
+struct Piece {
+    content: Content,
+    repeat: u32,
+}
+
+#[derive(Clone, Debug)]
+enum Content {
+    Bytes(Vec<u8>),
+    /// Zeros up to the next multiple.
+    Align(u32),
+    /// The whole content of a file.
+    File(String),
+    /// `mat4 view_inverse; mat4 projection_inverse;`
+    Camera(Camera),
+}
+
+impl Data {
+    /// The bytes; `aspect` is the width of the picture through its height, for cameras.
+    ///
+    /// # Errors
+    /// `Io` for a missing file, `InvalidScene` where it gets too large.
+    pub fn encode(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        for At { value: piece, span } in &self.0 {
+            let content = match &piece.content {
+                Content::Bytes(content) => content.clone(),
+                Content::File(path) => read(files, path, span)?,
+                Content::Camera(camera) => {
+                    let matrices = camera.matrices(aspect).map_err(|message| span.error(message))?;
+                    matrices.iter().flat_map(|x| x.to_le_bytes()).collect()
+                }
+                Content::Align(to) => vec![0; bytes.len().next_multiple_of(*to as usize) - bytes.len()],
+            };
+            if bytes.len() as u64 + content.len() as u64 * u64::from(piece.repeat) > MAX_DATA_SIZE {
+                return Err(span.error(format!("the data is larger than {MAX_DATA_SIZE} bytes")));
+            }
+            for _ in 0..piece.repeat {
+                bytes.extend_from_slice(&content);
+            }
+        }
+        Ok(bytes)
+    }
+}
+
+/// Reads a file that a scene names; the error points at the name.
+pub(crate) fn read(files: &dyn Files, path: &str, span: &Span) -> Result<Vec<u8>> {
+    let path = span.source.sibling(path);
+    files.read(&path).map_err(|error| at(error, span, &path))
+}
+
+fn at(error: Error, span: &Span, path: &Path) -> Error {
+    match error.kind() {
+        ErrorKind::Io => error.at_with(span.place(), format!("looked for at {}", path.display())),
+        _ => error.at(span.place()),
+    }
+}
+
+impl Parse for Data {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        OneOrMore::parse(value).map(|pieces| Self(pieces.0))
+    }
+}
+
+impl Parse for Piece {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        if !matches!(value.toml(), Toml::Table(_)) {
+            return value.expected("typed data such as `{ f32 = [1, 2] }`");
+        }
+        let table = Table::new(value)?;
+        let errors_before = value.report().len();
+        let mut contents: Vec<Content> =
+            Scalar::ALL.iter().filter_map(|scalar| scalar.column(&table)).map(Content::Bytes).collect();
+        contents.extend(table.optional::<Hex>("hex").map(|hex| Content::Bytes(hex.0)));
+        contents.extend(table.optional::<u32>("zeros").and_then(|count| zeros(&table, count)));
+        contents.extend(table.optional::<At<u32>>("align").and_then(|to| align(&table, &to)));
+        contents.extend(table.optional::<String>("file").map(Content::File));
+        contents.extend(table.optional::<Camera>("camera").map(Content::Camera));
+        let repeat = table.or("repeat", 1);
+        table.finish();
+        if value.report().len() > errors_before {
+            return None;
+        }
+        match <[Content; 1]>::try_from(contents) {
+            Ok([content]) => Some(Self { content, repeat }),
+            Err(contents) if contents.is_empty() => {
+                value.wrong("no data: give a type and its values, such as `{ f32 = [1, 2] }`")
+            }
+            Err(_) => value.wrong("several kinds of data in one piece: write an array of pieces"),
+        }
+    }
+}
+
+fn zeros(table: &Table<'_>, count: u32) -> Option<Content> {
+    if u64::from(count) <= MAX_DATA_SIZE {
+        return Some(Content::Bytes(vec![0; count as usize]));
+    }
+    table.report().push(table.span().error(format!("the data is larger than {MAX_DATA_SIZE} bytes")));
+    None
+}
+
+fn align(table: &Table<'_>, to: &At<u32>) -> Option<Content> {
+    // Larger ones than 4096 are typing errors.
+    if to.value.is_power_of_two() && to.value <= 4096 {
+        return Some(Content::Align(to.value));
+    }
+    table.report().push(to.span.error("an alignment is a power of two, at most 4096"));
+    None
+}
+
+/// A type of scalar as a scene names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Scalar {
+    F16,
+    F32,
+    F64,
+    U8,
+    I8,
+    U16,
+    I16,
+    U32,
+    I32,
+    U64,
+    I64,
+    Bool,
+}
+
+impl Scalar {
+    const ALL: [Self; 12] = [
+        Self::F16,
+        Self::F32,
+        Self::F64,
+        Self::U8,
+        Self::I8,
+        Self::U16,
+        Self::I16,
+        Self::U32,
+        Self::I32,
+        Self::U64,
+        Self::I64,
+        Self::Bool,
+    ];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::F16 => "f16",
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+            Self::U8 => "u8",
+            Self::I8 => "i8",
+            Self::U16 => "u16",
+            Self::I16 => "i16",
+            Self::U32 => "u32",
+            Self::I32 => "i32",
+            Self::U64 => "u64",
+            Self::I64 => "i64",
+            Self::Bool => "bool",
+        }
+    }
+
+    /// The little-endian bytes of one value.
+    fn encode(self, value: Value<'_>, bytes: &mut Vec<u8>) -> Option<()> {
+        match self {
+            Self::F16 => bytes.extend(half_from(value)?.to_le_bytes()),
+            Self::F32 => bytes.extend(f32::parse(value)?.to_le_bytes()),
+            Self::F64 => bytes.extend(f64::parse(value)?.to_le_bytes()),
+            Self::U8 => bytes.extend(u8::parse(value)?.to_le_bytes()),
+            Self::I8 => bytes.extend(i8::parse(value)?.to_le_bytes()),
+            Self::U16 => bytes.extend(u16::parse(value)?.to_le_bytes()),
+            Self::I16 => bytes.extend(i16::parse(value)?.to_le_bytes()),
+            Self::U32 => bytes.extend(u32::parse(value)?.to_le_bytes()),
+            Self::I32 => bytes.extend(i32::parse(value)?.to_le_bytes()),
+            Self::U64 => bytes.extend(u64::parse(value)?.to_le_bytes()),
+            Self::I64 => bytes.extend(i64::parse(value)?.to_le_bytes()),
+            // VkBool32, which is also how compilers lay out a bool in a buffer.
+            Self::Bool => bytes.extend(u32::from(bool::parse(value)?).to_le_bytes()),
+        }
+        Some(())
+    }
+
+    /// The values under this type's key, flattened.
+    fn column(self, table: &Table<'_>) -> Option<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.flatten(table.value(self.name())?, &mut bytes)?;
+        Some(bytes)
+    }
+
+    fn flatten(self, value: Value<'_>, bytes: &mut Vec<u8>) -> Option<()> {
+        let Some(elements) = value.elements() else { return self.encode(value, bytes) };
+        let mut all_good = true;
+        for element in elements {
+            all_good &= self.flatten(element, bytes).is_some();
+        }
+        all_good.then_some(())
+    }
+}
+
+/// Through f64: 53 bits are more than twice the 11 of a half, plus two, so that the second rounding
+/// changes nothing unless the decimal lies within 2^-53 of a tie without being one.
+fn half_from(value: Value<'_>) -> Option<f16> {
+    let wide = f64::parse(value)?;
+    let half = f16::from_f64(wide);
+    if half.is_infinite() && wide.is_finite() {
+        return value.wrong(format!("`{wide}` is beyond the range of f16"));
+    }
+    Some(half)
+}
+
+/// Bytes as hexadecimal digits; white space and `_` may stand between them.
+struct Hex(Vec<u8>);
+
+impl Parse for Hex {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let text = String::parse(value)?;
+        let digits = text.chars().filter(|c| !c.is_whitespace() && *c != '_').map(|c| c.to_digit(16));
+        let Some(digits) = digits.collect::<Option<Vec<u32>>>() else {
+            return value.wrong("not hexadecimal digits");
+        };
+        if digits.len() % 2 == 1 {
+            return value.wrong(format!("{} hexadecimal digits: each byte takes two", digits.len()));
+        }
+        Some(Self(digits.chunks(2).map(|pair| (pair[0] * 16 + pair[1]) as u8).collect()))
+    }
+}
+
+/// The value of a specialization constant: `true`, `7`, `0.5`, or with its type `{ u64 = 7 }`.
+///
+/// A bare number has 32 bits. A Boolean has 4 bytes (`VkBool32`).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SpecializationValue(pub Vec<u8>);
+
+impl Parse for SpecializationValue {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        match value.toml() {
+            Toml::Boolean(flag) => Some(Self(u32::from(*flag).to_le_bytes().to_vec())),
+            Toml::Integer(..) => {
+                let number = integer(value, i128::from(i32::MIN), i128::from(u32::MAX), "i32 or u32")?;
+                Some(Self((number as u32).to_le_bytes().to_vec()))
+            }
+            Toml::Float(_) => Some(Self(f32::parse(value)?.to_le_bytes().to_vec())),
+            Toml::Table(_) => match Piece::parse(value)?.content {
+                Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self(bytes)),
+                _ => value.wrong("a specialization constant is one scalar"),
+            },
+            _ => value.expected("a number or Boolean"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::files::EmbeddedFiles;
+    use crate::scene::read::{Document, Report};
+
+    fn encode(text: &str) -> Result<Vec<u8>> {
+        let document = Document::parse("t.toml", text)?;
+        let report = Report::default();
+        let table = document.root(&report);
+        let data: Option<Data> = table.required("x");
+        table.finish();
+        report.finish()?;
+        data.unwrap().encode(&EmbeddedFiles(&[("b.bin", &[9, 8, 7])]), 1.0)
+    }
+
+    #[test]
+    fn scalars_are_little_endian() {
+        assert_eq!(encode("x = { u32 = 0x0403_0201 }").unwrap(), [1, 2, 3, 4]);
+        assert_eq!(encode("x = { f32 = [[1], [-2.0]] }").unwrap(), [0, 0, 0x80, 0x3f, 0, 0, 0, 0xc0]);
+        // 1.5 = 0 01111 1000000000 in binary16
+        assert_eq!(encode("x = { f16 = 1.5 }").unwrap(), [0, 0x3e]);
+        assert_eq!(encode("x = { i16 = -2 }").unwrap(), [0xfe, 0xff]);
+        assert_eq!(encode("x = { bool = [true, false] }").unwrap(), [1, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(encode("x = { f64 = 1 }").unwrap(), [0, 0, 0, 0, 0, 0, 0xf0, 0x3f]);
+    }
+
+    #[test]
+    fn pieces_follow_each_other() {
+        let text = "x = [{ u8 = 1 }, { align = 4 }, { hex = 'ff 0_1' }, { zeros = 2 }, { file = 'b.bin' }]";
+        assert_eq!(encode(text).unwrap(), [1, 0, 0, 0, 0xff, 1, 0, 0, 9, 8, 7]);
+        assert_eq!(encode("x = { u8 = [1, 2], repeat = 3 }").unwrap(), [1, 2, 1, 2, 1, 2]);
+    }
+
+    #[test]
+    fn mistakes_are_shown_where_they_stand() {
+        for (text, wanted) in [
+            ("x = 3", "typed data"),
+            ("x = {}", "no data"),
+            ("x = { f32 = 1, u32 = 1 }", "array of pieces"),
+            ("x = { u8 = 256 }", "does not fit: u8 goes from 0 to 255"),
+            ("x = { f16 = 65520 }", "beyond the range of f16"),
+            ("x = { hex = 'abc' }", "each byte takes two"),
+            ("x = { align = 3 }", "power of two"),
+            ("x = { f31 = 3 }", "did you mean `f32`?"),
+            ("x = { u8 = 1, repeat = 4_000_000_000 }", "larger than"),
+            ("x = { zeros = 4_000_000_000 }", "larger than"),
+        ] {
+            let error = encode(text).unwrap_err();
+            assert!(error.render().contains(wanted), "{text}: {error:?}");
+            assert!(error.render().contains("t.toml:1:"), "{text}: {error:?}");
+        }
+        let error = encode("x = { file = 'c.bin' }").unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Io);
+        assert!(error.render().contains("t.toml:1:5"), "{error:?}");
+    }
+}

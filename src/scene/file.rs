@@ -1,0 +1,372 @@
+//! The mirror of `scene.toml`: what a file says, before any name is looked up or file loaded.
+//!
+//! The keys of the format stand here, in `geometry`, `generate`, `data`, `camera`, and in
+//! `docs/scene.md` for people.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::scene::data::{Data, SpecializationValue};
+use crate::scene::geometry::{GeometryEntry, InstanceEntry};
+use crate::scene::read::{At, Document, Named, OneOrMore, Parse, Report, Source, Span, Table, Value};
+use crate::scene::resources::{ResourceEntry, Sampler};
+
+/// The version of the format that this crate reads.
+pub const VERSION: u32 = 1;
+
+/// One file of a scene.
+#[derive(Clone, Debug)]
+pub struct SceneFile {
+    /// The file itself, for `[expect]`.
+    pub document: Document,
+    /// Files whose content comes first.
+    pub include: Vec<At<String>>,
+    /// `[geometry.NAME]`
+    pub geometry: Vec<Entry<GeometryEntry>>,
+    /// `[[instance]]`
+    pub instances: Vec<InstanceEntry>,
+    /// `[shaders.NAME]`
+    pub shaders: Vec<Entry<ShaderEntry>>,
+    /// `[pipeline]`
+    pub pipeline: Option<PipelineEntry>,
+    /// `[samplers.NAME]`
+    pub samplers: Vec<Entry<Sampler>>,
+    /// `[resources.NAME]`
+    pub resources: Vec<Entry<ResourceEntry>>,
+    /// `push_constants`
+    pub push_constants: Option<Data>,
+    /// `launch`
+    pub launch: Option<At<[u32; 3]>>,
+    /// `[[ray]]`
+    pub rays: Vec<RayEntry>,
+}
+
+/// A named table; `None` where it has a mistake that is already reported.
+#[derive(Clone, Debug)]
+pub struct Entry<T> {
+    /// Its name.
+    pub name: At<String>,
+    /// Its content.
+    pub content: Option<T>,
+}
+
+impl SceneFile {
+    /// Reads a scene's text.
+    ///
+    /// # Errors
+    /// `InvalidScene` with the mistakes where nothing more can be read from the text: no TOML, no
+    /// version, another version. All other mistakes go to the report.
+    pub fn parse(path: impl Into<PathBuf>, text: &str, report: &Report) -> Result<Self> {
+        let document = Document::parse(path, text)?;
+        version(&document)?;
+        let root = document.root(report);
+        let _: Option<u32> = root.optional("version");
+        let _: Option<String> = root.optional("title");
+        // The harness reads this table; here it may hold anything.
+        let _ = root.value("expect");
+        let file = Self {
+            include: root.optional::<OneOrMore<_>>("include").map_or(Vec::new(), |paths| paths.0),
+            geometry: entries(&root, "geometry"),
+            instances: root.or("instance", Vec::new()),
+            shaders: entries(&root, "shaders"),
+            pipeline: root.optional("pipeline"),
+            samplers: entries(&root, "samplers"),
+            resources: entries(&root, "resources"),
+            push_constants: root.optional("push_constants"),
+            launch: launch(&root),
+            rays: root.or("ray", Vec::new()),
+            document: document.clone(),
+        };
+        root.finish();
+        Ok(file)
+    }
+
+    /// The file's path and text.
+    pub fn source(&self) -> &Arc<Source> {
+        self.document.source()
+    }
+}
+
+/// The version comes first: nothing else can be judged without it.
+fn version(document: &Document) -> Result<()> {
+    let report = Report::default();
+    let root = document.root(&report);
+    let top = Span { source: document.source().clone(), range: 0..0 };
+    let Some(value) = root.value("version") else {
+        return Err(top.error("a scene begins with its format's version: `version = 1`"));
+    };
+    match <At<u32>>::parse(value) {
+        Some(At { value: VERSION, .. }) => Ok(()),
+        Some(At { value: other, span }) => {
+            Err(Error::new(ErrorKind::UnsupportedFile, format!("version {other} of the scene format"))
+                .at_with(span.place(), format!("this anyhit reads version {VERSION}")))
+        }
+        None => report.finish(),
+    }
+}
+
+/// The named tables under a key.
+fn entries<T: Parse>(root: &Table<'_>, key: &'static str) -> Vec<Entry<T>> {
+    let Some(table) = root.value(key).and_then(Table::new) else { return Vec::new() };
+    table.iter().map(|(name, value)| Entry { name, content: T::parse(value) }).collect()
+}
+
+fn launch(root: &Table<'_>) -> Option<At<[u32; 3]>> {
+    let value = root.value("launch")?;
+    let At { value: OneOrMore(given), span } = At::<OneOrMore<u32>>::parse(value)?;
+    if given.is_empty() || given.len() > 3 {
+        return value.wrong("`launch` is one to three sizes: `[width, height, depth]`");
+    }
+    let mut size = [1; 3];
+    size[..given.len()].copy_from_slice(&given);
+    // maxRayDispatchInvocationCount is at least 2^30, and no device offers more.
+    let count = size.iter().fold(1_u128, |count, side| count * u128::from(*side));
+    if count == 0 || count > 1 << 30 {
+        return value.wrong(format!("{count} invocations: a launch has 1 to 2^30"));
+    }
+    Some(At { value: size, span })
+}
+
+/// A file with shaders.
+#[derive(Clone, Debug)]
+pub struct ShaderEntry {
+    /// Where its table begins.
+    pub span: Span,
+    /// The SPIR-V module.
+    pub path: Option<At<String>>,
+    /// The source text that it comes from.
+    pub source: Option<At<String>>,
+    /// The entry point of references that name none.
+    pub entry: String,
+    /// Specialization constants: `constant_id` and value.
+    pub specialization: Vec<(u32, SpecializationValue)>,
+}
+
+impl Parse for ShaderEntry {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        if value.text().is_some() {
+            let path = At::parse(value);
+            let (source, specialization) = (None, Vec::new());
+            return Some(Self { span: value.span(), path, source, entry: "main".into(), specialization });
+        }
+        let table = Table::new(value)?;
+        let path = table.optional("path");
+        let source = table.optional("source");
+        let entry = table.or("entry", "main".to_string());
+        let specialization = table.value("specialization").map_or(Some(Vec::new()), specialization);
+        table.finish();
+        if !table.has("path") && !table.has("source") {
+            return value.wrong("a shader needs the `path` of its .spv file, or its `source`");
+        }
+        Some(Self { span: value.span(), path, source, entry, specialization: specialization? })
+    }
+}
+
+fn specialization(value: Value<'_>) -> Option<Vec<(u32, SpecializationValue)>> {
+    let table = Table::new(value)?;
+    let mut constants = Vec::new();
+    for (name, value) in table.iter() {
+        match name.value.parse() {
+            Ok(id) => constants.push((id, SpecializationValue::parse(value)?)),
+            Err(_) => {
+                let message = format!("`{}` is not a constant_id", name.value);
+                value
+                    .report()
+                    .push(name.span.error_with(message, "the number in `layout(constant_id = ...)`"));
+            }
+        }
+    }
+    Some(constants)
+}
+
+/// `[pipeline]`: every list is in the order of its shader records.
+#[derive(Clone, Debug)]
+pub struct PipelineEntry {
+    /// Where its table begins.
+    pub span: Span,
+    /// The ray-generation shaders; the first is launched.
+    pub raygen: Vec<GeneralEntry>,
+    /// Miss shaders.
+    pub miss: Vec<GeneralEntry>,
+    /// Callable shaders.
+    pub callable: Vec<GeneralEntry>,
+    /// Hit groups.
+    pub hit: Vec<HitEntry>,
+    /// `maxPipelineRayRecursionDepth`
+    pub max_recursion_depth: Option<u32>,
+    /// Invocations a subgroup.
+    pub subgroup_size: Option<u32>,
+}
+
+impl Parse for PipelineEntry {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let list = |key| table.optional::<OneOrMore<GeneralEntry>>(key).map_or(Vec::new(), |list| list.0);
+        let subgroup_size = table.optional::<At<u32>>("subgroup_size");
+        let odd = |size: &&At<u32>| !size.value.is_power_of_two() || size.value > 128;
+        if let Some(At { span, .. }) = subgroup_size.as_ref().filter(odd) {
+            value.report().push(span.error("a subgroup has 1, 2, 4, ... or 128 invocations"));
+        }
+        let pipeline = Self {
+            span: value.span(),
+            raygen: list("raygen"),
+            miss: list("miss"),
+            callable: list("callable"),
+            hit: table.or("hit", Vec::new()),
+            max_recursion_depth: table.optional("max_recursion_depth"),
+            subgroup_size: subgroup_size.map(|size| size.value),
+        };
+        table.finish();
+        Some(pipeline)
+    }
+}
+
+/// A shader record of a raygen, miss or callable shader: `"name"` or a table.
+#[derive(Clone, Debug)]
+pub struct GeneralEntry {
+    /// A name for reports.
+    pub name: Option<String>,
+    /// `None` is a null record.
+    pub shader: Option<At<String>>,
+    /// The data behind the record's handle.
+    pub record: Option<Data>,
+}
+
+impl Parse for GeneralEntry {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        if value.text().is_some() {
+            return Some(Self { name: None, shader: At::parse(value), record: None });
+        }
+        let table = Table::new(value)?;
+        let entry = Self {
+            name: table.optional("name"),
+            shader: table.optional("shader"),
+            record: table.optional("record"),
+        };
+        table.finish();
+        Some(entry)
+    }
+}
+
+/// A hit record; without any shader it is a null record.
+#[derive(Clone, Debug)]
+pub struct HitEntry {
+    /// A name for reports.
+    pub name: Option<String>,
+    /// Its closest-hit shader.
+    pub closest_hit: Option<At<String>>,
+    /// Its any-hit shader.
+    pub any_hit: Option<At<String>>,
+    /// Its intersection shader, for boxes.
+    pub intersection: Option<At<String>>,
+    /// The data behind the record's handle.
+    pub record: Option<Data>,
+}
+
+impl Parse for HitEntry {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let entry = Self {
+            name: table.optional("name"),
+            closest_hit: table.optional("closest_hit"),
+            any_hit: table.optional("any_hit"),
+            intersection: table.optional("intersection"),
+            record: table.optional("record"),
+        };
+        table.finish();
+        Some(entry)
+    }
+}
+
+/// A ray that `trace-one-ray` shows: through a pixel of the launch, or given by itself.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RayEntry {
+    /// The ray that the ray-generation shader makes at a launch index.
+    Pixel {
+        /// A name for reports.
+        name: Option<String>,
+        /// x and y of the launch index.
+        pixel: At<[u32; 2]>,
+    },
+    /// A ray by its numbers.
+    Given(GivenRay),
+}
+
+/// The operands of a trace.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GivenRay {
+    /// A name for reports.
+    pub name: Option<String>,
+    /// Origin.
+    pub origin: [f32; 3],
+    /// Direction, not normalised.
+    pub direction: [f32; 3],
+    /// Least t.
+    pub t_min: f32,
+    /// Greatest t.
+    pub t_max: f32,
+    /// Ray flags, numbers as in SPIR-V.
+    pub flags: u32,
+    /// Compared with instances' masks.
+    pub cull_mask: u32,
+    /// Offset into the hit records.
+    pub sbt_offset: u32,
+    /// Factor of the geometry index.
+    pub sbt_stride: u32,
+    /// Index of the miss record.
+    pub miss_index: u32,
+}
+
+#[derive(Clone, Copy)]
+struct RayFlag(u32);
+
+/// SPIR-V, "Ray Flags"
+impl Named for RayFlag {
+    const WHAT: &'static str = "ray flag";
+    const NAMES: &'static [(&'static str, Self)] = &[
+        ("opaque", Self(1)),
+        ("no_opaque", Self(2)),
+        ("terminate_on_first_hit", Self(4)),
+        ("skip_closest_hit_shader", Self(8)),
+        ("cull_back_facing_triangles", Self(0x10)),
+        ("cull_front_facing_triangles", Self(0x20)),
+        ("cull_opaque", Self(0x40)),
+        ("cull_no_opaque", Self(0x80)),
+        ("skip_triangles", Self(0x100)),
+        ("skip_aabbs", Self(0x200)),
+        ("force_opacity_micromap_2_state", Self(0x400)),
+    ];
+}
+
+impl Parse for RayEntry {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let name = table.optional("name");
+        if table.has("pixel") {
+            let pixel = table.required("pixel");
+            table.finish();
+            return Some(Self::Pixel { name, pixel: pixel? });
+        }
+        let (origin, direction) = (table.required("origin"), table.required("direction"));
+        let (t_min, t_max) = (table.or("t_min", 0.0), table.or("t_max", f32::INFINITY));
+        let flags = table.optional::<OneOrMore<RayFlag>>("flags");
+        let flags = flags.map_or(0, |flags| flags.0.iter().fold(0, |all, flag| all | flag.0));
+        let (cull_mask, miss_index) = (table.or("cull_mask", 0xff), table.or("miss_index", 0));
+        let (sbt_offset, sbt_stride) = (table.or("sbt_offset", 0), table.or("sbt_stride", 1));
+        table.finish();
+        let (origin, direction) = (origin?, direction?);
+        Some(Self::Given(GivenRay {
+            name,
+            origin,
+            direction,
+            t_min,
+            t_max,
+            flags,
+            cull_mask,
+            sbt_offset,
+            sbt_stride,
+            miss_index,
+        }))
+    }
+}

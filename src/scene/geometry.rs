@@ -1,0 +1,419 @@
+//! `[geometry.NAME]` and `[[instance]]` of a scene file.
+
+use crate::accel::{EndCaps, GeometryData, GeometryFlags, Indexing, InstanceFlags};
+use crate::error::Result;
+use crate::scene::data::read;
+use crate::scene::files::Files;
+use crate::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter};
+use crate::scene::mesh::{Mesh, gltf, obj};
+use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, Value};
+use crate::scene::tree::Toml;
+
+/// One geometry as a scene writes it.
+#[derive(Clone, Debug)]
+pub struct GeometryEntry {
+    /// Where its table begins.
+    pub span: Span,
+    /// Its flags.
+    pub flags: GeometryFlags,
+    shape: Shape,
+}
+
+#[derive(Clone, Debug)]
+enum Shape {
+    Inline(GeometryData),
+    Obj { file: At<String>, object: Option<String>, transform: Option<[[f32; 4]; 3]> },
+    Gltf { file: At<String>, mesh: Option<String>, transform: Option<[[f32; 4]; 3]> },
+    Grass(Grass),
+    SphereScatter(SphereScatter),
+    Chains(Chains),
+    Hair(Hair),
+    Ground(Ground),
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Triangles,
+    Aabbs,
+    Spheres,
+    LinearSweptSpheres,
+    Obj,
+    Gltf,
+    Grass,
+    SphereScatter,
+    Chains,
+    Hair,
+    Plane,
+    Heightfield,
+}
+
+impl Named for Kind {
+    const WHAT: &'static str = "type of geometry";
+    const NAMES: &'static [(&'static str, Self)] = &[
+        ("triangles", Self::Triangles),
+        ("aabbs", Self::Aabbs),
+        ("spheres", Self::Spheres),
+        ("linear_swept_spheres", Self::LinearSweptSpheres),
+        ("lss", Self::LinearSweptSpheres),
+        ("obj", Self::Obj),
+        ("gltf", Self::Gltf),
+        ("grass", Self::Grass),
+        ("sphere_scatter", Self::SphereScatter),
+        ("chains", Self::Chains),
+        ("hair", Self::Hair),
+        ("plane", Self::Plane),
+        ("heightfield", Self::Heightfield),
+    ];
+}
+
+impl Named for Indexing {
+    const WHAT: &'static str = "indexing mode";
+    const NAMES: &'static [(&'static str, Self)] = &[("list", Self::List), ("successive", Self::Successive)];
+}
+
+impl Named for EndCaps {
+    const WHAT: &'static str = "kind of end caps";
+    const NAMES: &'static [(&'static str, Self)] = &[("none", Self::None), ("chained", Self::Chained)];
+}
+
+impl Parse for GeometryEntry {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        // Without a type, no other key can be judged.
+        let Some(kind) = table.value("type") else {
+            return value.wrong("a geometry needs its `type`: `triangles`, `spheres`, `lss`, `obj`, ...");
+        };
+        let kind = Kind::parse(kind)?;
+        let mut flags = 0;
+        for (key, flag) in
+            [("opaque", GeometryFlags::OPAQUE), ("no_duplicate_any_hit", GeometryFlags::NO_DUPLICATE_ANY_HIT)]
+        {
+            flags |= if table.or(key, false) { flag.0 } else { 0 };
+        }
+        let shape = match kind {
+            Kind::Triangles => triangles(&table).map(Shape::Inline),
+            Kind::Aabbs => aabbs(&table).map(Shape::Inline),
+            Kind::Spheres => spheres(&table).map(Shape::Inline),
+            Kind::LinearSweptSpheres => linear_swept_spheres(&table).map(Shape::Inline),
+            Kind::Obj => {
+                let (object, transform) = (table.optional("object"), placed(&table));
+                table.required("file").map(|file| Shape::Obj { file, object, transform })
+            }
+            Kind::Gltf => {
+                let (mesh, transform) = (table.optional("mesh"), placed(&table));
+                table.required("file").map(|file| Shape::Gltf { file, mesh, transform })
+            }
+            Kind::Grass => Grass::parse(&table).map(Shape::Grass),
+            Kind::SphereScatter => SphereScatter::parse(&table).map(Shape::SphereScatter),
+            Kind::Chains => Chains::parse(&table).map(Shape::Chains),
+            Kind::Hair => Hair::parse(&table).map(Shape::Hair),
+            Kind::Plane => Ground::parse_plane(&table).map(Shape::Ground),
+            Kind::Heightfield => Ground::parse_heightfield(&table).map(Shape::Ground),
+        };
+        table.finish();
+        Some(Self { span: value.span(), flags: GeometryFlags(flags), shape: shape? })
+    }
+}
+
+impl GeometryEntry {
+    /// Loads or generates the primitives.
+    ///
+    /// # Errors
+    /// `Io` or `InvalidMesh` about its file.
+    pub fn load(&self, files: &dyn Files) -> Result<GeometryData> {
+        let triangles = |mesh: Mesh, transform: Option<[[f32; 4]; 3]>| GeometryData::Triangles {
+            vertices: mesh.vertices,
+            indices: Some(mesh.indices),
+            transform,
+        };
+        Ok(match &self.shape {
+            Shape::Inline(data) => data.clone(),
+            Shape::Obj { file, object, transform } => {
+                let path = file.span.source.sibling(&file.value);
+                let bytes = read(files, &file.value, &file.span)?;
+                let mesh = obj::read(&path, &bytes, object.as_deref());
+                triangles(mesh.map_err(|error| error.at_with(file.span.place(), "named here"))?, *transform)
+            }
+            Shape::Gltf { file, mesh, transform } => {
+                let path = file.span.source.sibling(&file.value);
+                let bytes = read(files, &file.value, &file.span)?;
+                let mesh = gltf::read(&path, &bytes, mesh.as_deref(), files);
+                triangles(mesh.map_err(|error| error.at_with(file.span.place(), "named here"))?, *transform)
+            }
+            Shape::Grass(grass) => grass.generate(),
+            Shape::SphereScatter(scatter) => scatter.generate(),
+            Shape::Chains(chains) => chains.generate(),
+            Shape::Hair(hair) => hair.generate(),
+            Shape::Ground(ground) => ground.generate(),
+        })
+    }
+}
+
+fn triangles(table: &Table<'_>) -> Option<GeometryData> {
+    let vertices = table.required::<At<Vec<[f32; 3]>>>("vertices");
+    let indices = table.optional::<At<Flat>>("indices");
+    let transform = placed(table);
+    let vertices = vertices?;
+    in_range(table, indices.as_ref(), vertices.value.len(), "vertices");
+    let (corners, span) = match &indices {
+        Some(indices) => (indices.value.0.len(), &indices.span),
+        None => (vertices.value.len(), &vertices.span),
+    };
+    if corners % 3 != 0 {
+        table.report().push(span.error(format!("{corners} corners do not make whole triangles")));
+        return None;
+    }
+    Some(GeometryData::Triangles { vertices: vertices.value, indices: indices.map(|i| i.value.0), transform })
+}
+
+fn aabbs(table: &Table<'_>) -> Option<GeometryData> {
+    let boxes = table.required::<Vec<Corners>>("boxes")?;
+    Some(GeometryData::Aabbs(boxes.into_iter().map(|corners| corners.0).collect()))
+}
+
+/// `[min, max]` of three numbers each, or six numbers.
+struct Corners([f32; 6]);
+
+impl Parse for Corners {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let Some(mut elements) = value.elements() else { return value.expected("a box, `[[min], [max]]`") };
+        if elements.next().is_some_and(|first| matches!(first.toml(), Toml::Array(_))) {
+            let [min, max] = <[[f32; 3]; 2]>::parse(value)?;
+            return Some(Self([min[0], min[1], min[2], max[0], max[1], max[2]]));
+        }
+        <[f32; 6]>::parse(value).map(Self)
+    }
+}
+
+fn spheres(table: &Table<'_>) -> Option<GeometryData> {
+    let positions = table.required::<Vec<[f32; 3]>>("positions");
+    let radii = table.required::<At<OneOrMore<f32>>>("radii");
+    let indices = table.optional::<At<Flat>>("indices");
+    let positions = positions?;
+    let radii = radii_of(table, radii?, positions.len())?;
+    in_range(table, indices.as_ref(), positions.len(), "positions");
+    Some(GeometryData::Spheres { positions, radii, indices: indices.map(|i| i.value.0) })
+}
+
+fn linear_swept_spheres(table: &Table<'_>) -> Option<GeometryData> {
+    let positions = table.required::<Vec<[f32; 3]>>("positions");
+    let radii = table.required::<At<OneOrMore<f32>>>("radii");
+    let indices = table.optional::<At<Flat>>("indices");
+    let indexing = table.or("mode", Indexing::List);
+    let end_caps = table.or("caps", EndCaps::Chained);
+    let positions = positions?;
+    let radii = radii_of(table, radii?, positions.len())?;
+    if indexing == Indexing::Successive && !table.has("indices") {
+        let rule = "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexingMode-10427";
+        let message = "mode \"successive\" needs `indices`, one a segment";
+        table.report().push(table.span().error(message).note(rule));
+        return None;
+    }
+    // In successive mode index k also names vertex k + 1.
+    let usable = positions.len() - usize::from(indexing == Indexing::Successive && !positions.is_empty());
+    in_range(table, indices.as_ref(), usable, "positions that begin a segment");
+    let odd = |indices: &&At<Flat>| indexing == Indexing::List && indices.value.0.len() % 2 == 1;
+    if let Some(indices) = indices.as_ref().filter(odd) {
+        table.report().push(indices.span.error("mode \"list\" takes two indices a segment"));
+        return None;
+    }
+    let indices = indices.map(|i| i.value.0);
+    Some(GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, end_caps })
+}
+
+/// Integers in arrays of any depth, flattened: `[0, 1, 2]` or `[[0, 1, 2], [2, 1, 3]]`.
+#[derive(Clone, Debug)]
+struct Flat(Vec<u32>);
+
+impl Parse for Flat {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let Some(elements) = value.elements() else { return value.expected("an array of indices") };
+        let mut all = Some(Vec::new());
+        for element in elements {
+            let part = if matches!(element.toml(), Toml::Array(_)) {
+                Self::parse(element).map(|flat| flat.0)
+            } else {
+                u32::parse(element).map(|index| vec![index])
+            };
+            match (&mut all, part) {
+                (Some(all), Some(part)) => all.extend(part),
+                _ => all = None,
+            }
+        }
+        all.map(Self)
+    }
+}
+
+fn in_range(table: &Table<'_>, indices: Option<&At<Flat>>, count: usize, of: &str) {
+    let Some(indices) = indices else { return };
+    if let Some(index) = indices.value.0.iter().find(|index| **index as usize >= count) {
+        table.report().push(indices.span.error(format!("index {index} is beyond the {count} {of}")));
+    }
+}
+
+fn radii_of(table: &Table<'_>, radii: At<OneOrMore<f32>>, count: usize) -> Option<Vec<f32>> {
+    let OneOrMore(values) = radii.value;
+    match values.as_slice() {
+        // One number, or an array of one, stands for all.
+        [radius] => Some(vec![*radius; count]),
+        _ if values.len() == count => Some(values),
+        _ => {
+            let message = format!("{} radii for {count} positions", values.len());
+            table.report().push(radii.span.error(message));
+            None
+        }
+    }
+}
+
+/// One instance as a scene writes it.
+#[derive(Clone, Debug)]
+pub struct InstanceEntry {
+    /// Where its table begins.
+    pub span: Span,
+    /// The geometries of its BLAS.
+    pub geometry: Vec<At<String>>,
+    /// Which TLAS it is in.
+    pub tlas: String,
+    /// Object to world.
+    pub transform: [[f32; 4]; 3],
+    /// `InstanceCustomIndexKHR`
+    pub custom_index: u32,
+    /// Visibility mask.
+    pub mask: u8,
+    /// Record offset in the hit records.
+    pub sbt_offset: u32,
+    /// Flags.
+    pub flags: InstanceFlags,
+}
+
+#[derive(Clone, Copy)]
+struct InstanceFlag(u32);
+
+/// `VkGeometryInstanceFlagBitsKHR`
+impl Named for InstanceFlag {
+    const WHAT: &'static str = "flag of an instance";
+    const NAMES: &'static [(&'static str, Self)] = &[
+        ("triangle_facing_cull_disable", Self(1)),
+        ("triangle_flip_facing", Self(2)),
+        ("force_opaque", Self(4)),
+        ("force_no_opaque", Self(8)),
+        ("force_opacity_micromap_2_state", Self(0x10)),
+        ("disable_opacity_micromaps", Self(0x20)),
+    ];
+}
+
+impl Parse for InstanceEntry {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let geometry = table.required::<OneOrMore<At<String>>>("geometry");
+        let tlas = table.or("tlas", "main".to_string());
+        let transform = placed(&table).unwrap_or(IDENTITY);
+        let custom_index = bits24(&table, "custom_index");
+        let mask = table.or("mask", 0xff);
+        let sbt_offset = bits24(&table, "sbt_offset");
+        let flags = table.optional::<OneOrMore<InstanceFlag>>("flags");
+        let flags = flags.map_or(0, |flags| flags.0.iter().fold(0, |all, flag| all | flag.0));
+        table.finish();
+        let entry = Self {
+            span: value.span(),
+            geometry: geometry?.0,
+            tlas,
+            transform,
+            custom_index,
+            mask,
+            sbt_offset,
+            flags: InstanceFlags(flags),
+        };
+        Some(entry)
+    }
+}
+
+fn bits24(table: &Table<'_>, key: &'static str) -> u32 {
+    let Some(number) = table.optional::<At<u32>>(key) else { return 0 };
+    if number.value >= 1 << 24 {
+        table.report().push(number.span.error(format!("`{key}` has 24 bits: at most 16777215")));
+    }
+    number.value
+}
+
+const IDENTITY: [[f32; 4]; 3] = [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.]];
+
+/// `transform`, or `scale`, then `rotate`, then `translate`.
+fn placed(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
+    let matrix = table.optional::<Matrix>("transform");
+    let translate = table.or("translate", [0.0; 3]);
+    let rotate = table.optional::<Rotation>("rotate");
+    let scale = table.optional::<OneOrMore<f32>>("scale");
+    let apart = ["translate", "rotate", "scale"].iter().any(|key| table.has(key));
+    if !apart {
+        return matrix.map(|matrix| matrix.0);
+    }
+    if let Some(value) = table.value("transform") {
+        return value.wrong("give `transform`, or `translate`, `rotate` and `scale`, but not both");
+    }
+    let scale = match scale.as_ref().map_or(&[1.0][..], |scale| &scale.0) {
+        [all] => [*all; 3],
+        [x, y, z] => [*x, *y, *z],
+        _ => return table.value("scale")?.wrong("`scale` is one number or three"),
+    };
+    let rotation = rotate.map_or([[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]], |rotation| rotation.matrix());
+    Some(std::array::from_fn(|row| {
+        std::array::from_fn(|column| match column {
+            3 => translate[row],
+            _ => (rotation[row][column] * f64::from(scale[column])) as f32,
+        })
+    }))
+}
+
+/// Three rows of four, or twelve numbers in that order (`VkTransformMatrixKHR`).
+struct Matrix([[f32; 4]; 3]);
+
+impl Parse for Matrix {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let nested =
+            value.elements().is_some_and(|mut rows| rows.any(|row| matches!(row.toml(), Toml::Array(_))));
+        if nested {
+            return <[[f32; 4]; 3]>::parse(value).map(Self);
+        }
+        let flat = <[f32; 12]>::parse(value)?;
+        Some(Self(std::array::from_fn(|row| std::array::from_fn(|column| flat[4 * row + column]))))
+    }
+}
+
+struct Rotation {
+    axis: [f32; 3],
+    degrees: f32,
+}
+
+impl Parse for Rotation {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let axis = table.required::<At<[f32; 3]>>("axis");
+        let degrees = table.required("degrees");
+        table.finish();
+        let (axis, degrees) = (axis?, degrees?);
+        if axis.value == [0.0; 3] || axis.value.iter().any(|x| !x.is_finite()) {
+            value.report().push(axis.span.error("an axis is finite and not zero"));
+            return None;
+        }
+        Some(Self { axis: axis.value, degrees })
+    }
+}
+
+impl Rotation {
+    /// Rodrigues' formula. Sine and cosine of half turns, so that right angles are exact.
+    fn matrix(&self) -> [[f64; 3]; 3] {
+        let half_turns = self.degrees / 180.0;
+        let (sine, cosine) = (f64::from(pxfm::f_sinpif(half_turns)), f64::from(pxfm::f_cospif(half_turns)));
+        let a = self.axis.map(f64::from);
+        let length = (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
+        let a = a.map(|x| x / length);
+        let cross = [[0., -a[2], a[1]], [a[2], 0., -a[0]], [-a[1], a[0], 0.]];
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                let one = if i == j { cosine } else { 0.0 };
+                one + sine * cross[i][j] + (1.0 - cosine) * a[i] * a[j]
+            })
+        })
+    }
+}

@@ -1,0 +1,443 @@
+//! Images: from files or a colour to texels, and from texels to PNG.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use half::f16;
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::scene::read::Named;
+
+/// The largest width or height of an image, in texels (as the common `maxImageDimension2D`).
+pub const MAX_EXTENT: u32 = 32_768;
+
+/// The most bytes of one image's texels.
+pub const MAX_IMAGE_SIZE: u64 = 1 << 30;
+
+/// How a component is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Component {
+    /// 8 bits, 0 to 1.
+    Unorm8,
+    /// 8 bits, -1 to 1.
+    Snorm8,
+    /// 16 bits, 0 to 1.
+    Unorm16,
+    /// 16 bits, -1 to 1.
+    Snorm16,
+    /// binary16
+    Float16,
+    /// binary32
+    Float32,
+    /// 8 bits, unsigned integer.
+    Uint8,
+    /// 8 bits, signed integer.
+    Sint8,
+    /// 16 bits, unsigned integer.
+    Uint16,
+    /// 16 bits, signed integer.
+    Sint16,
+    /// 32 bits, unsigned integer.
+    Uint32,
+    /// 32 bits, signed integer.
+    Sint32,
+    /// 64 bits, unsigned integer.
+    Uint64,
+    /// 64 bits, signed integer.
+    Sint64,
+}
+
+impl Component {
+    /// Bytes of one component.
+    pub fn size(self) -> u32 {
+        match self {
+            Self::Unorm8 | Self::Snorm8 | Self::Uint8 | Self::Sint8 => 1,
+            Self::Unorm16 | Self::Snorm16 | Self::Float16 | Self::Uint16 | Self::Sint16 => 2,
+            Self::Float32 | Self::Uint32 | Self::Sint32 => 4,
+            Self::Uint64 | Self::Sint64 => 8,
+        }
+    }
+}
+
+/// A format of texels: one kind of component, one to four times, in the order R G B A.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Format {
+    /// Of every component.
+    pub component: Component,
+    /// 1, 2 or 4.
+    pub channels: u8,
+    /// Whether R, G and B are stored sRGB-encoded.
+    pub srgb: bool,
+}
+
+impl Format {
+    /// Four channels of binary32.
+    pub const RGBA32F: Self = Self::new(Component::Float32, 4);
+
+    const fn new(component: Component, channels: u8) -> Self {
+        Self { component, channels, srgb: false }
+    }
+
+    /// Bytes of one texel.
+    pub fn texel_size(self) -> u32 {
+        self.component.size() * u32::from(self.channels)
+    }
+
+    /// Whether a shader reads floats from it.
+    pub fn is_float(self) -> bool {
+        use Component::*;
+        matches!(self.component, Unorm8 | Snorm8 | Unorm16 | Snorm16 | Float16 | Float32)
+    }
+
+    /// The name as a scene writes it.
+    pub fn name(self) -> &'static str {
+        Self::NAMES
+            .iter()
+            .find(|(_, format)| *format == self)
+            .map_or("a format without a name", |(name, _)| name)
+    }
+
+    /// One texel from four numbers, converted as Vulkan converts on a store: clamped, then rounded
+    /// to nearest even (Vulkan, "Fixed-Point Data Conversion").
+    pub fn encode(self, color: [f64; 4]) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(self.texel_size() as usize);
+        for (channel, &value) in color.iter().enumerate().take(usize::from(self.channels)) {
+            let value = if self.srgb && channel < 3 { to_srgb(value) } else { value };
+            match self.component {
+                Component::Unorm8 => bytes.push(unorm(value, 255.0) as u8),
+                Component::Snorm8 => bytes.push(snorm(value, 127.0) as i8 as u8),
+                Component::Unorm16 => bytes.extend((unorm(value, 65_535.0) as u16).to_le_bytes()),
+                Component::Snorm16 => bytes.extend((snorm(value, 32_767.0) as i16).to_le_bytes()),
+                Component::Float16 => bytes.extend(f16::from_f64(value).to_le_bytes()),
+                Component::Float32 => bytes.extend((value as f32).to_le_bytes()),
+                // `as` saturates and takes NaN to 0.
+                Component::Uint8 => bytes.push(value as u8),
+                Component::Sint8 => bytes.push(value as i8 as u8),
+                Component::Uint16 => bytes.extend((value as u16).to_le_bytes()),
+                Component::Sint16 => bytes.extend((value as i16).to_le_bytes()),
+                Component::Uint32 => bytes.extend((value as u32).to_le_bytes()),
+                Component::Sint32 => bytes.extend((value as i32).to_le_bytes()),
+                Component::Uint64 => bytes.extend((value as u64).to_le_bytes()),
+                Component::Sint64 => bytes.extend((value as i64).to_le_bytes()),
+            }
+        }
+        bytes
+    }
+
+    /// Four numbers from one texel; missing channels are 0, a missing alpha is 1.
+    pub fn decode(self, texel: &[u8]) -> [f64; 4] {
+        let mut color = [0.0, 0.0, 0.0, 1.0];
+        let size = self.component.size() as usize;
+        for (channel, bytes) in texel.chunks_exact(size).take(usize::from(self.channels)).enumerate() {
+            let mut wide = [0; 8];
+            wide[..size].copy_from_slice(bytes);
+            let bits = u64::from_le_bytes(wide);
+            let value = match self.component {
+                Component::Unorm8 => bits as f64 / 255.0,
+                Component::Snorm8 => (f64::from(bits as i8) / 127.0).max(-1.0),
+                Component::Unorm16 => bits as f64 / 65_535.0,
+                Component::Snorm16 => (f64::from(bits as i16) / 32_767.0).max(-1.0),
+                Component::Float16 => f16::from_bits(bits as u16).to_f64(),
+                Component::Float32 => f64::from(f32::from_bits(bits as u32)),
+                Component::Uint8 | Component::Uint16 | Component::Uint32 | Component::Uint64 => bits as f64,
+                Component::Sint8 => f64::from(bits as i8),
+                Component::Sint16 => f64::from(bits as i16),
+                Component::Sint32 => f64::from(bits as i32),
+                Component::Sint64 => bits as i64 as f64,
+            };
+            color[channel] = if self.srgb && channel < 3 { from_srgb(value) } else { value };
+        }
+        color
+    }
+}
+
+/// GLSL's names of image formats in small letters; `srgb8_alpha8` as in OpenGL.
+impl Named for Format {
+    const WHAT: &'static str = "image format";
+    const NAMES: &'static [(&'static str, Self)] = {
+        use Component::*;
+        &[
+            ("r8", Self::new(Unorm8, 1)),
+            ("rg8", Self::new(Unorm8, 2)),
+            ("rgba8", Self::new(Unorm8, 4)),
+            ("rgba8_srgb", Self { component: Unorm8, channels: 4, srgb: true }),
+            ("r8_snorm", Self::new(Snorm8, 1)),
+            ("rg8_snorm", Self::new(Snorm8, 2)),
+            ("rgba8_snorm", Self::new(Snorm8, 4)),
+            ("r16", Self::new(Unorm16, 1)),
+            ("rg16", Self::new(Unorm16, 2)),
+            ("rgba16", Self::new(Unorm16, 4)),
+            ("r16_snorm", Self::new(Snorm16, 1)),
+            ("rg16_snorm", Self::new(Snorm16, 2)),
+            ("rgba16_snorm", Self::new(Snorm16, 4)),
+            ("r16f", Self::new(Float16, 1)),
+            ("rg16f", Self::new(Float16, 2)),
+            ("rgba16f", Self::new(Float16, 4)),
+            ("r32f", Self::new(Float32, 1)),
+            ("rg32f", Self::new(Float32, 2)),
+            ("rgba32f", Self::new(Float32, 4)),
+            ("r8ui", Self::new(Uint8, 1)),
+            ("rg8ui", Self::new(Uint8, 2)),
+            ("rgba8ui", Self::new(Uint8, 4)),
+            ("r8i", Self::new(Sint8, 1)),
+            ("rg8i", Self::new(Sint8, 2)),
+            ("rgba8i", Self::new(Sint8, 4)),
+            ("r16ui", Self::new(Uint16, 1)),
+            ("rg16ui", Self::new(Uint16, 2)),
+            ("rgba16ui", Self::new(Uint16, 4)),
+            ("r16i", Self::new(Sint16, 1)),
+            ("rg16i", Self::new(Sint16, 2)),
+            ("rgba16i", Self::new(Sint16, 4)),
+            ("r32ui", Self::new(Uint32, 1)),
+            ("rg32ui", Self::new(Uint32, 2)),
+            ("rgba32ui", Self::new(Uint32, 4)),
+            ("r32i", Self::new(Sint32, 1)),
+            ("rg32i", Self::new(Sint32, 2)),
+            ("rgba32i", Self::new(Sint32, 4)),
+            ("r64ui", Self::new(Uint64, 1)),
+            ("r64i", Self::new(Sint64, 1)),
+        ]
+    };
+}
+
+/// A decoded picture file: rows from the top, texels from the left.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// Its texels' format.
+    pub format: Format,
+    /// Width and height.
+    pub extent: [u32; 2],
+    /// `width * height * format.texel_size()` bytes.
+    pub texels: Vec<u8>,
+}
+
+impl Picture {
+    /// Decodes a PNG, JPEG, Radiance HDR or OpenEXR file.
+    ///
+    /// Without a wanted format: 8 bits give `rgba8_srgb`, 16 bits `rgba16`, floats `rgba32f`. A wanted
+    /// format of 8 or 16 bits takes the stored numbers as they are when it is as wide as the file, so
+    /// that `rgba8` reads a normal map and `rgba8_srgb` a photograph.
+    ///
+    /// # Errors
+    /// `InvalidImage` for a broken file or one beyond the limits, `UnsupportedFile` for another kind
+    /// of file.
+    pub fn decode(path: &Path, bytes: &[u8], wanted: Option<Format>) -> Result<Self> {
+        let invalid = |message: String| {
+            Error::new(ErrorKind::InvalidImage, message).at(Place::File(path.to_path_buf()))
+        };
+        let mut reader = ImageReader::new(Cursor::new(bytes))
+            .with_guessed_format()
+            .map_err(|error| invalid(error.to_string()))?;
+        if reader.format().is_none() {
+            return Err(Error::new(ErrorKind::UnsupportedFile, "not a PNG, JPEG, HDR or EXR file")
+                .at(Place::File(path.to_path_buf())));
+        }
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(MAX_EXTENT);
+        limits.max_image_height = Some(MAX_EXTENT);
+        limits.max_alloc = Some(MAX_IMAGE_SIZE);
+        reader.limits(limits);
+        let decoder = reader.into_decoder().map_err(|error| invalid(error.to_string()))?;
+        let (width, height) = decoder.dimensions();
+        if width > MAX_EXTENT || height > MAX_EXTENT {
+            return Err(invalid(format!("{width} x {height} texels; at most {MAX_EXTENT} each way")));
+        }
+        // Four floats a texel is the most that this makes of any file.
+        if u64::from(width) * u64::from(height) * 16 > MAX_IMAGE_SIZE {
+            return Err(invalid(format!("{width} x {height} texels are too many")));
+        }
+        let image = DynamicImage::from_decoder(decoder).map_err(|error| invalid(error.to_string()))?;
+        Ok(Self::from_image(&image, wanted))
+    }
+
+    fn from_image(image: &DynamicImage, wanted: Option<Format>) -> Self {
+        let srgb8 = Format { srgb: true, ..Format::new(Component::Unorm8, 4) };
+        let (stored, texels) = match image {
+            DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
+                let bytes = image.to_rgba32f().into_raw().iter().flat_map(|x| x.to_le_bytes()).collect();
+                (Format::new(Component::Float32, 4), bytes)
+            }
+            DynamicImage::ImageLuma16(_)
+            | DynamicImage::ImageLumaA16(_)
+            | DynamicImage::ImageRgb16(_)
+            | DynamicImage::ImageRgba16(_) => {
+                let bytes = image.to_rgba16().into_raw().iter().flat_map(|x| x.to_le_bytes()).collect();
+                (Format::new(Component::Unorm16, 4), bytes)
+            }
+            _ => (srgb8, image.to_rgba8().into_raw()),
+        };
+        let extent = [image.width(), image.height()];
+        let format = wanted.unwrap_or(stored);
+        let same_bits = format.component == stored.component && format.channels == stored.channels;
+        if same_bits {
+            return Self { format, extent, texels };
+        }
+        // A file's 8-bit numbers mean sRGB only where they are read as sRGB.
+        let stored = if format.srgb { stored } else { Format { srgb: false, ..stored } };
+        let convert = |texel: &[u8]| format.encode(stored.decode(texel));
+        let texels = texels.chunks_exact(stored.texel_size() as usize).flat_map(convert).collect();
+        Self { format, extent, texels }
+    }
+
+    /// Writes an 8-bit RGBA PNG. With `to_srgb`, linear colours are encoded as sRGB, which is what
+    /// picture viewers expect; without, numbers are stored as they are. Texels that are stored
+    /// sRGB-encoded are kept.
+    ///
+    /// # Errors
+    /// `InvalidImage` for integer texels wider than 8 bits or a size that does not match.
+    pub fn encode_png(&self, to_srgb: bool) -> Result<Vec<u8>> {
+        let invalid = |message: String| Error::new(ErrorKind::InvalidImage, message);
+        let size = self.format.texel_size() as usize;
+        let count = self.extent[0] as usize * self.extent[1] as usize;
+        if self.texels.len() != count * size {
+            return Err(invalid(format!("{} bytes are not {count} texels of {size}", self.texels.len())));
+        }
+        if !self.format.is_float() && self.format.component != Component::Uint8 {
+            return Err(invalid(format!("a PNG shows colours, not {} texels", self.format.name())));
+        }
+        let target = Format { srgb: to_srgb || self.format.srgb, ..Format::new(Component::Unorm8, 4) };
+        let mut pixels = Vec::with_capacity(4 * count);
+        for texel in self.texels.chunks_exact(size) {
+            let mut color = self.format.decode(texel);
+            if self.format.component == Component::Uint8 {
+                pixels.extend(color.map(|x| x as u8));
+                continue;
+            }
+            // Not a number is shown in magenta: black would hide it.
+            if color.iter().any(|x| x.is_nan()) {
+                color = [1.0, 0.0, 1.0, 1.0];
+            }
+            pixels.extend(target.encode(color));
+        }
+        let picture = image::RgbaImage::from_raw(self.extent[0], self.extent[1], pixels)
+            .expect("bug in anyhit: four bytes for every pixel");
+        let mut png = Vec::new();
+        picture
+            .write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png)
+            .map_err(|error| invalid(error.to_string()))?;
+        Ok(png)
+    }
+}
+
+/// The sRGB transfer function (IEC 61966-2-1), from linear in [0, 1].
+///
+/// `pxfm::f_powf` is correctly rounded, so that pictures have the same bytes on every machine.
+fn to_srgb(linear: f64) -> f64 {
+    let x = linear.clamp(0.0, 1.0);
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * f64::from(pxfm::f_powf(x as f32, 1.0 / 2.4)) - 0.055 }
+}
+
+/// Its inverse.
+fn from_srgb(encoded: f64) -> f64 {
+    if encoded <= 0.040_45 {
+        return encoded / 12.92;
+    }
+    f64::from(pxfm::f_powf(((encoded + 0.055) / 1.055) as f32, 2.4))
+}
+
+fn unorm(value: f64, most: f64) -> f64 {
+    let value = if value.is_nan() { 0.0 } else { value };
+    (value.clamp(0.0, 1.0) * most).round_ties_even()
+}
+
+fn snorm(value: f64, most: f64) -> f64 {
+    let value = if value.is_nan() { 0.0 } else { value };
+    (value.clamp(-1.0, 1.0) * most).round_ties_even()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn format(name: &str) -> Format {
+        Format::NAMES.iter().find(|(known, _)| *known == name).unwrap().1
+    }
+
+    fn png(width: u32, height: u32, pixels: &[[u8; 4]]) -> Vec<u8> {
+        let raw = pixels.concat();
+        let mut bytes = Vec::new();
+        let image = image::RgbaImage::from_raw(width, height, raw).unwrap();
+        image.write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn texel_sizes() {
+        for (name, size) in [("r8", 1), ("rgba8_srgb", 4), ("rg16f", 4), ("rgba32f", 16), ("r64ui", 8)] {
+            assert_eq!(format(name).texel_size(), size, "{name}");
+            assert_eq!(format(name).name(), name);
+        }
+    }
+
+    #[test]
+    fn stores_clamp_and_round_to_even() {
+        // 0.5 * 255 = 127.5, a tie: to the even 128. 2 is clamped to 1, -1 to 0.
+        assert_eq!(format("rgba8").encode([0.5, 2.0, -1.0, 1.0 / 255.0]), [128, 255, 0, 1]);
+        assert_eq!(format("rg8_snorm").encode([-2.0, 0.5, 0.0, 0.0]), [0x81, 64]);
+        assert_eq!(format("r16f").encode([1.5, 0.0, 0.0, 0.0]), [0x00, 0x3e]);
+        assert_eq!(format("r32ui").encode([7.0, 0.0, 0.0, 0.0]), [7, 0, 0, 0]);
+        assert_eq!(format("r8").encode([f64::NAN, 0.0, 0.0, 0.0]), [0]);
+    }
+
+    #[test]
+    fn missing_channels_are_zero_and_alpha_one() {
+        assert_eq!(format("rg8").decode(&[255, 0]), [1.0, 0.0, 0.0, 1.0]);
+        // -128 and -127 both mean -1.
+        assert_eq!(format("rg8_snorm").decode(&[0x80, 0x81]), [-1.0, -1.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn srgb_is_the_curve_of_its_standard() {
+        // IEC 61966-2-1: linear 0.214041 is half the scale; below 0.0031308 the curve is 12.92 x.
+        assert_eq!(format("rgba8_srgb").encode([0.214_041_14, 0.001, 1.0, 0.5]), [128, 3, 255, 128]);
+        for code in 0..=255_u8 {
+            let linear = format("rgba8_srgb").decode(&[code, 0, 0, 255]);
+            assert_eq!(format("rgba8_srgb").encode(linear)[0], code);
+        }
+    }
+
+    #[test]
+    fn a_png_keeps_its_bytes_as_srgb_or_as_plain_numbers() {
+        let bytes = png(2, 1, &[[1, 2, 3, 4], [250, 128, 0, 255]]);
+        let picture = Picture::decode(Path::new("a.png"), &bytes, None).unwrap();
+        assert_eq!(picture.extent, [2, 1]);
+        assert_eq!(picture.format, format("rgba8_srgb"));
+        assert_eq!(picture.texels, [1, 2, 3, 4, 250, 128, 0, 255]);
+        let plain = Picture::decode(Path::new("a.png"), &bytes, Some(format("rgba8"))).unwrap();
+        assert_eq!(plain.texels, picture.texels);
+        let floats = Picture::decode(Path::new("a.png"), &bytes, Some(format("r32f"))).unwrap();
+        assert_eq!(floats.texels[..4], (1.0_f32 / 255.0).to_le_bytes());
+        assert_eq!(floats.texels.len(), 8);
+    }
+
+    #[test]
+    fn a_written_png_reads_back() {
+        let texels: Vec<u8> =
+            [0.0_f32, 1.0, 0.5, 1.0, f32::NAN, 0.0, 0.0, 1.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+        let picture = Picture { format: format("rgba32f"), extent: [1, 2], texels };
+        let plain = Picture::decode(Path::new("b.png"), &picture.encode_png(false).unwrap(), None).unwrap();
+        assert_eq!(plain.texels, [0, 255, 128, 255, 255, 0, 255, 255]);
+        // 1.055 * 0.5^(1/2.4) - 0.055 = 0.735357, times 255 = 187.5 (187.516): 188.
+        let srgb = Picture::decode(Path::new("b.png"), &picture.encode_png(true).unwrap(), None).unwrap();
+        assert_eq!(srgb.texels[..4], [0, 255, 188, 255]);
+        let wrong = Picture { extent: [2, 2], ..picture };
+        assert!(wrong.encode_png(false).is_err());
+    }
+
+    #[test]
+    fn broken_and_hostile_files_are_errors() {
+        let error = Picture::decode(Path::new("a.txt"), b"hello", None).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::UnsupportedFile);
+        let whole = png(2, 1, &[[1, 2, 3, 4], [5, 6, 7, 8]]);
+        for cut in 8..whole.len() - 12 {
+            let error = Picture::decode(Path::new("a.png"), &whole[..cut], None).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::InvalidImage, "{cut}");
+        }
+        // A Radiance header that claims a million texels each way.
+        let hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000 +X 1000000\n";
+        let error = Picture::decode(Path::new("a.hdr"), hdr, None).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::InvalidImage);
+        assert!(error.to_string().contains("a.hdr"), "{error}");
+    }
+}

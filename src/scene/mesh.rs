@@ -1,0 +1,13 @@
+//! Triangles from OBJ and glTF files.
+
+pub mod gltf;
+pub mod obj;
+
+/// Triangles with shared vertices.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Positions.
+    pub vertices: Vec<[f32; 3]>,
+    /// Three a triangle.
+    pub indices: Vec<u32>,
+}

@@ -1,0 +1,139 @@
+//! Wavefront OBJ, read by `tobj`. Polygons are cut into fans around their first vertex; points,
+//! lines, normals, texture coordinates and materials are left out.
+
+use std::path::Path;
+
+use tobj::{LoadError, LoadOptions};
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::scene::mesh::Mesh;
+
+/// The triangles of all objects, or of the one with the given name.
+///
+/// # Errors
+/// `InvalidMesh` that points at the line for a broken file; also where no object has that name or no
+/// triangle is left.
+pub fn read(path: &Path, bytes: &[u8], object: Option<&str>) -> Result<Mesh> {
+    let invalid = |message: String| Error::new(ErrorKind::InvalidMesh, message);
+    let whole = || Place::File(path.to_path_buf());
+    let options =
+        LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    // Materials do not matter here, and a missing .mtl must not stop the mesh.
+    let loaded = tobj::load_obj_buf(&mut &bytes[..], &options, |_| Err(LoadError::OpenFileFailed));
+    let models = match loaded {
+        Ok((models, _)) => models,
+        Err(error) => {
+            let error = invalid(format!("not a Wavefront OBJ file: {error}"));
+            return Err(error.at(line_to_blame(path, bytes).unwrap_or_else(whole)));
+        }
+    };
+    let mut mesh = Mesh::default();
+    for model in models.iter().filter(|model| object.is_none_or(|name| model.name == name)) {
+        let base = mesh.vertices.len() as u32;
+        mesh.vertices.extend(model.mesh.positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
+        mesh.indices.extend(model.mesh.indices.iter().map(|index| base + index));
+    }
+    if !mesh.indices.is_empty() {
+        return Ok(mesh);
+    }
+    Err(match object {
+        None => invalid("the file has no triangles".into()).at(whole()),
+        Some(name) => {
+            let names: Vec<_> = models.iter().map(|model| model.name.as_str()).collect();
+            invalid(format!("no object `{name}` with triangles"))
+                .at(whole())
+                .note(format!("the objects here are: {}", names.join(", ")))
+        }
+    })
+}
+
+/// tobj names the kind of mistake but not its line: this finds the first line that it refuses by
+/// itself, after as many vertices as stand before it.
+fn line_to_blame(path: &Path, bytes: &[u8]) -> Option<Place> {
+    let text = std::str::from_utf8(bytes).ok()?;
+    // Positions, texture coordinates, normals.
+    let mut counts = [0_i64; 3];
+    let mut start = 0;
+    for line in text.split_inclusive('\n') {
+        let mut words = line.split_whitespace();
+        let broken = match words.next() {
+            Some("v") => count_if(&mut counts[0], words, 3),
+            Some("vt") => count_if(&mut counts[1], words, 2),
+            Some("vn") => count_if(&mut counts[2], words, 3),
+            Some("f") => !words.all(|corner| is_corner(corner, counts)),
+            _ => false,
+        };
+        if broken {
+            let span = start..start + line.trim_end().len();
+            return Some(Place::Text { file: path.display().to_string(), text: text.into(), span });
+        }
+        start += line.len();
+    }
+    None
+}
+
+/// Counts a line of numbers; true where it is broken.
+fn count_if<'w>(count: &mut i64, words: impl Iterator<Item = &'w str>, least: usize) -> bool {
+    let numbers: Vec<Option<f32>> = words.map(|word| word.parse().ok()).collect();
+    *count += 1;
+    numbers.len() < least || numbers.iter().any(Option::is_none)
+}
+
+/// Whether a corner, `position[/texture[/normal]]`, names things that exist.
+fn is_corner(corner: &str, counts: [i64; 3]) -> bool {
+    corner.split('/').zip(counts).enumerate().all(|(i, (word, count))| match word.parse::<i64>() {
+        Ok(index) => (1..=count).contains(&index) || (-count..0).contains(&index),
+        Err(_) => word.is_empty() && i > 0,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn load(text: &str, object: Option<&str>) -> Result<Mesh> {
+        read(Path::new("m.obj"), text.as_bytes(), object)
+    }
+
+    const QUAD: &str = "o quad\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nf 1 2 3 4\n";
+
+    #[test]
+    fn a_quad_becomes_a_fan() {
+        let mesh = load(QUAD, None).unwrap();
+        assert_eq!(mesh.vertices, [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.5]]);
+        assert_eq!(mesh.indices, [0, 1, 2, 0, 2, 3]);
+    }
+
+    #[test]
+    fn objects_are_joined_or_chosen_by_name() {
+        let text = format!("{QUAD}o other\nv 5 5 5\nf -1 1 2\n");
+        let all = load(&text, None).unwrap();
+        let corner = |i: usize| all.vertices[all.indices[i] as usize];
+        assert_eq!(all.indices.len(), 9);
+        assert_eq!([corner(6), corner(7), corner(8)], [[5., 5., 5.], [0., 0., 0.], [1., 0., 0.]]);
+        let other = load(&text, Some("other")).unwrap();
+        assert_eq!(other.vertices[other.indices[0] as usize], [5., 5., 5.]);
+        let error = load(&text, Some("third")).unwrap_err();
+        assert!(error.render().contains("the objects here are: quad, other"), "{error:?}");
+    }
+
+    #[test]
+    fn a_broken_line_is_shown() {
+        for (text, line) in [
+            ("v 0 0 0\nv 1 x 0\nv 0 1 0\nf 1 2 3\n", "m.obj:2:1"),
+            ("v 0 0 0\nv 1 0\n", "m.obj:2:1"),
+            ("v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2 9\n", "m.obj:5:1"),
+            ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 three\n", "m.obj:4:1"),
+        ] {
+            let error = load(text, None).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::InvalidMesh);
+            assert!(error.render().contains(line), "{text}: {error:?}");
+        }
+    }
+
+    #[test]
+    fn a_file_without_triangles_is_refused() {
+        assert_eq!(load("v 0 0 0\n", None).unwrap_err().message(), "the file has no triangles");
+        assert!(read(Path::new("m.obj"), &[0xff, 0xfe, 0], None).is_err());
+    }
+}

@@ -1,0 +1,224 @@
+//! What a scene's mistakes look like: each class with the message that its author gets.
+
+use std::path::Path;
+
+use crate::error::{Error, ErrorKind};
+use crate::scene::files::EmbeddedFiles;
+use crate::scene::{Options, load};
+
+/// Reads the text as `s/a.toml` beside a few good and bad files.
+fn mistake(text: &str) -> Error {
+    let files = [
+        ("s/a.toml", text.as_bytes()),
+        ("s/m.spv", &[3, 2, 35, 7]),
+        ("s/bad.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 7\n"),
+        ("s/bad.png", b"\x89PNG\r\n\x1a\nrest"),
+        ("s/loop.toml", b"version = 1\ninclude = 'loop.toml'\n"),
+        ("s/old.toml", b"version = 0\n"),
+        ("s/wrong.toml", b"version = 1\n\n[geometry.g]\ntype = 'grass'\ncout = 2\n"),
+    ];
+    match load(Path::new("s/a.toml"), &EmbeddedFiles(&files), &Options::default()) {
+        Err(error) => error,
+        Ok(_) => panic!("no mistake in:\n{text}"),
+    }
+}
+
+/// The one mistake in the text after `version = 1`, with place and words that its report holds.
+#[track_caller]
+fn one(text: &str, place: &str, wanted: &[&str]) {
+    let error = mistake(&format!("version = 1\n{text}"));
+    let report = error.render();
+    assert!(error.others().is_empty(), "more than one mistake:\n{report}");
+    for words in wanted.iter().chain(&[place]) {
+        assert!(report.contains(words), "no `{words}` in:\n{report}");
+    }
+}
+
+#[test]
+fn a_whole_report_as_it_is_printed() {
+    let error = mistake("version = 1\n\n[geometry.field]\ntype = \"grass\"\nhieght = [0.2, 0.5]\n");
+    let wanted = "\
+error: unknown key `hieght`
+  ┌─ s/a.toml:5:1
+  │
+5 │ hieght = [0.2, 0.5]
+  │ ^^^^^^ did you mean `height`?
+  │
+  = the keys here are: area, count, height, lean, no_duplicate_any_hit, opaque, radius, seed, taper, type
+  = help: the scene breaks a rule: mend the scene
+
+";
+    pretty_assertions::assert_eq!(error.render(), wanted);
+}
+
+#[test]
+fn the_version_comes_first() {
+    for (text, wanted) in [
+        ("", "begins with its format's version: `version = 1`"),
+        ("launch = 'x'\n", "begins with its format's version"),
+        ("version = 2\nnew_key = 1\n", "this anyhit reads version 1"),
+        ("version = '1'\n", "expected an integer"),
+    ] {
+        let error = mistake(text);
+        assert!(error.render().contains(wanted), "{error:?}");
+        assert!(error.render().contains("s/a.toml:1:"), "{error:?}");
+        assert!(error.others().is_empty(), "{error:?}");
+    }
+    assert_eq!(mistake("version = 2\n").kind(), ErrorKind::UnsupportedFile);
+}
+
+#[test]
+fn every_mistake_is_reported_in_one_run() {
+    let error = mistake(
+        "version = 1\nlauch = [4, 4]\n[geometry.a]\ntype = 'spheres'\npositions = [[0, 0, 0]]\nradii = 'x'\n\
+         [[instance]]\ngeometry = 'b'\nmask = 256\n[pipeline]\nmiss = ['sky']\n[resources.i]\ntype = 'sampled_image'\n\
+         binding = 0\nfile = 'gone.png'\n",
+    );
+    let messages: Vec<&str> =
+        std::iter::once(error.message()).chain(error.others().iter().map(Error::message)).collect();
+    let wanted = [
+        "expected a number, found a string",
+        "this does not fit: u8 goes from 0 to 255",
+        "unknown key `lauch`",
+        "no geometry is named `b`",
+        "no shader is named `sky`",
+        "s/gone.png: no such embedded file",
+    ];
+    pretty_assertions::assert_eq!(messages, wanted);
+}
+
+#[test]
+fn names_that_nothing_has() {
+    one(
+        "[geometry.grass]\ntype = 'plane'\n[[instance]]\ngeometry = 'gras'\n",
+        "s/a.toml:5:12",
+        &["no geometry is named `gras`", "did you mean `grass`?", "there are: grass"],
+    );
+    one(
+        "[shaders]\nall = 'm.spv'\n[pipeline]\nhit = [{ any_hit = 'al:ah' }]\n",
+        "s/a.toml:5:20",
+        &["no shader is named `al`", "did you mean `all`?"],
+    );
+    one(
+        "[resources.s]\ntype = 'sampler'\nbinding = 0\nsampler = 'soft'\n",
+        "s/a.toml:5:11",
+        &["no sampler is named `soft`"],
+    );
+    one(
+        "[resources.t]\ntype = 'acceleration_structure'\nbinding = 0\ntlas = 'far'\n",
+        "s/a.toml:5:8",
+        &["no instance is in the acceleration structure `far`"],
+    );
+}
+
+#[test]
+fn files_that_are_missing_or_broken() {
+    one(
+        "[shaders]\nall = 'n.spv'\n[pipeline]\nraygen = 'all'\n",
+        "s/a.toml:3:7",
+        &["looked for at s/n.spv", "no such embedded file"],
+    );
+    one(
+        "[geometry.g]\ntype = 'obj'\nfile = 'bad.obj'\n",
+        "s/bad.obj:3:1",
+        &["not a Wavefront OBJ file", "at s/a.toml:4: named here"],
+    );
+    one(
+        "[resources.i]\ntype = 'sampled_image'\nbinding = 1\nfile = 'bad.png'\n",
+        "s/a.toml:5:8",
+        &["in s/bad.png"],
+    );
+    one("include = 'gone.toml'\n", "s/a.toml:2:11", &["no such embedded file"]);
+    one("include = 'old.toml'\n", "s/old.toml:1:11", &["this anyhit reads version 1"]);
+    one("include = 'loop.toml'\n", "s/loop.toml:2:11", &["an include that never ends"]);
+    one("include = 'wrong.toml'\n", "s/wrong.toml:5:1", &["did you mean `count`?"]);
+}
+
+#[test]
+fn geometry_that_does_not_fit_together() {
+    let spheres = "[geometry.g]\ntype = 'spheres'\npositions = [[0, 0, 0], [1, 0, 0]]\n";
+    one(&format!("{spheres}radii = [1, 2, 3]\n"), "s/a.toml:5:9", &["3 radii for 2 positions"]);
+    one(&format!("{spheres}radii = 1\nindices = [0, 2]\n"), "s/a.toml:6:11", &["index 2 is beyond the 2"]);
+    one(spheres, "s/a.toml:2:1", &["`radii` is missing"]);
+    let lss = "[geometry.g]\ntype = 'lss'\npositions = [[0, 0, 0], [1, 0, 0]]\nradii = 1\n";
+    one(&format!("{lss}mode = 'successive'\n"), "s/a.toml:2:1", &["needs `indices`", "10427"]);
+    one(&format!("{lss}mode = 'successive'\nindices = [1]\n"), "s/a.toml:7:11", &["index 1 is beyond the 1"]);
+    one(&format!("{lss}indices = [0, 1, 0]\n"), "s/a.toml:6:11", &["two indices a segment"]);
+    one(&format!("{lss}caps = 'chain'\n"), "s/a.toml:6:8", &["did you mean `chained`?"]);
+    let triangles = "[geometry.g]\ntype = 'triangles'\nvertices = [[0, 0, 0], [1, 0, 0]]\n";
+    one(triangles, "s/a.toml:4:12", &["2 corners do not make whole triangles"]);
+    one("[geometry.g]\ntype = 'cube'\n", "s/a.toml:3:8", &["`cube` is not a type of geometry"]);
+    one("[geometry.g]\nopaque = true\n", "s/a.toml:2:1", &["needs its `type`"]);
+    one("[geometry.g]\ntype = 'grass'\ncount = 4_000_000_000\n", "s/a.toml:4:9", &["more than 20000000"]);
+    one("[geometry.g]\ntype = 'chains'\ncount = 10_000_000\n", "s/a.toml:4:9", &["more than 20000000"]);
+    one(
+        "[geometry.g]\ntype = 'plane'\ndivisions = [65536, 65536]\n",
+        "s/a.toml:4:13",
+        &["more than 20000000"],
+    );
+    one(
+        "[geometry.g]\ntype = 'grass'\nheight = [0.5, 0.2]\n",
+        "s/a.toml:4:10",
+        &["not a range from low to high"],
+    );
+}
+
+#[test]
+fn instances() {
+    let ground = "[geometry.g]\ntype = 'plane'\n[[instance]]\ngeometry = 'g'\n";
+    one(&format!("{ground}sbt_offset = 16777216\n"), "s/a.toml:6:14", &["24 bits"]);
+    one(&format!("{ground}custom_index = -1\n"), "s/a.toml:6:16", &["does not fit"]);
+    one(&format!("{ground}transform = [1, 0, 0]\n"), "s/a.toml:6:13", &["expected 12 elements, found 3"]);
+    one(
+        &format!("{ground}scale = 2\ntransform = [[1,0,0,0],[0,1,0,0],[0,0,1,0]]\n"),
+        "s/a.toml:7:13",
+        &["but not both"],
+    );
+    one(&format!("{ground}rotate = {{ axis = [0, 0, 0], degrees = 3 }}\n"), "s/a.toml:6:19", &["not zero"]);
+    one(&format!("{ground}flags = ['force_opaqe']\n"), "s/a.toml:6:10", &["did you mean `force_opaque`?"]);
+}
+
+#[test]
+fn buffers_images_and_sizes() {
+    let buffer = "[resources.b]\ntype = 'storage_buffer'\nbinding = 0\n";
+    one(buffer, "s/a.toml:2:1", &["a buffer needs `data`, or its `size`"]);
+    one(
+        &format!("{buffer}size = 3\ndata = {{ u32 = 1 }}\n"),
+        "s/a.toml:5:8",
+        &["4 bytes, more than the `size` of 3"],
+    );
+    one(&format!("{buffer}size = 9_000_000_000\n"), "s/a.toml:5:8", &["at most 1073741824 bytes"]);
+    one(
+        "[resources.b]\ntype = 'storage_bufer'\nbinding = 0\n",
+        "s/a.toml:3:8",
+        &["did you mean `storage_buffer`?"],
+    );
+    one("[resources.b]\ntype = 'storage_image'\n", "s/a.toml:2:1", &["`binding` is missing"]);
+    let image = "[resources.i]\ntype = 'storage_image'\nbinding = 0\n";
+    one(&format!("{image}format = 'rgba32'\n"), "s/a.toml:5:10", &["did you mean `rgba32f`?"]);
+    one(&format!("{image}size = [40000, 2]\n"), "s/a.toml:5:8", &["each from 1 to 32768"]);
+    one(&format!("{image}size = [32768, 32768]\n"), "s/a.toml:2:1", &["too many for an image"]);
+    one(
+        &format!("{image}dimension = 'cube'\nlayers = 5\n"),
+        "s/a.toml:2:1",
+        &["does not suit the `dimension`"],
+    );
+    one(
+        &format!("{image}[resources.j]\ntype = 'sampler'\nbinding = 0\n"),
+        "s/a.toml:5:12",
+        &["two resources at set 0, binding 0", "the other one"],
+    );
+    one("launch = [65536, 65536]\n", "s/a.toml:2:10", &["4294967296 invocations"]);
+    one("launch = [0]\n", "s/a.toml:2:10", &["0 invocations"]);
+    one("launch = [4, 4]\n[[ray]]\npixel = [4, 0]\n", "s/a.toml:4:9", &["outside the launch of 4 x 4"]);
+    one("[pipeline]\nsubgroup_size = 3\n", "s/a.toml:3:17", &["1, 2, 4, ... or 128"]);
+}
+
+#[test]
+fn a_text_that_is_no_toml() {
+    let error = mistake("version = 1\n[geometry\n");
+    assert!(error.render().contains("s/a.toml:2:"), "{error:?}");
+    let files = [("a.toml", &b"version = 1 # \xff"[..])];
+    let error = load(Path::new("a.toml"), &EmbeddedFiles(&files), &Options::default()).unwrap_err();
+    assert_eq!(error.message(), "not UTF-8 at byte 14");
+}

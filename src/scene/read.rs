@@ -1,0 +1,558 @@
+//! Reading TOML with spans kept: every value knows its file and bytes, and a mistake never stops
+//! the reading, so that one run reports all of them.
+//!
+//! Not derived through serde, which gives up at the first mistake. A [`Table`] hands out keys and
+//! remembers which ones it was asked for: what remains at the end is an unknown key, and the asked
+//! ones are what the suggestion is chosen from. So the accepted keys stand in one place only.
+
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use toml::de::DeTable;
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::scene::tree::{Member, Node, Toml};
+
+/// A TOML file that has been read.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Source {
+    /// Its path as the user or an `include` gave it.
+    pub path: PathBuf,
+    /// Its text.
+    pub text: Arc<str>,
+}
+
+impl Source {
+    /// A path that the file names, relative to the file's own folder.
+    pub fn sibling(&self, path: &str) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(path)
+    }
+}
+
+/// A stretch of a [`Source`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Span {
+    /// The file.
+    pub source: Arc<Source>,
+    /// The bytes.
+    pub range: Range<usize>,
+}
+
+impl Span {
+    /// The same stretch as an error's place.
+    pub fn place(&self) -> Place {
+        Place::Text {
+            file: self.source.path.display().to_string(),
+            text: self.source.text.clone(),
+            span: self.range.clone(),
+        }
+    }
+
+    /// An error of this crate's scene kind that points here.
+    #[must_use]
+    pub fn error(&self, message: impl Into<String>) -> Error {
+        self.error_with(message, "")
+    }
+
+    /// The same with words beside the caret.
+    #[must_use]
+    pub fn error_with(&self, message: impl Into<String>, label: impl Into<String>) -> Error {
+        Error::new(ErrorKind::InvalidScene, message).at_with(self.place(), label)
+    }
+}
+
+/// A value and where it stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct At<T> {
+    /// The value.
+    pub value: T,
+    /// Where it was written.
+    pub span: Span,
+}
+
+/// The mistakes found so far.
+#[derive(Debug, Default)]
+pub struct Report(RefCell<Vec<Error>>);
+
+impl Report {
+    /// Adds a mistake.
+    pub fn push(&self, error: Error) {
+        self.0.borrow_mut().push(error);
+    }
+
+    /// Adds the error of a result and keeps its value.
+    pub fn keep<T>(&self, result: Result<T>) -> Option<T> {
+        result.map_err(|error| self.push(error)).ok()
+    }
+
+    /// How many mistakes there are so far.
+    pub fn len(&self) -> usize {
+        self.0.borrow().len()
+    }
+
+    /// Whether nothing is wrong so far.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// # Errors
+    /// All mistakes as one error, where there are any.
+    pub fn finish(self) -> Result<()> {
+        let errors = self.0.into_inner();
+        if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
+    }
+}
+
+/// A whole TOML document, kept so that parts of it can be read later.
+#[derive(Clone, Debug)]
+pub struct Document {
+    source: Arc<Source>,
+    root: Node,
+}
+
+impl Document {
+    /// Parses a text.
+    ///
+    /// # Errors
+    /// `InvalidScene` with every syntax error.
+    pub fn parse(path: impl Into<PathBuf>, text: &str) -> Result<Self> {
+        let source = Arc::new(Source { path: path.into(), text: text.into() });
+        let (root, errors) = DeTable::parse_recoverable(text);
+        if !errors.is_empty() {
+            let report = |error: &toml::de::Error| {
+                let range = error.span().unwrap_or(0..0);
+                Span { source: source.clone(), range }.error(format!("not TOML: {}", error.message()))
+            };
+            return Err(Error::several(errors.iter().map(report).collect()));
+        }
+        Ok(Self { source, root: Node::from_table(&root) })
+    }
+
+    /// The root table.
+    pub fn root<'a>(&'a self, report: &'a Report) -> Table<'a> {
+        let value = Value { node: &self.root, source: &self.source, report };
+        Table::new(value).expect("bug in anyhit: the root of a TOML document is a table")
+    }
+
+    /// The file.
+    pub fn source(&self) -> &Arc<Source> {
+        &self.source
+    }
+}
+
+/// What can be read from a TOML value. `None` means that the mistake has been reported.
+pub trait Parse: Sized {
+    /// Reads the value.
+    fn parse(value: Value<'_>) -> Option<Self>;
+}
+
+/// A closed set of names, such as the filters of a sampler.
+pub trait Named: Copy + 'static {
+    /// What such a name stands for, for messages.
+    const WHAT: &'static str;
+    /// All names.
+    const NAMES: &'static [(&'static str, Self)];
+}
+
+/// One TOML value with its place.
+#[derive(Clone, Copy)]
+pub struct Value<'a> {
+    node: &'a Node,
+    source: &'a Arc<Source>,
+    report: &'a Report,
+}
+
+impl<'a> Value<'a> {
+    /// Where it stands.
+    pub fn span(&self) -> Span {
+        Span { source: self.source.clone(), range: self.node.range.clone() }
+    }
+
+    /// The bare TOML value.
+    pub fn toml(&self) -> &'a Toml {
+        &self.node.value
+    }
+
+    /// The text of a string; `None` (nothing reported) where it is none.
+    pub fn text(&self) -> Option<&'a str> {
+        match self.toml() {
+            Toml::String(text) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// The elements of an array; `None` (nothing reported) where it is none.
+    pub fn elements(&self) -> Option<impl Iterator<Item = Value<'a>> + use<'a>> {
+        let (source, report) = (self.source, self.report);
+        let Toml::Array(elements) = self.toml() else { return None };
+        Some(elements.iter().map(move |node| Value { node, source, report }))
+    }
+
+    /// Reports that the value cannot be used; always `None`.
+    pub fn wrong<T>(&self, message: impl Into<String>) -> Option<T> {
+        self.report.push(self.span().error(message));
+        None
+    }
+
+    /// Reports that something else was expected; always `None`.
+    pub fn expected<T>(&self, what: &str) -> Option<T> {
+        let found = self.toml().what();
+        self.report.push(self.span().error_with(format!("expected {what}, found {found}"), "here"));
+        None
+    }
+
+    /// The report that mistakes go to.
+    pub fn report(&self) -> &'a Report {
+        self.report
+    }
+}
+
+/// A TOML table that remembers which keys were asked for.
+pub struct Table<'a> {
+    value: Value<'a>,
+    entries: &'a [Member],
+    asked: RefCell<BTreeSet<&'static str>>,
+    missing: RefCell<Vec<&'static str>>,
+}
+
+impl<'a> Table<'a> {
+    /// The value as a table; reports where it is none.
+    pub fn new(value: Value<'a>) -> Option<Self> {
+        let Toml::Table(entries) = value.toml() else { return value.expected("a table") };
+        Some(Self { value, entries, asked: RefCell::default(), missing: RefCell::default() })
+    }
+
+    /// Where the table (or its header) stands.
+    pub fn span(&self) -> Span {
+        self.value.span()
+    }
+
+    /// The report that mistakes go to.
+    pub fn report(&self) -> &'a Report {
+        self.value.report
+    }
+
+    /// The value of a key, if it is there.
+    pub fn value(&self, key: &'static str) -> Option<Value<'a>> {
+        self.asked.borrow_mut().insert(key);
+        let member = self.entries.iter().find(|member| member.key == key)?;
+        Some(Value { node: &member.node, ..self.value })
+    }
+
+    /// Whether a key is there. Does not count as asking for it.
+    pub fn has(&self, key: &str) -> bool {
+        self.entries.iter().any(|member| member.key == key)
+    }
+
+    /// A key that may be missing.
+    pub fn optional<T: Parse>(&self, key: &'static str) -> Option<T> {
+        T::parse(self.value(key)?)
+    }
+
+    /// A key that has a default.
+    pub fn or<T: Parse>(&self, key: &'static str, default: T) -> T {
+        self.optional(key).unwrap_or(default)
+    }
+
+    /// A key that must be there; [`Self::finish`] reports where it is not.
+    pub fn required<T: Parse>(&self, key: &'static str) -> Option<T> {
+        match self.value(key) {
+            Some(value) => T::parse(value),
+            None => {
+                self.missing.borrow_mut().push(key);
+                None
+            }
+        }
+    }
+
+    /// All keys with their values, for tables whose keys are the user's names.
+    pub fn iter(&self) -> impl Iterator<Item = (At<String>, Value<'a>)> + '_ {
+        self.entries.iter().map(|member| {
+            let span = Span { source: self.value.source.clone(), range: member.key_range.clone() };
+            (At { value: member.key.clone(), span }, Value { node: &member.node, ..self.value })
+        })
+    }
+
+    /// Reports every missing key, and every key that nobody asked for. Call it after the last key
+    /// was asked for and before giving up over one of them.
+    pub fn finish(&self) {
+        let asked = self.asked.borrow();
+        let unknown: Vec<_> = self.iter().filter(|(key, _)| !asked.contains(key.value.as_str())).collect();
+        for key in self.missing.take() {
+            // A misspelt key is one mistake, not two: the unknown key's message names this one.
+            if nearest(key, unknown.iter().map(|(name, _)| name.value.as_str())).is_none() {
+                self.report().push(self.span().error_with(format!("`{key}` is missing"), "in this table"));
+            }
+        }
+        for (key, _) in unknown {
+            let label = match nearest(&key.value, asked.iter().copied()) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => "not a key of this table".into(),
+            };
+            let known: Vec<_> = asked.iter().copied().collect();
+            self.report().push(
+                key.span
+                    .error_with(format!("unknown key `{}`", key.value), label)
+                    .note(format!("the keys here are: {}", known.join(", "))),
+            );
+        }
+    }
+}
+
+/// The name that is most like `word`, if any is like it enough to be what was meant: few letters
+/// differ, or one is the beginning of the other.
+pub fn nearest<'n>(word: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+    let allowed = (word.chars().count() / 3).max(1);
+    let begins =
+        |name: &str| word.len().min(name.len()) >= 3 && (name.starts_with(word) || word.starts_with(name));
+    let measured = names.map(|name| (if begins(name) { allowed } else { edit_distance(word, name) }, name));
+    measured.filter(|(distance, _)| *distance <= allowed).min_by_key(|(d, _)| *d).map(|(_, name)| name)
+}
+
+/// Insertions, deletions, replacements and swaps of neighbours that lead from one word to the other
+/// (optimal string alignment).
+fn edit_distance(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+    // User names are unbounded; beyond this no suggestion is worth a quadratic table.
+    if a.len() > 64 || b.len() > 64 {
+        return usize::MAX;
+    }
+    let mut rows = vec![vec![0; b.len() + 1]; a.len() + 1];
+    for (i, row) in rows.iter_mut().enumerate() {
+        row[0] = i;
+    }
+    rows[0] = (0..=b.len()).collect();
+    for i in 1..=a.len() {
+        for j in 1..=b.len() {
+            let replaced = rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            let mut best = replaced.min(rows[i - 1][j] + 1).min(rows[i][j - 1] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                best = best.min(rows[i - 2][j - 2] + 1);
+            }
+            rows[i][j] = best;
+        }
+    }
+    rows[a.len()][b.len()]
+}
+
+impl<T: Named> Parse for T {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let Some(name) = value.text() else { return value.expected(&format!("the name of a {}", T::WHAT)) };
+        if let Some((_, found)) = T::NAMES.iter().find(|(known, _)| *known == name) {
+            return Some(*found);
+        }
+        let names = || T::NAMES.iter().map(|(name, _)| *name);
+        let label = match nearest(name, names()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("not a {}", T::WHAT),
+        };
+        let all: Vec<_> = names().collect();
+        value.report.push(
+            value
+                .span()
+                .error_with(format!("`{name}` is not a {}", T::WHAT), label)
+                .note(format!("one of: {}", all.join(", "))),
+        );
+        None
+    }
+}
+
+impl Parse for bool {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        match value.toml() {
+            Toml::Boolean(flag) => Some(*flag),
+            _ => value.expected("true or false"),
+        }
+    }
+}
+
+impl Parse for String {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        value.text().map(str::to_string).or_else(|| value.expected("a string"))
+    }
+}
+
+/// An integer, checked against a range.
+pub(crate) fn integer(value: Value<'_>, least: i128, most: i128, what: &str) -> Option<i128> {
+    let Toml::Integer(digits, radix) = value.toml() else {
+        return value.expected(&format!("an integer ({what})"));
+    };
+    match i128::from_str_radix(digits, *radix) {
+        Ok(number) if (least..=most).contains(&number) => Some(number),
+        _ => value.wrong(format!("this does not fit: {what} goes from {least} to {most}")),
+    }
+}
+
+macro_rules! integers {
+    ($($ty:ident)*) => {$(
+        impl Parse for $ty {
+            fn parse(value: Value<'_>) -> Option<Self> {
+                let number = integer(value, $ty::MIN as i128, $ty::MAX as i128, stringify!($ty))?;
+                Some(number as $ty)
+            }
+        }
+    )*};
+}
+integers!(u8 u16 u32 u64 i8 i16 i32 i64);
+
+macro_rules! floats {
+    ($($ty:ident)*) => {$(
+        /// Rounded once, from the decimal text: through f64 some numbers would be rounded twice.
+        impl Parse for $ty {
+            fn parse(value: Value<'_>) -> Option<Self> {
+                let (text, named_infinity) = match value.toml() {
+                    Toml::Float(text) => (text, text.contains("inf")),
+                    Toml::Integer(digits, 10) => (digits, false),
+                    _ => return value.expected("a number"),
+                };
+                match text.parse::<$ty>() {
+                    Ok(number) if number.is_infinite() && !named_infinity => {
+                        value.wrong(format!("`{text}` is beyond the range of {}", stringify!($ty)))
+                    }
+                    Ok(number) => Some(number),
+                    Err(_) => value.expected("a number"),
+                }
+            }
+        }
+    )*};
+}
+floats!(f32 f64);
+
+impl<T: Parse> Parse for At<T> {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        T::parse(value).map(|parsed| At { value: parsed, span: value.span() })
+    }
+}
+
+/// Reports the mistakes of all elements before giving up.
+impl<T: Parse> Parse for Vec<T> {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let Some(elements) = value.elements() else { return value.expected("an array") };
+        let parsed: Vec<Option<T>> = elements.map(T::parse).collect();
+        parsed.into_iter().collect()
+    }
+}
+
+impl<T: Parse, const N: usize> Parse for [T; N] {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let parsed: Vec<T> = Parse::parse(value)?;
+        let found = parsed.len();
+        match parsed.try_into() {
+            Ok(array) => Some(array),
+            Err(_) => value.wrong(format!("expected {N} elements, found {found}")),
+        }
+    }
+}
+
+/// One value or an array of them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OneOrMore<T>(pub Vec<T>);
+
+impl<T: Parse> Parse for OneOrMore<T> {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        if matches!(value.toml(), Toml::Array(_)) {
+            Vec::parse(value).map(Self)
+        } else {
+            T::parse(value).map(|one| Self(vec![one]))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    enum Filter {
+        Nearest,
+        Linear,
+    }
+
+    impl Named for Filter {
+        const WHAT: &'static str = "filter";
+        const NAMES: &'static [(&'static str, Self)] =
+            &[("nearest", Self::Nearest), ("linear", Self::Linear)];
+    }
+
+    fn read<T>(text: &str, read: impl FnOnce(&Table<'_>) -> Option<T>) -> Result<T> {
+        let document = Document::parse("t.toml", text)?;
+        let report = Report::default();
+        let table = document.root(&report);
+        let value = read(&table);
+        table.finish();
+        drop(table);
+        report.finish()?;
+        Ok(value.expect("no mistake, yet no value"))
+    }
+
+    #[test]
+    fn a_float_is_rounded_once() {
+        // 1 + 2^-24 + 2^-60 lies above the tie between 1 and 1 + 2^-23; an f64 loses the 2^-60 and
+        // a second rounding of the tie then goes to the even 1.
+        let text = "x = 1.000000059604644775391492261737988";
+        assert_eq!(read(text, |t| t.required::<f32>("x")).unwrap(), 1.0 + f32::EPSILON);
+    }
+
+    #[test]
+    fn an_f32_out_of_range_is_refused_but_inf_is_not() {
+        assert!(read("x = 1e39", |t| t.required::<f32>("x")).unwrap_err().render().contains("t.toml:1:5"));
+        assert_eq!(read("x = -inf", |t| t.required::<f32>("x")).unwrap(), f32::NEG_INFINITY);
+        assert_eq!(read("x = 3.4028235e38", |t| t.required::<f32>("x")).unwrap(), f32::MAX);
+    }
+
+    #[test]
+    fn hexadecimal_integers_cover_all_32_bits() {
+        assert_eq!(read("x = 0xffff_ffff", |t| t.required::<u32>("x")).unwrap(), u32::MAX);
+        assert!(read("x = 0x1_0000_0000", |t| t.required::<u32>("x")).is_err());
+    }
+
+    #[test]
+    fn an_unknown_key_is_shown_with_a_suggestion() {
+        let error = read("radus = 2\n", |t| Some(t.or("radius", 1.0_f32))).unwrap_err();
+        let text = error.render();
+        assert!(text.contains("t.toml:1:1"), "{text}");
+        assert!(text.contains("^^^^^ did you mean `radius`?"), "{text}");
+    }
+
+    #[test]
+    fn a_misspelt_required_key_is_one_mistake() {
+        let error = read("radus = 2\n", |t| t.required::<f32>("radius")).unwrap_err();
+        assert_eq!(error.others().len(), 0, "{error:?}");
+        let error = read("other = 2\n", |t| t.required::<f32>("radius")).unwrap_err();
+        assert_eq!(error.message(), "`radius` is missing");
+        assert_eq!(error.others().len(), 1, "{error:?}");
+    }
+
+    #[test]
+    fn every_mistake_of_an_array_is_reported() {
+        let error = read("x = [1, 'a', 2, true]", |t| t.required::<Vec<f32>>("x")).unwrap_err();
+        assert_eq!(error.message(), "expected a number, found a string");
+        assert_eq!(error.others()[0].message(), "expected a number, found a Boolean");
+    }
+
+    #[test]
+    fn names_are_suggested() {
+        let error = read("x = 'liner'", |t| t.required::<Filter>("x")).unwrap_err();
+        assert!(error.render().contains("did you mean `linear`?"), "{error:?}");
+        assert_eq!(read("x = 'nearest'", |t| t.required::<Filter>("x")).unwrap(), Filter::Nearest);
+    }
+
+    #[test]
+    fn broken_toml_shows_its_place() {
+        let error = Document::parse("t.toml", "version = 1\nx = = 2\n").unwrap_err();
+        assert!(error.render().contains("t.toml:2:"), "{error:?}");
+        assert!(error.message().starts_with("not TOML: "));
+    }
+
+    #[test]
+    fn distances() {
+        assert_eq!(edit_distance("", "abc"), 3);
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("vertcies", "vertices"), 1);
+        assert_eq!(nearest("chain", ["none", "chained"].into_iter()), Some("chained"));
+        assert_eq!(nearest("hit", ["miss", "callable"].into_iter()), None);
+    }
+}

@@ -1,0 +1,536 @@
+//! From a scene's files to what can be run: names become indices, files become bytes.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::accel::{Blas, Geometry, Instance, Tlas};
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::scene::data::{Data, read};
+use crate::scene::file::{Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry};
+use crate::scene::files::Files;
+use crate::scene::geometry::{GeometryEntry, InstanceEntry};
+use crate::scene::read::{At, Document, Report, nearest};
+use crate::scene::resolved::{
+    Binding, Group, HitGroup, ResolvedScene, Shader, ShaderBindingTable, ShaderCode, ShaderModule,
+    ShaderRecord,
+};
+use crate::scene::resources::{Content, Kind, Resource, ResourceEntry, Sampler, SamplerReference};
+
+/// How many files one scene may include, counted with their own includes.
+const MAX_FILES: usize = 64;
+
+/// What a command line changes about a scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// The launch's width and height (`--size`); images without a size and cameras follow.
+    pub size: Option<[u32; 2]>,
+}
+
+/// Reads a scene with everything that it names.
+///
+/// # Errors
+/// All mistakes of the scene and its files in one error.
+pub fn load(path: &Path, files: &dyn Files, options: &Options) -> Result<ResolvedScene> {
+    let text = text_of(path, files.read(path)?)?;
+    load_text(path, &text, files, options)
+}
+
+/// The same for a text at hand; `path` is where its relative paths start from.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_text(path: &Path, text: &str, files: &dyn Files, options: &Options) -> Result<ResolvedScene> {
+    let report = Report::default();
+    let own = SceneFile::parse(path, text, &report)?;
+    let mut parts = Vec::new();
+    include(own, files, &report, &mut Vec::new(), &mut parts);
+    let resolver = Resolver::new(parts, files, options, &report);
+    let scene = resolver.resolve();
+    report.finish()?;
+    Ok(scene.expect("bug in anyhit: a scene failed without a mistake"))
+}
+
+fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
+    String::from_utf8(bytes).map_err(|error| {
+        let message = format!("not UTF-8 at byte {}", error.utf8_error().valid_up_to());
+        Error::new(ErrorKind::InvalidScene, message).at(Place::File(path.to_path_buf()))
+    })
+}
+
+/// Puts a file behind the files that it includes.
+fn include(
+    file: SceneFile,
+    files: &dyn Files,
+    report: &Report,
+    open: &mut Vec<PathBuf>,
+    parts: &mut Vec<SceneFile>,
+) {
+    open.push(file.source().path.clone());
+    for wanted in &file.include {
+        let path = file.source().sibling(&wanted.value);
+        if open.contains(&path) || parts.len() + open.len() >= MAX_FILES {
+            report.push(wanted.span.error("an include that never ends"));
+            continue;
+        }
+        let read = read(files, &wanted.value, &wanted.span);
+        let part = read
+            .and_then(|bytes| text_of(&path, bytes))
+            .and_then(|text| SceneFile::parse(&path, &text, report));
+        if let Some(part) = report.keep(part) {
+            include(part, files, report, open, parts);
+        }
+    }
+    open.pop();
+    parts.push(file);
+}
+
+/// The parts of a scene as one: later definitions of a name replace earlier ones.
+struct Resolver<'a> {
+    files: &'a dyn Files,
+    report: &'a Report,
+    geometry: Vec<Entry<GeometryEntry>>,
+    instances: Vec<InstanceEntry>,
+    shader_entries: Vec<Entry<ShaderEntry>>,
+    samplers: Vec<Entry<Sampler>>,
+    resource_entries: Vec<Entry<ResourceEntry>>,
+    pipeline: Option<PipelineEntry>,
+    push_constants: Option<Data>,
+    launch: [u32; 3],
+    rays: Vec<RayEntry>,
+    own: Document,
+    modules: Vec<ShaderModule>,
+    groups: Vec<Group>,
+}
+
+impl<'a> Resolver<'a> {
+    fn new(parts: Vec<SceneFile>, files: &'a dyn Files, options: &Options, report: &'a Report) -> Self {
+        let own = parts.last().expect("bug in anyhit: a scene without a file").document.clone();
+        let mut all = Self {
+            files,
+            report,
+            geometry: Vec::new(),
+            instances: Vec::new(),
+            shader_entries: Vec::new(),
+            samplers: Vec::new(),
+            resource_entries: Vec::new(),
+            pipeline: None,
+            push_constants: None,
+            launch: [1; 3],
+            rays: Vec::new(),
+            own,
+            modules: Vec::new(),
+            groups: Vec::new(),
+        };
+        for part in parts {
+            merge(&mut all.geometry, part.geometry);
+            merge(&mut all.shader_entries, part.shaders);
+            merge(&mut all.samplers, part.samplers);
+            merge(&mut all.resource_entries, part.resources);
+            all.instances.extend(part.instances);
+            all.pipeline = part.pipeline.or(all.pipeline);
+            all.push_constants = part.push_constants.or(all.push_constants);
+            all.launch = part.launch.map_or(all.launch, |launch| launch.value);
+            if !part.rays.is_empty() {
+                all.rays = part.rays;
+            }
+        }
+        if let Some([width, height]) = options.size {
+            all.launch = [width, height, all.launch[2]];
+        }
+        all
+    }
+
+    fn resolve(mut self) -> Option<ResolvedScene> {
+        let count = self.launch.iter().fold(1_u128, |count, side| count * u128::from(*side));
+        if count == 0 || count > 1 << 30 {
+            let message = format!("a launch of {:?} is not 1 to 2^30 invocations", self.launch);
+            self.report.push(Error::new(ErrorKind::InvalidArgument, message));
+            return None;
+        }
+        let tlas = self.structures();
+        let sbt = self.binding_table();
+        let resources = self.bindings(&tlas);
+        let push_constants = self.bytes(self.push_constants.as_ref());
+        self.check_rays();
+        Some(ResolvedScene {
+            path: self.own.source().path.clone(),
+            tlas: tlas.into_iter().map(|(name, tlas)| Some((name, tlas?))).collect::<Option<_>>()?,
+            shaders: self.modules,
+            groups: self.groups,
+            sbt,
+            resources,
+            push_constants,
+            max_recursion_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_recursion_depth),
+            subgroup_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.subgroup_size),
+            launch: self.launch,
+            rays: self.rays,
+            document: self.own,
+        })
+    }
+
+    /// A BLAS for every list of geometries, a TLAS for every name. A name is there even where its
+    /// structure could not be made, so that one mistake is not reported as another.
+    fn structures(&self) -> Vec<(String, Option<Arc<Tlas>>)> {
+        let mut loaded: HashMap<&str, Option<Geometry>> = HashMap::new();
+        let mut blases: HashMap<Vec<&str>, Option<Arc<Blas>>> = HashMap::new();
+        let mut instances: Vec<(String, Vec<Option<Instance>>)> = Vec::new();
+        for entry in &self.instances {
+            let names: Vec<&str> = entry.geometry.iter().map(|name| name.value.as_str()).collect();
+            if !blases.contains_key(&names) {
+                let blas = self.blas(entry, &mut loaded);
+                blases.insert(names.clone(), blas);
+            }
+            let instance = blases[&names].clone().map(|blas| Instance {
+                blas,
+                transform: entry.transform,
+                custom_index: entry.custom_index,
+                mask: entry.mask,
+                sbt_record_offset: entry.sbt_offset,
+                flags: entry.flags,
+            });
+            match instances.iter_mut().find(|(name, _)| *name == entry.tlas) {
+                Some((_, list)) => list.push(instance),
+                None => instances.push((entry.tlas.clone(), vec![instance])),
+            }
+        }
+        // A geometry that no instance shows may still hold a mistake.
+        for entry in &self.geometry {
+            if let (Some(content), false) = (&entry.content, loaded.contains_key(entry.name.value.as_str())) {
+                self.report.keep(content.load(self.files));
+            }
+        }
+        let build = |(name, list): (String, Vec<Option<Instance>>)| {
+            let list: Option<Vec<Instance>> = list.into_iter().collect();
+            (name, list.and_then(|list| self.report.keep(Tlas::new(list))))
+        };
+        instances.into_iter().map(build).collect()
+    }
+
+    fn blas<'s>(
+        &'s self,
+        entry: &'s InstanceEntry,
+        loaded: &mut HashMap<&'s str, Option<Geometry>>,
+    ) -> Option<Arc<Blas>> {
+        let mut geometries = Vec::new();
+        for name in &entry.geometry {
+            let geometry = loaded.entry(name.value.as_str()).or_insert_with(|| {
+                let found = self.find(&self.geometry, name, "geometry")?;
+                let data = self.report.keep(found.load(self.files))?;
+                Some(Geometry { data, flags: found.flags })
+            });
+            geometries.push(geometry.clone());
+        }
+        let geometries: Vec<Geometry> = geometries.into_iter().collect::<Option<_>>()?;
+        self.report.keep(Blas::new(geometries).map_err(|error| error.at(entry.span.place())))
+    }
+
+    /// The shader records, and with them the groups and modules.
+    fn binding_table(&mut self) -> ShaderBindingTable {
+        let Some(pipeline) = self.pipeline.clone() else { return ShaderBindingTable::default() };
+        ShaderBindingTable {
+            raygen: pipeline.raygen.iter().map(|entry| self.general(entry, Group::RayGeneration)).collect(),
+            miss: pipeline.miss.iter().map(|entry| self.general(entry, Group::Miss)).collect(),
+            hit: pipeline.hit.iter().map(|entry| self.hit(entry)).collect(),
+            callable: pipeline.callable.iter().map(|entry| self.general(entry, Group::Callable)).collect(),
+        }
+    }
+
+    fn general(&mut self, entry: &GeneralEntry, kind: fn(Shader) -> Group) -> ShaderRecord {
+        let shader = entry.shader.as_ref().and_then(|name| self.shader(name));
+        let group = shader.map(|shader| self.group(kind(shader)));
+        ShaderRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
+    }
+
+    fn hit(&mut self, entry: &HitEntry) -> ShaderRecord {
+        let mut shader = |name: &Option<At<String>>| name.as_ref().and_then(|name| self.shader(name));
+        let (closest_hit, any_hit) = (shader(&entry.closest_hit), shader(&entry.any_hit));
+        let intersection = shader(&entry.intersection);
+        let some = closest_hit.is_some() || any_hit.is_some() || intersection.is_some();
+        let group =
+            some.then(|| self.group(Group::Hit(Box::new(HitGroup { closest_hit, any_hit, intersection }))));
+        ShaderRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
+    }
+
+    /// The index of a group, which may be there already.
+    fn group(&mut self, group: Group) -> usize {
+        self.groups.iter().position(|known| *known == group).unwrap_or_else(|| {
+            self.groups.push(group);
+            self.groups.len() - 1
+        })
+    }
+
+    /// `name` or `name:entry`.
+    fn shader(&mut self, reference: &At<String>) -> Option<Shader> {
+        let whole = self.shader_entries.iter().any(|entry| entry.name.value == reference.value);
+        let (name, entry) = match reference.value.rsplit_once(':') {
+            Some((name, entry)) if !whole => (name, Some(entry)),
+            _ => (reference.value.as_str(), None),
+        };
+        let name = At { value: name.to_string(), span: reference.span.clone() };
+        let found = self.find(&self.shader_entries, &name, "shader")?.clone();
+        let module = self.module(&name.value, &found)?;
+        let specialization = found.specialization.iter().map(|(id, value)| (*id, value.0.clone()));
+        Some(Shader {
+            module,
+            entry: entry.map_or(found.entry, str::to_string),
+            specialization: specialization.collect(),
+            place: reference.span.place(),
+        })
+    }
+
+    /// The index of a file with shaders, read once.
+    fn module(&mut self, name: &str, entry: &ShaderEntry) -> Option<usize> {
+        let (file, compiled) = match (&entry.path, &entry.source) {
+            (Some(path), _) => (path, true),
+            (None, Some(source)) => (source, false),
+            (None, None) => return None,
+        };
+        let path = file.span.source.sibling(&file.value);
+        if let Some(known) = self.modules.iter().position(|module| module.path == path) {
+            return Some(known);
+        }
+        let bytes = self.report.keep(read(self.files, &file.value, &file.span))?;
+        let code = if compiled { ShaderCode::SpirV(bytes) } else { ShaderCode::Source(bytes) };
+        self.modules.push(ShaderModule { name: name.to_string(), path, code, place: file.span.place() });
+        Some(self.modules.len() - 1)
+    }
+
+    fn bindings(&self, tlas: &[(String, Option<Arc<Tlas>>)]) -> Vec<Binding> {
+        let mut bindings: Vec<Binding> = Vec::new();
+        let mut output: Option<Place> = None;
+        for entry in &self.resource_entries {
+            let Some(content) = &entry.content else { continue };
+            let place = entry.name.span.place();
+            let same = |b: &&Binding| {
+                (b.set, b.binding, b.element) == (content.set, content.binding, content.element)
+            };
+            if let Some(other) = bindings.iter().find(same) {
+                let message = format!("two resources at set {}, binding {}", content.set, content.binding);
+                self.report
+                    .push(entry.name.span.error(message).at_with(other.place.clone(), "the other one"));
+            }
+            let other = if content.output { output.replace(place.clone()) } else { None };
+            if let Some(other) = other {
+                let error = entry.name.span.error("two images are marked as output");
+                self.report.push(error.at_with(other, "the other one"));
+            }
+            if let Some(resource) = self.resource(&content.content, tlas) {
+                bindings.push(Binding {
+                    name: entry.name.value.clone(),
+                    set: content.set,
+                    binding: content.binding,
+                    element: content.element,
+                    resource,
+                    output: content.output,
+                    place,
+                });
+            }
+        }
+        bindings.sort_by_key(|binding| (binding.set, binding.binding, binding.element));
+        bindings
+    }
+
+    fn resource(&self, content: &Content, tlas: &[(String, Option<Arc<Tlas>>)]) -> Option<Resource> {
+        match content {
+            Content::Buffer(kind, entry) => {
+                let bytes = self.report.keep(entry.load(self.files, self.aspect()))?;
+                Some(match kind {
+                    Kind::UniformBuffer => Resource::UniformBuffer(bytes),
+                    _ => Resource::StorageBuffer(bytes),
+                })
+            }
+            Content::Image(kind, entry) => {
+                let sampler = match &entry.sampler {
+                    None => Some(Sampler::default()),
+                    Some(reference) => self.sampler(reference),
+                };
+                let image = self.report.keep(entry.load(self.files, self.launch))?;
+                Some(match kind {
+                    Kind::SampledImage => Resource::SampledImage(image),
+                    Kind::CombinedImageSampler => Resource::CombinedImageSampler(image, sampler?),
+                    _ => Resource::StorageImage(image),
+                })
+            }
+            Content::Sampler(reference) => self.sampler(reference).map(Resource::Sampler),
+            Content::AccelerationStructure(name) => {
+                let found = tlas.iter().position(|(known, _)| *known == name.value);
+                if found.is_none() && self.report.is_empty() {
+                    let message = format!("no instance is in the acceleration structure `{}`", name.value);
+                    self.report.push(name.span.error(message));
+                }
+                found.map(Resource::AccelerationStructure)
+            }
+        }
+    }
+
+    fn sampler(&self, reference: &SamplerReference) -> Option<Sampler> {
+        match reference {
+            SamplerReference::Inline(sampler) => Some(sampler.clone()),
+            SamplerReference::Named(name) => self.find(&self.samplers, name, "sampler").cloned(),
+        }
+    }
+
+    fn check_rays(&self) {
+        for ray in &self.rays {
+            let RayEntry::Pixel { pixel: At { value: [x, y], span }, .. } = ray else { continue };
+            // `--size` may make the launch smaller than the scene's own rays think.
+            if *x >= self.launch[0] || *y >= self.launch[1] {
+                let [width, height, _] = self.launch;
+                self.report.push(span.error(format!("outside the launch of {width} x {height}")));
+            }
+        }
+    }
+
+    fn bytes(&self, data: Option<&Data>) -> Vec<u8> {
+        let bytes = data.map(|data| self.report.keep(data.encode(self.files, self.aspect())));
+        bytes.flatten().unwrap_or_default()
+    }
+
+    fn aspect(&self) -> f32 {
+        self.launch[0] as f32 / self.launch[1] as f32
+    }
+
+    /// What a name stands for; reports where nothing has that name.
+    fn find<'e, T>(&self, entries: &'e [Entry<T>], name: &At<String>, what: &str) -> Option<&'e T> {
+        if let Some(entry) = entries.iter().find(|entry| entry.name.value == name.value) {
+            return entry.content.as_ref();
+        }
+        let names = || entries.iter().map(|entry| entry.name.value.as_str());
+        let label = match nearest(&name.value, names()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => "no such name".to_string(),
+        };
+        let all: Vec<&str> = names().collect();
+        let mut error = name.span.error_with(format!("no {what} is named `{}`", name.value), label);
+        if !all.is_empty() {
+            error = error.note(format!("there are: {}", all.join(", ")));
+        }
+        self.report.push(error);
+        None
+    }
+}
+
+fn merge<T>(all: &mut Vec<Entry<T>>, more: Vec<Entry<T>>) {
+    for entry in more {
+        match all.iter_mut().find(|known| known.name.value == entry.name.value) {
+            Some(known) => *known = entry,
+            None => all.push(entry),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::{GeometryData, GeometryFlags};
+    use crate::scene::files::EmbeddedFiles;
+
+    fn scene(text: &str, options: &Options) -> ResolvedScene {
+        let files = [
+            ("a/s.toml", text.as_bytes()),
+            ("a/all.spv", b"SPIR"),
+            (
+                "a/shared/geometry.toml",
+                b"version = 1\n[geometry.g]\ntype = 'obj'\nfile = 'm.obj'\nopaque = true\n",
+            ),
+            ("a/shared/m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+        ];
+        load(Path::new("a/s.toml"), &EmbeddedFiles(&files), options).unwrap()
+    }
+
+    #[test]
+    fn groups_are_shared_and_records_are_not() {
+        let scene = scene(
+            "version = 1\n[shaders.all]\npath = 'all.spv'\nspecialization = { 3 = 7, 4 = true }\n[pipeline]\n\
+             raygen = 'all:rg'\nmiss = ['all:sky', {}]\nmax_recursion_depth = 2\n\
+             hit = [{ closest_hit = 'all:ch', record = { f32 = 1 } }, { name = 'b', closest_hit = 'all:ch', \
+             record = { u32 = 2 } }, { closest_hit = 'all:ch', any_hit = 'all' }]\n",
+            &Options::default(),
+        );
+        assert_eq!(scene.shaders.len(), 1);
+        assert_eq!(scene.shaders[0].code, ShaderCode::SpirV(b"SPIR".to_vec()));
+        let records = |list: &[ShaderRecord]| -> Vec<(Option<usize>, Vec<u8>)> {
+            list.iter().map(|record| (record.group, record.data.clone())).collect()
+        };
+        assert_eq!(records(&scene.sbt.raygen), [(Some(0), vec![])]);
+        assert_eq!(records(&scene.sbt.miss), [(Some(1), vec![]), (None, vec![])]);
+        let hit = [(Some(2), vec![0, 0, 0x80, 0x3f]), (Some(2), vec![2, 0, 0, 0]), (Some(3), vec![])];
+        assert_eq!(records(&scene.sbt.hit), hit);
+        assert_eq!(scene.sbt.hit[1].name.as_deref(), Some("b"));
+        let Group::Hit(group) = &scene.groups[3] else { panic!("{:?}", scene.groups[3]) };
+        assert_eq!(group.closest_hit.as_ref().unwrap().entry, "ch");
+        assert!(group.intersection.is_none());
+        let any_hit = group.any_hit.as_ref().unwrap();
+        // Without a name of its own a reference takes the shader's entry, `main`.
+        assert_eq!(any_hit.entry, "main");
+        assert_eq!(any_hit.specialization, [(3, vec![7, 0, 0, 0]), (4, vec![1, 0, 0, 0])]);
+        assert_eq!(scene.max_recursion_depth, Some(2));
+    }
+
+    #[test]
+    fn an_included_file_has_its_own_folder_and_can_be_overridden() {
+        let text = "version = 1\ninclude = 'shared/geometry.toml'\nlaunch = [8, 4]\n[[instance]]\ngeometry = 'g'\n\
+                    [[instance]]\ngeometry = ['g']\nmask = 3\nflags = 'force_opaque'\ncustom_index = 9\nsbt_offset = 2\n";
+        let resolved = scene(text, &Options::default());
+        let (name, tlas) = &resolved.tlas[0];
+        let [first, second] = tlas.instances() else { panic!() };
+        assert_eq!(name, "main");
+        assert!(Arc::ptr_eq(&first.blas, &second.blas), "one list of geometries is one BLAS");
+        assert_eq!(first.blas.geometries()[0].flags, GeometryFlags::OPAQUE);
+        assert_eq!((first.mask, first.custom_index, first.sbt_record_offset), (0xff, 0, 0));
+        assert_eq!((second.mask, second.custom_index, second.sbt_record_offset), (3, 9, 2));
+        assert_eq!(second.flags.0, 4);
+        assert_eq!(resolved.launch, [8, 4, 1]);
+        let own = format!(
+            "{text}[geometry.g]\ntype = 'aabbs'\nboxes = [[[0, 1, 2], [3, 4, 5]], [0, 0, 0, 1, 1, 1]]\n"
+        );
+        let resolved = scene(&own, &Options::default());
+        let geometry = &resolved.tlas[0].1.instances()[0].blas.geometries()[0];
+        let boxes = vec![[0., 1., 2., 3., 4., 5.], [0., 0., 0., 1., 1., 1.]];
+        assert_eq!(geometry.data, GeometryData::Aabbs(boxes));
+    }
+
+    #[test]
+    fn transforms_by_hand() {
+        let instance = |keys: &str| {
+            let text =
+                format!("version = 1\n[geometry.g]\ntype = 'plane'\n[[instance]]\ngeometry = 'g'\n{keys}\n");
+            scene(&text, &Options::default()).tlas[0].1.instances()[0].transform
+        };
+        assert_eq!(instance("")[1], [0., 1., 0., 0.]);
+        // A quarter turn about z takes x to y and y to -x; the scale comes before it.
+        let turned =
+            instance("rotate = { axis = [0, 0, 5], degrees = 90 }\nscale = [2, 3, 4]\ntranslate = [7, 8, 9]");
+        assert_eq!(turned, [[0., -3., 0., 7.], [2., 0., 0., 8.], [0., 0., 4., 9.]]);
+        let flat = instance("transform = [1,2,3,4, 5,6,7,8, 9,10,11,12]");
+        assert_eq!(flat, [[1., 2., 3., 4.], [5., 6., 7., 8.], [9., 10., 11., 12.]]);
+    }
+
+    #[test]
+    fn images_and_cameras_follow_the_launch() {
+        let text = "version = 1\nlaunch = [4, 2]\n[resources.out]\ntype = 'storage_image'\nbinding = 1\nfill = [0, 1]\n\
+                    format = 'r32ui'\n[resources.camera]\ntype = 'uniform_buffer'\nset = 1\nbinding = 0\n\
+                    data = [{ camera = { eye = [0, 0, 1], look_at = [0, 0, 0], fov = 90 } }, { f32 = [1, 2, 3, 4] }]\n";
+        let wide = scene(text, &Options { size: Some([6, 2]) });
+        assert_eq!(wide.output().unwrap().name, "out");
+        let Resource::StorageImage(image) = &wide.resources[0].resource else { panic!() };
+        assert_eq!((image.extent, image.texels.len()), ([6, 2, 1], 48));
+        let Resource::UniformBuffer(bytes) = &wide.resources[1].resource else { panic!() };
+        // Two matrices of 64 bytes, then the vector; the first scale of projection_inverse is the
+        // aspect ratio, 6 / 2, times tan 45 degrees.
+        assert_eq!(bytes.len(), 144);
+        assert_eq!(bytes[64..68], 3.0_f32.to_le_bytes());
+        assert_eq!(bytes[140..], 4.0_f32.to_le_bytes());
+    }
+
+    #[test]
+    fn a_ray_has_defaults() {
+        let text = "version = 1\n[[ray]]\norigin = [0, 0, 1]\ndirection = [0, 0, -1]\nflags = ['opaque', 'cull_opaque']\n";
+        let resolved = scene(text, &Options::default());
+        let RayEntry::Given(ray) = &resolved.rays[0] else { panic!() };
+        assert_eq!((ray.t_min, ray.t_max, ray.cull_mask), (0.0, f32::INFINITY, 0xff));
+        assert_eq!((ray.sbt_offset, ray.sbt_stride, ray.miss_index), (0, 1, 0));
+        assert_eq!(ray.flags, 0x41);
+    }
+}

@@ -1,0 +1,158 @@
+//! What a scene comes to: plain descriptions with all files loaded.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::accel::Tlas;
+use crate::error::Place;
+use crate::scene::file::RayEntry;
+use crate::scene::read::Document;
+use crate::scene::resources::Resource;
+
+/// A scene with all files loaded.
+#[derive(Clone, Debug)]
+pub struct ResolvedScene {
+    /// The path of the scene's own file.
+    pub path: PathBuf,
+    /// The acceleration structures, by name.
+    pub tlas: Vec<(String, Arc<Tlas>)>,
+    /// Every file with shaders, once.
+    pub shaders: Vec<ShaderModule>,
+    /// The shader groups, each once.
+    pub groups: Vec<Group>,
+    /// The shader binding table.
+    pub sbt: ShaderBindingTable,
+    /// What the descriptor sets hold, sorted by set, binding and element.
+    pub resources: Vec<Binding>,
+    /// The push constants' bytes.
+    pub push_constants: Vec<u8>,
+    /// `maxPipelineRayRecursionDepth`, where the scene says.
+    pub max_recursion_depth: Option<u32>,
+    /// Invocations a subgroup, where the scene says.
+    pub subgroup_size: Option<u32>,
+    /// Width, height and depth of the launch.
+    pub launch: [u32; 3],
+    /// The rays that `trace-one-ray` offers.
+    pub rays: Vec<RayEntry>,
+    /// The scene's own document, whose `[expect]` the harness reads.
+    pub document: Document,
+}
+
+/// A file with shaders.
+#[derive(Clone, Debug)]
+pub struct ShaderModule {
+    /// The name in the scene.
+    pub name: String,
+    /// The file.
+    pub path: PathBuf,
+    /// What it holds.
+    pub code: ShaderCode,
+    /// Where the scene names it.
+    pub place: Place,
+}
+
+/// What a [`ShaderModule`] holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ShaderCode {
+    /// The bytes of a SPIR-V module.
+    SpirV(Vec<u8>),
+    /// Source text that must be compiled first.
+    Source(Vec<u8>),
+}
+
+/// One entry point with its specialization.
+#[derive(Clone, Debug)]
+pub struct Shader {
+    /// Index into [`ResolvedScene::shaders`].
+    pub module: usize,
+    /// The entry point's name.
+    pub entry: String,
+    /// `constant_id` and little-endian bytes of each specialization constant.
+    pub specialization: Vec<(u32, Vec<u8>)>,
+    /// Where the scene names it.
+    pub place: Place,
+}
+
+impl PartialEq for Shader {
+    fn eq(&self, other: &Self) -> bool {
+        self.module == other.module
+            && self.entry == other.entry
+            && self.specialization == other.specialization
+    }
+}
+
+/// A shader group.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Group {
+    /// A ray-generation shader.
+    RayGeneration(Shader),
+    /// A miss shader.
+    Miss(Shader),
+    /// A callable shader.
+    Callable(Shader),
+    /// A hit group.
+    Hit(Box<HitGroup>),
+}
+
+/// A hit group; procedural where it has an intersection shader.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HitGroup {
+    /// Closest-hit shader.
+    pub closest_hit: Option<Shader>,
+    /// Any-hit shader.
+    pub any_hit: Option<Shader>,
+    /// Intersection shader.
+    pub intersection: Option<Shader>,
+}
+
+/// A record of the shader binding table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShaderRecord {
+    /// The scene's name for it.
+    pub name: Option<String>,
+    /// Index into [`ResolvedScene::groups`]; `None` is a null handle.
+    pub group: Option<usize>,
+    /// What stands behind the handle (`ShaderRecordBufferKHR` at offset 0).
+    pub data: Vec<u8>,
+}
+
+/// The shader records by kind, each in its table's order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ShaderBindingTable {
+    /// Ray generation; the first is launched.
+    pub raygen: Vec<ShaderRecord>,
+    /// Miss.
+    pub miss: Vec<ShaderRecord>,
+    /// Hit.
+    pub hit: Vec<ShaderRecord>,
+    /// Callable.
+    pub callable: Vec<ShaderRecord>,
+}
+
+/// A descriptor.
+#[derive(Clone, Debug)]
+pub struct Binding {
+    /// The scene's name for it.
+    pub name: String,
+    /// Descriptor set.
+    pub set: u32,
+    /// Binding.
+    pub binding: u32,
+    /// Element of an array of descriptors.
+    pub element: u32,
+    /// What it holds.
+    pub resource: Resource,
+    /// Whether this image is the picture that a render saves.
+    pub output: bool,
+    /// Where the scene describes it.
+    pub place: Place,
+}
+
+impl ResolvedScene {
+    /// The picture that a render saves: the storage image marked as output, or the only one.
+    pub fn output(&self) -> Option<&Binding> {
+        let images = || self.resources.iter().filter(|b| matches!(b.resource, Resource::StorageImage(_)));
+        let mut marked = images().filter(|binding| binding.output);
+        marked.next().or_else(|| images().next().filter(|_| images().count() == 1))
+    }
+}
