@@ -147,7 +147,7 @@ fn geometry_that_does_not_fit_together() {
     one(&format!("{lss}caps = 'chain'\n"), "s/a.toml:6:8", &["did you mean `chained`?"]);
     let triangles = "[geometry.g]\ntype = 'triangles'\nvertices = [[0, 0, 0], [1, 0, 0]]\n";
     one(triangles, "s/a.toml:4:12", &["2 corners do not make whole triangles"]);
-    one("[geometry.g]\ntype = 'cube'\n", "s/a.toml:3:8", &["`cube` is not a type of geometry"]);
+    one("[geometry.g]\ntype = 'cube'\n", "s/a.toml:3:8", &["unknown type of geometry `cube`"]);
     one("[geometry.g]\nopaque = true\n", "s/a.toml:2:1", &["needs its `type`"]);
     one("[geometry.g]\ntype = 'grass'\ncount = 4_000_000_000\n", "s/a.toml:4:9", &["more than 20000000"]);
     one("[geometry.g]\ntype = 'chains'\ncount = 10_000_000\n", "s/a.toml:4:9", &["more than 20000000"]);

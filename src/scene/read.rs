@@ -308,7 +308,10 @@ pub fn nearest<'n>(word: &str, names: impl Iterator<Item = &'n str>) -> Option<&
     let allowed = (word.chars().count() / 3).max(1);
     let begins =
         |name: &str| word.len().min(name.len()) >= 3 && (name.starts_with(word) || word.starts_with(name));
-    let measured = names.map(|name| (if begins(name) { allowed } else { edit_distance(word, name) }, name));
+    let measured = names.map(|name| {
+        let distance = edit_distance(word, name);
+        (if begins(name) { distance.min(allowed) } else { distance }, name)
+    });
     measured.filter(|(distance, _)| *distance <= allowed).min_by_key(|(d, _)| *d).map(|(_, name)| name)
 }
 
@@ -340,20 +343,20 @@ fn edit_distance(a: &str, b: &str) -> usize {
 
 impl<T: Named> Parse for T {
     fn parse(value: Value<'_>) -> Option<Self> {
-        let Some(name) = value.text() else { return value.expected(&format!("the name of a {}", T::WHAT)) };
+        let Some(name) = value.text() else { return value.expected(&format!("a string ({})", T::WHAT)) };
         if let Some((_, found)) = T::NAMES.iter().find(|(known, _)| *known == name) {
             return Some(*found);
         }
         let names = || T::NAMES.iter().map(|(name, _)| *name);
         let label = match nearest(name, names()) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => format!("not a {}", T::WHAT),
+            None => "no such name".to_string(),
         };
         let all: Vec<_> = names().collect();
         value.report.push(
             value
                 .span()
-                .error_with(format!("`{name}` is not a {}", T::WHAT), label)
+                .error_with(format!("unknown {} `{name}`", T::WHAT), label)
                 .note(format!("one of: {}", all.join(", "))),
         );
         None
