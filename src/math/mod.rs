@@ -1,7 +1,9 @@
-//! Numerics below everything else: exact arithmetic, error bounds, distances in ulp.
+//! Numerics below everything else: elementary functions behind one door, exact arithmetic, error
+//! bounds, distances in ulp.
 
 pub mod error_bound;
 pub mod exact;
+pub mod float;
 pub mod real;
 pub mod surd;
 pub mod ulp;

@@ -1,0 +1,351 @@
+//! The float types of shaders and the functions that the instruction set needs of them.
+//!
+//! Elementary functions are correctly rounded in f32 (crate `pxfm`). f16 goes through a wider type:
+//! one f32 operation rounded to f16 is correctly rounded for the basic operations and the square
+//! root (24 >= 2 * 11 + 2 bits), and a f64 evaluation rounded once is for the elementary functions.
+
+use half::f16;
+
+/// A float type of SPIR-V.
+pub trait Float: Copy + PartialOrd {
+    /// Zero.
+    const ZERO: Self;
+    /// One.
+    const ONE: Self;
+    /// Rounds a f64 once.
+    fn of(value: f64) -> Self;
+    /// Towards minus infinity.
+    fn floor(self) -> Self;
+    /// Towards plus infinity.
+    fn ceil(self) -> Self;
+    /// Towards zero.
+    fn trunc(self) -> Self;
+    /// To nearest, ties to even.
+    fn round_even(self) -> Self;
+    /// To nearest, ties away from zero.
+    fn round(self) -> Self;
+    /// Magnitude.
+    fn abs(self) -> Self;
+    /// Whether it is a NaN.
+    fn is_nan(self) -> bool;
+    /// Whether it is an infinity.
+    fn is_infinite(self) -> bool;
+    /// Magnitude of self, sign of another.
+    fn copysign(self, sign: Self) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// Reciprocal square root, rounded once.
+    fn inverse_sqrt(self) -> Self;
+    /// Product and sum, rounded once.
+    fn mul_add(self, factor: Self, summand: Self) -> Self;
+    /// Mantissa in [0.5, 1) with the sign, and exponent; zero, infinity and NaN have exponent 0.
+    fn frexp(self) -> (Self, i32);
+    /// Times a power of two, rounded once.
+    fn ldexp(self, exponent: i32) -> Self;
+    /// Sine.
+    fn sin(self) -> Self;
+    /// Cosine.
+    fn cos(self) -> Self;
+    /// Tangent.
+    fn tan(self) -> Self;
+    /// Inverse sine.
+    fn asin(self) -> Self;
+    /// Inverse cosine.
+    fn acos(self) -> Self;
+    /// Inverse tangent.
+    fn atan(self) -> Self;
+    /// Inverse tangent of `self / x` in the right quadrant.
+    fn atan2(self, x: Self) -> Self;
+    /// Hyperbolic sine.
+    fn sinh(self) -> Self;
+    /// Hyperbolic cosine.
+    fn cosh(self) -> Self;
+    /// Hyperbolic tangent.
+    fn tanh(self) -> Self;
+    /// Inverse hyperbolic sine.
+    fn asinh(self) -> Self;
+    /// Inverse hyperbolic cosine.
+    fn acosh(self) -> Self;
+    /// Inverse hyperbolic tangent.
+    fn atanh(self) -> Self;
+    /// Power.
+    fn pow(self, exponent: Self) -> Self;
+    /// e to the power.
+    fn exp(self) -> Self;
+    /// 2 to the power.
+    fn exp2(self) -> Self;
+    /// Natural logarithm.
+    fn log(self) -> Self;
+    /// Binary logarithm.
+    fn log2(self) -> Self;
+}
+
+macro_rules! native {
+    ($ty:ty, $bits:ty, $mantissa:literal, $bias:literal, $mask:literal, $($method:ident = $function:path),* $(,)?) => {
+        impl Float for $ty {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            #[inline(always)]
+            fn of(value: f64) -> Self {
+                value as $ty
+            }
+            #[inline(always)]
+            fn floor(self) -> Self {
+                <$ty>::floor(self)
+            }
+            #[inline(always)]
+            fn ceil(self) -> Self {
+                <$ty>::ceil(self)
+            }
+            #[inline(always)]
+            fn trunc(self) -> Self {
+                <$ty>::trunc(self)
+            }
+            #[inline(always)]
+            fn round_even(self) -> Self {
+                <$ty>::round_ties_even(self)
+            }
+            #[inline(always)]
+            fn round(self) -> Self {
+                <$ty>::round(self)
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                <$ty>::abs(self)
+            }
+            #[inline(always)]
+            fn is_nan(self) -> bool {
+                <$ty>::is_nan(self)
+            }
+            #[inline(always)]
+            fn is_infinite(self) -> bool {
+                <$ty>::is_infinite(self)
+            }
+            #[inline(always)]
+            fn copysign(self, sign: Self) -> Self {
+                <$ty>::copysign(self, sign)
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                <$ty>::sqrt(self)
+            }
+            #[inline(always)]
+            fn mul_add(self, factor: Self, summand: Self) -> Self {
+                <$ty>::mul_add(self, factor, summand)
+            }
+            fn frexp(self) -> (Self, i32) {
+                if self == 0.0 || !self.is_finite() {
+                    return (self, 0);
+                }
+                // A denormal is scaled into the normal range first; the product is exact.
+                let scale = (1u64 << ($mantissa + 1)) as $ty;
+                let denormal = self.abs() < <$ty>::MIN_POSITIVE;
+                let (normal, shift) = if denormal { (self * scale, $mantissa + 1) } else { (self, 0) };
+                let bits = normal.to_bits();
+                let exponent = (bits >> $mantissa & $mask) as i32 - ($bias - 1) - shift;
+                let bits = bits & !(($mask as $bits) << $mantissa) | (($bias - 1) as $bits) << $mantissa;
+                (<$ty>::from_bits(bits), exponent)
+            }
+            fn ldexp(self, exponent: i32) -> Self {
+                // Only the last of the steps can round: the others stay exact or saturate.
+                let (mantissa, own) = Float::frexp(self);
+                if self == 0.0 || !self.is_finite() {
+                    return self;
+                }
+                let sum = (i64::from(own) + i64::from(exponent)).clamp(-4096, 4096) as i32;
+                let power = |e: i32| <$ty>::from_bits(((e + $bias) as $bits) << $mantissa);
+                let (low, high) = (2 - $bias, $bias);
+                if sum > high {
+                    mantissa * power(high) * power((sum - high).min(high))
+                } else if sum >= low {
+                    mantissa * power(sum)
+                } else {
+                    // One rounding: the scaled mantissa is exact until the last product.
+                    let rest = (sum - low).max(low);
+                    mantissa * power(rest) * power(low)
+                }
+            }
+            $(#[inline]
+            fn $method(self) -> Self {
+                $function(self)
+            })*
+            fn atan2(self, x: Self) -> Self {
+                Atan2::atan2(self, x)
+            }
+            fn pow(self, exponent: Self) -> Self {
+                Atan2::pow(self, exponent)
+            }
+        }
+    };
+}
+
+/// The two functions of two operands.
+trait Atan2 {
+    fn atan2(self, x: Self) -> Self;
+    fn pow(self, exponent: Self) -> Self;
+}
+
+impl Atan2 for f32 {
+    fn atan2(self, x: Self) -> Self {
+        pxfm::f_atan2f(self, x)
+    }
+    fn pow(self, exponent: Self) -> Self {
+        pxfm::f_powf(self, exponent)
+    }
+}
+
+impl Atan2 for f64 {
+    fn atan2(self, x: Self) -> Self {
+        pxfm::f_atan2(self, x)
+    }
+    fn pow(self, exponent: Self) -> Self {
+        pxfm::f_pow(self, exponent)
+    }
+}
+
+native!(
+    f32,
+    u32,
+    23,
+    127,
+    0xFF,
+    inverse_sqrt = pxfm::f_rsqrtf,
+    sin = pxfm::f_sinf,
+    cos = pxfm::f_cosf,
+    tan = pxfm::f_tanf,
+    asin = pxfm::f_asinf,
+    acos = pxfm::f_acosf,
+    atan = pxfm::f_atanf,
+    sinh = pxfm::f_sinhf,
+    cosh = pxfm::f_coshf,
+    tanh = pxfm::f_tanhf,
+    asinh = pxfm::f_asinhf,
+    acosh = pxfm::f_acoshf,
+    atanh = pxfm::f_atanhf,
+    exp = pxfm::f_expf,
+    exp2 = pxfm::f_exp2f,
+    log = pxfm::f_logf,
+    log2 = pxfm::f_log2f,
+);
+native!(
+    f64,
+    u64,
+    52,
+    1023,
+    0x7FF,
+    inverse_sqrt = pxfm::f_rsqrt,
+    sin = pxfm::f_sin,
+    cos = pxfm::f_cos,
+    tan = pxfm::f_tan,
+    asin = pxfm::f_asin,
+    acos = pxfm::f_acos,
+    atan = pxfm::f_atan,
+    sinh = pxfm::f_sinh,
+    cosh = pxfm::f_cosh,
+    tanh = pxfm::f_tanh,
+    asinh = pxfm::f_asinh,
+    acosh = pxfm::f_acosh,
+    atanh = pxfm::f_atanh,
+    exp = pxfm::f_exp,
+    exp2 = pxfm::f_exp2,
+    log = pxfm::f_log,
+    log2 = pxfm::f_log2,
+);
+
+macro_rules! through_f64 {
+    ($($method:ident),*) => {$(
+        fn $method(self) -> Self {
+            f16::from_f64(Float::$method(self.to_f64()))
+        }
+    )*};
+}
+
+impl Float for f16 {
+    const ZERO: Self = f16::ZERO;
+    const ONE: Self = f16::ONE;
+    fn of(value: f64) -> Self {
+        f16::from_f64(value)
+    }
+    fn is_nan(self) -> bool {
+        f16::is_nan(self)
+    }
+    fn is_infinite(self) -> bool {
+        f16::is_infinite(self)
+    }
+    fn abs(self) -> Self {
+        f16::from_bits(self.to_bits() & 0x7FFF)
+    }
+    fn copysign(self, sign: Self) -> Self {
+        f16::copysign(self, sign)
+    }
+    fn mul_add(self, factor: Self, summand: Self) -> Self {
+        // The product of two f16 is exact in f64, and so is its sum with a third.
+        f16::from_f64(self.to_f64() * factor.to_f64() + summand.to_f64())
+    }
+    fn frexp(self) -> (Self, i32) {
+        let (mantissa, exponent) = Float::frexp(self.to_f64());
+        (f16::from_f64(mantissa), exponent)
+    }
+    fn ldexp(self, exponent: i32) -> Self {
+        f16::from_f64(Float::ldexp(self.to_f64(), exponent))
+    }
+    fn atan2(self, x: Self) -> Self {
+        f16::from_f64(Float::atan2(self.to_f64(), x.to_f64()))
+    }
+    fn pow(self, exponent: Self) -> Self {
+        f16::from_f64(Float::pow(self.to_f64(), exponent.to_f64()))
+    }
+    through_f64!(
+        floor,
+        ceil,
+        trunc,
+        round_even,
+        round,
+        sqrt,
+        inverse_sqrt,
+        sin,
+        cos,
+        tan,
+        asin,
+        acos,
+        atan,
+        sinh,
+        cosh,
+        tanh,
+        asinh,
+        acosh,
+        atanh,
+        exp,
+        exp2,
+        log,
+        log2
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frexp_takes_numbers_apart() {
+        assert_eq!(Float::frexp(8.0f32), (0.5, 4));
+        assert_eq!(Float::frexp(-0.75f32), (-0.75, 0));
+        assert_eq!(Float::frexp(f32::from_bits(1)), (0.5, -148));
+        assert_eq!(Float::frexp(f64::from_bits(1)), (0.5, -1073));
+        assert_eq!(Float::frexp(-0.0f32).0.to_bits(), 0x8000_0000);
+        assert_eq!(Float::frexp(f16::from_bits(1)), (f16::from_f32(0.5), -23));
+    }
+
+    #[test]
+    fn ldexp_rounds_once() {
+        assert_eq!(Float::ldexp(1.0f32, -149), f32::from_bits(1));
+        // 1.5 * 2^-149 is a tie between 1 and 2 units: the even one.
+        assert_eq!(Float::ldexp(1.5f32, -149), f32::from_bits(2));
+        assert_eq!(Float::ldexp(1.0f32, -150), 0.0);
+        assert_eq!(Float::ldexp(f32::from_bits(1), 149), 1.0);
+        assert_eq!(Float::ldexp(1.0f32, 128), f32::INFINITY);
+        assert_eq!(Float::ldexp(1.0f32, i32::MIN), 0.0);
+        assert_eq!(Float::ldexp(f32::from_bits(1), 276), 2f32.powi(127));
+        assert_eq!(Float::ldexp(3.0f64, 4), 48.0);
+    }
+}

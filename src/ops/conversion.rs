@@ -1,0 +1,165 @@
+//! Conversion instructions (SPIR-V 3.3.11): a row for each pair of widths.
+//!
+//! A float outside the range of the integer type, which the specification leaves undefined,
+//! saturates; a NaN gives 0.
+
+use half::f16;
+
+use crate::ops::row::Row;
+
+macro_rules! conversions {
+    ($($name:ident: $($from:ty => $to:ty),+;)+) => {$(
+        mod $name {
+            use super::*;
+            pub(super) static ROWS: &[(u32, Row)] = &[$((
+                <$to as crate::ops::row::Bits>::BITS,
+                crate::row!(Convert, $from, (a: $from), $to, { <Convert<$from> as To<$to>>::to(Convert(a)) }),
+            )),+];
+        }
+    )+};
+}
+
+/// A value on its way to another type; as a trait, so that one name serves every pair.
+struct Convert<A>(A);
+
+trait To<B> {
+    fn to(self) -> B;
+}
+
+macro_rules! casts {
+    ($($from:ty => $($to:ty)+;)+) => {$($(
+        impl To<$to> for Convert<$from> {
+            #[inline(always)]
+            fn to(self) -> $to {
+                self.0 as $to
+            }
+        }
+    )+)+};
+}
+
+casts! {
+    f32 => i8 i16 i32 i64 u8 u16 u32 u64 f64;
+    f64 => i8 i16 i32 i64 u8 u16 u32 u64 f32;
+    i8 => f32 f64 i16 i32 i64;
+    i16 => f32 f64 i8 i32 i64;
+    i32 => f32 f64 i8 i16 i64;
+    i64 => f32 f64 i8 i16 i32;
+    u8 => f32 f64 u16 u32 u64;
+    u16 => f32 f64 u8 u32 u64;
+    u32 => f32 f64 u8 u16 u64;
+    u64 => f32 f64 u8 u16 u32;
+}
+
+macro_rules! half_from {
+    ($($from:ty)+) => {$(
+        impl To<f16> for Convert<$from> {
+            fn to(self) -> f16 {
+                // Every f32 and narrow integer is exact in f64; of wide integers only those beyond
+                // f16's range are not, and they round to infinity all the same.
+                f16::from_f64(self.0 as f64)
+            }
+        }
+    )+};
+}
+
+macro_rules! half_to {
+    ($($to:ty)+) => {$(
+        impl To<$to> for Convert<f16> {
+            fn to(self) -> $to {
+                self.0.to_f64() as $to
+            }
+        }
+    )+};
+}
+
+half_from! { f32 f64 i8 i16 i32 i64 u8 u16 u32 u64 }
+half_to! { f32 f64 i8 i16 i32 i64 u8 u16 u32 u64 }
+
+conversions! {
+    from_float_to_unsigned: f16 => u8, f16 => u16, f16 => u32, f16 => u64, f32 => u8, f32 => u16, f32 => u32,
+        f32 => u64, f64 => u8, f64 => u16, f64 => u32, f64 => u64;
+    from_float_to_signed: f16 => i8, f16 => i16, f16 => i32, f16 => i64, f32 => i8, f32 => i16, f32 => i32,
+        f32 => i64, f64 => i8, f64 => i16, f64 => i32, f64 => i64;
+    from_signed_to_float: i8 => f16, i16 => f16, i32 => f16, i64 => f16, i8 => f32, i16 => f32, i32 => f32,
+        i64 => f32, i8 => f64, i16 => f64, i32 => f64, i64 => f64;
+    from_unsigned_to_float: u8 => f16, u16 => f16, u32 => f16, u64 => f16, u8 => f32, u16 => f32, u32 => f32,
+        u64 => f32, u8 => f64, u16 => f64, u32 => f64, u64 => f64;
+    between_unsigned: u8 => u16, u8 => u32, u8 => u64, u16 => u8, u16 => u32, u16 => u64, u32 => u8, u32 => u16,
+        u32 => u64, u64 => u8, u64 => u16, u64 => u32;
+    between_signed: i8 => i16, i8 => i32, i8 => i64, i16 => i8, i16 => i32, i16 => i64, i32 => i8, i32 => i16,
+        i32 => i64, i64 => i8, i64 => i16, i64 => i32;
+    between_floats: f16 => f32, f16 => f64, f32 => f16, f32 => f64, f64 => f16, f64 => f32;
+}
+
+/// Which conversion an opcode is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Conversion {
+    FToU,
+    FToS,
+    SToF,
+    UToF,
+    U,
+    S,
+    F,
+}
+
+/// The row that converts between two widths; `None` where they are equal and nothing is to be done,
+/// or no such types exist.
+pub fn row(conversion: Conversion, from: u32, to: u32) -> Option<&'static Row> {
+    let rows = match conversion {
+        Conversion::FToU => from_float_to_unsigned::ROWS,
+        Conversion::FToS => from_float_to_signed::ROWS,
+        Conversion::SToF => from_signed_to_float::ROWS,
+        Conversion::UToF => from_unsigned_to_float::ROWS,
+        Conversion::U => between_unsigned::ROWS,
+        Conversion::S => between_signed::ROWS,
+        Conversion::F => between_floats::ROWS,
+    };
+    rows.iter().find(|(width, row)| *width == to && row.width == from).map(|(_, row)| row)
+}
+
+crate::rows! {
+    /// To the nearest f16 and back.
+    QuantizeToF16 Core [f32] (a: f32) -> f32 {
+        // A result that would be a denormal of f16 is a zero of the same sign.
+        let half = f16::from_f32(a);
+        if half.is_normal() || a.is_nan() || half.is_infinite() { half.to_f32() } else { 0f32.copysign(a) }
+    }
+    SatConvertSToU Core [i8 i16 i32 i64] (a: T) -> T { a.max(0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ops::row::tests::{check, check_row};
+
+    fn convert(conversion: Conversion, from: u32, to: u32, value: u64, expected: u64) {
+        check_row(row(conversion, from, to).expect("a row"), &[value], expected);
+    }
+
+    #[test]
+    fn vectors() {
+        use Conversion::{F, FToS, FToU, S, SToF, U, UToF};
+        convert(FToS, 32, 32, (-1.9f32).to_bits().into(), 0xFFFF_FFFF);
+        convert(FToU, 32, 32, 3e9f32.to_bits().into(), 3_000_000_000);
+        convert(FToS, 32, 32, f32::NAN.to_bits().into(), 0);
+        convert(FToS, 32, 8, 300f32.to_bits().into(), 0x7F);
+        convert(FToU, 16, 32, 0x4248, 3); // 3.140625
+        convert(SToF, 32, 32, 0xFFFF_FFFF, 0xBF80_0000);
+        convert(UToF, 32, 32, 0xFFFF_FFFF, 0x4F80_0000); // rounds up to 2^32
+        convert(UToF, 32, 32, 16_777_217, 0x4B80_0000); // 2^24 + 1 is a tie: to even
+        convert(SToF, 64, 64, u64::MAX, (-1f64).to_bits());
+        convert(UToF, 32, 16, 70_000, 0x7C00);
+        convert(S, 8, 32, 0x80, 0xFFFF_FF80);
+        convert(U, 8, 32, 0x80, 0x80);
+        convert(S, 32, 64, 0x8000_0000, 0xFFFF_FFFF_8000_0000);
+        convert(U, 64, 16, 0x1_2345, 0x2345);
+        convert(F, 32, 16, 65_520f32.to_bits().into(), 0x7C00);
+        convert(F, 32, 16, 65_519f32.to_bits().into(), 0x7BFF);
+        convert(F, 16, 32, 1, 0x3380_0000); // the smallest denormal is 2^-24
+        convert(F, 64, 32, 0.1f64.to_bits(), 0x3DCC_CCCD);
+        check(&QuantizeToF16, 32, &[0x3DCC_CCCD], 0x3DCC_C000);
+        check(&QuantizeToF16, 32, &[0x8000_0001], 0x8000_0000);
+        assert!(row(U, 32, 32).is_none());
+    }
+}

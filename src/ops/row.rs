@@ -1,0 +1,255 @@
+//! Rows: the regular instructions, each a scalar function applied to every component and lane.
+//!
+//! A row is one instruction at one width. The [`rows!`](crate::rows) macro writes a family (the
+//! same instruction at all its widths) from one closure.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::sync::LazyLock;
+
+use crate::machine::{Reg, Registers};
+
+/// Runs a row over all lanes of a batch.
+pub type Eval<const W: usize> = fn(&mut Registers<W>, Reg, &[Reg; 3]);
+
+/// Which table an instruction's number belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Set {
+    /// SPIR-V's own opcodes.
+    Core,
+    /// `GLSL.std.450`.
+    Glsl,
+    /// Not an instruction of its own, but part of what one is decoded to.
+    Internal,
+}
+
+/// One instruction at one width.
+pub struct Row {
+    /// The specification's name, without `Op`.
+    pub name: &'static str,
+    /// Bits of the operand that chooses the row (0 where there is only one).
+    pub width: u32,
+    /// Words of the result.
+    pub words: u32,
+    /// Words of each operand; the rest is zero.
+    pub operands: [u32; 3],
+    /// For batches of one lane.
+    pub one: Eval<1>,
+    /// For batches of eight lanes.
+    pub eight: Eval<8>,
+    /// For batches of 32 lanes.
+    pub full: Eval<32>,
+}
+
+impl fmt::Debug for Row {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{}", self.name, self.width)
+    }
+}
+
+impl PartialEq for Row {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self, other)
+    }
+}
+
+/// Chooses a row's function for a batch width.
+pub trait Width<const W: usize> {
+    /// The function.
+    fn eval(&self) -> Eval<W>;
+}
+
+impl Width<1> for Row {
+    #[inline]
+    fn eval(&self) -> Eval<1> {
+        self.one
+    }
+}
+
+impl Width<8> for Row {
+    #[inline]
+    fn eval(&self) -> Eval<8> {
+        self.eight
+    }
+}
+
+impl Width<32> for Row {
+    #[inline]
+    fn eval(&self) -> Eval<32> {
+        self.full
+    }
+}
+
+/// An instruction at all its widths.
+#[derive(Debug)]
+pub struct Family {
+    /// The specification's name, without `Op`.
+    pub name: &'static str,
+    /// Whose number it is.
+    pub set: Set,
+    /// The opcode or extended instruction number.
+    pub number: u32,
+    /// One row a width.
+    pub rows: &'static [Row],
+}
+
+impl Family {
+    /// The row for operands of a width.
+    pub fn row(&'static self, width: u32) -> Option<&'static Row> {
+        self.rows.iter().find(|row| row.width == width || row.width == 0)
+    }
+}
+
+/// The family of an instruction's number.
+pub fn family(set: Set, number: u32) -> Option<&'static Family> {
+    static TABLE: LazyLock<HashMap<(Set, u32), &'static Family>> = LazyLock::new(|| {
+        let families = crate::ops::SECTIONS.iter().flat_map(|section| section.iter().copied());
+        families.map(|family| ((family.set, family.number), family)).collect()
+    });
+    TABLE.get(&(set, number)).copied()
+}
+
+/// Writes families of rows.
+///
+/// ```text
+/// rows! { FAdd Core [f16 f32 f64] (a: T, b: T) -> T { a + b } }
+/// ```
+/// Inside, `T` is the type of the row; the result is a `static FAdd: Family` each, and the list
+/// `FAMILIES`.
+#[macro_export]
+macro_rules! rows {
+    ($($(#[$doc:meta])* $name:ident $set:ident [$($ty:ty)*] $args:tt -> $result:ty $body:block)*) => {
+        $(
+            $(#[$doc])*
+            #[allow(non_upper_case_globals)]
+            pub static $name: $crate::ops::row::Family = $crate::ops::row::Family {
+                name: stringify!($name),
+                set: $crate::ops::row::Set::$set,
+                number: $crate::number!($set, $name),
+                rows: &[$($crate::row!($name, $ty, $args, $result, $body)),*],
+            };
+        )*
+        /// The families of this section.
+        pub static FAMILIES: &[&$crate::ops::row::Family] = &[$(&$name),*];
+    };
+}
+
+/// The number of an instruction, from its name.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! number {
+    (Core, $name:ident) => {
+        rspirv::spirv::Op::$name as u32
+    };
+    (Glsl, $name:ident) => {
+        rspirv::spirv::GlslStd450Op::$name as u32
+    };
+    (Internal, $name:ident) => {
+        u32::MAX
+    };
+}
+
+/// One row of [`rows!`](crate::rows).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! row {
+    ($name:ident, $ty:ty, ($a:ident: $at:ty), $result:ty, $body:block) => {
+        $crate::row!(@ $name, $ty, $result, [$at], map1, |$a| $body)
+    };
+    ($name:ident, $ty:ty, ($a:ident: $at:ty, $b:ident: $bt:ty), $result:ty, $body:block) => {
+        $crate::row!(@ $name, $ty, $result, [$at, $bt], map2, |$a, $b| $body)
+    };
+    ($name:ident, $ty:ty, ($a:ident: $at:ty, $b:ident: $bt:ty, $c:ident: $ct:ty), $result:ty, $body:block) => {
+        $crate::row!(@ $name, $ty, $result, [$at, $bt, $ct], map3, |$a, $b, $c| $body)
+    };
+    (@ $name:ident, $ty:ty, $result:ty, [$($at:ty),*], $map:ident, |$($a:ident),*| $body:block) => {{
+        #[allow(dead_code)]
+        type T = $ty;
+        fn eval<const W: usize>(
+            registers: &mut $crate::machine::Registers<W>,
+            to: $crate::machine::Reg,
+            from: &[$crate::machine::Reg; 3],
+        ) {
+            $crate::machine::lanes::$map::<W, $($at,)* $result>(registers, to, from, |$($a),*| $body);
+        }
+        $crate::ops::row::Row {
+            name: stringify!($name),
+            width: <$ty as $crate::ops::row::Bits>::BITS,
+            words: <$result as $crate::machine::Scalar>::WORDS,
+            operands: $crate::ops::row::operands(&[$(<$at as $crate::machine::Scalar>::WORDS),*]),
+            one: eval::<1>,
+            eight: eval::<8>,
+            full: eval::<32>,
+        }
+    }};
+}
+
+/// The width that chooses a row; `bool` has none.
+pub trait Bits {
+    /// Bits, 0 for a bool.
+    const BITS: u32;
+}
+
+macro_rules! bits {
+    ($($ty:ty: $bits:literal)*) => {$(
+        impl Bits for $ty {
+            const BITS: u32 = $bits;
+        }
+    )*};
+}
+
+bits! { bool: 0 u8: 8 i8: 8 u16: 16 i16: 16 half::f16: 16 u32: 32 i32: 32 f32: 32 u64: 64 i64: 64 f64: 64 }
+
+/// Pads the operands' words.
+#[doc(hidden)]
+pub const fn operands(words: &[u32]) -> [u32; 3] {
+    let mut padded = [0; 3];
+    let mut at = 0;
+    while at < words.len() {
+        padded[at] = words[at];
+        at += 1;
+    }
+    padded
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    fn run<const W: usize>(row: &Row, inputs: &[u64]) -> Vec<u64>
+    where
+        Row: Width<W>,
+    {
+        let mut registers = Registers::<W>::new(8);
+        let mut from = [Reg(0); 3];
+        let mut next = 2;
+        for (at, (&input, &words)) in inputs.iter().zip(&row.operands).enumerate() {
+            from[at] = Reg(next);
+            for word in 0..words {
+                registers[Reg(next + word)].0 = [(input >> (32 * word)) as u32; W];
+            }
+            next += words;
+        }
+        row.eval()(&mut registers, Reg(0), &from);
+        let value = |lane: usize| {
+            let high = if row.words == 2 { u64::from(registers[Reg(1)].0[lane]) << 32 } else { 0 };
+            u64::from(registers[Reg(0)].0[lane]) | high
+        };
+        (0..W).map(value).collect()
+    }
+
+    /// Runs a row at every width of a batch and compares every lane.
+    pub(crate) fn check_row(row: &Row, inputs: &[u64], expected: u64) {
+        let results = [run::<1>(row, inputs), run::<8>(row, inputs), run::<32>(row, inputs)];
+        for lanes in results {
+            for value in lanes {
+                assert_eq!(value, expected, "{row:?} of {inputs:x?}: {value:#x}, expected {expected:#x}");
+            }
+        }
+    }
+
+    /// Runs a family's row of a width on inputs given as bits.
+    pub(crate) fn check(family: &'static Family, width: u32, inputs: &[u64], expected: u64) {
+        check_row(family.row(width).expect("a row of this width"), inputs, expected);
+    }
+}
