@@ -5,6 +5,7 @@ pub mod error_bound;
 pub mod exact;
 pub mod float;
 pub mod real;
+pub mod srgb;
 pub mod surd;
 pub mod ulp;
 

@@ -1,19 +1,97 @@
 //! The instruction set: one file per section of the SPIR-V specification.
+//!
+//! Regular instructions are rows ([`row`]): a scalar closure each. Irregular ones are a variant of
+//! their section's `Op` with an arm in its `decode` and its `eval`. [`decode`] turns ids into rows
+//! of registers, so that composites cost nothing when the program runs.
 
 pub mod arithmetic;
 pub mod bit;
+pub mod builtin;
+pub mod composite;
+pub mod constant;
 pub mod conversion;
+pub mod decode;
 pub mod glsl;
+pub mod image;
+pub mod irregular;
+pub mod linear_algebra;
+pub mod memory;
+pub mod op;
+pub mod pointer;
+pub mod ray_tracing;
 pub mod relational_logical;
 pub mod row;
 
-use crate::ops::row::Family;
+use rspirv::spirv::Op as Opcode;
+
+use crate::error::Result;
+use crate::module::{Id, Instruction};
+use crate::ops::decode::{Decoder, Words};
+use crate::ops::row::{Family, Set};
 
 /// The families of every section.
-pub static SECTIONS: &[&[&Family]] = &[
-    arithmetic::FAMILIES,
-    bit::FAMILIES,
-    conversion::FAMILIES,
-    glsl::FAMILIES,
-    relational_logical::FAMILIES,
-];
+pub static SECTIONS: &[&[&Family]] =
+    &[arithmetic::FAMILIES, bit::FAMILIES, conversion::FAMILIES, glsl::FAMILIES, relational_logical::FAMILIES];
+
+/// Decodes an instruction that is neither a terminator nor a matter of control flow.
+///
+/// # Errors
+/// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it.
+pub fn decode_instruction(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+    if let Some(family) = row::family(Set::Core, opcode as u32) {
+        return componentwise(decoder, family, instruction, 0);
+    }
+    let done = composite::decode(decoder, opcode, instruction)?
+        || pointer::decode(decoder, opcode, instruction)?
+        || linear_algebra::decode(decoder, opcode, instruction)?
+        || irregular::decode(decoder, opcode, instruction)?
+        || ray_tracing::decode(decoder, opcode, instruction)?
+        || image::decode(decoder, opcode, instruction)?;
+    if done {
+        return Ok(());
+    }
+    let name = decoder.module.opcode_name(instruction.opcode);
+    Err(decoder.unsupported(format!("{name} is not supported")))
+}
+
+/// Applies a family's row to each component of the operands from `first` on.
+pub fn componentwise(
+    decoder: &mut Decoder<'_>,
+    family: &'static Family,
+    instruction: &Instruction,
+    first: usize,
+) -> Result<()> {
+    let ids = &decoder.operands(instruction)[first..];
+    let arity = family.rows[0].operands.iter().filter(|&&words| words > 0).count();
+    if ids.len() < arity {
+        return Err(decoder.invalid(format!("{} takes {arity} operands", family.name)));
+    }
+    let ty = decoder.type_of(Id(ids[0]))?;
+    let width = decoder.scalar_width(ty)?;
+    let row = family.row(width);
+    let row =
+        row.ok_or_else(|| decoder.unsupported(format!("{} on {width}-bit operands", family.name)))?;
+    let mut operands: [Words; 3] = Default::default();
+    for at in 0..arity {
+        let id = Id(ids[at]);
+        operands[at] = decoder.components(id)?;
+        // A shift's amount, for one, may have another width: its low word counts.
+        let own = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))?;
+        let wide = own == 64;
+        if (row.operands[at] == 2) != wide && !(row.operands[at] == 1 && wide) {
+            return Err(decoder.invalid(format!("operand {at} of {} has {own} bits", family.name)));
+        }
+        if operands[at].len() != operands[0].len() {
+            return Err(decoder.invalid(format!("the operands of {} differ in size", family.name)));
+        }
+    }
+    let mut words = Words::new();
+    for component in 0..operands[0].len() {
+        let from: Words = operands[..arity].iter().map(|operand| operand[component]).collect();
+        let to = decoder.row(row, &from)?;
+        words.extend((0..row.words).map(|word| to.plus(word)));
+    }
+    // Constants of 64 bits may be shared, but each pair lies together; the rest needs nothing.
+    decoder.result(instruction, words);
+    Ok(())
+}

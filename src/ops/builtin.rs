@@ -1,0 +1,288 @@
+//! The builtins: number, type, stages, rules, and how each is read from an invocation.
+
+use crate::accel::{HitKind, Instance, Primitive};
+use crate::error::Result;
+use crate::geometry::ObjectRay;
+use crate::machine::{Hit, Invocation};
+use crate::module::interface::Stage;
+use crate::module::ty::{Type, TypeId};
+use crate::ops::decode::Decoder;
+
+/// A builtin variable of the Input storage class.
+pub struct Builtin {
+    /// The specification's name.
+    pub name: &'static str,
+    /// Its number.
+    pub number: u32,
+    /// Its type.
+    pub shape: Shape,
+    /// The stages that may read it, by letter: R I A C M K.
+    pub stages: &'static str,
+    /// The rules on execution model, storage class and type.
+    pub vuids: [&'static str; 3],
+    /// Whether it may change while the shader runs.
+    pub volatile: bool,
+    /// Writes its words for an invocation.
+    pub read: fn(&Invocation, &mut [u32]),
+}
+
+impl std::fmt::Debug for Builtin {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl PartialEq for Builtin {
+    fn eq(&self, other: &Self) -> bool {
+        self.number == other.number
+    }
+}
+
+/// The type of a builtin: 32-bit scalars, vectors of three, matrices and arrays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// `bool`
+    Bool,
+    /// A 32-bit integer of either signedness.
+    Int,
+    /// A vector of three 32-bit integers.
+    Int3,
+    /// `f32`
+    Float,
+    /// Three `f32`.
+    Float3,
+    /// Four columns of three `f32`.
+    Matrix4x3,
+    /// Two `f32`.
+    FloatArray2,
+    /// Two vectors of three.
+    Float3Array2,
+    /// Three vectors of three.
+    Float3Array3,
+}
+
+impl Shape {
+    /// The type as the specification words it.
+    pub fn describe(self) -> &'static str {
+        match self {
+            Self::Bool => "a bool",
+            Self::Int => "a 32-bit integer",
+            Self::Int3 => "a vector of three 32-bit integers",
+            Self::Float => "a 32-bit float",
+            Self::Float3 => "a vector of three 32-bit floats",
+            Self::Matrix4x3 => "a matrix of four columns of three 32-bit floats",
+            Self::FloatArray2 => "an array of two 32-bit floats",
+            Self::Float3Array2 => "an array of two vectors of three 32-bit floats",
+            Self::Float3Array3 => "an array of three vectors of three 32-bit floats",
+        }
+    }
+}
+
+macro_rules! builtins {
+    ($($name:ident $number:literal $shape:ident $stages:literal [$($vuid:literal)*] $($volatile:ident)? |$from:ident, $to:ident| $read:expr;)*) => {
+        /// Every builtin, ascending by number.
+        pub static BUILTINS: &[Builtin] = &[$(Builtin {
+            name: stringify!($name),
+            number: $number,
+            shape: Shape::$shape,
+            stages: $stages,
+            vuids: [$($vuid),*],
+            volatile: builtins!(@ $($volatile)?),
+            read: |$from, $to| $read,
+        }),*];
+    };
+    (@) => { false };
+    (@ volatile) => { true };
+}
+
+builtins! {
+    InstanceId 6 Int "IAC" ["InstanceId-InstanceId-04254" "InstanceId-InstanceId-04255" "InstanceId-InstanceId-04256"]
+        |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.instance);
+    PrimitiveId 7 Int "IAC" ["PrimitiveId-PrimitiveId-04330" "PrimitiveId-Input-04334" "PrimitiveId-PrimitiveId-04337"]
+        |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.primitive);
+    LaunchIdKHR 5319 Int3 "RIACMK" ["LaunchIdKHR-LaunchIdKHR-04266" "LaunchIdKHR-LaunchIdKHR-04267" "LaunchIdKHR-LaunchIdKHR-04268"]
+        |from, to| to.copy_from_slice(&from.launch_id);
+    LaunchSizeKHR 5320 Int3 "RIACMK" ["LaunchSizeKHR-LaunchSizeKHR-04269" "LaunchSizeKHR-LaunchSizeKHR-04270" "LaunchSizeKHR-LaunchSizeKHR-04271"]
+        |from, to| to.copy_from_slice(&from.launch_size);
+    WorldRayOriginKHR 5321 Float3 "IACM" ["WorldRayOriginKHR-WorldRayOriginKHR-04431" "WorldRayOriginKHR-WorldRayOriginKHR-04432" "WorldRayOriginKHR-WorldRayOriginKHR-04433"]
+        |from, to| floats(to, &from.trace.map_or([0.0; 3], |trace| trace.ray.origin));
+    WorldRayDirectionKHR 5322 Float3 "IACM" ["WorldRayDirectionKHR-WorldRayDirectionKHR-04428" "WorldRayDirectionKHR-WorldRayDirectionKHR-04429" "WorldRayDirectionKHR-WorldRayDirectionKHR-04430"]
+        |from, to| floats(to, &from.trace.map_or([0.0; 3], |trace| trace.ray.direction));
+    ObjectRayOriginKHR 5323 Float3 "IAC" ["ObjectRayOriginKHR-ObjectRayOriginKHR-04302" "ObjectRayOriginKHR-ObjectRayOriginKHR-04303" "ObjectRayOriginKHR-ObjectRayOriginKHR-04304"]
+        |from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_origin_f32()));
+    ObjectRayDirectionKHR 5324 Float3 "IAC" ["ObjectRayDirectionKHR-ObjectRayDirectionKHR-04299" "ObjectRayDirectionKHR-ObjectRayDirectionKHR-04300" "ObjectRayDirectionKHR-ObjectRayDirectionKHR-04301"]
+        |from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_direction_f32()));
+    RayTminKHR 5325 Float "IACM" ["RayTminKHR-RayTminKHR-04351" "RayTminKHR-RayTminKHR-04352" "RayTminKHR-RayTminKHR-04353"]
+        |from, to| floats(to, &[from.trace.map_or(0.0, |trace| trace.ray.t_min)]);
+    RayTmaxKHR 5326 Float "IACM" ["RayTmaxKHR-RayTmaxKHR-04348" "RayTmaxKHR-RayTmaxKHR-04349" "RayTmaxKHR-RayTmaxKHR-04350"] volatile
+        |from, to| floats(to, &[from.t_max]);
+    InstanceCustomIndexKHR 5327 Int "IAC" ["InstanceCustomIndexKHR-InstanceCustomIndexKHR-04251" "InstanceCustomIndexKHR-InstanceCustomIndexKHR-04252" "InstanceCustomIndexKHR-InstanceCustomIndexKHR-04253"]
+        |from, to| to[0] = hit(from).map_or(0, |hit| hit.instance().custom_index);
+    ObjectToWorldKHR 5330 Matrix4x3 "IAC" ["ObjectToWorldKHR-ObjectToWorldKHR-04305" "ObjectToWorldKHR-ObjectToWorldKHR-04306" "ObjectToWorldKHR-ObjectToWorldKHR-04307"]
+        |from, to| if let Some(hit) = hit(from) { columns(to, &hit.instance().transform) };
+    WorldToObjectKHR 5331 Matrix4x3 "IAC" ["WorldToObjectKHR-WorldToObjectKHR-04434" "WorldToObjectKHR-WorldToObjectKHR-04435" "WorldToObjectKHR-WorldToObjectKHR-04436"]
+        |from, to| if let Some(hit) = hit(from) { columns(to, hit.tlas.world_to_object(hit.candidate.instance)) };
+    HitTNV 5332 Float "AC" ["HitTNV-HitTNV-04245" "HitTNV-HitTNV-04246" "HitTNV-HitTNV-04247"]
+        |from, to| floats(to, &[from.t_max]);
+    HitKindKHR 5333 Int "AC" ["HitKindKHR-HitKindKHR-04242" "HitKindKHR-HitKindKHR-04243" "HitKindKHR-HitKindKHR-04244"]
+        |from, to| to[0] = hit(from).map_or(0, |hit| hit.kind.0);
+    HitTriangleVertexPositionsKHR 5335 Float3Array3 "AC" ["HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08747" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08748" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08749"]
+        |from, to| if let Some(positions) = hit(from).and_then(|hit| hit.triangle()) { floats(to, positions.as_flattened()) };
+    IncomingRayFlagsKHR 5351 Int "IACM" ["IncomingRayFlagsKHR-IncomingRayFlagsKHR-04248" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04249" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04250"]
+        |from, to| to[0] = from.trace.map_or(0, |trace| trace.flags.0);
+    RayGeometryIndexKHR 5352 Int "IAC" ["RayGeometryIndexKHR-RayGeometryIndexKHR-04345" "RayGeometryIndexKHR-RayGeometryIndexKHR-04346" "RayGeometryIndexKHR-RayGeometryIndexKHR-04347"]
+        |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.geometry);
+    HitIsSphereNV 5359 Bool "AC" ["HitIsSphereNV-HitIsSphereNV-10513" "HitIsSphereNV-HitIsSphereNV-10514" "HitIsSphereNV-HitIsSphereNV-10515"]
+        |from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::SPHERE));
+    HitIsLSSNV 5360 Bool "AC" ["HitIsLSSNV-HitIsLSSNV-10516" "HitIsLSSNV-HitIsLSSNV-10517" "HitIsLSSNV-HitIsLSSNV-10518"]
+        |from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::LINEAR_SWEPT_SPHERE));
+    HitSpherePositionNV 5361 Float3 "AC" ["HitSpherePositionNV-HitSpherePositionNV-10519" "HitSpherePositionNV-HitSpherePositionNV-10520" "HitSpherePositionNV-HitSpherePositionNV-10521"]
+        |from, to| if let Some((position, _)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &position) };
+    HitLSSPositionsNV 5396 Float3Array2 "AC" ["HitLSSPositionsNV-HitLSSPositionsNV-10525" "HitLSSPositionsNV-HitLSSPositionsNV-10526" "HitLSSPositionsNV-HitLSSPositionsNV-10527"]
+        |from, to| if let Some((positions, _)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, positions.as_flattened()) };
+    HitSphereRadiusNV 5420 Float "AC" ["HitSphereRadiusNV-HitSphereRadiusNV-10522" "HitSphereRadiusNV-HitSphereRadiusNV-10523" "HitSphereRadiusNV-HitSphereRadiusNV-10524"]
+        |from, to| if let Some((_, radius)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &[radius]) };
+    HitLSSRadiiNV 5421 FloatArray2 "AC" ["HitLSSRadiiNV-HitLSSRadiiNV-10528" "HitLSSRadiiNV-HitLSSRadiiNV-10529" "HitLSSRadiiNV-HitLSSRadiiNV-10530"]
+        |from, to| if let Some((_, radii)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, &radii) };
+    CullMaskKHR 6021 Int "IACM" ["CullMaskKHR-CullMaskKHR-06735" "CullMaskKHR-CullMaskKHR-06736" "CullMaskKHR-CullMaskKHR-06737"]
+        |from, to| to[0] = from.trace.map_or(0, |trace| trace.cull_mask);
+}
+
+/// The builtin with a number.
+pub fn find(number: u32) -> Option<&'static Builtin> {
+    BUILTINS.binary_search_by_key(&number, |builtin| builtin.number).ok().map(|at| &BUILTINS[at])
+}
+
+/// The builtin with a name, with or without its suffix.
+pub fn find_by_name(name: &str) -> Option<&'static Builtin> {
+    let bare = |name: &'static str| name.trim_end_matches("KHR").trim_end_matches("NV");
+    BUILTINS.iter().find(|builtin| builtin.name == name || bare(builtin.name) == name)
+}
+
+/// The letter of a stage in [`Builtin::stages`].
+pub fn letter(stage: Stage) -> char {
+    match stage {
+        Stage::RayGeneration => 'R',
+        Stage::Intersection => 'I',
+        Stage::AnyHit => 'A',
+        Stage::ClosestHit => 'C',
+        Stage::Miss => 'M',
+        Stage::Callable => 'K',
+        Stage::Compute | Stage::Other(_) => '-',
+    }
+}
+
+/// Checks stage and type of a builtin variable against its rules.
+///
+/// # Errors
+/// `InvalidModule` with the rule's VUID.
+pub fn check(decoder: &Decoder<'_>, builtin: &'static Builtin, ty: TypeId) -> Result<()> {
+    if !builtin.stages.contains(letter(decoder.stage)) {
+        let message = format!("the builtin {} cannot be read in {}", builtin.name, decoder.stage.name());
+        return Err(decoder.invalid(message).note(format!("VUID-{}", builtin.vuids[0])));
+    }
+    if !matches(decoder, builtin.shape, ty) {
+        let found = decoder.module.describe_type(ty);
+        let message = format!("the builtin {} must be {}, not {found}", builtin.name, builtin.shape.describe());
+        return Err(decoder.invalid(message).note(format!("VUID-{}", builtin.vuids[2])));
+    }
+    Ok(())
+}
+
+fn matches(decoder: &Decoder<'_>, shape: Shape, ty: TypeId) -> bool {
+    let module = decoder.module;
+    let is_float = |ty| matches!(module.ty(ty), Type::Float { width: 32, encoding: None });
+    let is_int = |ty| matches!(module.ty(ty), Type::Int { width: 32, .. });
+    let is_float3 = |ty| matches!(*module.ty(ty), Type::Vector { component, count: 3 } if is_float(component));
+    let array = |ty, expected| match *module.ty(ty) {
+        Type::Array { element, length, .. } if module.constant_scalar(length) == Some(expected) => Some(element),
+        _ => None,
+    };
+    match shape {
+        Shape::Bool => matches!(module.ty(ty), Type::Bool),
+        Shape::Int => is_int(ty),
+        Shape::Int3 => matches!(*module.ty(ty), Type::Vector { component, count: 3 } if is_int(component)),
+        Shape::Float => is_float(ty),
+        Shape::Float3 => is_float3(ty),
+        Shape::Matrix4x3 => matches!(*module.ty(ty), Type::Matrix { column, count: 4 } if is_float3(column)),
+        Shape::FloatArray2 => array(ty, 2).is_some_and(is_float),
+        Shape::Float3Array2 => array(ty, 2).is_some_and(is_float3),
+        Shape::Float3Array3 => array(ty, 3).is_some_and(is_float3),
+    }
+}
+
+fn hit(invocation: &Invocation) -> Option<&Hit> {
+    invocation.hit.as_ref()
+}
+
+fn object_ray(invocation: &Invocation) -> Option<ObjectRay> {
+    let hit = hit(invocation)?;
+    hit.tlas.object_ray(hit.candidate.instance, &invocation.trace?.ray)
+}
+
+fn floats(to: &mut [u32], values: &[f32]) {
+    for (to, value) in to.iter_mut().zip(values) {
+        *to = value.to_bits();
+    }
+}
+
+/// Column by column from a row-major 3x4 matrix.
+fn columns(to: &mut [u32], rows: &[[f32; 4]; 3]) {
+    for (at, to) in to.iter_mut().enumerate() {
+        *to = rows[at % 3][at / 3].to_bits();
+    }
+}
+
+impl Hit {
+    /// The instance that was hit.
+    pub fn instance(&self) -> &Instance {
+        &self.tlas.instances()[self.candidate.instance as usize]
+    }
+
+    /// What was hit.
+    pub fn primitive(&self) -> Option<Primitive> {
+        self.instance().blas.primitive(self.candidate.geometry, self.candidate.primitive)
+    }
+
+    /// The vertices of the triangle that was hit, after the geometry's own transform; `None` for
+    /// any other primitive.
+    pub fn triangle(&self) -> Option<[[f32; 3]; 3]> {
+        match self.primitive()? {
+            Primitive::Triangle(vertices) => Some(vertices),
+            _ => None,
+        }
+    }
+
+    /// Centre and radius of the sphere that was hit; `None` for any other primitive.
+    pub fn sphere(&self) -> Option<([f32; 3], f32)> {
+        match self.primitive()? {
+            Primitive::Sphere { position, radius } => Some((position, radius)),
+            _ => None,
+        }
+    }
+
+    /// Centres and radii of the linear swept sphere that was hit; `None` for any other primitive.
+    pub fn linear_swept_sphere(&self) -> Option<([[f32; 3]; 2], [f32; 2])> {
+        match self.primitive()? {
+            Primitive::LinearSweptSphere { positions, radii, .. } => Some((positions, radii)),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_sorted() {
+        assert!(BUILTINS.windows(2).all(|pair| pair[0].number < pair[1].number));
+    }
+
+    #[test]
+    fn matrices_are_written_column_by_column() {
+        let mut words = [0; 12];
+        columns(&mut words, &[[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0], [9.0, 10.0, 11.0, 12.0]]);
+        assert_eq!(words.map(f32::from_bits), [1.0, 5.0, 9.0, 2.0, 6.0, 10.0, 3.0, 7.0, 11.0, 4.0, 8.0, 12.0]);
+    }
+}

@@ -1,0 +1,333 @@
+//! Composite instructions (SPIR-V 3.3.12), `OpSelect`, copies and undefined values: lists of rows
+//! rearranged; only an index that is computed needs an operation.
+
+use rspirv::spirv::Op as Opcode;
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::module::Instruction;
+use crate::module::ty::{Type, TypeId};
+use crate::ops::decode::{Decoder, Value, Words};
+use crate::ops::memory::{self, Length};
+use crate::ops::op::Op;
+use crate::ops::relational_logical::select::SelectWord;
+
+/// Rows that indices need.
+pub mod index {
+    use crate::rows;
+
+    rows! {
+        /// A 64-bit index as 32 bits; what does not fit becomes the largest.
+        SaturateIndex Internal [u64] (a: u64) -> u32 { u32::try_from(a).unwrap_or(u32::MAX) }
+    }
+}
+
+/// Opcodes decoded here.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::CompositeConstruct,
+    Opcode::CompositeExtract,
+    Opcode::CompositeInsert,
+    Opcode::VectorShuffle,
+    Opcode::VectorExtractDynamic,
+    Opcode::VectorInsertDynamic,
+    Opcode::Transpose,
+    Opcode::CopyObject,
+    Opcode::CopyLogical,
+    Opcode::Undef,
+    Opcode::Select,
+    Opcode::Bitcast,
+    Opcode::ConvertPtrToU,
+];
+
+/// Decodes composite instructions; `false` for an instruction of another section.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    match opcode {
+        Opcode::CompositeConstruct => {
+            let mut words = Words::new();
+            for &id in decoder.operands(instruction) {
+                words.extend(decoder.words(crate::module::Id(id))?);
+            }
+            check_count(decoder, instruction, &words)?;
+            decoder.result(instruction, words);
+        }
+        Opcode::CompositeExtract => {
+            let composite = decoder.id(instruction, 0)?;
+            let ty = decoder.type_of(composite)?;
+            let words = decoder.words(composite)?;
+            let indices = &decoder.operands(instruction)[1..];
+            let (first, count) = part(decoder, ty, indices)?;
+            decoder.result(instruction, words[first..first + count].into());
+        }
+        Opcode::CompositeInsert => {
+            let object = decoder.operand(instruction, 0)?;
+            let composite = decoder.id(instruction, 1)?;
+            let ty = decoder.type_of(composite)?;
+            let mut words = decoder.words(composite)?;
+            let indices = &decoder.operands(instruction)[2..];
+            let (first, count) = part(decoder, ty, indices)?;
+            if object.len() != count {
+                return Err(decoder.invalid("the object inserted has another type than the part it replaces"));
+            }
+            words[first..first + count].copy_from_slice(&object);
+            decoder.result(instruction, words);
+        }
+        Opcode::VectorShuffle => {
+            let (a, b) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
+            let width = decoder.type_of(a).and_then(|ty| decoder.scalar_width(ty))?;
+            let mut components = decoder.components(a)?;
+            components.extend(decoder.components(b)?);
+            let undefined = decoder.wide_constant(0)?;
+            let mut chosen = Words::new();
+            for &literal in &decoder.operands(instruction)[2..] {
+                let component = match literal {
+                    u32::MAX => undefined,
+                    _ => *components
+                        .get(literal as usize)
+                        .ok_or_else(|| decoder.invalid(format!("component {literal} of a shuffle")))?,
+                };
+                chosen.push(component);
+            }
+            let words = decoder.spread(&chosen, width);
+            decoder.result(instruction, words);
+        }
+        Opcode::VectorExtractDynamic => {
+            let vector = decoder.id(instruction, 0)?;
+            let index = decoder.id(instruction, 1)?;
+            let words = decoder.words(vector)?;
+            let count = decoder.component_count(decoder.type_of(vector)?);
+            let each = words.len() as u32 / count.max(1);
+            let first = decoder.consecutive(&words)?;
+            decoder.addressed.push((first, words.len() as u32));
+            let row = scaled(decoder, index, each, count)?;
+            let to = decoder.fresh(each)?;
+            decoder.emit(Op::Memory(memory::Op::Gather { to, count: each, first, row }));
+            decoder.result(instruction, (0..each).map(|word| to.plus(word)).collect());
+        }
+        Opcode::VectorInsertDynamic => {
+            let vector = decoder.id(instruction, 0)?;
+            let component = decoder.operand(instruction, 1)?;
+            let index = decoder.id(instruction, 2)?;
+            let words = decoder.words(vector)?;
+            let count = decoder.component_count(decoder.type_of(vector)?);
+            let each = component.len() as u32;
+            let to = decoder.fresh(words.len() as u32)?;
+            for (at, &from) in words.iter().enumerate() {
+                decoder.emit(Op::Memory(memory::Op::Move { to: to.plus(at as u32), from }));
+            }
+            decoder.addressed.push((to, words.len() as u32));
+            let row = scaled(decoder, index, each, count)?;
+            let from = decoder.consecutive(&component)?;
+            decoder.emit(Op::Memory(memory::Op::Scatter { from, count: each, first: to, row }));
+            decoder.result(instruction, (0..words.len() as u32).map(|word| to.plus(word)).collect());
+        }
+        Opcode::Transpose => {
+            let matrix = decoder.id(instruction, 0)?;
+            let columns = columns(decoder, matrix)?;
+            let width = scalar_width_of_matrix(decoder, matrix)?;
+            let rows = columns.first().map_or(0, SmallVec::len);
+            let transposed: Words =
+                (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
+            let words = decoder.spread(&transposed, width);
+            decoder.result(instruction, words);
+        }
+        Opcode::CopyObject => {
+            let id = decoder.id(instruction, 0)?;
+            let value = decoder.value(id)?;
+            if let Some(result) = instruction.result {
+                decoder.define(result, value);
+            }
+        }
+        Opcode::CopyLogical => {
+            let words = decoder.operand(instruction, 0)?;
+            check_count(decoder, instruction, &words)?;
+            decoder.result(instruction, words);
+        }
+        Opcode::Undef => {
+            let ty = decoder.result_type(instruction)?;
+            let words = decoder.zero(ty)?;
+            decoder.result(instruction, words);
+        }
+        Opcode::Select => {
+            let condition = decoder.components_of_bool(instruction, 0)?;
+            let a = decoder.operand(instruction, 1)?;
+            let b = decoder.operand(instruction, 2)?;
+            if a.len() != b.len() || a.is_empty() {
+                return Err(decoder.invalid("the objects of a select differ in type"));
+            }
+            // A vector of conditions chooses component by component, a scalar the whole object.
+            let each = a.len() / condition.len().max(1);
+            let mut words = Words::new();
+            let first = decoder.fresh(a.len() as u32)?;
+            let mut folded = true;
+            for at in 0..a.len() {
+                let from = [condition[(at / each.max(1)).min(condition.len() - 1)], a[at], b[at]];
+                if let Some(word) = decoder.constant_word(from[0]) {
+                    words.push(if word != 0 { from[1] } else { from[2] });
+                    continue;
+                }
+                folded = false;
+                let to = first.plus(at as u32);
+                decoder.emit(Op::Row { row: &SelectWord.rows[0], to, from });
+                words.push(to);
+            }
+            if !folded && condition.len() > 1 {
+                // Known and computed conditions may be mixed: keep the words of a pair together.
+                let start = decoder.consecutive(&words)?;
+                words = (0..words.len() as u32).map(|word| start.plus(word)).collect();
+            }
+            decoder.result(instruction, words);
+        }
+        Opcode::Bitcast => {
+            let words = bitcast(decoder, instruction)?;
+            decoder.result(instruction, words);
+        }
+        _ => return Ok(false),
+    }
+    Ok(true)
+}
+
+impl Decoder<'_> {
+    /// The rows of an operand that is a bool or a vector of bools.
+    fn components_of_bool(&mut self, instruction: &Instruction, at: usize) -> Result<Words> {
+        let id = self.id(instruction, at)?;
+        let words = self.words(id)?;
+        if words.is_empty() { Err(self.invalid("a condition without a value")) } else { Ok(words) }
+    }
+}
+
+/// The first row of each component of each column of a matrix.
+pub fn columns(decoder: &mut Decoder<'_>, matrix: crate::module::Id) -> Result<Vec<Words>> {
+    let ty = decoder.type_of(matrix)?;
+    let Type::Matrix { column, count } = *decoder.module.ty(ty) else {
+        return Err(decoder.invalid("a matrix is needed here"));
+    };
+    let each = decoder.scalar_width(column)?.div_ceil(32) as usize;
+    let words = decoder.words(matrix)?;
+    let components: Words = words.chunks(each).map(|chunk| chunk[0]).collect();
+    Ok(components.chunks(components.len() / count.max(1) as usize).map(Words::from_slice).collect())
+}
+
+/// Bits of a matrix's scalars.
+pub fn scalar_width_of_matrix(decoder: &Decoder<'_>, matrix: crate::module::Id) -> Result<u32> {
+    match *decoder.module.ty(decoder.type_of(matrix)?) {
+        Type::Matrix { column, .. } => decoder.scalar_width(column),
+        _ => Err(decoder.invalid("a matrix is needed here")),
+    }
+}
+
+/// Where the part that literal indices name lies among the words of a composite.
+fn part(decoder: &mut Decoder<'_>, mut ty: TypeId, indices: &[u32]) -> Result<(usize, usize)> {
+    let mut first = 0;
+    for &index in indices {
+        let outside = |decoder: &Decoder<'_>| decoder.invalid(format!("index {index} of a composite is too big"));
+        ty = match decoder.module.ty(ty).clone() {
+            Type::Struct { members, .. } => {
+                let member = members.get(index as usize).ok_or_else(|| outside(decoder))?;
+                for member in &members[..index as usize] {
+                    first += decoder.word_count(member.ty)?;
+                }
+                member.ty
+            }
+            Type::Vector { component: element, count } | Type::Matrix { column: element, count } => {
+                if index >= count {
+                    return Err(outside(decoder));
+                }
+                first += index * decoder.word_count(element)?;
+                element
+            }
+            Type::Array { element, length, .. } => {
+                if index >= decoder.array_length(length)? {
+                    return Err(outside(decoder));
+                }
+                first += index * decoder.word_count(element)?;
+                element
+            }
+            _ => return Err(decoder.invalid("an index into what is no composite")),
+        };
+    }
+    Ok((first as usize, decoder.word_count(ty)? as usize))
+}
+
+fn check_count(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &Words) -> Result<()> {
+    let ty = decoder.result_type(instruction)?;
+    if decoder.word_count(ty)? as usize != words.len() {
+        let name = decoder.module.describe_type(ty);
+        return Err(decoder.invalid(format!("the constituents do not make a {name}")));
+    }
+    Ok(())
+}
+
+/// The row offset of a component.
+fn scaled(decoder: &mut Decoder<'_>, index: crate::module::Id, stride: u32, count: u32) -> Result<Reg> {
+    let words = decoder.words(index)?;
+    let to = decoder.fresh(1)?;
+    let length = Length::Known(count);
+    decoder.emit(Op::Memory(memory::Op::Index { to, base: None, index: words[0], stride, length }));
+    Ok(to)
+}
+
+fn bitcast(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words> {
+    let id = decoder.id(instruction, 0)?;
+    if let Value::Pointer(_) = decoder.value(id)? {
+        return Err(decoder.unsupported("OpBitcast of a logical pointer"));
+    }
+    let from = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))?;
+    let to = decoder.result_type(instruction).and_then(|ty| decoder.scalar_width(ty))?;
+    let words = decoder.words(id)?;
+    if from == to || (from >= 32 && to == 32) {
+        return Ok(words);
+    }
+    match (from, to) {
+        (32, 64) => {
+            let mut pairs = Words::new();
+            for pair in words.chunks_exact(2) {
+                let first = decoder.pair(pair[0], pair[1])?;
+                pairs.extend([first, first.plus(1)]);
+            }
+            Ok(pairs)
+        }
+        // Narrow scalars are packed or unpacked, the lowest first.
+        _ => {
+            let mut packed: Vec<Reg> = Vec::new();
+            if from < 32 {
+                for group in words.chunks((32 / from) as usize) {
+                    let mut sum = decoder.constant(0)?;
+                    for (at, &part) in group.iter().enumerate() {
+                        let by = decoder.constant(from * at as u32)?;
+                        let moved = decoder.family(&crate::ops::bit::ShiftLeftLogical, 32, &[part, by])?;
+                        sum = decoder.family(&crate::ops::bit::BitwiseOr, 32, &[sum, moved])?;
+                    }
+                    packed.push(sum);
+                }
+            } else {
+                packed.extend(&words);
+            }
+            let mut result = Words::new();
+            match to {
+                64 => {
+                    for pair in packed.chunks_exact(2) {
+                        let first = decoder.pair(pair[0], pair[1])?;
+                        result.extend([first, first.plus(1)]);
+                    }
+                }
+                32 => result.extend(packed),
+                _ => {
+                    let count = decoder.result_type(instruction).map(|ty| decoder.component_count(ty))?;
+                    let mask = decoder.constant((1 << to) - 1)?;
+                    'all: for &word in &packed {
+                        for at in 0..32 / to {
+                            if result.len() as u32 == count {
+                                break 'all;
+                            }
+                            let by = decoder.constant(to * at)?;
+                            let moved = decoder.family(&crate::ops::bit::ShiftRightLogical, 32, &[word, by])?;
+                            result.push(decoder.family(&crate::ops::bit::BitwiseAnd, 32, &[moved, mask])?);
+                        }
+                    }
+                }
+            }
+            Ok(result)
+        }
+    }
+}

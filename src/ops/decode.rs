@@ -1,0 +1,536 @@
+//! From an instruction of a module to operations on rows.
+//!
+//! A [`Decoder`] holds what is known of each id: the rows of its words, or where a pointer leads.
+//! Composites vanish here: extracting, inserting and shuffling only rearrange the list of rows.
+
+use std::collections::HashMap;
+
+use smallvec::SmallVec;
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::machine::{Binding, Reg, Registers};
+use crate::module::constant::ConstantValue;
+use crate::module::interface::Stage;
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Id, Instruction, Module};
+use crate::ops::builtin::Builtin;
+use crate::ops::memory::{self, Pointer};
+use crate::ops::op::Op;
+use crate::ops::row::{Family, Row};
+
+/// The rows of a value's words, in the order of its scalars; the two words of a 64-bit scalar
+/// always lie in consecutive rows.
+pub type Words = SmallVec<[Reg; 4]>;
+
+/// What an id stands for while its function is lowered.
+#[derive(Clone, Debug)]
+pub enum Value {
+    /// A value in rows.
+    Words(Words),
+    /// A pointer that is known at least in part.
+    Pointer(Pointer),
+}
+
+/// A descriptor binding that a program uses.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// Where it is bound.
+    pub binding: Binding,
+    /// The variable's name, for messages.
+    pub name: String,
+}
+
+/// Rows that a variable of the entry point's interface takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InterfaceRows {
+    /// The variable.
+    pub variable: Id,
+    /// Its storage class.
+    pub storage_class: u32,
+    /// The pointee.
+    pub ty: TypeId,
+    /// The first row.
+    pub first: Reg,
+    /// How many rows.
+    pub count: u32,
+}
+
+/// A builtin that a program reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputRows {
+    /// Which.
+    pub builtin: &'static Builtin,
+    /// The first row.
+    pub first: Reg,
+    /// How many rows.
+    pub count: u32,
+}
+
+/// Where an operation comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// The instruction, in words from the start of the module.
+    pub offset: u32,
+    /// Index of the inlined call that it belongs to, 0 for none.
+    pub scope: u32,
+}
+
+/// More rows than a program may have: 4 MiB a lane.
+const MAX_ROWS: u32 = 1 << 20;
+
+/// Turns instructions into operations; see the module's text.
+pub struct Decoder<'m> {
+    /// The module.
+    pub module: &'m Module,
+    /// The stage of the entry point that is lowered.
+    pub stage: Stage,
+    /// The operations so far.
+    pub ops: Vec<Op>,
+    /// Where each operation comes from.
+    pub origins: Vec<Origin>,
+    /// Where the current instruction comes from.
+    pub origin: Origin,
+    /// The descriptor bindings used.
+    pub slots: Vec<Slot>,
+    /// The builtins read.
+    pub inputs: Vec<InputRows>,
+    /// The rows of interface variables.
+    pub interface: Vec<InterfaceRows>,
+    /// Rows that are reached through a computed row number.
+    pub addressed: Vec<(Reg, u32)>,
+    /// Ids of the function that is lowered.
+    pub locals: HashMap<Id, Value>,
+    globals: HashMap<Id, Value>,
+    rows: u32,
+    constants: HashMap<u32, Reg>,
+    wide_constants: HashMap<u64, Reg>,
+    words: HashMap<Reg, u32>,
+    /// Variables' rows whose current value also stands in another row, within the current block.
+    known: HashMap<Reg, Reg>,
+}
+
+impl<'m> Decoder<'m> {
+    /// A decoder for an entry point of a module.
+    pub fn new(module: &'m Module, stage: Stage) -> Self {
+        Self {
+            module,
+            stage,
+            ops: Vec::new(),
+            origins: Vec::new(),
+            origin: Origin { offset: 0, scope: 0 },
+            slots: Vec::new(),
+            inputs: Vec::new(),
+            interface: Vec::new(),
+            addressed: Vec::new(),
+            locals: HashMap::new(),
+            globals: HashMap::new(),
+            rows: 0,
+            constants: HashMap::new(),
+            wide_constants: HashMap::new(),
+            words: HashMap::new(),
+            known: HashMap::new(),
+        }
+    }
+
+    /// How many rows there are so far.
+    pub fn row_count(&self) -> u32 {
+        self.rows
+    }
+
+    /// The rows of constants with their words.
+    pub fn constant_rows(&self) -> impl Iterator<Item = (Reg, u32)> {
+        self.words.iter().map(|(&reg, &word)| (reg, word))
+    }
+
+    /// An error about the current instruction.
+    pub fn error(&self, kind: ErrorKind, message: impl Into<String>) -> Error {
+        let error = Error::new(kind, message).at(Place::Word(self.origin.offset as usize));
+        let debug = &self.module.debug_info;
+        match debug.line_at(self.origin.offset) {
+            Some(line) => {
+                let file = debug.files.get(line.file as usize).map_or_else(String::new, |file| file.name.clone());
+                error.at(Place::Line { file, line: line.line, column: line.column })
+            }
+            None => error,
+        }
+    }
+
+    /// The module breaks a rule at the current instruction.
+    pub fn invalid(&self, message: impl Into<String>) -> Error {
+        self.error(ErrorKind::InvalidModule, message)
+    }
+
+    /// This crate does not run the current instruction.
+    pub fn unsupported(&self, message: impl Into<String>) -> Error {
+        self.error(ErrorKind::UnsupportedModule, message)
+    }
+
+    /// New consecutive rows.
+    pub fn fresh(&mut self, count: u32) -> Result<Reg> {
+        let first = Reg(self.rows);
+        self.rows = self.rows.saturating_add(count);
+        if self.rows > MAX_ROWS {
+            let limit = MAX_ROWS * 4 / (1 << 20);
+            return Err(self.unsupported(format!("variables and values of this shader need over {limit} MiB a lane")));
+        }
+        Ok(first)
+    }
+
+    /// New consecutive rows as a list.
+    pub fn fresh_words(&mut self, count: u32) -> Result<Words> {
+        let first = self.fresh(count)?;
+        Ok((0..count).map(|word| first.plus(word)).collect())
+    }
+
+    /// Appends an operation.
+    pub fn emit(&mut self, op: Op) {
+        self.ops.push(op);
+        self.origins.push(self.origin);
+    }
+
+    /// The row that always holds a word.
+    pub fn constant(&mut self, word: u32) -> Result<Reg> {
+        if let Some(&reg) = self.constants.get(&word) {
+            return Ok(reg);
+        }
+        let reg = self.fresh(1)?;
+        self.constants.insert(word, reg);
+        self.words.insert(reg, word);
+        Ok(reg)
+    }
+
+    /// The first of the two rows that always hold 64 bits.
+    pub fn wide_constant(&mut self, bits: u64) -> Result<Reg> {
+        if let Some(&reg) = self.wide_constants.get(&bits) {
+            return Ok(reg);
+        }
+        let reg = self.fresh(2)?;
+        self.wide_constants.insert(bits, reg);
+        self.words.insert(reg, bits as u32);
+        self.words.insert(reg.plus(1), (bits >> 32) as u32);
+        Ok(reg)
+    }
+
+    /// The word of a row, where it is constant.
+    pub fn constant_word(&self, reg: Reg) -> Option<u32> {
+        self.words.get(&reg).copied()
+    }
+
+    /// Appends a row's operation and gives its result's first row; folds constants.
+    pub fn row(&mut self, row: &'static Row, from: &[Reg]) -> Result<Reg> {
+        let mut operands = [from.first().copied().unwrap_or(Reg(0)); 3];
+        operands[..from.len()].copy_from_slice(from);
+        if let Some(bits) = self.fold(row, from) {
+            return match row.words {
+                2 => self.wide_constant(bits),
+                _ => self.constant(bits as u32),
+            };
+        }
+        let to = self.fresh(row.words)?;
+        self.emit(Op::Row { row, to, from: operands });
+        Ok(to)
+    }
+
+    /// Appends the operation of a family's row.
+    pub fn family(&mut self, family: &'static Family, width: u32, from: &[Reg]) -> Result<Reg> {
+        match family.row(width) {
+            Some(row) => self.row(row, from),
+            None => Err(self.unsupported(format!("Op{} on {width}-bit operands", family.name))),
+        }
+    }
+
+    fn fold(&self, row: &Row, from: &[Reg]) -> Option<u64> {
+        let mut registers = Registers::<1>::new(8);
+        let mut operands = [Reg(2); 3];
+        for (at, &reg) in from.iter().enumerate() {
+            operands[at] = Reg(2 + 2 * at as u32);
+            for word in 0..row.operands[at] {
+                registers[operands[at].plus(word)].0[0] = self.constant_word(reg.plus(word))?;
+            }
+        }
+        (row.one)(&mut registers, Reg(0), &operands);
+        Some(u64::from(registers[Reg(0)].0[0]) | u64::from(registers[Reg(1)].0[0]) << 32)
+    }
+
+    /// One row for two words that must lie together.
+    pub fn pair(&mut self, low: Reg, high: Reg) -> Result<Reg> {
+        if high == low.plus(1) {
+            return Ok(low);
+        }
+        if let (Some(low), Some(high)) = (self.constant_word(low), self.constant_word(high)) {
+            return self.wide_constant(u64::from(low) | u64::from(high) << 32);
+        }
+        let to = self.fresh(2)?;
+        self.emit(Op::Memory(memory::Op::Move { to, from: low }));
+        self.emit(Op::Memory(memory::Op::Move { to: to.plus(1), from: high }));
+        Ok(to)
+    }
+
+    /// The same words in consecutive rows.
+    pub fn consecutive(&mut self, words: &[Reg]) -> Result<Reg> {
+        let first = words.first().copied().unwrap_or(Reg(0));
+        if words.iter().enumerate().all(|(at, &reg)| reg == first.plus(at as u32)) {
+            return Ok(first);
+        }
+        let to = self.fresh(words.len() as u32)?;
+        for (at, &from) in words.iter().enumerate() {
+            self.emit(Op::Memory(memory::Op::Move { to: to.plus(at as u32), from }));
+        }
+        Ok(to)
+    }
+
+    /// Remembers, until the block ends, that a variable's row has the value of another row.
+    pub fn remember(&mut self, variable: Reg, value: Reg) {
+        self.known.insert(variable, value);
+    }
+
+    /// The row that holds a variable's current value, where that is known.
+    pub fn recall(&self, variable: Reg) -> Option<Reg> {
+        self.known.get(&variable).copied()
+    }
+
+    /// Forgets what variables hold: at a block's beginning, and where something may change them.
+    pub fn forget(&mut self) {
+        self.known.clear();
+    }
+
+    /// Gives an id its meaning.
+    pub fn define(&mut self, id: Id, value: Value) {
+        self.locals.insert(id, value);
+    }
+
+    /// Gives the result of an instruction its words.
+    pub fn result(&mut self, instruction: &Instruction, words: Words) {
+        if let Some(id) = instruction.result {
+            self.define(id, Value::Words(words));
+        }
+    }
+
+    /// The result type of an instruction that must have one.
+    pub fn result_type(&self, instruction: &Instruction) -> Result<TypeId> {
+        let id = instruction.result_type.ok_or_else(|| self.invalid("an instruction without a result type"))?;
+        self.type_id(id)
+    }
+
+    /// The type that an id stands for.
+    pub fn type_id(&self, id: Id) -> Result<TypeId> {
+        match self.module.definition(id) {
+            Some(Definition::Type(ty)) => Ok(ty),
+            _ => Err(self.invalid(format!("%{} is no type", id.0))),
+        }
+    }
+
+    /// The type of a value's id.
+    pub fn type_of(&self, id: Id) -> Result<TypeId> {
+        self.module.type_of(id).ok_or_else(|| self.invalid(format!("%{} has no type", id.0)))
+    }
+
+    /// An operand that is an id.
+    pub fn id(&self, instruction: &Instruction, at: usize) -> Result<Id> {
+        self.literal(instruction, at).map(Id)
+    }
+
+    /// An operand word.
+    pub fn literal(&self, instruction: &Instruction, at: usize) -> Result<u32> {
+        let word = self.module.operands(instruction).get(at).copied();
+        word.ok_or_else(|| self.invalid(format!("operand {at} is missing")))
+    }
+
+    /// All operand words.
+    pub fn operands(&self, instruction: &Instruction) -> &'m [u32] {
+        self.module.operands(instruction)
+    }
+
+    /// The words of an operand that is a value's id.
+    pub fn operand(&mut self, instruction: &Instruction, at: usize) -> Result<Words> {
+        let id = self.id(instruction, at)?;
+        self.words(id)
+    }
+
+    /// What an id stands for.
+    pub fn value(&mut self, id: Id) -> Result<Value> {
+        if let Some(value) = self.locals.get(&id).or_else(|| self.globals.get(&id)) {
+            return Ok(value.clone());
+        }
+        let value = match self.module.definition(id) {
+            Some(Definition::Constant(index)) => Value::Words(self.constant_words(index)?),
+            Some(Definition::Variable(index)) => Value::Pointer(memory::variable(self, index)?),
+            Some(Definition::Result(..) | Definition::Parameter(..)) => {
+                return Err(self.invalid(format!("%{} is used where it has no value yet", id.0)));
+            }
+            _ => return Err(self.invalid(format!("%{} is no value", id.0))),
+        };
+        self.globals.insert(id, value.clone());
+        Ok(value)
+    }
+
+    /// The words of an id; a pointer is written out.
+    pub fn words(&mut self, id: Id) -> Result<Words> {
+        match self.value(id)? {
+            Value::Words(words) => Ok(words),
+            Value::Pointer(pointer) => memory::pointer_words(self, &pointer),
+        }
+    }
+
+    /// The pointer that an id stands for.
+    pub fn pointer(&mut self, id: Id) -> Result<Pointer> {
+        match self.value(id)? {
+            Value::Pointer(pointer) => Ok(pointer),
+            Value::Words(words) => {
+                let ty = self.type_of(id)?;
+                memory::pointer_from_words(self, ty, &words)
+            }
+        }
+    }
+
+    /// The value of a constant id that must be an integer known before running.
+    pub fn constant_integer(&mut self, id: Id) -> Result<u64> {
+        let words = self.words(id)?;
+        let mut bits = 0;
+        for (at, &reg) in words.iter().enumerate().take(2) {
+            let word = self.constant_word(reg);
+            let word = word.ok_or_else(|| self.invalid(format!("%{} must be a constant", id.0)))?;
+            bits |= u64::from(word) << (32 * at);
+        }
+        Ok(bits)
+    }
+
+    /// The length of an array type.
+    pub fn array_length(&mut self, length: Id) -> Result<u32> {
+        let bits = self.constant_integer(length)?;
+        match u32::try_from(bits) {
+            Ok(length) if length > 0 => Ok(length),
+            _ => Err(self.invalid(format!("an array of length {bits}"))),
+        }
+    }
+
+    /// How many words a value of a type takes in rows.
+    pub fn word_count(&mut self, ty: TypeId) -> Result<u32> {
+        let too_big = |decoder: &Self| decoder.unsupported("a value of this type is too big for registers");
+        Ok(match self.module.ty(ty).clone() {
+            Type::Void => 0,
+            Type::Bool | Type::Image(_) | Type::Sampler => 1,
+            Type::Int { width, .. } | Type::Float { width, .. } => width.div_ceil(32),
+            Type::SampledImage(_) | Type::AccelerationStructure => 2,
+            Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
+                let words = self.word_count(part)?;
+                words.checked_mul(count).filter(|&words| words < MAX_ROWS).ok_or_else(|| too_big(self))?
+            }
+            Type::Array { element, length, .. } => {
+                let words = self.word_count(element)?;
+                let length = self.array_length(length)?;
+                words.checked_mul(length).filter(|&words| words < MAX_ROWS).ok_or_else(|| too_big(self))?
+            }
+            Type::Struct { members, .. } => {
+                let mut sum = 0u32;
+                for member in members {
+                    let words = self.word_count(member.ty)?;
+                    sum = sum.checked_add(words).filter(|&sum| sum < MAX_ROWS).ok_or_else(|| too_big(self))?;
+                }
+                sum
+            }
+            Type::Pointer { storage_class, .. } => memory::pointer_word_count(storage_class),
+            other => {
+                let name = self.module.describe_type(ty);
+                return Err(match other {
+                    Type::RuntimeArray { .. } => self.invalid(format!("{name} cannot be a value")),
+                    _ => self.unsupported(format!("values of type {name}")),
+                });
+            }
+        })
+    }
+
+    /// Bits of a scalar type or of a vector's component; 0 for a bool.
+    pub fn scalar_width(&self, ty: TypeId) -> Result<u32> {
+        match *self.module.ty(ty) {
+            Type::Bool => Ok(0),
+            Type::Int { width, .. } | Type::Float { width, encoding: None } => Ok(width),
+            Type::Vector { component, .. } => self.scalar_width(component),
+            _ => Err(self.invalid(format!("{} where a scalar or vector must be", self.module.describe_type(ty)))),
+        }
+    }
+
+    /// How many components a scalar (1) or vector has.
+    pub fn component_count(&self, ty: TypeId) -> u32 {
+        match *self.module.ty(ty) {
+            Type::Vector { count, .. } => count,
+            _ => 1,
+        }
+    }
+
+    /// The first row of each component of a scalar or vector.
+    pub fn components(&mut self, id: Id) -> Result<Words> {
+        let ty = self.type_of(id)?;
+        let words = self.words(id)?;
+        let each = self.scalar_width(ty)?.div_ceil(32).max(1) as usize;
+        Ok(words.chunks(each).map(|chunk| chunk[0]).collect())
+    }
+
+    /// The rows of words, from the first row of each component.
+    pub fn spread(&self, components: &[Reg], width: u32) -> Words {
+        let each = width.div_ceil(32).max(1);
+        components.iter().flat_map(|&reg| (0..each).map(move |word| reg.plus(word))).collect()
+    }
+
+    /// Words of a constant of the module.
+    fn constant_words(&mut self, index: u32) -> Result<Words> {
+        let constant = self.module.constants[index as usize].clone();
+        let before = self.origin;
+        self.origin = Origin { offset: constant.offset, scope: 0 };
+        let words = match constant.value {
+            ConstantValue::Scalar(bits) => match self.scalar_width(constant.ty)? {
+                64 => {
+                    let reg = self.wide_constant(bits)?;
+                    Ok(SmallVec::from_slice(&[reg, reg.plus(1)]))
+                }
+                _ => Ok(SmallVec::from_slice(&[self.constant(bits as u32)?])),
+            },
+            ConstantValue::Composite(parts) => {
+                let mut words = Words::new();
+                for part in parts {
+                    words.extend(self.words(part)?);
+                }
+                Ok(words)
+            }
+            ConstantValue::Null | ConstantValue::Undef => self.zero(constant.ty),
+            ConstantValue::Operation { opcode, operands } => {
+                crate::ops::constant::operation(self, constant.id, constant.ty, opcode, &operands)
+            }
+            ConstantValue::Other(opcode) => {
+                Err(self.unsupported(format!("{} as a constant", self.module.opcode_name(opcode))))
+            }
+        };
+        self.origin = before;
+        words
+    }
+
+    /// A value of zeros.
+    pub fn zero(&mut self, ty: TypeId) -> Result<Words> {
+        // 64-bit scalars need their words side by side, so zeros are pairs throughout.
+        let zero = self.wide_constant(0)?;
+        let mut words = Words::new();
+        self.zero_words(ty, zero, &mut words)?;
+        Ok(words)
+    }
+
+    fn zero_words(&mut self, ty: TypeId, zero: Reg, words: &mut Words) -> Result<()> {
+        match self.module.ty(ty).clone() {
+            Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
+                (0..count).try_for_each(|_| self.zero_words(part, zero, words))
+            }
+            Type::Array { element, length, .. } => {
+                let count = self.word_count(ty)? / self.word_count(element)?.max(1);
+                debug_assert_eq!(count, self.array_length(length)?);
+                (0..count).try_for_each(|_| self.zero_words(element, zero, words))
+            }
+            Type::Struct { members, .. } => {
+                members.iter().try_for_each(|member| self.zero_words(member.ty, zero, words))
+            }
+            _ => {
+                let count = self.word_count(ty)?;
+                words.extend((0..count).map(|word| if word == 1 { zero.plus(1) } else { zero }));
+                Ok(())
+            }
+        }
+    }
+}

@@ -1,0 +1,298 @@
+//! Instructions that are made of rows but not componentwise: conversions (a row for each pair of
+//! widths), extended arithmetic, bit fields, `OpAny`/`OpAll`, and the packing half of
+//! `GLSL.std.450`.
+
+use rspirv::spirv::{GlslStd450Op, Op as Opcode};
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::module::ty::Type;
+use crate::module::{Id, Instruction};
+use crate::ops::arithmetic::{self, extended};
+use crate::ops::bit::{self, field};
+use crate::ops::conversion::{self, Conversion};
+use crate::ops::decode::{Decoder, Words};
+use crate::ops::glsl::parts;
+use crate::ops::relational_logical as logical;
+use crate::ops::row::{Family, Set, family};
+use crate::ops::{componentwise, linear_algebra, pointer};
+
+/// Opcodes decoded here.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::ConvertFToU,
+    Opcode::ConvertFToS,
+    Opcode::ConvertSToF,
+    Opcode::ConvertUToF,
+    Opcode::UConvert,
+    Opcode::SConvert,
+    Opcode::FConvert,
+    Opcode::IAddCarry,
+    Opcode::ISubBorrow,
+    Opcode::UMulExtended,
+    Opcode::SMulExtended,
+    Opcode::BitFieldInsert,
+    Opcode::BitFieldSExtract,
+    Opcode::BitFieldUExtract,
+    Opcode::Any,
+    Opcode::All,
+    Opcode::ExtInst,
+];
+
+/// `GLSL.std.450` instructions decoded here.
+pub const GLSL: &[GlslStd450Op] = &[
+    GlslStd450Op::Modf,
+    GlslStd450Op::ModfStruct,
+    GlslStd450Op::Frexp,
+    GlslStd450Op::FrexpStruct,
+    GlslStd450Op::PackSnorm4x8,
+    GlslStd450Op::PackUnorm4x8,
+    GlslStd450Op::PackSnorm2x16,
+    GlslStd450Op::PackUnorm2x16,
+    GlslStd450Op::PackHalf2x16,
+    GlslStd450Op::PackDouble2x32,
+    GlslStd450Op::UnpackSnorm4x8,
+    GlslStd450Op::UnpackUnorm4x8,
+    GlslStd450Op::UnpackSnorm2x16,
+    GlslStd450Op::UnpackUnorm2x16,
+    GlslStd450Op::UnpackHalf2x16,
+    GlslStd450Op::UnpackDouble2x32,
+];
+
+/// Decodes the instructions of this file; `false` for any other.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    let conversion = match opcode {
+        Opcode::ConvertFToU => Some(Conversion::FToU),
+        Opcode::ConvertFToS => Some(Conversion::FToS),
+        Opcode::ConvertSToF => Some(Conversion::SToF),
+        Opcode::ConvertUToF => Some(Conversion::UToF),
+        Opcode::UConvert => Some(Conversion::U),
+        Opcode::SConvert => Some(Conversion::S),
+        Opcode::FConvert => Some(Conversion::F),
+        _ => None,
+    };
+    if let Some(conversion) = conversion {
+        convert(decoder, conversion, instruction)?;
+        return Ok(true);
+    }
+    match opcode {
+        Opcode::IAddCarry => pair_of(decoder, instruction, &arithmetic::IAdd, [&extended::Carry, &extended::Carry64])?,
+        Opcode::ISubBorrow => {
+            pair_of(decoder, instruction, &arithmetic::ISub, [&extended::Borrow, &extended::Borrow64])?;
+        }
+        Opcode::UMulExtended => {
+            pair_of(decoder, instruction, &arithmetic::IMul, [&extended::UMulHigh, &extended::UMulHigh])?;
+        }
+        Opcode::SMulExtended => {
+            pair_of(decoder, instruction, &arithmetic::IMul, [&extended::SMulHigh, &extended::SMulHigh])?;
+        }
+        Opcode::BitFieldInsert => {
+            let width = width(decoder, instruction, 0)?;
+            let (base, insert) = (components(decoder, instruction, 0)?, components(decoder, instruction, 1)?);
+            let (offset, count) = (decoder.operand(instruction, 2)?[0], decoder.operand(instruction, 3)?[0]);
+            let mask = decoder.family(&field::FieldMask, width, &[offset, count])?;
+            let mut result = Words::new();
+            for (&base, &insert) in base.iter().zip(&insert) {
+                let moved = decoder.family(&bit::ShiftLeftLogical, width, &[insert, offset])?;
+                result.push(decoder.family(&field::FieldMerge, width, &[mask, moved, base])?);
+            }
+            finish(decoder, instruction, &result, width);
+        }
+        Opcode::BitFieldSExtract | Opcode::BitFieldUExtract => {
+            let width = width(decoder, instruction, 0)?;
+            let base = components(decoder, instruction, 0)?;
+            let (offset, count) = (decoder.operand(instruction, 1)?[0], decoder.operand(instruction, 2)?[0]);
+            let signed = opcode == Opcode::BitFieldSExtract;
+            let family = if signed { &field::FieldSExtract } else { &field::FieldUExtract };
+            let mut result = Words::new();
+            for &base in &base {
+                result.push(decoder.family(family, width, &[base, offset, count])?);
+            }
+            finish(decoder, instruction, &result, width);
+        }
+        Opcode::Any | Opcode::All => {
+            let words = decoder.operand(instruction, 0)?;
+            let family = if opcode == Opcode::Any { &logical::LogicalOr } else { &logical::LogicalAnd };
+            let mut result = words[0];
+            for &word in &words[1..] {
+                result = decoder.family(family, 0, &[result, word])?;
+            }
+            decoder.result(instruction, SmallVec::from_slice(&[result]));
+        }
+        Opcode::ExtInst => return extended_instruction(decoder, instruction).map(|()| true),
+        _ => return Ok(false),
+    }
+    Ok(true)
+}
+
+fn width(decoder: &Decoder<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
+    let ty = decoder.type_of(decoder.id(instruction, at)?)?;
+    decoder.scalar_width(ty)
+}
+
+fn components(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Words> {
+    let id = decoder.id(instruction, at)?;
+    decoder.components(id)
+}
+
+fn finish(decoder: &mut Decoder<'_>, instruction: &Instruction, components: &[Reg], width: u32) {
+    let words = decoder.spread(components, width);
+    decoder.result(instruction, words);
+}
+
+fn convert(decoder: &mut Decoder<'_>, conversion: Conversion, instruction: &Instruction) -> Result<()> {
+    let from = width(decoder, instruction, 0)?;
+    let ty = decoder.result_type(instruction)?;
+    let to = decoder.scalar_width(ty)?;
+    let mut result = Words::new();
+    for component in components(decoder, instruction, 0)? {
+        result.push(match conversion::row(conversion, from, to) {
+            Some(row) => decoder.row(row, &[component])?,
+            None if from == to => component,
+            None => return Err(decoder.unsupported(format!("a conversion from {from} to {to} bits"))),
+        });
+    }
+    finish(decoder, instruction, &result, to);
+    Ok(())
+}
+
+/// The two members of an extended operation: low part, then carry or high part.
+fn pair_of(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    low: &'static Family,
+    high: [&'static Family; 2],
+) -> Result<()> {
+    let width = width(decoder, instruction, 0)?;
+    let (a, b) = (components(decoder, instruction, 0)?, components(decoder, instruction, 1)?);
+    let high = high[usize::from(width == 64)];
+    let mut members = [Words::new(), Words::new()];
+    for (&a, &b) in a.iter().zip(&b) {
+        members[0].push(decoder.family(low, width, &[a, b])?);
+        members[1].push(decoder.family(high, width, &[a, b])?);
+    }
+    let members = members.concat();
+    finish(decoder, instruction, &members, width);
+    Ok(())
+}
+
+fn extended_instruction(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()> {
+    let (set, number) = (decoder.id(instruction, 0)?, decoder.literal(instruction, 1)?);
+    let name = match decoder.module.definition(set) {
+        Some(crate::module::Definition::InstructionSet(at)) => decoder.module.instruction_sets[at as usize].as_str(),
+        _ => return Err(decoder.invalid(format!("%{} is no instruction set", set.0))),
+    };
+    if name.starts_with("NonSemantic.") {
+        return Ok(());
+    }
+    if name != "GLSL.std.450" {
+        return Err(decoder.unsupported(format!("the instruction set {name}")));
+    }
+    if let Some(family) = family(Set::Glsl, number) {
+        return componentwise(decoder, family, instruction, 2);
+    }
+    let known = GlslStd450Op::from_u32(number);
+    let done = match known {
+        Some(number) => {
+            linear_algebra::decode_glsl(decoder, number, instruction)? || decode_glsl(decoder, number, instruction)?
+        }
+        None => false,
+    };
+    if done {
+        return Ok(());
+    }
+    Err(decoder.unsupported(crate::module::ext_inst_name(name, number).into_owned()))
+}
+
+fn decode_glsl(decoder: &mut Decoder<'_>, number: GlslStd450Op, instruction: &Instruction) -> Result<bool> {
+    use GlslStd450Op as G;
+    match number {
+        G::Modf | G::ModfStruct => {
+            split(decoder, instruction, [&parts::ModfFraction, &crate::ops::glsl::Trunc], number == G::Modf)?;
+        }
+        G::Frexp | G::FrexpStruct => {
+            split(decoder, instruction, [&parts::FrexpMantissa, &parts::FrexpExponent], number == G::Frexp)?;
+        }
+        G::PackSnorm4x8 => pack(decoder, instruction, &parts::Snorm8, 8)?,
+        G::PackUnorm4x8 => pack(decoder, instruction, &parts::Unorm8, 8)?,
+        G::PackSnorm2x16 => pack(decoder, instruction, &parts::Snorm16, 16)?,
+        G::PackUnorm2x16 => pack(decoder, instruction, &parts::Unorm16, 16)?,
+        G::PackHalf2x16 => pack(decoder, instruction, &parts::Half, 16)?,
+        G::UnpackSnorm4x8 => unpack(decoder, instruction, &parts::FromSnorm8, 8)?,
+        G::UnpackUnorm4x8 => unpack(decoder, instruction, &parts::FromUnorm8, 8)?,
+        G::UnpackSnorm2x16 => unpack(decoder, instruction, &parts::FromSnorm16, 16)?,
+        G::UnpackUnorm2x16 => unpack(decoder, instruction, &parts::FromUnorm16, 16)?,
+        G::UnpackHalf2x16 => unpack(decoder, instruction, &parts::FromHalf, 16)?,
+        G::PackDouble2x32 => {
+            let words = decoder.operand(instruction, 2)?;
+            let &[low, high] = &words[..] else { return Err(decoder.invalid("a vector of two is needed here")) };
+            let first = decoder.pair(low, high)?;
+            decoder.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
+        }
+        G::UnpackDouble2x32 => {
+            let words = decoder.operand(instruction, 2)?;
+            decoder.result(instruction, words);
+        }
+        _ => return Ok(false),
+    }
+    Ok(true)
+}
+
+/// `Modf` and `Frexp`: the first part is the result, the second goes to a pointer or a member.
+fn split(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    families: [&'static Family; 2],
+    to_pointer: bool,
+) -> Result<()> {
+    let width = width(decoder, instruction, 2)?;
+    let operand = components(decoder, instruction, 2)?;
+    let mut results = [Words::new(), Words::new()];
+    for &component in &operand {
+        for (result, family) in results.iter_mut().zip(families) {
+            let row = family.row(width);
+            let row = row.ok_or_else(|| decoder.unsupported(format!("{width}-bit {}", family.name)))?;
+            let first = decoder.row(row, &[component])?;
+            result.extend((0..row.words).map(|word| first.plus(word)));
+        }
+    }
+    let [first, second] = results;
+    if to_pointer {
+        let id = decoder.id(instruction, 3)?;
+        let pointer = decoder.pointer(id)?;
+        // The exponent may be stored through a pointer to an integer of another width.
+        if let Type::Int { width: 8 | 16 | 64, .. } = decoder.module.ty(pointer.pointee) {
+            return Err(decoder.unsupported("an exponent of other than 32 bits"));
+        }
+        pointer::store(decoder, &pointer, &second)?;
+        decoder.result(instruction, first);
+    } else {
+        let mut words = first;
+        words.extend(second);
+        decoder.result(instruction, words);
+    }
+    Ok(())
+}
+
+fn pack(decoder: &mut Decoder<'_>, instruction: &Instruction, family: &'static Family, bits: u32) -> Result<()> {
+    let mut sum = decoder.constant(0)?;
+    for (at, component) in components(decoder, instruction, 2)?.into_iter().enumerate() {
+        let by = decoder.constant(bits * at as u32)?;
+        let part = decoder.family(family, 32, &[component, by])?;
+        sum = decoder.family(&bit::BitwiseOr, 32, &[sum, part])?;
+    }
+    decoder.result(instruction, SmallVec::from_slice(&[sum]));
+    Ok(())
+}
+
+fn unpack(decoder: &mut Decoder<'_>, instruction: &Instruction, family: &'static Family, bits: u32) -> Result<()> {
+    let id: Id = decoder.id(instruction, 2)?;
+    let word = decoder.words(id)?[0];
+    let mut words = Words::new();
+    for at in 0..32 / bits {
+        let by = decoder.constant(bits * at)?;
+        words.push(decoder.family(family, 32, &[word, by])?);
+    }
+    decoder.result(instruction, words);
+    Ok(())
+}

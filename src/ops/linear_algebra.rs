@@ -1,0 +1,334 @@
+//! Instructions that are sums of products: `OpDot`, the matrix products, and what
+//! `GLSL.std.450` defines by a formula over whole vectors. Each follows its formula operation by
+//! operation, left to right, each rounded.
+
+use rspirv::spirv::{GlslStd450Op, Op as Opcode};
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::module::{Id, Instruction};
+use crate::ops::arithmetic::{FAdd, FMul, FNegate, FSub};
+use crate::ops::composite::{columns, scalar_width_of_matrix};
+use crate::ops::decode::{Decoder, Words};
+use crate::ops::glsl::{InverseSqrt, Sqrt};
+use crate::ops::relational_logical::{FOrdLessThan, select::SelectWord};
+
+/// Opcodes decoded here.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::Dot,
+    Opcode::VectorTimesScalar,
+    Opcode::MatrixTimesScalar,
+    Opcode::VectorTimesMatrix,
+    Opcode::MatrixTimesVector,
+    Opcode::MatrixTimesMatrix,
+    Opcode::OuterProduct,
+];
+
+/// `GLSL.std.450` instructions decoded here.
+pub const GLSL: &[GlslStd450Op] = &[
+    GlslStd450Op::Determinant,
+    GlslStd450Op::MatrixInverse,
+    GlslStd450Op::Length,
+    GlslStd450Op::Distance,
+    GlslStd450Op::Cross,
+    GlslStd450Op::Normalize,
+    GlslStd450Op::FaceForward,
+    GlslStd450Op::Reflect,
+    GlslStd450Op::Refract,
+];
+
+/// Float arithmetic at one width.
+struct Scalars<'a, 'm> {
+    decoder: &'a mut Decoder<'m>,
+    width: u32,
+}
+
+impl Scalars<'_, '_> {
+    fn add(&mut self, a: Reg, b: Reg) -> Result<Reg> {
+        self.decoder.family(&FAdd, self.width, &[a, b])
+    }
+    fn sub(&mut self, a: Reg, b: Reg) -> Result<Reg> {
+        self.decoder.family(&FSub, self.width, &[a, b])
+    }
+    fn mul(&mut self, a: Reg, b: Reg) -> Result<Reg> {
+        self.decoder.family(&FMul, self.width, &[a, b])
+    }
+    fn dot(&mut self, a: &[Reg], b: &[Reg]) -> Result<Reg> {
+        let mut sum = self.mul(a[0], b[0])?;
+        for (&a, &b) in a.iter().zip(b).skip(1) {
+            let product = self.mul(a, b)?;
+            sum = self.add(sum, product)?;
+        }
+        Ok(sum)
+    }
+    /// A float constant of this width.
+    fn number(&mut self, value: f64) -> Result<Reg> {
+        match self.width {
+            16 => self.decoder.constant(half::f16::from_f64(value).to_bits().into()),
+            32 => self.decoder.constant((value as f32).to_bits()),
+            _ => self.decoder.wide_constant(value.to_bits()),
+        }
+    }
+    /// Chooses between two scalars.
+    fn select(&mut self, condition: Reg, a: Reg, b: Reg) -> Result<Reg> {
+        let row = &SelectWord.rows[0];
+        let low = self.decoder.row(row, &[condition, a, b])?;
+        if self.width < 64 {
+            return Ok(low);
+        }
+        let high = self.decoder.row(row, &[condition, a.plus(1), b.plus(1)])?;
+        self.decoder.pair(low, high)
+    }
+    /// The determinant by expansion along the first column.
+    fn determinant(&mut self, columns: &[Words]) -> Result<Reg> {
+        match columns.len() {
+            1 => Ok(columns[0][0]),
+            2 => {
+                let a = self.mul(columns[0][0], columns[1][1])?;
+                let b = self.mul(columns[1][0], columns[0][1])?;
+                self.sub(a, b)
+            }
+            size => {
+                let mut sum: Option<Reg> = None;
+                for row in 0..size {
+                    let minor = self.minor(columns, 0, row)?;
+                    let term = self.mul(columns[0][row], minor)?;
+                    sum = Some(match sum {
+                        None => term,
+                        Some(sum) if row % 2 == 1 => self.sub(sum, term)?,
+                        Some(sum) => self.add(sum, term)?,
+                    });
+                }
+                sum.ok_or_else(|| self.decoder.invalid("a determinant of nothing"))
+            }
+        }
+    }
+    fn minor(&mut self, columns: &[Words], column: usize, row: usize) -> Result<Reg> {
+        let rest: Vec<Words> = columns
+            .iter()
+            .enumerate()
+            .filter(|&(at, _)| at != column)
+            .map(|(_, column)| {
+                column.iter().enumerate().filter(|&(at, _)| at != row).map(|(_, &reg)| reg).collect()
+            })
+            .collect();
+        self.determinant(&rest)
+    }
+}
+
+/// Decodes core instructions; `false` for an instruction of another section.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    if !OPCODES.contains(&opcode) {
+        return Ok(false);
+    }
+    let (a, b) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
+    let is_matrix = |decoder: &Decoder<'_>, id| scalar_width_of_matrix(decoder, id).is_ok();
+    let width = match is_matrix(decoder, a) {
+        true => scalar_width_of_matrix(decoder, a)?,
+        false => decoder.type_of(a).and_then(|ty| decoder.scalar_width(ty))?,
+    };
+    let components = |decoder: &mut Decoder<'_>, id: Id| match is_matrix(decoder, id) {
+        true => columns(decoder, id).map(|columns| columns.concat().into()),
+        false => decoder.components(id),
+    };
+    let left: Words = components(decoder, a)?;
+    let right: Words = components(decoder, b)?;
+    let columns_of_a = if is_matrix(decoder, a) { columns(decoder, a)? } else { Vec::new() };
+    let columns_of_b = if is_matrix(decoder, b) { columns(decoder, b)? } else { Vec::new() };
+    let mut scalars = Scalars { decoder, width };
+    let mut result = Words::new();
+    let agree = match opcode {
+        Opcode::Dot => left.len() == right.len(),
+        Opcode::MatrixTimesVector => columns_of_a.len() == right.len(),
+        Opcode::VectorTimesMatrix => columns_of_b.first().is_some_and(|column| column.len() == left.len()),
+        Opcode::MatrixTimesMatrix => columns_of_b.first().is_some_and(|column| column.len() == columns_of_a.len()),
+        _ => true,
+    };
+    if !agree || left.is_empty() || right.is_empty() {
+        return Err(scalars.decoder.invalid("the operands of a product do not fit together"));
+    }
+    match opcode {
+        Opcode::Dot => result.push(scalars.dot(&left, &right)?),
+        Opcode::VectorTimesScalar | Opcode::MatrixTimesScalar => {
+            for &component in &left {
+                result.push(scalars.mul(component, right[0])?);
+            }
+        }
+        Opcode::OuterProduct => {
+            for &b in &right {
+                for &a in &left {
+                    result.push(scalars.mul(a, b)?);
+                }
+            }
+        }
+        Opcode::VectorTimesMatrix => {
+            for column in &columns_of_b {
+                result.push(scalars.dot(&left, column)?);
+            }
+        }
+        _ => {
+            let vectors = if opcode == Opcode::MatrixTimesVector { vec![right] } else { columns_of_b };
+            for vector in vectors {
+                for row in 0..columns_of_a[0].len() {
+                    let matrix_row: Words = columns_of_a.iter().map(|column| column[row]).collect();
+                    result.push(scalars.dot(&matrix_row, &vector)?);
+                }
+            }
+        }
+    }
+    let words = decoder.spread(&result, width);
+    decoder.result(instruction, words);
+    Ok(true)
+}
+
+/// Decodes a `GLSL.std.450` instruction; its operands begin after set and number.
+pub fn decode_glsl(decoder: &mut Decoder<'_>, number: GlslStd450Op, instruction: &Instruction) -> Result<bool> {
+    if !GLSL.contains(&number) {
+        return Ok(false);
+    }
+    let first = decoder.id(instruction, 2)?;
+    if matches!(number, GlslStd450Op::Determinant | GlslStd450Op::MatrixInverse) {
+        let width = scalar_width_of_matrix(decoder, first)?;
+        let columns = columns(decoder, first)?;
+        if columns.iter().any(|column| column.len() != columns.len()) {
+            return Err(decoder.invalid("a square matrix is needed here"));
+        }
+        let mut scalars = Scalars { decoder, width };
+        let determinant = scalars.determinant(&columns)?;
+        let mut result = Words::new();
+        if number == GlslStd450Op::Determinant {
+            result.push(determinant);
+        } else {
+            // The adjugate over the determinant: element (row i, column j) is the cofactor (j, i).
+            let one = scalars.number(1.0)?;
+            let scale = scalars.decoder.family(&crate::ops::arithmetic::FDiv, width, &[one, determinant])?;
+            for column in 0..columns.len() {
+                for row in 0..columns.len() {
+                    let minor = match columns.len() {
+                        1 => one,
+                        _ => scalars.minor(&columns, row, column)?,
+                    };
+                    let cofactor = match (row + column) % 2 {
+                        0 => minor,
+                        _ => scalars.decoder.family(&FNegate, width, &[minor])?,
+                    };
+                    result.push(scalars.mul(cofactor, scale)?);
+                }
+            }
+        }
+        let words = decoder.spread(&result, width);
+        decoder.result(instruction, words);
+        return Ok(true);
+    }
+    let width = decoder.type_of(first).and_then(|ty| decoder.scalar_width(ty))?;
+    let mut operands: SmallVec<[Words; 3]> = SmallVec::new();
+    for &id in &decoder.operands(instruction)[2..] {
+        operands.push(decoder.components(Id(id))?);
+    }
+    let size = operands[0].len();
+    let mut s = Scalars { decoder, width };
+    let expected = match number {
+        GlslStd450Op::Length | GlslStd450Op::Normalize => 1,
+        GlslStd450Op::FaceForward | GlslStd450Op::Refract => 3,
+        _ => 2,
+    };
+    let vectors = if number == GlslStd450Op::Refract { 2 } else { expected };
+    if operands.len() < expected || size == 0 || operands[..vectors].iter().any(|v| v.len() != size) {
+        return Err(s.decoder.invalid("the operands do not fit together"));
+    }
+    let a = operands[0].clone();
+    let b = operands.get(1).cloned().unwrap_or_default();
+    let c = operands.get(2).cloned().unwrap_or_default();
+    let mut result = Words::new();
+    match number {
+        GlslStd450Op::Length | GlslStd450Op::Distance => {
+            let mut v = a;
+            if number == GlslStd450Op::Distance {
+                for at in 0..size {
+                    v[at] = s.sub(v[at], b[at])?;
+                }
+            }
+            // The length of a scalar is its magnitude, which the square root of its square is not.
+            if size == 1 {
+                result.push(s.decoder.family(&crate::ops::glsl::FAbs, width, &[v[0]])?);
+            } else {
+                let dot = s.dot(&v, &v)?;
+                result.push(s.decoder.family(&Sqrt, width, &[dot])?);
+            }
+        }
+        GlslStd450Op::Normalize => {
+            let dot = s.dot(&a, &a)?;
+            let scale = s.decoder.family(&InverseSqrt, width, &[dot])?;
+            for &component in &a {
+                result.push(s.mul(component, scale)?);
+            }
+        }
+        GlslStd450Op::Cross => {
+            if size != 3 {
+                return Err(s.decoder.invalid("a cross product takes vectors of three components"));
+            }
+            for at in 0..3 {
+                let (next, last) = ((at + 1) % 3, (at + 2) % 3);
+                let left = s.mul(a[next], b[last])?;
+                let right = s.mul(b[next], a[last])?;
+                result.push(s.sub(left, right)?);
+            }
+        }
+        GlslStd450Op::FaceForward => {
+            let dot = s.dot(&c, &b)?;
+            let zero = s.number(0.0)?;
+            let facing = s.decoder.family(&FOrdLessThan, width, &[dot, zero])?;
+            for &component in &a {
+                let flipped = s.decoder.family(&FNegate, width, &[component])?;
+                result.push(s.select(facing, component, flipped)?);
+            }
+        }
+        GlslStd450Op::Reflect => {
+            let dot = s.dot(&b, &a)?;
+            let two = s.number(2.0)?;
+            let scale = s.mul(two, dot)?;
+            for at in 0..size {
+                let product = s.mul(scale, b[at])?;
+                result.push(s.sub(a[at], product)?);
+            }
+        }
+        _ => {
+            // k = 1 - eta * eta * (1 - dot(N, I)^2); k < 0 gives 0, else
+            // eta * I - (eta * dot(N, I) + sqrt(k)) * N
+            let eta = eta(&mut s, instruction, c[0])?;
+            let one = s.number(1.0)?;
+            let zero = s.number(0.0)?;
+            let dot = s.dot(&b, &a)?;
+            let square = s.mul(dot, dot)?;
+            let rest = s.sub(one, square)?;
+            let squared_eta = s.mul(eta, eta)?;
+            let product = s.mul(squared_eta, rest)?;
+            let k = s.sub(one, product)?;
+            let total = s.decoder.family(&FOrdLessThan, width, &[k, zero])?;
+            let root = s.decoder.family(&Sqrt, width, &[k])?;
+            let along = s.mul(eta, dot)?;
+            let scale = s.add(along, root)?;
+            for at in 0..size {
+                let incident = s.mul(eta, a[at])?;
+                let normal = s.mul(scale, b[at])?;
+                let difference = s.sub(incident, normal)?;
+                result.push(s.select(total, zero, difference)?);
+            }
+        }
+    }
+    let words = decoder.spread(&result, width);
+    decoder.result(instruction, words);
+    Ok(true)
+}
+
+/// The ratio of `Refract`, which may be of another width than the vectors.
+fn eta(s: &mut Scalars<'_, '_>, instruction: &Instruction, reg: Reg) -> Result<Reg> {
+    use crate::ops::conversion::{Conversion, row};
+    let id = s.decoder.id(instruction, 4)?;
+    let from = s.decoder.type_of(id).and_then(|ty| s.decoder.scalar_width(ty))?;
+    match row(Conversion::F, from, s.width) {
+        Some(row) => s.decoder.row(row, &[reg]),
+        None => Ok(reg),
+    }
+}

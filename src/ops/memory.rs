@@ -1,0 +1,291 @@
+//! Memory instructions (SPIR-V 3.3.8): the operations that move words, and how they run.
+//!
+//! Function, Private, Input, payload and attribute variables are rows of the register file, so a
+//! load or store through constant indices is a move, and only a computed index needs a
+//! [`Op::Gather`]. Buffers are addressed by bytes.
+
+use smallvec::SmallVec;
+
+use crate::machine::{Batch, Bindings, Buffer, Invocation, Mask, Reg, Registers, TrapCode};
+use crate::ops::op::Access;
+
+pub use crate::ops::pointer::{Place, Pointer, pointer_from_words, pointer_word_count, pointer_words, variable};
+
+/// What a computed offset becomes when an index is outside its array: whoever follows it traps.
+pub const OUT_OF_BOUNDS: u32 = u32::MAX;
+
+/// Which buffer a load or store means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BufferRef {
+    /// A descriptor known before running.
+    Handle(u32),
+    /// A descriptor's handle in a row.
+    Computed(Reg),
+    /// The push constants.
+    PushConstants,
+    /// The data of each lane's shader record.
+    ShaderRecord,
+}
+
+/// A stretch of a buffer: scalars of `width` bits (8, 16 or 32) side by side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Chunk {
+    /// Which buffer.
+    pub buffer: BufferRef,
+    /// The constant part of the byte offset.
+    pub offset: u32,
+    /// The computed part of the byte offset.
+    pub index: Option<Reg>,
+    /// Bits of a scalar.
+    pub width: u32,
+    /// How many scalars.
+    pub count: u32,
+}
+
+/// An operation that moves words.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Op {
+    /// Copies a row, in all lanes.
+    Move { to: Reg, from: Reg },
+    /// Copies a row in the running lanes only.
+    MoveMasked { to: Reg, from: Reg },
+    /// `to = base + index * stride`, or [`OUT_OF_BOUNDS`] where the index is not below `length`.
+    Index { to: Reg, base: Option<Reg>, index: Reg, stride: u32, length: Length },
+    /// Reads `count` rows from `first + row[lane]` on.
+    Gather { to: Reg, count: u32, first: Reg, row: Reg },
+    /// Writes `count` rows from `first + row[lane]` on.
+    Scatter { from: Reg, count: u32, first: Reg, row: Reg },
+    /// Reads scalars of a buffer into consecutive rows.
+    BufferLoad { to: Reg, chunk: Chunk },
+    /// Writes scalars of consecutive rows to a buffer.
+    BufferStore { from: Reg, chunk: Chunk },
+    /// The number of elements of a runtime array at an offset of a buffer.
+    ArrayLength { to: Reg, buffer: BufferRef, offset: u32, stride: u32 },
+}
+
+/// How many elements an index may choose from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Length {
+    /// This many.
+    Known(u32),
+    /// As many as the buffer holds: the access itself is checked.
+    Unknown,
+}
+
+impl Op {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        let buffer = |buffer: &BufferRef, visit: &mut dyn FnMut(Access)| {
+            if let BufferRef::Computed(reg) = *buffer {
+                visit(Access::Read(reg, 1));
+            }
+        };
+        match self {
+            Self::Move { to, from } | Self::MoveMasked { to, from } => {
+                visit(Access::Read(*from, 1));
+                visit(Access::Write(*to, 1));
+            }
+            Self::Index { to, base, index, .. } => {
+                visit(Access::Read(*index, 1));
+                if let Some(base) = base {
+                    visit(Access::Read(*base, 1));
+                }
+                visit(Access::Write(*to, 1));
+            }
+            Self::Gather { to, count, row, .. } => {
+                visit(Access::Read(*row, 1));
+                visit(Access::Write(*to, *count));
+            }
+            Self::Scatter { from, count, row, .. } => {
+                visit(Access::Read(*row, 1));
+                visit(Access::Read(*from, *count));
+                visit(Access::Effect);
+            }
+            Self::BufferLoad { to, chunk } => {
+                buffer(&chunk.buffer, visit);
+                if let Some(index) = chunk.index {
+                    visit(Access::Read(index, 1));
+                }
+                visit(Access::Write(*to, chunk.count));
+            }
+            Self::BufferStore { from, chunk } => {
+                buffer(&chunk.buffer, visit);
+                if let Some(index) = chunk.index {
+                    visit(Access::Read(index, 1));
+                }
+                visit(Access::Read(*from, chunk.count));
+                visit(Access::Effect);
+            }
+            Self::ArrayLength { to, buffer: which, .. } => {
+                buffer(which, visit);
+                visit(Access::Write(*to, 1));
+            }
+        }
+    }
+
+    /// Runs the operation for the running lanes.
+    #[inline]
+    pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
+        match *self {
+            Self::Move { to, from } => {
+                let row = batch.registers[from];
+                batch.registers[to] = row;
+            }
+            Self::MoveMasked { to, from } => batch.registers.copy(to, from, batch.mask),
+            Self::Index { to, base, index, stride, length } => index_lanes(batch, to, base, index, stride, length),
+            Self::Gather { to, count, first, row } => {
+                let rows = batch.registers[row];
+                let end = batch.registers.len() as u64;
+                let mut outside = Mask::NONE;
+                for lane in batch.mask.lanes() {
+                    let at = u64::from(first.0) + u64::from(rows.0[lane]);
+                    if rows.0[lane] == OUT_OF_BOUNDS || at + u64::from(count) > end {
+                        outside = outside | Mask::lane(lane);
+                        continue;
+                    }
+                    for word in 0..count {
+                        batch.registers[to.plus(word)].0[lane] = batch.registers[Reg(at as u32 + word)].0[lane];
+                    }
+                }
+                trap(batch, outside, TrapCode::IndexOutOfBounds);
+            }
+            Self::Scatter { from, count, first, row } => {
+                let rows = batch.registers[row];
+                let end = batch.registers.len() as u64;
+                let mut outside = Mask::NONE;
+                for lane in batch.mask.lanes() {
+                    let at = u64::from(first.0) + u64::from(rows.0[lane]);
+                    if rows.0[lane] == OUT_OF_BOUNDS || at + u64::from(count) > end {
+                        outside = outside | Mask::lane(lane);
+                        continue;
+                    }
+                    for word in 0..count {
+                        batch.registers[Reg(at as u32 + word)].0[lane] = batch.registers[from.plus(word)].0[lane];
+                    }
+                }
+                trap(batch, outside, TrapCode::IndexOutOfBounds);
+            }
+            Self::BufferLoad { to, chunk } => {
+                each_access(batch, bindings, &chunk, |registers, lane, buffer, offset| {
+                    for scalar in 0..chunk.count {
+                        let at = offset + u64::from(scalar * (chunk.width / 8));
+                        registers[to.plus(scalar)].0[lane] = buffer.load(at, chunk.width)?;
+                    }
+                    Some(())
+                });
+            }
+            Self::BufferStore { from, chunk } => {
+                each_access(batch, bindings, &chunk, |registers, lane, buffer, offset| {
+                    for scalar in 0..chunk.count {
+                        let at = offset + u64::from(scalar * (chunk.width / 8));
+                        buffer.store(at, chunk.width, registers[from.plus(scalar)].0[lane])?;
+                    }
+                    Some(())
+                });
+            }
+            Self::ArrayLength { to, buffer, offset, stride } => {
+                for lane in batch.mask.lanes() {
+                    let computed = if let BufferRef::Computed(reg) = buffer { batch.registers[reg].0[lane] } else { 0 };
+                    match find(&batch.invocations[lane], bindings, buffer, computed) {
+                        Ok((_, _, size)) => {
+                            let length = size.saturating_sub(u64::from(offset)) / u64::from(stride.max(1));
+                            batch.registers[to].0[lane] = u32::try_from(length).unwrap_or(u32::MAX);
+                        }
+                        Err(code) => trap(batch, Mask::lane(lane), code),
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn index_lanes<const W: usize>(
+    batch: &mut Batch<W>,
+    to: Reg,
+    base: Option<Reg>,
+    index: Reg,
+    stride: u32,
+    length: Length,
+) {
+    let indices = batch.registers[index];
+    let bases = base.map(|base| batch.registers[base]);
+    let row = &mut batch.registers[to];
+    for lane in 0..W {
+        let index = indices.0[lane];
+        let base = bases.map_or(0, |bases| bases.0[lane]);
+        let inside = match length {
+            Length::Known(length) => index < length,
+            Length::Unknown => true,
+        };
+        let sum = u64::from(index) * u64::from(stride) + u64::from(base);
+        let fits = inside && base != OUT_OF_BOUNDS && sum < u64::from(OUT_OF_BOUNDS);
+        row.0[lane] = if fits { sum as u32 } else { OUT_OF_BOUNDS };
+    }
+}
+
+#[cold]
+fn stop<const W: usize>(batch: &mut Batch<W>, mask: Mask<W>, code: TrapCode) {
+    let op = batch.op;
+    batch.trap(mask, code, op);
+}
+
+#[inline]
+fn trap<const W: usize>(batch: &mut Batch<W>, mask: Mask<W>, code: TrapCode) {
+    if !mask.is_empty() {
+        stop(batch, mask, code);
+    }
+}
+
+/// The buffer that a lane means, with the offset and size of the part that it may touch.
+fn find<'a>(
+    invocation: &'a Invocation,
+    bindings: &'a Bindings,
+    buffer: BufferRef,
+    computed: u32,
+) -> Result<(&'a Buffer, u64, u64), TrapCode> {
+    let whole = |buffer: &'a Buffer| (buffer, 0, buffer.size());
+    match buffer {
+        BufferRef::Handle(handle) => bindings.buffer(handle).map(whole).ok_or(TrapCode::DescriptorMissing),
+        BufferRef::Computed(_) => bindings.buffer(computed).map(whole).ok_or(TrapCode::DescriptorMissing),
+        BufferRef::PushConstants => {
+            bindings.push_constants.as_deref().map(whole).ok_or(TrapCode::DescriptorMissing)
+        }
+        BufferRef::ShaderRecord => match &invocation.record {
+            Some(record) => Ok((&record.data, record.offset, record.size)),
+            None => Err(TrapCode::ShaderRecordMissing),
+        },
+    }
+}
+
+/// Calls a function for each running lane with the buffer and the byte offset of its access;
+/// lanes whose access is outside are stopped.
+#[inline(always)]
+fn each_access<const W: usize>(
+    batch: &mut Batch<W>,
+    bindings: &Bindings,
+    chunk: &Chunk,
+    mut access: impl FnMut(&mut Registers<W>, usize, &Buffer, u64) -> Option<()>,
+) {
+    let bytes = u64::from(chunk.width / 8 * chunk.count);
+    let mut failed = SmallVec::<[(usize, TrapCode); 1]>::new();
+    for lane in batch.mask.lanes() {
+        let word = |reg: Reg| batch.registers[reg].0[lane];
+        let index = chunk.index.map_or(0, word);
+        let computed = if let BufferRef::Computed(reg) = chunk.buffer { word(reg) } else { 0 };
+        let offset = u64::from(chunk.offset) + u64::from(index);
+        let done = match find(&batch.invocations[lane], bindings, chunk.buffer, computed) {
+            Err(code) => Err(code),
+            Ok(_) if index == OUT_OF_BOUNDS => Err(TrapCode::IndexOutOfBounds),
+            Ok((_, _, size)) if offset + bytes > size => Err(TrapCode::BufferOutOfBounds),
+            Ok((buffer, start, _)) => {
+                access(&mut batch.registers, lane, buffer, start + offset).ok_or(TrapCode::BufferOutOfBounds)
+            }
+        };
+        if let Err(code) = done {
+            failed.push((lane, code));
+        }
+    }
+    for (lane, code) in failed {
+        stop(batch, Mask::lane(lane), code);
+    }
+}

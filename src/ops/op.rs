@@ -1,0 +1,68 @@
+//! An operation: what is left of an instruction when types and composites are gone.
+
+use crate::machine::{Batch, Bindings, Reg};
+use crate::ops::row::{Row, Width};
+use crate::ops::{image, memory, ray_tracing};
+
+/// One operation on rows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Op {
+    /// A regular instruction: the same scalar function in every lane.
+    Row {
+        /// Which.
+        row: &'static Row,
+        /// The first row of the result.
+        to: Reg,
+        /// The first row of each operand.
+        from: [Reg; 3],
+    },
+    /// Moves, loads and stores.
+    Memory(memory::Op),
+    /// Image instructions.
+    Image(image::Op),
+    /// Instructions that hand the batch to the pipeline.
+    Stop(ray_tracing::Op),
+}
+
+/// What an operation does with rows, for passes over programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Reads this many rows.
+    Read(Reg, u32),
+    /// Writes this many rows.
+    Write(Reg, u32),
+    /// Does something that can be seen from outside: it must not be dropped.
+    Effect,
+}
+
+impl Op {
+    /// Reports the rows that the operation reads and writes, and whether it has an effect beside.
+    pub fn accesses(&self, mut visit: impl FnMut(Access)) {
+        match self {
+            Self::Row { row, to, from } => {
+                for (&reg, &words) in from.iter().zip(&row.operands) {
+                    visit(Access::Read(reg, words));
+                }
+                visit(Access::Write(*to, row.words));
+            }
+            Self::Memory(op) => op.accesses(&mut visit),
+            Self::Image(op) => op.accesses(&mut visit),
+            Self::Stop(op) => op.accesses(&mut visit),
+        }
+    }
+
+    /// Runs the operation for the running lanes of a batch; a [`Op::Stop`] is the interpreter's own
+    /// business.
+    #[inline(always)]
+    pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings)
+    where
+        Row: Width<W>,
+    {
+        match self {
+            Self::Row { row, to, from } => Width::<W>::eval(*row)(&mut batch.registers, *to, from),
+            Self::Memory(op) => op.eval(batch, bindings),
+            Self::Image(op) => op.eval(batch, bindings),
+            Self::Stop(_) => unreachable!("bug in anyhit: a stop is not evaluated"),
+        }
+    }
+}

@@ -1,0 +1,614 @@
+//! Pointers while a function is lowered: where they lead is mostly known before running.
+
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::{Binding, Bindings, Reg};
+use crate::module::Instruction;
+use crate::module::ty::{MatrixLayout, Type, TypeId};
+use crate::ops::builtin;
+use crate::ops::decode::{Decoder, InputRows, InterfaceRows, Slot, Words};
+use crate::ops::memory::{self, BufferRef, Chunk, Length};
+use crate::ops::op::Op;
+
+/// Storage classes, numbers of the specification.
+pub mod storage {
+    pub const UNIFORM_CONSTANT: u32 = 0;
+    pub const INPUT: u32 = 1;
+    pub const UNIFORM: u32 = 2;
+    pub const OUTPUT: u32 = 3;
+    pub const WORKGROUP: u32 = 4;
+    pub const PRIVATE: u32 = 6;
+    pub const FUNCTION: u32 = 7;
+    pub const PUSH_CONSTANT: u32 = 9;
+    pub const STORAGE_BUFFER: u32 = 12;
+    pub const CALLABLE_DATA: u32 = 5328;
+    pub const INCOMING_CALLABLE_DATA: u32 = 5329;
+    pub const RAY_PAYLOAD: u32 = 5338;
+    pub const HIT_ATTRIBUTE: u32 = 5339;
+    pub const INCOMING_RAY_PAYLOAD: u32 = 5342;
+    pub const SHADER_RECORD_BUFFER: u32 = 5343;
+    pub const PHYSICAL_STORAGE_BUFFER: u32 = 5349;
+}
+
+/// Where a pointer leads.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Place {
+    /// Rows of the register file from a known one on.
+    Rows {
+        /// The variable's first row.
+        first: Reg,
+        /// Whether nothing writes them while the shader runs.
+        constant: bool,
+    },
+    /// Rows of the register file; the pointer's index is the row's number.
+    ComputedRows,
+    /// Bytes of a buffer.
+    Buffer(BufferRef),
+    /// Descriptors of a slot; the offset counts array elements.
+    Descriptors {
+        /// The slot.
+        slot: u32,
+        /// Whether the binding is an array.
+        array: bool,
+        /// Whether the descriptors are buffers, whose contents further indices reach.
+        buffers: bool,
+    },
+}
+
+/// A pointer: a place and how far into it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pointer {
+    /// Where it leads.
+    pub place: Place,
+    /// What it points to.
+    pub pointee: TypeId,
+    /// Its storage class.
+    pub storage_class: u32,
+    /// The constant part of the offset: words in rows, bytes in buffers, elements in descriptors.
+    pub offset: u32,
+    /// The computed part of the offset.
+    pub index: Option<Reg>,
+    /// The layout of matrices below, in a buffer.
+    pub matrix: Option<MatrixLayout>,
+    /// Bytes between the components of the vector pointed to, where they do not touch.
+    pub component_stride: Option<u32>,
+}
+
+/// How many words a pointer takes as a value.
+pub fn pointer_word_count(storage_class: u32) -> u32 {
+    match storage_class {
+        storage::UNIFORM | storage::STORAGE_BUFFER | storage::PUSH_CONSTANT | storage::SHADER_RECORD_BUFFER => 2,
+        storage::PHYSICAL_STORAGE_BUFFER => 2,
+        _ => 1,
+    }
+}
+
+/// The pointer that a variable at module scope is; its rows or slot are made on first use.
+pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
+    let variable = decoder.module.variables[index as usize].clone();
+    let id = variable.id;
+    let Type::Pointer { pointee: Some(pointee), .. } = *decoder.module.ty(variable.pointer) else {
+        return Err(decoder.invalid(format!("variable %{} has no pointer type", id.0)));
+    };
+    let pointer = |place| Pointer {
+        place,
+        pointee,
+        storage_class: variable.storage_class,
+        offset: 0,
+        index: None,
+        matrix: None,
+        component_stride: None,
+    };
+    match variable.storage_class {
+        storage::INPUT => {
+            let number = decoder.module.decorations.literal(id, 11);
+            let Some(number) = number else {
+                return Err(decoder.invalid(format!("input variable %{} is no builtin", id.0)));
+            };
+            let builtin = builtin::find(number).ok_or_else(|| {
+                decoder.unsupported(format!("the builtin {}", crate::module::builtin_name(number)))
+            })?;
+            builtin::check(decoder, builtin, pointee)?;
+            let count = decoder.word_count(pointee)?;
+            let first = decoder.fresh(count)?;
+            decoder.inputs.push(InputRows { builtin, first, count });
+            Ok(pointer(Place::Rows { first, constant: !builtin.volatile }))
+        }
+        storage::PRIVATE
+        | storage::CALLABLE_DATA
+        | storage::INCOMING_CALLABLE_DATA
+        | storage::RAY_PAYLOAD
+        | storage::HIT_ATTRIBUTE
+        | storage::INCOMING_RAY_PAYLOAD => {
+            let count = decoder.word_count(pointee)?;
+            let first = decoder.fresh(count)?;
+            let rows =
+                InterfaceRows { variable: id, storage_class: variable.storage_class, ty: pointee, first, count };
+            decoder.interface.push(rows);
+            Ok(pointer(Place::Rows { first, constant: false }))
+        }
+        storage::PUSH_CONSTANT => Ok(pointer(Place::Buffer(BufferRef::PushConstants))),
+        storage::SHADER_RECORD_BUFFER => Ok(pointer(Place::Buffer(BufferRef::ShaderRecord))),
+        storage::UNIFORM_CONSTANT | storage::UNIFORM | storage::STORAGE_BUFFER => {
+            let decorations = &decoder.module.decorations;
+            let (Some(set), Some(binding)) = (decorations.literal(id, 34), decorations.literal(id, 33)) else {
+                return Err(decoder.invalid(format!(
+                    "variable %{} has no DescriptorSet and Binding (VUID-StandaloneSpirv-UniformConstant-06677)",
+                    id.0
+                )));
+            };
+            let name = decoder.module.name(id).unwrap_or_default().to_string();
+            let slot = decoder.slots.len() as u32;
+            decoder.slots.push(Slot { binding: Binding { set, binding }, name });
+            let array = matches!(decoder.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
+            let buffers = variable.storage_class != storage::UNIFORM_CONSTANT;
+            Ok(match (buffers, array) {
+                (true, false) => pointer(Place::Buffer(BufferRef::Handle(Bindings::handle(slot, 0)))),
+                _ => pointer(Place::Descriptors { slot, array, buffers }),
+            })
+        }
+        other => {
+            let name = crate::module::storage_class_name(other);
+            Err(decoder.unsupported(format!("variables of storage class {name}")))
+        }
+    }
+}
+
+/// A pointer as words that a phi, a select or a call can carry.
+pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
+    match pointer.place {
+        Place::Rows { first, .. } => {
+            let rows = decoder.word_count(pointer.pointee)?;
+            decoder.addressed.push((first, pointer.offset + rows));
+            decoder.forget();
+            let base = decoder.constant(first.0 + pointer.offset)?;
+            Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
+        }
+        Place::ComputedRows => {
+            let base = decoder.constant(pointer.offset)?;
+            Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
+        }
+        Place::Buffer(buffer) => {
+            if pointer.matrix.is_some_and(|matrix| matrix.row_major) || pointer.component_stride.is_some() {
+                return Err(decoder.unsupported("a pointer into a row-major matrix as a value"));
+            }
+            let handle = match buffer {
+                BufferRef::Handle(handle) => decoder.constant(handle)?,
+                BufferRef::Computed(reg) => reg,
+                _ => return Err(decoder.unsupported("a pointer to push constants or a shader record as a value")),
+            };
+            let base = decoder.constant(pointer.offset)?;
+            Ok(SmallVec::from_slice(&[handle, shifted(decoder, pointer.index, base)?]))
+        }
+        Place::Descriptors { slot, buffers: false, .. } => {
+            let base = decoder.constant(Bindings::handle(slot, pointer.offset))?;
+            Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
+        }
+        Place::Descriptors { .. } => Err(decoder.unsupported("a pointer to an array of buffers as a value")),
+    }
+}
+
+/// The pointer that words written by [`pointer_words`] mean.
+pub fn pointer_from_words(decoder: &Decoder<'_>, ty: TypeId, words: &[Reg]) -> Result<Pointer> {
+    let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *decoder.module.ty(ty) else {
+        return Err(decoder.invalid("a pointer is needed here"));
+    };
+    let (place, index) = match (storage_class, words) {
+        (storage::UNIFORM | storage::STORAGE_BUFFER, &[handle, offset]) => {
+            (Place::Buffer(BufferRef::Computed(handle)), offset)
+        }
+        (storage::PRIVATE | storage::FUNCTION | storage::INPUT, &[row]) => (Place::ComputedRows, row),
+        (5328.., &[row]) if storage_class != storage::PHYSICAL_STORAGE_BUFFER => (Place::ComputedRows, row),
+        _ => {
+            let name = crate::module::storage_class_name(storage_class);
+            return Err(decoder.unsupported(format!("pointers to {name} as values")));
+        }
+    };
+    Ok(Pointer {
+        place,
+        pointee,
+        storage_class,
+        offset: 0,
+        index: Some(index),
+        matrix: None,
+        component_stride: None,
+    })
+}
+
+fn shifted(decoder: &mut Decoder<'_>, index: Option<Reg>, base: Reg) -> Result<Reg> {
+    let Some(index) = index else { return Ok(base) };
+    if decoder.constant_word(base) == Some(0) {
+        return Ok(index);
+    }
+    // Saturating, so that an offset that is out of bounds stays it.
+    let to = decoder.fresh(1)?;
+    let one = decoder.constant(1)?;
+    let scale = decoder.constant_word(base).unwrap_or(0);
+    decoder.emit(Op::Memory(memory::Op::Index {
+        to,
+        base: Some(index),
+        index: one,
+        stride: scale,
+        length: Length::Unknown,
+    }));
+    Ok(to)
+}
+
+/// `OpAccessChain` and its kin: follows indices from a pointer.
+pub fn follow(decoder: &mut Decoder<'_>, mut pointer: Pointer, indices: &[u32]) -> Result<Pointer> {
+    for &index in indices {
+        pointer = step(decoder, pointer, crate::module::Id(index))?;
+    }
+    Ok(pointer)
+}
+
+fn step(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: crate::module::Id) -> Result<Pointer> {
+    let in_buffer = matches!(pointer.place, Place::Buffer(_));
+    let pointee = decoder.module.ty(pointer.pointee).clone();
+    match pointee {
+        Type::Struct { members, .. } => {
+            let at = decoder.constant_integer(index)? as usize;
+            let Some(member) = members.get(at) else {
+                return Err(decoder.invalid(format!("member {at} of a struct that has {}", members.len())));
+            };
+            if in_buffer {
+                let offset = member.offset.ok_or_else(|| {
+                    decoder.invalid(format!("member {at} of a buffer's struct has no Offset decoration"))
+                })?;
+                pointer.offset = pointer.offset.saturating_add(offset);
+                pointer.matrix = member.matrix;
+            } else {
+                for member in &members[..at] {
+                    pointer.offset += decoder.word_count(member.ty)?;
+                }
+            }
+            pointer.pointee = member.ty;
+            Ok(pointer)
+        }
+        Type::Array { element, length, stride } => {
+            let length = decoder.array_length(length)?;
+            element_step(decoder, pointer, index, element, stride, Length::Known(length))
+        }
+        Type::RuntimeArray { element, stride } => {
+            element_step(decoder, pointer, index, element, stride, Length::Unknown)
+        }
+        Type::Matrix { column, count } => {
+            let stride = match (in_buffer, pointer.matrix) {
+                (false, _) => None,
+                (true, Some(layout)) if layout.row_major => {
+                    pointer.component_stride = Some(layout.stride);
+                    Some(decoder.scalar_width(column)? / 8)
+                }
+                (true, Some(layout)) => Some(layout.stride),
+                (true, None) => return Err(decoder.invalid("a buffer's matrix has no MatrixStride decoration")),
+            };
+            element_step(decoder, pointer, index, column, stride, Length::Known(count))
+        }
+        Type::Vector { component, count } => {
+            let bytes = decoder.scalar_width(component)? / 8;
+            let stride = if in_buffer { Some(pointer.component_stride.take().unwrap_or(bytes)) } else { None };
+            element_step(decoder, pointer, index, component, stride, Length::Known(count))
+        }
+        _ => {
+            let name = decoder.module.describe_type(pointer.pointee);
+            Err(decoder.invalid(format!("an access chain goes into {name}")))
+        }
+    }
+}
+
+fn element_step(
+    decoder: &mut Decoder<'_>,
+    mut pointer: Pointer,
+    index: crate::module::Id,
+    element: TypeId,
+    stride: Option<u32>,
+    length: Length,
+) -> Result<Pointer> {
+    let stride = match pointer.place {
+        Place::Buffer(_) => {
+            stride.ok_or_else(|| decoder.invalid("a buffer's array has no ArrayStride decoration"))?
+        }
+        Place::Descriptors { .. } => 1,
+        _ => decoder.word_count(element)?,
+    };
+    pointer.pointee = element;
+    let index = unsigned_index(decoder, index)?;
+    let constant = decoder.constant_word(index);
+    let inside = |at: u32| match length {
+        Length::Known(length) => at < length,
+        Length::Unknown => true,
+    };
+    let fits = constant.filter(|&at| inside(at)).and_then(|at| at.checked_mul(stride));
+    match fits.and_then(|bytes| pointer.offset.checked_add(bytes)) {
+        Some(offset) => pointer.offset = offset,
+        None => {
+            let to = decoder.fresh(1)?;
+            let base = pointer.index;
+            decoder.emit(Op::Memory(memory::Op::Index { to, base, index, stride, length }));
+            pointer.index = Some(to);
+        }
+    }
+    if let Place::Descriptors { slot, buffers: true, .. } = pointer.place {
+        // The element of an array of buffers is chosen: what follows are its bytes.
+        let handle = decoder.constant(Bindings::handle(slot, pointer.offset))?;
+        let buffer = match pointer.index.take() {
+            None => BufferRef::Handle(Bindings::handle(slot, pointer.offset)),
+            Some(index) => BufferRef::Computed(shifted(decoder, Some(index), handle)?),
+        };
+        pointer.place = Place::Buffer(buffer);
+        pointer.offset = 0;
+    }
+    Ok(pointer)
+}
+
+/// An index as one unsigned word: a 64-bit one saturates, a negative one becomes huge.
+fn unsigned_index(decoder: &mut Decoder<'_>, id: crate::module::Id) -> Result<Reg> {
+    let ty = decoder.type_of(id)?;
+    let words = decoder.words(id)?;
+    let Some(&first) = words.first() else { return Err(decoder.invalid("an index without a value")) };
+    match *decoder.module.ty(ty) {
+        Type::Int { width: 64, .. } => decoder.row(&crate::ops::composite::index::SaturateIndex.rows[0], &[first]),
+        Type::Int { width: width @ (8 | 16), signed: true } => {
+            let row = crate::ops::conversion::row(crate::ops::conversion::Conversion::S, width, 32);
+            decoder.row(row.expect("bug in anyhit: a conversion is missing"), &[first])
+        }
+        Type::Int { .. } => Ok(first),
+        _ => Err(decoder.invalid("an index that is no integer")),
+    }
+}
+
+/// Reads what a pointer leads to.
+pub fn load(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
+    let count = match pointer.place {
+        Place::Descriptors { .. } => 1,
+        _ => decoder.word_count(pointer.pointee)?,
+    };
+    match pointer.place {
+        Place::Rows { first, constant } => {
+            let first = first.plus(pointer.offset);
+            match pointer.index {
+                None if constant => Ok((0..count).map(|word| first.plus(word)).collect()),
+                None => load_rows(decoder, first, count),
+                Some(row) => {
+                    decoder.addressed.push((first, count));
+                    gather(decoder, first, row, count)
+                }
+            }
+        }
+        Place::ComputedRows => {
+            let row = pointer.index.ok_or_else(|| decoder.invalid("a pointer without a value"))?;
+            gather(decoder, Reg(pointer.offset), row, count)
+        }
+        Place::Buffer(buffer) => {
+            let scalars = scalars(decoder, pointer)?;
+            let to = decoder.fresh(count)?;
+            let mut row = to;
+            for chunk in chunks(&scalars, buffer, pointer.index) {
+                decoder.emit(Op::Memory(memory::Op::BufferLoad { to: row, chunk }));
+                row = row.plus(chunk.count);
+            }
+            Ok((0..count).map(|word| to.plus(word)).collect())
+        }
+        Place::Descriptors { buffers: true, .. } => Err(decoder.invalid("a load of a whole array of buffers")),
+        Place::Descriptors { slot, array, .. } => {
+            if array && matches!(decoder.module.ty(pointer.pointee), Type::Array { .. } | Type::RuntimeArray { .. }) {
+                return Err(decoder.unsupported("a load of a whole array of descriptors"));
+            }
+            let base = decoder.constant(Bindings::handle(slot, pointer.offset))?;
+            let handle = shifted(decoder, pointer.index, base)?;
+            match *decoder.module.ty(pointer.pointee) {
+                // An image and a sampler, or a handle that stands for a device address.
+                Type::SampledImage(_) => Ok(SmallVec::from_slice(&[handle, handle])),
+                Type::AccelerationStructure => {
+                    let high = decoder.constant(0)?;
+                    let first = decoder.pair(handle, high)?;
+                    Ok(SmallVec::from_slice(&[first, first.plus(1)]))
+                }
+                _ => Ok(SmallVec::from_slice(&[handle])),
+            }
+        }
+    }
+}
+
+fn load_rows(decoder: &mut Decoder<'_>, first: Reg, count: u32) -> Result<Words> {
+    let known: Option<Words> = (0..count).map(|word| decoder.recall(first.plus(word))).collect();
+    if let Some(known) = known {
+        return Ok(known);
+    }
+    let to = decoder.fresh_words(count)?;
+    for (word, &to) in to.iter().enumerate() {
+        let variable = first.plus(word as u32);
+        decoder.emit(Op::Memory(memory::Op::Move { to, from: variable }));
+        decoder.remember(variable, to);
+    }
+    Ok(to)
+}
+
+fn gather(decoder: &mut Decoder<'_>, first: Reg, row: Reg, count: u32) -> Result<Words> {
+    let to = decoder.fresh(count)?;
+    decoder.emit(Op::Memory(memory::Op::Gather { to, count, first, row }));
+    Ok((0..count).map(|word| to.plus(word)).collect())
+}
+
+/// Writes a value to where a pointer leads.
+pub fn store(decoder: &mut Decoder<'_>, pointer: &Pointer, words: &[Reg]) -> Result<()> {
+    match pointer.place {
+        Place::Rows { constant: true, .. } => Err(decoder.invalid("a store to an input variable")),
+        Place::Rows { first, .. } => {
+            let first = first.plus(pointer.offset);
+            match pointer.index {
+                None => {
+                    for (word, &from) in words.iter().enumerate() {
+                        let to = first.plus(word as u32);
+                        decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+                        decoder.remember(to, from);
+                    }
+                }
+                Some(row) => {
+                    decoder.addressed.push((first, words.len() as u32));
+                    scatter(decoder, first, row, words)?;
+                }
+            }
+            Ok(())
+        }
+        Place::ComputedRows => {
+            let row = pointer.index.ok_or_else(|| decoder.invalid("a pointer without a value"))?;
+            scatter(decoder, Reg(pointer.offset), row, words)
+        }
+        Place::Buffer(buffer) => {
+            let scalars = scalars(decoder, pointer)?;
+            let mut row = decoder.consecutive(words)?;
+            for chunk in chunks(&scalars, buffer, pointer.index) {
+                decoder.emit(Op::Memory(memory::Op::BufferStore { from: row, chunk }));
+                row = row.plus(chunk.count);
+            }
+            Ok(())
+        }
+        Place::Descriptors { .. } => Err(decoder.invalid("a store to a descriptor")),
+    }
+}
+
+fn scatter(decoder: &mut Decoder<'_>, first: Reg, row: Reg, words: &[Reg]) -> Result<()> {
+    let from = decoder.consecutive(words)?;
+    let count = words.len() as u32;
+    decoder.emit(Op::Memory(memory::Op::Scatter { from, count, first, row }));
+    decoder.forget();
+    Ok(())
+}
+
+/// A scalar in a buffer: byte offset and width; a 64-bit one is two.
+type Scalars = Vec<(u32, u32)>;
+
+fn scalars(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Scalars> {
+    let mut scalars = Scalars::new();
+    let layout = (pointer.matrix, pointer.component_stride);
+    collect(decoder, pointer.pointee, pointer.offset, layout, &mut scalars)?;
+    Ok(scalars)
+}
+
+fn collect(
+    decoder: &mut Decoder<'_>,
+    ty: TypeId,
+    offset: u32,
+    (matrix, component_stride): (Option<MatrixLayout>, Option<u32>),
+    scalars: &mut Scalars,
+) -> Result<()> {
+    let at = |decoder: &Decoder<'_>, index: u32, stride: u32| {
+        let sum = index.checked_mul(stride).and_then(|bytes| offset.checked_add(bytes));
+        sum.ok_or_else(|| decoder.invalid("an offset beyond 4 GiB"))
+    };
+    match decoder.module.ty(ty).clone() {
+        Type::Int { width: 64, .. } | Type::Float { width: 64, .. } => {
+            scalars.extend([(offset, 32), (at(decoder, 1, 4)?, 32)]);
+        }
+        Type::Int { width, .. } | Type::Float { width, .. } => scalars.push((offset, width)),
+        Type::Vector { component, count } => {
+            let stride = component_stride.unwrap_or(decoder.scalar_width(component)? / 8);
+            for index in 0..count {
+                collect(decoder, component, at(decoder, index, stride)?, (None, None), scalars)?;
+            }
+        }
+        Type::Matrix { column, count } => {
+            let Some(layout) = matrix else {
+                return Err(decoder.invalid("a buffer's matrix has no MatrixStride decoration"));
+            };
+            let width = decoder.scalar_width(column)? / 8;
+            let (stride, inner) =
+                if layout.row_major { (width, Some(layout.stride)) } else { (layout.stride, None) };
+            for index in 0..count {
+                collect(decoder, column, at(decoder, index, stride)?, (None, inner), scalars)?;
+            }
+        }
+        Type::Array { element, length, stride } => {
+            let length = decoder.array_length(length)?;
+            let stride =
+                stride.ok_or_else(|| decoder.invalid("a buffer's array has no ArrayStride decoration"))?;
+            for index in 0..length {
+                collect(decoder, element, at(decoder, index, stride)?, (matrix, None), scalars)?;
+            }
+        }
+        Type::Struct { members, .. } => {
+            for member in members {
+                let inside =
+                    member.offset.ok_or_else(|| decoder.invalid("a buffer's struct has no Offset decoration"))?;
+                collect(decoder, member.ty, at(decoder, 1, inside)?, (member.matrix, None), scalars)?;
+            }
+        }
+        _ => {
+            let name = decoder.module.describe_type(ty);
+            return Err(decoder.unsupported(format!("{name} in a buffer")));
+        }
+    }
+    Ok(())
+}
+
+/// Joins scalars that touch.
+fn chunks(scalars: &[(u32, u32)], buffer: BufferRef, index: Option<Reg>) -> Vec<Chunk> {
+    let mut chunks: Vec<Chunk> = Vec::new();
+    for &(offset, width) in scalars {
+        match chunks.last_mut() {
+            Some(last) if last.width == width && last.offset + last.count * (width / 8) == offset => {
+                last.count += 1;
+            }
+            _ => chunks.push(Chunk { buffer, offset, index, width, count: 1 }),
+        }
+    }
+    chunks
+}
+
+/// Decodes the memory instructions; `false` for an instruction of another section.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: rspirv::spirv::Op, instruction: &Instruction) -> Result<bool> {
+    use rspirv::spirv::Op as Opcode;
+    match opcode {
+        Opcode::Load => {
+            let id = decoder.id(instruction, 0)?;
+            let pointer = decoder.pointer(id)?;
+            let words = load(decoder, &pointer)?;
+            decoder.result(instruction, words);
+        }
+        Opcode::Store => {
+            let (to, from) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
+            let pointer = decoder.pointer(to)?;
+            let words = decoder.words(from)?;
+            store(decoder, &pointer, &words)?;
+        }
+        Opcode::CopyMemory => {
+            let (to, from) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
+            let from = decoder.pointer(from)?;
+            let to = decoder.pointer(to)?;
+            let words = load(decoder, &from)?;
+            store(decoder, &to, &words)?;
+        }
+        Opcode::AccessChain | Opcode::InBoundsAccessChain => {
+            let base = decoder.id(instruction, 0)?;
+            let pointer = decoder.pointer(base)?;
+            let indices = &decoder.operands(instruction)[1..];
+            let pointer = follow(decoder, pointer, indices)?;
+            if let Some(id) = instruction.result {
+                decoder.define(id, crate::ops::decode::Value::Pointer(pointer));
+            }
+        }
+        Opcode::ArrayLength => {
+            let structure = decoder.id(instruction, 0)?;
+            let member = decoder.literal(instruction, 1)?;
+            let pointer = decoder.pointer(structure)?;
+            let Type::Struct { members, .. } = decoder.module.ty(pointer.pointee).clone() else {
+                return Err(decoder.invalid("OpArrayLength of what is no struct"));
+            };
+            let layout = members.get(member as usize).and_then(|member| {
+                let Type::RuntimeArray { stride, .. } = decoder.module.ty(member.ty) else { return None };
+                Some((member.offset?, (*stride)?))
+            });
+            let (Some((offset, stride)), Place::Buffer(buffer)) = (layout, &pointer.place) else {
+                return Err(decoder.invalid("OpArrayLength of what is no runtime array in a buffer"));
+            };
+            let to = decoder.fresh(1)?;
+            let buffer = *buffer;
+            decoder.emit(Op::Memory(memory::Op::ArrayLength { to, buffer, offset, stride }));
+            decoder.result(instruction, SmallVec::from_slice(&[to]));
+        }
+        _ => return Ok(false),
+    }
+    Ok(true)
+}

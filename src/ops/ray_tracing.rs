@@ -1,0 +1,140 @@
+//! Ray-tracing instructions (`SPV_KHR_ray_tracing`) that hand the batch to the pipeline.
+
+use rspirv::spirv::Op as Opcode;
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::stop::Rows;
+use crate::machine::{Batch, Reg, Stop};
+use crate::module::Instruction;
+use crate::ops::decode::Decoder;
+use crate::ops::memory::{self, Place};
+use crate::ops::op::{Access, Op as Operation};
+use crate::ops::pointer::storage;
+
+/// Opcodes decoded here.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::TraceRayKHR,
+    Opcode::ExecuteCallableKHR,
+    Opcode::ReportIntersectionKHR,
+    Opcode::ConvertUToAccelerationStructureKHR,
+];
+
+/// Words of the operands of a trace: see [`Stop::TraceRay`].
+pub const TRACE_OPERANDS: u32 = 15;
+
+/// An operation that stops the interpreter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Op {
+    /// `OpTraceRayKHR`
+    TraceRay { operands: Reg, payload: Rows },
+    /// `OpExecuteCallableKHR`
+    ExecuteCallable { index: Reg, data: Rows },
+    /// `OpReportIntersectionKHR`
+    ReportIntersection { t: Reg, hit_kind: Reg, accepted: Reg },
+}
+
+impl Op {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        visit(Access::Effect);
+        match *self {
+            Self::TraceRay { operands, payload } => {
+                visit(Access::Read(operands, TRACE_OPERANDS));
+                visit(Access::Read(payload.first, payload.count));
+                visit(Access::Write(payload.first, payload.count));
+            }
+            Self::ExecuteCallable { index, data } => {
+                visit(Access::Read(index, 1));
+                visit(Access::Read(data.first, data.count));
+                visit(Access::Write(data.first, data.count));
+            }
+            Self::ReportIntersection { t, hit_kind, accepted } => {
+                visit(Access::Read(t, 1));
+                visit(Access::Read(hit_kind, 1));
+                visit(Access::Write(accepted, 1));
+            }
+        }
+    }
+
+    /// The stop that the running lanes make.
+    pub fn stop<const W: usize>(&self, batch: &Batch<W>) -> Stop<W> {
+        let mask = batch.mask;
+        match *self {
+            Self::TraceRay { operands, payload } => Stop::TraceRay { mask, operands, payload },
+            Self::ExecuteCallable { index, data } => Stop::ExecuteCallable { mask, index, data },
+            Self::ReportIntersection { t, hit_kind, accepted } => {
+                Stop::ReportIntersection { mask, t, hit_kind, accepted }
+            }
+        }
+    }
+}
+
+/// Decodes ray-tracing instructions; `false` for an instruction of another section.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    match opcode {
+        Opcode::TraceRayKHR => {
+            let mut words: SmallVec<[Reg; 16]> = SmallVec::new();
+            for at in 0..10 {
+                words.extend(decoder.operand(instruction, at)?);
+            }
+            if words.len() != TRACE_OPERANDS as usize {
+                return Err(decoder.invalid("the operands of OpTraceRayKHR have wrong types"));
+            }
+            let operands = decoder.consecutive(&words)?;
+            let payload =
+                variable_rows(decoder, instruction, 10, &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD])?;
+            decoder.emit(Operation::Stop(Op::TraceRay { operands, payload }));
+            decoder.forget();
+        }
+        Opcode::ExecuteCallableKHR => {
+            let index = decoder.operand(instruction, 0)?;
+            let classes = &[storage::CALLABLE_DATA, storage::INCOMING_CALLABLE_DATA];
+            let data = variable_rows(decoder, instruction, 1, classes)?;
+            let Some(&index) = index.first() else { return Err(decoder.invalid("an SBT index without a value")) };
+            decoder.emit(Operation::Stop(Op::ExecuteCallable { index, data }));
+            decoder.forget();
+        }
+        Opcode::ReportIntersectionKHR => {
+            let (t, hit_kind) = (decoder.operand(instruction, 0)?, decoder.operand(instruction, 1)?);
+            let (&[t], &[hit_kind]) = (&t[..], &hit_kind[..]) else {
+                return Err(decoder.invalid("the operands of OpReportIntersectionKHR have wrong types"));
+            };
+            let accepted = decoder.fresh(1)?;
+            decoder.emit(Operation::Stop(Op::ReportIntersection { t, hit_kind, accepted }));
+            decoder.forget();
+            decoder.result(instruction, SmallVec::from_slice(&[accepted]));
+        }
+        Opcode::ConvertUToAccelerationStructureKHR => {
+            let words = decoder.operand(instruction, 0)?;
+            let &[low, high] = &words[..] else {
+                return Err(decoder.invalid("a device address has 64 bits"));
+            };
+            let first = decoder.pair(low, high)?;
+            decoder.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
+        }
+        _ => return Ok(false),
+    }
+    Ok(true)
+}
+
+/// The rows of a payload or callable data variable.
+fn variable_rows(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    at: usize,
+    classes: &[u32],
+) -> Result<Rows> {
+    let id = decoder.id(instruction, at)?;
+    let pointer = decoder.pointer(id)?;
+    if !classes.contains(&pointer.storage_class) {
+        let found = crate::module::storage_class_name(pointer.storage_class);
+        return Err(decoder.invalid(format!("a payload variable in storage class {found}")));
+    }
+    match pointer {
+        memory::Pointer { place: Place::Rows { first, .. }, index: None, offset, pointee, .. } => {
+            Ok(Rows { first: first.plus(offset), count: decoder.word_count(pointee)? })
+        }
+        _ => Err(decoder.unsupported("a payload that is no whole variable")),
+    }
+}
