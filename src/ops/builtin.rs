@@ -38,6 +38,8 @@ impl PartialEq for Builtin {
     }
 }
 
+impl Eq for Builtin {}
+
 /// The type of a builtin: 32-bit scalars, vectors of three, matrices and arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
@@ -183,7 +185,8 @@ pub fn check(decoder: &Decoder<'_>, builtin: &'static Builtin, ty: TypeId) -> Re
     }
     if !matches(decoder, builtin.shape, ty) {
         let found = decoder.module.describe_type(ty);
-        let message = format!("the builtin {} must be {}, not {found}", builtin.name, builtin.shape.describe());
+        let message =
+            format!("the builtin {} must be {}, not {found}", builtin.name, builtin.shape.describe());
         return Err(decoder.invalid(message).note(format!("VUID-{}", builtin.vuids[2])));
     }
     Ok(())
@@ -193,9 +196,12 @@ fn matches(decoder: &Decoder<'_>, shape: Shape, ty: TypeId) -> bool {
     let module = decoder.module;
     let is_float = |ty| matches!(module.ty(ty), Type::Float { width: 32, encoding: None });
     let is_int = |ty| matches!(module.ty(ty), Type::Int { width: 32, .. });
-    let is_float3 = |ty| matches!(*module.ty(ty), Type::Vector { component, count: 3 } if is_float(component));
+    let is_float3 =
+        |ty| matches!(*module.ty(ty), Type::Vector { component, count: 3 } if is_float(component));
     let array = |ty, expected| match *module.ty(ty) {
-        Type::Array { element, length, .. } if module.constant_scalar(length) == Some(expected) => Some(element),
+        Type::Array { element, length, .. } if module.constant_scalar(length) == Some(expected) => {
+            Some(element)
+        }
         _ => None,
     };
     match shape {
@@ -283,6 +289,9 @@ mod tests {
     fn matrices_are_written_column_by_column() {
         let mut words = [0; 12];
         columns(&mut words, &[[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0], [9.0, 10.0, 11.0, 12.0]]);
-        assert_eq!(words.map(f32::from_bits), [1.0, 5.0, 9.0, 2.0, 6.0, 10.0, 3.0, 7.0, 11.0, 4.0, 8.0, 12.0]);
+        assert_eq!(
+            words.map(f32::from_bits),
+            [1.0, 5.0, 9.0, 2.0, 6.0, 10.0, 3.0, 7.0, 11.0, 4.0, 8.0, 12.0]
+        );
     }
 }

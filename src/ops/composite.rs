@@ -220,7 +220,8 @@ pub fn scalar_width_of_matrix(decoder: &Decoder<'_>, matrix: crate::module::Id) 
 fn part(decoder: &mut Decoder<'_>, mut ty: TypeId, indices: &[u32]) -> Result<(usize, usize)> {
     let mut first = 0;
     for &index in indices {
-        let outside = |decoder: &Decoder<'_>| decoder.invalid(format!("index {index} of a composite is too big"));
+        let outside =
+            |decoder: &Decoder<'_>| decoder.invalid(format!("index {index} of a composite is too big"));
         ty = match decoder.module.ty(ty).clone() {
             Type::Struct { members, .. } => {
                 let member = members.get(index as usize).ok_or_else(|| outside(decoder))?;
@@ -321,7 +322,8 @@ fn bitcast(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words
                                 break 'all;
                             }
                             let by = decoder.constant(to * at)?;
-                            let moved = decoder.family(&crate::ops::bit::ShiftRightLogical, 32, &[word, by])?;
+                            let moved =
+                                decoder.family(&crate::ops::bit::ShiftRightLogical, 32, &[word, by])?;
                             result.push(decoder.family(&crate::ops::bit::BitwiseAnd, 32, &[moved, mask])?);
                         }
                     }

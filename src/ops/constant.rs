@@ -8,8 +8,14 @@ use crate::module::{Id, Instruction};
 use crate::ops::decode::{Decoder, Value, Words};
 
 /// The words of an operation on constants.
-pub fn operation(decoder: &mut Decoder<'_>, id: Id, ty: TypeId, opcode: u16, operands: &[u32]) -> Result<Words> {
-    let name = decoder.module.opcode_name(opcode);
+pub fn operation(
+    decoder: &mut Decoder<'_>,
+    id: Id,
+    ty: TypeId,
+    opcode: u16,
+    operands: &[u32],
+) -> Result<Words> {
+    let name = crate::module::names::opcode_name(opcode);
     // The operands lie in the module behind the opcode: the instruction is the tail of this one.
     let constant = decoder.origin.offset;
     let start = constant + 4;

@@ -98,6 +98,8 @@ pub struct Decoder<'m> {
     pub interface: Vec<InterfaceRows>,
     /// Rows that are reached through a computed row number.
     pub addressed: Vec<(Reg, u32)>,
+    /// Rows of variables, which begin as zeros.
+    pub variables: Vec<(Reg, u32)>,
     /// Ids of the function that is lowered.
     pub locals: HashMap<Id, Value>,
     globals: HashMap<Id, Value>,
@@ -122,6 +124,7 @@ impl<'m> Decoder<'m> {
             inputs: Vec::new(),
             interface: Vec::new(),
             addressed: Vec::new(),
+            variables: Vec::new(),
             locals: HashMap::new(),
             globals: HashMap::new(),
             rows: 0,
@@ -148,7 +151,8 @@ impl<'m> Decoder<'m> {
         let debug = &self.module.debug_info;
         match debug.line_at(self.origin.offset) {
             Some(line) => {
-                let file = debug.files.get(line.file as usize).map_or_else(String::new, |file| file.name.clone());
+                let file =
+                    debug.files.get(line.file as usize).map_or_else(String::new, |file| file.name.clone());
                 error.at(Place::Line { file, line: line.line, column: line.column })
             }
             None => error,
@@ -171,7 +175,9 @@ impl<'m> Decoder<'m> {
         self.rows = self.rows.saturating_add(count);
         if self.rows > MAX_ROWS {
             let limit = MAX_ROWS * 4 / (1 << 20);
-            return Err(self.unsupported(format!("variables and values of this shader need over {limit} MiB a lane")));
+            return Err(
+                self.unsupported(format!("variables and values of this shader need over {limit} MiB a lane"))
+            );
         }
         Ok(first)
     }
@@ -308,7 +314,8 @@ impl<'m> Decoder<'m> {
 
     /// The result type of an instruction that must have one.
     pub fn result_type(&self, instruction: &Instruction) -> Result<TypeId> {
-        let id = instruction.result_type.ok_or_else(|| self.invalid("an instruction without a result type"))?;
+        let id =
+            instruction.result_type.ok_or_else(|| self.invalid("an instruction without a result type"))?;
         self.type_id(id)
     }
 
@@ -425,7 +432,8 @@ impl<'m> Decoder<'m> {
                 let mut sum = 0u32;
                 for member in members {
                     let words = self.word_count(member.ty)?;
-                    sum = sum.checked_add(words).filter(|&sum| sum < MAX_ROWS).ok_or_else(|| too_big(self))?;
+                    sum =
+                        sum.checked_add(words).filter(|&sum| sum < MAX_ROWS).ok_or_else(|| too_big(self))?;
                 }
                 sum
             }
@@ -446,7 +454,10 @@ impl<'m> Decoder<'m> {
             Type::Bool => Ok(0),
             Type::Int { width, .. } | Type::Float { width, encoding: None } => Ok(width),
             Type::Vector { component, .. } => self.scalar_width(component),
-            _ => Err(self.invalid(format!("{} where a scalar or vector must be", self.module.describe_type(ty)))),
+            _ => {
+                Err(self
+                    .invalid(format!("{} where a scalar or vector must be", self.module.describe_type(ty))))
+            }
         }
     }
 
@@ -497,7 +508,7 @@ impl<'m> Decoder<'m> {
                 crate::ops::constant::operation(self, constant.id, constant.ty, opcode, &operands)
             }
             ConstantValue::Other(opcode) => {
-                Err(self.unsupported(format!("{} as a constant", self.module.opcode_name(opcode))))
+                Err(self.unsupported(format!("{} as a constant", crate::module::names::opcode_name(opcode))))
             }
         };
         self.origin = before;

@@ -46,17 +46,17 @@ impl Op {
             Self::Sample { to, image, sampler, coordinate } => {
                 visit(Access::Read(image, 1));
                 visit(Access::Read(sampler, 1));
-                coordinate.map(|reg| visit(Access::Read(reg, 1)));
+                coordinate.iter().for_each(|&reg| visit(Access::Read(reg, 1)));
                 visit(Access::Write(to, 4));
             }
             Self::Read { to, image, coordinate } => {
                 visit(Access::Read(image, 1));
-                coordinate.map(|reg| visit(Access::Read(reg, 1)));
+                coordinate.iter().for_each(|&reg| visit(Access::Read(reg, 1)));
                 visit(Access::Write(to, 4));
             }
             Self::Write { from, image, coordinate } => {
                 visit(Access::Read(image, 1));
-                coordinate.map(|reg| visit(Access::Read(reg, 1)));
+                coordinate.iter().for_each(|&reg| visit(Access::Read(reg, 1)));
                 visit(Access::Read(from, 4));
                 visit(Access::Effect);
             }
@@ -71,8 +71,10 @@ impl Op {
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         for lane in batch.mask.lanes() {
             let word = |batch: &Batch<W>, reg: Reg| batch.registers[reg].0[lane];
-            let (Self::Sample { image, .. } | Self::Read { image, .. } | Self::Write { image, .. } | Self::Size { image, .. }) =
-                *self;
+            let (Self::Sample { image, .. }
+            | Self::Read { image, .. }
+            | Self::Write { image, .. }
+            | Self::Size { image, .. }) = *self;
             let done = match bindings.descriptor(word(batch, image)) {
                 Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => match *self {
                     Self::Sample { to, sampler, coordinate, .. } => {

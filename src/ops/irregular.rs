@@ -76,7 +76,9 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         return Ok(true);
     }
     match opcode {
-        Opcode::IAddCarry => pair_of(decoder, instruction, &arithmetic::IAdd, [&extended::Carry, &extended::Carry64])?,
+        Opcode::IAddCarry => {
+            pair_of(decoder, instruction, &arithmetic::IAdd, [&extended::Carry, &extended::Carry64])?
+        }
         Opcode::ISubBorrow => {
             pair_of(decoder, instruction, &arithmetic::ISub, [&extended::Borrow, &extended::Borrow64])?;
         }
@@ -179,7 +181,9 @@ fn pair_of(
 fn extended_instruction(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()> {
     let (set, number) = (decoder.id(instruction, 0)?, decoder.literal(instruction, 1)?);
     let name = match decoder.module.definition(set) {
-        Some(crate::module::Definition::InstructionSet(at)) => decoder.module.instruction_sets[at as usize].as_str(),
+        Some(crate::module::Definition::InstructionSet(at)) => {
+            decoder.module.instruction_sets[at as usize].as_str()
+        }
         _ => return Err(decoder.invalid(format!("%{} is no instruction set", set.0))),
     };
     if name.starts_with("NonSemantic.") {
@@ -194,14 +198,15 @@ fn extended_instruction(decoder: &mut Decoder<'_>, instruction: &Instruction) ->
     let known = GlslStd450Op::from_u32(number);
     let done = match known {
         Some(number) => {
-            linear_algebra::decode_glsl(decoder, number, instruction)? || decode_glsl(decoder, number, instruction)?
+            linear_algebra::decode_glsl(decoder, number, instruction)?
+                || decode_glsl(decoder, number, instruction)?
         }
         None => false,
     };
     if done {
         return Ok(());
     }
-    Err(decoder.unsupported(crate::module::ext_inst_name(name, number).into_owned()))
+    Err(decoder.unsupported(crate::module::names::ext_inst_name(name, number).into_owned()))
 }
 
 fn decode_glsl(decoder: &mut Decoder<'_>, number: GlslStd450Op, instruction: &Instruction) -> Result<bool> {
@@ -225,7 +230,9 @@ fn decode_glsl(decoder: &mut Decoder<'_>, number: GlslStd450Op, instruction: &In
         G::UnpackHalf2x16 => unpack(decoder, instruction, &parts::FromHalf, 16)?,
         G::PackDouble2x32 => {
             let words = decoder.operand(instruction, 2)?;
-            let &[low, high] = &words[..] else { return Err(decoder.invalid("a vector of two is needed here")) };
+            let &[low, high] = &words[..] else {
+                return Err(decoder.invalid("a vector of two is needed here"));
+            };
             let first = decoder.pair(low, high)?;
             decoder.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
         }
@@ -274,7 +281,12 @@ fn split(
     Ok(())
 }
 
-fn pack(decoder: &mut Decoder<'_>, instruction: &Instruction, family: &'static Family, bits: u32) -> Result<()> {
+fn pack(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    family: &'static Family,
+    bits: u32,
+) -> Result<()> {
     let mut sum = decoder.constant(0)?;
     for (at, component) in components(decoder, instruction, 2)?.into_iter().enumerate() {
         let by = decoder.constant(bits * at as u32)?;
@@ -285,7 +297,12 @@ fn pack(decoder: &mut Decoder<'_>, instruction: &Instruction, family: &'static F
     Ok(())
 }
 
-fn unpack(decoder: &mut Decoder<'_>, instruction: &Instruction, family: &'static Family, bits: u32) -> Result<()> {
+fn unpack(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    family: &'static Family,
+    bits: u32,
+) -> Result<()> {
     let id: Id = decoder.id(instruction, 2)?;
     let word = decoder.words(id)?[0];
     let mut words = Words::new();

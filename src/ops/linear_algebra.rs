@@ -142,7 +142,9 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         Opcode::Dot => left.len() == right.len(),
         Opcode::MatrixTimesVector => columns_of_a.len() == right.len(),
         Opcode::VectorTimesMatrix => columns_of_b.first().is_some_and(|column| column.len() == left.len()),
-        Opcode::MatrixTimesMatrix => columns_of_b.first().is_some_and(|column| column.len() == columns_of_a.len()),
+        Opcode::MatrixTimesMatrix => {
+            columns_of_b.first().is_some_and(|column| column.len() == columns_of_a.len())
+        }
         _ => true,
     };
     if !agree || left.is_empty() || right.is_empty() {
@@ -183,7 +185,11 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
 }
 
 /// Decodes a `GLSL.std.450` instruction; its operands begin after set and number.
-pub fn decode_glsl(decoder: &mut Decoder<'_>, number: GlslStd450Op, instruction: &Instruction) -> Result<bool> {
+pub fn decode_glsl(
+    decoder: &mut Decoder<'_>,
+    number: GlslStd450Op,
+    instruction: &Instruction,
+) -> Result<bool> {
     if !GLSL.contains(&number) {
         return Ok(false);
     }

@@ -9,7 +9,9 @@ use smallvec::SmallVec;
 use crate::machine::{Batch, Bindings, Buffer, Invocation, Mask, Reg, Registers, TrapCode};
 use crate::ops::op::Access;
 
-pub use crate::ops::pointer::{Place, Pointer, pointer_from_words, pointer_word_count, pointer_words, variable};
+pub use crate::ops::pointer::{
+    Place, Pointer, pointer_from_words, pointer_word_count, pointer_words, variable,
+};
 
 /// What a computed offset becomes when an index is outside its array: whoever follows it traps.
 pub const OUT_OF_BOUNDS: u32 = u32::MAX;
@@ -132,7 +134,9 @@ impl Op {
                 batch.registers[to] = row;
             }
             Self::MoveMasked { to, from } => batch.registers.copy(to, from, batch.mask),
-            Self::Index { to, base, index, stride, length } => index_lanes(batch, to, base, index, stride, length),
+            Self::Index { to, base, index, stride, length } => {
+                index_lanes(batch, to, base, index, stride, length)
+            }
             Self::Gather { to, count, first, row } => {
                 let rows = batch.registers[row];
                 let end = batch.registers.len() as u64;
@@ -144,7 +148,8 @@ impl Op {
                         continue;
                     }
                     for word in 0..count {
-                        batch.registers[to.plus(word)].0[lane] = batch.registers[Reg(at as u32 + word)].0[lane];
+                        batch.registers[to.plus(word)].0[lane] =
+                            batch.registers[Reg(at as u32 + word)].0[lane];
                     }
                 }
                 trap(batch, outside, TrapCode::IndexOutOfBounds);
@@ -160,7 +165,8 @@ impl Op {
                         continue;
                     }
                     for word in 0..count {
-                        batch.registers[Reg(at as u32 + word)].0[lane] = batch.registers[from.plus(word)].0[lane];
+                        batch.registers[Reg(at as u32 + word)].0[lane] =
+                            batch.registers[from.plus(word)].0[lane];
                     }
                 }
                 trap(batch, outside, TrapCode::IndexOutOfBounds);
@@ -185,7 +191,8 @@ impl Op {
             }
             Self::ArrayLength { to, buffer, offset, stride } => {
                 for lane in batch.mask.lanes() {
-                    let computed = if let BufferRef::Computed(reg) = buffer { batch.registers[reg].0[lane] } else { 0 };
+                    let computed =
+                        if let BufferRef::Computed(reg) = buffer { batch.registers[reg].0[lane] } else { 0 };
                     match find(&batch.invocations[lane], bindings, buffer, computed) {
                         Ok((_, _, size)) => {
                             let length = size.saturating_sub(u64::from(offset)) / u64::from(stride.max(1));

@@ -30,14 +30,35 @@ use crate::ops::decode::{Decoder, Words};
 use crate::ops::row::{Family, Set};
 
 /// The families of every section.
-pub static SECTIONS: &[&[&Family]] =
-    &[arithmetic::FAMILIES, bit::FAMILIES, conversion::FAMILIES, glsl::FAMILIES, relational_logical::FAMILIES];
+pub static SECTIONS: &[&[&Family]] = &[
+    arithmetic::FAMILIES,
+    bit::FAMILIES,
+    conversion::FAMILIES,
+    glsl::FAMILIES,
+    relational_logical::FAMILIES,
+];
+
+/// [`decode_instruction`] by the opcode's number.
+///
+/// # Errors
+/// As there; an unknown opcode is `UnsupportedModule`.
+pub fn decode_number(decoder: &mut Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
+    match Opcode::from_u32(number.into()) {
+        Some(Opcode::Nop) => Ok(()),
+        Some(opcode) => decode_instruction(decoder, opcode, instruction),
+        None => Err(decoder.unsupported(format!("opcode {number} is not known"))),
+    }
+}
 
 /// Decodes an instruction that is neither a terminator nor a matter of control flow.
 ///
 /// # Errors
 /// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it.
-pub fn decode_instruction(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+pub fn decode_instruction(
+    decoder: &mut Decoder<'_>,
+    opcode: Opcode,
+    instruction: &Instruction,
+) -> Result<()> {
     if let Some(family) = row::family(Set::Core, opcode as u32) {
         return componentwise(decoder, family, instruction, 0);
     }
@@ -50,7 +71,7 @@ pub fn decode_instruction(decoder: &mut Decoder<'_>, opcode: Opcode, instruction
     if done {
         return Ok(());
     }
-    let name = decoder.module.opcode_name(instruction.opcode);
+    let name = crate::module::names::opcode_name(instruction.opcode);
     Err(decoder.unsupported(format!("{name} is not supported")))
 }
 
@@ -69,8 +90,7 @@ pub fn componentwise(
     let ty = decoder.type_of(Id(ids[0]))?;
     let width = decoder.scalar_width(ty)?;
     let row = family.row(width);
-    let row =
-        row.ok_or_else(|| decoder.unsupported(format!("{} on {width}-bit operands", family.name)))?;
+    let row = row.ok_or_else(|| decoder.unsupported(format!("{} on {width}-bit operands", family.name)))?;
     let mut operands: [Words; 3] = Default::default();
     for at in 0..arity {
         let id = Id(ids[at]);

@@ -78,7 +78,10 @@ pub struct Pointer {
 /// How many words a pointer takes as a value.
 pub fn pointer_word_count(storage_class: u32) -> u32 {
     match storage_class {
-        storage::UNIFORM | storage::STORAGE_BUFFER | storage::PUSH_CONSTANT | storage::SHADER_RECORD_BUFFER => 2,
+        storage::UNIFORM
+        | storage::STORAGE_BUFFER
+        | storage::PUSH_CONSTANT
+        | storage::SHADER_RECORD_BUFFER => 2,
         storage::PHYSICAL_STORAGE_BUFFER => 2,
         _ => 1,
     }
@@ -107,7 +110,7 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
                 return Err(decoder.invalid(format!("input variable %{} is no builtin", id.0)));
             };
             let builtin = builtin::find(number).ok_or_else(|| {
-                decoder.unsupported(format!("the builtin {}", crate::module::builtin_name(number)))
+                decoder.unsupported(format!("the builtin {}", crate::module::names::builtin_name(number)))
             })?;
             builtin::check(decoder, builtin, pointee)?;
             let count = decoder.word_count(pointee)?;
@@ -123,16 +126,23 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
         | storage::INCOMING_RAY_PAYLOAD => {
             let count = decoder.word_count(pointee)?;
             let first = decoder.fresh(count)?;
-            let rows =
-                InterfaceRows { variable: id, storage_class: variable.storage_class, ty: pointee, first, count };
+            let rows = InterfaceRows {
+                variable: id,
+                storage_class: variable.storage_class,
+                ty: pointee,
+                first,
+                count,
+            };
             decoder.interface.push(rows);
+            decoder.variables.push((first, count));
             Ok(pointer(Place::Rows { first, constant: false }))
         }
         storage::PUSH_CONSTANT => Ok(pointer(Place::Buffer(BufferRef::PushConstants))),
         storage::SHADER_RECORD_BUFFER => Ok(pointer(Place::Buffer(BufferRef::ShaderRecord))),
         storage::UNIFORM_CONSTANT | storage::UNIFORM | storage::STORAGE_BUFFER => {
             let decorations = &decoder.module.decorations;
-            let (Some(set), Some(binding)) = (decorations.literal(id, 34), decorations.literal(id, 33)) else {
+            let (Some(set), Some(binding)) = (decorations.literal(id, 34), decorations.literal(id, 33))
+            else {
                 return Err(decoder.invalid(format!(
                     "variable %{} has no DescriptorSet and Binding (VUID-StandaloneSpirv-UniformConstant-06677)",
                     id.0
@@ -149,7 +159,7 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
             })
         }
         other => {
-            let name = crate::module::storage_class_name(other);
+            let name = crate::module::names::storage_class_name(other);
             Err(decoder.unsupported(format!("variables of storage class {name}")))
         }
     }
@@ -176,7 +186,11 @@ pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Wor
             let handle = match buffer {
                 BufferRef::Handle(handle) => decoder.constant(handle)?,
                 BufferRef::Computed(reg) => reg,
-                _ => return Err(decoder.unsupported("a pointer to push constants or a shader record as a value")),
+                _ => {
+                    return Err(
+                        decoder.unsupported("a pointer to push constants or a shader record as a value")
+                    );
+                }
             };
             let base = decoder.constant(pointer.offset)?;
             Ok(SmallVec::from_slice(&[handle, shifted(decoder, pointer.index, base)?]))
@@ -201,7 +215,7 @@ pub fn pointer_from_words(decoder: &Decoder<'_>, ty: TypeId, words: &[Reg]) -> R
         (storage::PRIVATE | storage::FUNCTION | storage::INPUT, &[row]) => (Place::ComputedRows, row),
         (5328.., &[row]) if storage_class != storage::PHYSICAL_STORAGE_BUFFER => (Place::ComputedRows, row),
         _ => {
-            let name = crate::module::storage_class_name(storage_class);
+            let name = crate::module::names::storage_class_name(storage_class);
             return Err(decoder.unsupported(format!("pointers to {name} as values")));
         }
     };
@@ -281,13 +295,16 @@ fn step(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: crate::module::I
                     Some(decoder.scalar_width(column)? / 8)
                 }
                 (true, Some(layout)) => Some(layout.stride),
-                (true, None) => return Err(decoder.invalid("a buffer's matrix has no MatrixStride decoration")),
+                (true, None) => {
+                    return Err(decoder.invalid("a buffer's matrix has no MatrixStride decoration"));
+                }
             };
             element_step(decoder, pointer, index, column, stride, Length::Known(count))
         }
         Type::Vector { component, count } => {
             let bytes = decoder.scalar_width(component)? / 8;
-            let stride = if in_buffer { Some(pointer.component_stride.take().unwrap_or(bytes)) } else { None };
+            let stride =
+                if in_buffer { Some(pointer.component_stride.take().unwrap_or(bytes)) } else { None };
             element_step(decoder, pointer, index, component, stride, Length::Known(count))
         }
         _ => {
@@ -348,7 +365,9 @@ fn unsigned_index(decoder: &mut Decoder<'_>, id: crate::module::Id) -> Result<Re
     let words = decoder.words(id)?;
     let Some(&first) = words.first() else { return Err(decoder.invalid("an index without a value")) };
     match *decoder.module.ty(ty) {
-        Type::Int { width: 64, .. } => decoder.row(&crate::ops::composite::index::SaturateIndex.rows[0], &[first]),
+        Type::Int { width: 64, .. } => {
+            decoder.row(&crate::ops::composite::index::SaturateIndex.rows[0], &[first])
+        }
         Type::Int { width: width @ (8 | 16), signed: true } => {
             let row = crate::ops::conversion::row(crate::ops::conversion::Conversion::S, width, 32);
             decoder.row(row.expect("bug in anyhit: a conversion is missing"), &[first])
@@ -390,9 +409,16 @@ pub fn load(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
             }
             Ok((0..count).map(|word| to.plus(word)).collect())
         }
-        Place::Descriptors { buffers: true, .. } => Err(decoder.invalid("a load of a whole array of buffers")),
+        Place::Descriptors { buffers: true, .. } => {
+            Err(decoder.invalid("a load of a whole array of buffers"))
+        }
         Place::Descriptors { slot, array, .. } => {
-            if array && matches!(decoder.module.ty(pointer.pointee), Type::Array { .. } | Type::RuntimeArray { .. }) {
+            if array
+                && matches!(
+                    decoder.module.ty(pointer.pointee),
+                    Type::Array { .. } | Type::RuntimeArray { .. }
+                )
+            {
                 return Err(decoder.unsupported("a load of a whole array of descriptors"));
             }
             let base = decoder.constant(Bindings::handle(slot, pointer.offset))?;
@@ -530,8 +556,9 @@ fn collect(
         }
         Type::Struct { members, .. } => {
             for member in members {
-                let inside =
-                    member.offset.ok_or_else(|| decoder.invalid("a buffer's struct has no Offset decoration"))?;
+                let inside = member
+                    .offset
+                    .ok_or_else(|| decoder.invalid("a buffer's struct has no Offset decoration"))?;
                 collect(decoder, member.ty, at(decoder, 1, inside)?, (member.matrix, None), scalars)?;
             }
         }
@@ -558,7 +585,11 @@ fn chunks(scalars: &[(u32, u32)], buffer: BufferRef, index: Option<Reg>) -> Vec<
 }
 
 /// Decodes the memory instructions; `false` for an instruction of another section.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: rspirv::spirv::Op, instruction: &Instruction) -> Result<bool> {
+pub fn decode(
+    decoder: &mut Decoder<'_>,
+    opcode: rspirv::spirv::Op,
+    instruction: &Instruction,
+) -> Result<bool> {
     use rspirv::spirv::Op as Opcode;
     match opcode {
         Opcode::Load => {

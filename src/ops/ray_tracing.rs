@@ -82,8 +82,12 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 return Err(decoder.invalid("the operands of OpTraceRayKHR have wrong types"));
             }
             let operands = decoder.consecutive(&words)?;
-            let payload =
-                variable_rows(decoder, instruction, 10, &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD])?;
+            let payload = variable_rows(
+                decoder,
+                instruction,
+                10,
+                &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD],
+            )?;
             decoder.emit(Operation::Stop(Op::TraceRay { operands, payload }));
             decoder.forget();
         }
@@ -91,7 +95,9 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let index = decoder.operand(instruction, 0)?;
             let classes = &[storage::CALLABLE_DATA, storage::INCOMING_CALLABLE_DATA];
             let data = variable_rows(decoder, instruction, 1, classes)?;
-            let Some(&index) = index.first() else { return Err(decoder.invalid("an SBT index without a value")) };
+            let Some(&index) = index.first() else {
+                return Err(decoder.invalid("an SBT index without a value"));
+            };
             decoder.emit(Operation::Stop(Op::ExecuteCallable { index, data }));
             decoder.forget();
         }
@@ -128,7 +134,7 @@ fn variable_rows(
     let id = decoder.id(instruction, at)?;
     let pointer = decoder.pointer(id)?;
     if !classes.contains(&pointer.storage_class) {
-        let found = crate::module::storage_class_name(pointer.storage_class);
+        let found = crate::module::names::storage_class_name(pointer.storage_class);
         return Err(decoder.invalid(format!("a payload variable in storage class {found}")));
     }
     match pointer {

@@ -1,1 +1,155 @@
-//! (doc to come)
+//! A program: one entry point of a module, lowered to operations on rows.
+
+pub mod control_flow;
+pub mod lower;
+pub mod print;
+pub mod prune;
+
+use std::sync::Arc;
+
+use crate::machine::{Batch, Binding, Exit, Lanes, Mask, Reg, Registers};
+use crate::module::interface::Stage;
+use crate::module::{Id, Module};
+use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
+use crate::ops::op::Op;
+
+pub use lower::lower;
+
+/// Where a block goes when its operations are done.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Terminator {
+    /// To one block.
+    Branch(u32),
+    /// To `then` where the row is not zero, else to `other`.
+    BranchConditional {
+        /// A bool.
+        condition: Reg,
+        /// A block.
+        then: u32,
+        /// A block.
+        other: u32,
+    },
+    /// To the block of the first case that equals the selector.
+    Switch {
+        /// One row, or two where the selector has 64 bits.
+        selector: Reg,
+        /// Whether it has 64 bits.
+        wide: bool,
+        /// Values and blocks.
+        cases: Box<[(u64, u32)]>,
+        /// The block where no case matches.
+        default: u32,
+    },
+    /// Calls a function that begins at a block; goes on at another.
+    Call {
+        /// The function's first block.
+        function: u32,
+        /// Where to go on.
+        return_to: u32,
+    },
+    /// Ends the function.
+    Return,
+    /// Ends the invocation.
+    Exit(Exit),
+    /// Must not be reached.
+    Unreachable,
+}
+
+/// A stretch of operations that run one after the other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// The first operation.
+    pub first: u32,
+    /// One past the last operation.
+    pub end: u32,
+    /// What then.
+    pub terminator: Terminator,
+}
+
+/// A call that was inlined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Scope {
+    /// The scope around it; 0 is the entry point.
+    pub parent: u32,
+    /// The word offset of the call.
+    pub call: u32,
+    /// The function.
+    pub function: Id,
+}
+
+/// One entry point, ready to run. Plain data.
+#[derive(Clone, Debug)]
+pub struct Program {
+    /// The module that it came from.
+    pub module: Arc<Module>,
+    /// The stage.
+    pub stage: Stage,
+    /// The entry point's name.
+    pub name: String,
+    /// All operations.
+    pub ops: Vec<Op>,
+    /// Where each operation comes from.
+    pub origins: Vec<Origin>,
+    /// Inlined calls; the first is the entry point itself.
+    pub scopes: Vec<Scope>,
+    /// All blocks in structured order; the entry point begins at 0.
+    pub blocks: Vec<Block>,
+    /// How many rows a batch needs.
+    pub rows: u32,
+    /// Rows that hold constants.
+    pub constants: Vec<(Reg, u32)>,
+    /// Descriptor bindings, the position is the slot.
+    pub slots: Vec<Slot>,
+    /// Builtins that are read.
+    pub inputs: Vec<InputRows>,
+    /// Rows of payload, attribute and other interface variables.
+    pub interface: Vec<InterfaceRows>,
+    /// Rows of all variables.
+    pub variables: Vec<(Reg, u32)>,
+}
+
+impl Program {
+    /// A batch with the constants in place, ready for [`Program::begin`].
+    pub fn batch<const W: usize>(&self) -> Batch<W> {
+        let mut registers = Registers::new(self.rows as usize);
+        for &(reg, word) in &self.constants {
+            registers[reg].0 = [word; W];
+        }
+        Batch::new(registers)
+    }
+
+    /// Starts the lanes of a mask, whose invocations are set, with an instruction budget each.
+    ///
+    /// Variables begin as zeros, so that what a shader reads before it writes does not depend on
+    /// what ran in the batch before.
+    pub fn begin<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, budget: u64) {
+        for &(first, count) in &self.variables {
+            batch.registers.rows_mut(first, count).fill(Lanes::splat(0));
+        }
+        self.refresh_inputs(batch, mask, false);
+        batch.begin(mask, 0, self.blocks[0].first, budget);
+    }
+
+    /// Fills the rows of builtins again; only those that may change while running where so asked.
+    pub fn refresh_inputs<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, volatile: bool) {
+        for input in self.inputs.iter().filter(|input| !volatile || input.builtin.volatile) {
+            let mut words = [0; 12];
+            for lane in mask.lanes() {
+                let words = &mut words[..input.count as usize];
+                words.fill(0);
+                (input.builtin.read)(&batch.invocations[lane], words);
+                batch.registers.set_lane_words(input.first, lane, words.iter().copied());
+            }
+        }
+    }
+
+    /// The rows of the one variable of a storage class that an entry point may have.
+    pub fn interface_rows(&self, storage_class: u32) -> Option<&InterfaceRows> {
+        self.interface.iter().find(|rows| rows.storage_class == storage_class)
+    }
+
+    /// The bindings of the slots, for [`Resources::bindings`](crate::machine::Resources::bindings).
+    pub fn bindings(&self) -> impl Iterator<Item = Binding> {
+        self.slots.iter().map(|slot| slot.binding)
+    }
+}

@@ -1,0 +1,129 @@
+//! The order of a function's blocks, and which values outlive the loop that makes them.
+
+use std::collections::{HashMap, HashSet};
+
+use crate::module::{Function, Id, Module};
+
+/// Opcodes that this file looks at.
+const LOOP_MERGE: u16 = 246;
+const SELECTION_MERGE: u16 = 247;
+const PHI: u16 = 245;
+
+/// The blocks of a function that can be reached, in structured order: a merge block stands after
+/// everything that it merges, a continue target after the loop's body, a loop's merge block after
+/// the loop.
+///
+/// It is the reverse postorder of a walk that visits merge block and continue target before the
+/// other successors.
+pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
+    let positions: HashMap<Id, usize> =
+        function.blocks.iter().enumerate().map(|(at, block)| (block.label, at)).collect();
+    let mut seen = vec![false; function.blocks.len()];
+    let mut order = Vec::with_capacity(function.blocks.len());
+    let mut stack = Vec::new();
+    if !function.blocks.is_empty() {
+        seen[0] = true;
+        stack.push((0, successors(module, function, 0, &positions), 0));
+    }
+    while let Some((block, next, at)) = stack.last_mut() {
+        match next.get(*at).copied() {
+            Some(successor) => {
+                *at += 1;
+                if !seen[successor] {
+                    seen[successor] = true;
+                    stack.push((successor, successors(module, function, successor, &positions), 0));
+                }
+            }
+            None => {
+                order.push(*block);
+                stack.pop();
+            }
+        }
+    }
+    order.reverse();
+    order
+}
+
+/// Merge block and continue target first, then the targets, the last of them first, so that they
+/// come out in the order in which they are written.
+fn successors(
+    module: &Module,
+    function: &Function,
+    block: usize,
+    positions: &HashMap<Id, usize>,
+) -> Vec<usize> {
+    let instructions = &function.blocks[block].instructions;
+    let mut ids = Vec::new();
+    for instruction in instructions.iter().rev().take(2) {
+        let operands = module.operands(instruction);
+        match instruction.opcode {
+            LOOP_MERGE => ids.extend(operands[..2.min(operands.len())].iter().map(|&id| Id(id))),
+            SELECTION_MERGE => ids.extend(operands.first().map(|&id| Id(id))),
+            _ => {}
+        }
+    }
+    if let Some(terminator) = instructions.last() {
+        ids.extend(module.branch_targets(terminator).into_iter().rev());
+    }
+    ids.into_iter().filter_map(|id| positions.get(&id).copied()).collect()
+}
+
+/// Values that are used after the loop in which they are made.
+///
+/// A lane that has left a loop waits while others go round again, and an operation writes all
+/// lanes: such a value needs a row of its own that is written for the running lanes only.
+pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) -> HashSet<Id> {
+    let mut place = vec![usize::MAX; function.blocks.len()];
+    for (position, &block) in order.iter().enumerate() {
+        place[block] = position;
+    }
+    let positions: HashMap<Id, usize> =
+        function.blocks.iter().enumerate().map(|(at, block)| (block.label, place[at])).collect();
+    // The loop around each position, innermost: its end. Loops nest, so a stack serves.
+    let mut loop_end = vec![usize::MAX; order.len()];
+    let mut open: Vec<usize> = Vec::new();
+    for (position, &block) in order.iter().enumerate() {
+        open.retain(|&end| position < end);
+        let merge = function.blocks[block].instructions.iter().rev().nth(1);
+        if let Some(merge) = merge.filter(|merge| merge.opcode == LOOP_MERGE) {
+            let end = module.operands(merge).first().and_then(|&id| positions.get(&Id(id)).copied());
+            // A merge block that is never reached stands nowhere: the loop then ends with the rest.
+            let end = end.filter(|&end| end > position && end != usize::MAX).unwrap_or(order.len());
+            open.push(end);
+        }
+        loop_end[position] = open.iter().copied().min().unwrap_or(usize::MAX);
+    }
+    let mut made: HashMap<Id, usize> = HashMap::new();
+    for (position, &block) in order.iter().enumerate() {
+        for instruction in &function.blocks[block].instructions {
+            if let Some(result) = instruction.result {
+                made.insert(result, position);
+            }
+        }
+    }
+    let mut escaping = HashSet::new();
+    let mut used = |id: Id, position: usize| {
+        if let Some(&at) = made.get(&id)
+            && position >= loop_end[at]
+        {
+            escaping.insert(id);
+        }
+    };
+    for (position, &block) in order.iter().enumerate() {
+        for instruction in &function.blocks[block].instructions {
+            if instruction.opcode == PHI {
+                // A phi reads at the end of the block that its value comes from.
+                for pair in module.operands(instruction).chunks_exact(2) {
+                    if let Some(&from) = positions.get(&Id(pair[1])) {
+                        used(Id(pair[0]), from);
+                    }
+                }
+                continue;
+            }
+            for id in module.operand_ids(instruction) {
+                used(id, position);
+            }
+        }
+    }
+    escaping
+}

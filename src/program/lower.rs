@@ -1,0 +1,620 @@
+//! From an entry point to a [`Program`].
+//!
+//! Functions are inlined where they are small or called once, so that pointers to a caller's
+//! variables lead to known rows; large ones called from several places become real calls. Blocks
+//! are laid out in structured order, which is what lets lanes meet again (see
+//! [`Batch`](crate::machine::Batch)). Phis become moves on the edges.
+
+use std::collections::{HashMap, HashSet, VecDeque};
+use std::sync::Arc;
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::machine::Exit;
+use crate::module::interface::{EntryPoint, Stage};
+use crate::module::ty::Type;
+use crate::module::{Definition, Function, Id, Instruction, Module};
+use crate::ops::decode::{Decoder, Origin, Value, Words};
+use crate::ops::decode_number;
+use crate::ops::memory;
+use crate::ops::op::Op;
+use crate::ops::pointer::{self, Place as PointerPlace, Pointer};
+use crate::program::control_flow::{escaping_values, structured_order};
+use crate::program::prune::prune;
+use crate::program::{Block, Program, Scope, Terminator};
+
+/// Functions of at most this many instructions, callees included, are inlined at every call.
+const INLINE_SIZE: u64 = 2_000;
+/// Beyond this many operations only functions that are called once are inlined.
+const INLINE_TOTAL: usize = 400_000;
+/// Calls nest this deep inlined; deeper ones become real.
+const INLINE_DEPTH: usize = 48;
+
+/// Lowers an entry point of a module.
+///
+/// # Errors
+/// `InvalidModule` or `UnsupportedModule` about the first instruction that cannot be lowered.
+pub fn lower(module: &Arc<Module>, entry: &EntryPoint) -> Result<Program> {
+    if let Stage::Other(_) | Stage::Compute = entry.stage {
+        let message =
+            format!("entry point `{}`: {} is not a ray-tracing stage", entry.name, entry.stage.name());
+        return Err(Error::new(ErrorKind::UnsupportedModule, message).at(Place::Word(entry.offset as usize)));
+    }
+    let Some(Definition::Function(function)) = module.definition(entry.function) else {
+        let message = format!("entry point `{}` names no function", entry.name);
+        return Err(Error::new(ErrorKind::InvalidModule, message).at(Place::Word(entry.offset as usize)));
+    };
+    let mut lowering = Lowering {
+        decoder: Decoder::new(module, entry.stage),
+        module,
+        labels: 0,
+        placed: HashMap::new(),
+        blocks: Vec::new(),
+        first: 0,
+        scopes: vec![Scope { parent: 0, call: 0, function: entry.function }],
+        depth: 0,
+        sizes: sizes(module),
+        standing: HashMap::new(),
+        queue: VecDeque::new(),
+    };
+    let start = lowering.label();
+    lowering.begin(start);
+    lowering.initialize_globals(entry)?;
+    lowering.body(&module.functions[function as usize], &Return::Entry)?;
+    while let Some(function) = lowering.queue.pop_front() {
+        lowering.stand_alone(function)?;
+    }
+    Ok(lowering.finish(module, entry))
+}
+
+/// How large a function is with its callees inlined, and how often it is called.
+#[derive(Clone, Copy, Default)]
+struct Size {
+    instructions: u64,
+    calls: u32,
+}
+
+fn sizes(module: &Module) -> HashMap<Id, Size> {
+    const CALL: u16 = 57;
+    let mut sizes: HashMap<Id, Size> = HashMap::new();
+    let mut callees: HashMap<Id, Vec<Id>> = HashMap::new();
+    for function in &module.functions {
+        let instructions = function.blocks.iter().flat_map(|block| &block.instructions);
+        let own = sizes.entry(function.id).or_default();
+        own.instructions = instructions.clone().count() as u64;
+        for call in instructions.filter(|instruction| instruction.opcode == CALL) {
+            if let Some(&callee) = module.operands(call).first() {
+                callees.entry(function.id).or_default().push(Id(callee));
+            }
+        }
+    }
+    for callee in callees.values().flatten() {
+        sizes.entry(*callee).or_default().calls += 1;
+    }
+    // Callees first: a walk without recursion, as the depth is the module's.
+    let mut done = HashSet::new();
+    for function in &module.functions {
+        let mut stack = vec![(function.id, false)];
+        while let Some((id, ready)) = stack.pop() {
+            if done.contains(&id) {
+                continue;
+            }
+            let below = callees.get(&id).map_or(&[][..], Vec::as_slice);
+            if ready {
+                let sum: u64 = below.iter().fold(0, |sum: u64, callee| {
+                    sum.saturating_add(sizes.get(callee).map_or(0, |size| size.instructions))
+                });
+                let size = sizes.entry(id).or_default();
+                size.instructions = size.instructions.saturating_add(sum);
+                done.insert(id);
+            } else {
+                stack.push((id, true));
+                stack.extend(
+                    below.iter().filter(|callee| !done.contains(callee)).map(|&callee| (callee, false)),
+                );
+            }
+        }
+    }
+    sizes
+}
+
+/// What a function's return does.
+enum Return {
+    /// Ends the invocation.
+    Entry,
+    /// Goes on in the caller; the value is left in rows.
+    Inlined { label: u32, result: Words },
+    /// Ends a real call; the value is left in rows.
+    StandingAlone { result: Words },
+}
+
+/// A function that is really called.
+#[derive(Clone)]
+struct Standing {
+    label: u32,
+    parameters: Vec<Words>,
+    result: Words,
+}
+
+/// A block whose targets are labels, not places yet.
+struct Lowering<'m> {
+    decoder: Decoder<'m>,
+    module: &'m Module,
+    labels: u32,
+    /// Where each label was placed.
+    placed: HashMap<u32, u32>,
+    blocks: Vec<Block>,
+    /// The first operation of the open block.
+    first: u32,
+    scopes: Vec<Scope>,
+    depth: usize,
+    sizes: HashMap<Id, Size>,
+    standing: HashMap<Id, Standing>,
+    queue: VecDeque<Id>,
+}
+
+impl<'m> Lowering<'m> {
+    fn label(&mut self) -> u32 {
+        self.labels += 1;
+        self.labels
+    }
+
+    /// Opens a block under a label.
+    fn begin(&mut self, label: u32) {
+        self.placed.insert(label, self.blocks.len() as u32);
+        self.first = self.decoder.ops.len() as u32;
+        self.decoder.forget();
+    }
+
+    /// Closes the open block.
+    fn end(&mut self, terminator: Terminator) {
+        let end = self.decoder.ops.len() as u32;
+        self.blocks.push(Block { first: self.first, end, terminator });
+    }
+
+    /// Variables of module scope that have an initialiser.
+    fn initialize_globals(&mut self, entry: &EntryPoint) -> Result<()> {
+        let reachable: HashSet<Id> =
+            self.module.interface_of(entry).iter().map(|variable| variable.id).collect();
+        for index in 0..self.module.variables.len() {
+            let variable = &self.module.variables[index];
+            let Some(initializer) = variable.initializer.filter(|_| reachable.contains(&variable.id)) else {
+                continue;
+            };
+            let pointer = self.decoder.pointer(variable.id)?;
+            let words = self.decoder.words(initializer)?;
+            pointer::store(&mut self.decoder, &pointer, &words)?;
+        }
+        Ok(())
+    }
+
+    /// Lowers the blocks of a function into the open block and those after it.
+    fn body(&mut self, function: &Function, plan: &Return) -> Result<()> {
+        let module = self.module;
+        let order = structured_order(module, function);
+        if order.is_empty() {
+            return Err(self.decoder.unsupported(format!(
+                "{} has no body: linked functions are not supported",
+                module.describe_id(function.id)
+            )));
+        }
+        let escaping = escaping_values(module, function, &order);
+        let labels: HashMap<Id, u32> =
+            order.iter().map(|&block| (function.blocks[block].label, self.label())).collect();
+        for &block in &order {
+            for instruction in &function.blocks[block].instructions {
+                if instruction.opcode == opcode::PHI {
+                    self.decoder.origin.offset = instruction.offset;
+                    let ty = self.decoder.result_type(instruction)?;
+                    let count = self.decoder.word_count(ty)?;
+                    let words = self.decoder.fresh_words(count)?;
+                    self.decoder.result(instruction, words);
+                }
+            }
+        }
+        for (position, &block) in order.iter().enumerate() {
+            let block = &function.blocks[block];
+            let label = labels[&block.label];
+            if position == 0 {
+                // The function's first block goes on in the block that is open.
+                self.placed.insert(label, self.blocks.len() as u32);
+            } else {
+                self.begin(label);
+            }
+            for instruction in &block.instructions {
+                self.decoder.origin.offset = instruction.offset;
+                let place = Site { function, block: block.label, labels: &labels, plan };
+                self.instruction(instruction, &place)?;
+                if let Some(id) = instruction.result.filter(|id| escaping.contains(id)) {
+                    self.keep(id)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives a value rows that only the running lanes write.
+    fn keep(&mut self, id: Id) -> Result<()> {
+        match self.decoder.value(id)? {
+            Value::Words(words) => {
+                let kept = self.keep_words(&words)?;
+                self.decoder.define(id, Value::Words(kept));
+            }
+            Value::Pointer(pointer) => {
+                let mut kept = pointer.clone();
+                if let Some(index) = pointer.index {
+                    kept.index = Some(self.keep_words(&[index])?[0]);
+                }
+                if let PointerPlace::Buffer(memory::BufferRef::Computed(handle)) = pointer.place {
+                    let handle = self.keep_words(&[handle])?[0];
+                    kept.place = PointerPlace::Buffer(memory::BufferRef::Computed(handle));
+                }
+                self.decoder.define(id, Value::Pointer(kept));
+            }
+        }
+        Ok(())
+    }
+
+    fn keep_words(&mut self, words: &[crate::machine::Reg]) -> Result<Words> {
+        if words.iter().all(|&reg| self.decoder.constant_word(reg).is_some()) {
+            return Ok(words.into());
+        }
+        let kept = self.decoder.fresh_words(words.len() as u32)?;
+        for (&to, &from) in kept.iter().zip(words) {
+            self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+        }
+        Ok(kept)
+    }
+
+    fn instruction(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
+        match instruction.opcode {
+            opcode::PHI | opcode::LOOP_MERGE | opcode::SELECTION_MERGE => Ok(()),
+            opcode::VARIABLE => self.variable(instruction),
+            opcode::FUNCTION_CALL => self.call(instruction),
+            opcode::BRANCH..=opcode::UNREACHABLE
+            | opcode::TERMINATE_INVOCATION
+            | opcode::IGNORE_INTERSECTION
+            | opcode::TERMINATE_RAY => self.terminator(instruction, place),
+            number => decode_number(&mut self.decoder, number, instruction),
+        }
+    }
+
+    fn variable(&mut self, instruction: &Instruction) -> Result<()> {
+        let ty = self.decoder.result_type(instruction)?;
+        let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *self.module.ty(ty) else {
+            return Err(self.decoder.invalid("OpVariable has no pointer type"));
+        };
+        let count = self.decoder.word_count(pointee)?;
+        let first = self.decoder.fresh(count)?;
+        self.decoder.variables.push((first, count));
+        let pointer = Pointer {
+            place: PointerPlace::Rows { first, constant: false },
+            pointee,
+            storage_class,
+            offset: 0,
+            index: None,
+            matrix: None,
+            component_stride: None,
+        };
+        if self.module.operands(instruction).len() > 1 {
+            let initializer = self.decoder.id(instruction, 1)?;
+            let words = self.decoder.words(initializer)?;
+            pointer::store(&mut self.decoder, &pointer, &words)?;
+        }
+        if let Some(id) = instruction.result {
+            self.decoder.define(id, Value::Pointer(pointer));
+        }
+        Ok(())
+    }
+
+    fn call(&mut self, instruction: &Instruction) -> Result<()> {
+        let callee = self.decoder.id(instruction, 0)?;
+        let Some(Definition::Function(index)) = self.module.definition(callee) else {
+            return Err(self.decoder.invalid(format!("%{} is no function", callee.0)));
+        };
+        let module = self.module;
+        let function = &module.functions[index as usize];
+        let arguments: Vec<Id> = module.operands(instruction)[1..].iter().map(|&id| Id(id)).collect();
+        if arguments.len() != function.parameters.len() {
+            return Err(self.decoder.invalid(format!(
+                "{} takes {} arguments, not {}",
+                module.describe_id(callee),
+                function.parameters.len(),
+                arguments.len()
+            )));
+        }
+        let size = self.sizes.get(&callee).copied().unwrap_or_default();
+        let small = size.instructions <= INLINE_SIZE && self.decoder.ops.len() < INLINE_TOTAL;
+        if self.depth < INLINE_DEPTH && (small || size.calls <= 1) {
+            self.inline(instruction, function, &arguments)
+        } else {
+            self.real_call(instruction, function, &arguments)
+        }
+    }
+
+    fn inline(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
+        let mut locals = HashMap::new();
+        for (&argument, &(parameter, _)) in arguments.iter().zip(&function.parameters) {
+            locals.insert(parameter, self.decoder.value(argument)?);
+        }
+        let result = self.result_rows(function)?;
+        let label = self.label();
+        let outer = self.decoder.origin;
+        self.scopes.push(Scope { parent: outer.scope, call: instruction.offset, function: function.id });
+        self.decoder.origin.scope = self.scopes.len() as u32 - 1;
+        let locals = std::mem::replace(&mut self.decoder.locals, locals);
+        self.depth += 1;
+        self.body(function, &Return::Inlined { label, result: result.clone() })?;
+        self.depth -= 1;
+        self.decoder.locals = locals;
+        self.decoder.origin = outer;
+        self.begin(label);
+        self.decoder.result(instruction, result);
+        Ok(())
+    }
+
+    fn result_rows(&mut self, function: &Function) -> Result<Words> {
+        let count = self.decoder.word_count(function.return_type)?;
+        self.decoder.fresh_words(count)
+    }
+
+    fn real_call(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
+        let standing = match self.standing.get(&function.id) {
+            Some(standing) => standing.clone(),
+            None => {
+                let mut parameters = Vec::new();
+                for &(_, ty) in &function.parameters {
+                    let count = self.decoder.word_count(ty)?;
+                    parameters.push(self.decoder.fresh_words(count)?);
+                }
+                let result = self.result_rows(function)?;
+                let standing = Standing { label: self.label(), parameters, result };
+                self.standing.insert(function.id, standing.clone());
+                self.queue.push_back(function.id);
+                standing
+            }
+        };
+        for (&argument, parameter) in arguments.iter().zip(&standing.parameters) {
+            let words = self.decoder.words(argument)?;
+            for (&to, from) in parameter.iter().zip(words) {
+                self.decoder.emit(Op::Memory(memory::Op::Move { to, from }));
+            }
+        }
+        let return_to = self.label();
+        self.end(Terminator::Call { function: standing.label, return_to });
+        self.begin(return_to);
+        let result = self.decoder.fresh_words(standing.result.len() as u32)?;
+        for (&to, &from) in result.iter().zip(&standing.result) {
+            self.decoder.emit(Op::Memory(memory::Op::Move { to, from }));
+        }
+        self.decoder.result(instruction, result);
+        Ok(())
+    }
+
+    /// Lowers a function that is really called.
+    fn stand_alone(&mut self, id: Id) -> Result<()> {
+        let standing = self.standing[&id].clone();
+        let Some(Definition::Function(index)) = self.module.definition(id) else {
+            return Err(self.decoder.invalid(format!("%{} is no function", id.0)));
+        };
+        let module = self.module;
+        let function = &module.functions[index as usize];
+        self.scopes.push(Scope { parent: 0, call: 0, function: id });
+        self.decoder.origin = Origin { offset: 0, scope: self.scopes.len() as u32 - 1 };
+        let parameters = function.parameters.iter().zip(standing.parameters);
+        self.decoder.locals = parameters.map(|(&(id, _), words)| (id, Value::Words(words))).collect();
+        self.begin(standing.label);
+        self.body(function, &Return::StandingAlone { result: standing.result })
+    }
+
+    fn terminator(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
+        match instruction.opcode {
+            opcode::BRANCH => {
+                let target = self.decoder.id(instruction, 0)?;
+                self.edge_moves(place, target)?;
+                let label = self.target(place, target)?;
+                self.end(Terminator::Branch(label));
+            }
+            opcode::BRANCH_CONDITIONAL => {
+                let condition = self.decoder.operand(instruction, 0)?[0];
+                let targets = [self.decoder.id(instruction, 1)?, self.decoder.id(instruction, 2)?];
+                if let Some(known) = self.decoder.constant_word(condition) {
+                    let target = targets[usize::from(known == 0)];
+                    self.edge_moves(place, target)?;
+                    let label = self.target(place, target)?;
+                    self.end(Terminator::Branch(label));
+                    return Ok(());
+                }
+                let mut edges = Vec::new();
+                let [then, other] =
+                    [self.edge(place, targets[0], &mut edges)?, self.edge(place, targets[1], &mut edges)?];
+                self.end(Terminator::BranchConditional { condition, then, other });
+                self.edges(place, edges)?;
+            }
+            opcode::SWITCH => {
+                let selector = self.decoder.operand(instruction, 0)?;
+                let words = self.module.switch_literal_words(instruction);
+                let operands = self.module.operands(instruction);
+                let mut edges = Vec::new();
+                let default = self.edge(place, Id(operands[1]), &mut edges)?;
+                let mut cases = Vec::new();
+                for case in operands[2..].chunks_exact(words + 1) {
+                    let value = u64::from(case[0]) | if words == 2 { u64::from(case[1]) << 32 } else { 0 };
+                    cases.push((value, self.edge(place, Id(case[words]), &mut edges)?));
+                }
+                // Narrow selectors lie zero-extended in their row, their literals may be sign-extended.
+                let ty = self.decoder.type_of(Id(operands[0]))?;
+                let width = self.decoder.scalar_width(ty)?;
+                if width < 32 {
+                    cases.iter_mut().for_each(|(value, _)| *value &= (1 << width) - 1);
+                }
+                let (selector, wide, cases) = (selector[0], words == 2, cases.into());
+                self.end(Terminator::Switch { selector, wide, cases, default });
+                self.edges(place, edges)?;
+            }
+            opcode::RETURN => self.leave(place),
+            opcode::RETURN_VALUE => {
+                let words = self.decoder.operand(instruction, 0)?;
+                if let Return::Inlined { result, .. } | Return::StandingAlone { result } = place.plan {
+                    for (&to, from) in result.iter().zip(words) {
+                        self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+                    }
+                }
+                self.leave(place);
+            }
+            opcode::UNREACHABLE => self.end(Terminator::Unreachable),
+            opcode::IGNORE_INTERSECTION => self.end(Terminator::Exit(Exit::Ignored)),
+            opcode::TERMINATE_RAY => self.end(Terminator::Exit(Exit::Terminated)),
+            other => {
+                let name = crate::module::names::opcode_name(other);
+                return Err(self.decoder.unsupported(format!("{name} in a ray-tracing stage")));
+            }
+        }
+        Ok(())
+    }
+
+    fn leave(&mut self, place: &Site<'_>) {
+        let terminator = match place.plan {
+            Return::Entry => Terminator::Exit(Exit::Returned),
+            Return::Inlined { label, .. } => Terminator::Branch(*label),
+            Return::StandingAlone { .. } => Terminator::Return,
+        };
+        self.end(terminator);
+    }
+
+    fn target(&self, place: &Site<'_>, target: Id) -> Result<u32> {
+        let label = place.labels.get(&target).copied();
+        label.ok_or_else(|| self.decoder.invalid(format!("a branch to %{}, which is no block", target.0)))
+    }
+
+    /// The label that a conditional edge goes to: a block of its own where the target has phis.
+    fn edge(&mut self, place: &Site<'_>, target: Id, edges: &mut Vec<(u32, Id)>) -> Result<u32> {
+        if phis(place, target).next().is_none() {
+            return self.target(place, target);
+        }
+        if let Some(&(label, _)) = edges.iter().find(|&&(_, id)| id == target) {
+            return Ok(label);
+        }
+        let label = self.label();
+        edges.push((label, target));
+        Ok(label)
+    }
+
+    /// The blocks of the edges that have phis to serve.
+    fn edges(&mut self, place: &Site<'_>, edges: Vec<(u32, Id)>) -> Result<()> {
+        for (label, target) in edges {
+            self.begin(label);
+            self.edge_moves(place, target)?;
+            let target = self.target(place, target)?;
+            self.end(Terminator::Branch(target));
+        }
+        Ok(())
+    }
+
+    /// Moves the values that the target's phis take from this block.
+    fn edge_moves(&mut self, place: &Site<'_>, target: Id) -> Result<()> {
+        let mut moves: Vec<(Words, Words)> = Vec::new();
+        for phi in phis(place, target) {
+            let pairs = self.module.operands(phi).chunks_exact(2);
+            let from = pairs.clone().find(|pair| Id(pair[1]) == place.block).map(|pair| Id(pair[0]));
+            let (Some(from), Some(id)) = (from, phi.result) else {
+                self.decoder.origin.offset = phi.offset;
+                return Err(self.decoder.invalid(format!("a phi has no value for block %{}", place.block.0)));
+            };
+            let to = self.decoder.words(id)?;
+            let from = self.decoder.words(from)?;
+            if to != from {
+                moves.push((to, from));
+            }
+        }
+        // All phis read before any is written: a source that is also a target is saved first.
+        let targets: HashSet<_> = moves.iter().flat_map(|(to, _)| to.iter().copied()).collect();
+        for (_, from) in &mut moves {
+            for reg in from.iter_mut().filter(|reg| targets.contains(*reg)) {
+                let saved = self.decoder.fresh(1)?;
+                self.decoder.emit(Op::Memory(memory::Op::Move { to: saved, from: *reg }));
+                *reg = saved;
+            }
+        }
+        for (to, from) in moves {
+            for (to, from) in to.into_iter().zip(from) {
+                self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self, module: &Arc<Module>, entry: &EntryPoint) -> Program {
+        let place = |label: &mut u32| *label = self.placed[label];
+        let mut blocks = self.blocks;
+        for block in &mut blocks {
+            match &mut block.terminator {
+                Terminator::Branch(label) => place(label),
+                Terminator::BranchConditional { then, other, .. } => {
+                    place(then);
+                    place(other);
+                }
+                Terminator::Switch { cases, default, .. } => {
+                    place(default);
+                    cases.iter_mut().for_each(|(_, label)| place(label));
+                }
+                Terminator::Call { function, return_to } => {
+                    place(function);
+                    place(return_to);
+                }
+                Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
+            }
+        }
+        let mut constants: Vec<_> = self.decoder.constant_rows().collect();
+        constants.sort_unstable();
+        let rows = self.decoder.row_count();
+        let mut program = Program {
+            module: module.clone(),
+            stage: entry.stage,
+            name: entry.name.clone(),
+            ops: self.decoder.ops,
+            origins: self.decoder.origins,
+            scopes: self.scopes,
+            blocks,
+            rows,
+            constants,
+            slots: self.decoder.slots,
+            inputs: self.decoder.inputs,
+            interface: self.decoder.interface,
+            variables: self.decoder.variables,
+        };
+        prune(&mut program, &self.decoder.addressed);
+        program
+    }
+}
+
+/// Where an instruction stands.
+struct Site<'a> {
+    function: &'a Function,
+    block: Id,
+    labels: &'a HashMap<Id, u32>,
+    plan: &'a Return,
+}
+
+fn phis<'a>(place: &Site<'a>, target: Id) -> impl Iterator<Item = &'a Instruction> + use<'a> {
+    let block = place.function.blocks.iter().find(move |block| block.label == target);
+    let instructions = block.map_or(&[][..], |block| &block.instructions);
+    instructions.iter().take_while(|instruction| instruction.opcode == opcode::PHI)
+}
+
+/// Opcodes of control flow.
+mod opcode {
+    pub const FUNCTION_CALL: u16 = 57;
+    pub const VARIABLE: u16 = 59;
+    pub const PHI: u16 = 245;
+    pub const LOOP_MERGE: u16 = 246;
+    pub const SELECTION_MERGE: u16 = 247;
+    pub const BRANCH: u16 = 249;
+    pub const BRANCH_CONDITIONAL: u16 = 250;
+    pub const SWITCH: u16 = 251;
+    pub const RETURN: u16 = 253;
+    pub const RETURN_VALUE: u16 = 254;
+    pub const UNREACHABLE: u16 = 255;
+    pub const TERMINATE_INVOCATION: u16 = 4416;
+    pub const IGNORE_INTERSECTION: u16 = 4448;
+    pub const TERMINATE_RAY: u16 = 4449;
+}

@@ -1,0 +1,29 @@
+//! A program as text, for people.
+
+use std::fmt;
+
+use crate::program::Program;
+
+impl fmt::Display for Program {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "; {} `{}`: {} rows, {} constants",
+            self.stage.name(),
+            self.name,
+            self.rows,
+            self.constants.len()
+        )?;
+        for input in &self.inputs {
+            writeln!(f, "; r{}..{} = {}", input.first.0, input.first.0 + input.count, input.builtin.name)?;
+        }
+        for (at, block) in self.blocks.iter().enumerate() {
+            writeln!(f, "b{at}:")?;
+            for op in &self.ops[block.first as usize..block.end as usize] {
+                writeln!(f, "    {op:?}")?;
+            }
+            writeln!(f, "    {:?}", block.terminator)?;
+        }
+        Ok(())
+    }
+}
