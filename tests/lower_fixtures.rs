@@ -15,7 +15,9 @@ fn every_entry_point_lowers() {
     let mut failures = Vec::new();
     for path in files::with_extension(&root, "spv") {
         let bytes = std::fs::read(&path).expect("a readable fixture");
-        let module = Arc::new(anyhit::module::load(&bytes).unwrap_or_else(|error| panic!("{}: {error}", path.display())));
+        let module = Arc::new(
+            anyhit::module::load(&bytes).unwrap_or_else(|error| panic!("{}: {error}", path.display())),
+        );
         for entry in &module.entry_points {
             count += 1;
             match anyhit::program::lower(&module, entry) {

@@ -98,7 +98,7 @@ impl Buffer {
             return None;
         }
         let index = (offset / 4) as usize;
-        if width == 32 && offset % 4 == 0 {
+        if width == 32 && offset.is_multiple_of(4) {
             self.words[index].store(value, Relaxed);
             return Some(());
         }
@@ -118,7 +118,7 @@ impl Buffer {
 
     /// The word at an aligned byte offset, for atomics; `None` outside the buffer.
     pub fn word(&self, offset: u64) -> Option<&AtomicU32> {
-        let inside = offset % 4 == 0 && offset.checked_add(4)? <= self.size;
+        let inside = offset.is_multiple_of(4) && offset.checked_add(4)? <= self.size;
         inside.then(|| &self.words[(offset / 4) as usize])
     }
 }

@@ -47,10 +47,10 @@ pub mod extended {
         Borrow Internal [u32] (a: u32, b: u32) -> u32 { u32::from(a < b) }
         Borrow64 Internal [u64] (a: u64, b: u64) -> u64 { u64::from(a < b) }
         UMulHigh Internal [u8 u16 u32 u64] (a: T, b: T) -> T {
-            (u128::from(a) * u128::from(b) >> T::BITS) as T
+            ((u128::from(a) * u128::from(b)) >> T::BITS) as T
         }
         SMulHigh Internal [i8 i16 i32 i64] (a: T, b: T) -> T {
-            (i128::from(a) * i128::from(b) >> T::BITS) as T
+            ((i128::from(a) * i128::from(b)) >> T::BITS) as T
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Relational and logical instructions (SPIR-V 3.3.15).
 
+#![allow(clippy::double_comparisons, reason = "`a < b || a > b` is not `a != b` where one is NaN")]
+
 use half::f16;
 
 use crate::math::float::Float;
