@@ -1,6 +1,8 @@
 //! `[geometry.NAME]` and `[[instance]]` of a scene file.
 
-use crate::accel::{EndCaps, GeometryData, GeometryFlags, Indexing, InstanceFlags};
+use std::sync::Arc;
+
+use crate::accel::{Blas, EndCaps, GeometryData, GeometryFlags, Indexing, Instance, InstanceFlags};
 use crate::error::Result;
 use crate::scene::data::read;
 use crate::scene::files::Files;
@@ -319,21 +321,36 @@ impl Parse for InstanceEntry {
             geometry: geometry?.0,
             tlas,
             transform,
-            custom_index,
+            custom_index: custom_index?,
             mask,
-            sbt_offset,
+            sbt_offset: sbt_offset?,
             flags: InstanceFlags(flags),
         };
         Some(entry)
     }
 }
 
-fn bits24(table: &Table<'_>, key: &'static str) -> u32 {
-    let Some(number) = table.optional::<At<u32>>(key) else { return 0 };
-    if number.value >= 1 << 24 {
-        table.report().push(number.span.error(format!("`{key}` has 24 bits: at most 16777215")));
+impl InstanceEntry {
+    /// The instance with this BLAS.
+    pub fn instance(&self, blas: Arc<Blas>) -> Instance {
+        Instance {
+            blas,
+            transform: self.transform,
+            custom_index: self.custom_index,
+            mask: self.mask,
+            sbt_record_offset: self.sbt_offset,
+            flags: self.flags,
+        }
     }
-    number.value
+}
+
+fn bits24(table: &Table<'_>, key: &'static str) -> Option<u32> {
+    let Some(value) = table.value(key) else { return Some(0) };
+    let number = u32::parse(value)?;
+    if number >= 1 << 24 {
+        return value.wrong(format!("`{key}` has 24 bits: at most 16777215"));
+    }
+    Some(number)
 }
 
 const IDENTITY: [[f32; 4]; 3] = [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.]];

@@ -166,6 +166,7 @@ fn geometry_that_does_not_fit_together() {
 #[test]
 fn instances() {
     let ground = "[geometry.g]\ntype = 'plane'\n[[instance]]\ngeometry = 'g'\n";
+    one(&format!("{ground}[[instance]]\ngeometry = 'g'\nscale = [1, 0, 1]\n"), "s/a.toml:6:1", &["singular"]);
     one(&format!("{ground}sbt_offset = 16777216\n"), "s/a.toml:6:14", &["24 bits"]);
     one(&format!("{ground}custom_index = -1\n"), "s/a.toml:6:16", &["does not fit"]);
     one(&format!("{ground}transform = [1, 0, 0]\n"), "s/a.toml:6:13", &["expected 12 elements, found 3"]);

@@ -8,6 +8,7 @@
 
 pub mod camera;
 pub mod data;
+pub mod demo;
 pub mod file;
 pub mod files;
 pub mod generate;

@@ -10,7 +10,7 @@ use crate::scene::data::{Data, read};
 use crate::scene::file::{Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry};
 use crate::scene::files::Files;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
-use crate::scene::read::{At, Document, Report, nearest};
+use crate::scene::read::{At, Document, Report, Span, nearest};
 use crate::scene::resolved::{
     Binding, Group, HitGroup, ResolvedScene, Shader, ShaderBindingTable, ShaderCode, ShaderModule,
     ShaderRecord,
@@ -89,6 +89,7 @@ fn include(
 struct Resolver<'a> {
     files: &'a dyn Files,
     report: &'a Report,
+    options: Options,
     geometry: Vec<Entry<GeometryEntry>>,
     instances: Vec<InstanceEntry>,
     shader_entries: Vec<Entry<ShaderEntry>>,
@@ -109,6 +110,7 @@ impl<'a> Resolver<'a> {
         let mut all = Self {
             files,
             report,
+            options: *options,
             geometry: Vec::new(),
             instances: Vec::new(),
             shader_entries: Vec::new(),
@@ -152,7 +154,10 @@ impl<'a> Resolver<'a> {
         let sbt = self.binding_table();
         let resources = self.bindings(&tlas);
         let push_constants = self.bytes(self.push_constants.as_ref());
-        self.check_rays();
+        // `--size` may make the launch smaller than the scene's own rays think.
+        if self.options.size.is_none() {
+            self.check_rays();
+        }
         Some(ResolvedScene {
             path: self.own.source().path.clone(),
             tlas: tlas.into_iter().map(|(name, tlas)| Some((name, tlas?))).collect::<Option<_>>()?,
@@ -174,21 +179,15 @@ impl<'a> Resolver<'a> {
     fn structures(&self) -> Vec<(String, Option<Arc<Tlas>>)> {
         let mut loaded: HashMap<&str, Option<Geometry>> = HashMap::new();
         let mut blases: HashMap<Vec<&str>, Option<Arc<Blas>>> = HashMap::new();
-        let mut instances: Vec<(String, Vec<Option<Instance>>)> = Vec::new();
+        let mut instances: Vec<(String, Vec<Option<(Instance, &Span)>>)> = Vec::new();
         for entry in &self.instances {
             let names: Vec<&str> = entry.geometry.iter().map(|name| name.value.as_str()).collect();
             if !blases.contains_key(&names) {
                 let blas = self.blas(entry, &mut loaded);
                 blases.insert(names.clone(), blas);
             }
-            let instance = blases[&names].clone().map(|blas| Instance {
-                blas,
-                transform: entry.transform,
-                custom_index: entry.custom_index,
-                mask: entry.mask,
-                sbt_record_offset: entry.sbt_offset,
-                flags: entry.flags,
-            });
+            let instance = blases[&names].clone().map(|blas| entry.instance(blas));
+            let instance = instance.map(|instance| (instance, &entry.span));
             match instances.iter_mut().find(|(name, _)| *name == entry.tlas) {
                 Some((_, list)) => list.push(instance),
                 None => instances.push((entry.tlas.clone(), vec![instance])),
@@ -200,11 +199,27 @@ impl<'a> Resolver<'a> {
                 self.report.keep(content.load(self.files));
             }
         }
-        let build = |(name, list): (String, Vec<Option<Instance>>)| {
-            let list: Option<Vec<Instance>> = list.into_iter().collect();
-            (name, list.and_then(|list| self.report.keep(Tlas::new(list))))
+        let build = |list: Vec<Option<_>>| self.tlas(&list.into_iter().collect::<Option<Vec<_>>>()?);
+        instances.into_iter().map(|(name, list)| (name, build(list))).collect()
+    }
+
+    fn tlas(&self, list: &[(Instance, &Span)]) -> Option<Arc<Tlas>> {
+        let error = match Tlas::new(list.iter().map(|(instance, _)| instance.clone()).collect()) {
+            Ok(tlas) => return Some(tlas),
+            Err(error) => error,
         };
-        instances.into_iter().map(build).collect()
+        // A TLAS knows no lines: by itself, each wrong instance shows its own.
+        let before = self.report.len();
+        for (instance, span) in list {
+            if let Err(error) = Tlas::new(vec![instance.clone()]) {
+                let message = error.message().trim_start_matches("instance 0: ");
+                self.report.push(span.error(message));
+            }
+        }
+        if self.report.len() == before {
+            self.report.push(error);
+        }
+        None
     }
 
     fn blas<'s>(
@@ -310,7 +325,7 @@ impl<'a> Resolver<'a> {
                 self.report
                     .push(entry.name.span.error(message).at_with(other.place.clone(), "the other one"));
             }
-            let other = if content.output { output.replace(place.clone()) } else { None };
+            let other = if content.output.is_some() { output.replace(place.clone()) } else { None };
             if let Some(other) = other {
                 let error = entry.name.span.error("two images are marked as output");
                 self.report.push(error.at_with(other, "the other one"));
@@ -374,7 +389,6 @@ impl<'a> Resolver<'a> {
     fn check_rays(&self) {
         for ray in &self.rays {
             let RayEntry::Pixel { pixel: At { value: [x, y], span }, .. } = ray else { continue };
-            // `--size` may make the launch smaller than the scene's own rays think.
             if *x >= self.launch[0] || *y >= self.launch[1] {
                 let [width, height, _] = self.launch;
                 self.report.push(span.error(format!("outside the launch of {width} x {height}")));
@@ -503,8 +517,8 @@ mod tests {
         let turned =
             instance("rotate = { axis = [0, 0, 5], degrees = 90 }\nscale = [2, 3, 4]\ntranslate = [7, 8, 9]");
         assert_eq!(turned, [[0., -3., 0., 7.], [2., 0., 0., 8.], [0., 0., 4., 9.]]);
-        let flat = instance("transform = [1,2,3,4, 5,6,7,8, 9,10,11,12]");
-        assert_eq!(flat, [[1., 2., 3., 4.], [5., 6., 7., 8.], [9., 10., 11., 12.]]);
+        let flat = instance("transform = [1,2,3,4, 5,6,7,8, 9,10,12,11]");
+        assert_eq!(flat, [[1., 2., 3., 4.], [5., 6., 7., 8.], [9., 10., 12., 11.]]);
     }
 
     #[test]

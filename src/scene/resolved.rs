@@ -7,7 +7,7 @@ use crate::accel::Tlas;
 use crate::error::Place;
 use crate::scene::file::RayEntry;
 use crate::scene::read::Document;
-use crate::scene::resources::Resource;
+use crate::scene::resources::{Output, Resource};
 
 /// A scene with all files loaded.
 #[derive(Clone, Debug)]
@@ -142,8 +142,8 @@ pub struct Binding {
     pub element: u32,
     /// What it holds.
     pub resource: Resource,
-    /// Whether this image is the picture that a render saves.
-    pub output: bool,
+    /// Marks the image that a render saves, and how.
+    pub output: Option<Output>,
     /// Where the scene describes it.
     pub place: Place,
 }
@@ -152,7 +152,7 @@ impl ResolvedScene {
     /// The picture that a render saves: the storage image marked as output, or the only one.
     pub fn output(&self) -> Option<&Binding> {
         let images = || self.resources.iter().filter(|b| matches!(b.resource, Resource::StorageImage(_)));
-        let mut marked = images().filter(|binding| binding.output);
+        let mut marked = images().filter(|binding| binding.output.is_some());
         marked.next().or_else(|| images().next().filter(|_| images().count() == 1))
     }
 }

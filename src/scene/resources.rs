@@ -245,6 +245,32 @@ impl Parse for Sampler {
     }
 }
 
+/// How the picture of a render is saved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// The image holds what a screen shows: its numbers are saved as they are.
+    AsIs,
+    /// The image holds linear colours: they are encoded as sRGB.
+    Linear,
+}
+
+impl Named for Output {
+    const WHAT: &'static str = "kind of output";
+    const NAMES: &'static [(&'static str, Self)] = &[("as_is", Self::AsIs), ("linear", Self::Linear)];
+}
+
+/// `true`, `false` or an [`Output`].
+struct Marked(Option<Output>);
+
+impl Parse for Marked {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        if value.text().is_some() {
+            return Output::parse(value).map(|output| Self(Some(output)));
+        }
+        bool::parse(value).map(|marked| Self(marked.then_some(Output::AsIs)))
+    }
+}
+
 /// A resource as a scene writes it.
 #[derive(Clone, Debug)]
 pub struct ResourceEntry {
@@ -256,8 +282,8 @@ pub struct ResourceEntry {
     pub binding: u32,
     /// Element of an array of descriptors.
     pub element: u32,
-    /// Whether this image is the picture that a render saves.
-    pub output: bool,
+    /// Marks the image that a render saves.
+    pub output: Option<Output>,
     /// Its content.
     pub content: Content,
 }
@@ -335,7 +361,10 @@ impl Parse for ResourceEntry {
         let set = table.or("set", 0);
         let binding = table.required("binding");
         let element = table.or("element", 0);
-        let output = kind == Kind::StorageImage && table.or("output", false);
+        let output = match kind {
+            Kind::StorageImage => table.optional::<Marked>("output").and_then(|marked| marked.0),
+            _ => None,
+        };
         let content = match kind {
             Kind::StorageBuffer | Kind::UniformBuffer => {
                 BufferEntry::parse(&table).map(|entry| Content::Buffer(kind, entry))
