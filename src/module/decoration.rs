@@ -193,7 +193,7 @@ fn fold(module: &mut Module) {
         find(all, number(decoration)).and_then(|one| one.operands.first().copied())
     };
     for (id, all) in &module.decorations.of_id {
-        match module.definitions.get(id) {
+        match module.definitions.find(*id) {
             Some(Definition::Type(ty)) => match &mut module.types[ty.0 as usize] {
                 Type::Array { stride, .. }
                 | Type::RuntimeArray { stride, .. }
@@ -205,13 +205,13 @@ fn fold(module: &mut Module) {
                 _ => {}
             },
             Some(Definition::Constant(constant)) => {
-                module.constants[*constant as usize].spec_id = literal(all, spirv::Decoration::SpecId);
+                module.constants[constant as usize].spec_id = literal(all, spirv::Decoration::SpecId);
             }
             _ => {}
         }
     }
     for ((id, index), all) in &module.decorations.of_member {
-        let Some(Definition::Type(ty)) = module.definitions.get(id) else { continue };
+        let Some(Definition::Type(ty)) = module.definitions.find(*id) else { continue };
         let Type::Struct { members, .. } = &mut module.types[ty.0 as usize] else { continue };
         let member = &mut members[*index as usize];
         member.offset = literal(all, spirv::Decoration::Offset);
@@ -222,7 +222,7 @@ fn fold(module: &mut Module) {
         });
     }
     for ((id, index), name) in &module.debug_info.member_names {
-        let Some(Definition::Type(ty)) = module.definitions.get(id) else { continue };
+        let Some(Definition::Type(ty)) = module.definitions.find(*id) else { continue };
         let Type::Struct { members, .. } = &mut module.types[ty.0 as usize] else { continue };
         if let Some(member) = members.get_mut(*index as usize) {
             member.name.clone_from(name);

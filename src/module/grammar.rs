@@ -193,6 +193,10 @@ impl Cursor<'_> {
             K::LiteralSpecConstantOpInteger => {
                 let at = self.one(kind)?;
                 match u16::try_from(self.words[at]).ok().and_then(opcode) {
+                    // Refused here, because it would lead down without end.
+                    Some(inner) if inner.op == spirv::Op::SpecConstantOp => {
+                        Err(invalid(at, "OpSpecConstantOp cannot compute an OpSpecConstantOp"))
+                    }
                     Some(inner) => self.operands(&inner.operands[inner.result_words()..]),
                     None => self.skip_rest(),
                 }

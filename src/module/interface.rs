@@ -95,7 +95,8 @@ pub struct InterfaceVariable {
     pub storage_class: u32,
     /// The type pointed to; `None` for untyped variables.
     pub ty: Option<TypeId>,
-    /// Its name in the source, or empty.
+    /// Its name in the source; where a block has no name as a variable, its name as a type; else
+    /// empty.
     pub name: String,
     /// `BuiltIn`: the builtin's number.
     pub builtin: Option<u32>,
@@ -136,18 +137,22 @@ impl Module {
         self.variables
             .iter()
             .filter(|variable| used.contains(&variable.id))
-            .map(|variable| InterfaceVariable {
-                id: variable.id,
-                storage_class: variable.storage_class,
-                ty: match self.ty(variable.pointer) {
+            .map(|variable| {
+                let ty = match self.ty(variable.pointer) {
                     Type::Pointer { pointee, .. } => *pointee,
                     _ => None,
-                },
-                name: self.name(variable.id).unwrap_or_default().to_owned(),
-                builtin: literal(variable.id, Decoration::BuiltIn),
-                descriptor_set: literal(variable.id, Decoration::DescriptorSet),
-                binding: literal(variable.id, Decoration::Binding),
-                location: literal(variable.id, Decoration::Location),
+                };
+                let name = self.name(variable.id).or_else(|| self.name(self.id_of_type(ty?)?));
+                InterfaceVariable {
+                    id: variable.id,
+                    storage_class: variable.storage_class,
+                    ty,
+                    name: name.unwrap_or_default().to_owned(),
+                    builtin: literal(variable.id, Decoration::BuiltIn),
+                    descriptor_set: literal(variable.id, Decoration::DescriptorSet),
+                    binding: literal(variable.id, Decoration::Binding),
+                    location: literal(variable.id, Decoration::Location),
+                }
             })
             .collect()
     }

@@ -13,6 +13,7 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
 use crate::module::decoration::{Decorations, PendingDecorations};
+use crate::module::definitions::Definitions;
 use crate::module::grammar::{Opcode, is_id, opcode, walk};
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::names::opcode_name;
@@ -124,7 +125,7 @@ impl<'w> Loader<'w> {
                 functions: Vec::new(),
                 decorations: Decorations::default(),
                 debug_info: DebugInfo::default(),
-                definitions: HashMap::new(),
+                definitions: Definitions::new(words.len().min(header.bound as usize)),
             },
             debug: DebugReader::new(words),
             depths: Vec::new(),
@@ -164,7 +165,7 @@ impl<'w> Loader<'w> {
         let literal_words = self.literal_words(span, known);
         let before = |loader: &Self, at: usize| {
             let id = loader.id(at);
-            if loader.module.definitions.contains_key(&id) || loader.unknown.contains_key(&id) {
+            if loader.module.definition(id).is_some() || loader.unknown.contains_key(&id) {
                 return Ok(());
             }
             Err(loader.expected(span, at, "an id defined before"))
@@ -374,7 +375,9 @@ impl<'w> Loader<'w> {
         };
         self.module.memory_model = memory_model;
         for id in std::mem::take(&mut self.debug_results) {
-            self.module.definitions.entry(id).or_insert(Definition::Other);
+            if self.module.definition(id).is_none() {
+                self.module.definitions.insert(id, Definition::Other);
+            }
         }
         self.check_entry_points()?;
         self.apply_modes()?;

@@ -59,12 +59,20 @@ impl Module {
         }
     }
 
-    /// The name of an id: from `OpName`, else from debug information.
+    /// The name of an id in the source: from `OpName`, else from debug information.
+    ///
+    /// glslang writes a function's parameters into its name, `divide(f1;f1;`: they are cut off.
     pub fn name(&self, id: Id) -> Option<&str> {
         let info = &self.debug_info;
-        let name = info.names.get(&id).map(String::as_str).filter(|name| !name.is_empty());
-        name.or_else(|| info.variable_names.get(&id).map(|name| &**name))
-            .or_else(|| info.function_names.get(&id).map(|name| &**name))
+        let mut name = info.names.get(&id).map_or("", String::as_str);
+        if let Some(Definition::Function(_)) = self.definition(id) {
+            name = name.split('(').next().unwrap_or_default();
+        }
+        if !name.is_empty() {
+            return Some(name);
+        }
+        let name = info.variable_names.get(&id).or_else(|| info.function_names.get(&id))?;
+        Some(name).map(|name| &**name).filter(|name| !name.is_empty())
     }
 
     /// The id that declares a type.

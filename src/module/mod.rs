@@ -13,6 +13,7 @@ mod debug_reader;
 mod declare_constant;
 mod declare_type;
 pub mod decoration;
+pub mod definitions;
 mod describe;
 mod functions;
 mod grammar;
@@ -30,12 +31,12 @@ mod load_tests;
 #[cfg(test)]
 mod refuse_tests;
 
-use std::collections::HashMap;
 use std::ops::Range;
 
 use crate::module::constant::Constant;
 use crate::module::debug_info::DebugInfo;
 use crate::module::decoration::Decorations;
+use crate::module::definitions::Definitions;
 use crate::module::interface::EntryPoint;
 use crate::module::ty::{Type, TypeId};
 
@@ -164,7 +165,7 @@ pub struct Module {
     /// Names, source files, lines.
     pub debug_info: DebugInfo,
     /// What each id stands for.
-    pub definitions: HashMap<Id, Definition>,
+    pub definitions: Definitions,
 }
 
 impl Module {
@@ -180,6 +181,6 @@ impl Module {
 
     /// What an id stands for; `None` where nothing defines it.
     pub fn definition(&self, id: Id) -> Option<Definition> {
-        self.definitions.get(&id).copied()
+        self.definitions.find(id)
     }
 }

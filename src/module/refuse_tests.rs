@@ -201,6 +201,13 @@ fn constants_fit_their_types() {
 }
 
 #[test]
+fn operations_are_not_nested() {
+    let mut a = typed();
+    let at = a.op(Op::SpecConstantOp, &[&[5, 20][..], &[Op::SpecConstantOp as u32; 60_000]].concat());
+    refused(&a, at + 3, "OpSpecConstantOp cannot compute an OpSpecConstantOp");
+}
+
+#[test]
 fn constituents_fit_their_composites() {
     let mut a = typed();
     a.op(Op::Constant, &[6, 20, 0]);
