@@ -94,7 +94,8 @@ fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [
             let t = difference / d;
             let error = quotient_error(t, eo + u2 * difference.abs(), d, ed);
             let error = when::<R, BOUNDED>(error);
-            (t - error, t + error)
+            // An uncertain direction gives an infinite error beside an infinite t.
+            if BOUNDED && !(error < infinite) { (-infinite, infinite) } else { (t - error, t + error) }
         };
         if entering.abs() < infinite {
             near[i] = reach(entering);

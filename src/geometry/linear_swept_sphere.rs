@@ -12,11 +12,13 @@
 //! least at u*(t) = (a + b t) / g with a = w.D + r0 δ and b = d.D. So the hull is entered on cap 0, on the
 //! side or on cap 1 as u* at the entry is <= 0, strictly between, or >= 1 (SEMANTICS 2.9). As u* is linear
 //! in t, the line falls into three stretches, and F(clamp u*, t) is on each of them the quadratic of
-//! sphere 0, of the cone, of sphere 1. The hull being convex, *exactly one* of these holds, or none and
-//! the line misses:
-//! * sphere 0 is entered at t with u*(t) <= 0: cap 0;
-//! * the cone's quadratic falls through 0 at t with 0 < u*(t) < 1: the side;
-//! * sphere 1 is entered at t with u*(t) >= 1: cap 1.
+//! sphere 0, of the cone, of sphere 1. The hull being convex, its entry is the first along the line of
+//! * the entry of sphere 0 at t with u*(t) <= 0: cap 0;
+//! * the fall of the cone's quadratic through 0 at t with 0 < u*(t) < 1: the side;
+//! * the entry of sphere 1 at t with u*(t) >= 1: cap 1.
+//!
+//! There is one at most, but for a line that runs along the side or through an apex: a later one is
+//! a touch of the boundary then. No one means that the line misses.
 //!
 //! If the entry lies on a disabled cap there is no candidate at all (SEMANTICS 9).
 //!
@@ -242,10 +244,14 @@ fn approach<R: Real, const BOUNDED: bool>(
         }
         return end_entry::<R, BOUNDED>(ray, &sweep, ends[end], [r0, r1][end], end, caps);
     }
-    match end_entry::<R, BOUNDED>(ray, &sweep, ends[0], r0, 0, caps) {
-        Verdict::Miss => end_entry::<R, BOUNDED>(ray, &sweep, ends[1], r1, 1, caps),
-        settled => settled,
+    let end_0 = end_entry::<R, BOUNDED>(ray, &sweep, ends[0], r0, 0, caps);
+    if end_0 != Verdict::Miss {
+        return end_0;
     }
+    let end_1 = end_entry::<R, BOUNDED>(ray, &sweep, ends[1], r1, 1, caps);
+    // Certainly on neither sphere: that leaves the side, unless it is certainly not there either.
+    let beside = v < -e_v || below_one == Some(false);
+    if BOUNDED && end_1 == Verdict::Miss && !beside { Verdict::Undecided } else { end_1 }
 }
 
 /// How u* g = a + b t runs along the line.

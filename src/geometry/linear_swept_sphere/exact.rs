@@ -1,5 +1,5 @@
-//! The exact step for linear swept spheres: the three conditions of the parent module, each asked
-//! in dyadic numbers.
+//! The exact step for linear swept spheres: the three conditions of the parent module, asked in
+//! dyadic numbers and in the order in which the line meets the stretches.
 
 use std::cmp::Ordering;
 
@@ -103,23 +103,28 @@ impl Shape {
             let end = usize::from(self.r1.compare(&self.r0) == Ordering::Greater);
             return Some(Entry::Cap(end, self.sphere(end)?));
         }
-        let position = |t: &Surd| self.sweep(t);
-        if let Some(t) = self.sphere(0)
-            && position(&t).sign() <= 0
-        {
-            return Some(Entry::Cap(0, t));
+        // Along the line: a touch at the far end's boundary must not hide an earlier entry.
+        let (_, b) = self.line();
+        let order = if b.sign() < 0 { [1, 0] } else { [0, 1] };
+        if let Some(entry) = self.end(order[0]) {
+            return Some(entry);
         }
         if let Some(t) = self.cone()
-            && position(&t).sign() > 0
-            && position(&t).compare(&self.g) == Ordering::Less
+            && self.sweep(&t).sign() > 0
+            && self.sweep(&t).compare(&self.g) == Ordering::Less
         {
             return Some(Entry::Side(t));
         }
-        let t = self.sphere(1)?;
-        if position(&t).compare(&self.g) == Ordering::Less {
-            return None;
-        }
-        Some(if self.is_cut { Entry::Apex(t) } else { Entry::Cap(1, t) })
+        self.end(order[1])
+    }
+
+    /// The entry of an end's sphere where it is the hull's.
+    fn end(&self, end: usize) -> Option<Entry> {
+        let t = self.sphere(end)?;
+        let position = self.sweep(&t);
+        let owned = if end == 0 { position.sign() <= 0 } else { position.compare(&self.g) != Ordering::Less };
+        let entry = |t| if self.is_cut && end == 1 { Entry::Apex(t) } else { Entry::Cap(end, t) };
+        owned.then(|| entry(t))
     }
 
     fn sphere(&self, end: usize) -> Option<Surd> {

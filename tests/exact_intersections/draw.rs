@@ -1,0 +1,293 @@
+//! Seeded draws of rays and shapes near the edges of their decisions.
+
+use anyhit::geometry::Ray;
+
+type Matrix = [[f32; 4]; 3];
+
+/// A stream of cases: the same seed, the same cases.
+pub struct Draw {
+    state: u64,
+}
+
+impl Draw {
+    pub fn new(seed: u64) -> Self {
+        Self { state: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) }
+    }
+
+    /// SplitMix64 (Steele, Lea and Flood 2014).
+    fn bits(&mut self) -> u64 {
+        self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// An integer in 0..n.
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.bits() % n as u64) as usize
+    }
+
+    fn one_in(&mut self, n: usize) -> bool {
+        self.below(n) == 0
+    }
+
+    /// In [-1, 1), 24 bits.
+    pub fn unit(&mut self) -> f32 {
+        (self.bits() >> 40) as f32 / 2f32.powi(23) - 1.0
+    }
+
+    /// An integer in -4..=4.
+    fn small(&mut self) -> f32 {
+        self.below(9) as f32 - 4.0
+    }
+
+    /// A power of two: mostly near 1, else between 1e-42 (subnormal) and 1e30.
+    fn scale(&mut self) -> f32 {
+        let (least, most) = [(0, 0), (0, 0), (-4, 4), (-100, 100), (-140, 100)][self.below(5)];
+        2f32.powi(least + self.below((most - least + 1) as usize) as i32)
+    }
+
+    /// A point of the integer lattice, or any, at one scale.
+    pub fn point(&mut self) -> [f32; 3] {
+        let s = self.scale();
+        if self.one_in(2) { self.lattice(s) } else { self.anywhere(s) }
+    }
+
+    fn lattice(&mut self, s: f32) -> [f32; 3] {
+        std::array::from_fn(|_| self.small() * s)
+    }
+
+    fn anywhere(&mut self, s: f32) -> [f32; 3] {
+        std::array::from_fn(|_| self.unit() * s)
+    }
+
+    pub fn sphere(&mut self) -> ([f32; 3], f32) {
+        let center = self.point();
+        let s = 2f32.powi((self.size(center)).log2().round() as i32);
+        let radius = match self.below(4) {
+            0 => self.below(6) as f32 * s,
+            1 => self.unit().abs() * s,
+            2 => self.unit().abs() * s * 1e-6,
+            _ => self.unit() * self.scale(),
+        };
+        (center, radius)
+    }
+
+    fn size(&self, v: [f32; 3]) -> f32 {
+        let size = v.iter().fold(0f32, |a, x| a.max(x.abs()));
+        if size > 0.0 { size } else { 1.0 }
+    }
+
+    /// Positions, radii, caps.
+    pub fn linear_swept_sphere(&mut self) -> ([[f32; 3]; 2], [f32; 2], [bool; 2]) {
+        let caps = [[true; 2], [false, true], [true, false], [false; 2], [true; 2]][self.below(5)];
+        let s = self.scale();
+        let (positions, radii) = match self.below(8) {
+            // The lattice: exact tangents, parallels and joints abound.
+            0..=2 => {
+                let p = [self.lattice(s), self.lattice(s)];
+                (p, [self.below(4) as f32 * s, self.below(4) as f32 * s])
+            }
+            3 => {
+                let p = [self.lattice(s), self.lattice(s)];
+                let r = (self.below(5) as f32 - 1.0) * s;
+                (p, [r, (self.below(5) as f32 - 1.0) * s])
+            }
+            // Radii that differ in the last bit, or not.
+            4 => {
+                let r = self.unit().abs() * s;
+                ([self.anywhere(s), self.anywhere(s)], [r, if self.one_in(2) { r } else { r.next_up() }])
+            }
+            // All but self-enclosing: along an axis, |r0 - r1| within a bit of the length.
+            5 => {
+                let p = self.lattice(s);
+                let mut q = p;
+                q[self.below(3)] += 3.0 * s;
+                let r = self.unit().abs() * s;
+                let other = [3.0 * s + r, (3.0 * s + r).next_down(), (3.0 * s + r).next_up()][self.below(3)];
+                ([p, q], if self.one_in(2) { [r, other] } else { [other, r] })
+            }
+            // Thin needles and hairs.
+            6 => {
+                let r = self.unit().abs() * s * 1e-5;
+                ([self.anywhere(s), self.anywhere(s)], [r, if self.one_in(2) { 0.0 } else { r * 0.4 }])
+            }
+            _ => ([self.anywhere(s), self.anywhere(s)], [self.unit() * s, self.unit().abs() * s]),
+        };
+        (positions, radii, caps)
+    }
+
+    pub fn triangle(&mut self) -> [[f32; 3]; 3] {
+        let s = self.scale();
+        match self.below(4) {
+            0 | 1 => std::array::from_fn(|_| self.lattice(s)),
+            2 => std::array::from_fn(|_| self.anywhere(s)),
+            // A needle: the third vertex a few bits beside the edge.
+            _ => {
+                let (a, b) = (self.anywhere(s), self.anywhere(s));
+                let u = self.unit();
+                [a, b, std::array::from_fn(|i| a[i] + (b[i] - a[i]) * u)]
+            }
+        }
+    }
+
+    pub fn aabb(&mut self) -> ([f32; 3], [f32; 3]) {
+        let s = self.scale();
+        let (a, b) = if self.one_in(2) {
+            (self.lattice(s), self.lattice(s))
+        } else {
+            (self.anywhere(s), self.anywhere(s))
+        };
+        let mut min: [f32; 3] = std::array::from_fn(|i| a[i].min(b[i]));
+        let mut max: [f32; 3] = std::array::from_fn(|i| a[i].max(b[i]));
+        if self.one_in(8) {
+            min[self.below(3)] = f32::NEG_INFINITY;
+        }
+        if self.one_in(8) {
+            max[self.below(3)] = f32::INFINITY;
+        }
+        if self.one_in(6) {
+            let i = self.below(3);
+            if min[i].is_finite() {
+                max[i] = min[i];
+            }
+        }
+        (min, max)
+    }
+
+    /// An instance's matrix: lattice (often singular), a product of scales, near-singular, any.
+    pub fn matrix(&mut self) -> Matrix {
+        let s = self.scale();
+        let mut m: Matrix = match self.below(4) {
+            0 => std::array::from_fn(|_| std::array::from_fn(|_| self.small().clamp(-2.0, 2.0))),
+            1 => std::array::from_fn(|i| std::array::from_fn(|j| if i == j { self.unit() * s } else { 0.0 })),
+            2 => {
+                let row: [f32; 4] = std::array::from_fn(|_| self.unit());
+                let mut near = row;
+                near[self.below(3)] += f32::EPSILON * self.small();
+                [row, near, std::array::from_fn(|_| self.unit())]
+            }
+            _ => std::array::from_fn(|_| std::array::from_fn(|_| self.unit() * s)),
+        };
+        for row in &mut m {
+            row[3] = if self.one_in(2) { self.small() } else { self.unit() * s };
+        }
+        m
+    }
+
+    /// The ray with, in one case of three, a matrix under which it was drawn (see `place`).
+    fn placed(&mut self, origin: [f32; 3], direction: [f32; 3]) -> (Ray, Option<Matrix>) {
+        if !self.one_in(3) {
+            return (Ray::new(origin, direction), None);
+        }
+        // The image of the object-space ray, rounded: near the same edges, but on none exactly
+        // unless the matrix is of small integers.
+        let m = self.matrix();
+        let apply = |v: [f32; 3], w: f32| -> [f32; 3] {
+            std::array::from_fn(|i| m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3] * w)
+        };
+        let ray = Ray::new(apply(origin, 1.0), apply(direction, 0.0));
+        let finite = ray.origin.iter().chain(&ray.direction).all(|x| x.is_finite());
+        if finite { (ray, Some(m)) } else { (Ray::new(origin, direction), None) }
+    }
+
+    /// A ray at the surface of the swept sphere between two balls: through it, grazing it, from it,
+    /// along it.
+    pub fn ray_near(&mut self, positions: [[f32; 3]; 2], radii: [f32; 2]) -> (Ray, Option<Matrix>) {
+        let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
+        let [p, q] = positions.map(|v| v.map(finite));
+        let s = self.size(std::array::from_fn(|i| q[i] - p[i]));
+        let s = 2f32.powi(s.log2().round() as i32);
+        if self.one_in(3) {
+            // Lattice to lattice.
+            let origin = std::array::from_fn(|i| p[i] + self.small() * s);
+            let direction = self.lattice(1.0);
+            let ends = std::array::from_fn(|i| q[i] - p[i]);
+            let direction = if self.one_in(4) { ends } else { direction };
+            return self.placed(origin, direction);
+        }
+        // A point of the surface, a normal there, and a direction at a chosen angle to it.
+        let u = [0.0, 1.0, 0.5, self.unit().abs()][self.below(4)];
+        let normal = self.direction();
+        let r = radii[0] + (radii[1] - radii[0]) * u;
+        let off = 1.0 + [0.0, 1e-7, -1e-7, 1e-4, -1e-3, -0.5][self.below(6)];
+        let touched: [f32; 3] = std::array::from_fn(|i| p[i] + (q[i] - p[i]) * u + normal[i] * r * off);
+        let free = self.direction();
+        let slide: f32 = if self.one_in(2) { (0..3).map(|i| free[i] * normal[i]).sum() } else { 0.0 };
+        let direction: [f32; 3] = std::array::from_fn(|i| free[i] - normal[i] * slide);
+        let far = [0.0, 1.0, 3.0, 1e3, 1e6][self.below(5)] * s;
+        let origin = std::array::from_fn(|i| touched[i] - direction[i] * far);
+        let long = self.scale();
+        self.placed(origin, direction.map(|x| x * long))
+    }
+
+    fn direction(&mut self) -> [f32; 3] {
+        if self.one_in(5) {
+            let mut axis = [0.0; 3];
+            axis[self.below(3)] = if self.one_in(2) { 1.0 } else { -1.0 };
+            return axis;
+        }
+        let v = self.anywhere(1.0);
+        let length = v.iter().map(|x| x * x).sum::<f32>().sqrt().max(1e-3);
+        v.map(|x| x / length)
+    }
+
+    /// A ray through a vertex, an edge, the inside or past a triangle.
+    pub fn ray_through(&mut self, v: [[f32; 3]; 3]) -> (Ray, Option<Matrix>) {
+        let [b, c] = match self.below(5) {
+            0 => [0.0, 0.0],
+            1 => [0.5, 0.5],
+            2 => [0.25, 0.0],
+            3 => [self.unit().abs(), self.unit().abs()],
+            _ => [self.unit().abs() * 0.5, self.unit().abs() * 0.5],
+        };
+        let target: [f32; 3] =
+            std::array::from_fn(|i| v[0][i] + b * (v[1][i] - v[0][i]) + c * (v[2][i] - v[0][i]));
+        let s = self.size(std::array::from_fn(|i| v[1][i] - v[0][i]));
+        let s = 2f32.powi(s.log2().round() as i32);
+        let direction = if self.one_in(2) { self.lattice(1.0) } else { self.direction() };
+        let far = [1.0, 2.0, 1e3, 1e6][self.below(4)] * s;
+        let origin = std::array::from_fn(|i| target[i] - direction[i] * far);
+        let long = self.scale();
+        self.placed(origin, direction.map(|x| x * long))
+    }
+
+    /// A fan's centre and rim, a ray exactly through the centre, an edge or the inside, and a
+    /// matrix. All is built so that the ray meets the fan's inside: the rim runs once round the
+    /// ray's axis.
+    pub fn fan(&mut self, count: usize) -> (Vec<[f32; 3]>, Ray, Option<Matrix>) {
+        let (up, along, across) = [(0, 1, 2), (1, 2, 0), (2, 0, 1)][self.below(3)];
+        let s = 2f32.powi(self.below(161) as i32 - 80);
+        let mut points = vec![[0.0f32; 3]];
+        for i in 0..count {
+            let angle = (i as f32 + 0.3 * self.unit()) / count as f32 * std::f32::consts::TAU;
+            let mut point = [0.0; 3];
+            point[along] = angle.cos();
+            point[across] = angle.sin();
+            point[up] = self.unit();
+            points.push(point);
+        }
+        let mut direction = [0.0; 3];
+        direction[up] = if self.one_in(2) { 1.0 } else { -1.0 };
+        // Through the centre, or through a point half-way to the rim, which is an exact point of the
+        // edge: a half of each coordinate.
+        let edge = points[1 + self.below(count)].map(|x| x * 0.5);
+        let mut target = if self.one_in(2) { [0.0; 3] } else { edge };
+        target[up] = -4.0 * direction[up];
+        let place = |v: [f32; 3]| v.map(|x| x * s);
+        let points: Vec<_> = points.into_iter().map(place).collect();
+        let ray = Ray::new(place(target), direction);
+        if self.one_in(2) {
+            return (points, ray, None);
+        }
+        // Axes exchanged and scaled by powers of two: the ray's image is exact.
+        let mut matrix = [[0.0; 4]; 3];
+        let turn = self.below(3);
+        for i in 0..3 {
+            matrix[i][(i + turn) % 3] = if self.one_in(2) { 2.0 } else { -0.5 };
+        }
+        let apply = |v: [f32; 3]| std::array::from_fn(|i| v[(i + turn) % 3] * matrix[i][(i + turn) % 3]);
+        (points, Ray::new(apply(ray.origin), apply(ray.direction)), Some(matrix))
+    }
+}
