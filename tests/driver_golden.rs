@@ -4,6 +4,7 @@
 //! A thinned copy of the recordings lies in the repository; where the whole set is found beside the
 //! checkout (`../shared/driver-golden`) it is read too.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhit::geometry::{
@@ -11,6 +12,7 @@ use anyhit::geometry::{
 };
 use anyhit::math::ulp::{ulp_error, ulp_of};
 use rayon::prelude::*;
+use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
 mod flag {
@@ -445,5 +447,43 @@ impl File<'_> {
         };
         let opaque = self.integers(&name("opaque")).is_some_and(|all| all[0] != 0);
         Some(Geometry { shapes, opaque })
+    }
+}
+
+/// Writes the thinned copy: every tensor of every recording, but of the rays only some, evenly spread.
+#[test]
+#[ignore = "rewrites tests/driver-golden from the whole set beside the checkout"]
+fn thin_the_recordings() {
+    let target = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/driver-golden");
+    for path in files().into_iter().filter(|path| path.parent() != Some(&target)) {
+        let bytes = std::fs::read(&path).unwrap();
+        let tensors = SafeTensors::deserialize(&bytes).unwrap();
+        let rays = tensors.tensor("ray.origin").unwrap().shape()[0];
+        // 641 shares no factor with the eight instances' and hundred flag sets' pattern of tri_flags.
+        let kept = match stem(&path) {
+            "tri_flags" => 641,
+            _ if rays <= 200 => rays,
+            _ => 64,
+        };
+        let thin = |name: &str, tensor: &TensorView<'_>| {
+            let is_per_ray = ["ray.", "driver.", "reference."].iter().any(|prefix| name.starts_with(prefix));
+            let mut shape = tensor.shape().to_vec();
+            if !is_per_ray {
+                return (tensor.dtype(), shape, tensor.data().to_vec());
+            }
+            let size = tensor.data().len() / shape[0];
+            shape[0] = kept;
+            let rows = (0..kept).flat_map(|i| &tensor.data()[i * rays / kept * size..][..size]);
+            (tensor.dtype(), shape, rows.copied().collect())
+        };
+        let thinned: BTreeMap<_, _> =
+            tensors.iter().map(|(name, tensor)| (name.to_owned(), thin(name, &tensor))).collect();
+        let views = thinned.iter().map(|(name, (dtype, shape, data))| {
+            (name, TensorView::new(*dtype, shape.clone(), data).unwrap())
+        });
+        let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+        let mut notes = header.metadata().clone().unwrap_or_default();
+        notes.insert("thinned".into(), format!("{kept} of {rays} rays"));
+        safetensors::serialize_to_file(views, Some(notes), &target.join(path.file_name().unwrap())).unwrap();
     }
 }
