@@ -319,7 +319,7 @@ pub struct GivenRay {
 }
 
 #[derive(Clone, Copy)]
-struct RayFlag(u32);
+pub(crate) struct RayFlag(u32);
 
 /// SPIR-V, "Ray Flags"
 impl Named for RayFlag {

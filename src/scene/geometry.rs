@@ -34,7 +34,7 @@ enum Shape {
 }
 
 #[derive(Clone, Copy)]
-enum Kind {
+pub(crate) enum Kind {
     Triangles,
     Aabbs,
     Spheres,
@@ -289,7 +289,7 @@ pub struct InstanceEntry {
 }
 
 #[derive(Clone, Copy)]
-struct InstanceFlag(u32);
+pub(crate) struct InstanceFlag(u32);
 
 /// `VkGeometryInstanceFlagBitsKHR`
 impl Named for InstanceFlag {

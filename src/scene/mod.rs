@@ -28,3 +28,5 @@ pub use resolved::ResolvedScene;
 
 #[cfg(test)]
 mod mistakes;
+#[cfg(test)]
+mod reference_tests;

@@ -85,6 +85,18 @@ fn include(
     parts.push(file);
 }
 
+/// The instances of one TLAS; `None` where a BLAS could not be made.
+struct Members<'a> {
+    tlas: &'a str,
+    placed: Vec<Option<Placed<'a>>>,
+}
+
+/// An instance and where it is written.
+struct Placed<'a> {
+    instance: Instance,
+    span: &'a Span,
+}
+
 /// The parts of a scene as one: later definitions of a name replace earlier ones.
 struct Resolver<'a> {
     files: &'a dyn Files,
@@ -179,18 +191,18 @@ impl<'a> Resolver<'a> {
     fn structures(&self) -> Vec<(String, Option<Arc<Tlas>>)> {
         let mut loaded: HashMap<&str, Option<Geometry>> = HashMap::new();
         let mut blases: HashMap<Vec<&str>, Option<Arc<Blas>>> = HashMap::new();
-        let mut instances: Vec<(String, Vec<Option<(Instance, &Span)>>)> = Vec::new();
+        let mut instances: Vec<Members<'_>> = Vec::new();
         for entry in &self.instances {
             let names: Vec<&str> = entry.geometry.iter().map(|name| name.value.as_str()).collect();
             if !blases.contains_key(&names) {
                 let blas = self.blas(entry, &mut loaded);
                 blases.insert(names.clone(), blas);
             }
-            let instance = blases[&names].clone().map(|blas| entry.instance(blas));
-            let instance = instance.map(|instance| (instance, &entry.span));
-            match instances.iter_mut().find(|(name, _)| *name == entry.tlas) {
-                Some((_, list)) => list.push(instance),
-                None => instances.push((entry.tlas.clone(), vec![instance])),
+            let placed = blases[&names].clone();
+            let placed = placed.map(|blas| Placed { instance: entry.instance(blas), span: &entry.span });
+            match instances.iter_mut().find(|members| members.tlas == entry.tlas) {
+                Some(members) => members.placed.push(placed),
+                None => instances.push(Members { tlas: &entry.tlas, placed: vec![placed] }),
             }
         }
         // A geometry that no instance shows may still hold a mistake.
@@ -199,18 +211,21 @@ impl<'a> Resolver<'a> {
                 self.report.keep(content.load(self.files));
             }
         }
-        let build = |list: Vec<Option<_>>| self.tlas(&list.into_iter().collect::<Option<Vec<_>>>()?);
-        instances.into_iter().map(|(name, list)| (name, build(list))).collect()
+        let build = |members: Members<'_>| {
+            let placed = members.placed.into_iter().collect::<Option<Vec<_>>>();
+            (members.tlas.to_string(), placed.and_then(|placed| self.tlas(&placed)))
+        };
+        instances.into_iter().map(build).collect()
     }
 
-    fn tlas(&self, list: &[(Instance, &Span)]) -> Option<Arc<Tlas>> {
-        let error = match Tlas::new(list.iter().map(|(instance, _)| instance.clone()).collect()) {
+    fn tlas(&self, list: &[Placed<'_>]) -> Option<Arc<Tlas>> {
+        let error = match Tlas::new(list.iter().map(|placed| placed.instance.clone()).collect()) {
             Ok(tlas) => return Some(tlas),
             Err(error) => error,
         };
         // A TLAS knows no lines: by itself, each wrong instance shows its own.
         let before = self.report.len();
-        for (instance, span) in list {
+        for Placed { instance, span } in list {
             if let Err(error) = Tlas::new(vec![instance.clone()]) {
                 let message = error.message().trim_start_matches("instance 0: ");
                 self.report.push(span.error(message));

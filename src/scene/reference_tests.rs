@@ -1,0 +1,99 @@
+//! `docs/scene.md` against the code: its examples are scenes, and no key or name is left out.
+
+use crate::error::Error;
+use crate::scene::file::SceneFile;
+use crate::scene::read::{Named, Report};
+
+const REFERENCE: &str = include_str!("../../docs/scene.md");
+
+/// The mistakes of a text, its syntax included.
+fn mistakes(text: &str) -> Result<(), Error> {
+    let report = Report::default();
+    SceneFile::parse("docs/scene.md", text, &report)?;
+    report.finish()
+}
+
+#[test]
+fn every_example_is_a_scene() {
+    let mut count = 0;
+    for block in REFERENCE.split("```toml\n").skip(1) {
+        let (text, _) = block.split_once("```").expect("a fence that is not closed");
+        let text =
+            if text.starts_with("version") { text.to_string() } else { format!("version = 1\n{text}") };
+        mistakes(&text).unwrap_or_else(|error| panic!("{text}\n{error:?}"));
+        count += 1;
+    }
+    assert!(count >= 10, "{count} examples");
+}
+
+/// A table with a key that no table has tells all keys that it has.
+#[test]
+fn every_key_is_described() {
+    let mut tables = vec![
+        "zzz = 1".to_string(),
+        "[[instance]]\nzzz = 1".into(),
+        "[[instance]]\nrotate = { zzz = 1 }".into(),
+        "[shaders.s]\nzzz = 1".into(),
+        "[pipeline]\nzzz = 1".into(),
+        "[pipeline]\nhit = [{ zzz = 1 }]".into(),
+        "[pipeline]\nmiss = [{ zzz = 1 }]".into(),
+        "[samplers.s]\nzzz = 1".into(),
+        "push_constants = { zzz = 1 }".into(),
+        "push_constants = { camera = { zzz = 1 } }".into(),
+        "[[ray]]\nzzz = 1".into(),
+        "[[ray]]\npixel = [0, 0]\nzzz = 1".into(),
+    ];
+    tables.extend(
+        names::<crate::scene::geometry::Kind>().map(|name| format!("[geometry.g]\ntype = '{name}'\nzzz = 1")),
+    );
+    tables.extend(
+        names::<crate::scene::resources::Kind>()
+            .map(|name| format!("[resources.r]\ntype = '{name}'\nzzz = 1")),
+    );
+    for text in tables {
+        let error = mistakes(&format!("version = 1\n{text}")).unwrap_err();
+        let all = [&error].into_iter().chain(error.others());
+        let unknown = all.into_iter().find(|error| error.message() == "unknown key `zzz`");
+        let notes = unknown.unwrap_or_else(|| panic!("{text}: {error:?}")).notes();
+        let keys = notes[0].strip_prefix("the keys here are: ").expect("a note that lists the keys");
+        for key in keys.split(", ") {
+            assert!(is_described(key), "`{key}`, a key of {text}");
+        }
+    }
+}
+
+#[test]
+fn every_name_is_described() {
+    use crate::accel::{EndCaps, Indexing};
+    use crate::scene::resources::*;
+    let all = names::<crate::scene::geometry::Kind>()
+        .chain(names::<crate::scene::geometry::InstanceFlag>())
+        .chain(names::<crate::scene::file::RayFlag>())
+        .chain(names::<crate::scene::image::Format>())
+        .chain(names::<EndCaps>())
+        .chain(names::<Indexing>())
+        .chain(names::<Kind>())
+        .chain(names::<Dimension>())
+        .chain(names::<Filter>())
+        .chain(names::<AddressMode>())
+        .chain(names::<BorderColor>())
+        .chain(names::<CompareOp>())
+        .chain(names::<Output>());
+    for name in all {
+        assert!(is_described(name), "`{name}`");
+    }
+}
+
+fn names<T: Named>() -> impl Iterator<Item = &'static str> {
+    T::NAMES.iter().map(|(name, _)| *name)
+}
+
+/// Whether the word stands in the reference by itself.
+fn is_described(word: &str) -> bool {
+    let part = |c: char| c.is_alphanumeric() || c == '_';
+    REFERENCE.match_indices(word).any(|(at, _)| {
+        let before = REFERENCE[..at].chars().next_back();
+        let after = REFERENCE[at + word.len()..].chars().next();
+        !before.is_some_and(part) && !after.is_some_and(part)
+    })
+}
