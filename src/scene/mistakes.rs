@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use crate::error::{Error, ErrorKind};
+use crate::scene::file::SceneFile;
 use crate::scene::files::EmbeddedFiles;
+use crate::scene::random::Random;
+use crate::scene::read::Report;
 use crate::scene::{Options, load};
 
 /// Reads the text as `s/a.toml` beside a few good and bad files.
@@ -222,4 +225,64 @@ fn a_text_that_is_no_toml() {
     let files = [("a.toml", &b"version = 1 # \xff"[..])];
     let error = load(Path::new("a.toml"), &EmbeddedFiles(&files), &Options::default()).unwrap_err();
     assert_eq!(error.message(), "not UTF-8 at byte 14");
+}
+
+/// Damaged texts give errors or other scenes, never a panic.
+#[test]
+fn noise_does_not_panic() {
+    let texts = [
+        include_str!("../../scenes/swept-spheres-geometry.toml"),
+        include_str!("../../scenes/swept-spheres-slang.toml"),
+        include_str!("../../docs/scene.md").split("```toml\n").nth(1).unwrap(),
+    ];
+    const SPECIAL: &[u8] = b"[]{}=\"',.0-9aex#\n";
+    let mut random = Random::new(1);
+    let mut refused = 0;
+    for round in 0..3000 {
+        let mut bytes = texts[round % texts.len()].as_bytes().to_vec();
+        for _ in 0..=random.bits() % 4 {
+            let at = random.bits() as usize % bytes.len();
+            match random.bits() % 3 {
+                0 => bytes[at] = SPECIAL[random.bits() as usize % SPECIAL.len()],
+                1 => drop(bytes.remove(at)),
+                _ => bytes.truncate(at.max(1)),
+            }
+        }
+        let text = String::from_utf8_lossy(&bytes);
+        let report = Report::default();
+        let parsed = SceneFile::parse("a.toml", &text, &report);
+        let error = parsed.err().or_else(|| report.finish().err());
+        if let Some(error) = error {
+            refused += 1;
+            assert!(!error.render().is_empty());
+        }
+    }
+    assert!(refused > 1500, "{refused}");
+}
+
+/// Shapes of tables where something else belongs.
+#[test]
+fn values_of_the_wrong_kind() {
+    for (text, wanted) in [
+        ("geometry = 3", "expected a table, found an integer"),
+        ("geometry = { g = 3 }", "expected a table, found an integer"),
+        ("instance = { geometry = 'g' }", "expected an array, found a table"),
+        ("pipeline = []", "expected a table, found an array"),
+        ("pipeline = { hit = 'a' }", "expected an array, found a string"),
+        ("launch = 1979-05-27", "found a date"),
+        ("include = 3", "expected a string, found an integer"),
+        ("shaders = { a = {} }", "needs the `path`"),
+        ("shaders = { a = { path = 'a', specialization = { x = 1 } } }", "`x` is not a constant_id"),
+        ("shaders = { a = { path = 'a', specialization = { 0 = 'x' } } }", "expected a number or Boolean"),
+        ("shaders = { a = { path = 'a', specialization = { 0 = { f32 = [1, 2, 3] } } } }", "one scalar"),
+        (
+            "samplers = { a = { address_mode = ['repeat', 'repeat', 'repeat', 'repeat'] } }",
+            "one for each of u, v, w",
+        ),
+        ("ray = [{}]", "`origin` is missing"),
+    ] {
+        let error = mistake(&format!("version = 1\n{text}\n"));
+        assert!(error.render().contains(wanted), "{text}: {error:?}");
+        assert!(error.render().contains("s/a.toml:2:"), "{text}: {error:?}");
+    }
 }

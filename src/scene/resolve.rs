@@ -454,6 +454,7 @@ mod tests {
     use super::*;
     use crate::accel::{GeometryData, GeometryFlags};
     use crate::scene::files::EmbeddedFiles;
+    use crate::scene::resources::Filter;
 
     fn scene(text: &str, options: &Options) -> ResolvedScene {
         let files = [
@@ -561,5 +562,33 @@ mod tests {
         assert_eq!((ray.t_min, ray.t_max, ray.cull_mask), (0.0, f32::INFINITY, 0xff));
         assert_eq!((ray.sbt_offset, ray.sbt_stride, ray.miss_index), (0, 1, 0));
         assert_eq!(ray.flags, 0x41);
+    }
+
+    #[test]
+    fn layers_come_from_files_and_samplers_from_names() {
+        let pixel = |color: [u8; 4]| {
+            let texels = color.to_vec();
+            let format = crate::scene::image::Format { srgb: false, ..rgba8_srgb() };
+            crate::scene::image::Picture { format, extent: [1, 1], texels }.encode_png(false).unwrap()
+        };
+        let text = "version = 1\n[samplers.sharp]\nfilter = 'nearest'\nmin_filter = 'linear'\n[resources.a]\n\
+                    type = 'combined_image_sampler'\nbinding = 0\ndimension = '2d_array'\nfile = ['r.png', 'g.png']\n\
+                    sampler = 'sharp'\n[resources.b]\ntype = 'sampled_image'\nbinding = 0\nelement = 1\nfile = 'g.png'\n\
+                    format = 'r32f'\n";
+        let (red, green) = (pixel([255, 0, 0, 255]), pixel([0, 255, 0, 128]));
+        let files = [("s.toml", text.as_bytes()), ("r.png", &red), ("g.png", &green)];
+        let scene = load(Path::new("s.toml"), &EmbeddedFiles(&files), &Options::default()).unwrap();
+        let Resource::CombinedImageSampler(image, sampler) = &scene.resources[0].resource else { panic!() };
+        assert_eq!((image.format, image.extent, image.layers), (rgba8_srgb(), [1, 1, 1], 2));
+        assert_eq!(image.texels, [255, 0, 0, 255, 0, 255, 0, 128]);
+        assert_eq!((sampler.mag_filter, sampler.min_filter), (Filter::Nearest, Filter::Linear));
+        assert_eq!(scene.resources[1].element, 1);
+        let Resource::SampledImage(image) = &scene.resources[1].resource else { panic!() };
+        assert_eq!(image.texels, 0.0_f32.to_le_bytes());
+    }
+
+    fn rgba8_srgb() -> crate::scene::image::Format {
+        let component = crate::scene::image::Component::Unorm8;
+        crate::scene::image::Format { component, channels: 4, srgb: true }
     }
 }
