@@ -1,6 +1,6 @@
 //! Scenes: `scene.toml` and everything that it names, read into plain descriptions.
 //!
-//! Reading goes in two steps. [`file`] mirrors the text: every value knows its line, unknown keys
+//! Reading goes in two steps. [`mod@file`] mirrors the text: every value knows its line, unknown keys
 //! are refused, and a mistake does not stop the reading. [`resolve`] then looks names up, loads
 //! meshes, images and modules through [`files`], and runs generators. The result, [`ResolvedScene`],
 //! knows acceleration structures, bytes and texels, but no pipeline: the pipeline makes its own
