@@ -217,7 +217,8 @@ impl Picture {
     ///
     /// Without a wanted format: 8 bits give `rgba8_srgb`, 16 bits `rgba16`, floats `rgba32f`. A wanted
     /// format of 8 or 16 bits takes the stored numbers as they are when it is as wide as the file, so
-    /// that `rgba8` reads a normal map and `rgba8_srgb` a photograph.
+    /// that `rgba8` reads a normal map and `rgba8_srgb` a photograph. An integer format takes the
+    /// stored numbers, not fractions of them.
     ///
     /// # Errors
     /// `InvalidImage` for a broken file or one beyond the limits, `UnsupportedFile` for another kind
@@ -273,8 +274,14 @@ impl Picture {
         if same_bits {
             return Self { format, extent, texels };
         }
-        // A file's 8-bit numbers mean sRGB only where they are read as sRGB.
-        let stored = if format.srgb { stored } else { Format { srgb: false, ..stored } };
+        // A file's 8-bit numbers mean sRGB only where they are read as sRGB, and fractions only where
+        // they are read as floats.
+        let component = match stored.component {
+            Component::Unorm8 if !format.is_float() => Component::Uint8,
+            Component::Unorm16 if !format.is_float() => Component::Uint16,
+            other => other,
+        };
+        let stored = Format { component, srgb: stored.srgb && format.srgb, ..stored };
         let convert = |texel: &[u8]| format.encode(stored.decode(texel));
         let texels = texels.chunks_exact(stored.texel_size() as usize).flat_map(convert).collect();
         Self { format, extent, texels }
@@ -409,6 +416,8 @@ mod tests {
         let floats = Picture::decode(Path::new("a.png"), &bytes, Some(format("r32f"))).unwrap();
         assert_eq!(floats.texels[..4], (1.0_f32 / 255.0).to_le_bytes());
         assert_eq!(floats.texels.len(), 8);
+        let numbers = Picture::decode(Path::new("a.png"), &bytes, Some(format("r32ui"))).unwrap();
+        assert_eq!(numbers.texels, [1, 0, 0, 0, 250, 0, 0, 0]);
     }
 
     #[test]
