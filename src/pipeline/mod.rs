@@ -1,1 +1,190 @@
-//! (doc to come)
+//! Ray-tracing pipelines: shader groups, the shader binding table, traces and launches.
+//!
+//! The interpreter stops where a shader asks for something; here it is served. All that is in
+//! progress stands on one explicit [`stack`]: shaders and, between them, what they wait for. So the
+//! recursion limit, the call stack of an error and the answer to "what is this ray doing" are one
+//! data structure, and nothing recurses natively.
+
+pub mod group;
+pub mod launch;
+mod report;
+pub mod sbt;
+pub mod stack;
+mod trace;
+pub mod witness;
+
+use std::sync::Arc;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::module::interface::Stage;
+use crate::program::Program;
+
+pub use group::{Group, HitGroup, Shader};
+pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Stats};
+pub use sbt::{Record, Sbt};
+pub use witness::{Event, Witness};
+
+/// Operations that an invocation may spend at back edges and calls, unless set otherwise.
+pub const DEFAULT_BUDGET: u64 = 1 << 28;
+/// `maxPipelineRayRecursionDepth`, unless set otherwise; what NVIDIA's driver reports.
+pub const DEFAULT_RECURSION: u32 = 31;
+
+/// Shaders, groups and the shader binding table.
+#[derive(Clone, Debug)]
+pub struct Pipeline {
+    /// The programs that groups name.
+    pub programs: Vec<Arc<Program>>,
+    /// The shader groups.
+    pub groups: Vec<Group>,
+    /// The shader binding table.
+    pub sbt: Sbt,
+    /// `maxPipelineRayRecursionDepth`
+    pub max_recursion: u32,
+    /// Operations that an invocation may spend.
+    pub budget: u64,
+}
+
+impl Pipeline {
+    /// Begins a pipeline.
+    pub fn builder() -> Builder {
+        Builder::default()
+    }
+}
+
+/// Collects shaders, groups and records.
+#[derive(Clone, Debug, Default)]
+pub struct Builder {
+    programs: Vec<Arc<Program>>,
+    groups: Vec<Group>,
+    sbt: Sbt,
+    max_recursion: Option<u32>,
+    budget: Option<u64>,
+}
+
+impl Builder {
+    /// Adds a shader.
+    pub fn shader(&mut self, program: impl Into<Arc<Program>>) -> Shader {
+        self.programs.push(program.into());
+        Shader(self.programs.len() as u32 - 1)
+    }
+
+    /// Adds a group and gives its index.
+    ///
+    /// # Errors
+    /// `InvalidScene` where a shader has another stage than its place in the group.
+    pub fn group(&mut self, group: Group) -> Result<u32> {
+        let check = |shader: Shader, stages: &[Stage]| {
+            let program = self.programs.get(shader.0 as usize).ok_or_else(|| {
+                Error::new(ErrorKind::InvalidArgument, format!("the pipeline has no shader {}", shader.0))
+            })?;
+            if stages.contains(&program.stage) {
+                return Ok(());
+            }
+            let wanted: Vec<_> = stages.iter().map(|stage| stage.name()).collect();
+            Err(Error::new(
+                ErrorKind::InvalidScene,
+                format!("shader `{}` is {}, not {}", program.name, program.stage.name(), wanted.join(" or ")),
+            )
+            .note("VUID-VkRayTracingShaderGroupCreateInfoKHR-type-03474 and others"))
+        };
+        match group {
+            Group::General(shader) => check(shader, &[Stage::RayGeneration, Stage::Miss, Stage::Callable])?,
+            Group::Hit(HitGroup { closest_hit, any_hit, intersection }) => {
+                let members = [
+                    (closest_hit, Stage::ClosestHit),
+                    (any_hit, Stage::AnyHit),
+                    (intersection, Stage::Intersection),
+                ];
+                for (shader, stage) in members {
+                    shader.map_or(Ok(()), |shader| check(shader, &[stage]))?;
+                }
+            }
+        }
+        self.groups.push(group);
+        Ok(self.groups.len() as u32 - 1)
+    }
+
+    /// Adds a ray generation shader and makes it the one that launches run.
+    ///
+    /// # Errors
+    /// As [`Builder::group`].
+    pub fn ray_generation(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
+        let shader = self.shader(program);
+        let group = self.group(Group::General(shader))?;
+        self.sbt.ray_generation = Some(Record::new(group));
+        Ok(self)
+    }
+
+    /// Adds a miss shader as the next miss record.
+    ///
+    /// # Errors
+    /// As [`Builder::group`].
+    pub fn miss(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
+        let shader = self.shader(program);
+        let group = self.group(Group::General(shader))?;
+        self.sbt.miss.push(Some(Record::new(group)));
+        Ok(self)
+    }
+
+    /// Adds a callable shader as the next callable record.
+    ///
+    /// # Errors
+    /// As [`Builder::group`].
+    pub fn callable(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
+        let shader = self.shader(program);
+        let group = self.group(Group::General(shader))?;
+        self.sbt.callable.push(Some(Record::new(group)));
+        Ok(self)
+    }
+
+    /// Adds a hit group of any of its three shaders as the next hit record.
+    ///
+    /// # Errors
+    /// As [`Builder::group`].
+    pub fn hit(&mut self, programs: impl IntoIterator<Item = Program>) -> Result<&mut Self> {
+        let mut group = HitGroup::default();
+        for program in programs {
+            let stage = program.stage;
+            let shader = self.shader(program);
+            *group.member(stage).ok_or_else(|| {
+                let message = format!("{} cannot be part of a hit group", stage.name());
+                Error::new(ErrorKind::InvalidScene, message)
+            })? = Some(shader);
+        }
+        let group = self.group(Group::Hit(group))?;
+        self.sbt.hit.push(Some(Record::new(group)));
+        Ok(self)
+    }
+
+    /// The shader binding table, to add records with data, shared groups or holes.
+    pub fn sbt(&mut self) -> &mut Sbt {
+        &mut self.sbt
+    }
+
+    /// Sets `maxPipelineRayRecursionDepth`.
+    pub fn max_recursion(&mut self, depth: u32) -> &mut Self {
+        self.max_recursion = Some(depth);
+        self
+    }
+
+    /// Sets how many operations an invocation may spend at back edges and calls.
+    pub fn budget(&mut self, operations: u64) -> &mut Self {
+        self.budget = Some(operations);
+        self
+    }
+
+    /// The pipeline.
+    ///
+    /// # Errors
+    /// `InvalidScene` where a record names a group that does not exist or does not fit its table.
+    pub fn build(&self) -> Result<Pipeline> {
+        self.sbt.check(&self.programs, &self.groups)?;
+        Ok(Pipeline {
+            programs: self.programs.clone(),
+            groups: self.groups.clone(),
+            sbt: self.sbt.clone(),
+            max_recursion: self.max_recursion.unwrap_or(DEFAULT_RECURSION),
+            budget: self.budget.unwrap_or(DEFAULT_BUDGET),
+        })
+    }
+}

@@ -1,0 +1,40 @@
+//! Shader groups.
+
+use crate::module::interface::Stage;
+
+/// A shader of a pipeline: an index into its programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Shader(pub u32);
+
+/// A shader group (`VkRayTracingShaderGroupCreateInfoKHR`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// Ray generation, miss or callable.
+    General(Shader),
+    /// What happens where geometry is hit.
+    Hit(HitGroup),
+}
+
+/// A hit group: for triangles, spheres and linear swept spheres without an intersection shader, for
+/// boxes with one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HitGroup {
+    /// Runs once for the closest hit.
+    pub closest_hit: Option<Shader>,
+    /// Runs for each non-opaque candidate.
+    pub any_hit: Option<Shader>,
+    /// Runs for each box.
+    pub intersection: Option<Shader>,
+}
+
+impl HitGroup {
+    /// The place of a stage's shader; `None` for a stage that has none.
+    pub fn member(&mut self, stage: Stage) -> Option<&mut Option<Shader>> {
+        match stage {
+            Stage::ClosestHit => Some(&mut self.closest_hit),
+            Stage::AnyHit => Some(&mut self.any_hit),
+            Stage::Intersection => Some(&mut self.intersection),
+            _ => None,
+        }
+    }
+}

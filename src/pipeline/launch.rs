@@ -1,0 +1,215 @@
+//! Launches: a grid of ray generation invocations, or one ray.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use rayon::prelude::*;
+
+use crate::accel::{Committed, Tlas, TraceRay};
+use crate::error::{Error, ErrorKind, Result};
+use crate::machine::{Observer, Resources};
+use crate::module::interface::Stage;
+use crate::ops::row::{Row, Width};
+use crate::pipeline::Pipeline;
+use crate::pipeline::stack::{Stack, Trapped, bindings};
+use crate::pipeline::trace::Query;
+use crate::pipeline::witness::Witness;
+
+/// What a launch did.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// Rays traced.
+    pub rays: u64,
+    /// Invocations and batches by stage.
+    pub shaders: BTreeMap<Stage, ShaderStats>,
+}
+
+/// How often shaders of a stage ran.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShaderStats {
+    /// Invocations.
+    pub invocations: u64,
+    /// Batches that they ran in.
+    pub batches: u64,
+}
+
+impl Stats {
+    /// The sum of two.
+    #[must_use]
+    pub fn plus(mut self, other: &Self) -> Self {
+        self.rays += other.rays;
+        for (&stage, stats) in &other.shaders {
+            let sum = self.shaders.entry(stage).or_default();
+            sum.invocations += stats.invocations;
+            sum.batches += stats.batches;
+        }
+        self
+    }
+}
+
+/// What became of one ray.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RayOutcome {
+    /// The closest hit; `None` for a miss.
+    pub committed: Option<Committed>,
+    /// The payload's words.
+    pub payload: Vec<u32>,
+    /// What was done.
+    pub stats: Stats,
+}
+
+/// The operands of a trace that is made without a ray generation shader.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RayOperands {
+    /// Ray, flags, cull mask.
+    pub trace: TraceRay,
+    /// SBT offset.
+    pub sbt_offset: u32,
+    /// SBT stride.
+    pub sbt_stride: u32,
+    /// Miss index.
+    pub miss_index: u32,
+    /// The payload's words.
+    pub payload: Vec<u32>,
+}
+
+/// A pipeline with its resources, ready to launch.
+#[derive(Clone, Debug)]
+pub struct Launch<'a> {
+    /// The pipeline.
+    pub pipeline: &'a Pipeline,
+    /// The resources.
+    pub resources: &'a Resources,
+}
+
+/// Invocations that one task of a thread runs: enough that stealing costs little.
+const TASK: u64 = 1024;
+
+impl Launch<'_> {
+    /// Runs the ray generation shader over a grid, W lanes at a time, on all threads; `done` is
+    /// told how many more invocations have ended.
+    ///
+    /// # Errors
+    /// The trap of the lowest launch index; all other invocations have run nevertheless.
+    pub fn run<const W: usize>(&self, size: [u32; 3], done: &(impl Fn(u64) + Sync)) -> Result<Stats>
+    where
+        Row: Width<W>,
+    {
+        let record = self.pipeline.sbt.ray_generation.as_ref().ok_or_else(|| {
+            Error::new(
+                ErrorKind::InvalidScene,
+                "the pipeline has no ray generation shader: there is nothing to launch",
+            )
+        })?;
+        let count = size.iter().try_fold(1u64, |count, &side| count.checked_mul(side.into()));
+        let count = count.filter(|&count| count < 1 << 40).ok_or_else(|| {
+            Error::new(
+                ErrorKind::InvalidArgument,
+                format!("a launch of {} x {} x {}", size[0], size[1], size[2]),
+            )
+        })?;
+        let bindings = bindings(self.pipeline, self.resources);
+        // Beyond a trap with a lower launch index nothing can change the answer.
+        let trapped_at = AtomicU64::new(u64::MAX);
+        let results: Vec<(Stats, Option<Trapped>)> = (0..count.div_ceil(TASK))
+            .into_par_iter()
+            .map(|task| {
+                let first = task * TASK;
+                let end = count.min(first + TASK);
+                if trapped_at.load(Relaxed) < first {
+                    return (Stats::default(), None);
+                }
+                let (mut witness, mut observer) = ((), ());
+                let mut stack = Stack::<W, _, _>::new(self.pipeline, &bindings, &mut witness, &mut observer);
+                let mut ids = Vec::with_capacity(W);
+                for start in (first..end).step_by(W) {
+                    ids.clear();
+                    ids.extend((start..end.min(start + W as u64)).map(|index| launch_id(index, size)));
+                    stack.launch(record, &ids, size);
+                }
+                if stack.trapped.is_some() {
+                    trapped_at.fetch_min(first, Relaxed);
+                }
+                done(end - first);
+                (stack.stats, stack.trapped)
+            })
+            .collect();
+        let mut stats = Stats::default();
+        for (task, trapped) in results {
+            if let Some(trapped) = trapped {
+                return Err(trapped.error);
+            }
+            stats = stats.plus(&task);
+        }
+        Ok(stats)
+    }
+
+    /// Runs the ray generation shader for one launch index at one lane, watched.
+    ///
+    /// # Errors
+    /// The trap, if there is one.
+    pub fn run_one<T: Witness, O: Observer<1>>(
+        &self,
+        id: [u32; 3],
+        size: [u32; 3],
+        witness: &mut T,
+        observer: &mut O,
+    ) -> Result<Stats> {
+        let record = self.pipeline.sbt.ray_generation.as_ref().ok_or_else(|| {
+            Error::new(
+                ErrorKind::InvalidScene,
+                "the pipeline has no ray generation shader: there is nothing to launch",
+            )
+        })?;
+        let bindings = bindings(self.pipeline, self.resources);
+        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, witness, observer);
+        stack.launch(record, &[id], size);
+        match stack.trapped {
+            Some(trapped) => Err(trapped.error),
+            None => Ok(stack.stats),
+        }
+    }
+
+    /// Traces one ray without a ray generation shader.
+    ///
+    /// # Errors
+    /// The trap, if there is one.
+    pub fn trace<T: Witness>(
+        &self,
+        tlas: &Arc<Tlas>,
+        operands: RayOperands,
+        witness: &mut T,
+    ) -> Result<RayOutcome> {
+        let bindings = bindings(self.pipeline, self.resources);
+        let mut observer = ();
+        let mut stack = Stack::<1, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
+        let query = Query {
+            tlas: tlas.clone(),
+            trace: operands.trace,
+            sbt_offset: operands.sbt_offset,
+            sbt_stride: operands.sbt_stride,
+            miss_index: operands.miss_index,
+            payload: operands.payload.into(),
+            launch_id: [0; 3],
+            launch_size: [1; 3],
+            depth: 1,
+        };
+        let ray = stack.trace(query);
+        match (stack.trapped, ray) {
+            (Some(trapped), _) => Err(trapped.error),
+            (None, Some(ray)) => Ok(RayOutcome {
+                committed: ray.cursor.committed().copied(),
+                payload: ray.query.payload.to_vec(),
+                stats: stack.stats,
+            }),
+            (None, None) => unreachable!("bug in anyhit: a trace without a ray"),
+        }
+    }
+}
+
+/// The launch index at a position, x fastest.
+fn launch_id(index: u64, size: [u32; 3]) -> [u32; 3] {
+    let (width, height) = (u64::from(size[0]), u64::from(size[1]));
+    [(index % width) as u32, (index / width % height) as u32, (index / width / height) as u32]
+}

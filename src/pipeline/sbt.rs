@@ -1,0 +1,104 @@
+//! The shader binding table.
+
+use std::sync::Arc;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::machine::{Buffer, ShaderRecord};
+use crate::module::interface::Stage;
+use crate::pipeline::group::Group;
+use crate::program::Program;
+
+/// A record: a group and the application's data behind its handle.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// Index of the group.
+    pub group: u32,
+    /// The data, if any: `ShaderRecordBufferKHR` begins at its first byte.
+    pub data: Option<Arc<Buffer>>,
+}
+
+impl Record {
+    /// A record without data.
+    pub fn new(group: u32) -> Self {
+        Self { group, data: None }
+    }
+
+    /// A record with data.
+    pub fn with_data(group: u32, data: &[u8]) -> Self {
+        Self { group, data: Some(Buffer::new(data)) }
+    }
+
+    /// The data as an invocation sees it.
+    pub fn shader_record(&self) -> Option<ShaderRecord> {
+        let data = self.data.clone()?;
+        let size = data.size();
+        Some(ShaderRecord { data, offset: 0, size })
+    }
+}
+
+/// The shader binding table: one table for each kind of shader. A hole (`None`) is a record with a
+/// null handle: nothing runs there.
+#[derive(Clone, Debug, Default)]
+pub struct Sbt {
+    /// The ray generation record that launches run.
+    pub ray_generation: Option<Record>,
+    /// By the miss index of a trace.
+    pub miss: Vec<Option<Record>>,
+    /// By instance offset + geometry index * SBT stride + SBT offset.
+    pub hit: Vec<Option<Record>>,
+    /// By the SBT index of `OpExecuteCallableKHR`.
+    pub callable: Vec<Option<Record>>,
+}
+
+impl Sbt {
+    /// Checks that every record names a group of its kind.
+    pub(super) fn check(&self, programs: &[Arc<Program>], groups: &[Group]) -> Result<()> {
+        let tables = [
+            ("ray generation", std::slice::from_ref(&self.ray_generation), Some(Stage::RayGeneration)),
+            ("miss", &self.miss[..], Some(Stage::Miss)),
+            ("hit", &self.hit[..], None),
+            ("callable", &self.callable[..], Some(Stage::Callable)),
+        ];
+        for (table, records, stage) in tables {
+            for (at, record) in records.iter().enumerate() {
+                let Some(record) = record else { continue };
+                let error = |what: String| {
+                    Error::new(
+                        ErrorKind::InvalidScene,
+                        format!("{table} record {at} names group {}, {what}", record.group),
+                    )
+                };
+                match (groups.get(record.group as usize), stage) {
+                    (None, _) => return Err(error(format!("but there are {} groups", groups.len()))),
+                    (Some(Group::Hit(_)), None) => {}
+                    (Some(Group::General(shader)), Some(stage)) => {
+                        let found = programs[shader.0 as usize].stage;
+                        if found != stage {
+                            return Err(error(format!("which is {}", found.name())));
+                        }
+                    }
+                    (Some(Group::Hit(_)), Some(_)) => return Err(error("which is a hit group".into())),
+                    (Some(Group::General(_)), None) => return Err(error("which is no hit group".into())),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The index of a hit record (Vulkan, "Hit Group Shader Binding Table").
+    pub fn hit_index(instance_offset: u32, geometry: u32, stride: u32, offset: u32) -> u64 {
+        u64::from(instance_offset) + u64::from(geometry) * u64::from(stride & 0xF) + u64::from(offset & 0xF)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hit_index_masks_offset_and_stride_to_four_bits() {
+        assert_eq!(Sbt::hit_index(10, 2, 3, 1), 17);
+        assert_eq!(Sbt::hit_index(10, 2, 0x13, 0x21), 17);
+        assert_eq!(Sbt::hit_index(0xFF_FFFF, 0xFF_FFFF, 15, 15), 0xFF_FFFF + 0xFF_FFFF * 15 + 15);
+    }
+}

@@ -1,0 +1,557 @@
+//! The stack: shaders that run or wait, and between them what they wait for.
+
+use std::sync::Arc;
+
+use crate::accel::{RayFlags, Tlas, TraceRay};
+use crate::error::{Error, ErrorKind, Place};
+use crate::geometry::Ray;
+use crate::interp;
+use crate::machine::stop::Rows;
+use crate::machine::{
+    Batch, Bindings, Exit, Invocation, Mask, Observer, Reg, Resources, Stop, Trap, TrapCode,
+};
+use crate::module::interface::Stage;
+use crate::ops::pointer::storage;
+use crate::ops::row::{Row, Width};
+use crate::pipeline::Pipeline;
+use crate::pipeline::group::Shader;
+use crate::pipeline::launch::Stats;
+use crate::pipeline::report::Report;
+use crate::pipeline::sbt::Record;
+use crate::pipeline::trace::{Data, Query, RayState, Trace, general};
+use crate::pipeline::witness::{Event, Witness};
+use crate::program::Program;
+
+/// Why a shader runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    RayGeneration,
+    AnyHit,
+    /// An any-hit shader that decides on a report of an intersection shader.
+    ReportedAnyHit,
+    Intersection,
+    ClosestHit,
+    Miss,
+    Callable,
+}
+
+/// A shader that is to run for some lanes of a caller.
+pub(super) struct Called {
+    shader: Shader,
+    role: Role,
+    lanes: Vec<(usize, Invocation, Data, Data)>,
+}
+
+impl Called {
+    pub fn new(shader: Shader, role: Role) -> Self {
+        Self { shader, role, lanes: Vec::new() }
+    }
+
+    /// Adds the caller's lane with its invocation, payload (or callable data) and attributes.
+    pub fn push(&mut self, lane: usize, invocation: Invocation, payload: Data, attributes: Data) {
+        self.lanes.push((lane, invocation, payload, attributes));
+    }
+}
+
+/// A shader that runs or waits.
+#[derive(Clone, Debug)]
+struct Running<const W: usize> {
+    shader: Shader,
+    role: Role,
+    batch: Batch<W>,
+    /// The caller's lane for each lane.
+    callers: Vec<usize>,
+    /// Where a witness sees the payload.
+    data: Option<Rows>,
+}
+
+/// `OpExecuteCallableKHR` in progress.
+#[derive(Clone, Debug)]
+struct Call {
+    data: Rows,
+    waiting: Vec<Callable>,
+}
+
+/// A callable shader and the lanes that call it, each through its record.
+#[derive(Clone, Debug)]
+struct Callable {
+    shader: Shader,
+    lanes: Vec<(usize, Option<Record>)>,
+}
+
+#[derive(Clone, Debug)]
+enum Level<const W: usize> {
+    Shader(Box<Running<W>>),
+    Trace { trace: Box<Trace>, payload: Option<Rows> },
+    Call(Call),
+    Report(Box<Report>),
+}
+
+/// A trap with all that is known of it.
+#[derive(Clone, Debug)]
+pub struct Trapped {
+    /// The launch index of the invocation.
+    pub launch_id: [u32; 3],
+    /// The report.
+    pub error: Error,
+}
+
+/// Runs the shaders of one batch of a launch, or of one ray.
+pub(super) struct Stack<'a, const W: usize, T, O> {
+    pub pipeline: &'a Pipeline,
+    pub bindings: &'a [Bindings],
+    pub witness: &'a mut T,
+    pub observer: &'a mut O,
+    pub stats: Stats,
+    /// The trap of the lowest launch index.
+    pub trapped: Option<Trapped>,
+    levels: Vec<Level<W>>,
+    /// Batches that can be used again, by shader.
+    spare: Vec<Vec<Box<Running<W>>>>,
+}
+
+/// The bindings of each program of a pipeline.
+pub(super) fn bindings(pipeline: &Pipeline, resources: &Resources) -> Vec<Bindings> {
+    pipeline.programs.iter().map(|program| resources.bindings(program.bindings())).collect()
+}
+
+impl<'a, const W: usize, T: Witness, O: Observer<W>> Stack<'a, W, T, O>
+where
+    Row: Width<W>,
+{
+    pub fn new(
+        pipeline: &'a Pipeline,
+        bindings: &'a [Bindings],
+        witness: &'a mut T,
+        observer: &'a mut O,
+    ) -> Self {
+        let spare = pipeline.programs.iter().map(|_| Vec::new()).collect();
+        Self {
+            pipeline,
+            bindings,
+            witness,
+            observer,
+            stats: Stats::default(),
+            trapped: None,
+            levels: Vec::new(),
+            spare,
+        }
+    }
+
+    /// Runs the ray generation shader for invocations with these launch indices.
+    pub fn launch(&mut self, record: &Record, ids: &[[u32; 3]], launch_size: [u32; 3]) {
+        let Some(shader) = general(self.pipeline, record) else { return };
+        let mut called = Called::new(shader, Role::RayGeneration);
+        for (lane, &launch_id) in ids.iter().enumerate() {
+            let record = record.shader_record();
+            let invocation = Invocation { launch_id, launch_size, record, ..Invocation::default() };
+            called.push(lane, invocation, Data::new(), Data::new());
+        }
+        self.enter(called);
+        self.run();
+    }
+
+    /// Traces one ray without a ray generation shader; the ray's state afterwards.
+    pub fn trace(&mut self, query: Query) -> Option<RayState> {
+        self.stats.rays += 1;
+        let trace = Trace::new(vec![Some(query)], self.witness);
+        self.levels.push(Level::Trace { trace: Box::new(trace), payload: None });
+        self.run()
+    }
+
+    /// Runs until the stack is empty; the ray of a trace that nothing called.
+    fn run(&mut self) -> Option<RayState> {
+        loop {
+            match self.levels.last_mut()? {
+                Level::Shader(running) => {
+                    let program = &self.pipeline.programs[running.shader.0 as usize];
+                    let bindings = &self.bindings[running.shader.0 as usize];
+                    match interp::run(&mut running.batch, program, bindings, self.observer) {
+                        Stop::Done => self.leave(),
+                        Stop::TraceRay { mask, operands, payload } => {
+                            self.begin_trace(mask, operands, payload)
+                        }
+                        Stop::ExecuteCallable { mask, index, data } => self.begin_call(mask, index, data),
+                        Stop::ReportIntersection { mask, t, hit_kind, accepted } => {
+                            self.begin_report((mask, t, hit_kind, accepted));
+                        }
+                        Stop::Paused => {}
+                    }
+                }
+                Level::Trace { trace, .. } => match trace.advance(self.pipeline, self.witness) {
+                    Some(called) => self.enter(called),
+                    None => {
+                        if let Some(ray) = self.end_trace() {
+                            return Some(ray);
+                        }
+                    }
+                },
+                Level::Call(_) => self.advance_call(),
+                Level::Report(_) => self.advance_report(),
+            }
+        }
+    }
+
+    /// Puts a shader on the stack.
+    fn enter(&mut self, called: Called) {
+        let pipeline = self.pipeline;
+        let program = &*pipeline.programs[called.shader.0 as usize];
+        let data = match called.role {
+            Role::Callable => program.interface_rows(storage::INCOMING_CALLABLE_DATA),
+            _ => program.interface_rows(storage::INCOMING_RAY_PAYLOAD),
+        };
+        let data = data.map(|rows| Rows { first: rows.first, count: rows.count });
+        let mut running = self.spare[called.shader.0 as usize].pop().unwrap_or_else(|| {
+            let batch = program.batch();
+            Box::new(Running { shader: called.shader, role: called.role, batch, callers: Vec::new(), data })
+        });
+        running.role = called.role;
+        running.callers.clear();
+        let mask = Mask::first(called.lanes.len());
+        let attributes = program.interface_rows(storage::HIT_ATTRIBUTE);
+        let mut contents = Vec::with_capacity(called.lanes.len());
+        for (lane, (caller, invocation, payload, attributes)) in called.lanes.into_iter().enumerate() {
+            running.callers.push(caller);
+            running.batch.invocations[lane] = invocation;
+            contents.push((payload, attributes));
+        }
+        program.begin(&mut running.batch, mask, pipeline.budget);
+        for (lane, (payload, words)) in contents.iter().enumerate() {
+            if let Some(rows) = data {
+                let count = rows.count as usize;
+                running.batch.registers.set_lane_words(rows.first, lane, payload.iter().copied().take(count));
+            }
+            if let Some(rows) = attributes {
+                let count = rows.count as usize;
+                running.batch.registers.set_lane_words(rows.first, lane, words.iter().copied().take(count));
+            }
+        }
+        self.stats.count(program.stage, mask.count());
+        if T::ACTIVE {
+            for lane in mask.lanes() {
+                let read =
+                    |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
+                self.witness.event(Event::Enter {
+                    shader: called.shader,
+                    stage: program.stage,
+                    builtins: program
+                        .inputs
+                        .iter()
+                        .map(|rows| (rows.builtin, read(rows.first, rows.count)))
+                        .collect(),
+                    payload: data.map_or_else(Vec::new, |rows| read(rows.first, rows.count)),
+                    attributes: attributes.map_or_else(Vec::new, |rows| read(rows.first, rows.count)),
+                });
+            }
+        }
+        self.levels.push(Level::Shader(running));
+    }
+
+    /// Takes a shader that is done from the stack and gives its results to whoever called it.
+    fn leave(&mut self) {
+        let pipeline = self.pipeline;
+        let Some(Level::Shader(running)) = self.levels.pop() else {
+            unreachable!("bug in anyhit: what ends is no shader");
+        };
+        let program = &*pipeline.programs[running.shader.0 as usize];
+        for (lane, &caller) in running.callers.iter().enumerate() {
+            let exit = running.batch.exits[lane];
+            if let Exit::Trapped(trap) = exit {
+                self.trap(&running, lane, trap);
+            }
+            if T::ACTIVE {
+                let payload = running.data.map_or_else(Vec::new, |rows| {
+                    running.batch.registers.lane_words(rows.first, rows.count, lane).collect()
+                });
+                let (shader, stage) = (running.shader, program.stage);
+                self.witness.event(Event::Leave { shader, stage, exit, payload });
+            }
+            match &mut self.levels[..] {
+                [] => {}
+                [.., Level::Trace { trace, .. }] => {
+                    trace.deliver(running.role, caller, program, &running.batch, lane);
+                }
+                [.., Level::Shader(below), Level::Call(call)] => {
+                    if let Some(rows) = running.data {
+                        let words: Data =
+                            running.batch.registers.lane_words(rows.first, rows.count, lane).collect();
+                        let words = words.into_iter().take(call.data.count as usize);
+                        below.batch.registers.set_lane_words(call.data.first, caller, words);
+                    }
+                    if let Exit::Trapped(_) = exit {
+                        let op = below.batch.op - 1;
+                        below.batch.trap(Mask::lane(caller), TrapCode::Callee, op);
+                    }
+                }
+                [.., Level::Trace { trace, .. }, Level::Shader(below), Level::Report(report)] => {
+                    let witness = &mut *self.witness;
+                    report.deliver(trace, &mut below.batch, caller, program, &running.batch, lane, witness);
+                }
+                _ => unreachable!("bug in anyhit: a shader without a caller"),
+            }
+        }
+        self.spare[running.shader.0 as usize].push(running);
+    }
+
+    fn begin_trace(&mut self, mask: Mask<W>, operands: Reg, payload: Rows) {
+        let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
+        let bindings = &self.bindings[running.shader.0 as usize];
+        let mut queries = vec![None; W];
+        for lane in mask.lanes() {
+            let batch = &running.batch;
+            let words: Vec<u32> = batch.registers.lane_words(operands, 15, lane).collect();
+            let invocation = &batch.invocations[lane];
+            let depth = invocation.depth + 1;
+            let query = match bindings.tlas(words[0]).filter(|_| words[1] == 0) {
+                None => Err(TrapCode::AccelerationStructureMissing),
+                Some(_) if depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
+                Some(tlas) => {
+                    let payload = batch.registers.lane_words(payload.first, payload.count, lane).collect();
+                    query(tlas, &words, payload, invocation, depth)
+                }
+            };
+            match query {
+                Ok(query) => queries[lane] = Some(query),
+                Err(code) => {
+                    let op = running.batch.op - 1;
+                    running.batch.trap(Mask::lane(lane), code, op);
+                }
+            }
+        }
+        self.stats.rays += queries.iter().flatten().count() as u64;
+        let trace = Trace::new(queries, self.witness);
+        self.levels.push(Level::Trace { trace: Box::new(trace), payload: Some(payload) });
+    }
+
+    /// Takes a trace whose rays are done from the stack; its ray where nothing called it.
+    fn end_trace(&mut self) -> Option<RayState> {
+        let Some(Level::Trace { mut trace, payload }) = self.levels.pop() else { return None };
+        let (Some(Level::Shader(below)), Some(payload)) = (self.levels.last_mut(), payload) else {
+            return trace.rays.swap_remove(0);
+        };
+        for (lane, ray) in trace.rays.into_iter().enumerate() {
+            let Some(ray) = ray else { continue };
+            below.batch.registers.set_lane_words(payload.first, lane, ray.query.payload);
+            if ray.trapped {
+                let op = below.batch.op - 1;
+                below.batch.trap(Mask::lane(lane), TrapCode::Callee, op);
+            }
+        }
+        None
+    }
+
+    fn begin_call(&mut self, mask: Mask<W>, index: Reg, data: Rows) {
+        let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
+        let mut waiting: Vec<Callable> = Vec::new();
+        for lane in mask.lanes() {
+            let index = running.batch.registers[index].0[lane];
+            let Some(record) = self.pipeline.sbt.callable.get(index as usize) else {
+                let op = running.batch.op - 1;
+                running.batch.trap(Mask::lane(lane), TrapCode::ShaderRecordMissing, op);
+                continue;
+            };
+            let Some(shader) = record.as_ref().and_then(|record| general(self.pipeline, record)) else {
+                continue;
+            };
+            match waiting.iter_mut().find(|group| group.shader == shader) {
+                Some(group) => group.lanes.push((lane, record.clone())),
+                None => waiting.push(Callable { shader, lanes: vec![(lane, record.clone())] }),
+            }
+        }
+        waiting.reverse();
+        self.levels.push(Level::Call(Call { data, waiting }));
+    }
+
+    fn advance_call(&mut self) {
+        let [.., Level::Shader(below), Level::Call(call)] = &mut self.levels[..] else {
+            unreachable!("bug in anyhit: a call without a caller");
+        };
+        let Some(Callable { shader, lanes }) = call.waiting.pop() else {
+            self.levels.pop();
+            return;
+        };
+        let mut called = Called::new(shader, Role::Callable);
+        let depth = below.batch.invocations.iter().map(|invocation| invocation.depth).max().unwrap_or(0);
+        for (lane, record) in lanes {
+            let from = &below.batch.invocations[lane];
+            let invocation = Invocation {
+                launch_id: from.launch_id,
+                launch_size: from.launch_size,
+                record: record.as_ref().and_then(Record::shader_record),
+                depth,
+                ..Invocation::default()
+            };
+            let data = below.batch.registers.lane_words(call.data.first, call.data.count, lane).collect();
+            called.push(lane, invocation, data, Data::new());
+        }
+        if self.levels.len() as u64 > 2 * CALL_LIMIT {
+            let [.., Level::Shader(below), Level::Call(_)] = &mut self.levels[..] else { return };
+            let op = below.batch.op - 1;
+            for (lane, ..) in &called.lanes {
+                below.batch.trap(Mask::lane(*lane), TrapCode::RecursionTooDeep, op);
+            }
+            return;
+        }
+        self.enter(called);
+    }
+
+    fn begin_report(&mut self, operands: (Mask<W>, Reg, Reg, Reg)) {
+        let [.., Level::Trace { trace, .. }, Level::Shader(running)] = &mut self.levels[..] else {
+            unreachable!("bug in anyhit: a report outside a trace");
+        };
+        let program = &self.pipeline.programs[running.shader.0 as usize];
+        let callers = &running.callers;
+        let report =
+            Report::new(self.pipeline, trace, program, &mut running.batch, callers, operands, self.witness);
+        self.levels.push(Level::Report(Box::new(report)));
+    }
+
+    fn advance_report(&mut self) {
+        let [.., Level::Trace { trace, .. }, Level::Shader(running), Level::Report(report)] =
+            &mut self.levels[..]
+        else {
+            unreachable!("bug in anyhit: a report outside a trace");
+        };
+        match report.advance(self.pipeline, trace) {
+            Some(called) => self.enter(called),
+            None => {
+                // RayTmaxKHR may have shrunk.
+                let program = &self.pipeline.programs[running.shader.0 as usize];
+                program.refresh_inputs(&mut running.batch, Mask::ALL, true);
+                self.levels.pop();
+            }
+        }
+    }
+
+    /// Keeps the report of a trap, if it is that of the lowest launch index so far.
+    fn trap(&mut self, running: &Running<W>, lane: usize, trap: Trap) {
+        if trap.code == TrapCode::Callee {
+            return;
+        }
+        let launch_id = running.batch.invocations[lane].launch_id;
+        let order = |id: [u32; 3]| [id[2], id[1], id[0]];
+        if self.trapped.as_ref().is_some_and(|trapped| order(trapped.launch_id) <= order(launch_id)) {
+            return;
+        }
+        let program = &*self.pipeline.programs[running.shader.0 as usize];
+        let mut error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
+        error = error.note(format!(
+            "in {} `{}`, launch id ({}, {}, {})",
+            program.stage.name(),
+            program.name,
+            launch_id[0],
+            launch_id[1],
+            launch_id[2]
+        ));
+        let mut at = running.callers[lane];
+        for level in self.levels.iter().rev() {
+            if let Level::Shader(caller) = level {
+                let program = &*self.pipeline.programs[caller.shader.0 as usize];
+                let line = source_line(program, caller.batch.op.saturating_sub(1));
+                error = error.note(format!("called by {} `{}`{line}", program.stage.name(), program.name));
+                at = caller.callers.get(at).copied().unwrap_or(at);
+            }
+        }
+        self.trapped = Some(Trapped { launch_id, error });
+    }
+}
+
+/// Callables may nest this deep: Vulkan sets no limit but the stack's size.
+const CALL_LIMIT: u64 = 1024;
+
+/// Checks the operands of a trace (Vulkan, VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359).
+fn query(
+    tlas: &Arc<Tlas>,
+    words: &[u32],
+    payload: Data,
+    invocation: &Invocation,
+    depth: u32,
+) -> Result<Query, TrapCode> {
+    let float = |at: usize| f32::from_bits(words[at]);
+    let ray = Ray {
+        origin: [float(7), float(8), float(9)],
+        t_min: float(10),
+        direction: [float(11), float(12), float(13)],
+        t_max: float(14),
+    };
+    let finite = ray.origin.iter().chain(&ray.direction).all(|value| value.is_finite());
+    let interval = ray.t_min >= 0.0 && ray.t_min <= ray.t_max;
+    let flags = words[2];
+    let exclusive = |bits: u32| (flags & bits).count_ones() <= 1;
+    let legal = exclusive(1 | 2 | 64 | 128) && exclusive(256 | 16 | 32) && exclusive(256 | 512);
+    if !(finite && interval && legal) {
+        return Err(TrapCode::InvalidTrace);
+    }
+    Ok(Query {
+        tlas: tlas.clone(),
+        trace: TraceRay { ray, flags: RayFlags(flags), cull_mask: words[3] },
+        sbt_offset: words[4],
+        sbt_stride: words[5],
+        miss_index: words[6],
+        payload,
+        launch_id: invocation.launch_id,
+        launch_size: invocation.launch_size,
+        depth,
+    })
+}
+
+/// Adds the place of an operation to an error: its word, its source line, the inlined calls.
+fn located(program: &Program, op: u32, error: Error, label: &str) -> Error {
+    let Some(origin) = program.origins.get(op as usize) else { return error };
+    let mut error = match place(program, origin.offset) {
+        Some(line) => error.at_with(line, label).at(Place::Word(origin.offset as usize)),
+        None => error.at_with(Place::Word(origin.offset as usize), label),
+    };
+    let mut scope = origin.scope;
+    while scope != 0 {
+        let inlined = program.scopes[scope as usize];
+        let line =
+            place(program, inlined.call).map_or_else(String::new, |place| format!(" at {}", words(&place)));
+        error =
+            error.note(format!("in function {}, called{line}", program.module.describe_id(inlined.function)));
+        scope = inlined.parent;
+    }
+    error
+}
+
+fn place(program: &Program, offset: u32) -> Option<Place> {
+    let debug = &program.module.debug_info;
+    let line = debug.line_at(offset)?;
+    let file = debug.files.get(line.file as usize)?;
+    if let Some(text) = &file.text {
+        let start = text
+            .split_inclusive('\n')
+            .take(line.line.saturating_sub(1) as usize)
+            .map(str::len)
+            .sum::<usize>();
+        let length = text[start..].lines().next().map_or(0, str::len);
+        let indent = text[start..].len() - text[start..].trim_start_matches([' ', '\t']).len();
+        let span = start + indent.min(length)..start + length;
+        return Some(Place::Text { file: file.name.clone(), text: text.clone(), span });
+    }
+    Some(Place::Line { file: file.name.clone(), line: line.line, column: line.column })
+}
+
+fn words(place: &Place) -> String {
+    match place {
+        Place::Line { file, line, .. } => format!("{file}:{line}"),
+        Place::Text { file, text, span } => {
+            format!("{file}:{}", text[..span.start].matches('\n').count() + 1)
+        }
+        _ => String::new(),
+    }
+}
+
+fn source_line(program: &Program, op: u32) -> String {
+    let place = program.origins.get(op as usize).and_then(|origin| place(program, origin.offset));
+    place.map_or_else(String::new, |place| format!(" at {}", words(&place)))
+}
+
+impl Stats {
+    /// Counts a batch of a stage.
+    fn count(&mut self, stage: Stage, lanes: u32) {
+        let entry = self.shaders.entry(stage).or_default();
+        entry.batches += 1;
+        entry.invocations += u64::from(lanes);
+    }
+}

@@ -1,0 +1,327 @@
+//! A trace in progress: the rays of a batch's lanes, from their operands to closest-hit or miss.
+
+use std::sync::Arc;
+
+use smallvec::SmallVec;
+
+use crate::accel::{Candidate, Committed, Cursor, Tlas, TraceRay};
+use crate::machine::{Batch, Exit, Hit, Invocation, ShaderRecord};
+use crate::ops::pointer::storage;
+use crate::pipeline::Pipeline;
+use crate::pipeline::group::{Group, HitGroup, Shader};
+use crate::pipeline::sbt::{Record, Sbt};
+use crate::pipeline::stack::{Called, Role};
+use crate::pipeline::witness::{Event, Traversal, Witness};
+use crate::program::Program;
+
+/// Words of a payload or of hit attributes.
+pub(super) type Data = SmallVec<[u32; 16]>;
+
+/// `SkipClosestHitShaderKHR`
+const SKIP_CLOSEST_HIT: u32 = 8;
+
+/// What one ray is traced with, beside the ray.
+#[derive(Clone, Debug)]
+pub(super) struct Query {
+    pub tlas: Arc<Tlas>,
+    pub trace: TraceRay,
+    pub sbt_offset: u32,
+    pub sbt_stride: u32,
+    pub miss_index: u32,
+    pub payload: Data,
+    pub launch_id: [u32; 3],
+    pub launch_size: [u32; 3],
+    /// 1 for a trace by ray generation.
+    pub depth: u32,
+}
+
+/// One ray of a trace.
+#[derive(Clone, Debug)]
+pub(super) struct RayState {
+    pub query: Query,
+    pub cursor: Cursor,
+    /// Attributes of the committed hit.
+    attributes: Data,
+    traversing: bool,
+    /// Whether a shader that this ray called trapped.
+    pub trapped: bool,
+}
+
+/// Lanes that wait for a shader.
+#[derive(Clone, Debug)]
+struct Waiting {
+    shader: Shader,
+    role: Role,
+    lanes: SmallVec<[(usize, Option<ShaderRecord>); 4]>,
+}
+
+/// The rays of one `OpTraceRayKHR`.
+#[derive(Clone, Debug)]
+pub(super) struct Trace {
+    /// By lane of the caller; `None` where the lane does not trace.
+    pub rays: Vec<Option<RayState>>,
+    waiting: Vec<Waiting>,
+    traversing: bool,
+}
+
+impl Trace {
+    /// Begins a trace; the position of a query is the lane of the caller.
+    pub fn new<T: Witness>(queries: Vec<Option<Query>>, witness: &mut T) -> Self {
+        let mut rays = Vec::with_capacity(queries.len());
+        for query in queries {
+            rays.push(query.map(|query| {
+                if T::ACTIVE {
+                    witness.event(Event::Trace {
+                        launch_id: query.launch_id,
+                        depth: query.depth,
+                        trace: query.trace,
+                        sbt: [query.sbt_offset, query.sbt_stride, query.miss_index],
+                        payload: query.payload.to_vec(),
+                    });
+                }
+                let cursor = Cursor::new(&query.tlas, query.trace);
+                RayState { query, cursor, attributes: Data::new(), traversing: true, trapped: false }
+            }));
+        }
+        Self { rays, waiting: Vec::new(), traversing: true }
+    }
+
+    /// Goes on until a shader must run; `None` when every ray is done.
+    pub fn advance<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) -> Option<Called> {
+        loop {
+            if let Some(waiting) = self.waiting.pop() {
+                return Some(self.call(pipeline, waiting));
+            }
+            if !self.traversing {
+                return None;
+            }
+            self.traverse(pipeline, witness);
+            if self.waiting.is_empty() {
+                self.traversing = false;
+                self.finish(pipeline, witness);
+            }
+            // The last is called first: keep the order of lanes.
+            self.waiting.reverse();
+        }
+    }
+
+    /// Lets each ray go on to its next candidate that a shader decides.
+    fn traverse<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
+        for (lane, ray) in self.rays.iter_mut().enumerate() {
+            let Some(ray) = ray.as_mut().filter(|ray| ray.traversing) else { continue };
+            loop {
+                let candidate = ray.cursor.proceed_with(&ray.query.tlas, &mut Traversal(witness));
+                let Some(candidate) = candidate else {
+                    ray.traversing = false;
+                    break;
+                };
+                let (index, record, group) = hit_group(pipeline, &ray.query, &candidate);
+                let shader = if candidate.is_box() { group.intersection } else { group.any_hit };
+                if T::ACTIVE {
+                    let instance = &ray.query.tlas.instances()[candidate.instance as usize];
+                    let arithmetic = [
+                        instance.sbt_record_offset,
+                        candidate.geometry,
+                        ray.query.sbt_stride & 0xF,
+                        ray.query.sbt_offset & 0xF,
+                    ];
+                    witness.event(Event::Candidate { candidate, record: index, arithmetic, shader });
+                }
+                match shader {
+                    Some(shader) => {
+                        let role = if candidate.is_box() { Role::Intersection } else { Role::AnyHit };
+                        let record = record.and_then(Record::shader_record);
+                        wait(&mut self.waiting, shader, role, lane, record);
+                        break;
+                    }
+                    None if candidate.is_box() => {}
+                    None => {
+                        ray.cursor.confirm();
+                    }
+                }
+            }
+        }
+    }
+
+    /// Chooses closest-hit or miss for each ray.
+    fn finish<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
+        for (lane, ray) in self.rays.iter().enumerate() {
+            let Some(ray) = ray.as_ref().filter(|ray| !ray.trapped) else { continue };
+            let committed = ray.cursor.committed().copied();
+            let (index, record, shader, role) = match &committed {
+                Some(committed) => {
+                    let (index, record, group) = hit_group(pipeline, &ray.query, &committed.candidate);
+                    let skipped = ray.query.trace.flags.0 & SKIP_CLOSEST_HIT != 0;
+                    (index, record, group.closest_hit.filter(|_| !skipped), Role::ClosestHit)
+                }
+                None => {
+                    let index = ray.query.miss_index & 0xFFFF;
+                    let record = pipeline.sbt.miss.get(index as usize).and_then(Option::as_ref);
+                    (
+                        u64::from(index),
+                        record,
+                        record.and_then(|record| general(pipeline, record)),
+                        Role::Miss,
+                    )
+                }
+            };
+            if T::ACTIVE {
+                witness.event(Event::Traversed { committed, record: index, shader });
+            }
+            if let Some(shader) = shader {
+                let record = record.and_then(Record::shader_record);
+                wait(&mut self.waiting, shader, role, lane, record);
+            }
+        }
+    }
+
+    fn call(&self, pipeline: &Pipeline, waiting: Waiting) -> Called {
+        let program = &pipeline.programs[waiting.shader.0 as usize];
+        let mut called = Called::new(waiting.shader, waiting.role);
+        for (lane, record) in waiting.lanes {
+            let ray = self.ray(lane);
+            let invocation = match waiting.role {
+                Role::AnyHit | Role::Intersection => ray.candidate_invocation(program, record),
+                Role::ClosestHit => ray.hit_invocation(program, record),
+                _ => ray.invocation(ray.query.trace.ray.t_max, record),
+            };
+            let attributes = match waiting.role {
+                Role::AnyHit => ray.cursor.candidate().map_or_else(Data::new, candidate_attributes),
+                Role::ClosestHit => ray.committed_attributes(),
+                _ => Data::new(),
+            };
+            called.push(lane, invocation, ray.query.payload.clone(), attributes);
+        }
+        called
+    }
+
+    fn ray(&self, lane: usize) -> &RayState {
+        self.rays[lane].as_ref().expect("bug in anyhit: a lane without a ray called a shader")
+    }
+
+    /// The ray of a lane that traces.
+    pub fn ray_mut(&mut self, lane: usize) -> &mut RayState {
+        self.rays[lane].as_mut().expect("bug in anyhit: a lane without a ray called a shader")
+    }
+
+    /// Takes what a shader that this trace called leaves for a lane.
+    pub fn deliver<const W: usize>(
+        &mut self,
+        role: Role,
+        lane: usize,
+        program: &Program,
+        batch: &Batch<W>,
+        from: usize,
+    ) {
+        let ray = self.ray_mut(lane);
+        if let Some(rows) = program.interface_rows(storage::INCOMING_RAY_PAYLOAD) {
+            let words = batch.registers.lane_words(rows.first, rows.count, from);
+            ray.query.payload.iter_mut().zip(words).for_each(|(to, word)| *to = word);
+        }
+        let exit = batch.exits[from];
+        if let Exit::Trapped(_) = exit {
+            ray.trapped = true;
+            ray.traversing = false;
+            ray.cursor.terminate();
+            return;
+        }
+        if role == Role::AnyHit {
+            match exit {
+                Exit::Ignored => {}
+                _ => {
+                    ray.cursor.confirm();
+                }
+            }
+            if exit == Exit::Terminated {
+                ray.cursor.terminate();
+            }
+        }
+    }
+}
+
+impl RayState {
+    /// Remembers the attributes of a hit that was committed by a report.
+    pub fn commit_attributes(&mut self, attributes: Data) {
+        self.attributes = attributes;
+    }
+
+    fn committed_attributes(&self) -> Data {
+        match self.cursor.committed() {
+            Some(committed) if !committed.candidate.is_box() => candidate_attributes(&committed.candidate),
+            _ => self.attributes.clone(),
+        }
+    }
+
+    /// The invocation of a shader for the cursor's current candidate, seen at a t.
+    pub fn candidate_invocation(&self, program: &Program, record: Option<ShaderRecord>) -> Invocation {
+        let Some(candidate) = self.cursor.candidate().copied() else {
+            return self.invocation(self.cursor.t_max(), record);
+        };
+        let t = if candidate.is_box() { self.cursor.t_max() } else { candidate.intersection.t };
+        let mut invocation = self.invocation(t, record);
+        if !program.inputs.is_empty() {
+            let kind = candidate.hit_kind().unwrap_or(crate::accel::HitKind(0));
+            invocation.hit = Some(Hit { tlas: self.query.tlas.clone(), candidate, kind });
+        }
+        invocation
+    }
+
+    fn hit_invocation(&self, program: &Program, record: Option<ShaderRecord>) -> Invocation {
+        let mut invocation = self.invocation(self.cursor.t_max(), record);
+        if let Some(&Committed { candidate, hit_kind, .. }) = self.cursor.committed()
+            && !program.inputs.is_empty()
+        {
+            invocation.hit = Some(Hit { tlas: self.query.tlas.clone(), candidate, kind: hit_kind });
+        }
+        invocation
+    }
+
+    fn invocation(&self, t_max: f32, record: Option<ShaderRecord>) -> Invocation {
+        Invocation {
+            launch_id: self.query.launch_id,
+            launch_size: self.query.launch_size,
+            trace: Some(self.query.trace),
+            t_max,
+            hit: None,
+            record,
+            depth: self.query.depth,
+        }
+    }
+}
+
+/// Attributes of a built-in primitive, as words.
+fn candidate_attributes(candidate: &Candidate) -> Data {
+    candidate.intersection.attributes.iter().map(|attribute| attribute.to_bits()).collect()
+}
+
+fn wait(waiting: &mut Vec<Waiting>, shader: Shader, role: Role, lane: usize, record: Option<ShaderRecord>) {
+    match waiting.iter_mut().find(|group| group.shader == shader && group.role == role) {
+        Some(group) => group.lanes.push((lane, record)),
+        None => waiting.push(Waiting { shader, role, lanes: SmallVec::from_iter([(lane, record)]) }),
+    }
+}
+
+/// The hit record of a candidate, with its index.
+pub(super) fn hit_group<'a>(
+    pipeline: &'a Pipeline,
+    query: &Query,
+    candidate: &Candidate,
+) -> (u64, Option<&'a Record>, HitGroup) {
+    let instance = &query.tlas.instances()[candidate.instance as usize];
+    let index =
+        Sbt::hit_index(instance.sbt_record_offset, candidate.geometry, query.sbt_stride, query.sbt_offset);
+    let record = usize::try_from(index).ok().and_then(|at| pipeline.sbt.hit.get(at)).and_then(Option::as_ref);
+    let group = match record.map(|record| pipeline.groups[record.group as usize]) {
+        Some(Group::Hit(group)) => group,
+        _ => HitGroup::default(),
+    };
+    (index, record, group)
+}
+
+/// The shader of a general record.
+pub(super) fn general(pipeline: &Pipeline, record: &Record) -> Option<Shader> {
+    match pipeline.groups[record.group as usize] {
+        Group::General(shader) => Some(shader),
+        Group::Hit(_) => None,
+    }
+}

@@ -1,0 +1,136 @@
+//! Watching a pipeline at work: what a trace did and why.
+
+use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict};
+use crate::accel::{Candidate, Committed, HitKind, TraceRay, Visit};
+use crate::machine::Exit;
+use crate::module::interface::Stage;
+use crate::ops::builtin::Builtin;
+use crate::pipeline::group::Shader;
+
+/// Is told what a pipeline does; the unit type looks away and costs nothing.
+pub trait Witness {
+    /// Whether events are made at all.
+    const ACTIVE: bool;
+
+    /// Something happened.
+    fn event(&mut self, event: Event);
+}
+
+impl Witness for () {
+    const ACTIVE: bool = false;
+
+    fn event(&mut self, _event: Event) {}
+}
+
+/// Collects events.
+impl Witness for Vec<Event> {
+    const ACTIVE: bool = true;
+
+    fn event(&mut self, event: Event) {
+        self.push(event);
+    }
+}
+
+/// Something that happened. Words are 32-bit words in the order of a value's scalars.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Event {
+    /// A trace begins.
+    Trace {
+        /// `LaunchIdKHR` of the ray.
+        launch_id: [u32; 3],
+        /// How deep in the tree of traces: 1 for a trace by ray generation.
+        depth: u32,
+        /// Ray, flags, cull mask.
+        trace: TraceRay,
+        /// SBT offset, SBT stride and miss index, as given.
+        sbt: [u32; 3],
+        /// The payload as given.
+        payload: Vec<u32>,
+    },
+    /// Traversal reached an instance.
+    Instance(u32, InstanceVerdict),
+    /// Traversal tested a primitive.
+    Primitive(Place, PrimitiveVerdict),
+    /// A candidate needs a shader's decision, or has no shader to decide: `None` accepts it (a
+    /// triangle, sphere or linear swept sphere) or drops it (a box).
+    Candidate {
+        /// What was met.
+        candidate: Candidate,
+        /// The hit record's index.
+        record: u64,
+        /// Instance offset, geometry index, SBT stride and SBT offset that make it.
+        arithmetic: [u32; 4],
+        /// The shader that decides.
+        shader: Option<Shader>,
+    },
+    /// An opaque hit was committed without a shader.
+    Opaque(Committed),
+    /// A shader begins.
+    Enter {
+        /// Which.
+        shader: Shader,
+        /// Its stage.
+        stage: Stage,
+        /// The builtins that it reads, with their words.
+        builtins: Vec<(&'static Builtin, Vec<u32>)>,
+        /// The payload that it sees, where it declares one.
+        payload: Vec<u32>,
+        /// The hit attributes that it sees, where it declares them.
+        attributes: Vec<u32>,
+    },
+    /// A shader ended.
+    Leave {
+        /// Which.
+        shader: Shader,
+        /// Its stage.
+        stage: Stage,
+        /// How.
+        exit: Exit,
+        /// The payload that it leaves.
+        payload: Vec<u32>,
+    },
+    /// `OpReportIntersectionKHR` was answered.
+    Report {
+        /// The hit distance.
+        t: f32,
+        /// The hit kind.
+        hit_kind: HitKind,
+        /// The answer.
+        accepted: bool,
+    },
+    /// A trace is over, but for its closest-hit or miss shader.
+    Traversed {
+        /// The closest hit.
+        committed: Option<Committed>,
+        /// The index of the hit or miss record.
+        record: u64,
+        /// The shader that runs; `None` for a null record, or where the ray skips closest-hit.
+        shader: Option<Shader>,
+    },
+}
+
+/// Passes what traversal tells on to a witness.
+pub(super) struct Traversal<'a, T>(pub &'a mut T);
+
+impl<T: Witness> Visit for Traversal<'_, T> {
+    const REASONS: bool = T::ACTIVE;
+
+    fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
+        if T::ACTIVE {
+            self.0.event(Event::Instance(instance, verdict));
+        }
+    }
+
+    fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {
+        if T::ACTIVE {
+            self.0.event(Event::Primitive(place, verdict));
+        }
+    }
+
+    fn commit(&mut self, committed: &Committed) {
+        if T::ACTIVE {
+            self.0.event(Event::Opaque(*committed));
+        }
+    }
+}
