@@ -1,30 +1,22 @@
-//! Recorded hits of a GPU driver with a high-precision reference beside them, against a linear scan
-//! with our intersectors. `tests/driver-golden/README.md` says what the files hold.
+//! Recorded hits of a GPU driver with a high-precision reference beside them, against our traversal.
+//! `tests/driver-golden/README.md` says what the files hold.
 //!
 //! A thinned copy of the recordings lies in the repository; where the whole set is found beside the
 //! checkout (`../shared/driver-golden`) it is read too.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use anyhit::geometry::{
-    Intersection, ObjectRay, Precision, Ray, Surface, Transform, linear_swept_sphere, sphere, triangle,
+use anyhit::accel::{
+    Blas, Candidate, Committed, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing,
+    Instance, InstanceFlags, Place, PrimitiveVerdict, RayFlags, Tlas, TraceRay, Visit,
 };
+use anyhit::geometry::{Intersection, Ray};
 use anyhit::math::ulp::{ulp_error, ulp_of};
 use rayon::prelude::*;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
-
-mod flag {
-    pub const OPAQUE: u32 = 1;
-    pub const NO_OPAQUE: u32 = 2;
-    pub const TERMINATE_ON_FIRST_HIT: u32 = 4;
-    pub const CULL_BACK_FACING: u32 = 16;
-    pub const CULL_FRONT_FACING: u32 = 32;
-    pub const CULL_OPAQUE: u32 = 64;
-    pub const CULL_NO_OPAQUE: u32 = 128;
-    pub const SKIP_BUILTIN_PRIMITIVES: u32 = 256;
-}
 
 #[test]
 fn spheres_agree_with_the_reference() {
@@ -65,9 +57,9 @@ fn a_closed_mesh_is_met_once_from_inside() {
         |file, recording| {
             let t = file.floats("reference.t").unwrap();
             let mut tally = Tally { rays: recording.rays.len(), ..Tally::default() };
-            let found: Vec<_> = recording.rays.par_iter().map(|ray| recording.trace(ray)).collect();
+            let found: Vec<_> = recording.rays.par_iter().map(|ray| recording.candidates(*ray)).collect();
             for (i, found) in found.iter().enumerate() {
-                if found.len() != 1 || ulp_error(found[0].hit.t, t[i]) > 0.5 {
+                if found.len() != 1 || ulp_error(found[0].intersection.t, t[i]) > 0.5 {
                     tally.wrong.push(format!("ray {i}: reference t {}, {found:?}", t[i]));
                 }
             }
@@ -76,30 +68,66 @@ fn a_closed_mesh_is_met_once_from_inside() {
     );
 }
 
-/// Instance masks, facing, opacity and ray flags as the driver decided them.
+/// Instance masks, facing, opacity and ray flags as the driver decided them: which shaders ran, how
+/// often any-hit did, and the hit kind.
 #[test]
 fn flags_and_masks_agree_with_the_driver() {
     judge_files(
         |name| ["tri_flags", "tri_mask"].contains(&name),
         |file, recording| {
-            let t = file.floats("driver.t").unwrap();
-            let kinds = file.integers("driver.hit_kind").unwrap();
-            let missed = file.integers("driver.miss_ran").unwrap();
+            let [kinds, misses, closest_hits, any_hits] =
+                ["hit_kind", "miss_ran", "closest_hit_ran", "any_hit_count"]
+                    .map(|name| file.integers(&format!("driver.{name}")).unwrap());
             let mut tally = Tally { rays: recording.rays.len(), ..Tally::default() };
             for (i, ray) in recording.rays.iter().enumerate() {
-                let found = recording.trace(ray);
-                if found.is_empty() != (missed[i] != 0) {
+                let traced = recording.trace(*ray);
+                let skips = ray.flags.contains(RayFlags::SKIP_CLOSEST_HIT_SHADER);
+                let hit = traced.committed;
+                tally.hits += usize::from(hit.is_some());
+                let ours = (i64::from(hit.is_none()), i64::from(hit.is_some() && !skips), traced.any_hits);
+                let theirs = (misses[i], closest_hits[i], any_hits[i]);
+                if ours != theirs {
                     tally
                         .wrong
-                        .push(format!("ray {i}: {found:?}, the driver's miss ran {} times", missed[i]));
+                        .push(format!("ray {i} {ray:?}: miss, closest-hit, any-hit {ours:?}, {theirs:?}"));
                 }
-                // A hit is recorded only where the closest-hit shader ran, and is any one of them
-                // where the first one ended the search.
-                let Some(closest) = found.first().filter(|_| t[i] >= 0.0) else { continue };
-                tally.hits += 1;
-                let kind = if closest.front { 254 } else { 255 };
-                if ray.flags & flag::TERMINATE_ON_FIRST_HIT == 0 && kinds[i] != kind {
-                    tally.wrong.push(format!("ray {i}: hit kind {kind}, the driver's {}", kinds[i]));
+                // The kind is recorded by the closest-hit shader only.
+                let kind = hit.filter(|_| !skips).map(|hit| i64::from(hit.hit_kind.0));
+                if kind.is_some_and(|kind| kind != kinds[i]) {
+                    tally
+                        .wrong
+                        .push(format!("ray {i} {ray:?}: hit kind {kind:?}, the driver's {}", kinds[i]));
+                }
+            }
+            tally
+        },
+    );
+}
+
+/// Boxes whose intersection shader looks for a sphere: far root first, then the near one.
+#[test]
+fn boxes_agree_with_the_driver() {
+    judge_files(
+        |name| name.starts_with("aabb_"),
+        |file, recording| {
+            let [kinds, misses, primitives] = ["hit_kind", "miss_ran", "primitive_id"]
+                .map(|name| file.integers(&format!("driver.{name}")).unwrap());
+            let t = file.floats("driver.t").unwrap();
+            let mut tally = Tally { rays: recording.rays.len(), ..Tally::default() };
+            for (i, ray) in recording.rays.iter().enumerate() {
+                let traced = recording.trace(*ray);
+                if traced.nearly_tangent {
+                    tally.undecidable += 1;
+                    continue;
+                }
+                let hit = traced.committed;
+                tally.hits += usize::from(hit.is_some());
+                let ours = hit.map(|hit| (hit.candidate.primitive.into(), i64::from(hit.hit_kind.0)));
+                let theirs = (misses[i] == 0).then_some((primitives[i], kinds[i]));
+                if ours != theirs {
+                    tally
+                        .wrong
+                        .push(format!("ray {i} {ray:?}: {ours:?}, the driver's {theirs:?} at {}", t[i]));
                 }
             }
             tally
@@ -187,7 +215,7 @@ fn against_reference(
     let hit_values = file.floats("reference.lss_hit_value");
     let barycentrics = file.floats("reference.barycentrics");
 
-    let judge = |i: usize, ray: &TracedRay, tally: &mut Tally| -> Result<(), String> {
+    let judge = |i: usize, ray: &TraceRay, tally: &mut Tally| -> Result<(), String> {
         let margin = margin.as_ref().map_or(1.0, |all| all[i]);
         // A margin of exactly 0 is a tangent to a sphere or cone, which is a hit. On a triangle's edge
         // the reference hits both neighbours and we one of them, or on an outline two or none.
@@ -195,8 +223,8 @@ fn against_reference(
             tally.undecidable = 1;
             return Ok(());
         }
-        let found = recording.trace(ray);
-        let closest = match found.first() {
+        let traced = recording.trace(*ray);
+        let closest = match traced.committed {
             None if t[i] < 0.0 => return Ok(()),
             None => return Err(format!("missed, reference t {}", t[i])),
             Some(closest) if t[i] < 0.0 => return Err(format!("extra {closest:?}")),
@@ -204,18 +232,19 @@ fn against_reference(
         };
         let low = t_low.as_ref().map_or(0.0, |all| all[i]);
         tally.hits = 1;
-        tally.max_ulp = ((f64::from(closest.hit.t) - t[i]) - low).abs() / ulp_of(t[i]);
+        tally.max_ulp = ((f64::from(closest.t) - t[i]) - low).abs() / ulp_of(t[i]);
         if tally.max_ulp > 1.0 {
-            return Err(format!("t {}, reference {}", closest.hit.t, t[i]));
+            return Err(format!("t {}, reference {}", closest.t, t[i]));
         }
-        let theirs = [instances[i], geometries[i], primitives[i]].map(|x| x as usize);
-        tally.ties = usize::from([closest.instance, closest.geometry, closest.primitive] != theirs);
+        let [instance, geometry, primitive] = [instances[i], geometries[i], primitives[i]].map(|x| x as u32);
+        let theirs = Place { instance, geometry, primitive };
+        tally.ties = usize::from(closest.candidate.place() != theirs);
         // Another primitive at the same t is a tie and not an error.
-        let same = found.iter().find(|f| [f.instance, f.geometry, f.primitive] == theirs);
-        let Some(same) = same.filter(|same| same.hit.t == closest.hit.t) else {
+        let same = traced.met.iter().find(|(place, _)| *place == theirs).map(|(_, found)| found);
+        let Some(same) = same.filter(|same| same.t == closest.t) else {
             return Err(format!("{closest:?}, reference {theirs:?} at {}, which gives {same:?}", t[i]));
         };
-        let [b1, b2] = same.hit.attributes;
+        let [b1, b2] = same.attributes;
         if let Some(all) = &hit_values {
             let (is_cap, should_be) = (b1 == 0.0 || b1 == 1.0, all[i] == 0.0 || all[i] == 1.0);
             if is_cap != should_be || ulp_error(b1, all[i]) > 1.0 {
@@ -244,108 +273,81 @@ fn against_reference(
 }
 
 struct Recording {
-    geometries: Vec<Geometry>,
-    instances: Vec<Instance>,
-    rays: Vec<TracedRay>,
+    tlas: Arc<Tlas>,
+    rays: Vec<TraceRay>,
+    /// The sphere in each box, as centre and radius.
+    spheres: Vec<[f32; 4]>,
 }
 
-struct Geometry {
-    shapes: Shapes,
-    opaque: bool,
-}
-
-enum Shapes {
-    LinearSweptSpheres(Vec<Segment>),
-    Spheres(Vec<([f32; 3], f32)>),
-    Triangles(Vec<[[f32; 3]; 3]>),
-}
-
-struct Segment {
-    positions: [[f32; 3]; 2],
-    radii: [f32; 2],
-    caps: [bool; 2],
-}
-
-struct Instance {
-    transform: Option<Transform>,
-    mask: u32,
-    flags: u32,
-}
-
-struct TracedRay {
-    ray: Ray,
-    flags: u32,
-    cull_mask: u32,
-}
-
-#[derive(Clone, Copy, PartialEq, Debug)]
-struct Found {
-    hit: Intersection,
-    instance: usize,
-    geometry: usize,
-    primitive: usize,
-    /// Whether a triangle faces the ray, instance flags considered.
-    front: bool,
+/// What a trace came to whose any-hit shader accepts all.
+struct Traced {
+    committed: Option<Committed>,
+    any_hits: i64,
+    /// Every primitive that was met, also behind the closest.
+    met: Vec<(Place, Intersection)>,
+    /// The intersection shader's arithmetic decides.
+    nearly_tangent: bool,
 }
 
 impl Recording {
-    /// All candidates that survive culling, by (t, instance, geometry, primitive).
-    fn trace(&self, ray: &TracedRay) -> Vec<Found> {
-        let mut all = Vec::new();
-        for (instance, it) in self.instances.iter().enumerate() {
-            if it.mask & ray.cull_mask & 0xFF == 0 || ray.flags & flag::SKIP_BUILTIN_PRIMITIVES != 0 {
-                continue;
-            }
-            let object_ray = match &it.transform {
-                None => ObjectRay::in_world(&ray.ray),
-                Some(transform) => ObjectRay::in_instance(&ray.ray, transform),
-            };
-            let object_ray = object_ray.expect("the recorded rays are finite");
-            for (index, geometry) in self.geometries.iter().enumerate() {
-                let mut opaque = (geometry.opaque || it.flags & 4 != 0) && it.flags & 8 == 0;
-                opaque = (opaque || ray.flags & flag::OPAQUE != 0) && ray.flags & flag::NO_OPAQUE == 0;
-                if ray.flags & if opaque { flag::CULL_OPAQUE } else { flag::CULL_NO_OPAQUE } != 0 {
-                    continue;
-                }
-                geometry.shapes.intersect(&object_ray, |primitive, hit| {
-                    let is_triangle = matches!(hit.surface, Surface::TriangleFront | Surface::TriangleBack);
-                    let front = (hit.surface == Surface::TriangleFront) != (it.flags & 2 != 0);
-                    let cull = if front { flag::CULL_FRONT_FACING } else { flag::CULL_BACK_FACING };
-                    if !(is_triangle && it.flags & 1 == 0 && ray.flags & cull != 0) {
-                        all.push(Found { hit, instance, geometry: index, primitive, front });
-                    }
-                });
+    /// Traces with an any-hit shader that counts and accepts.
+    fn trace(&self, ray: TraceRay) -> Traced {
+        let mut met = Met::default();
+        let mut cursor = Cursor::new(&self.tlas, ray);
+        let (mut any_hits, mut nearly_tangent) = (0, false);
+        while let Some(candidate) = cursor.proceed_with(&self.tlas, &mut met) {
+            if candidate.is_box() {
+                nearly_tangent |= self.intersection_shader(&mut cursor, &candidate, &mut any_hits);
+            } else {
+                any_hits += 1;
+                cursor.confirm();
             }
         }
-        all.sort_by(|a, b| a.hit.t.total_cmp(&b.hit.t));
-        all
+        Traced { committed: cursor.committed().copied(), any_hits, met: met.0, nearly_tangent }
+    }
+
+    /// Reports the far root of the box's sphere with kind 2, then the near one with kind 1. Says
+    /// whether f32 arithmetic, as in the recorded shader, could see another number of roots.
+    fn intersection_shader(&self, cursor: &mut Cursor, candidate: &Candidate, any_hits: &mut i64) -> bool {
+        let ray = self.tlas.object_ray(candidate.instance, &cursor.trace().ray).expect("a finite ray");
+        let [x, y, z, radius] = self.spheres[candidate.primitive as usize].map(f64::from);
+        let o = ray.object_origin_f32().map(f64::from);
+        let d = ray.object_direction_f32().map(f64::from);
+        let m = [o[0] - x, o[1] - y, o[2] - z];
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let (a, b, c) = (dot(d, d), dot(m, d), dot(m, m) - radius * radius);
+        let discriminant = b * b - a * c;
+        let nearly_tangent = discriminant.abs() < 1e-5 * b * b;
+        if discriminant >= 0.0 {
+            for (sign, kind) in [(1.0, 2), (-1.0, 1)] {
+                let t = ((-b + sign * discriminant.sqrt()) / a) as f32;
+                if cursor.accepts(t) {
+                    *any_hits += i64::from(!candidate.opaque);
+                    cursor.generate(t, HitKind(kind));
+                }
+            }
+        }
+        nearly_tangent
+    }
+
+    /// All candidates in order, where every geometry is non-opaque and none is accepted.
+    fn candidates(&self, ray: TraceRay) -> Vec<Candidate> {
+        let mut cursor = Cursor::new(&self.tlas, TraceRay { flags: RayFlags::NO_OPAQUE, ..ray });
+        std::iter::from_fn(|| cursor.proceed(&self.tlas)).collect()
     }
 }
 
-impl Shapes {
-    fn intersect(&self, ray: &ObjectRay, mut report: impl FnMut(usize, Intersection)) {
-        let mut keep = |primitive, hit: Option<Intersection>| {
-            if let Some(hit) = hit {
-                report(primitive, hit);
-            }
-        };
-        match self {
-            Self::LinearSweptSpheres(all) => {
-                for (i, s) in all.iter().enumerate() {
-                    let exact = Precision::Exact;
-                    keep(i, linear_swept_sphere::intersect(ray, s.positions, s.radii, s.caps, exact));
-                }
-            }
-            Self::Spheres(all) => {
-                for (i, &(center, radius)) in all.iter().enumerate() {
-                    keep(i, sphere::intersect(ray, center, radius, Precision::Exact));
-                }
-            }
-            Self::Triangles(all) => {
-                for (i, &vertices) in all.iter().enumerate() {
-                    keep(i, triangle::intersect(ray, vertices, Precision::Exact));
-                }
-            }
+/// Notes every primitive that is met and not culled.
+#[derive(Default)]
+struct Met(Vec<(Place, Intersection)>);
+
+impl Visit for Met {
+    const REASONS: bool = false;
+
+    fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {
+        use PrimitiveVerdict as V;
+        if let V::Behind(found) | V::Opaque(found) | V::Candidate(found) = verdict {
+            self.0.push((place, found));
         }
     }
 }
@@ -385,68 +387,64 @@ impl File<'_> {
     }
 
     fn recording(&self) -> Recording {
-        let transforms = self.rows::<12>("instance.object_to_world");
+        let geometries = (0..).map_while(|index| self.geometry(index)).collect();
+        let blas = Blas::new(geometries).unwrap();
         let masks = self.integers("instance.mask");
-        let instance_flags = self.integers("instance.flags");
-        let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let flags = self.integers("instance.flags");
+        let transforms = self.rows::<12>("instance.object_to_world");
         let instances = transforms.iter().enumerate().map(|(i, m)| Instance {
-            transform: (*m != identity).then(|| {
-                let matrix = std::array::from_fn(|r| std::array::from_fn(|c| m[4 * r + c]));
-                Transform::new(&matrix).expect("the recorded instances are invertible")
-            }),
-            mask: masks.as_ref().map_or(0xFF, |all| all[i] as u32),
-            flags: instance_flags.as_ref().map_or(0, |all| all[i] as u32),
+            blas: blas.clone(),
+            transform: std::array::from_fn(|r| std::array::from_fn(|c| m[4 * r + c])),
+            custom_index: 100 + i as u32,
+            mask: masks.as_ref().map_or(0xFF, |all| all[i] as u8),
+            sbt_record_offset: 0,
+            flags: InstanceFlags(flags.as_ref().map_or(0, |all| all[i] as u32)),
         });
 
         let (origins, directions) = (self.rows::<3>("ray.origin"), self.rows::<3>("ray.direction"));
         let (t_min, t_max) = (self.floats("ray.tmin"), self.floats("ray.tmax"));
         let (flags, cull_masks) = (self.integers("ray.flags"), self.integers("ray.cull_mask"));
-        let rays = (0..origins.len()).map(|i| TracedRay {
+        let rays = (0..origins.len()).map(|i| TraceRay {
             ray: Ray::new(origins[i], directions[i]).with_interval(
                 t_min.as_ref().map_or(0.0, |all| all[i] as f32),
                 t_max.as_ref().map_or(1e30, |all| all[i] as f32),
             ),
-            flags: flags.as_ref().map_or(0, |all| all[i] as u32),
+            flags: RayFlags(flags.as_ref().map_or(0, |all| all[i] as u32)),
             cull_mask: cull_masks.as_ref().map_or(0xFF, |all| all[i] as u32),
         });
         Recording {
-            geometries: (0..).map_while(|index| self.geometry(index)).collect(),
-            instances: instances.collect(),
+            tlas: Tlas::new(instances.collect()).unwrap(),
             rays: rays.collect(),
+            spheres: if self.has("procedural.sphere") { self.rows("procedural.sphere") } else { Vec::new() },
         }
     }
 
     fn geometry(&self, index: usize) -> Option<Geometry> {
         let name = |part: &str| format!("geometry{index}.{part}");
-        let indices = self.integers(&name("indices"));
-        let shapes = if self.has(&name("vertices")) {
-            let vertices = self.rows::<3>(&name("vertices"));
-            let corners: Vec<_> = indices.unwrap().iter().map(|&i| vertices[i as usize]).collect();
-            Shapes::Triangles(corners.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect())
+        let indices =
+            self.integers(&name("indices")).map(|all| all.into_iter().map(|i| i as u32).collect::<Vec<_>>());
+        let data = if self.has(&name("vertices")) {
+            GeometryData::Triangles { vertices: self.rows(&name("vertices")), indices, transform: None }
+        } else if self.has(&name("aabb")) {
+            GeometryData::Aabbs(self.rows(&name("aabb")))
         } else if self.has(&name("radii")) {
-            let positions = self.rows::<3>(&name("positions"));
-            let radii = self.floats(&name("radii")).unwrap();
+            let positions = self.rows(&name("positions"));
+            let radii = self.floats(&name("radii")).unwrap().into_iter().map(|r| r as f32).collect();
             match indices {
-                None => Shapes::Spheres(positions.into_iter().zip(radii.iter().map(|&r| r as f32)).collect()),
-                // SUCCESSIVE, CHAINED: a segment that follows in its chain has only its trailing cap.
-                Some(indices) => {
-                    let segment = |(i, &k): (usize, &i64)| {
-                        let follows = i > 0 && k == indices[i - 1] + 1;
-                        let k = k as usize;
-                        Segment {
-                            positions: [positions[k], positions[k + 1]],
-                            radii: [radii[k] as f32, radii[k + 1] as f32],
-                            caps: [!follows, true],
-                        }
-                    };
-                    Shapes::LinearSweptSpheres(indices.iter().enumerate().map(segment).collect())
-                }
+                None => GeometryData::Spheres { positions, radii, indices },
+                Some(_) => GeometryData::LinearSweptSpheres {
+                    positions,
+                    radii,
+                    indices,
+                    indexing: Indexing::Successive,
+                    end_caps: EndCaps::Chained,
+                },
             }
         } else {
             return None;
         };
         let opaque = self.integers(&name("opaque")).is_some_and(|all| all[0] != 0);
-        Some(Geometry { shapes, opaque })
+        Some(Geometry { data, flags: if opaque { GeometryFlags::OPAQUE } else { GeometryFlags::default() } })
     }
 }
 

@@ -381,8 +381,7 @@ impl Draw {
             }
             _ => {}
         }
-        let direction: [f32; 3] =
-            std::array::from_fn(|k| (target[k] - origin[k]) * (length / distance as f32));
+        let direction: [f32; 3] = std::array::from_fn(|k| (target[k] - origin[k]) * (length / distance));
         let t_min = [0.0, 0.0, 0.1][self.below(3) as usize];
         let t_max = [f32::INFINITY, f32::INFINITY, 1e5, 0.5][self.below(4) as usize];
         let opacity = [0, 0, 0, 1, 2, 64, 128][self.below(7) as usize];
