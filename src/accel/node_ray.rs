@@ -225,3 +225,244 @@ impl Outwards for f64 {
         if exact { self } else { self.next_down() }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use dashu::rational::RBig;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::accel::node::Node;
+    use crate::accel::tree::Tree;
+    use crate::geometry::Ray;
+
+    fn exact(x: f32) -> RBig {
+        RBig::try_from(x).expect("finite")
+    }
+
+    /// Solves m x = v by Cramer's rule; `None` for a singular m.
+    fn solve(m: &[[f32; 4]; 3], v: &[RBig; 3]) -> Option<[RBig; 3]> {
+        let columns: [[RBig; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| exact(m[i][j])));
+        let determinant = |c: &[[RBig; 3]; 3]| {
+            let minor = |a: usize, b: usize| &c[1][a] * &c[2][b] - &c[1][b] * &c[2][a];
+            &c[0][0] * minor(1, 2) + &c[0][1] * minor(2, 0) + &c[0][2] * minor(0, 1)
+        };
+        let whole = determinant(&columns);
+        (whole != RBig::ZERO).then(|| {
+            std::array::from_fn(|k| {
+                let mut replaced = columns.clone();
+                for (row, x) in replaced.iter_mut().zip(v) {
+                    row[k] = x.clone();
+                }
+                determinant(&replaced) / &whole
+            })
+        })
+    }
+
+    /// The exact t at which the ray is first in the box, from `t_min` on.
+    fn exact_entry(o: &[RBig; 3], d: &[RBig; 3], bounds: &Bounds, t_min: f32, t_max: f32) -> Option<RBig> {
+        let (mut enter, mut leave) = (exact(t_min), exact(t_max));
+        for axis in 0..3 {
+            let (low, high) = (exact(bounds.min[axis]) - &o[axis], exact(bounds.max[axis]) - &o[axis]);
+            if d[axis] == RBig::ZERO {
+                if low > RBig::ZERO || high < RBig::ZERO {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = (low / &d[axis], high / &d[axis]);
+            let (near, far) = if a < b { (a, b) } else { (b, a) };
+            enter = enter.max(near);
+            leave = leave.min(far);
+        }
+        (enter <= leave).then_some(enter)
+    }
+
+    /// Numbers of one scale, many of them alike, so that rays meet faces, edges and corners.
+    fn coarse(scale: i32) -> impl Strategy<Value = f32> {
+        prop_oneof![
+            (-4i32..=4).prop_map(move |k| k as f32 * (scale as f32).exp2()),
+            (-1f32..1f32).prop_map(move |x| x * (scale as f32).exp2()),
+        ]
+    }
+
+    fn point(scale: i32) -> impl Strategy<Value = [f32; 3]> {
+        prop::array::uniform3(coarse(scale))
+    }
+
+    /// Boxes, many of them flat or thin.
+    fn boxes(scale: i32) -> impl Strategy<Value = Vec<Bounds>> {
+        let thickness = prop_oneof![Just(0f32), Just(1e-7), Just(1e-3), Just(1.0)];
+        let one = (point(scale), point(scale), thickness).prop_map(|(a, by, thickness)| {
+            let b: [f32; 3] = std::array::from_fn(|k| a[k] + by[k] * thickness);
+            Bounds {
+                min: std::array::from_fn(|k| a[k].min(b[k])),
+                max: std::array::from_fn(|k| a[k].max(b[k])),
+            }
+        });
+        prop::collection::vec(one, 5)
+    }
+
+    /// Nothing that the ray meets exactly may be lost, and no entry may lie above the rounded t.
+    fn check(boxes: &[Bounds], matrix: Option<[[f32; 4]; 3]>, ray: Ray) -> Result<bool, TestCaseError> {
+        let Some(object_ray) = ObjectRay::new(&ray, matrix.as_ref()) else { return Ok(false) };
+        let (tree, order) = Tree::build(boxes, 1).expect("boxes");
+        let node_ray = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale());
+        let (mut o, mut d) = (ray.origin.map(exact), ray.direction.map(exact));
+        if let Some(m) = matrix {
+            let from = std::array::from_fn(|k| &o[k] - exact(m[k][3]));
+            (o, d) = (solve(&m, &from).expect("regular"), solve(&m, &d).expect("regular"));
+        }
+        let mut any = false;
+        for place in 0..order.len() as u32 {
+            let bounds = &boxes[order[place as usize] as usize];
+            let Some(t) = exact_entry(&o, &d, bounds, ray.t_min, ray.t_max) else { continue };
+            any = true;
+            let Some(node_ray) = &node_ray else {
+                return Err(TestCaseError::fail(format!("the root is lost: {bounds:?}")));
+            };
+            // From the root down to the box, each step must let the ray through.
+            let rounded = t.to_f32().value();
+            let limit = node_ray.limit(rounded);
+            let mut at = tree.root();
+            prop_assert!(node_ray.root_entry() <= rounded);
+            while at.count == 0 {
+                let node: &Node = tree.node(at.first);
+                let entries = node.entries(node_ray, limit);
+                let slot = (0..entries.len()).find(|&slot| holds(&tree, node, slot, place));
+                let slot = slot.expect("every box is in the tree");
+                prop_assert!(
+                    entries[slot] <= rounded,
+                    "{bounds:?} is entered at {rounded:e}, the node test says {:e}",
+                    entries[slot]
+                );
+                at = node.child(slot);
+            }
+        }
+        Ok(any)
+    }
+
+    /// Whether a place in tree order lies below a node's slot.
+    fn holds(tree: &Tree, node: &Node, slot: usize, place: u32) -> bool {
+        let Some((child, _)) = node.children().nth(slot) else { return false };
+        if child.count > 0 {
+            return (child.first..child.first + child.count).contains(&place);
+        }
+        let below = tree.node(child.first);
+        (0..4).any(|slot| holds(tree, below, slot, place))
+    }
+
+    /// Boxes and a ray towards a corner, edge or face of one, from far or near; its components are
+    /// often zero or equal.
+    fn scenes(scale: i32) -> impl Strategy<Value = (Vec<Bounds>, Ray)> {
+        let distance = prop_oneof![Just(1f32), Just(8.0), Just(1e6), Just(1e12)];
+        let length = prop_oneof![Just(0i32), -40i32..40, Just(-149 - scale), Just(100)];
+        let interval =
+            prop_oneof![Just((0.0, f32::MAX)), Just((0.0, 1.0)), Just((0.5, 2.0)), Just((0.0, 0.0))];
+        let choices = (0usize..5, prop::array::uniform3(0u8..3), prop::array::uniform3(0u8..4));
+        (boxes(scale), point(scale), distance, length, choices, interval).prop_map(
+            |(boxes, from, distance, length, (aim, corner, keep), (t_min, t_max))| {
+                let Bounds { min, max } = boxes[aim];
+                let target: [f32; 3] = std::array::from_fn(|k| match corner[k] {
+                    0 => min[k],
+                    1 => max[k],
+                    _ => min[k] * 0.5 + max[k] * 0.5,
+                });
+                let origin: [f32; 3] = std::array::from_fn(|k| {
+                    if keep[k] == 0 { target[k] } else { (from[k] * distance).clamp(-1e38, 1e38) }
+                });
+                let direction = std::array::from_fn(|k| {
+                    let step = (f64::from(target[k]) - f64::from(origin[k])) * f64::from(length).exp2();
+                    (step as f32).clamp(-3e38, 3e38)
+                });
+                (boxes, Ray::new(origin, direction).with_interval(t_min, t_max))
+            },
+        )
+    }
+
+    fn matrices() -> impl Strategy<Value = [[f32; 4]; 3]> {
+        prop::array::uniform3(prop::array::uniform4(coarse(0)))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(3000))]
+        #[test]
+        fn no_box_is_lost_in_world_space(
+            (boxes, ray) in (-145i32..120).prop_flat_map(scenes),
+        ) {
+            check(&boxes, None, ray)?;
+        }
+
+        #[test]
+        fn no_box_is_lost_in_an_instance(
+            (boxes, ray) in (-100i32..100).prop_flat_map(scenes),
+            matrix in matrices(),
+            translated in any::<bool>(),
+        ) {
+            let mut matrix = matrix;
+            if !translated {
+                for row in &mut matrix {
+                    row[3] = 0.0;
+                }
+            }
+            check(&boxes, Some(matrix), ray)?;
+        }
+
+        /// The world ray is the image of one that runs exactly along faces and edges, under a matrix
+        /// whose inverse has thirds, sevenths and so on.
+        #[test]
+        fn no_box_is_lost_that_an_inexact_inverse_leaves_on_the_edge(
+            corners in prop::collection::vec((prop::array::uniform3(-4i8..=4), prop::array::uniform3(-4i8..=4)), 5),
+            origin in prop::array::uniform3(-4i8..=4),
+            direction in prop::array::uniform3(-2i8..=2),
+            distance in prop_oneof![Just(0i32), Just(1), Just(1 << 10)],
+            matrix in prop::array::uniform3(prop::array::uniform4(-5i8..=5)),
+        ) {
+            let boxes: Vec<Bounds> = corners
+                .iter()
+                .map(|(a, b)| Bounds {
+                    min: std::array::from_fn(|k| f32::from(a[k].min(b[k]))),
+                    max: std::array::from_fn(|k| f32::from(a[k].max(b[k]))),
+                })
+                .collect();
+            let matrix = matrix.map(|row| row.map(f32::from));
+            let image = |v: [i32; 3], with_translation: i32| -> [f32; 3] {
+                matrix.map(|row| {
+                    (0..3).map(|j| row[j] as i32 * v[j]).sum::<i32>() as f32 + row[3] * with_translation as f32
+                })
+            };
+            let start = std::array::from_fn(|k| i32::from(origin[k]) - distance * i32::from(direction[k]));
+            let ray = Ray::new(image(start, 1), image(direction.map(i32::from), 0)).with_interval(0.0, 1e30);
+            check(&boxes, Some(matrix), ray)?;
+        }
+    }
+
+    /// The properties above are about rays that meet boxes.
+    #[test]
+    fn a_ray_along_a_face_meets_the_box() {
+        let unit = Bounds { min: [0.0; 3], max: [1.0; 3] };
+        let other = Bounds { min: [5.0; 3], max: [6.0; 3] };
+        for scale in [1.0f32, 1e30, 1e-30, 1e-44] {
+            let scaled = [unit, other]
+                .map(|b| Bounds { min: b.min.map(|x| x * scale), max: b.max.map(|x| x * scale) });
+            for axis in 0..3 {
+                let mut origin = [scale; 3];
+                origin[axis] = -2.0 * scale;
+                let mut direction = [0.0; 3];
+                direction[axis] = scale;
+                let ray = Ray::new(origin, direction).with_interval(0.0, 1e30);
+                assert!(check(&scaled, None, ray).expect("not lost"), "{scale:e} {axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn rounding_is_directed() {
+        let tenth = 0.1f64;
+        assert!(f64::from(round_down(tenth)) < tenth && tenth < f64::from(round_up(tenth)));
+        assert_eq!(round_down(0.5), 0.5);
+        assert_eq!(round_up(0.5), 0.5);
+        assert_eq!((round_down(1e60), round_up(1e60)), (f32::MAX, f32::INFINITY));
+        assert_eq!((round_down(-1e-60), round_up(-1e-60)), (-f32::from_bits(1), 0.0));
+    }
+}
