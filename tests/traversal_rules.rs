@@ -1,0 +1,334 @@
+//! The cursor's rules on scenes small enough to be worked out by hand: quads, boxes and spheres
+//! stacked along +z, so that each one's t is its distance.
+
+use std::sync::Arc;
+
+use anyhit::accel::{
+    Blas, Candidate, Counters, Cursor, Geometry, GeometryData, GeometryFlags, HitKind, Instance,
+    InstanceFlags, InstanceVerdict, Place, PrimitiveVerdict, RayFlags, Tlas, TraceRay, Visit,
+};
+use anyhit::error::ErrorKind;
+use anyhit::geometry::Ray;
+
+const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+const OPAQUE: GeometryFlags = GeometryFlags::OPAQUE;
+const NON_OPAQUE: GeometryFlags = GeometryFlags(0);
+
+/// A triangle across the z axis at z. Seen from the origin it shows its back: drawn left-handed (x to
+/// the right, y up, z away from the viewer) it is wound counter-clockwise, and Vulkan calls clockwise
+/// front there.
+fn triangle(z: f32) -> Vec<[f32; 3]> {
+    vec![[-1.0, -1.0, z], [1.0, -1.0, z], [0.0, 2.0, z]]
+}
+
+fn triangles(at: &[f32], flags: GeometryFlags) -> Geometry {
+    let vertices = at.iter().flat_map(|&z| triangle(z)).collect();
+    Geometry { data: GeometryData::Triangles { vertices, indices: None, transform: None }, flags }
+}
+
+fn boxes(at: &[(f32, f32)], flags: GeometryFlags) -> Geometry {
+    let corners = at.iter().map(|&(near, far)| [-1.0, -1.0, near, 1.0, 1.0, far]).collect();
+    Geometry { data: GeometryData::Aabbs(corners), flags }
+}
+
+fn instance(geometries: Vec<Geometry>) -> Instance {
+    Instance {
+        blas: Blas::new(geometries).unwrap(),
+        transform: IDENTITY,
+        custom_index: 0,
+        mask: 0xFF,
+        sbt_record_offset: 0,
+        flags: InstanceFlags::default(),
+    }
+}
+
+fn tlas(instances: Vec<Instance>) -> Arc<Tlas> {
+    Tlas::new(instances).unwrap()
+}
+
+fn along_z(flags: u32) -> TraceRay {
+    let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]).with_interval(0.0, 100.0);
+    TraceRay { ray, flags: RayFlags(flags), cull_mask: 0xFF }
+}
+
+/// The t of each candidate when all are passed over, then the committed t.
+fn ignore_all(tlas: &Tlas, trace: TraceRay) -> (Vec<f32>, Option<f32>) {
+    let mut cursor = Cursor::new(tlas, trace);
+    let seen = std::iter::from_fn(|| cursor.proceed(tlas)).map(|c| c.intersection.t).collect();
+    (seen, cursor.committed().map(|hit| hit.t))
+}
+
+#[test]
+fn candidates_ascend_and_stop_at_the_opaque_hit() {
+    let scene = tlas(vec![
+        instance(vec![triangles(&[5.0, 2.0, 9.0], NON_OPAQUE)]),
+        instance(vec![triangles(&[6.0, 7.0], OPAQUE)]),
+        instance(vec![triangles(&[3.0], NON_OPAQUE)]),
+    ]);
+    assert_eq!(ignore_all(&scene, along_z(0)), (vec![2.0, 3.0, 5.0], Some(6.0)));
+    // The ray's word on opacity over the geometry's.
+    assert_eq!(ignore_all(&scene, along_z(1)), (vec![], Some(2.0)));
+    assert_eq!(ignore_all(&scene, along_z(2)), (vec![2.0, 3.0, 5.0, 6.0, 7.0, 9.0], None));
+    assert_eq!(ignore_all(&scene, along_z(64)), (vec![2.0, 3.0, 5.0, 9.0], None));
+    assert_eq!(ignore_all(&scene, along_z(128)), (vec![], Some(6.0)));
+    assert_eq!(ignore_all(&scene, along_z(256)), (vec![], None));
+    // An opaque hit ends the ray in its turn, not before.
+    assert_eq!(ignore_all(&scene, along_z(4)), (vec![2.0, 3.0, 5.0], Some(6.0)));
+}
+
+#[test]
+fn confirming_ends_the_traversal_with_that_hit() {
+    let scene = tlas(vec![instance(vec![triangles(&[5.0, 2.0], NON_OPAQUE), triangles(&[3.0], OPAQUE)])]);
+    let mut cursor = Cursor::new(&scene, along_z(0));
+    assert!(!cursor.confirm(), "nothing was handed out yet");
+    let first = cursor.proceed(&scene).expect("the triangle at 2");
+    assert_eq!((first.place(), cursor.t_max()), (Place { instance: 0, geometry: 0, primitive: 1 }, 100.0));
+    assert!(!cursor.generate(2.0, HitKind(0)), "no box");
+    assert!(cursor.confirm());
+    assert_eq!(cursor.t_max(), 2.0);
+    assert_eq!(cursor.proceed(&scene), None);
+    assert_eq!(cursor.committed().map(|hit| (hit.t, hit.candidate)), Some((2.0, first)));
+}
+
+#[test]
+fn ties_go_to_the_lowest_instance_then_geometry_then_primitive() {
+    let same = || instance(vec![triangles(&[4.0], NON_OPAQUE), triangles(&[4.0, 4.0], NON_OPAQUE)]);
+    let scene = tlas(vec![same(), same()]);
+    let mut cursor = Cursor::new(&scene, along_z(0));
+    let order: Vec<_> = std::iter::from_fn(|| cursor.proceed(&scene))
+        .map(|c| (c.instance, c.geometry, c.primitive))
+        .collect();
+    assert_eq!(order, [(0, 0, 0), (0, 1, 0), (0, 1, 1), (1, 0, 0), (1, 1, 0), (1, 1, 1)]);
+    let mut opaque = Cursor::new(&scene, along_z(1));
+    assert_eq!(opaque.proceed(&scene), None);
+    assert_eq!(opaque.committed().map(|hit| hit.candidate.place()).unwrap().instance, 0);
+    // A non-opaque primitive at the t of an opaque one has its turn if it is named first.
+    let mixed = tlas(vec![instance(vec![
+        triangles(&[4.0], NON_OPAQUE),
+        triangles(&[4.0], OPAQUE),
+        triangles(&[4.0], NON_OPAQUE),
+    ])]);
+    assert_eq!(ignore_all(&mixed, along_z(0)), (vec![4.0], Some(4.0)));
+}
+
+#[test]
+fn triangles_are_open_to_the_interval_and_boxes_closed() {
+    let scene = tlas(vec![
+        instance(vec![triangles(&[2.0, 3.0, 4.0], NON_OPAQUE)]),
+        instance(vec![boxes(&[(4.0, 5.0), (1.0, 2.0)], NON_OPAQUE)]),
+    ]);
+    let mut trace = along_z(0);
+    trace.ray = trace.ray.with_interval(2.0, 4.0);
+    // The box [1, 2] is entered before t_min and touched at it; [4, 5] is touched at t_max.
+    assert_eq!(ignore_all(&scene, trace), (vec![2.0, 3.0, 4.0], None));
+    let mut cursor = Cursor::new(&scene, trace);
+    assert!(cursor.proceed(&scene).is_some_and(|c| c.is_box() && c.primitive == 1));
+}
+
+#[test]
+fn reports_are_accepted_within_the_shrinking_interval() {
+    let scene = tlas(vec![instance(vec![boxes(&[(1.0, 20.0), (6.0, 7.0), (8.0, 9.0)], NON_OPAQUE)])]);
+    let mut cursor = Cursor::new(&scene, along_z(0));
+    assert_eq!(cursor.proceed(&scene).map(|c| c.primitive), Some(0));
+    assert!(!cursor.confirm(), "a box is not confirmed");
+    for (t, accepted) in [(100.5, false), (f32::NAN, false), (-1.0, false), (10.0, true), (12.0, false)] {
+        assert_eq!(cursor.generate(t, HitKind(1)), accepted, "{t}");
+    }
+    // The second report at the same t replaces the first.
+    assert!(cursor.generate(7.5, HitKind(2)) && cursor.generate(7.5, HitKind(3)));
+    assert_eq!((cursor.t_max(), cursor.committed().unwrap().hit_kind), (7.5, HitKind(3)));
+    // The box at 6 can still hold a closer hit, the one at 8 cannot.
+    assert_eq!(cursor.proceed(&scene).map(|c| c.primitive), Some(1));
+    // At equal t the lower primitive stays.
+    assert!(!cursor.accepts(7.5) && !cursor.generate(7.5, HitKind(4)));
+    assert!(cursor.accepts(7.25));
+    assert_eq!(cursor.proceed(&scene), None);
+    assert_eq!(cursor.committed().map(|hit| (hit.t, hit.candidate.primitive)), Some((7.5, 0)));
+}
+
+/// An opaque hit behind the candidate is not known to its shader, whatever was visited; it takes
+/// over in its turn.
+#[test]
+fn an_opaque_hit_has_its_turn_after_the_boxes_before_it() {
+    let scene = tlas(vec![
+        instance(vec![triangles(&[5.0], OPAQUE)]),
+        instance(vec![boxes(&[(1.0, 20.0), (6.0, 7.0)], NON_OPAQUE)]),
+    ]);
+    let mut cursor = Cursor::new(&scene, along_z(0));
+    assert_eq!(cursor.proceed(&scene).map(|c| c.primitive), Some(0));
+    assert_eq!((cursor.t_max(), cursor.committed()), (100.0, None));
+    assert!(cursor.generate(15.0, HitKind(1)));
+    assert_eq!(cursor.proceed(&scene), None);
+    assert_eq!(cursor.committed().map(|hit| hit.t), Some(5.0));
+    // With TerminateOnFirstHit the generated hit is the first that is confirmed.
+    cursor.reset(&scene, along_z(4));
+    assert!(cursor.proceed(&scene).is_some() && cursor.generate(15.0, HitKind(1)));
+    assert!(!cursor.generate(14.0, HitKind(1)), "the traversal is over");
+    assert_eq!(cursor.proceed(&scene), None);
+    assert_eq!(cursor.committed().map(|hit| hit.t), Some(15.0));
+}
+
+#[test]
+fn terminating_keeps_what_was_committed() {
+    let scene = tlas(vec![instance(vec![boxes(&[(1.0, 20.0), (2.0, 7.0)], NON_OPAQUE)])]);
+    let mut cursor = Cursor::new(&scene, along_z(0));
+    assert!(cursor.proceed(&scene).is_some() && cursor.generate(9.0, HitKind(1)));
+    let mut copy = cursor.clone();
+    cursor.terminate();
+    assert_eq!((cursor.proceed(&scene), cursor.committed().map(|hit| hit.t)), (None, Some(9.0)));
+    // A copy goes on by itself.
+    assert_eq!(copy.proceed(&scene).map(|c| c.primitive), Some(1));
+}
+
+#[test]
+fn facing_follows_the_winding_the_flip_and_the_geometry_transform_but_no_mirror() {
+    let mirror = [[-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    let kind = |geometry_transform, transform, flags| {
+        let data =
+            GeometryData::Triangles { vertices: triangle(3.0), indices: None, transform: geometry_transform };
+        let scene = tlas(vec![Instance {
+            transform,
+            flags: InstanceFlags(flags),
+            ..instance(vec![Geometry { data, flags: OPAQUE }])
+        }]);
+        let mut cursor = Cursor::new(&scene, along_z(0));
+        assert_eq!(cursor.proceed(&scene), None);
+        cursor.committed().map(|hit| hit.hit_kind)
+    };
+    let (plain, turned) = (kind(None, IDENTITY, 0), kind(None, IDENTITY, 2));
+    assert_eq!(plain, Some(HitKind::BACK_FACING_TRIANGLE));
+    assert_eq!(turned, Some(HitKind::FRONT_FACING_TRIANGLE));
+    assert_eq!(kind(None, mirror, 0), plain, "a mirroring instance changes nothing");
+    assert_eq!(kind(Some(mirror), IDENTITY, 0), turned, "a mirroring geometry transform turns it");
+    assert_eq!(kind(Some(mirror), mirror, 2), plain);
+}
+
+#[test]
+fn few_primitives_and_instances_build_nothing_and_unreached_blases_stay_unbuilt() {
+    let scene = tlas(vec![
+        Instance { mask: 1, ..instance(vec![triangles(&[2.0], OPAQUE)]) },
+        Instance { mask: 2, ..instance(vec![triangles(&[3.0; 100], OPAQUE)]) },
+    ]);
+    let mut counters = Counters::default();
+    let trace = TraceRay { cull_mask: 1, ..along_z(0) };
+    let mut cursor = Cursor::new(&scene, trace);
+    assert_eq!(cursor.proceed_with(&scene, &mut counters), None);
+    assert_eq!(counters, Counters { nodes: 0, instances: 2, primitives: 1, candidates: 0 });
+    assert!(scene.instances()[0].blas.is_built() && !scene.instances()[1].blas.is_built());
+}
+
+/// Notes what it is told.
+#[derive(Default)]
+struct Notes {
+    instances: Vec<(u32, InstanceVerdict)>,
+    primitives: Vec<(u32, u32, PrimitiveVerdict)>,
+    presented: Vec<Candidate>,
+    committed: Vec<f32>,
+    ends: Vec<bool>,
+}
+
+impl Visit for Notes {
+    const REASONS: bool = true;
+
+    fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
+        self.instances.push((instance, verdict));
+    }
+
+    fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {
+        self.primitives.push((place.instance, place.primitive, verdict));
+    }
+
+    fn present(&mut self, candidate: &Candidate) {
+        self.presented.push(*candidate);
+    }
+
+    fn commit(&mut self, committed: &anyhit::accel::Committed) {
+        self.committed.push(committed.t);
+    }
+
+    fn end(&mut self, complete: bool) {
+        self.ends.push(complete);
+    }
+}
+
+#[test]
+fn an_onlooker_learns_why_each_was_kept_or_dropped() {
+    let scene = tlas(vec![
+        Instance { mask: 0x10, ..instance(vec![triangles(&[1.0], OPAQUE)]) },
+        instance(vec![boxes(&[(1.0, 2.0)], NON_OPAQUE)]),
+        // Seen from its back, culled by bit 16 unless the flip turns it.
+        instance(vec![triangles(&[2.0], OPAQUE)]),
+        Instance { flags: InstanceFlags(2), ..instance(vec![triangles(&[4.0, 200.0, 6.0], OPAQUE)]) },
+    ]);
+    let mut notes = Notes::default();
+    let trace = TraceRay { cull_mask: 0x0F, ..along_z(16 | 512) };
+    let mut cursor = Cursor::new(&scene, trace);
+    assert_eq!(cursor.proceed_with(&scene, &mut notes), None);
+    use InstanceVerdict as I;
+    let verdicts = [(0, I::Masked), (1, I::Skipped), (2, I::Entered), (3, I::Entered)];
+    assert_eq!(notes.instances, verdicts);
+    let of = |instance, primitive| {
+        notes
+            .primitives
+            .iter()
+            .find(|(i, p, _)| (*i, *p) == (instance, primitive))
+            .map(|(.., verdict)| *verdict)
+    };
+    use PrimitiveVerdict as P;
+    assert!(matches!(of(2, 0), Some(P::CulledByFace(found)) if found.t == 2.0));
+    assert!(matches!(of(3, 0), Some(P::Opaque(found)) if found.t == 4.0));
+    assert!(matches!(of(3, 1), Some(P::OutsideInterval(found)) if found.t == 200.0));
+    assert!(matches!(of(3, 2), Some(P::Behind(found)) if found.t == 6.0));
+    assert_eq!((notes.presented.len(), notes.committed, notes.ends), (0, vec![4.0], vec![true]));
+}
+
+#[test]
+fn mistakes_are_named_with_their_rule() {
+    let aabb = |corners| vec![Geometry { data: GeometryData::Aabbs(vec![corners]), flags: OPAQUE }];
+    let spheres = |radii: Vec<f32>, indices| {
+        let positions = vec![[0.0; 3]; 2];
+        vec![Geometry { data: GeometryData::Spheres { positions, radii, indices }, flags: OPAQUE }]
+    };
+    let mesh = |vertices: usize, indices, transform| {
+        let vertices = vec![[0.0; 3]; vertices];
+        vec![Geometry { data: GeometryData::Triangles { vertices, indices, transform }, flags: OPAQUE }]
+    };
+    let singular = [[1.0, 2.0, 3.0, 0.0], [2.0, 4.0, 6.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    let mixed = vec![triangles(&[1.0], OPAQUE), boxes(&[(1.0, 2.0)], OPAQUE)];
+    let rows = [
+        (mixed, "geometry 1: AABBs in a BLAS of triangles", "03792"),
+        (aabb([0.0, 1.0, 0.0, 1.0, 0.5, 1.0]), "primitive 0: minY 1 is not at most maxY 0.5", "minY-03547"),
+        (spheres(vec![1.0, -2.0], None), "primitive 1 has the negative radius -2", "10436"),
+        (spheres(vec![1.0], None), "2 positions with 1 radii", ""),
+        (spheres(vec![1.0; 2], Some(vec![0, 2])), "indices[1] names position 2 of 2", ""),
+        (mesh(4, None, None), "4 vertices do not make triangles", ""),
+        (mesh(3, Some(vec![0, 1]), None), "2 indices do not make triangles", ""),
+        (mesh(3, Some(vec![0, 1, 3]), None), "indices[2] names vertex 3 of 3", ""),
+        (mesh(3, None, Some(singular)), "singular", "03799"),
+    ];
+    for (geometries, what, rule) in rows {
+        let error = Blas::new(geometries).expect_err(what);
+        assert_eq!(error.kind(), ErrorKind::InvalidScene);
+        assert!(error.message().contains(what) && error.message().contains(rule), "{error}");
+    }
+    // A negative radius that nothing names is no mistake, nor is an inactive primitive.
+    assert!(Blas::new(spheres(vec![1.0, -2.0], Some(vec![0]))).is_ok());
+    assert!(Blas::new(spheres(vec![f32::NAN; 2], None)).is_ok());
+    assert!(Blas::new(aabb([f32::NAN, 1.0, 0.0, 1.0, 0.5, 1.0])).is_ok());
+
+    let placed = |change: fn(&mut Instance)| {
+        let mut one = instance(vec![triangles(&[1.0], OPAQUE)]);
+        change(&mut one);
+        Tlas::new(vec![one])
+    };
+    for (wrong, what) in [
+        (placed(|i| i.custom_index = 1 << 24), "instance 0: custom index 16777216 has more than 24 bits"),
+        (placed(|i| i.sbt_record_offset = 1 << 24), "SBT record offset 16777216 has more than 24 bits"),
+        (placed(|i| i.flags = InstanceFlags(12)), "exclude each other"),
+        (placed(|i| i.transform[1][3] = f32::INFINITY), "not finite"),
+        (placed(|i| i.transform[2] = [0.0; 4]), "singular"),
+    ] {
+        assert!(wrong.expect_err(what).message().contains(what));
+    }
+    assert!(placed(|i| i.custom_index = (1 << 24) - 1).is_ok());
+}
