@@ -32,6 +32,8 @@ pub enum Descriptor {
     ImageSampler(Arc<Image>, Arc<Sampler>),
     /// An acceleration structure.
     AccelerationStructure(Arc<Tlas>),
+    /// An element of an array that nothing is bound to.
+    Unbound,
 }
 
 /// Memory of a buffer; its size is in bytes and need not be a multiple of four.
@@ -138,6 +140,16 @@ impl Resources {
     pub fn bind(mut self, set: u32, binding: u32, descriptor: Descriptor) -> Self {
         self.descriptors.insert(Binding { set, binding }, vec![descriptor]);
         self
+    }
+
+    /// Binds a descriptor to an array element of a binding; elements between stay unbound.
+    pub fn insert(&mut self, binding: Binding, element: u32, descriptor: Descriptor) {
+        let elements = self.descriptors.entry(binding).or_default();
+        let count = element as usize + 1;
+        if elements.len() < count {
+            elements.resize(count, Descriptor::Unbound);
+        }
+        elements[element as usize] = descriptor;
     }
 
     /// The buffer at a binding's first array element.

@@ -6,6 +6,7 @@
 //! knows acceleration structures, bytes and texels, but no pipeline: the pipeline makes its own
 //! objects from it. `docs/scene.md` is the format's reference.
 
+pub mod assemble;
 pub mod camera;
 pub mod data;
 pub mod demo;
@@ -22,6 +23,7 @@ pub mod resolved;
 pub mod resources;
 pub mod tree;
 
+pub use assemble::{Assembled, assemble};
 pub use files::{DiskFiles, EmbeddedFiles, Files};
 pub use resolve::{Options, load, load_text};
 pub use resolved::ResolvedScene;

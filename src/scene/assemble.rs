@@ -1,0 +1,240 @@
+//! From a resolved scene to a pipeline and its resources.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::compile;
+use crate::error::{Error, ErrorKind, Result};
+use crate::machine::image as machine;
+use crate::machine::{Binding, Buffer, Descriptor, Resources};
+use crate::module::interface::Stage;
+use crate::module::{self, Module};
+use crate::pipeline::{self, Launch, Pipeline, Record, Sbt};
+use crate::program::{Program, lower};
+use crate::scene::resolved::{Group, ResolvedScene, Shader, ShaderCode, ShaderModule, ShaderRecord};
+use crate::scene::resources::{AddressMode, Dimension, Filter, Image, Resource, Sampler};
+
+/// A scene that can be launched.
+#[derive(Clone, Debug)]
+pub struct Assembled {
+    /// Shaders and the shader binding table.
+    pub pipeline: Pipeline,
+    /// What the descriptor sets hold.
+    pub resources: Resources,
+    /// Width, height and depth of the launch.
+    pub size: [u32; 3],
+}
+
+impl Assembled {
+    /// The launch.
+    pub fn launch(&self) -> Launch<'_> {
+        Launch { pipeline: &self.pipeline, resources: &self.resources }
+    }
+}
+
+/// Loads and lowers the shaders of a scene, and makes its resources.
+///
+/// # Errors
+/// Every mistake in shaders, groups and images, each at its place in the scene, as one error.
+pub fn assemble(scene: &ResolvedScene) -> Result<Assembled> {
+    let mut errors = Vec::new();
+    let pipeline = pipeline(scene, &mut errors);
+    let resources = resources(scene, &mut errors);
+    if !errors.is_empty() {
+        return Err(Error::several(errors));
+    }
+    Ok(Assembled { pipeline: pipeline?, resources, size: scene.launch })
+}
+
+/// Shaders of a scene, each module read and each entry point lowered once.
+struct Shaders<'a> {
+    scene: &'a ResolvedScene,
+    modules: HashMap<usize, Result<Arc<Module>>>,
+    programs: Vec<(&'a Shader, Stage, Arc<Program>)>,
+}
+
+impl<'a> Shaders<'a> {
+    fn module(&mut self, index: usize) -> Result<Arc<Module>> {
+        let shader = &self.scene.shaders[index];
+        self.modules.entry(index).or_insert_with(|| read(shader).map(Arc::new)).clone()
+    }
+
+    fn program(&mut self, shader: &'a Shader, stage: Stage) -> Result<Arc<Program>> {
+        if let Some((.., program)) =
+            self.programs.iter().find(|(known, of, _)| *known == shader && *of == stage)
+        {
+            return Ok(program.clone());
+        }
+        let mut module = self.module(shader.module)?;
+        if !shader.specialization.is_empty() {
+            let special = Arc::make_mut(&mut module);
+            for (id, bytes) in &shader.specialization {
+                let mut bits = [0; 8];
+                let count = bytes.len().min(8);
+                bits[..count].copy_from_slice(&bytes[..count]);
+                special
+                    .specialize(*id, u64::from_le_bytes(bits))
+                    .map_err(|error| error.at(shader.place.clone()))?;
+            }
+        }
+        let entry =
+            module.entry_points.iter().find(|entry| entry.name == shader.entry && entry.stage == stage);
+        let Some(entry) = entry else {
+            let found: Vec<_> = module
+                .entry_points
+                .iter()
+                .map(|entry| format!("`{}` ({})", entry.name, entry.stage.name()))
+                .collect();
+            let message = format!("no {} entry point `{}`", stage.name(), shader.entry);
+            let error = Error::new(ErrorKind::InvalidScene, message).at(shader.place.clone());
+            return Err(error.note(format!("the module has {}", found.join(", "))));
+        };
+        let name = &self.scene.shaders[shader.module].name;
+        let program = lower(&module, entry)
+            .map_err(|error| error.context(format!("shader `{name}`")).at(shader.place.clone()))?;
+        let program = Arc::new(program);
+        self.programs.push((shader, stage, program.clone()));
+        Ok(program)
+    }
+}
+
+fn read(shader: &ShaderModule) -> Result<Module> {
+    let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
+    match &shader.code {
+        ShaderCode::SpirV(bytes) => module::load(bytes).map_err(context),
+        ShaderCode::Source(bytes) => {
+            let name = shader.path.display().to_string();
+            let source = match std::str::from_utf8(bytes) {
+                // A file on disk may include its neighbours.
+                Ok(_) if Path::new(&shader.path).is_file() => compile::Source::read(&shader.path)?,
+                Ok(text) => compile::Source::from_text(name, text)?,
+                Err(_) => {
+                    let message = format!("{name} is not UTF-8");
+                    return Err(Error::new(ErrorKind::InvalidSource, message).at(shader.place.clone()));
+                }
+            };
+            let options = compile::Options { debug: compile::DebugInfo::Lines, ..Default::default() };
+            let spirv =
+                compile::compile(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
+            module::load(&spirv).map_err(context)
+        }
+    }
+}
+
+fn pipeline(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Result<Pipeline> {
+    let mut shaders = Shaders { scene, modules: HashMap::new(), programs: Vec::new() };
+    let mut builder = Pipeline::builder();
+    let mut groups = Vec::new();
+    for group in &scene.groups {
+        let mut add = |shader, stage| match shaders.program(shader, stage) {
+            Ok(program) => Some(builder.shader(program)),
+            Err(error) => {
+                errors.push(error);
+                None
+            }
+        };
+        let group = match group {
+            Group::RayGeneration(shader) => add(shader, Stage::RayGeneration).map(pipeline::Group::General),
+            Group::Miss(shader) => add(shader, Stage::Miss).map(pipeline::Group::General),
+            Group::Callable(shader) => add(shader, Stage::Callable).map(pipeline::Group::General),
+            Group::Hit(group) => Some(pipeline::Group::Hit(pipeline::HitGroup {
+                closest_hit: group.closest_hit.as_ref().and_then(|shader| add(shader, Stage::ClosestHit)),
+                any_hit: group.any_hit.as_ref().and_then(|shader| add(shader, Stage::AnyHit)),
+                intersection: group.intersection.as_ref().and_then(|shader| add(shader, Stage::Intersection)),
+            })),
+        };
+        groups.push(match group {
+            Some(group) => Some(builder.group(group)?),
+            None => None,
+        });
+    }
+    let record = |record: &ShaderRecord| -> Option<Record> {
+        let group = groups.get(record.group?).copied().flatten()?;
+        let data = &record.data;
+        Some(if data.is_empty() { Record::new(group) } else { Record::with_data(group, data) })
+    };
+    *builder.sbt() = Sbt {
+        ray_generation: scene.sbt.raygen.first().and_then(record),
+        miss: scene.sbt.miss.iter().map(record).collect(),
+        hit: scene.sbt.hit.iter().map(record).collect(),
+        callable: scene.sbt.callable.iter().map(record).collect(),
+    };
+    if let Some(depth) = scene.max_recursion_depth {
+        builder.max_recursion(depth);
+    }
+    builder.build()
+}
+
+fn resources(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Resources {
+    let mut resources = Resources::default();
+    for binding in &scene.resources {
+        let descriptor = match &binding.resource {
+            Resource::StorageBuffer(bytes) | Resource::UniformBuffer(bytes) => {
+                Ok(Descriptor::Buffer(Buffer::new(bytes)))
+            }
+            Resource::StorageImage(image) | Resource::SampledImage(image) => {
+                self::image(image).map(Descriptor::Image)
+            }
+            Resource::Sampler(sampler) => Ok(Descriptor::Sampler(Arc::new(self::sampler(sampler)))),
+            Resource::CombinedImageSampler(image, sampler) => {
+                let sampler = Arc::new(self::sampler(sampler));
+                self::image(image).map(|image| Descriptor::ImageSampler(image, sampler))
+            }
+            Resource::AccelerationStructure(index) => {
+                Ok(Descriptor::AccelerationStructure(scene.tlas[*index].1.clone()))
+            }
+        };
+        match descriptor {
+            Ok(descriptor) => {
+                let key = Binding { set: binding.set, binding: binding.binding };
+                resources.insert(key, binding.element, descriptor);
+            }
+            Err(error) => errors.push(error.at(binding.place.clone())),
+        }
+    }
+    if !scene.push_constants.is_empty() {
+        resources.push_constants = Some(Buffer::new(&scene.push_constants));
+    }
+    resources
+}
+
+fn image(image: &Image) -> Result<Arc<machine::Image>> {
+    let unsupported = |what: String| Error::new(ErrorKind::UnsupportedFile, what);
+    let format = match image.format.name() {
+        "rgba32f" => machine::Format::Rgba32f,
+        "r32f" => machine::Format::R32f,
+        "rgba8" => machine::Format::Rgba8,
+        "rgba8_srgb" => machine::Format::Rgba8Srgb,
+        "r32ui" => machine::Format::R32ui,
+        "r32i" => machine::Format::R32i,
+        "rgba32ui" => machine::Format::Rgba32ui,
+        "rgba32i" => machine::Format::Rgba32i,
+        other => return Err(unsupported(format!("images of format {other}"))),
+    };
+    if image.dimension != Dimension::D2 {
+        return Err(unsupported("images other than two-dimensional ones".into()));
+    }
+    let words: Vec<u32> = image
+        .texels
+        .chunks_exact(4)
+        .map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]))
+        .collect();
+    machine::Image::new(format, [image.extent[0], image.extent[1]], &words)
+        .ok_or_else(|| unsupported("an image whose texels do not fill its extent".into()))
+}
+
+fn sampler(sampler: &Sampler) -> machine::Sampler {
+    let address = |mode| match mode {
+        AddressMode::Repeat => machine::AddressMode::Repeat,
+        AddressMode::MirroredRepeat => machine::AddressMode::MirroredRepeat,
+        _ => machine::AddressMode::ClampToEdge,
+    };
+    machine::Sampler {
+        filter: match sampler.mag_filter {
+            Filter::Nearest => machine::Filter::Nearest,
+            Filter::Linear => machine::Filter::Linear,
+        },
+        address: [address(sampler.address_mode[0]), address(sampler.address_mode[1])],
+    }
+}
