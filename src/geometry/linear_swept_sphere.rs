@@ -53,8 +53,10 @@
 //! and that point counts as side. Such shapes (invalid usage in Vulkan) always take the exact step.
 //!
 //! # Error
-//! Norms are 1-norms. A product's bound is `math::error_bound::product_error`, a quotient's
-//! `quotient_error`; a root s = sqrt(g) sqrt(G) of values known to e_g < g and e_G < G is off by at
+//! Norms are 1-norms. Products with d or w have the bounds of the table at `object_ray::View`, with
+//! room for the roundings of δ and of N's and Y = r0 D + δ w's sums: N needs 7u + κ of r0 |d||D| and
+//! 9u + κ of |δ||d||w|, Y 4u of r0 |D| and 6u of |δ||w|, Z = δ d 2u + κ, a 6u of |w||D|. A product of two
+//! computed values has `math::error_bound::product_error`, a quotient `quotient_error`; a root s = sqrt(g) sqrt(G) of values known to e_g < g and e_G < G is off by at
 //! most (e_g / g + e_G / G + 3u) s, since 1 - sqrt((1 - x)(1 - y)) <= x + y. The greatest product for
 //! the rays that `ObjectRay` lets into f64 is below 2^900, the least second-order term of a bound of a
 //! nonzero G above 2^-1010.
@@ -132,17 +134,14 @@ fn approach<R: Real, const BOUNDED: bool>(
     let ends: [[R; 3]; 2] = positions.map(from_f32);
     let [r0, r1] = radii.map(R::from_f32);
 
-    let d = ray.direction;
-    let (dn, ed) = (ray.direction_norm, ray.direction_error);
+    let (d, dn, slack) = (ray.direction, ray.direction_norm, ray.slack);
     let axis = sub(ends[1], ends[0]);
     let axis_n = norm1(axis);
-    let e_axis = u2 * axis_n;
     let delta = r1 - r0;
     let slope = delta.abs();
-    let e_delta = u2 * slope;
     let w = sub(ray.origin, ends[0]);
     let wn = norm1(w);
-    let ew = ray.origin_error + u2 * wn;
+    let reach = ray.reach(wn);
 
     // 2u for each rounded difference, 4u for its square and sum.
     let axis2 = dot(axis, axis);
@@ -156,20 +155,16 @@ fn approach<R: Real, const BOUNDED: bool>(
         return whole_sphere::<R, BOUNDED>(ray, ends[outer], [r0, r1][outer], outer, caps);
     }
 
+    // |d| times this bounds N's error, this the error of r0 D + δ w.
+    let e_y = slack * (r0 * axis_n) + slope * reach;
     let c1 = cross(d, axis);
-    let c1n = norm1(c1);
-    let e_c1 = product_error(dn, ed, axis_n, e_axis);
-    let c2 = cross(d, w);
-    let c2n = norm1(c2);
-    let e_c2 = product_error(dn, ed, wn, ew);
-    let n = add(scale(r0, c1), scale(delta, c2));
-    let nn = norm1(n);
-    let e_n = r0 * e_c1 + slope * e_c2 + e_delta * (c2n + e_c2) + u2 * (r0 * c1n + slope * c2n + nn);
+    let n = add(scale(r0, c1), scale(delta, cross(d, w)));
+    let (nn, e_n) = (norm1(n), dn * e_y);
     let m = dot(w, c1);
-    let e_m = product_error(wn, ew, c1n, e_c1);
+    let (mn, e_m) = (m.abs(), dn * axis_n * reach);
     let (n2, m2) = (dot(n, n), m * m);
     let gram = n2 - m2;
-    let e_gram = product_error(nn, e_n, nn, e_n) + product_error(m.abs(), e_m, m.abs(), e_m) + u2 * (n2 + m2);
+    let e_gram = product_error(nn, e_n, nn, e_n) + product_error(mn, e_m, mn, e_m) + u2 * (n2 + m2);
     let e_gram = when::<R, BOUNDED>(e_gram);
     if gram < -e_gram {
         return Verdict::Miss;
@@ -181,14 +176,12 @@ fn approach<R: Real, const BOUNDED: bool>(
     let e_s = s * (e_g / g + e_gram / gram + u2 + u2);
 
     let x = cross(w, axis);
-    let xn = norm1(x);
-    let e_x = product_error(wn, ew, axis_n, e_axis);
+    let (xn, e_x) = (norm1(x), axis_n * reach);
     let y = add(scale(r0, axis), scale(delta, w));
     let yn = norm1(y);
-    let e_y = r0 * e_axis + slope * ew + e_delta * (wn + ew) + u2 * (r0 * axis_n + slope * wn + yn);
     let z = scale(delta, d);
-    let zn = slope * dn;
-    let e_z = slope * ed + e_delta * (dn + ed) + u2 * zn;
+    let (zn, e_z) = (slope * dn, slack * (slope * dn));
+    let (c1n, e_c1) = (norm1(c1), slack * (dn * axis_n));
     let (c1c1, zz) = (dot(c1, c1), dot(z, z));
     let qa = c1c1 - zz;
     let e_qa = product_error(c1n, e_c1, c1n, e_c1) + product_error(zn, e_z, zn, e_z) + u2 * (c1c1 + zz);
@@ -210,9 +203,9 @@ fn approach<R: Real, const BOUNDED: bool>(
 
     let sweep = Sweep {
         a: dot(w, axis) + r0 * delta,
-        e_a: product_error(wn, ew, axis_n, e_axis) + r0 * e_delta + (u2 + u2) * (wn * axis_n + r0 * slope),
+        e_a: axis_n * reach + slack * (r0 * slope),
         b: dot(d, axis),
-        e_b: product_error(dn, ed, axis_n, e_axis),
+        e_b: slack * (dn * axis_n),
         g,
         e_g,
     };

@@ -105,6 +105,10 @@ pub struct ObjectRay {
     /// Bounds of each component's error; infinite where only exact arithmetic will do.
     pub(super) origin_error: [f64; 3],
     pub(super) direction_error: [f64; 3],
+    /// The 1-norms of the two errors and of the direction, the direction's relative.
+    origin_slack: f64,
+    direction_slack: f64,
+    direction_norm: f64,
 }
 
 impl ObjectRay {
@@ -149,15 +153,32 @@ impl ObjectRay {
         (direction, mut direction_error): ([f64; 3], [f64; 3]),
     ) -> Self {
         let far = norm1(origin);
-        let long = norm1(direction);
+        let direction_norm = norm1(direction);
         let range = 2f64.powi(130);
-        // Written so that a NaN is out of range.
-        let in_range = far <= range && long <= range && long >= 2f64.powi(-150);
-        if !in_range {
+        let mut origin_slack = norm1(origin_error);
+        let mut direction_slack = norm1(direction_error) / direction_norm;
+        // Written so that a NaN is not sure.
+        let is_sure = far <= range
+            && direction_norm <= range
+            && direction_norm >= 2f64.powi(-150)
+            && direction_slack <= 2f64.powi(-10);
+        if !is_sure {
             origin_error = [f64::INFINITY; 3];
             direction_error = [f64::INFINITY; 3];
+            origin_slack = f64::INFINITY;
+            direction_slack = f64::INFINITY;
         }
-        Self { world: *ray, matrix, origin, direction, origin_error, direction_error }
+        Self {
+            world: *ray,
+            matrix,
+            origin,
+            direction,
+            origin_error,
+            direction_error,
+            origin_slack,
+            direction_slack,
+            direction_norm,
+        }
     }
 
     /// The ray that it was made from.
@@ -217,16 +238,14 @@ impl ObjectRay {
     pub(super) fn view<R: Real>(&self) -> View<R> {
         let origin = self.origin.map(R::from_f64);
         let direction = self.direction.map(R::from_f64);
-        let direction_norm = norm1(direction);
-        // Rounding to R costs u again (nothing where R is f64 or the value is an f32, but it is
-        // not worth a branch in that one).
-        let round = if size_of::<R>() == 4 { R::UNIT + R::UNIT } else { R::ZERO };
+        // Rounding to f32 costs up to its u again.
+        let rounding = if size_of::<R>() == 4 { R::UNIT + R::UNIT } else { R::ZERO };
         View {
             origin,
             direction,
-            origin_error: R::from_f64(norm1(self.origin_error)) + round * norm1(origin),
-            direction_error: R::from_f64(norm1(self.direction_error)) + round * direction_norm,
-            direction_norm,
+            origin_error: R::from_f64(self.origin_slack) + rounding * norm1(origin),
+            slack: R::from_f64(self.direction_slack) + rounding + R::from_f32(12.0) * R::UNIT,
+            direction_norm: R::from_f64(self.direction_norm),
             t_min: R::from_f32(self.world.t_min),
             t_max: R::from_f32(self.world.t_max),
         }
@@ -266,17 +285,45 @@ impl ObjectRay {
 }
 
 /// What a bounded attempt in the format R reads.
+///
+/// Its two errors are made so that short formulas hold. With κ the direction's relative error (1-norm,
+/// at most 2^-10) `slack` is c = κ + 12u, and for a point p known exactly, w = origin - p computed with
+/// one rounding, `reach(|w|)` is `origin_error` + c |w|. Then, |.| the 1-norm and v a difference of two
+/// given vectors (one rounding), up to the slack that `math::error_bound` asks for:
+///
+/// ```text
+/// d x v           c |d| |v|            rounding 2u, v 1u, d κ; second order κ u
+/// d . v           c |d| |v|            3u, 1u, κ
+/// d x w           |d| reach            2u, w 1u + origin, d κ; second order κ origin <= origin / 1024
+/// d . w           |d| reach            3u, 1u + origin, κ
+/// w x v, w . v    |v| reach            at most 3u, 1u + origin, 1u
+/// w . (d x v)     |d| |v| reach        3u, 1u + origin, 3u + κ of d x v
+/// v . (d x v')    c |d| |v| |v'|       3u, 1u, 3u + κ
+/// d . (w x v)     |d| |v| reach        3u, κ, 4u + origin of w x v
+/// v . (w x v')    |v| |v'| reach       3u, 1u, 4u + origin
+/// ```
+///
+/// each at most 9u of its rounding share, where c has 12u.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View<R> {
     pub origin: [R; 3],
     pub direction: [R; 3],
-    /// Bounds of the 1-norm of the error vectors.
+    /// A bound of the 1-norm of the origin's error.
     pub origin_error: R,
-    pub direction_error: R,
+    /// c above.
+    pub slack: R,
     /// The 1-norm of the direction.
     pub direction_norm: R,
     pub t_min: R,
     pub t_max: R,
+}
+
+impl<R: Real> View<R> {
+    /// What stands for |w| in the error of a product with w = origin - p.
+    #[inline(always)]
+    pub fn reach(&self, norm: R) -> R {
+        self.origin_error + self.slack * norm
+    }
 }
 
 /// A ray whose points are (origin + t direction) / weight, weight > 0.

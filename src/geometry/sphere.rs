@@ -21,9 +21,10 @@
 //! the interval, as t_min >= 0. A tangent, discriminant 0, is a hit.
 //!
 //! # Error
-//! Norms are 1-norms, which bound the length from above. `em` and `ed` bound the errors of m and d.
-//! Every product's bound is `math::error_bound::product_error`; sqrt(x) for x > e is off by at most
-//! (e / x + u) sqrt(x); the quotient's is `quotient_error`. Nothing over- or underflows for
+//! Norms are 1-norms, which bound the length from above. d x m and d.m have the bounds of the table at
+//! `object_ray::View`, d.d that of d.v with κ twice; a product of two such values has
+//! `math::error_bound::product_error`, a quotient `quotient_error`; sqrt(x) for x > e is off by at most
+//! (e / x + u) sqrt(x). Nothing over- or underflows for
 //! f32-sized centres and radii and the rays that `ObjectRay` lets into f64: the greatest product is
 //! r^2 d.d <= 2^516, the least r^2 d.d >= 2^-598.
 
@@ -87,23 +88,21 @@ pub(super) fn entry<R: Real, const BOUNDED: bool>(
     radius: R,
 ) -> Verdict<(R, R)> {
     let u2 = two_units::<R>();
-    let d = ray.direction;
-    let (dn, ed) = (ray.direction_norm, ray.direction_error);
+    let (d, dn) = (ray.direction, ray.direction_norm);
     let m = sub(ray.origin, center);
     let mn = norm1(m);
-    let em = ray.origin_error + u2 * mn;
 
     let dd = dot(d, d);
-    let e_dd = product_error(dn, ed, dn, ed);
+    let e_dd = (ray.slack + ray.slack) * (dn * dn);
     let q = cross(d, m);
-    let e_q = product_error(dn, ed, mn, em);
+    let e_dm = dn * ray.reach(mn);
     let qn = norm1(q);
     let qq = dot(q, q);
     let rr = radius * radius;
     let span = rr * dd;
     let discriminant = span - qq;
     let e_discriminant =
-        when::<R, BOUNDED>(rr * e_dd + product_error(qn, e_q, qn, e_q) + u2 * (span + span + qq));
+        when::<R, BOUNDED>(rr * e_dd + product_error(qn, e_dm, qn, e_dm) + u2 * (span + span + qq));
     if discriminant < -e_discriminant {
         return Verdict::Miss;
     }
@@ -114,15 +113,14 @@ pub(super) fn entry<R: Real, const BOUNDED: bool>(
     let e_s = s * (e_discriminant / discriminant + u2);
 
     let b = dot(d, m);
-    let e_b = product_error(dn, ed, mn, em);
-    let mm = dot(m, m);
     let (numerator, e_numerator, denominator, e_denominator) = if b <= R::ZERO {
-        let c = mm - rr;
+        let mm = dot(m, m);
+        let em = ray.origin_error + u2 * mn;
         let den = s - b;
-        (c, product_error(mn, em, mn, em) + u2 * (mm + rr), den, e_s + e_b + u2 * den)
+        (mm - rr, product_error(mn, em, mn, em) + u2 * (mm + rr), den, e_s + e_dm + u2 * den)
     } else {
         let num = -(b + s);
-        (num, e_s + e_b - u2 * num, dd, e_dd)
+        (num, e_s + e_dm - u2 * num, dd, e_dd)
     };
     let t = numerator / denominator;
     Verdict::Hit((t, quotient_error(t, e_numerator, denominator, e_denominator)))

@@ -26,14 +26,14 @@
 //! left-handed system, that is d.(e1 x e2) < 0, that is det > 0. Decided in object space.
 //!
 //! # Error
-//! Norms are 1-norms; products are bounded by `math::error_bound::product_error`, quotients by
-//! `quotient_error`. The differences w, e1, e2 cost one rounding each. Two of alpha, beta, gamma with
-//! certain and opposite signs are a miss whatever det is. Products stay within 2^-450 and 2^520.
+//! The bounds of det, beta, gamma and e2.q are rows of the table at `object_ray::View`; alpha adds two
+//! roundings; quotients have `math::error_bound::quotient_error`. Two of alpha, beta, gamma with certain
+//! and opposite signs are a miss whatever det is. Products stay within 2^-450 and 2^520.
 
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded, settle_open, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
-use crate::math::error_bound::{product_error, quotient_error, two_units};
+use crate::math::error_bound::{quotient_error, two_units};
 use crate::math::exact::{self, Dyadic};
 use crate::math::real::{Real, cross, dot, from_f32, norm1, sub};
 use crate::math::surd::Surd;
@@ -69,21 +69,18 @@ fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, vertices: [[f32; 3]; 
     let u2 = two_units::<R>();
     let [v0, v1, v2] = vertices.map(from_f32::<R>);
     let d = ray.direction;
-    let (dn, ed) = (ray.direction_norm, ray.direction_error);
     let (e1, e2, w) = (sub(v1, v0), sub(v2, v0), sub(ray.origin, v0));
-    let (e1n, e2n, wn) = (norm1(e1), norm1(e2), norm1(w));
-    let (ee1, ee2, ew) = (u2 * e1n, u2 * e2n, ray.origin_error + u2 * wn);
+    let (e1n, e2n, reach) = (norm1(e1), norm1(e2), ray.reach(norm1(w)));
+    let (de1, de2) = (ray.direction_norm * e1n, ray.direction_norm * e2n);
 
     let p = cross(d, e2);
-    let (pn, ep) = (norm1(p), product_error(dn, ed, e2n, ee2));
     let q = cross(w, e1);
-    let (qn, eq) = (norm1(q), product_error(wn, ew, e1n, ee1));
     let det = dot(e1, p);
-    let e_det = when::<R, BOUNDED>(product_error(e1n, ee1, pn, ep));
+    let e_det = when::<R, BOUNDED>(ray.slack * (e1n * de2));
     let beta = dot(w, p);
-    let e_beta = when::<R, BOUNDED>(product_error(wn, ew, pn, ep));
+    let e_beta = when::<R, BOUNDED>(de2 * reach);
     let gamma = dot(d, q);
-    let e_gamma = when::<R, BOUNDED>(product_error(dn, ed, qn, eq));
+    let e_gamma = when::<R, BOUNDED>(de1 * reach);
     let alpha = det - beta - gamma;
     let rounding = (u2 + u2) * (det.abs() + beta.abs() + gamma.abs());
     let e_alpha = when::<R, BOUNDED>(e_det + e_beta + e_gamma + rounding);
@@ -104,7 +101,7 @@ fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, vertices: [[f32; 3]; 
 
     let numerator = dot(e2, q);
     let t = numerator / det;
-    let e_t = quotient_error(t, product_error(e2n, ee2, qn, eq), det, e_det);
+    let e_t = quotient_error(t, e1n * e2n * reach, det, e_det);
     let t = match settle_open::<R, BOUNDED>(ray, t, e_t) {
         Verdict::Hit(t) => t,
         Verdict::Miss => return Verdict::Miss,
