@@ -168,8 +168,8 @@ fn object_rays_and_inverses() {
             continue;
         };
         regular += 1;
-        for i in 0..3 {
-            let (o, d) = (object.object_origin_f32()[i], object.object_direction_f32()[i]);
+        let (origin, direction) = (object.object_origin_f32(), object.object_direction_f32());
+        for (i, (o, d)) in origin.into_iter().zip(direction).enumerate() {
             assert!(Root::from(line.origin[i].clone()).rounds_to(o), "origin {i} of {matrix:?} {ray:?}");
             assert!(
                 Root::from(line.direction[i].clone()).rounds_to(d),
@@ -178,12 +178,12 @@ fn object_rays_and_inverses() {
         }
         // Column j of the inverse is the image of the unit vector j, its translation that of 0.
         let inverse = world_to_object(&matrix).unwrap();
-        for j in 0..4 {
-            let unit: [f32; 3] = std::array::from_fn(|i| f32::from(i == j));
+        for column in 0..4 {
+            let unit: [f32; 3] = std::array::from_fn(|i| f32::from(i == column));
             let image = LineOf::new(&Ray::new([0.0; 3], unit), Some(&matrix)).unwrap();
-            let exact = if j < 3 { image.direction } else { image.origin };
-            for (i, exact) in exact.into_iter().enumerate() {
-                assert!(Root::from(exact).rounds_to(inverse[i][j]), "inverse {i} {j} of {matrix:?}");
+            let exact = if column < 3 { image.direction } else { image.origin };
+            for (row, exact) in inverse.iter().zip(exact) {
+                assert!(Root::from(exact).rounds_to(row[column]), "inverse, column {column} of {matrix:?}");
             }
         }
     }
