@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use codespan_reporting::diagnostic::{Diagnostic, Label, LabelStyle, Severity};
 use codespan_reporting::files::SimpleFile;
-use codespan_reporting::term;
+use codespan_reporting::term::{self, termcolor};
 
 /// Shorthand for a result of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -209,15 +209,28 @@ impl Error {
     /// assert!(error.render().starts_with("error: `--pixel 9` is not X,Y"));
     /// ```
     pub fn render(&self) -> String {
-        let mut out = self.render_one();
-        for other in &self.0.others {
-            out.push('\n');
-            out.push_str(&other.render());
-        }
-        out
+        let mut writer = termcolor::NoColor::new(Vec::new());
+        self.render_to(&mut writer);
+        String::from_utf8_lossy(&writer.into_inner()).into_owned()
     }
 
-    fn render_one(&self) -> String {
+    /// The whole report with the escape sequences of ANSI terminals for colour.
+    pub fn render_coloured(&self) -> String {
+        let mut writer = termcolor::Ansi::new(Vec::new());
+        self.render_to(&mut writer);
+        String::from_utf8_lossy(&writer.into_inner()).into_owned()
+    }
+
+    fn render_to(&self, writer: &mut impl termcolor::WriteColor) {
+        self.render_one(writer);
+        for other in &self.0.others {
+            // Writing to a vector does not fail.
+            let _ = writeln!(writer);
+            other.render_to(writer);
+        }
+    }
+
+    fn render_one(&self, writer: &mut impl termcolor::WriteColor) {
         let mut notes = Vec::new();
         let mut labels = Vec::new();
         let mut file = SimpleFile::new(String::new(), Arc::<str>::from(""));
@@ -249,11 +262,9 @@ impl Error {
             .with_labels(labels)
             .with_notes(notes);
         let config = term::Config::default();
-        let mut text = String::new();
-        if term::emit_to_string(&mut text, &config, &file, &diagnostic).is_err() {
-            text = format!("error: {}\n", self.0.message);
+        if term::emit_to_write_style(writer, &config, &file, &diagnostic).is_err() {
+            let _ = writeln!(writer, "error: {}", self.0.message);
         }
-        text
     }
 }
 
@@ -319,6 +330,21 @@ mod tests {
         let text = error.render();
         assert!(text.contains("a.toml:2:1"), "{text}");
         assert!(text.contains("^^^^^ did you mean `radius`?"), "{text}");
+    }
+
+    #[test]
+    fn colour_adds_escapes_and_nothing_else() {
+        let error = Error::new(ErrorKind::InvalidScene, "unknown key `radus`").note("a note");
+        let mut bare = String::new();
+        let mut rest = error.render_coloured();
+        while let Some(at) = rest.find('\u{1b}') {
+            let end = at + rest[at..].find('m').expect("an escape ends with `m`") + 1;
+            bare.push_str(&rest[..at]);
+            rest = rest.split_off(end);
+        }
+        assert_ne!(bare, "");
+        assert_eq!(bare + &rest, error.render());
+        assert!(!error.render().contains('\u{1b}'));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::cli::output;
 use crate::compile::{DebugInfo, Optimize, Options, Source, compile, fixtures};
 use crate::error::{Error, ErrorKind, Result};
 
@@ -80,12 +81,12 @@ fn regenerate(force: bool) -> Result<()> {
     }
     let report = fixtures::regenerate(&root, force)?;
     for name in &report.written {
-        println!("wrote {}/{name}", fixtures::FIXTURES);
+        output::print(format_args!("wrote {}/{name}\n", fixtures::FIXTURES))?;
     }
     for name in &report.removed {
-        println!("removed {}/{name}", fixtures::FIXTURES);
+        output::print(format_args!("removed {}/{name}\n", fixtures::FIXTURES))?;
     }
-    println!("{} written, {} in step already", report.written.len(), report.kept);
+    output::print(format_args!("{} written, {} in step already\n", report.written.len(), report.kept))?;
     // One report for all: each of them lacks a compiler, and most of them the same one.
     let names = report.skipped.iter().map(|(name, _)| format!("stale: {}/{name}", fixtures::FIXTURES));
     let names: Vec<_> = names.collect();

@@ -1,10 +1,79 @@
-//! One file per command.
+//! The command line: one file per command.
+//!
+//! A command is a struct of arguments and a function `run`; its results go to standard output
+//! through `output`, its error comes back and is printed here. Exit codes: 0 fine, 1 an
+//! expectation failed, 2 an error (clap's own for a command line that makes no sense).
 
 pub mod compile;
+pub mod inspect;
+mod module_file;
+mod output;
 
 use std::process::ExitCode;
 
-/// Parses the command line, runs the command and reports its error.
+use clap::{CommandFactory, Parser};
+
+use crate::error::Result;
+
+/// Writes the enum of commands and its dispatch from one line a command: the file, the variant,
+/// the arguments.
+macro_rules! commands {
+    ($($file:ident $variant:ident($args:ident)),* $(,)?) => {
+        #[derive(clap::Subcommand)]
+        enum Command {
+            $($variant($file::$args),)*
+        }
+
+        impl Command {
+            fn run(self) -> Result<()> {
+                match self {
+                    $(Self::$variant(args) => $file::run(args),)*
+                }
+            }
+        }
+    };
+}
+
+commands! {
+    inspect Inspect(InspectArgs),
+    compile Compile(CompileArgs),
+}
+
+/// Runs ray-tracing shaders on the CPU, exactly.
+///
+/// Exit codes: 0 fine, 1 an expectation failed, 2 an error.
+#[derive(Parser)]
+#[command(name = "anyhit", version, arg_required_else_help = true)]
+struct CommandLine {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Parses the command line, runs the command and reports its error on standard error.
 pub fn main() -> ExitCode {
-    ExitCode::SUCCESS
+    let Err(error) = CommandLine::parse().command.run() else { return ExitCode::SUCCESS };
+    output::report(&error);
+    ExitCode::from(error.kind().exit_code())
+}
+
+/// The command line as clap knows it, so that what documents it can be checked against it.
+pub fn command() -> clap::Command {
+    CommandLine::command()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_arguments_of_all_commands_are_consistent() {
+        command().debug_assert();
+    }
+
+    #[test]
+    fn a_misspelt_command_is_answered_with_the_nearest() {
+        let error = CommandLine::try_parse_from(["anyhit", "inspct", "a.spv"]).err().unwrap();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains("'inspect'"), "{error}");
+    }
 }

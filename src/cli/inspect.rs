@@ -1,0 +1,267 @@
+//! `anyhit inspect`: what a module declares, and what of it would run.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::cli::{module_file, output};
+use crate::error::{Error, ErrorKind, Result};
+use crate::module::Module;
+use crate::module::interface::{EntryPoint, InterfaceVariable};
+use crate::module::names::{
+    addressing_model_name, builtin_name, capability_name, memory_model_name, storage_class_name,
+};
+use crate::program;
+
+/// Lists a module's entry points, interface and requirements, and what of it is unsupported.
+#[derive(Args, Clone, Debug)]
+pub struct InspectArgs {
+    /// A SPIR-V module
+    #[arg(value_name = "MODULE")]
+    module: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command. Entry points that are not supported are a finding, not an error.
+///
+/// # Errors
+/// What reading and loading the module reports.
+pub fn run(args: InspectArgs) -> Result<()> {
+    let module = Arc::new(module_file::read(&args.module)?);
+    let report = Report::of(&module);
+    if !args.json {
+        return output::print(format_args!("{}\n{}", args.module.display(), report.text()));
+    }
+    let json = serde_json::to_string_pretty(&report)
+        .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", args.module.display())))?;
+    output::print(format_args!("{json}\n"))
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Report {
+    version: String,
+    generator: String,
+    addressing_model: String,
+    memory_model: String,
+    capabilities: Vec<String>,
+    extensions: Vec<String>,
+    instruction_sets: Vec<String>,
+    sizes: Sizes,
+    debug_info: Debug,
+    entry_points: Vec<Entry>,
+}
+
+#[derive(Debug, Serialize)]
+struct Sizes {
+    bytes: usize,
+    functions: usize,
+    instructions: usize,
+    types: usize,
+    constants: usize,
+    variables: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct Debug {
+    names: usize,
+    lines: usize,
+    source_files: Vec<SourceFile>,
+}
+
+#[derive(Debug, Serialize)]
+struct SourceFile {
+    name: String,
+    text: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Entry {
+    name: String,
+    stage: &'static str,
+    supported: bool,
+    reasons: Vec<String>,
+    interface: Vec<Variable>,
+}
+
+#[derive(Debug, Serialize)]
+struct Variable {
+    name: String,
+    storage_class: String,
+    #[serde(rename = "type")]
+    ty: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    set: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    binding: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    location: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    builtin: Option<String>,
+}
+
+impl Report {
+    fn of(module: &Arc<Module>) -> Self {
+        let blocks = module.functions.iter().flat_map(|function| &function.blocks);
+        let debug = &module.debug_info;
+        let files = debug.files.iter();
+        Self {
+            version: format!("{}.{}", module.version.0, module.version.1),
+            generator: generator_name(module.generator),
+            addressing_model: addressing_model_name(module.memory_model.0).into_owned(),
+            memory_model: memory_model_name(module.memory_model.1).into_owned(),
+            capabilities: module.capabilities.iter().map(|&one| capability_name(one).into_owned()).collect(),
+            extensions: module.extensions.clone(),
+            instruction_sets: module.instruction_sets.clone(),
+            sizes: Sizes {
+                bytes: module.words.len() * 4,
+                functions: module.functions.len(),
+                instructions: blocks.map(|block| block.instructions.len()).sum(),
+                types: module.types.len(),
+                constants: module.constants.len(),
+                variables: module.variables.len(),
+            },
+            debug_info: Debug {
+                names: debug.names.len(),
+                lines: debug.lines.iter().filter(|(_, line)| line.is_some()).count(),
+                source_files: files
+                    .map(|file| SourceFile { name: file.name.clone(), text: file.text.is_some() })
+                    .collect(),
+            },
+            entry_points: module.entry_points.iter().map(|entry| Entry::of(module, entry)).collect(),
+        }
+    }
+
+    /// The report for people.
+    fn text(&self) -> String {
+        let mut out = String::new();
+        let list = |items: &[String]| match items {
+            [] => "none".to_owned(),
+            items => items.join("\n                     "),
+        };
+        let sizes = &self.sizes;
+        let debug = &self.debug_info;
+        let files = debug.source_files.iter().map(|file| match file.text {
+            true => format!("{} (with its text)", file.name),
+            false => file.name.clone(),
+        });
+        let facts = [
+            ("version", format!("SPIR-V {}", self.version)),
+            ("made by", self.generator.clone()),
+            (
+                "size",
+                format!(
+                    "{} bytes: {} instructions in {} functions, {} types, {} constants, {} variables",
+                    sizes.bytes,
+                    sizes.instructions,
+                    sizes.functions,
+                    sizes.types,
+                    sizes.constants,
+                    sizes.variables
+                ),
+            ),
+            ("memory model", format!("{} {}", self.addressing_model, self.memory_model)),
+            ("capabilities", list(&self.capabilities)),
+            ("extensions", list(&self.extensions)),
+            ("instruction sets", list(&self.instruction_sets)),
+            ("debug info", format!("{} names, {} lines", debug.names, debug.lines)),
+            ("source files", list(&files.collect::<Vec<_>>())),
+        ];
+        for (name, value) in facts {
+            // Writing to a string does not fail.
+            let _ = writeln!(out, "  {name:<17}  {value}");
+        }
+        for entry in &self.entry_points {
+            entry.write_text(&mut out);
+        }
+        if self.entry_points.is_empty() {
+            out.push_str("\nno entry points\n");
+        }
+        out
+    }
+}
+
+impl Entry {
+    fn of(module: &Arc<Module>, entry: &EntryPoint) -> Self {
+        let reasons = reasons(module, entry);
+        let variables = module.interface_of(entry);
+        Self {
+            name: entry.name.clone(),
+            stage: entry.stage.name(),
+            supported: reasons.is_empty(),
+            reasons,
+            interface: variables.iter().map(|variable| Variable::of(module, variable)).collect(),
+        }
+    }
+
+    fn write_text(&self, out: &mut String) {
+        let verdict = if self.supported { "supported" } else { "NOT SUPPORTED" };
+        let _ = writeln!(out, "\n{} `{}`: {verdict}", self.stage, self.name);
+        for reason in &self.reasons {
+            let _ = writeln!(out, "  - {reason}");
+        }
+        let rows: Vec<[String; 4]> = self.interface.iter().map(Variable::row).collect();
+        let mut widths = [0; 4];
+        for row in &rows {
+            for (width, cell) in widths.iter_mut().zip(row) {
+                *width = (*width).max(cell.chars().count());
+            }
+        }
+        for row in &rows {
+            let mut line = String::new();
+            for (cell, width) in row.iter().zip(widths) {
+                let _ = write!(line, "  {cell:<width$}");
+            }
+            let _ = writeln!(out, "{}", line.trim_end());
+        }
+    }
+}
+
+impl Variable {
+    fn of(module: &Module, variable: &InterfaceVariable) -> Self {
+        Self {
+            name: variable.name.clone(),
+            storage_class: storage_class_name(variable.storage_class).into_owned(),
+            ty: variable.ty.map_or_else(|| "untyped".to_owned(), |ty| module.describe_type(ty)),
+            set: variable.descriptor_set,
+            binding: variable.binding,
+            location: variable.location,
+            builtin: variable.builtin.map(|number| builtin_name(number).into_owned()),
+        }
+    }
+
+    /// Storage class, where it is bound, type, name.
+    fn row(&self) -> [String; 4] {
+        let numbers = [("set", self.set), ("binding", self.binding), ("location", self.location)];
+        let bound =
+            numbers.iter().filter_map(|(word, number)| number.map(|number| format!("{word} {number}")));
+        let bound = self.builtin.iter().cloned().chain(bound).collect::<Vec<_>>().join(" ");
+        [self.storage_class.clone(), bound, self.ty.clone(), self.name.clone()]
+    }
+}
+
+/// Why an entry point would not run; empty where it would.
+fn reasons(module: &Arc<Module>, entry: &EntryPoint) -> Vec<String> {
+    program::lower(module, entry).err().map(|error| error.to_string()).into_iter().collect()
+}
+
+/// The tool that made a module, by the registry of SPIR-V generators.
+fn generator_name(word: u32) -> String {
+    let (tool, version) = (word >> 16, word & 0xffff);
+    let name = match tool {
+        6 => "Khronos LLVM/SPIR-V Translator",
+        7 => "Khronos SPIR-V Tools Assembler",
+        8 => "Khronos Glslang Reference Front End",
+        13 => "Google Shaderc over Glslang",
+        14 => "Google spiregg (DirectX Shader Compiler)",
+        28 => "gfx-rs Naga",
+        40 => "NVIDIA Slang Compiler",
+        _ => return format!("generator {tool}, version {version}"),
+    };
+    format!("{name}, version {version}")
+}

@@ -1,0 +1,64 @@
+//! Reads a module from a file that the command line names.
+
+use std::path::Path;
+
+use crate::compile::Language;
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::module::{self, Module};
+
+/// Loads a SPIR-V file.
+///
+/// # Errors
+/// `Io` where it cannot be read; `InvalidArgument` where it is a shader's source, with the command
+/// that compiles it; what [`module::load`] reports.
+pub fn read(path: &Path) -> Result<Module> {
+    let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;
+    if let Some(error) = source_text(path, &bytes) {
+        return Err(error);
+    }
+    module::load(&bytes).map_err(|error| error.at(Place::File(path.to_owned())))
+}
+
+/// The error for text where SPIR-V's binary form is wanted.
+fn source_text(path: &Path, bytes: &[u8]) -> Option<Error> {
+    let text = std::str::from_utf8(bytes).ok().filter(|text| !text.is_empty() && !text.contains('\0'))?;
+    let shown = path.display();
+    let (what, note) = match Language::of(path) {
+        Some(language) => {
+            let name = match language {
+                Language::Glsl(_) => "GLSL",
+                Language::Wgsl => "WGSL",
+                Language::Slang => "Slang",
+            };
+            (name, format!("compile it first: anyhit compile {shown}"))
+        }
+        None if text.contains("OpCapability") => {
+            ("SPIR-V assembly", format!("assemble it first: spirv-as {shown}"))
+        }
+        None => ("text", "a compiled module (usually .spv) is needed here".to_owned()),
+    };
+    let message = format!("{shown} is {what}, not a SPIR-V module");
+    Some(Error::new(ErrorKind::InvalidArgument, message).note(note))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(path: &str, bytes: &[u8]) -> Option<String> {
+        source_text(Path::new(path), bytes).map(|error| error.to_string())
+    }
+
+    #[test]
+    fn text_is_told_from_modules() {
+        assert_eq!(
+            message("a/hit.rchit", b"#version 460\n").unwrap(),
+            "a/hit.rchit is GLSL, not a SPIR-V module; compile it first: anyhit compile a/hit.rchit"
+        );
+        assert!(message("a.spvasm", b"OpCapability Shader\n").unwrap().contains("spirv-as a.spvasm"));
+        assert!(message("a.txt", b"hello").unwrap().contains("is text"));
+        let magic = 0x0723_0203u32.to_le_bytes();
+        assert_eq!(message("a.rchit", &[magic, [0; 4]].concat()), None, "a name alone decides nothing");
+        assert_eq!(message("a.rchit", b""), None);
+    }
+}

@@ -1,0 +1,57 @@
+//! What a command prints.
+
+use std::fmt::Display;
+use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
+
+use crate::error::{Error, Result};
+
+/// Prints to standard output.
+///
+/// A reader that has gone away (`anyhit inspect a.spv | head`) misses nothing it wanted, so that
+/// is no error: the command goes on, and its exit code tells of the command alone.
+///
+/// # Errors
+/// `Io` where standard output cannot be written for another reason, a full disk say.
+pub fn print(text: impl Display) -> Result<()> {
+    write_to(&mut stdout().lock(), text)
+}
+
+/// Prints an error to standard error, in colour where that is a terminal and `NO_COLOR` is not set.
+pub fn report(error: &Error) {
+    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let text = if !plain && stderr().is_terminal() { error.render_coloured() } else { error.render() };
+    // Nobody is left to tell where even this fails.
+    let _ = stderr().lock().write_all(text.as_bytes());
+}
+
+fn write_to(to: &mut impl Write, text: impl Display) -> Result<()> {
+    match write!(to, "{text}").and_then(|()| to.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::io("standard output", error)),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+
+    use super::*;
+
+    struct Refuses(ErrorKind);
+
+    impl Write for Refuses {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(self.0.into())
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Err(self.0.into())
+        }
+    }
+
+    #[test]
+    fn a_reader_that_went_away_is_no_error_but_a_full_disk_is() {
+        assert!(write_to(&mut Refuses(ErrorKind::BrokenPipe), "text").is_ok());
+        let error = write_to(&mut Refuses(ErrorKind::StorageFull), "text").unwrap_err();
+        assert!(error.message().starts_with("standard output: "), "{error}");
+    }
+}

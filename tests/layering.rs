@@ -1,0 +1,175 @@
+//! The modules of `src/` import one way only.
+//!
+//! `cli -> debug, harness -> scene -> {pipeline, compile} -> interp -> program -> ops ->
+//! {module, machine -> accel} -> geometry -> math -> error`: a folder may import what stands to
+//! its right. A few crates are named in one place only, and only the command line prints.
+
+use std::fs;
+use std::path::Path;
+
+#[path = "support/files.rs"]
+mod files;
+
+/// Left to right; folders of one row do not import each other.
+const LAYERS: &[&[&str]] = &[
+    &["cli"],
+    &["debug", "harness"],
+    &["scene"],
+    &["pipeline", "compile"],
+    &["interp"],
+    &["program"],
+    &["ops"],
+    &["module", "machine"],
+    &["accel"],
+    &["geometry"],
+    &["math"],
+    &["error"],
+];
+
+/// Crates, and the modules that may name them.
+const CRATES: &[(&str, &[&str])] = &[
+    ("rspirv", &["module", "ops"]),
+    ("obvhs", &["accel"]),
+    ("codespan_reporting", &["error"]),
+    ("naga", &["compile"]),
+    ("glslang", &["compile"]),
+    ("clap", &["cli"]),
+];
+
+/// Only the command line writes to the terminal.
+const PRINTS: &[&str] = &["println!", "eprintln!", "print!", "eprint!", "dbg!"];
+
+#[test]
+fn imports_go_one_way() {
+    let mut mistakes = Vec::new();
+    let mut imports = 0;
+    for (module, name, text) in sources() {
+        let Some(layer) = layer_of(&module) else {
+            mistakes.push(format!("{name}: `{module}` stands in no layer"));
+            continue;
+        };
+        for imported in imported_modules(&text) {
+            imports += 1;
+            match layer_of(&imported) {
+                _ if imported == module => {}
+                Some(other) if other > layer && !(module == "module" && imported == "accel") => {}
+                Some(_) => mistakes.push(format!("{name}: `{module}` must not import `{imported}`")),
+                // A macro or a re-export of the crate's root.
+                None => {}
+            }
+        }
+    }
+    assert!(imports > 100, "only {imports} imports were found: the test reads the wrong lines");
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+}
+
+#[test]
+fn crates_are_named_in_their_place() {
+    let mut mistakes = Vec::new();
+    let mut named = vec![false; CRATES.len()];
+    for (module, name, text) in sources() {
+        let code = without_comments(&text);
+        for ((one, modules), named) in CRATES.iter().zip(&mut named) {
+            if !contains_word(&code, one, "::") {
+                continue;
+            }
+            *named = true;
+            if !modules.contains(&module.as_str()) {
+                mistakes
+                    .push(format!("{name}: `{one}` is named in `{module}`, only in {modules:?} it may be"));
+            }
+        }
+        for print in PRINTS {
+            if module != "cli" && contains_word(&code, print, "") {
+                mistakes.push(format!("{name}: `{print}` outside `cli`"));
+            }
+        }
+    }
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+    assert!(named.iter().all(|&named| named), "a crate of the list is named nowhere: {named:?}");
+}
+
+/// Every source file but the crate's roots: its module, its name, its text.
+fn sources() -> Vec<(String, String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    files::with_extension(&root, "rs")
+        .iter()
+        .filter_map(|path| {
+            let inside = path.strip_prefix(&root).expect("a file below src/");
+            let first = inside.components().next()?.as_os_str().to_str()?;
+            let module = first.trim_end_matches(".rs").to_owned();
+            let text = fs::read_to_string(path).expect("a readable source");
+            let name = inside.to_string_lossy().replace('\\', "/");
+            (module != "lib" && module != "main").then_some((module, name, text))
+        })
+        .collect()
+}
+
+fn layer_of(module: &str) -> Option<usize> {
+    LAYERS.iter().position(|layer| layer.contains(&module))
+}
+
+/// The modules of the crate that a text names behind `crate::`.
+fn imported_modules(text: &str) -> Vec<String> {
+    let code = without_comments(text);
+    let mut found = Vec::new();
+    // `$crate::` is a macro's own path: it names what the macro needs, wherever it is used.
+    for (at, _) in code.match_indices("crate::") {
+        if code[..at].ends_with('$') {
+            continue;
+        }
+        let rest = &code[at + "crate::".len()..];
+        match rest.strip_prefix('{') {
+            // `use crate::{a::b, c}`: the names that stand right behind the brace or a comma of
+            // its level.
+            Some(group) => {
+                let mut depth = 0;
+                let mut name = String::new();
+                let mut ended = false;
+                for character in group.chars() {
+                    match character {
+                        '{' => depth += 1,
+                        '}' if depth == 0 => break,
+                        '}' => depth -= 1,
+                        ',' if depth == 0 => {
+                            found.push(std::mem::take(&mut name));
+                            ended = false;
+                        }
+                        _ if depth > 0 || ended => {}
+                        c if c.is_alphanumeric() || c == '_' => name.push(c),
+                        c if c.is_whitespace() && name.is_empty() => {}
+                        _ => ended = true,
+                    }
+                }
+                found.push(name);
+            }
+            None => found.push(rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()),
+        }
+    }
+    found.retain(|name| !name.is_empty());
+    found
+}
+
+/// A text without its line comments, doc comments included: those may name what they like.
+fn without_comments(text: &str) -> String {
+    let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// Whether `word` followed by `after` stands in a text, and not as the end of a longer word.
+fn contains_word(text: &str, word: &str, after: &str) -> bool {
+    let sought = format!("{word}{after}");
+    text.match_indices(&sought).any(|(at, _)| {
+        !text[..at].chars().next_back().is_some_and(|c| c.is_alphanumeric() || c == '_' || c == ':')
+    })
+}
+
+#[test]
+fn all_forms_of_an_import_are_read() {
+    let text = "use crate::ops::row;\nuse crate::{math::ulp, geometry::{Ray, Hit}, error};\n\
+        let a = crate::accel::build(); // crate::cli\n$crate::machine::Reg";
+    assert_eq!(imported_modules(text), ["ops", "math", "geometry", "error", "accel"]);
+    assert!(contains_word("println!(\"\")", "println!", ""));
+    assert!(!contains_word("eprintln!(\"\")", "println!", ""));
+    assert!(!contains_word("codespan::naga::x", "naga", "::"));
+}
