@@ -73,7 +73,8 @@ impl Tlas {
         Self::with_precision(instances, Precision::Exact)
     }
 
-    /// The same with a choice of how intersections are computed.
+    /// The same with a choice of how intersections are computed. Below `Exact` a computed t can lie
+    /// before its primitive's box, and ties and near-ties may then depend on the tree.
     ///
     /// # Errors
     /// As [`Tlas::new`].
