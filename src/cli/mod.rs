@@ -8,6 +8,7 @@ pub mod compile;
 pub mod inspect;
 mod module_file;
 mod output;
+pub mod render;
 
 use std::process::ExitCode;
 
@@ -36,6 +37,7 @@ macro_rules! commands {
 
 commands! {
     inspect Inspect(InspectArgs),
+    render Render(RenderArgs),
     compile Compile(CompileArgs),
 }
 

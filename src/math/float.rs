@@ -133,6 +133,7 @@ macro_rules! native {
             fn mul_add(self, factor: Self, summand: Self) -> Self {
                 <$ty>::mul_add(self, factor, summand)
             }
+            #[inline(never)]
             fn frexp(self) -> (Self, i32) {
                 if self == 0.0 || !self.is_finite() {
                     return (self, 0);
@@ -146,6 +147,7 @@ macro_rules! native {
                 let bits = bits & !(($mask as $bits) << $mantissa) | (($bias - 1) as $bits) << $mantissa;
                 (<$ty>::from_bits(bits), exponent)
             }
+            #[inline(never)]
             fn ldexp(self, exponent: i32) -> Self {
                 // Only the last of the steps can round: the others stay exact or saturate.
                 let (mantissa, own) = Float::frexp(self);
@@ -165,13 +167,16 @@ macro_rules! native {
                     mantissa * power(rest) * power(low)
                 }
             }
-            $(#[inline]
+            // Never inlined: a row's loop over 32 lanes would hold as many copies.
+            $(#[inline(never)]
             fn $method(self) -> Self {
                 $function(self)
             })*
+            #[inline(never)]
             fn atan2(self, x: Self) -> Self {
                 Atan2::atan2(self, x)
             }
+            #[inline(never)]
             fn pow(self, exponent: Self) -> Self {
                 Atan2::pow(self, exponent)
             }
@@ -254,6 +259,7 @@ native!(
 
 macro_rules! through_f64 {
     ($($method:ident),*) => {$(
+        #[inline(never)]
         fn $method(self) -> Self {
             f16::from_f64(Float::$method(self.to_f64()))
         }

@@ -1,0 +1,145 @@
+//! `anyhit render`: launches a scene's ray generation shader over its image.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::machine::Binding;
+use crate::pipeline::Stats;
+use crate::scene::image::{Format, Picture};
+use crate::scene::resources::Output;
+use crate::scene::{self, DiskFiles, Options};
+
+/// Renders a scene: launches its ray generation shader over an image and saves the image.
+#[derive(Debug, clap::Args)]
+pub struct RenderArgs {
+    /// The scene file (`scene.toml`); the built-in swept-spheres demo without it.
+    scene: Option<PathBuf>,
+
+    /// Where to write the picture, a PNG.
+    #[arg(short, long, value_name = "FILE", default_value = "out.png")]
+    output: PathBuf,
+
+    /// Width and height of the launch, instead of the scene's own.
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+
+    /// Lanes that run together; the picture does not depend on it.
+    #[arg(long, value_name = "N", default_value = "32", value_parser = ["1", "8", "32"])]
+    lanes: String,
+
+    /// Prints what was done: rays, invocations, occupancy, time.
+    #[arg(long)]
+    stats: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Of the scene, of a shader that traps, or of writing the picture.
+pub fn run(args: RenderArgs) -> Result<()> {
+    let options = Options { size: args.size };
+    let begin = Instant::now();
+    let resolved = match &args.scene {
+        Some(path) => scene::load(path, &DiskFiles, &options)?,
+        None => scene::demo::scene(&options)?,
+    };
+    let Some(output) = resolved.output() else {
+        let message = "the scene has no output image: give one storage image `output = true`";
+        return Err(Error::new(ErrorKind::InvalidScene, message).at(crate::error::Place::File(resolved.path)));
+    };
+    let binding = Binding { set: output.set, binding: output.binding };
+    let linear = output.output == Some(Output::Linear);
+    let assembled = scene::assemble(&resolved)?;
+    let ready = begin.elapsed();
+
+    let count = assembled.size.iter().map(|&side| u64::from(side)).product();
+    let bar = progress(count);
+    let launched = Instant::now();
+    let launch = assembled.launch();
+    let done = |count| bar.inc(count);
+    let stats = match args.lanes.as_str() {
+        "1" => launch.run::<1>(assembled.size, &done),
+        "8" => launch.run::<8>(assembled.size, &done),
+        _ => launch.run::<32>(assembled.size, &done),
+    };
+    bar.finish_and_clear();
+    let stats = stats?;
+    let traced = launched.elapsed();
+
+    let image = assembled.resources.image(binding.set, binding.binding);
+    let image = image.expect("bug in anyhit: the output image is not bound");
+    save(&args.output, image, linear)?;
+    if args.stats {
+        super::output::print(&table(&stats, ready, traced))?;
+    }
+    Ok(())
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides =
+        text.split_once(['x', 'X']).map(|(width, height)| (width.trim().parse(), height.trim().parse()));
+    match sides {
+        Some((Ok(width), Ok(height))) if width > 0 && height > 0 => Ok([width, height]),
+        _ => Err(format!("`{text}` is not WIDTHxHEIGHT, such as 640x360")),
+    }
+}
+
+/// A bar that appears where standard error is a terminal and the work takes a while.
+fn progress(count: u64) -> ProgressBar {
+    let bar = ProgressBar::new(count);
+    let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed_precise}  about {eta} left");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.enable_steady_tick(Duration::from_millis(250));
+    bar
+}
+
+fn save(path: &Path, image: &crate::machine::image::Image, linear: bool) -> Result<()> {
+    let extent = image.extent();
+    let mut texels = Vec::with_capacity(extent[0] as usize * extent[1] as usize * 16);
+    for y in 0..extent[1] {
+        for x in 0..extent[0] {
+            let texel = image.texel([x, y]).unwrap_or_default();
+            texels.extend(texel.iter().flat_map(|word| word.to_le_bytes()));
+        }
+    }
+    let picture = Picture { format: Format::RGBA32F, extent, texels };
+    let png = picture.encode_png(linear)?;
+    std::fs::write(path, png).map_err(|error| Error::io(path, error))
+}
+
+fn table(stats: &Stats, ready: Duration, traced: Duration) -> String {
+    let rate = stats.rays as f64 / traced.as_secs_f64().max(1e-9) / 1e6;
+    let mut text = format!(
+        "scene ready in    {:>9.1} ms\nlaunch took       {:>9.1} ms\nrays              {:>9} ({rate:.2} million a second)\n",
+        ready.as_secs_f64() * 1e3,
+        traced.as_secs_f64() * 1e3,
+        stats.rays,
+    );
+    for (stage, shader) in &stats.shaders {
+        let lanes = shader.invocations as f64 / shader.batches.max(1) as f64;
+        text += &format!(
+            "{:<17} {:>9} invocations in {} batches, {lanes:.1} lanes each\n",
+            stage.name(),
+            shader.invocations,
+            shader.batches
+        );
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_or_refused() {
+        assert_eq!(size("640x360"), Ok([640, 360]));
+        assert_eq!(size("8X1"), Ok([8, 1]));
+        for wrong in ["", "640", "0x5", "-1x5", "axb", "1x2x3"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+}
