@@ -37,7 +37,6 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::Undef,
     Opcode::Select,
     Opcode::Bitcast,
-    Opcode::ConvertPtrToU,
 ];
 
 /// Decodes composite instructions; `false` for an instruction of another section.

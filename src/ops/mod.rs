@@ -21,6 +21,7 @@ pub mod pointer;
 pub mod ray_tracing;
 pub mod relational_logical;
 pub mod row;
+pub mod support;
 
 use rspirv::spirv::Op as Opcode;
 

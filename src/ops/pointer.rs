@@ -75,6 +75,33 @@ pub struct Pointer {
     pub component_stride: Option<u32>,
 }
 
+/// Opcodes decoded here.
+pub const OPCODES: &[rspirv::spirv::Op] = &[
+    rspirv::spirv::Op::Load,
+    rspirv::spirv::Op::Store,
+    rspirv::spirv::Op::CopyMemory,
+    rspirv::spirv::Op::AccessChain,
+    rspirv::spirv::Op::InBoundsAccessChain,
+    rspirv::spirv::Op::ArrayLength,
+];
+
+/// Storage classes whose variables have a place.
+pub const STORAGE_CLASSES: &[u32] = &[
+    storage::UNIFORM_CONSTANT,
+    storage::INPUT,
+    storage::UNIFORM,
+    storage::PRIVATE,
+    storage::FUNCTION,
+    storage::PUSH_CONSTANT,
+    storage::STORAGE_BUFFER,
+    storage::CALLABLE_DATA,
+    storage::INCOMING_CALLABLE_DATA,
+    storage::RAY_PAYLOAD,
+    storage::HIT_ATTRIBUTE,
+    storage::INCOMING_RAY_PAYLOAD,
+    storage::SHADER_RECORD_BUFFER,
+];
+
 /// How many words a pointer takes as a value.
 pub fn pointer_word_count(storage_class: u32) -> u32 {
     match storage_class {

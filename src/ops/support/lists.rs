@@ -1,0 +1,483 @@
+//! The lists behind [`opcode`](super::opcode) and its kin: what is classed by hand.
+
+use rspirv::spirv::{BuiltIn, Capability, Op, StorageClass};
+
+use crate::ops::row::Family;
+use crate::ops::{arithmetic, bit, conversion, relational_logical};
+
+/// Reasons to be out of scope.
+pub(super) const GRAPHICS: &str = "graphics stages";
+pub(super) const MESH: &str = "mesh stages";
+pub(super) const KERNELS: &str = "kernels";
+pub(super) const COOPERATIVE: &str = "cooperative vectors and matrices";
+pub(super) const TENSORS: &str = "tensors";
+pub(super) const HEAP: &str = "descriptor heap and untyped pointers";
+pub(super) const MICROMAPS: &str = "displacement micromaps";
+
+/// A group's name and its members.
+pub(super) type Groups<T> = &'static [(&'static str, &'static [T])];
+
+/// The group that holds a thing.
+pub(super) fn group_of<T: PartialEq>(
+    groups: &[(&'static str, &'static [T])],
+    sought: T,
+) -> Option<&'static str> {
+    groups.iter().find(|(_, members)| members.contains(&sought)).map(|&(group, _)| group)
+}
+
+/// Sections that are families of rows.
+pub(super) static SECTIONS: &[(&str, &[&Family])] = &[
+    ("arithmetic", arithmetic::FAMILIES),
+    ("bits", bit::FAMILIES),
+    ("conversion, carries, bit fields", conversion::FAMILIES),
+    ("relations and logic", relational_logical::FAMILIES),
+];
+
+/// Opcodes that no section decodes because the loader reads them, or the lowering turns them into
+/// blocks, calls and variables.
+pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
+    (
+        "module, types, constants",
+        &[
+            Op::Nop,
+            Op::SourceContinued,
+            Op::Source,
+            Op::SourceExtension,
+            Op::Name,
+            Op::MemberName,
+            Op::String,
+            Op::Line,
+            Op::NoLine,
+            Op::ModuleProcessed,
+            Op::Extension,
+            Op::ExtInstImport,
+            Op::ExtInstWithForwardRefsKHR,
+            Op::MemoryModel,
+            Op::EntryPoint,
+            Op::ExecutionMode,
+            Op::ExecutionModeId,
+            Op::Capability,
+            Op::Decorate,
+            Op::DecorateId,
+            Op::DecorateString,
+            Op::MemberDecorate,
+            Op::MemberDecorateString,
+            Op::DecorationGroup,
+            Op::GroupDecorate,
+            Op::GroupMemberDecorate,
+            Op::TypeVoid,
+            Op::TypeBool,
+            Op::TypeInt,
+            Op::TypeFloat,
+            Op::TypeVector,
+            Op::TypeMatrix,
+            Op::TypeImage,
+            Op::TypeSampler,
+            Op::TypeSampledImage,
+            Op::TypeArray,
+            Op::TypeRuntimeArray,
+            Op::TypeStruct,
+            Op::TypePointer,
+            Op::TypeForwardPointer,
+            Op::TypeFunction,
+            Op::TypeAccelerationStructureKHR,
+            Op::ConstantTrue,
+            Op::ConstantFalse,
+            Op::Constant,
+            Op::ConstantComposite,
+            Op::ConstantNull,
+            Op::SpecConstantTrue,
+            Op::SpecConstantFalse,
+            Op::SpecConstant,
+            Op::SpecConstantComposite,
+            Op::SpecConstantOp,
+        ],
+    ),
+    (
+        "functions and control flow",
+        &[
+            Op::Function,
+            Op::FunctionParameter,
+            Op::FunctionEnd,
+            Op::FunctionCall,
+            Op::Variable,
+            Op::Label,
+            Op::Phi,
+            Op::LoopMerge,
+            Op::SelectionMerge,
+            Op::Branch,
+            Op::BranchConditional,
+            Op::Switch,
+            Op::Return,
+            Op::ReturnValue,
+            Op::Unreachable,
+            Op::IgnoreIntersectionKHR,
+            Op::TerminateRayKHR,
+        ],
+    ),
+];
+
+/// Opcodes to come that need no capability of their own, or one that others need too.
+pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[
+    (
+        "images",
+        &[
+            Op::ImageTexelPointer,
+            Op::ImageSampleDrefExplicitLod,
+            Op::ImageSampleProjExplicitLod,
+            Op::ImageSampleProjDrefExplicitLod,
+            Op::ImageGather,
+            Op::ImageDrefGather,
+        ],
+    ),
+    (
+        "derivatives and implicit level of detail (compute)",
+        &[
+            Op::ImageSampleImplicitLod,
+            Op::ImageSampleDrefImplicitLod,
+            Op::ImageSampleProjImplicitLod,
+            Op::ImageSampleProjDrefImplicitLod,
+            Op::DPdx,
+            Op::DPdy,
+            Op::Fwidth,
+        ],
+    ),
+    (
+        "atomics and barriers",
+        &[
+            Op::ControlBarrier,
+            Op::MemoryBarrier,
+            Op::AtomicLoad,
+            Op::AtomicStore,
+            Op::AtomicExchange,
+            Op::AtomicCompareExchange,
+            Op::AtomicIIncrement,
+            Op::AtomicIDecrement,
+            Op::AtomicIAdd,
+            Op::AtomicISub,
+            Op::AtomicSMin,
+            Op::AtomicUMin,
+            Op::AtomicSMax,
+            Op::AtomicUMax,
+            Op::AtomicAnd,
+            Op::AtomicOr,
+            Op::AtomicXor,
+        ],
+    ),
+    ("pointers and device addresses", &[Op::PtrEqual, Op::PtrNotEqual, Op::SizeOf]),
+    (
+        "subgroups",
+        &[
+            Op::GroupIAddNonUniformAMD,
+            Op::GroupFAddNonUniformAMD,
+            Op::GroupFMinNonUniformAMD,
+            Op::GroupUMinNonUniformAMD,
+            Op::GroupSMinNonUniformAMD,
+            Op::GroupFMaxNonUniformAMD,
+            Op::GroupUMaxNonUniformAMD,
+            Op::GroupSMaxNonUniformAMD,
+        ],
+    ),
+];
+
+/// Opcodes out of scope that no capability tells.
+pub(super) const OUT_OF_SCOPE_OPCODES: Groups<Op> = &[(GRAPHICS, &[Op::Kill, Op::TerminateInvocation])];
+
+/// What needs one of these is to come.
+pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
+    ("ray queries", &[Capability::RayQueryKHR, Capability::RayQueryPositionFetchKHR]),
+    ("hit objects", &[Capability::ShaderInvocationReorderNV, Capability::ShaderInvocationReorderEXT]),
+    (
+        "spheres and swept spheres in ray queries and hit objects",
+        &[Capability::RayTracingSpheresGeometryNV, Capability::RayTracingLinearSweptSpheresGeometryNV],
+    ),
+    ("NV_ray_tracing", &[Capability::RayTracingNV]),
+    ("motion blur", &[Capability::RayTracingMotionBlurNV]),
+    ("cluster acceleration structures", &[Capability::RayTracingClusterAccelerationStructureNV]),
+    (
+        "subgroups",
+        &[
+            Capability::GroupNonUniform,
+            Capability::GroupNonUniformVote,
+            Capability::GroupNonUniformBallot,
+            Capability::GroupNonUniformShuffle,
+            Capability::GroupNonUniformShuffleRelative,
+            Capability::GroupNonUniformArithmetic,
+            Capability::GroupNonUniformClustered,
+            Capability::GroupNonUniformQuad,
+            Capability::GroupNonUniformRotateKHR,
+            Capability::GroupNonUniformPartitionedEXT,
+            Capability::SubgroupBallotKHR,
+            Capability::SubgroupVoteKHR,
+            Capability::QuadControlKHR,
+        ],
+    ),
+    (
+        "atomics and barriers",
+        &[
+            Capability::AtomicFloat16AddEXT,
+            Capability::AtomicFloat32AddEXT,
+            Capability::AtomicFloat64AddEXT,
+            Capability::AtomicFloat16MinMaxEXT,
+            Capability::AtomicFloat32MinMaxEXT,
+            Capability::AtomicFloat64MinMaxEXT,
+            Capability::AtomicFloat16VectorNV,
+        ],
+    ),
+    (
+        "pointers and device addresses",
+        &[
+            Capability::PhysicalStorageBufferAddresses,
+            Capability::VariablePointers,
+            Capability::VariablePointersStorageBuffer,
+            Capability::RawAccessChainsNV,
+        ],
+    ),
+    (
+        "images",
+        &[
+            Capability::ImageQuery,
+            Capability::SparseResidency,
+            Capability::ImageFootprintNV,
+            Capability::BindlessTextureNV,
+            Capability::TextureSampleWeightedQCOM,
+            Capability::TextureBoxFilterQCOM,
+            Capability::TextureBlockMatchQCOM,
+            Capability::TextureBlockMatch2QCOM,
+        ],
+    ),
+    ("derivatives and implicit level of detail (compute)", &[Capability::DerivativeControl]),
+    (
+        "other arithmetic",
+        &[
+            Capability::DotProduct,
+            Capability::FMAKHR,
+            Capability::IntegerFunctions2INTEL,
+            Capability::LongVectorEXT,
+            Capability::ReplicatedCompositesEXT,
+        ],
+    ),
+    ("others", &[Capability::ShaderClockKHR, Capability::ExpectAssumeKHR, Capability::ShaderEnqueueAMDX]),
+];
+
+/// What needs one of these, and none of the capabilities to come, is out of scope. Those of INTEL
+/// and ALTERA are kernels' but for the few listed above.
+pub(super) const OUT_OF_SCOPE_CAPABILITIES: Groups<Capability> = &[
+    (
+        KERNELS,
+        &[
+            Capability::Kernel,
+            Capability::Addresses,
+            Capability::DeviceEnqueue,
+            Capability::Pipes,
+            Capability::PipeStorage,
+            Capability::Groups,
+            Capability::GroupUniformArithmeticKHR,
+            Capability::SubgroupDispatch,
+            Capability::NamedBarrier,
+            Capability::LiteralSampler,
+            Capability::ArithmeticFenceEXT,
+        ],
+    ),
+    (
+        GRAPHICS,
+        &[
+            Capability::Geometry,
+            Capability::GeometryStreams,
+            Capability::TileImageColorReadAccessEXT,
+            Capability::TileImageDepthReadAccessEXT,
+            Capability::TileImageStencilReadAccessEXT,
+            Capability::FragmentMaskAMD,
+            Capability::FragmentShaderSampleInterlockEXT,
+            Capability::DemoteToHelperInvocation,
+        ],
+    ),
+    (MESH, &[Capability::MeshShadingEXT, Capability::MeshShadingNV]),
+    (
+        COOPERATIVE,
+        &[
+            Capability::CooperativeMatrixKHR,
+            Capability::CooperativeMatrixNV,
+            Capability::CooperativeMatrixConversionQCOM,
+            Capability::CooperativeMatrixConversionsNV,
+            Capability::CooperativeMatrixReductionsNV,
+            Capability::CooperativeMatrixTensorAddressingNV,
+            Capability::CooperativeMatrixPerElementOperationsNV,
+            Capability::CooperativeVectorNV,
+            Capability::CooperativeVectorTrainingNV,
+        ],
+    ),
+    (TENSORS, &[Capability::TensorsARM, Capability::GraphARM, Capability::TensorAddressingNV]),
+    (HEAP, &[Capability::UntypedPointersKHR, Capability::DescriptorHeapEXT]),
+    (MICROMAPS, &[Capability::DisplacementMicromapNV]),
+];
+
+/// Builtins to come.
+pub(super) const UNSUPPORTED_BUILTINS: Groups<BuiltIn> = &[
+    (
+        "compute",
+        &[
+            BuiltIn::NumWorkgroups,
+            BuiltIn::WorkgroupSize,
+            BuiltIn::WorkgroupId,
+            BuiltIn::LocalInvocationId,
+            BuiltIn::GlobalInvocationId,
+            BuiltIn::LocalInvocationIndex,
+        ],
+    ),
+    (
+        "subgroups",
+        &[
+            BuiltIn::SubgroupSize,
+            BuiltIn::NumSubgroups,
+            BuiltIn::SubgroupId,
+            BuiltIn::SubgroupLocalInvocationId,
+            BuiltIn::SubgroupEqMask,
+            BuiltIn::SubgroupGeMask,
+            BuiltIn::SubgroupGtMask,
+            BuiltIn::SubgroupLeMask,
+            BuiltIn::SubgroupLtMask,
+        ],
+    ),
+    ("motion blur", &[BuiltIn::CurrentRayTimeNV]),
+    ("cluster acceleration structures", &[BuiltIn::ClusterIDNV]),
+    (
+        "the machine's own numbers",
+        &[
+            BuiltIn::DeviceIndex,
+            BuiltIn::WarpsPerSMNV,
+            BuiltIn::SMCountNV,
+            BuiltIn::WarpIDNV,
+            BuiltIn::SMIDNV,
+            BuiltIn::CoreIDARM,
+            BuiltIn::CoreCountARM,
+            BuiltIn::CoreMaxIDARM,
+            BuiltIn::WarpIDARM,
+            BuiltIn::WarpMaxIDARM,
+        ],
+    ),
+    ("work graphs", &[BuiltIn::RemainingRecursionLevelsAMDX, BuiltIn::ShaderIndexAMDX]),
+];
+
+/// Builtins out of scope.
+pub(super) const OUT_OF_SCOPE_BUILTINS: Groups<BuiltIn> = &[
+    (
+        GRAPHICS,
+        &[
+            BuiltIn::Position,
+            BuiltIn::PointSize,
+            BuiltIn::ClipDistance,
+            BuiltIn::CullDistance,
+            BuiltIn::VertexId,
+            BuiltIn::InvocationId,
+            BuiltIn::Layer,
+            BuiltIn::ViewportIndex,
+            BuiltIn::TessLevelOuter,
+            BuiltIn::TessLevelInner,
+            BuiltIn::TessCoord,
+            BuiltIn::PatchVertices,
+            BuiltIn::FragCoord,
+            BuiltIn::PointCoord,
+            BuiltIn::FrontFacing,
+            BuiltIn::SampleId,
+            BuiltIn::SamplePosition,
+            BuiltIn::SampleMask,
+            BuiltIn::FragDepth,
+            BuiltIn::HelperInvocation,
+            BuiltIn::VertexIndex,
+            BuiltIn::InstanceIndex,
+            BuiltIn::BaseVertex,
+            BuiltIn::BaseInstance,
+            BuiltIn::DrawIndex,
+            BuiltIn::PrimitiveShadingRateKHR,
+            BuiltIn::ViewIndex,
+            BuiltIn::ShadingRateKHR,
+            BuiltIn::TileOffsetQCOM,
+            BuiltIn::TileDimensionQCOM,
+            BuiltIn::TileApronSizeQCOM,
+            BuiltIn::BaryCoordNoPerspAMD,
+            BuiltIn::BaryCoordNoPerspCentroidAMD,
+            BuiltIn::BaryCoordNoPerspSampleAMD,
+            BuiltIn::BaryCoordSmoothAMD,
+            BuiltIn::BaryCoordSmoothCentroidAMD,
+            BuiltIn::BaryCoordSmoothSampleAMD,
+            BuiltIn::BaryCoordPullModelAMD,
+            BuiltIn::FragStencilRefEXT,
+            BuiltIn::ViewportMaskNV,
+            BuiltIn::SecondaryPositionNV,
+            BuiltIn::SecondaryViewportMaskNV,
+            BuiltIn::PositionPerViewNV,
+            BuiltIn::ViewportMaskPerViewNV,
+            BuiltIn::FullyCoveredEXT,
+            BuiltIn::BaryCoordKHR,
+            BuiltIn::BaryCoordNoPerspKHR,
+            BuiltIn::FragSizeEXT,
+            BuiltIn::FragInvocationCountEXT,
+        ],
+    ),
+    (
+        MESH,
+        &[
+            BuiltIn::TaskCountNV,
+            BuiltIn::PrimitiveCountNV,
+            BuiltIn::PrimitiveIndicesNV,
+            BuiltIn::ClipDistancePerViewNV,
+            BuiltIn::CullDistancePerViewNV,
+            BuiltIn::LayerPerViewNV,
+            BuiltIn::MeshViewCountNV,
+            BuiltIn::MeshViewIndicesNV,
+            BuiltIn::PrimitivePointIndicesEXT,
+            BuiltIn::PrimitiveLineIndicesEXT,
+            BuiltIn::PrimitiveTriangleIndicesEXT,
+            BuiltIn::CullPrimitiveEXT,
+        ],
+    ),
+    (
+        KERNELS,
+        &[
+            BuiltIn::WorkDim,
+            BuiltIn::GlobalSize,
+            BuiltIn::EnqueuedWorkgroupSize,
+            BuiltIn::GlobalOffset,
+            BuiltIn::GlobalLinearId,
+            BuiltIn::SubgroupMaxSize,
+            BuiltIn::NumEnqueuedSubgroups,
+        ],
+    ),
+    (HEAP, &[BuiltIn::SamplerHeapEXT, BuiltIn::ResourceHeapEXT]),
+    (
+        MICROMAPS,
+        &[
+            BuiltIn::HitMicroTriangleVertexPositionsNV,
+            BuiltIn::HitMicroTriangleVertexBarycentricsNV,
+            BuiltIn::HitKindFrontFacingMicroTriangleNV,
+            BuiltIn::HitKindBackFacingMicroTriangleNV,
+        ],
+    ),
+];
+
+/// Storage classes to come.
+pub(super) const UNSUPPORTED_STORAGE: Groups<StorageClass> = &[
+    ("compute", &[StorageClass::Workgroup]),
+    ("atomics and barriers", &[StorageClass::Image]),
+    ("pointers and device addresses", &[StorageClass::PhysicalStorageBuffer]),
+    ("hit objects", &[StorageClass::HitObjectAttributeNV, StorageClass::HitObjectAttributeEXT]),
+    ("work graphs", &[StorageClass::NodePayloadAMDX]),
+];
+
+/// Storage classes out of scope.
+pub(super) const OUT_OF_SCOPE_STORAGE: Groups<StorageClass> = &[
+    (GRAPHICS, &[StorageClass::Output, StorageClass::TileImageEXT, StorageClass::TileAttachmentQCOM]),
+    (MESH, &[StorageClass::TaskPayloadWorkgroupEXT]),
+    (
+        KERNELS,
+        &[
+            StorageClass::CrossWorkgroup,
+            StorageClass::Generic,
+            StorageClass::AtomicCounter,
+            StorageClass::CodeSectionINTEL,
+            StorageClass::DeviceOnlyALTERA,
+            StorageClass::HostOnlyALTERA,
+        ],
+    ),
+];
