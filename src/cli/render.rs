@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::cli::output;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::Binding;
 use crate::pipeline::Stats;
@@ -73,7 +74,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let image = image.expect("bug in anyhit: the output image is not bound");
     save(&args.output, image, linear)?;
     if args.stats {
-        super::output::print(&table(&stats, ready, traced))?;
+        output::print(table(&stats, ready, traced))?;
     }
     Ok(())
 }
