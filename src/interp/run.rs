@@ -1,5 +1,7 @@
 //! The loop.
 
+use smallvec::SmallVec;
+
 use crate::machine::{Batch, Bindings, Lanes, Mask, Observer, Stop, TrapCode};
 use crate::ops::op::Op;
 use crate::ops::row::{Row, Width};
@@ -18,7 +20,8 @@ where
     loop {
         let block = &program.blocks[batch.block as usize];
         while batch.op < block.end {
-            if O::ACTIVE && observer.before(batch, batch.op) {
+            if O::ACTIVE && !std::mem::take(&mut batch.paused) && observer.before(batch, batch.op) {
+                batch.paused = true;
                 return Stop::Paused;
             }
             let op = &program.ops[batch.op as usize];
@@ -47,34 +50,33 @@ fn leave<const W: usize>(batch: &mut Batch<W>, program: &Program, terminator: &T
         batch.follow([])
     } else {
         match terminator {
-            Terminator::Branch(target) => {
-                charge(batch, program, from, *target);
-                batch.jump(*target)
-            }
+            Terminator::Branch(target) => go(batch, program, *target),
             Terminator::BranchConditional { condition, then, other } => {
                 let taken = Mask::of(&batch.registers[*condition]) & mask;
                 if taken == mask {
-                    charge(batch, program, from, *then);
-                    batch.jump(*then)
+                    go(batch, program, *then)
                 } else if taken.is_empty() {
-                    charge(batch, program, from, *other);
-                    batch.jump(*other)
+                    go(batch, program, *other)
                 } else {
-                    batch.follow([(*then, taken), (*other, mask.without(taken))])
+                    split(batch, program, &[(*then, taken), (*other, mask.without(taken))])
                 }
             }
             Terminator::Switch { selector, wide, cases, default } => {
                 let low = batch.registers[*selector];
                 let high = if *wide { batch.registers[selector.plus(1)] } else { Lanes::splat(0) };
-                let target = |lane: usize| {
+                let mut edges: SmallVec<[(u32, Mask<W>); 4]> = SmallVec::new();
+                for lane in mask.lanes() {
                     let value = u64::from(low.0[lane]) | u64::from(high.0[lane]) << 32;
-                    cases.iter().find(|case| case.0 == value).map_or(*default, |case| case.1)
-                };
-                let edges: Vec<_> = mask.lanes().map(|lane| (target(lane), Mask::lane(lane))).collect();
-                batch.follow(edges)
+                    let target = cases.iter().find(|case| case.0 == value).map_or(*default, |case| case.1);
+                    match edges.iter_mut().find(|edge| edge.0 == target) {
+                        Some(edge) => edge.1 = edge.1 | Mask::lane(lane),
+                        None => edges.push((target, Mask::lane(lane))),
+                    }
+                }
+                split(batch, program, &edges)
             }
             Terminator::Call { function, return_to } => {
-                batch.spend(program.blocks.len() as u32, block_end(program, from));
+                batch.spend(mask, 1, last_op(program, from));
                 if batch.mask.is_empty() {
                     batch.follow([])
                 } else {
@@ -88,7 +90,7 @@ fn leave<const W: usize>(batch: &mut Batch<W>, program: &Program, terminator: &T
                 batch.follow([])
             }
             Terminator::Unreachable => {
-                batch.trap(mask, TrapCode::Unreachable, block_end(program, from));
+                batch.trap(mask, TrapCode::Unreachable, last_op(program, from));
                 batch.follow([])
             }
         }
@@ -99,15 +101,33 @@ fn leave<const W: usize>(batch: &mut Batch<W>, program: &Program, terminator: &T
     going
 }
 
-/// Spends the budget at a back edge: as much as the loop has operations.
-fn charge<const W: usize>(batch: &mut Batch<W>, program: &Program, from: u32, to: u32) {
-    if to <= from {
-        let end = block_end(program, from);
-        let cost = end - program.blocks[to as usize].first + 1;
-        batch.spend(cost, end.saturating_sub(1));
+/// All running lanes go on at one block.
+fn go<const W: usize>(batch: &mut Batch<W>, program: &Program, target: u32) -> bool {
+    charge(batch, program, target, batch.mask);
+    batch.jump(target)
+}
+
+/// The running lanes go on at several blocks.
+fn split<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(u32, Mask<W>)]) -> bool {
+    for &(target, mask) in edges {
+        charge(batch, program, target, mask);
+    }
+    let live = batch.mask;
+    batch.follow(edges.iter().map(|&(target, mask)| (target, mask & live)))
+}
+
+/// Spends the budget of lanes at a back edge: as much as the loop has operations, so that what a
+/// lane may do depends neither on its neighbours nor on the width of its batch.
+fn charge<const W: usize>(batch: &mut Batch<W>, program: &Program, to: u32, mask: Mask<W>) {
+    if to <= batch.block {
+        let end = program.blocks[batch.block as usize].end;
+        let cost = end.saturating_sub(program.blocks[to as usize].first) + 1;
+        batch.spend(mask, cost, last_op(program, batch.block));
     }
 }
 
-fn block_end(program: &Program, block: u32) -> u32 {
-    program.blocks[block as usize].end
+/// The operation to name for what a block's terminator does.
+fn last_op(program: &Program, block: u32) -> u32 {
+    let block = &program.blocks[block as usize];
+    block.end.saturating_sub(1)
 }

@@ -40,6 +40,8 @@ pub struct Batch<const W: usize> {
     pub op: u32,
     /// The block that runs now.
     pub block: u32,
+    /// Whether an observer paused the batch before the operation that runs next.
+    pub paused: bool,
     /// How each lane ended, meaningful once it has.
     pub exits: [Exit; W],
     /// The lanes that have not been stopped.
@@ -60,6 +62,7 @@ impl<const W: usize> Batch<W> {
             mask: Mask::NONE,
             op: 0,
             block: 0,
+            paused: false,
             exits: [Exit::Returned; W],
             live: Mask::NONE,
             budget: [0; W],
@@ -74,6 +77,7 @@ impl<const W: usize> Batch<W> {
         self.live = mask;
         self.block = block;
         self.op = op;
+        self.paused = false;
         self.exits = [Exit::Returned; W];
         self.budget = [budget; W];
         self.waiting.clear();
@@ -132,10 +136,9 @@ impl<const W: usize> Batch<W> {
         self.exit(mask & self.mask, Exit::Trapped(Trap { code, op }));
     }
 
-    /// Charges the running lanes; those that cannot pay are stopped.
+    /// Charges lanes; those that cannot pay are stopped.
     #[inline]
-    pub fn spend(&mut self, cost: u32, op: u32) {
-        let mask = self.mask;
+    pub fn spend(&mut self, mask: Mask<W>, cost: u32, op: u32) {
         let mut broke = Mask::NONE;
         for lane in 0..W {
             let charge = if mask.contains(lane) { u64::from(cost) } else { 0 };
@@ -231,9 +234,9 @@ mod tests {
     #[test]
     fn a_lane_without_budget_is_stopped() {
         let mut batch = batch();
-        batch.spend(10, 0);
+        batch.spend(Mask::ALL, 10, 0);
         assert_eq!(batch.mask.count(), 4);
-        batch.spend(1, 0);
-        assert!(batch.mask.is_empty());
+        batch.spend(Mask::first(3), 1, 0);
+        assert_eq!(batch.mask, Mask::lane(3));
     }
 }

@@ -12,6 +12,7 @@ use crate::machine::{
 };
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
+use crate::ops::ray_tracing::TRACE_OPERANDS;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
@@ -108,6 +109,8 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
     levels: Vec<Level<W>>,
     /// Batches that can be used again, by shader.
     spare: Vec<Vec<Box<Running<W>>>>,
+    /// Traces whose memory can be used again.
+    spare_traces: Vec<Box<Trace>>,
 }
 
 /// The bindings of each program of a pipeline.
@@ -135,6 +138,7 @@ where
             trapped: None,
             levels: Vec::new(),
             spare,
+            spare_traces: Vec::new(),
         }
     }
 
@@ -154,8 +158,9 @@ where
     /// Traces one ray without a ray generation shader; the ray's state afterwards.
     pub fn trace(&mut self, query: Query) -> Option<RayState> {
         self.stats.rays += 1;
-        let trace = Trace::new(vec![Some(query)], self.witness);
-        self.levels.push(Level::Trace { trace: Box::new(trace), payload: None });
+        let mut trace = self.spare_trace();
+        trace.push(0, query, self.witness);
+        self.levels.push(Level::Trace { trace, payload: None });
         self.run()
     }
 
@@ -293,13 +298,21 @@ where
         self.spare[running.shader.0 as usize].push(running);
     }
 
+    fn spare_trace(&mut self) -> Box<Trace> {
+        let mut trace = self.spare_traces.pop().unwrap_or_default();
+        trace.clear();
+        trace
+    }
+
     fn begin_trace(&mut self, mask: Mask<W>, operands: Reg, payload: Rows) {
+        let mut trace = self.spare_trace();
         let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
         let bindings = &self.bindings[running.shader.0 as usize];
-        let mut queries = vec![None; W];
         for lane in mask.lanes() {
             let batch = &running.batch;
-            let words: Vec<u32> = batch.registers.lane_words(operands, 15, lane).collect();
+            let mut words = [0; TRACE_OPERANDS as usize];
+            let read = batch.registers.lane_words(operands, TRACE_OPERANDS, lane);
+            words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
             let invocation = &batch.invocations[lane];
             let depth = invocation.depth + 1;
             let query = match bindings.tlas(words[0]).filter(|_| words[1] == 0) {
@@ -311,32 +324,32 @@ where
                 }
             };
             match query {
-                Ok(query) => queries[lane] = Some(query),
+                Ok(query) => trace.push(lane, query, self.witness),
                 Err(code) => {
                     let op = running.batch.op - 1;
                     running.batch.trap(Mask::lane(lane), code, op);
                 }
             }
         }
-        self.stats.rays += queries.iter().flatten().count() as u64;
-        let trace = Trace::new(queries, self.witness);
-        self.levels.push(Level::Trace { trace: Box::new(trace), payload: Some(payload) });
+        self.stats.rays += trace.lanes().len() as u64;
+        self.levels.push(Level::Trace { trace, payload: Some(payload) });
     }
 
     /// Takes a trace whose rays are done from the stack; its ray where nothing called it.
     fn end_trace(&mut self) -> Option<RayState> {
-        let Some(Level::Trace { mut trace, payload }) = self.levels.pop() else { return None };
+        let Some(Level::Trace { trace, payload }) = self.levels.pop() else { return None };
         let (Some(Level::Shader(below)), Some(payload)) = (self.levels.last_mut(), payload) else {
-            return trace.rays.swap_remove(0);
+            return Some(trace.ray(0).clone());
         };
-        for (lane, ray) in trace.rays.into_iter().enumerate() {
-            let Some(ray) = ray else { continue };
-            below.batch.registers.set_lane_words(payload.first, lane, ray.query.payload);
+        for &lane in trace.lanes() {
+            let ray = trace.ray(lane);
+            below.batch.registers.set_lane_words(payload.first, lane, ray.query.payload.iter().copied());
             if ray.trapped {
                 let op = below.batch.op - 1;
                 below.batch.trap(Mask::lane(lane), TrapCode::Callee, op);
             }
         }
+        self.spare_traces.push(trace);
         None
     }
 

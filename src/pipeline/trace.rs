@@ -55,35 +55,63 @@ struct Waiting {
     lanes: SmallVec<[(usize, Option<ShaderRecord>); 4]>,
 }
 
-/// The rays of one `OpTraceRayKHR`.
-#[derive(Clone, Debug)]
+/// The rays of one `OpTraceRayKHR`; its memory is used again for the next.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Trace {
-    /// By lane of the caller; `None` where the lane does not trace.
-    pub rays: Vec<Option<RayState>>,
+    /// By lane of the caller; the memory of a lane that does not trace may lie idle.
+    rays: Vec<Option<RayState>>,
+    /// The lanes that trace, ascending.
+    lanes: Vec<usize>,
     waiting: Vec<Waiting>,
     traversing: bool,
 }
 
 impl Trace {
-    /// Begins a trace; the position of a query is the lane of the caller.
-    pub fn new<T: Witness>(queries: Vec<Option<Query>>, witness: &mut T) -> Self {
-        let mut rays = Vec::with_capacity(queries.len());
-        for query in queries {
-            rays.push(query.map(|query| {
-                if T::ACTIVE {
-                    witness.event(Event::Trace {
-                        launch_id: query.launch_id,
-                        depth: query.depth,
-                        trace: query.trace,
-                        sbt: [query.sbt_offset, query.sbt_stride, query.miss_index],
-                        payload: query.payload.to_vec(),
-                    });
-                }
-                let cursor = Cursor::new(&query.tlas, query.trace);
-                RayState { query, cursor, attributes: Data::new(), traversing: true, trapped: false }
-            }));
+    /// Makes it ready for the rays of another instruction.
+    pub fn clear(&mut self) {
+        self.lanes.clear();
+        self.waiting.clear();
+        self.traversing = true;
+    }
+
+    /// Adds the ray of a lane; lanes come in ascending order.
+    pub fn push<T: Witness>(&mut self, lane: usize, query: Query, witness: &mut T) {
+        if T::ACTIVE {
+            witness.event(Event::Trace {
+                launch_id: query.launch_id,
+                depth: query.depth,
+                trace: query.trace,
+                sbt: [query.sbt_offset, query.sbt_stride, query.miss_index],
+                payload: query.payload.to_vec(),
+            });
         }
-        Self { rays, waiting: Vec::new(), traversing: true }
+        if self.rays.len() <= lane {
+            self.rays.resize_with(lane + 1, || None);
+        }
+        self.lanes.push(lane);
+        match &mut self.rays[lane] {
+            Some(ray) => {
+                ray.cursor.reset(&query.tlas, query.trace);
+                ray.query = query;
+                ray.traversing = true;
+                ray.trapped = false;
+            }
+            idle => {
+                let cursor = Cursor::new(&query.tlas, query.trace);
+                *idle = Some(RayState {
+                    query,
+                    cursor,
+                    attributes: Data::new(),
+                    traversing: true,
+                    trapped: false,
+                });
+            }
+        }
+    }
+
+    /// The lanes that trace.
+    pub fn lanes(&self) -> &[usize] {
+        &self.lanes
     }
 
     /// Goes on until a shader must run; `None` when every ray is done.
@@ -107,8 +135,8 @@ impl Trace {
 
     /// Lets each ray go on to its next candidate that a shader decides.
     fn traverse<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
-        for (lane, ray) in self.rays.iter_mut().enumerate() {
-            let Some(ray) = ray.as_mut().filter(|ray| ray.traversing) else { continue };
+        for &lane in &self.lanes {
+            let Some(ray) = self.rays[lane].as_mut().filter(|ray| ray.traversing) else { continue };
             loop {
                 let candidate = ray.cursor.proceed_with(&ray.query.tlas, &mut Traversal(witness));
                 let Some(candidate) = candidate else {
@@ -145,8 +173,8 @@ impl Trace {
 
     /// Chooses closest-hit or miss for each ray.
     fn finish<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
-        for (lane, ray) in self.rays.iter().enumerate() {
-            let Some(ray) = ray.as_ref().filter(|ray| !ray.trapped) else { continue };
+        for &lane in &self.lanes {
+            let Some(ray) = self.rays[lane].as_ref().filter(|ray| !ray.trapped) else { continue };
             let committed = ray.cursor.committed().copied();
             let (index, record, shader, role) = match &committed {
                 Some(committed) => {
@@ -195,7 +223,8 @@ impl Trace {
         called
     }
 
-    fn ray(&self, lane: usize) -> &RayState {
+    /// The ray of a lane that traces.
+    pub fn ray(&self, lane: usize) -> &RayState {
         self.rays[lane].as_ref().expect("bug in anyhit: a lane without a ray called a shader")
     }
 
