@@ -1,4 +1,107 @@
-//! `anyhit` runs ray-tracing shaders on the CPU, exactly.
+//! `anyhit` runs ray-tracing shaders on the CPU, exactly: SPIR-V as a compiler wrote it, over scenes
+//! of triangles, boxes, spheres and linear swept spheres, so that the logic of hit shaders can be
+//! unit-tested, followed one ray at a time and guarded in CI without a GPU.
+//!
+//! # One ray's journey
+//!
+//! **A module** comes first. [`module::load`] walks the words of a SPIR-V file and fills arenas of
+//! types, constants, variables and functions. Bytes that break a rule are refused with the offset
+//! of the word; a valid instruction that this crate does not run is carried along and refused only
+//! where it would have to run. [`ops::support`] tells the two apart, for all of SPIR-V.
+//!
+//! **A program** is one entry point, made ready by [`program::lower`]. A register is one scalar
+//! component for all lanes of a batch, so a `vec3` is three registers and composites vanish here:
+//! extracting and shuffling only rearrange lists of registers. What remains are [rows](ops::row),
+//! one scalar function each, and blocks in structured order, which is what lets lanes that part at
+//! a branch meet again. What nothing reads is dropped, builtins included.
+//!
+//! **A scene** is a [`accel::Tlas`] of instances over [`accel::Blas`]es. Whether a ray meets a
+//! primitive is decided exactly for the given floats ([`geometry`]): first in floating point with a
+//! bound on the error, and where that leaves it open in exact arithmetic. The reported t is the
+//! correctly rounded one. Trees make this fast and change nothing.
+//!
+//! **A launch** ([`pipeline::Launch`]) cuts a grid of invocations into batches of 32 lanes and runs
+//! the ray generation shader. The interpreter ([`interp::run`]) never calls the host: at
+//! `OpTraceRayKHR` it [stops](machine::Stop), and the pipeline moves the ray's cursor to its next
+//! candidate. Opaque triangles are settled there and then; for the rest the record of the shader
+//! binding table is
+//!
+//! ```text
+//! instance's offset + geometry index * sbt_stride + sbt_offset
+//! ```
+//!
+//! and the intersection and any-hit shaders of its group run as a batch of their own, which reads
+//! and writes the caller's payload. They commit the candidate, ignore it or end the ray. Candidates
+//! come in ascending t, then by instance, geometry and primitive: so the order in which any-hit
+//! shaders run does not depend on the tree, the number of lanes, the threads or the machine.
+//!
+//! **The end of the ray** is one closest-hit or miss shader. Then ray generation goes on behind its
+//! trace, with the payload as they left it. Whatever went wrong on the way is a [trap](machine::trap)
+//! with a launch index, a source line and the stack of shaders that led there.
+//!
+//! # A ray by hand
+//!
+//! One sphere, one closest-hit shader, one ray, no ray generation shader:
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use anyhit::accel::{
+//!     Blas, Geometry, GeometryData, GeometryFlags, Instance, InstanceFlags, RayFlags, Tlas, TraceRay,
+//! };
+//! use anyhit::geometry::Ray;
+//! use anyhit::machine::Resources;
+//! use anyhit::pipeline::{Launch, Pipeline, RayOperands};
+//!
+//! # fn main() -> anyhit::Result<()> {
+//! let shader = |bytes: &[u8]| {
+//!     let module = Arc::new(anyhit::module::load(bytes)?);
+//!     anyhit::program::lower(&module, &module.entry_points[0])
+//! };
+//! let mut builder = Pipeline::builder();
+//! builder.hit([shader(include_bytes!(
+//!     "../spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv"
+//! ))?])?;
+//! builder.miss(shader(include_bytes!(
+//!     "../spirv-fixtures/pass/sphere/closest-hit/main.rmiss.spv"
+//! ))?)?;
+//! let pipeline = builder.build()?;
+//!
+//! let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![0.5], indices: None };
+//! let blas = Blas::new(vec![Geometry { data, flags: GeometryFlags::OPAQUE }])?;
+//! let tlas = Tlas::new(vec![Instance {
+//!     blas,
+//!     transform: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+//!     custom_index: 0,
+//!     mask: 0xFF,
+//!     sbt_record_offset: 0,
+//!     flags: InstanceFlags::default(),
+//! }])?;
+//!
+//! let ray = RayOperands {
+//!     trace: TraceRay {
+//!         ray: Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]),
+//!         flags: RayFlags(0),
+//!         cull_mask: 0xFF,
+//!     },
+//!     sbt_offset: 0,
+//!     sbt_stride: 0,
+//!     miss_index: 0,
+//!     payload: vec![0; 5],
+//! };
+//! let launch = Launch { pipeline: &pipeline, resources: &Resources::default() };
+//! let outcome = launch.trace(&tlas, ray, &mut ())?;
+//! // The ray starts at z = 4 and the sphere's surface is at z = 1/2.
+//! assert_eq!(outcome.committed.expect("a hit").t, 3.5);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Layers
+//!
+//! Imports go one way, and a test enforces it: `cli -> debug, harness -> scene ->
+//! {pipeline, compile} -> interp -> program -> ops -> {module, machine -> accel} -> geometry ->
+//! math -> error`.
 
 #![deny(unsafe_code)]
 
@@ -18,4 +121,6 @@ pub mod pipeline;
 pub mod program;
 pub mod scene;
 
-pub use error::{Error, ErrorKind};
+pub use error::{Error, ErrorKind, Result};
+pub use module::Module;
+pub use pipeline::Pipeline;

@@ -4,6 +4,8 @@
 //! A thinned copy of the recordings lies in the repository; where the whole set is found beside the
 //! checkout (`../shared/driver-golden`) it is read too.
 
+#![allow(clippy::print_stdout, reason = "the figures are worth reading: cargo test -- --nocapture")]
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -5,7 +5,9 @@ use crate::math::error_bound::{round_down, round_up};
 /// An axis-parallel box. A side may be infinite where the shape leaves the range of `f32`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
+    /// The least coordinates.
     pub min: [f32; 3],
+    /// The greatest coordinates.
     pub max: [f32; 3],
 }
 

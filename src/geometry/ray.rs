@@ -4,9 +4,13 @@
 /// the direction's length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
+    /// Where t is 0.
     pub origin: [f32; 3],
+    /// The way per unit of t; of any length but 0.
     pub direction: [f32; 3],
+    /// The least t.
     pub t_min: f32,
+    /// The greatest t.
     pub t_max: f32,
 }
 

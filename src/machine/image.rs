@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 /// How a texel is stored; names as in SPIR-V's `Image Format`, with sRGB beside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the names are the specification's")]
 pub enum Format {
     Rgba32f,
     R32f,
@@ -91,6 +92,7 @@ impl Image {
 
 /// How coordinates outside [0, 1] are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[allow(missing_docs, reason = "the names are the specification's")]
 pub enum AddressMode {
     #[default]
     Repeat,
@@ -100,6 +102,7 @@ pub enum AddressMode {
 
 /// Nearest or linear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[allow(missing_docs, reason = "the names are the specification's")]
 pub enum Filter {
     Nearest,
     #[default]

@@ -34,7 +34,12 @@ pub enum ConstantValue {
     /// `OpUndef` at module scope.
     Undef,
     /// `OpSpecConstantOp`: the opcode's number and its operand words.
-    Operation { opcode: u16, operands: Vec<u32> },
+    Operation {
+        /// The opcode's number.
+        opcode: u16,
+        /// The words behind the opcode.
+        operands: Vec<u32>,
+    },
     /// A kind that this crate does not evaluate (`OpConstantSampler`, ...): the opcode's number.
     Other(u16),
 }

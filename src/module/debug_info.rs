@@ -19,7 +19,9 @@ pub struct SourceFile {
 pub struct Line {
     /// Index into [`DebugInfo::files`].
     pub file: u32,
+    /// From 1.
     pub line: u32,
+    /// From 1; 0 where unknown.
     pub column: u32,
 }
 

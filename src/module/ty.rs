@@ -9,7 +9,10 @@ use crate::module::{Id, Module};
 pub struct TypeId(pub u32);
 
 /// A type. Decorations that shape memory (offsets, strides, matrix layout) are folded in.
+///
+/// Variants and fields are the operands of the `OpType*` instruction of that name.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names are the specification's")]
 pub enum Type {
     Void,
     Bool,
@@ -77,12 +80,15 @@ pub enum Type {
 /// The operands of `OpTypeImage`, numbers as in the specification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageType {
+    /// The component type of a read, or void.
     pub sampled_type: TypeId,
     /// `Dim`.
     pub dim: u32,
     /// 0 no depth, 1 depth, 2 unknown.
     pub depth: u32,
+    /// Whether it has layers.
     pub arrayed: bool,
+    /// Whether a texel has several samples.
     pub multisampled: bool,
     /// 0 unknown, 1 sampled, 2 storage.
     pub sampled: u32,
@@ -93,6 +99,7 @@ pub struct ImageType {
 /// A member of a struct.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Member {
+    /// Its type.
     pub ty: TypeId,
     /// `OpMemberName`, or empty.
     pub name: String,
@@ -109,6 +116,7 @@ pub struct Member {
 pub struct MatrixLayout {
     /// Bytes between columns (or rows, where row-major).
     pub stride: u32,
+    /// `RowMajor`; else `ColMajor`.
     pub row_major: bool,
 }
 

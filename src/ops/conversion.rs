@@ -93,6 +93,7 @@ conversions! {
 
 /// Which conversion an opcode is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names are the specification's")]
 pub enum Conversion {
     FToU,
     FToS,

@@ -28,6 +28,7 @@ pub const OPCODES: &[Opcode] = &[
 
 /// An operation on images of two dimensions.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum Op {
     /// Filters a texture: handles of image and sampler, two coordinate rows, four result rows.
     Sample { to: Reg, image: Reg, sampler: Reg, coordinate: [Reg; 2] },

@@ -46,6 +46,7 @@ pub struct Chunk {
 
 /// An operation that moves words.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum Op {
     /// Copies a row, in all lanes.
     Move { to: Reg, from: Reg },

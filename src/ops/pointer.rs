@@ -12,6 +12,7 @@ use crate::ops::memory::{self, BufferRef, Chunk, Length};
 use crate::ops::op::Op;
 
 /// Storage classes, numbers of the specification.
+#[allow(missing_docs, reason = "the names are the specification's")]
 pub mod storage {
     pub const UNIFORM_CONSTANT: u32 = 0;
     pub const INPUT: u32 = 1;

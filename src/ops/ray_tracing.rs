@@ -25,6 +25,7 @@ pub const TRACE_OPERANDS: u32 = 15;
 
 /// An operation that stops the interpreter.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum Op {
     /// `OpTraceRayKHR`
     TraceRay { operands: Reg, payload: Rows },

@@ -122,6 +122,7 @@ macro_rules! rows {
         $(
             $(#[$doc])*
             #[allow(non_upper_case_globals)]
+            #[doc = concat!("`", stringify!($name), "` at all its widths.")]
             pub static $name: $crate::ops::row::Family = $crate::ops::row::Family {
                 name: stringify!($name),
                 set: $crate::ops::row::Set::$set,
