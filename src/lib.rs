@@ -4,12 +4,12 @@
 //!
 //! # One ray's journey
 //!
-//! **A module** comes first. [`module::load`] walks the words of a SPIR-V file and fills arenas of
+//! **A module** comes first. [`module::load()`] walks the words of a SPIR-V file and fills arenas of
 //! types, constants, variables and functions. Bytes that break a rule are refused with the offset
 //! of the word; a valid instruction that this crate does not run is carried along and refused only
 //! where it would have to run. [`ops::support`] tells the two apart, for all of SPIR-V.
 //!
-//! **A program** is one entry point, made ready by [`program::lower`]. A register is one scalar
+//! **A program** is one entry point, made ready by [`program::lower()`]. A register is one scalar
 //! component for all lanes of a batch, so a `vec3` is three registers and composites vanish here:
 //! extracting and shuffling only rearrange lists of registers. What remains are [rows](ops::row),
 //! one scalar function each, and blocks in structured order, which is what lets lanes that part at
@@ -21,7 +21,7 @@
 //! correctly rounded one. Trees make this fast and change nothing.
 //!
 //! **A launch** ([`pipeline::Launch`]) cuts a grid of invocations into batches of 32 lanes and runs
-//! the ray generation shader. The interpreter ([`interp::run`]) never calls the host: at
+//! the ray generation shader. The interpreter ([`interp::run()`]) never calls the host: at
 //! `OpTraceRayKHR` it [stops](machine::Stop), and the pipeline moves the ray's cursor to its next
 //! candidate. Opaque triangles are settled there and then; for the rest the record of the shader
 //! binding table is
