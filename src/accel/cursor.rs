@@ -24,6 +24,8 @@
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
+use smallvec::SmallVec;
+
 use crate::accel::node_ray::NodeRay;
 pub use crate::accel::rules::RayFlags;
 use crate::accel::tlas::Tlas;
@@ -173,12 +175,10 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Cursor {
     pub(super) trace: TraceRay,
-    pub(super) open: Vec<Open>,
+    pub(super) open: SmallVec<[Open; 24]>,
     /// The ray for the nodes of the TLAS; `None` where that has no tree.
     pub(super) world: Option<NodeRay>,
-    pub(super) level: Option<Box<Level>>,
-    /// Memory for the next level.
-    pub(super) spare_level: Option<Box<Level>>,
+    pub(super) level: Option<Level>,
     /// No hit behind it matters; a rounded t.
     pub(super) cull_t: f32,
     waiting: BinaryHeap<Reverse<Waiting>>,
@@ -196,10 +196,9 @@ impl Cursor {
     pub fn new(tlas: &Tlas, trace: TraceRay) -> Self {
         let mut cursor = Self {
             trace,
-            open: Vec::new(),
+            open: SmallVec::new(),
             world: None,
             level: None,
-            spare_level: None,
             cull_t: 0.0,
             waiting: BinaryHeap::new(),
             opaque: None,

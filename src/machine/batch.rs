@@ -44,6 +44,9 @@ pub struct Batch<const W: usize> {
     pub paused: bool,
     /// How each lane ended, meaningful once it has.
     pub exits: [Exit; W],
+    /// The byte offset or device address that a lane asked for, meaningful once the access has
+    /// stopped it.
+    pub asked: [u64; W],
     /// The lanes that have not been stopped.
     live: Mask<W>,
     /// Operations that each lane may still spend at back edges and calls.
@@ -64,6 +67,7 @@ impl<const W: usize> Batch<W> {
             block: 0,
             paused: false,
             exits: [Exit::Returned; W],
+            asked: [0; W],
             live: Mask::NONE,
             budget: [0; W],
             waiting: Vec::new(),

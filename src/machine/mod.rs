@@ -6,6 +6,7 @@
 //! [`resource`]s.
 
 pub mod batch;
+pub mod device_memory;
 pub mod image;
 pub mod invocation;
 pub mod lanes;
@@ -15,6 +16,7 @@ pub mod stop;
 pub mod trap;
 
 pub use batch::{Batch, Frame};
+pub use device_memory::DeviceMemory;
 pub use invocation::{Hit, Invocation, ShaderRecord};
 pub use lanes::{Lanes, Mask, Reg, Registers, Scalar};
 pub use observe::Observer;

@@ -4,10 +4,11 @@
 //! plain loads and stores on every machine, and no undefined behaviour where a shader races.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::accel::Tlas;
+use crate::machine::device_memory::DeviceMemory;
 use crate::machine::image::{Image, Sampler};
 
 /// Where a descriptor is bound.
@@ -118,6 +119,26 @@ impl Buffer {
         Some(())
     }
 
+    /// Reads, changes and writes 64 bits at a byte offset as one step towards all other calls of
+    /// this function, and gives what was read; `None` outside the buffer or where the offset is no
+    /// multiple of 8.
+    pub fn update_wide(&self, offset: u64, change: impl FnOnce(u64) -> Option<u64>) -> Option<u64> {
+        // Words are atomics of 32 bits: a pair needs a lock, one of several by its place.
+        static LOCKS: [Mutex<()>; 64] = [const { Mutex::new(()) }; 64];
+        let inside = offset.is_multiple_of(8) && offset.checked_add(8)? <= self.size;
+        let index = inside.then_some((offset / 4) as usize)?;
+        let place = (&raw const self.words[index]).addr() / 8;
+        let guard = LOCKS[place % LOCKS.len()].lock().unwrap_or_else(PoisonError::into_inner);
+        let [low, high] = [0, 1].map(|at| u64::from(self.words[index + at].load(Relaxed)));
+        let old = low | high << 32;
+        if let Some(new) = change(old) {
+            self.words[index].store(new as u32, Relaxed);
+            self.words[index + 1].store((new >> 32) as u32, Relaxed);
+        }
+        drop(guard);
+        Some(old)
+    }
+
     /// The word at an aligned byte offset, for atomics; `None` outside the buffer.
     pub fn word(&self, offset: u64) -> Option<&AtomicU32> {
         let inside = offset.is_multiple_of(4) && offset.checked_add(4)? <= self.size;
@@ -132,6 +153,8 @@ pub struct Resources {
     pub descriptors: BTreeMap<Binding, Vec<Descriptor>>,
     /// The bytes of the push constants.
     pub push_constants: Option<Arc<Buffer>>,
+    /// What shaders reach through device addresses.
+    pub memory: DeviceMemory,
 }
 
 impl Resources {
@@ -176,6 +199,7 @@ impl Resources {
                 .map(|binding| self.descriptors.get(&binding).cloned().unwrap_or_default())
                 .collect(),
             push_constants: self.push_constants.clone(),
+            memory: self.memory.clone(),
         }
     }
 }
@@ -190,6 +214,8 @@ pub struct Bindings {
     slots: Vec<Vec<Descriptor>>,
     /// The push constants.
     pub push_constants: Option<Arc<Buffer>>,
+    /// What device addresses lead to.
+    pub memory: DeviceMemory,
 }
 
 impl Bindings {

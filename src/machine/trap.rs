@@ -11,6 +11,14 @@ pub enum TrapCode {
     IndexOutOfBounds,
     /// A load or store is outside its buffer.
     BufferOutOfBounds,
+    /// No buffer lies at a device address.
+    AddressInvalid,
+    /// A load or store through a device address goes beyond its buffer.
+    AddressOutOfBounds,
+    /// A device address is no multiple of what the instruction promises.
+    AddressMisaligned,
+    /// An atomic instruction on an offset that is no multiple of its size.
+    AtomicMisaligned,
     /// No descriptor is bound, or one of another kind.
     DescriptorMissing,
     /// A texel coordinate is outside its image.
@@ -39,6 +47,10 @@ impl TrapCode {
         match self {
             Self::IndexOutOfBounds => "an index is outside its array",
             Self::BufferOutOfBounds => "a buffer is accessed outside its range",
+            Self::AddressInvalid => "no buffer lies at a device address",
+            Self::AddressOutOfBounds => "a buffer is accessed beyond its end through a device address",
+            Self::AddressMisaligned => "a device address is not aligned as the instruction promises",
+            Self::AtomicMisaligned => "an atomic instruction on a misaligned offset",
             Self::DescriptorMissing => "no descriptor of this kind is bound here",
             Self::ImageOutOfBounds => "a texel coordinate is outside its image",
             Self::Unreachable => "OpUnreachable was reached",

@@ -8,7 +8,8 @@ use crate::error::Result;
 use crate::machine::Reg;
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::decode::{Decoder, Value, Words};
+use crate::ops::address;
+use crate::ops::decode::{Decoder, Words};
 use crate::ops::memory::{self, Length};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select::SelectWord;
@@ -204,7 +205,7 @@ pub fn columns(decoder: &mut Decoder<'_>, matrix: crate::module::Id) -> Result<V
     let each = decoder.scalar_width(column)?.div_ceil(32) as usize;
     let words = decoder.words(matrix)?;
     let components: Words = words.chunks(each).map(|chunk| chunk[0]).collect();
-    Ok(components.chunks((components.len() / count.max(1) as usize).max(1)).map(Words::from_slice).collect())
+    Ok(components.chunks(components.len() / count.max(1) as usize).map(Words::from_slice).collect())
 }
 
 /// Bits of a matrix's scalars.
@@ -267,13 +268,19 @@ fn scaled(decoder: &mut Decoder<'_>, index: crate::module::Id, stride: u32, coun
     Ok(to)
 }
 
+/// Bits of a scalar; a device address has 64.
+fn bits(decoder: &Decoder<'_>, ty: TypeId) -> Result<u32> {
+    match decoder.module.ty(ty) {
+        Type::Pointer { .. } if address::is_physical(decoder, ty) => Ok(64),
+        Type::Pointer { .. } => Err(decoder.unsupported("OpBitcast of a logical pointer")),
+        _ => decoder.scalar_width(ty),
+    }
+}
+
 fn bitcast(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words> {
     let id = decoder.id(instruction, 0)?;
-    if let Value::Pointer(_) = decoder.value(id)? {
-        return Err(decoder.unsupported("OpBitcast of a logical pointer"));
-    }
-    let from = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))?;
-    let to = decoder.result_type(instruction).and_then(|ty| decoder.scalar_width(ty))?;
+    let from = bits(decoder, decoder.type_of(id)?)?;
+    let to = bits(decoder, decoder.result_type(instruction)?)?;
     let words = decoder.words(id)?;
     if from == to || (from >= 32 && to == 32) {
         return Ok(words);

@@ -27,7 +27,14 @@ pub enum BufferRef {
     PushConstants,
     /// The data of each lane's shader record.
     ShaderRecord,
+    /// Whatever lies at the device address in this row and the next.
+    Address(Reg),
 }
+
+/// The handle that stands for [`BufferRef::PushConstants`] in a [`BufferRef::Computed`].
+pub const PUSH_CONSTANTS_HANDLE: u32 = u32::MAX - 1;
+/// The handle that stands for [`BufferRef::ShaderRecord`] in a [`BufferRef::Computed`].
+pub const SHADER_RECORD_HANDLE: u32 = u32::MAX - 2;
 
 /// A stretch of a buffer: scalars of `width` bits (8, 16 or 32) side by side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +49,28 @@ pub struct Chunk {
     pub width: u32,
     /// How many scalars.
     pub count: u32,
+    /// What a device address must be a multiple of, in bytes.
+    pub alignment: u32,
+}
+
+impl BufferRef {
+    fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        match *self {
+            Self::Computed(reg) => visit(Access::Read(reg, 1)),
+            Self::Address(reg) => visit(Access::Read(reg, 2)),
+            _ => {}
+        }
+    }
+}
+
+impl Chunk {
+    /// Reports the rows that say where the chunk is.
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        self.buffer.accesses(visit);
+        if let Some(index) = self.index {
+            visit(Access::Read(index, 1));
+        }
+    }
 }
 
 /// An operation that moves words.
@@ -78,11 +107,6 @@ pub enum Length {
 impl Op {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
-        let buffer = |buffer: &BufferRef, visit: &mut dyn FnMut(Access)| {
-            if let BufferRef::Computed(reg) = *buffer {
-                visit(Access::Read(reg, 1));
-            }
-        };
         match self {
             Self::Move { to, from } | Self::MoveMasked { to, from } => {
                 visit(Access::Read(*from, 1));
@@ -105,22 +129,16 @@ impl Op {
                 visit(Access::Effect);
             }
             Self::BufferLoad { to, chunk } => {
-                buffer(&chunk.buffer, visit);
-                if let Some(index) = chunk.index {
-                    visit(Access::Read(index, 1));
-                }
+                chunk.accesses(visit);
                 visit(Access::Write(*to, chunk.count));
             }
             Self::BufferStore { from, chunk } => {
-                buffer(&chunk.buffer, visit);
-                if let Some(index) = chunk.index {
-                    visit(Access::Read(index, 1));
-                }
+                chunk.accesses(visit);
                 visit(Access::Read(*from, chunk.count));
                 visit(Access::Effect);
             }
             Self::ArrayLength { to, buffer: which, .. } => {
-                buffer(which, visit);
+                which.accesses(visit);
                 visit(Access::Write(*to, 1));
             }
         }
@@ -192,9 +210,7 @@ impl Op {
             }
             Self::ArrayLength { to, buffer, offset, stride } => {
                 for lane in batch.mask.lanes() {
-                    let computed =
-                        if let BufferRef::Computed(reg) = buffer { batch.registers[reg].0[lane] } else { 0 };
-                    match find(&batch.invocations[lane], bindings, buffer, computed) {
+                    match find((&batch.registers, lane), &batch.invocations[lane], bindings, buffer) {
                         Ok((_, _, size)) => {
                             let length = size.saturating_sub(u64::from(offset)) / u64::from(stride.max(1));
                             batch.registers[to].0[lane] = u32::try_from(length).unwrap_or(u32::MAX);
@@ -237,63 +253,99 @@ fn stop<const W: usize>(batch: &mut Batch<W>, mask: Mask<W>, code: TrapCode) {
     batch.trap(mask, code, op);
 }
 
+/// Stops lanes at the running operation.
 #[inline]
-fn trap<const W: usize>(batch: &mut Batch<W>, mask: Mask<W>, code: TrapCode) {
+pub fn trap<const W: usize>(batch: &mut Batch<W>, mask: Mask<W>, code: TrapCode) {
     if !mask.is_empty() {
         stop(batch, mask, code);
     }
 }
 
 /// The buffer that a lane means, with the offset and size of the part that it may touch.
-fn find<'a>(
+#[inline]
+fn find<'a, const W: usize>(
+    (registers, lane): (&Registers<W>, usize),
     invocation: &'a Invocation,
     bindings: &'a Bindings,
     buffer: BufferRef,
-    computed: u32,
 ) -> Result<(&'a Buffer, u64, u64), TrapCode> {
-    let whole = |buffer: &'a Buffer| (buffer, 0, buffer.size());
+    let whole = |buffer: Option<&'a Buffer>| {
+        buffer.map(|buffer| (buffer, 0, buffer.size())).ok_or(TrapCode::DescriptorMissing)
+    };
+    let record = || match &invocation.record {
+        Some(record) => Ok((&*record.data, record.offset, record.size)),
+        None => Err(TrapCode::ShaderRecordMissing),
+    };
     match buffer {
-        BufferRef::Handle(handle) => bindings.buffer(handle).map(whole).ok_or(TrapCode::DescriptorMissing),
-        BufferRef::Computed(_) => bindings.buffer(computed).map(whole).ok_or(TrapCode::DescriptorMissing),
-        BufferRef::PushConstants => {
-            bindings.push_constants.as_deref().map(whole).ok_or(TrapCode::DescriptorMissing)
-        }
-        BufferRef::ShaderRecord => match &invocation.record {
-            Some(record) => Ok((&record.data, record.offset, record.size)),
-            None => Err(TrapCode::ShaderRecordMissing),
+        BufferRef::Handle(handle) => whole(bindings.buffer(handle)),
+        BufferRef::PushConstants => whole(bindings.push_constants.as_deref()),
+        BufferRef::ShaderRecord => record(),
+        BufferRef::Computed(reg) => match registers[reg].0[lane] {
+            PUSH_CONSTANTS_HANDLE => whole(bindings.push_constants.as_deref()),
+            SHADER_RECORD_HANDLE => record(),
+            handle => whole(bindings.buffer(handle)),
         },
+        BufferRef::Address(reg) => {
+            let found = bindings.memory.buffer(address(registers, reg, lane));
+            let (buffer, start) = found.ok_or(TrapCode::AddressInvalid)?;
+            Ok((buffer, start, buffer.size().saturating_sub(start)))
+        }
     }
 }
 
-/// Calls a function for each running lane with the buffer and the byte offset of its access;
-/// lanes whose access is outside are stopped.
+fn address<const W: usize>(registers: &Registers<W>, reg: Reg, lane: usize) -> u64 {
+    u64::from(registers[reg].0[lane]) | u64::from(registers[reg.plus(1)].0[lane]) << 32
+}
+
+/// The buffer of a lane's access with the byte offset there, checked; else the reason to stop, with
+/// the offset or address that was asked for.
+#[inline]
+fn locate<'a, const W: usize>(
+    (registers, lane): (&Registers<W>, usize),
+    invocation: &'a Invocation,
+    bindings: &'a Bindings,
+    chunk: &Chunk,
+) -> Result<(&'a Buffer, u64), (TrapCode, u64)> {
+    let index = chunk.index.map_or(0, |reg| registers[reg].0[lane]);
+    let offset = u64::from(chunk.offset) + u64::from(index);
+    let base = if let BufferRef::Address(reg) = chunk.buffer { address(registers, reg, lane) } else { 0 };
+    let asked = base.wrapping_add(offset);
+    let found = find((registers, lane), invocation, bindings, chunk.buffer);
+    let (buffer, start, size) = found.map_err(|code| (code, asked))?;
+    let outside = offset + u64::from(chunk.width / 8 * chunk.count) > size;
+    match chunk.buffer {
+        _ if index == OUT_OF_BOUNDS => Err((TrapCode::IndexOutOfBounds, asked)),
+        BufferRef::Address(_) if outside => Err((TrapCode::AddressOutOfBounds, asked)),
+        BufferRef::Address(_) if !asked.is_multiple_of(chunk.alignment.max(1).into()) => {
+            Err((TrapCode::AddressMisaligned, asked))
+        }
+        _ if outside => Err((TrapCode::BufferOutOfBounds, asked)),
+        _ => Ok((buffer, start + offset)),
+    }
+}
+
+/// Calls a function for each running lane, in ascending order, with the buffer and the byte offset
+/// of its access; lanes whose access is outside are stopped.
 #[inline(always)]
-fn each_access<const W: usize>(
+pub fn each_access<const W: usize>(
     batch: &mut Batch<W>,
     bindings: &Bindings,
     chunk: &Chunk,
     mut access: impl FnMut(&mut Registers<W>, usize, &Buffer, u64) -> Option<()>,
 ) {
-    let bytes = u64::from(chunk.width / 8 * chunk.count);
-    let mut failed = SmallVec::<[(usize, TrapCode); 1]>::new();
+    let mut failed = SmallVec::<[(usize, TrapCode, u64); 1]>::new();
     for lane in batch.mask.lanes() {
-        let word = |reg: Reg| batch.registers[reg].0[lane];
-        let index = chunk.index.map_or(0, word);
-        let computed = if let BufferRef::Computed(reg) = chunk.buffer { word(reg) } else { 0 };
-        let offset = u64::from(chunk.offset) + u64::from(index);
-        let done = match find(&batch.invocations[lane], bindings, chunk.buffer, computed) {
-            Err(code) => Err(code),
-            Ok(_) if index == OUT_OF_BOUNDS => Err(TrapCode::IndexOutOfBounds),
-            Ok((_, _, size)) if offset + bytes > size => Err(TrapCode::BufferOutOfBounds),
-            Ok((buffer, start, _)) => {
-                access(&mut batch.registers, lane, buffer, start + offset).ok_or(TrapCode::BufferOutOfBounds)
-            }
-        };
-        if let Err(code) = done {
-            failed.push((lane, code));
+        let found = locate((&batch.registers, lane), &batch.invocations[lane], bindings, chunk);
+        let done = found.and_then(|(buffer, offset)| {
+            let done = access(&mut batch.registers, lane, buffer, offset);
+            done.ok_or((TrapCode::BufferOutOfBounds, offset))
+        });
+        if let Err((code, asked)) = done {
+            failed.push((lane, code, asked));
         }
     }
-    for (lane, code) in failed {
+    for (lane, code, asked) in failed {
+        batch.asked[lane] = asked;
         stop(batch, Mask::lane(lane), code);
     }
 }

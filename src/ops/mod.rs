@@ -4,7 +4,9 @@
 //! their section's `Op` with an arm in its `decode` and its `eval`. [`decode`] turns ids into rows
 //! of registers, so that composites cost nothing when the program runs.
 
+pub mod address;
 pub mod arithmetic;
+pub mod atomic;
 pub mod bit;
 pub mod builtin;
 pub mod composite;
@@ -46,10 +48,7 @@ pub static SECTIONS: &[&[&Family]] = &[
 pub fn decode_number(decoder: &mut Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
     match Opcode::from_u32(number.into()) {
         Some(Opcode::Nop) => Ok(()),
-        Some(opcode) => {
-            decode_instruction(decoder, opcode, instruction)?;
-            decoder.check_result(instruction)
-        }
+        Some(opcode) => decode_instruction(decoder, opcode, instruction),
         None => Err(decoder.unsupported(format!("opcode {number} is not known"))),
     }
 }
@@ -68,6 +67,8 @@ pub fn decode_instruction(
     }
     let done = composite::decode(decoder, opcode, instruction)?
         || pointer::decode(decoder, opcode, instruction)?
+        || address::decode(decoder, opcode, instruction)?
+        || atomic::decode(decoder, opcode, instruction)?
         || linear_algebra::decode(decoder, opcode, instruction)?
         || irregular::decode(decoder, opcode, instruction)?
         || ray_tracing::decode(decoder, opcode, instruction)?

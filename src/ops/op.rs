@@ -2,7 +2,7 @@
 
 use crate::machine::{Batch, Bindings, Reg};
 use crate::ops::row::{Row, Width};
-use crate::ops::{image, memory, ray_tracing};
+use crate::ops::{atomic, image, memory, ray_tracing};
 
 /// One operation on rows.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +18,8 @@ pub enum Op {
     },
     /// Moves, loads and stores.
     Memory(memory::Op),
+    /// Atomic instructions.
+    Atomic(atomic::Op),
     /// Image instructions.
     Image(image::Op),
     /// Instructions that hand the batch to the pipeline.
@@ -46,6 +48,7 @@ impl Op {
                 visit(Access::Write(*to, row.words));
             }
             Self::Memory(op) => op.accesses(&mut visit),
+            Self::Atomic(op) => op.accesses(&mut visit),
             Self::Image(op) => op.accesses(&mut visit),
             Self::Stop(op) => op.accesses(&mut visit),
         }
@@ -61,6 +64,7 @@ impl Op {
         match self {
             Self::Row { row, to, from } => Width::<W>::eval(*row)(&mut batch.registers, *to, from),
             Self::Memory(op) => op.eval(batch, bindings),
+            Self::Atomic(op) => op.eval(batch, bindings),
             Self::Image(op) => op.eval(batch, bindings),
             Self::Stop(_) => unreachable!("bug in anyhit: a stop is not evaluated"),
         }

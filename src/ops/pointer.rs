@@ -3,13 +3,14 @@
 use smallvec::SmallVec;
 
 use crate::error::Result;
+use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::{Binding, Bindings, Reg};
 use crate::module::Instruction;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
-use crate::ops::builtin;
 use crate::ops::decode::{Decoder, InputRows, InterfaceRows, Slot, Words};
 use crate::ops::memory::{self, BufferRef, Chunk, Length};
 use crate::ops::op::Op;
+use crate::ops::{address, builtin};
 
 /// Storage classes, numbers of the specification.
 #[allow(missing_docs, reason = "the names are the specification's")]
@@ -39,6 +40,8 @@ pub enum Place {
     Rows {
         /// The variable's first row.
         first: Reg,
+        /// How many rows the variable has.
+        count: u32,
         /// Whether nothing writes them while the shader runs.
         constant: bool,
     },
@@ -101,6 +104,7 @@ pub const STORAGE_CLASSES: &[u32] = &[
     storage::HIT_ATTRIBUTE,
     storage::INCOMING_RAY_PAYLOAD,
     storage::SHADER_RECORD_BUFFER,
+    storage::PHYSICAL_STORAGE_BUFFER,
 ];
 
 /// How many words a pointer takes as a value.
@@ -144,7 +148,7 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
             let count = decoder.word_count(pointee)?;
             let first = decoder.fresh(count)?;
             decoder.inputs.push(InputRows { builtin, first, count });
-            Ok(pointer(Place::Rows { first, constant: !builtin.volatile }))
+            Ok(pointer(Place::Rows { first, count, constant: !builtin.volatile }))
         }
         storage::PRIVATE
         | storage::CALLABLE_DATA
@@ -163,7 +167,7 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
             };
             decoder.interface.push(rows);
             decoder.variables.push((first, count));
-            Ok(pointer(Place::Rows { first, constant: false }))
+            Ok(pointer(Place::Rows { first, count, constant: false }))
         }
         storage::PUSH_CONSTANT => Ok(pointer(Place::Buffer(BufferRef::PushConstants))),
         storage::SHADER_RECORD_BUFFER => Ok(pointer(Place::Buffer(BufferRef::ShaderRecord))),
@@ -196,9 +200,8 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
 /// A pointer as words that a phi, a select or a call can carry.
 pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
     match pointer.place {
-        Place::Rows { first, .. } => {
-            let rows = decoder.word_count(pointer.pointee)?;
-            decoder.addressed.push((first, pointer.offset + rows));
+        Place::Rows { first, count, .. } => {
+            decoder.addressed.push((first, count));
             decoder.forget();
             let base = decoder.constant(first.0 + pointer.offset)?;
             Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
@@ -208,57 +211,100 @@ pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Wor
             Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
         }
         Place::Buffer(buffer) => {
-            if pointer.matrix.is_some_and(|matrix| matrix.row_major) || pointer.component_stride.is_some() {
-                return Err(decoder.unsupported("a pointer into a row-major matrix as a value"));
+            // A pointer's type says nothing of how a matrix lies.
+            if ends_in_matrix(decoder, pointer.pointee) || pointer.component_stride.is_some() {
+                return Err(decoder.unsupported("a pointer into a matrix as a value"));
             }
             let handle = match buffer {
                 BufferRef::Handle(handle) => decoder.constant(handle)?,
                 BufferRef::Computed(reg) => reg,
-                _ => {
-                    return Err(
-                        decoder.unsupported("a pointer to push constants or a shader record as a value")
-                    );
+                BufferRef::PushConstants => decoder.constant(memory::PUSH_CONSTANTS_HANDLE)?,
+                BufferRef::ShaderRecord => decoder.constant(memory::SHADER_RECORD_HANDLE)?,
+                BufferRef::Address(base) => {
+                    let first = address::address(decoder, pointer, base)?;
+                    return Ok(SmallVec::from_slice(&[first, first.plus(1)]));
                 }
             };
             let base = decoder.constant(pointer.offset)?;
             Ok(SmallVec::from_slice(&[handle, shifted(decoder, pointer.index, base)?]))
         }
-        Place::Descriptors { slot, buffers: false, .. } => {
+        Place::Descriptors { slot, buffers, .. } => {
             let base = decoder.constant(Bindings::handle(slot, pointer.offset))?;
-            Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
+            let handle = shifted(decoder, pointer.index, base)?;
+            if !buffers {
+                return Ok(SmallVec::from_slice(&[handle]));
+            }
+            let offset = decoder.constant(0)?;
+            Ok(SmallVec::from_slice(&[handle, offset]))
         }
-        Place::Descriptors { .. } => Err(decoder.unsupported("a pointer to an array of buffers as a value")),
     }
 }
 
 /// The pointer that words written by [`pointer_words`] mean.
-pub fn pointer_from_words(decoder: &Decoder<'_>, ty: TypeId, words: &[Reg]) -> Result<Pointer> {
+pub fn pointer_from_words(decoder: &mut Decoder<'_>, ty: TypeId, words: &[Reg]) -> Result<Pointer> {
     let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *decoder.module.ty(ty) else {
         return Err(decoder.invalid("a pointer is needed here"));
     };
     let (place, index) = match (storage_class, words) {
-        (storage::UNIFORM | storage::STORAGE_BUFFER, &[handle, offset]) => {
-            (Place::Buffer(BufferRef::Computed(handle)), offset)
+        (storage::PHYSICAL_STORAGE_BUFFER, &[low, high]) => {
+            (Place::Buffer(BufferRef::Address(decoder.pair(low, high)?)), None)
         }
-        (storage::PRIVATE | storage::FUNCTION | storage::INPUT, &[row]) => (Place::ComputedRows, row),
-        (5328.., &[row]) if storage_class != storage::PHYSICAL_STORAGE_BUFFER => (Place::ComputedRows, row),
+        (storage::UNIFORM | storage::STORAGE_BUFFER, &[handle, _]) if is_buffer_array(decoder, pointee) => {
+            (Place::Descriptors { slot: 0, array: true, buffers: true }, Some(handle))
+        }
+        (
+            storage::UNIFORM
+            | storage::STORAGE_BUFFER
+            | storage::PUSH_CONSTANT
+            | storage::SHADER_RECORD_BUFFER,
+            &[handle, offset],
+        ) => (Place::Buffer(BufferRef::Computed(handle)), Some(offset)),
+        (storage::UNIFORM_CONSTANT, &[handle]) => {
+            let array = matches!(decoder.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
+            (Place::Descriptors { slot: 0, array, buffers: false }, Some(handle))
+        }
+        (storage::PRIVATE | storage::FUNCTION | storage::INPUT, &[row]) => (Place::ComputedRows, Some(row)),
+        (5328.., &[row]) if storage_class != storage::PHYSICAL_STORAGE_BUFFER => {
+            (Place::ComputedRows, Some(row))
+        }
         _ => {
             let name = crate::module::names::storage_class_name(storage_class);
             return Err(decoder.unsupported(format!("pointers to {name} as values")));
         }
     };
-    Ok(Pointer {
-        place,
-        pointee,
-        storage_class,
-        offset: 0,
-        index: Some(index),
-        matrix: None,
-        component_stride: None,
-    })
+    Ok(Pointer { place, pointee, storage_class, offset: 0, index, matrix: None, component_stride: None })
 }
 
-fn shifted(decoder: &mut Decoder<'_>, index: Option<Reg>, base: Reg) -> Result<Reg> {
+/// Whether a type is a matrix or an array of them.
+fn ends_in_matrix(decoder: &Decoder<'_>, mut ty: TypeId) -> bool {
+    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *decoder.module.ty(ty) {
+        ty = element;
+    }
+    matches!(decoder.module.ty(ty), Type::Matrix { .. })
+}
+
+/// Whether a type is an array of blocks, each in a buffer of its own.
+fn is_buffer_array(decoder: &Decoder<'_>, mut ty: TypeId) -> bool {
+    let mut array = false;
+    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *decoder.module.ty(ty) {
+        (ty, array) = (element, true);
+    }
+    array && matches!(decoder.module.ty(ty), Type::Struct { block: true, .. })
+}
+
+/// How many descriptors a type of a binding takes; arrays of arrays count through.
+pub fn descriptor_count(decoder: &mut Decoder<'_>, mut ty: TypeId) -> Result<u32> {
+    let mut count = 1u32;
+    while let Type::Array { element, length, .. } = *decoder.module.ty(ty) {
+        let length = decoder.array_length(length)?;
+        count = count.checked_mul(length).ok_or_else(|| decoder.invalid("too many descriptors"))?;
+        ty = element;
+    }
+    Ok(count)
+}
+
+/// A computed offset and a constant one together.
+pub fn shifted(decoder: &mut Decoder<'_>, index: Option<Reg>, base: Reg) -> Result<Reg> {
     let Some(index) = index else { return Ok(base) };
     if decoder.constant_word(base) == Some(0) {
         return Ok(index);
@@ -354,12 +400,17 @@ fn element_step(
         Place::Buffer(_) => {
             stride.ok_or_else(|| decoder.invalid("a buffer's array has no ArrayStride decoration"))?
         }
-        Place::Descriptors { .. } => 1,
+        Place::Descriptors { .. } => descriptor_count(decoder, element)?,
         _ => decoder.word_count(element)?,
     };
     pointer.pointee = element;
     let index = unsigned_index(decoder, index)?;
     let constant = decoder.constant_word(index);
+    // A handle's upper bits name the slot: an array without an end must not reach them.
+    let length = match (&pointer.place, length) {
+        (Place::Descriptors { .. }, Length::Unknown) => Length::Known(1 << ELEMENT_BITS),
+        _ => length,
+    };
     let inside = |at: u32| match length {
         Length::Known(length) => at < length,
         Length::Unknown => true,
@@ -374,7 +425,10 @@ fn element_step(
             pointer.index = Some(to);
         }
     }
-    if let Place::Descriptors { slot, buffers: true, .. } = pointer.place {
+    let is_array = matches!(decoder.module.ty(element), Type::Array { .. } | Type::RuntimeArray { .. });
+    if let Place::Descriptors { slot, buffers: true, .. } = pointer.place
+        && !is_array
+    {
         // The element of an array of buffers is chosen: what follows are its bytes.
         let handle = decoder.constant(Bindings::handle(slot, pointer.offset))?;
         let buffer = match pointer.index.take() {
@@ -407,18 +461,23 @@ fn unsigned_index(decoder: &mut Decoder<'_>, id: crate::module::Id) -> Result<Re
 
 /// Reads what a pointer leads to.
 pub fn load(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
+    load_aligned(decoder, pointer, 1)
+}
+
+/// The same for a device address that must be a multiple of `alignment`.
+fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignment: u32) -> Result<Words> {
     let count = match pointer.place {
         Place::Descriptors { .. } => 1,
         _ => decoder.word_count(pointer.pointee)?,
     };
     match pointer.place {
-        Place::Rows { first, constant } => {
-            let first = first.plus(pointer.offset);
+        Place::Rows { first: variable, count: rows, constant } => {
+            let first = variable.plus(pointer.offset);
             match pointer.index {
                 None if constant => Ok((0..count).map(|word| first.plus(word)).collect()),
                 None => load_rows(decoder, first, count),
                 Some(row) => {
-                    decoder.addressed.push((first, count));
+                    decoder.addressed.push((variable, rows));
                     gather(decoder, first, row, count)
                 }
             }
@@ -431,7 +490,7 @@ pub fn load(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
             let scalars = scalars(decoder, pointer)?;
             let to = decoder.fresh(count)?;
             let mut row = to;
-            for chunk in chunks(&scalars, buffer, pointer.index) {
+            for chunk in chunks(&scalars, buffer, pointer, alignment) {
                 decoder.emit(Op::Memory(memory::Op::BufferLoad { to: row, chunk }));
                 row = row.plus(chunk.count);
             }
@@ -441,13 +500,15 @@ pub fn load(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
             Err(decoder.invalid("a load of a whole array of buffers"))
         }
         Place::Descriptors { slot, array, .. } => {
-            if array
-                && matches!(
-                    decoder.module.ty(pointer.pointee),
-                    Type::Array { .. } | Type::RuntimeArray { .. }
-                )
-            {
-                return Err(decoder.unsupported("a load of a whole array of descriptors"));
+            if let (true, Type::Array { element, .. }) = (array, decoder.module.ty(pointer.pointee).clone()) {
+                let each = descriptor_count(decoder, element)?;
+                let mut words = Words::new();
+                for at in 0..descriptor_count(decoder, pointer.pointee)? / each {
+                    let offset = pointer.offset + at * each;
+                    let part = Pointer { pointee: element, offset, ..pointer.clone() };
+                    words.extend(load(decoder, &part)?);
+                }
+                return Ok(words);
             }
             let base = decoder.constant(Bindings::handle(slot, pointer.offset))?;
             let handle = shifted(decoder, pointer.index, base)?;
@@ -487,10 +548,15 @@ fn gather(decoder: &mut Decoder<'_>, first: Reg, row: Reg, count: u32) -> Result
 
 /// Writes a value to where a pointer leads.
 pub fn store(decoder: &mut Decoder<'_>, pointer: &Pointer, words: &[Reg]) -> Result<()> {
+    store_aligned(decoder, pointer, words, 1)
+}
+
+/// The same for a device address that must be a multiple of `alignment`.
+fn store_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, words: &[Reg], alignment: u32) -> Result<()> {
     match pointer.place {
         Place::Rows { constant: true, .. } => Err(decoder.invalid("a store to an input variable")),
-        Place::Rows { first, .. } => {
-            let first = first.plus(pointer.offset);
+        Place::Rows { first: variable, count: rows, .. } => {
+            let first = variable.plus(pointer.offset);
             match pointer.index {
                 None => {
                     for (word, &from) in words.iter().enumerate() {
@@ -500,7 +566,7 @@ pub fn store(decoder: &mut Decoder<'_>, pointer: &Pointer, words: &[Reg]) -> Res
                     }
                 }
                 Some(row) => {
-                    decoder.addressed.push((first, words.len() as u32));
+                    decoder.addressed.push((variable, rows));
                     scatter(decoder, first, row, words)?;
                 }
             }
@@ -513,7 +579,7 @@ pub fn store(decoder: &mut Decoder<'_>, pointer: &Pointer, words: &[Reg]) -> Res
         Place::Buffer(buffer) => {
             let scalars = scalars(decoder, pointer)?;
             let mut row = decoder.consecutive(words)?;
-            for chunk in chunks(&scalars, buffer, pointer.index) {
+            for chunk in chunks(&scalars, buffer, pointer, alignment) {
                 decoder.emit(Op::Memory(memory::Op::BufferStore { from: row, chunk }));
                 row = row.plus(chunk.count);
             }
@@ -554,6 +620,9 @@ fn collect(
     };
     match decoder.module.ty(ty).clone() {
         Type::Int { width: 64, .. } | Type::Float { width: 64, .. } => {
+            scalars.extend([(offset, 32), (at(decoder, 1, 4)?, 32)]);
+        }
+        Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => {
             scalars.extend([(offset, 32), (at(decoder, 1, 4)?, 32)]);
         }
         Type::Int { width, .. } | Type::Float { width, .. } => scalars.push((offset, width)),
@@ -598,18 +667,31 @@ fn collect(
     Ok(())
 }
 
-/// Joins scalars that touch.
-fn chunks(scalars: &[(u32, u32)], buffer: BufferRef, index: Option<Reg>) -> Vec<Chunk> {
+/// Joins scalars that touch; the alignment holds for the pointer itself.
+fn chunks(scalars: &[(u32, u32)], buffer: BufferRef, pointer: &Pointer, alignment: u32) -> Vec<Chunk> {
     let mut chunks: Vec<Chunk> = Vec::new();
     for &(offset, width) in scalars {
         match chunks.last_mut() {
             Some(last) if last.width == width && last.offset + last.count * (width / 8) == offset => {
                 last.count += 1;
             }
-            _ => chunks.push(Chunk { buffer, offset, index, width, count: 1 }),
+            _ => {
+                let alignment = if offset == pointer.offset { alignment } else { 1 };
+                chunks.push(Chunk { buffer, offset, index: pointer.index, width, count: 1, alignment });
+            }
         }
     }
     chunks
+}
+
+/// The alignment among memory operands that begin at a position: a mask, then a literal where its
+/// second bit is set.
+fn alignment(decoder: &Decoder<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
+    const ALIGNED: u32 = 2;
+    match decoder.operands(instruction).get(at) {
+        Some(mask) if mask & ALIGNED != 0 => decoder.literal(instruction, at + 1),
+        _ => Ok(1),
+    }
 }
 
 /// Decodes the memory instructions; `false` for an instruction of another section.
@@ -623,14 +705,16 @@ pub fn decode(
         Opcode::Load => {
             let id = decoder.id(instruction, 0)?;
             let pointer = decoder.pointer(id)?;
-            let words = load(decoder, &pointer)?;
+            let alignment = alignment(decoder, instruction, 1)?;
+            let words = load_aligned(decoder, &pointer, alignment)?;
             decoder.result(instruction, words);
         }
         Opcode::Store => {
             let (to, from) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
             let pointer = decoder.pointer(to)?;
             let words = decoder.words(from)?;
-            store(decoder, &pointer, &words)?;
+            let alignment = alignment(decoder, instruction, 2)?;
+            store_aligned(decoder, &pointer, &words, alignment)?;
         }
         Opcode::CopyMemory => {
             let (to, from) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);

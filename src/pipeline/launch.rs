@@ -1,6 +1,7 @@
 //! Launches: a grid of ray generation invocations, or one ray.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -8,10 +9,11 @@ use rayon::prelude::*;
 
 use crate::accel::{Committed, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Observer, Resources};
+use crate::machine::{Bindings, Observer, Resources};
 use crate::module::interface::Stage;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::Pipeline;
+use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, Trapped, bindings};
 use crate::pipeline::trace::Query;
 use crate::pipeline::witness::Witness;
@@ -110,31 +112,35 @@ impl Launch<'_> {
             )
         })?;
         let bindings = bindings(self.pipeline, self.resources);
-        // Beyond a trap with a lower launch index nothing can change the answer.
-        let trapped_at = AtomicU64::new(u64::MAX);
-        let results: Vec<(Stats, Option<Trapped>)> = (0..count.div_ceil(TASK))
-            .into_par_iter()
-            .map(|task| {
-                let first = task * TASK;
-                let end = count.min(first + TASK);
-                if trapped_at.load(Relaxed) < first {
+        let tasks = 0..count.div_ceil(TASK);
+        let range = |task: u64| task * TASK..count.min((task + 1) * TASK);
+        let mut results: Vec<(Stats, Option<Trapped>)> = Vec::new();
+        if self.pipeline.order_dependent() {
+            // One after the other, so that every width of a batch gives the same.
+            for task in tasks {
+                results.push(self.task::<1>(&bindings, record, range(task), size));
+                done(range(task).end - range(task).start);
+                if results.last().is_some_and(|(_, trapped)| trapped.is_some()) {
+                    break;
+                }
+            }
+        } else {
+            // Beyond a trap with a lower launch index nothing can change the answer.
+            let trapped_at = AtomicU64::new(u64::MAX);
+            let run = |task| {
+                let range = range(task);
+                if trapped_at.load(Relaxed) < range.start {
                     return (Stats::default(), None);
                 }
-                let (mut witness, mut observer) = ((), ());
-                let mut stack = Stack::<W, _, _>::new(self.pipeline, &bindings, &mut witness, &mut observer);
-                let mut ids = Vec::with_capacity(W);
-                for start in (first..end).step_by(W) {
-                    ids.clear();
-                    ids.extend((start..end.min(start + W as u64)).map(|index| launch_id(index, size)));
-                    stack.launch(record, &ids, size);
+                let result = self.task::<W>(&bindings, record, range.clone(), size);
+                if result.1.is_some() {
+                    trapped_at.fetch_min(range.start, Relaxed);
                 }
-                if stack.trapped.is_some() {
-                    trapped_at.fetch_min(first, Relaxed);
-                }
-                done(end - first);
-                (stack.stats, stack.trapped)
-            })
-            .collect();
+                done(range.end - range.start);
+                result
+            };
+            results = tasks.into_par_iter().map(run).collect();
+        }
         let mut stats = Stats::default();
         for (task, trapped) in results {
             if let Some(trapped) = trapped {
@@ -143,6 +149,28 @@ impl Launch<'_> {
             stats = stats.plus(&task);
         }
         Ok(stats)
+    }
+
+    /// Runs a stretch of launch indices.
+    fn task<const W: usize>(
+        &self,
+        bindings: &[Bindings],
+        record: &Record,
+        range: Range<u64>,
+        size: [u32; 3],
+    ) -> (Stats, Option<Trapped>)
+    where
+        Row: Width<W>,
+    {
+        let (mut witness, mut observer) = ((), ());
+        let mut stack = Stack::<W, _, _>::new(self.pipeline, bindings, &mut witness, &mut observer);
+        let mut ids = Vec::with_capacity(W);
+        for start in range.clone().step_by(W) {
+            ids.clear();
+            ids.extend((start..range.end.min(start + W as u64)).map(|index| launch_id(index, size)));
+            stack.launch(record, &ids, size);
+        }
+        (stack.stats, stack.trapped)
     }
 
     /// Runs the ray generation shader for one launch index at one lane, watched.

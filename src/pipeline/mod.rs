@@ -49,6 +49,12 @@ impl Pipeline {
     pub fn builder() -> Builder {
         Builder::default()
     }
+
+    /// Whether a shader's results depend on how invocations interleave: a launch then runs them one
+    /// after the other, in launch order, on one thread.
+    pub fn order_dependent(&self) -> bool {
+        self.programs.iter().any(|program| program.order_dependent)
+    }
 }
 
 /// Collects shaders, groups and records.

@@ -315,7 +315,12 @@ where
             words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
             let invocation = &batch.invocations[lane];
             let depth = invocation.depth + 1;
-            let query = match bindings.tlas(words[0]).filter(|_| words[1] == 0) {
+            // The upper word of a device address is never 0, that of a descriptor's handle always.
+            let tlas = match words[1] {
+                0 => bindings.tlas(words[0]),
+                high => bindings.memory.structure(u64::from(words[0]) | u64::from(high) << 32),
+            };
+            let query = match tlas {
                 None => Err(TrapCode::AccelerationStructureMissing),
                 Some(_) if depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
                 Some(tlas) => {
@@ -448,6 +453,9 @@ where
         }
         let program = &*self.pipeline.programs[running.shader.0 as usize];
         let mut error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
+        if let Some(access) = program.describe_access(trap, running.batch.asked[lane]) {
+            error = error.note(access);
+        }
         error = error.note(format!(
             "in {} `{}`, launch id ({}, {}, {})",
             program.stage.name(),

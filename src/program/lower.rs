@@ -224,7 +224,9 @@ impl<'m> Lowering<'m> {
                 self.decoder.origin.offset = instruction.offset;
                 let place = Site { function, block: block.label, labels: &labels, plan };
                 self.instruction(instruction, &place)?;
-                if let Some(id) = instruction.result.filter(|id| escaping.contains(id)) {
+                // A phi's own rows are written for the running lanes only, by the edges to it.
+                let kept = instruction.result.filter(|id| escaping.contains(id));
+                if let Some(id) = kept.filter(|_| instruction.opcode != opcode::PHI) {
                     self.keep(id)?;
                 }
             }
@@ -244,9 +246,16 @@ impl<'m> Lowering<'m> {
                 if let Some(index) = pointer.index {
                     kept.index = Some(self.keep_words(&[index])?[0]);
                 }
-                if let PointerPlace::Buffer(memory::BufferRef::Computed(handle)) = pointer.place {
-                    let handle = self.keep_words(&[handle])?[0];
-                    kept.place = PointerPlace::Buffer(memory::BufferRef::Computed(handle));
+                match pointer.place {
+                    PointerPlace::Buffer(memory::BufferRef::Computed(handle)) => {
+                        let handle = self.keep_words(&[handle])?[0];
+                        kept.place = PointerPlace::Buffer(memory::BufferRef::Computed(handle));
+                    }
+                    PointerPlace::Buffer(memory::BufferRef::Address(base)) => {
+                        let base = self.keep_words(&[base, base.plus(1)])?[0];
+                        kept.place = PointerPlace::Buffer(memory::BufferRef::Address(base));
+                    }
+                    _ => {}
                 }
                 self.decoder.define(id, Value::Pointer(kept));
             }
@@ -287,7 +296,7 @@ impl<'m> Lowering<'m> {
         let first = self.decoder.fresh(count)?;
         self.decoder.variables.push((first, count));
         let pointer = Pointer {
-            place: PointerPlace::Rows { first, constant: false },
+            place: PointerPlace::Rows { first, count, constant: false },
             pointee,
             storage_class,
             offset: 0,
@@ -581,6 +590,7 @@ impl<'m> Lowering<'m> {
             inputs: self.decoder.inputs,
             interface: self.decoder.interface,
             variables: self.decoder.variables,
+            order_dependent: false,
         };
         prune(&mut program, &self.decoder.addressed);
         program

@@ -7,11 +7,14 @@ pub mod prune;
 
 use std::sync::Arc;
 
-use crate::machine::{Batch, Binding, Exit, Lanes, Mask, Reg, Registers};
+use crate::machine::resource::ELEMENT_BITS;
+use crate::machine::{Batch, Binding, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode};
 use crate::module::interface::Stage;
 use crate::module::{Id, Module};
 use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
+use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
+use crate::ops::{atomic, memory};
 
 pub use lower::lower;
 
@@ -106,6 +109,9 @@ pub struct Program {
     pub interface: Vec<InterfaceRows>,
     /// Rows of all variables.
     pub variables: Vec<(Reg, u32)>,
+    /// Whether what a launch leaves behind depends on how its invocations interleave; see
+    /// [`atomic`](crate::ops::atomic).
+    pub order_dependent: bool,
 }
 
 impl Program {
@@ -146,6 +152,32 @@ impl Program {
     /// The rows of the one variable of a storage class that an entry point may have.
     pub fn interface_rows(&self, storage_class: u32) -> Option<&InterfaceRows> {
         self.interface.iter().find(|rows| rows.storage_class == storage_class)
+    }
+
+    /// What an access that trapped asked for: where, and in which buffer.
+    pub fn describe_access(&self, trap: Trap, asked: u64) -> Option<String> {
+        let chunk = match self.ops.get(trap.op as usize)? {
+            Op::Memory(memory::Op::BufferLoad { chunk, .. } | memory::Op::BufferStore { chunk, .. }) => chunk,
+            Op::Atomic(atomic::Op { target: atomic::Target::Buffer(chunk), .. }) => chunk,
+            _ => return None,
+        };
+        let bytes = chunk.width / 8 * chunk.count;
+        let stretch = match trap.code {
+            TrapCode::IndexOutOfBounds => String::new(),
+            _ => format!("{bytes} bytes at offset {asked} of "),
+        };
+        Some(match chunk.buffer {
+            BufferRef::Address(_) => format!("{bytes} bytes at address {asked:#x}"),
+            BufferRef::PushConstants => format!("{stretch}the push constants"),
+            BufferRef::ShaderRecord => format!("{stretch}the shader record"),
+            BufferRef::Computed(_) => format!("{stretch}a buffer chosen while running"),
+            BufferRef::Handle(handle) => {
+                let slot = self.slots.get((handle >> ELEMENT_BITS) as usize)?;
+                let Binding { set, binding } = slot.binding;
+                let element = handle & ((1 << ELEMENT_BITS) - 1);
+                format!("{stretch}`{}` (set {set}, binding {binding}, element {element})", slot.name)
+            }
+        })
     }
 
     /// The bindings of the slots, for [`Resources::bindings`](crate::machine::Resources::bindings).

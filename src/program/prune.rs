@@ -9,7 +9,7 @@ use crate::ops::op::{Access, Op};
 use crate::program::{Program, Terminator};
 
 /// Removes operations whose results are not read; `addressed` are rows that computed row numbers
-/// reach.
+/// reach. What is left also tells whether the order of invocations matters.
 pub fn prune(program: &mut Program, addressed: &[(Reg, u32)]) {
     let mut live = vec![false; program.rows as usize + 1];
     let mut work: Vec<usize> = Vec::new();
@@ -63,6 +63,10 @@ pub fn prune(program: &mut Program, addressed: &[(Reg, u32)]) {
         });
     }
     program.inputs.retain(|input| (0..input.count).any(|word| live[(input.first.0 + word) as usize]));
+    program.order_dependent = program.ops.iter().zip(&visited).any(|(op, &kept)| match op {
+        Op::Atomic(op) if kept => op.order_dependent(live[op.to.0 as usize]),
+        _ => false,
+    });
     remove(program, &visited);
 }
 

@@ -147,24 +147,9 @@ pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[
         &[
             Op::ControlBarrier,
             Op::MemoryBarrier,
-            Op::AtomicLoad,
-            Op::AtomicStore,
-            Op::AtomicExchange,
-            Op::AtomicCompareExchange,
-            Op::AtomicIIncrement,
-            Op::AtomicIDecrement,
-            Op::AtomicIAdd,
-            Op::AtomicISub,
-            Op::AtomicSMin,
-            Op::AtomicUMin,
-            Op::AtomicSMax,
-            Op::AtomicUMax,
-            Op::AtomicAnd,
-            Op::AtomicOr,
-            Op::AtomicXor,
         ],
     ),
-    ("pointers and device addresses", &[Op::PtrEqual, Op::PtrNotEqual, Op::SizeOf]),
+    ("pointers and device addresses", &[Op::SizeOf]),
     (
         "subgroups",
         &[
@@ -460,7 +445,6 @@ pub(super) const OUT_OF_SCOPE_BUILTINS: Groups<BuiltIn> = &[
 pub(super) const UNSUPPORTED_STORAGE: Groups<StorageClass> = &[
     ("compute", &[StorageClass::Workgroup]),
     ("atomics and barriers", &[StorageClass::Image]),
-    ("pointers and device addresses", &[StorageClass::PhysicalStorageBuffer]),
     ("hit objects", &[StorageClass::HitObjectAttributeNV, StorageClass::HitObjectAttributeEXT]),
     ("work graphs", &[StorageClass::NodePayloadAMDX]),
 ];

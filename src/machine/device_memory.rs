@@ -1,0 +1,122 @@
+//! Device addresses: where buffers and acceleration structures lie in one 64-bit address space.
+//!
+//! Each allocation begins a region of 4 GiB of its own, in the order in which they are made: the
+//! upper half of an address names the allocation (from 1 on), the lower half is the offset in it.
+//! So addresses are the same on every machine and in every run, the null pointer leads nowhere,
+//! and what runs past the end of a buffer meets a gap instead of its neighbour.
+
+use std::sync::Arc;
+
+use crate::accel::Tlas;
+use crate::machine::resource::Buffer;
+
+/// Bits of an address that count bytes in a region.
+const REGION_BITS: u32 = 32;
+
+/// What can be reached through a device address.
+#[derive(Clone, Debug, Default)]
+pub struct DeviceMemory {
+    /// By base address, ascending.
+    allocations: Vec<(u64, Allocation)>,
+    /// The regions used so far.
+    regions: u64,
+}
+
+#[derive(Clone, Debug)]
+enum Allocation {
+    Buffer(Arc<Buffer>),
+    Structure(Arc<Tlas>),
+}
+
+impl DeviceMemory {
+    /// Gives a buffer an address (`vkGetBufferDeviceAddress`); the one that it has, where it has one.
+    pub fn add_buffer(&mut self, buffer: &Arc<Buffer>) -> u64 {
+        self.address_of(buffer)
+            .unwrap_or_else(|| self.allocate(buffer.size(), Allocation::Buffer(buffer.clone())))
+    }
+
+    /// Gives an acceleration structure an address (`vkGetAccelerationStructureDeviceAddressKHR`);
+    /// the one that it has, where it has one.
+    pub fn add_structure(&mut self, tlas: &Arc<Tlas>) -> u64 {
+        let known = self.allocations.iter().find_map(|(base, allocation)| match allocation {
+            Allocation::Structure(found) if Arc::ptr_eq(found, tlas) => Some(*base),
+            _ => None,
+        });
+        known.unwrap_or_else(|| self.allocate(0, Allocation::Structure(tlas.clone())))
+    }
+
+    /// The address of a buffer that has one.
+    pub fn address_of(&self, buffer: &Arc<Buffer>) -> Option<u64> {
+        self.allocations.iter().find_map(|(base, allocation)| match allocation {
+            Allocation::Buffer(found) if Arc::ptr_eq(found, buffer) => Some(*base),
+            _ => None,
+        })
+    }
+
+    /// The buffer in whose regions an address lies, and the offset there, which may be beyond the
+    /// buffer's end.
+    #[inline]
+    pub fn buffer(&self, address: u64) -> Option<(&Buffer, u64)> {
+        match self.allocation(address)? {
+            (base, Allocation::Buffer(buffer)) => Some((buffer, address - base)),
+            _ => None,
+        }
+    }
+
+    /// The acceleration structure at an address.
+    pub fn structure(&self, address: u64) -> Option<&Arc<Tlas>> {
+        match self.allocation(address)? {
+            (base, Allocation::Structure(tlas)) if *base == address => Some(tlas),
+            _ => None,
+        }
+    }
+
+    #[inline]
+    fn allocation(&self, address: u64) -> Option<&(u64, Allocation)> {
+        let after = self.allocations.partition_point(|(base, _)| *base <= address);
+        // Behind the last allocation's regions there is nothing.
+        let inside = address >> REGION_BITS <= self.regions;
+        self.allocations.get(after.checked_sub(1)?).filter(|_| inside)
+    }
+
+    fn allocate(&mut self, size: u64, allocation: Allocation) -> u64 {
+        let base = (self.regions + 1) << REGION_BITS;
+        self.regions += (size >> REGION_BITS) + 1;
+        self.allocations.push((base, allocation));
+        base
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_follow_the_order_of_allocation() {
+        let mut memory = DeviceMemory::default();
+        let (a, b) = (Buffer::zeroed(16), Buffer::zeroed(0));
+        assert_eq!(memory.add_buffer(&a), 0x1_0000_0000);
+        assert_eq!(memory.add_buffer(&b), 0x2_0000_0000);
+        assert_eq!(memory.add_buffer(&a), 0x1_0000_0000);
+        let tlas = Tlas::new(Vec::new()).unwrap();
+        assert_eq!(memory.add_structure(&tlas), 0x3_0000_0000);
+        assert_eq!(memory.add_structure(&tlas), 0x3_0000_0000);
+        assert_eq!(memory.address_of(&b), Some(0x2_0000_0000));
+        assert_eq!(memory.address_of(&Buffer::zeroed(16)), None);
+    }
+
+    #[test]
+    fn an_address_leads_to_its_allocation_alone() {
+        let mut memory = DeviceMemory::default();
+        let buffer = Buffer::zeroed(16);
+        let base = memory.add_buffer(&buffer);
+        let tlas = Tlas::new(Vec::new()).unwrap();
+        let structure = memory.add_structure(&tlas);
+        let offset = |address| memory.buffer(address).map(|(_, offset)| offset);
+        assert_eq!(offset(base), Some(0));
+        assert_eq!(offset(base + 20), Some(20));
+        assert_eq!([0, base - 1, structure, structure + (1 << 32), u64::MAX].map(offset), [None; 5]);
+        assert!(memory.structure(structure).is_some_and(|found| Arc::ptr_eq(found, &tlas)));
+        assert!(memory.structure(structure + 8).is_none() && memory.structure(base).is_none());
+    }
+}

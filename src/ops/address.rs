@@ -1,0 +1,224 @@
+//! Pointers as numbers: `OpPtrAccessChain` and its kin, comparisons, and the conversions between
+//! device addresses (`PhysicalStorageBuffer`) and integers.
+
+use rspirv::spirv::Op as Opcode;
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::module::ty::Type;
+use crate::module::{Id, Instruction};
+use crate::ops::conversion::{self, Conversion};
+use crate::ops::decode::{Decoder, Value, Words};
+use crate::ops::memory::BufferRef;
+use crate::ops::pointer::{self, Place, Pointer, storage};
+use crate::ops::relational_logical::{IEqual, LogicalAnd, LogicalNot};
+
+/// Rows of address arithmetic.
+pub mod row {
+    use crate::ops::memory::OUT_OF_BOUNDS;
+    use crate::rows;
+
+    rows! {
+        /// An address and a checked offset; an offset out of bounds leads to where nothing lies.
+        AddressPlus Internal [u64] (base: u64, offset: u32) -> u64 {
+            if offset == OUT_OF_BOUNDS { u64::MAX } else { base.wrapping_add(offset.into()) }
+        }
+        /// The address of an element before or behind another.
+        AddressElement Internal [u64] (base: u64, index: i64, stride: u32) -> u64 {
+            base.wrapping_add_signed(index.wrapping_mul(stride.into()))
+        }
+        /// The same for an offset, which becomes out of bounds where it leaves its range.
+        OffsetElement Internal [u32] (base: u32, index: i64, stride: u32) -> u32 {
+            let sum = i128::from(base) + i128::from(index) * i128::from(stride);
+            if base == OUT_OF_BOUNDS { base } else { u32::try_from(sum).unwrap_or(OUT_OF_BOUNDS) }
+        }
+        /// Elements between two offsets or addresses.
+        Distance Internal [i64] (a: i64, b: i64, stride: u32) -> i64 {
+            a.wrapping_sub(b).checked_div(stride.into()).unwrap_or(0)
+        }
+    }
+}
+
+/// Opcodes decoded here.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::PtrAccessChain,
+    Opcode::InBoundsPtrAccessChain,
+    Opcode::PtrEqual,
+    Opcode::PtrNotEqual,
+    Opcode::PtrDiff,
+    Opcode::ConvertUToPtr,
+    Opcode::ConvertPtrToU,
+];
+
+/// Decodes the instructions of this file; `false` for any other.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    match opcode {
+        Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
+            let (base, index) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
+            let stride = stride(decoder, base)?;
+            let pointer = decoder.pointer(base)?;
+            let pointer = element(decoder, pointer, index, stride)?;
+            let indices = &decoder.operands(instruction)[2..];
+            let pointer = pointer::follow(decoder, pointer, indices)?;
+            if let Some(id) = instruction.result {
+                decoder.define(id, Value::Pointer(pointer));
+            }
+        }
+        Opcode::PtrEqual | Opcode::PtrNotEqual => {
+            let (a, b) = (decoder.operand(instruction, 0)?, decoder.operand(instruction, 1)?);
+            if a.len() != b.len() {
+                return Err(decoder.invalid("pointers of different storage classes are compared"));
+            }
+            let mut result = decoder.constant(1)?;
+            for (&a, &b) in a.iter().zip(&b) {
+                let equal = decoder.family(&IEqual, 32, &[a, b])?;
+                result = decoder.family(&LogicalAnd, 0, &[result, equal])?;
+            }
+            if opcode == Opcode::PtrNotEqual {
+                result = decoder.family(&LogicalNot, 0, &[result])?;
+            }
+            decoder.result(instruction, SmallVec::from_slice(&[result]));
+        }
+        Opcode::PtrDiff => {
+            let base = decoder.id(instruction, 0)?;
+            let stride = stride(decoder, base)?;
+            let mut ends = Words::new();
+            for at in 0..2 {
+                let words = decoder.operand(instruction, at)?;
+                let physical = pointer_class(decoder, base)? == storage::PHYSICAL_STORAGE_BUFFER;
+                ends.push(match *words {
+                    [low, high] if physical => decoder.pair(low, high)?,
+                    [.., offset] => convert(decoder, Conversion::U, 32, 64, offset)?,
+                    [] => return Err(decoder.invalid("a pointer without a value")),
+                });
+            }
+            let stride = decoder.constant(stride)?;
+            let distance = decoder.row(&row::Distance.rows[0], &[ends[0], ends[1], stride])?;
+            let ty = decoder.result_type(instruction)?;
+            let width = decoder.scalar_width(ty)?;
+            let first = convert(decoder, Conversion::S, 64, width, distance)?;
+            let words = decoder.spread(&[first], width);
+            decoder.result(instruction, words);
+        }
+        Opcode::ConvertUToPtr => {
+            let id = decoder.id(instruction, 0)?;
+            let from = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))?;
+            let words = decoder.operand(instruction, 0)?;
+            let ty = decoder.result_type(instruction)?;
+            require_physical(decoder, ty)?;
+            let first = convert(decoder, Conversion::U, from, 64, words[0])?;
+            decoder.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
+        }
+        Opcode::ConvertPtrToU => {
+            let id = decoder.id(instruction, 0)?;
+            let ty = decoder.type_of(id)?;
+            require_physical(decoder, ty)?;
+            let words = decoder.words(id)?;
+            let first = decoder.pair(words[0], words[1])?;
+            let ty = decoder.result_type(instruction)?;
+            let width = decoder.scalar_width(ty)?;
+            let first = convert(decoder, Conversion::U, 64, width, first)?;
+            let words = decoder.spread(&[first], width);
+            decoder.result(instruction, words);
+        }
+        _ => return Ok(false),
+    }
+    Ok(true)
+}
+
+/// The device address that a pointer into `PhysicalStorageBuffer` is, as the first of two rows.
+pub fn address(decoder: &mut Decoder<'_>, pointer: &Pointer, base: Reg) -> Result<Reg> {
+    if pointer.offset == 0 && pointer.index.is_none() {
+        return Ok(base);
+    }
+    let constant = decoder.constant(pointer.offset)?;
+    let offset = pointer::shifted(decoder, pointer.index, constant)?;
+    decoder.row(&row::AddressPlus.rows[0], &[base, offset])
+}
+
+/// Whether a type is a pointer that is a device address.
+pub fn is_physical(decoder: &Decoder<'_>, ty: crate::module::ty::TypeId) -> bool {
+    matches!(decoder.module.ty(ty), Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. })
+}
+
+fn require_physical(decoder: &Decoder<'_>, ty: crate::module::ty::TypeId) -> Result<()> {
+    if is_physical(decoder, ty) {
+        return Ok(());
+    }
+    let name = decoder.module.describe_type(ty);
+    let error = decoder.invalid(format!("only pointers to PhysicalStorageBuffer are numbers, not {name}"));
+    Err(error.note("VUID-StandaloneSpirv-PhysicalStorageBuffer64-04710"))
+}
+
+fn pointer_class(decoder: &Decoder<'_>, id: Id) -> Result<u32> {
+    match *decoder.module.ty(decoder.type_of(id)?) {
+        Type::Pointer { storage_class, .. } => Ok(storage_class),
+        _ => Err(decoder.invalid("a pointer is needed here")),
+    }
+}
+
+/// What lies between the elements that a pointer steps over: bytes in buffers, words in rows,
+/// descriptors in arrays of them.
+fn stride(decoder: &mut Decoder<'_>, base: Id) -> Result<u32> {
+    let ty = decoder.type_of(base)?;
+    let Type::Pointer { pointee: Some(pointee), stride, .. } = *decoder.module.ty(ty) else {
+        return Err(decoder.invalid("a pointer is needed here"));
+    };
+    match decoder.pointer(base)?.place {
+        Place::Buffer(_) => {
+            stride.ok_or_else(|| decoder.invalid("the pointer's type has no ArrayStride decoration"))
+        }
+        Place::Descriptors { .. } => pointer::descriptor_count(decoder, pointee),
+        _ => decoder.word_count(pointee),
+    }
+}
+
+/// The pointer to another element of the array that a pointer leads into.
+fn element(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: Id, stride: u32) -> Result<Pointer> {
+    let width = decoder.type_of(index).and_then(|ty| decoder.scalar_width(ty))?;
+    let words = decoder.words(index)?;
+    if words.iter().all(|&word| decoder.constant_word(word) == Some(0)) {
+        return Ok(pointer);
+    }
+    let index = convert(decoder, Conversion::S, width, 64, words[0])?;
+    let stride = decoder.constant(stride)?;
+    if let Place::Buffer(BufferRef::Address(base)) = pointer.place {
+        let base = address(decoder, &pointer, base)?;
+        let base = decoder.row(&row::AddressElement.rows[0], &[base, index, stride])?;
+        pointer.place = Place::Buffer(BufferRef::Address(base));
+        pointer.index = None;
+    } else {
+        let constant = decoder.constant(pointer.offset)?;
+        let base = pointer::shifted(decoder, pointer.index, constant)?;
+        pointer.index = Some(decoder.row(&row::OffsetElement.rows[0], &[base, index, stride])?);
+    }
+    pointer.offset = 0;
+    Ok(pointer)
+}
+
+fn convert(decoder: &mut Decoder<'_>, kind: Conversion, from: u32, to: u32, first: Reg) -> Result<Reg> {
+    match conversion::row(kind, from, to) {
+        Some(row) => decoder.row(row, &[first]),
+        None => Ok(first),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::row::{AddressElement, AddressPlus, Distance, OffsetElement};
+    use crate::ops::row::tests::check;
+
+    #[test]
+    fn address_arithmetic() {
+        check(&AddressPlus, 64, &[0x1_FFFF_FFFC, 8], 0x2_0000_0004);
+        check(&AddressPlus, 64, &[0x1_0000_0000, 0xFFFF_FFFF], u64::MAX);
+        check(&AddressElement, 64, &[0x1_0000_0010, u64::MAX, 16], 0x1_0000_0000);
+        check(&AddressElement, 64, &[0x1_0000_0000, 3, 12], 0x1_0000_0024);
+        check(&OffsetElement, 32, &[32, -2i64 as u64, 16], 0);
+        check(&OffsetElement, 32, &[32, -3i64 as u64, 16], 0xFFFF_FFFF);
+        check(&OffsetElement, 32, &[0xFFFF_FFFF, -1i64 as u64, 4], 0xFFFF_FFFF);
+        check(&Distance, 64, &[16, 48, 16], -2i64 as u64);
+        check(&Distance, 64, &[16, 48, 0], 0);
+    }
+}

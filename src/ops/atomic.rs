@@ -1,0 +1,368 @@
+//! Atomic instructions (SPIR-V 3.3.20).
+//!
+//! Lanes apply them in ascending order, which is launch order. A program whose results depend on
+//! how invocations interleave (one that uses what an atomic returns, or adds floats) says so by
+//! [`Op::order_dependent`], and a launch then runs it invocation by invocation. Integer additions,
+//! bit operations, minima and maxima whose result nobody reads commute: those run on all threads.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use half::f16;
+use rspirv::spirv::Op as Opcode;
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::{Batch, Bindings, Mask, Reg, TrapCode};
+use crate::module::Instruction;
+use crate::module::ty::Type;
+use crate::ops::decode::{Decoder, Words};
+use crate::ops::memory::{Chunk, OUT_OF_BOUNDS, each_access, trap};
+use crate::ops::op::{Access, Op as Operation};
+use crate::ops::pointer::{Place, Pointer};
+
+/// Opcodes decoded here.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::AtomicLoad,
+    Opcode::AtomicStore,
+    Opcode::AtomicExchange,
+    Opcode::AtomicCompareExchange,
+    Opcode::AtomicIIncrement,
+    Opcode::AtomicIDecrement,
+    Opcode::AtomicIAdd,
+    Opcode::AtomicISub,
+    Opcode::AtomicSMin,
+    Opcode::AtomicUMin,
+    Opcode::AtomicSMax,
+    Opcode::AtomicUMax,
+    Opcode::AtomicAnd,
+    Opcode::AtomicOr,
+    Opcode::AtomicXor,
+    Opcode::AtomicFAddEXT,
+    Opcode::AtomicFMinEXT,
+    Opcode::AtomicFMaxEXT,
+];
+
+/// What becomes of the value in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Load,
+    Exchange,
+    CompareExchange,
+    Add,
+    Sub,
+    SMin,
+    UMin,
+    SMax,
+    UMax,
+    And,
+    Or,
+    Xor,
+    FAdd,
+    FMin,
+    FMax,
+}
+
+/// Where the value lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// In a buffer.
+    Buffer(Chunk),
+    /// In rows of the lane itself, from `first` (plus a computed number) on.
+    Rows { first: Reg, row: Option<Reg> },
+}
+
+/// An atomic operation on one scalar.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Op {
+    /// What it does.
+    pub kind: Kind,
+    /// Bits of the scalar: 16, 32 or 64.
+    pub width: u32,
+    /// Where the value lies.
+    pub target: Target,
+    /// The first row that takes the value that was there before.
+    pub to: Reg,
+    /// The first row of the operand.
+    pub value: Reg,
+    /// The first row of the comparator.
+    pub comparator: Reg,
+}
+
+impl Op {
+    fn words(&self) -> u32 {
+        self.width.div_ceil(32)
+    }
+
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        match self.target {
+            Target::Buffer(chunk) => chunk.accesses(visit),
+            Target::Rows { first, row } => {
+                // A computed row's whole variable is told to the decoder as addressed.
+                if let Some(row) = row {
+                    visit(Access::Read(row, 1));
+                } else {
+                    visit(Access::Read(first, self.words()));
+                    visit(Access::Write(first, self.words()));
+                }
+            }
+        }
+        visit(Access::Read(self.value, self.words()));
+        visit(Access::Read(self.comparator, self.words()));
+        visit(Access::Write(self.to, self.words()));
+        visit(Access::Effect);
+    }
+
+    /// Whether what a launch leaves behind depends on the order in which invocations come here;
+    /// `used` says whether something reads the value returned.
+    pub fn order_dependent(&self, used: bool) -> bool {
+        if let Target::Rows { .. } = self.target {
+            return false;
+        }
+        match self.kind {
+            Kind::Exchange | Kind::CompareExchange | Kind::FAdd | Kind::FMin | Kind::FMax => true,
+            _ => used,
+        }
+    }
+
+    /// Runs the operation for the running lanes.
+    pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
+        match self.target {
+            Target::Buffer(chunk) => self.on_buffer(batch, bindings, &chunk),
+            Target::Rows { first, row } => {
+                for lane in batch.mask.lanes() {
+                    let row = row.map_or(0, |row| batch.registers[row].0[lane]);
+                    let at = u64::from(first.0) + u64::from(row);
+                    let outside = at + u64::from(self.words()) > batch.registers.len() as u64;
+                    if row == OUT_OF_BOUNDS || outside {
+                        trap(batch, Mask::lane(lane), TrapCode::IndexOutOfBounds);
+                        continue;
+                    }
+                    let at = Reg(at as u32);
+                    let old = self.read(batch, at, lane);
+                    let (value, comparator) = self.operands(batch, lane);
+                    self.write(batch, self.to, lane, old);
+                    if let Some(new) = apply(self.kind, self.width, old, value, comparator) {
+                        self.write(batch, at, lane, new);
+                    }
+                }
+            }
+        }
+    }
+
+    fn on_buffer<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings, chunk: &Chunk) {
+        let mut misaligned = Mask::NONE;
+        let (to, value, comparator) = (self.to, self.value, self.comparator);
+        let wide = self.width == 64;
+        each_access(batch, bindings, chunk, |registers, lane, buffer, offset| {
+            if !offset.is_multiple_of(u64::from(self.width / 8)) {
+                misaligned = misaligned | Mask::lane(lane);
+                return Some(());
+            }
+            let scalar = |reg: Reg| {
+                let high = if wide { registers[reg.plus(1)].0[lane] } else { 0 };
+                u64::from(registers[reg].0[lane]) | u64::from(high) << 32
+            };
+            let (value, comparator) = (scalar(value), scalar(comparator));
+            let change = |old| apply(self.kind, self.width, old, value, comparator);
+            let old = match self.width {
+                64 => buffer.update_wide(offset, change)?,
+                width => {
+                    let shift = (offset % 4) as u32 * 8;
+                    let mask = u32::MAX >> (32 - width);
+                    let word = buffer.word(offset - offset % 4)?;
+                    let part = |word: u32| u64::from(word >> shift & mask);
+                    let merge = |word: u32| {
+                        change(part(word)).map(|new| word & !(mask << shift) | (new as u32 & mask) << shift)
+                    };
+                    part(word.fetch_update(Relaxed, Relaxed, merge).unwrap_or_else(|word| word))
+                }
+            };
+            registers[to].0[lane] = old as u32;
+            if wide {
+                registers[to.plus(1)].0[lane] = (old >> 32) as u32;
+            }
+            Some(())
+        });
+        trap(batch, misaligned, TrapCode::AtomicMisaligned);
+    }
+
+    fn operands<const W: usize>(&self, batch: &Batch<W>, lane: usize) -> (u64, u64) {
+        (self.read(batch, self.value, lane), self.read(batch, self.comparator, lane))
+    }
+
+    fn read<const W: usize>(&self, batch: &Batch<W>, reg: Reg, lane: usize) -> u64 {
+        let mut words = batch.registers.lane_words(reg, self.words(), lane);
+        let low = u64::from(words.next().unwrap_or(0));
+        low | u64::from(words.next().unwrap_or(0)) << 32
+    }
+
+    fn write<const W: usize>(&self, batch: &mut Batch<W>, reg: Reg, lane: usize, bits: u64) {
+        let words = [bits as u32, (bits >> 32) as u32];
+        batch.registers.set_lane_words(reg, lane, words.into_iter().take(self.words() as usize));
+    }
+}
+
+/// The new value; `None` where memory stays as it is.
+fn apply(kind: Kind, width: u32, old: u64, value: u64, comparator: u64) -> Option<u64> {
+    let mask = u64::MAX >> (64 - width);
+    let signed = |bits: u64| (bits << (64 - width)) as i64 >> (64 - width);
+    let choose = |new: bool| Some(if new { value } else { old });
+    Some(match kind {
+        Kind::Load => return None,
+        Kind::Exchange => value,
+        Kind::CompareExchange => return (old == comparator).then_some(value),
+        Kind::Add => old.wrapping_add(value) & mask,
+        Kind::Sub => old.wrapping_sub(value) & mask,
+        Kind::SMin => return choose(signed(value) < signed(old)),
+        Kind::SMax => return choose(signed(value) > signed(old)),
+        Kind::UMin => old.min(value),
+        Kind::UMax => old.max(value),
+        Kind::And => old & value,
+        Kind::Or => old | value,
+        Kind::Xor => old ^ value,
+        Kind::FAdd | Kind::FMin | Kind::FMax => float(kind, width, old, value),
+    })
+}
+
+/// Float sums are rounded once; minima and maxima prefer a number to a NaN, as `NMin` and `NMax`.
+fn float(kind: Kind, width: u32, old: u64, value: u64) -> u64 {
+    macro_rules! at {
+        ($ty:ty, $bits:ty) => {{
+            let (a, b) = (<$ty>::from_bits(old as $bits), <$ty>::from_bits(value as $bits));
+            let result = match kind {
+                Kind::FAdd => a + b,
+                Kind::FMin => {
+                    if a.is_nan() || b < a {
+                        b
+                    } else {
+                        a
+                    }
+                }
+                _ => {
+                    if a.is_nan() || a < b {
+                        b
+                    } else {
+                        a
+                    }
+                }
+            };
+            u64::from(result.to_bits())
+        }};
+    }
+    match width {
+        16 => at!(f16, u16),
+        32 => at!(f32, u32),
+        _ => at!(f64, u64),
+    }
+}
+
+/// Decodes atomic instructions; `false` for an instruction of another section.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    let kind = match opcode {
+        Opcode::AtomicLoad => Kind::Load,
+        Opcode::AtomicStore | Opcode::AtomicExchange => Kind::Exchange,
+        Opcode::AtomicCompareExchange => Kind::CompareExchange,
+        Opcode::AtomicIIncrement | Opcode::AtomicIAdd => Kind::Add,
+        Opcode::AtomicIDecrement | Opcode::AtomicISub => Kind::Sub,
+        Opcode::AtomicSMin => Kind::SMin,
+        Opcode::AtomicUMin => Kind::UMin,
+        Opcode::AtomicSMax => Kind::SMax,
+        Opcode::AtomicUMax => Kind::UMax,
+        Opcode::AtomicAnd => Kind::And,
+        Opcode::AtomicOr => Kind::Or,
+        Opcode::AtomicXor => Kind::Xor,
+        Opcode::AtomicFAddEXT => Kind::FAdd,
+        Opcode::AtomicFMinEXT => Kind::FMin,
+        Opcode::AtomicFMaxEXT => Kind::FMax,
+        _ => return Ok(false),
+    };
+    let id = decoder.id(instruction, 0)?;
+    let pointer = decoder.pointer(id)?;
+    let width = match *decoder.module.ty(pointer.pointee) {
+        Type::Int { width, .. } | Type::Float { width, encoding: None } => width,
+        _ => return Err(decoder.invalid("an atomic instruction on what is no scalar")),
+    };
+    if width == 8 {
+        return Err(decoder.invalid("an atomic instruction on 8 bits"));
+    }
+    // Behind the pointer stand scope and semantics (two for a comparison), then the operands.
+    let none = decoder.wide_constant(0)?;
+    let (value, comparator) = match opcode {
+        Opcode::AtomicLoad => (none, none),
+        Opcode::AtomicIIncrement | Opcode::AtomicIDecrement => (decoder.wide_constant(1)?, none),
+        Opcode::AtomicCompareExchange => {
+            (scalar(decoder, instruction, 4, width)?, scalar(decoder, instruction, 5, width)?)
+        }
+        _ => (scalar(decoder, instruction, 3, width)?, none),
+    };
+    let target = target(decoder, &pointer, width)?;
+    let to = decoder.fresh(width.div_ceil(32))?;
+    decoder.emit(Operation::Atomic(Op { kind, width, target, to, value, comparator }));
+    if let Target::Rows { .. } = target {
+        decoder.forget();
+    }
+    let words: Words = (0..width.div_ceil(32)).map(|word| to.plus(word)).collect();
+    decoder.result(instruction, SmallVec::from_slice(&words));
+    Ok(true)
+}
+
+/// The first row of an operand that must be a scalar of a width.
+fn scalar(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize, width: u32) -> Result<Reg> {
+    let words = decoder.operand(instruction, at)?;
+    match words.first() {
+        Some(&first) if words.len() as u32 == width.div_ceil(32) => Ok(first),
+        _ => Err(decoder.invalid("the operand of an atomic instruction has another type than the memory")),
+    }
+}
+
+fn target(decoder: &mut Decoder<'_>, pointer: &Pointer, width: u32) -> Result<Target> {
+    match pointer.place {
+        Place::Buffer(buffer) => {
+            let (count, part) = if width == 64 { (2, 32) } else { (1, width) };
+            let (offset, index) = (pointer.offset, pointer.index);
+            Ok(Target::Buffer(Chunk { buffer, offset, index, width: part, count, alignment: 1 }))
+        }
+        Place::Rows { constant: true, .. } => Err(decoder.invalid("an atomic on an input variable")),
+        Place::Rows { first, .. } => {
+            let first = first.plus(pointer.offset);
+            if pointer.index.is_some() {
+                decoder.addressed.push((first, width.div_ceil(32)));
+            }
+            Ok(Target::Rows { first, row: pointer.index })
+        }
+        Place::ComputedRows => Ok(Target::Rows { first: Reg(pointer.offset), row: pointer.index }),
+        Place::Descriptors { .. } => Err(decoder.invalid("an atomic instruction on a descriptor")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_new_value_of_every_kind() {
+        let new = |kind, width, old, value| apply(kind, width, old, value, 7);
+        assert_eq!(new(Kind::Load, 32, 5, 9), None);
+        assert_eq!(new(Kind::Exchange, 32, 5, 9), Some(9));
+        assert_eq!(new(Kind::CompareExchange, 32, 5, 9), None);
+        assert_eq!(new(Kind::CompareExchange, 32, 7, 9), Some(9));
+        assert_eq!(new(Kind::Add, 32, 0xFFFF_FFFF, 2), Some(1));
+        assert_eq!(new(Kind::Add, 64, 0xFFFF_FFFF, 2), Some(0x1_0000_0001));
+        assert_eq!(new(Kind::Sub, 32, 0, 1), Some(0xFFFF_FFFF));
+        assert_eq!(new(Kind::SMin, 32, 1, 0xFFFF_FFFF), Some(0xFFFF_FFFF));
+        assert_eq!(new(Kind::SMax, 32, 1, 0xFFFF_FFFF), Some(1));
+        assert_eq!(new(Kind::UMin, 32, 1, 0xFFFF_FFFF), Some(1));
+        assert_eq!(new(Kind::UMax, 32, 1, 0xFFFF_FFFF), Some(0xFFFF_FFFF));
+        assert_eq!(new(Kind::SMin, 64, 1, u64::MAX), Some(u64::MAX));
+        assert_eq!(new(Kind::And, 32, 0b1100, 0b1010), Some(0b1000));
+        assert_eq!(new(Kind::Or, 32, 0b1100, 0b1010), Some(0b1110));
+        assert_eq!(new(Kind::Xor, 32, 0b1100, 0b1010), Some(0b0110));
+        let bits = |value: f32| u64::from(value.to_bits());
+        assert_eq!(new(Kind::FAdd, 32, bits(1.5), bits(0.25)), Some(bits(1.75)));
+        assert_eq!(new(Kind::FMin, 32, bits(f32::NAN), bits(2.0)), Some(bits(2.0)));
+        assert_eq!(new(Kind::FMax, 32, bits(2.0), bits(f32::NAN)), Some(bits(2.0)));
+        assert_eq!(new(Kind::FAdd, 16, 0x3C00, 0x3C00), Some(0x4000)); // 1 + 1
+        assert_eq!(new(Kind::FAdd, 64, 1f64.to_bits(), 1f64.to_bits()), Some(2f64.to_bits()));
+    }
+}

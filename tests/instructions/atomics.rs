@@ -1,0 +1,182 @@
+//! Atomic instructions (SPIR-V 3.3.20) on buffers, device addresses and variables.
+
+use std::sync::Arc;
+
+use anyhit::error::ErrorKind;
+use anyhit::machine::{Buffer, Descriptor, Resources};
+
+use crate::run::{INVOCATIONS, Shader};
+
+const COUNTER_LAYOUT: &str = "
+    OpDecorate %counter_block Block
+    OpMemberDecorate %counter_block 0 Offset 0
+    OpMemberDecorate %counter_block 1 Offset 4
+    OpMemberDecorate %counter_block 2 Offset 8
+    OpDecorate %counters DescriptorSet 0
+    OpDecorate %counters Binding 1";
+const COUNTERS: &str = "
+    %counter_block = OpTypeStruct %uint %float %ulong
+    %ptr_StorageBuffer_counters = OpTypePointer StorageBuffer %counter_block
+    %ptr_StorageBuffer_float = OpTypePointer StorageBuffer %float
+    %ptr_StorageBuffer_ulong = OpTypePointer StorageBuffer %ulong
+    %counters = OpVariable %ptr_StorageBuffer_counters StorageBuffer
+    %quarter = OpConstant %float 0.25
+    %large = OpConstant %ulong 0x100000000L";
+
+/// Runs a body that finds `%count` (uint), `%sum` (float) and `%wide` (ulong) and gives what is
+/// left in these 16 bytes, and what the invocations wrote.
+fn run(start: [u32; 4], body: &str) -> ([u32; 4], Vec<[u32; 16]>) {
+    let body = format!(
+        "%count = OpAccessChain %ptr_StorageBuffer_uint %counters %u0
+         %sum = OpAccessChain %ptr_StorageBuffer_float %counters %u1
+         %wide = OpAccessChain %ptr_StorageBuffer_ulong %counters %u2
+         {body}"
+    );
+    let shader = Shader {
+        capabilities: "OpCapability Int64Atomics\nOpCapability AtomicFloat32AddEXT",
+        annotations: COUNTER_LAYOUT,
+        declarations: COUNTERS,
+        body: &body,
+        ..Shader::default()
+    };
+    let mut buffers: Vec<Arc<Buffer>> = Vec::new();
+    let found = shader.run_with(&mut || {
+        let bytes: Vec<u8> = start.iter().flat_map(|word| word.to_le_bytes()).collect();
+        let buffer = Buffer::new(&bytes);
+        buffers.push(buffer.clone());
+        Resources::default().bind(0, 1, Descriptor::Buffer(buffer))
+    });
+    let found = found.unwrap_or_else(|error| panic!("{}", error.render()));
+    let left: Vec<Vec<u32>> =
+        buffers.iter().map(|buffer| bytemuck::pod_collect_to_vec(&buffer.bytes())).collect();
+    assert!(left.iter().all(|words| *words == left[0]), "the widths leave different counters");
+    (left[0][..].try_into().unwrap(), found)
+}
+
+#[test]
+fn tickets_are_drawn_in_launch_order() {
+    let (left, found) = run(
+        [5, 0, 0, 0],
+        "%ticket = OpAtomicIAdd %uint %count %u1 %u0 %u2
+         out 0 %ticket",
+    );
+    assert_eq!(left[0], 5 + 2 * INVOCATIONS as u32);
+    for (id, words) in found.iter().enumerate() {
+        assert_eq!(words[0], 5 + 2 * id as u32);
+    }
+}
+
+#[test]
+fn every_kind_returns_what_was_there_and_leaves_the_new_value() {
+    // Only invocation 3 takes part, so that each step follows from the last.
+    let (left, found) = run(
+        [10, 1f32.to_bits(), 7, 0],
+        "%mine = OpIEqual %bool %id %u3
+         OpSelectionMerge %end None
+         OpBranchConditional %mine %yes %end
+         %yes = OpLabel
+         %a = OpAtomicIIncrement %uint %count %u1 %u0     ; 10 -> 11
+         out 0 %a
+         %b = OpAtomicIDecrement %uint %count %u1 %u0     ; 11 -> 10
+         out 1 %b
+         %c = OpAtomicISub %uint %count %u1 %u0 %u3       ; 10 -> 7
+         out 2 %c
+         %d = OpAtomicXor %uint %count %u1 %u0 %u2        ; 7 -> 5
+         out 3 %d
+         %e = OpAtomicOr %uint %count %u1 %u0 %u8         ; 5 -> 13
+         out 4 %e
+         %f = OpAtomicAnd %uint %count %u1 %u0 %u12       ; 13 -> 12
+         out 5 %f
+         %g = OpAtomicUMin %uint %count %u1 %u0 %u9       ; 12 -> 9
+         out 6 %g
+         %h = OpAtomicUMax %uint %count %u1 %u0 %u11      ; 9 -> 11
+         out 7 %h
+         %i = OpAtomicExchange %uint %count %u1 %u0 %u20  ; 11 -> 20
+         out 8 %i
+         %j = OpAtomicCompareExchange %uint %count %u1 %u0 %u0 %u1 %u19  ; 20 stays
+         out 9 %j
+         %k = OpAtomicCompareExchange %uint %count %u1 %u0 %u0 %u1 %u20  ; 20 -> 1
+         out 10 %k
+         OpAtomicStore %count %u1 %u0 %u30
+         %l = OpAtomicLoad %uint %count %u1 %u0
+         out 11 %l
+         %m = OpAtomicFAddEXT %float %sum %u1 %u0 %quarter
+         %m_bits = OpBitcast %uint %m
+         out 12 %m_bits
+         %n = OpAtomicIAdd %ulong %wide %u1 %u0 %large
+         %n_low = OpUConvert %uint %n
+         out 13 %n_low
+         %o = OpAtomicSMax %ulong %wide %u1 %u0 %large
+         %o_halves = OpBitcast %uint2 %o
+         %o_high = OpCompositeExtract %uint %o_halves 1
+         out 14 %o_high
+         OpBranch %end
+         %end = OpLabel",
+    );
+    assert_eq!(left, [30, 1.25f32.to_bits(), 7, 1]);
+    let expected = [10, 11, 10, 7, 5, 13, 12, 9, 11, 20, 20, 30, 1f32.to_bits(), 7, 1, 0];
+    for (id, words) in found.iter().enumerate() {
+        assert_eq!(*words, if id == 3 { expected } else { [0; 16] }, "invocation {id}");
+    }
+}
+
+#[test]
+fn sums_without_a_reader_commute() {
+    let count = INVOCATIONS as u32;
+    let (left, _) = run(
+        [0, 0, 0xFFFF_FFFF, 0],
+        "%one = OpUConvert %ulong %u1
+         %a = OpAtomicIAdd %uint %count %u1 %u0 %id
+         %b = OpAtomicIAdd %ulong %wide %u1 %u0 %one",
+    );
+    // 0xFFFF_FFFF + 40 carries into the upper word.
+    assert_eq!(left, [count * (count - 1) / 2, 0, count - 1, 1]);
+}
+
+#[test]
+fn variables_of_the_lane_count_for_themselves() {
+    let found = Shader {
+        declarations: "
+            %array = OpTypeArray %uint %u2
+            %ptr_Private_array = OpTypePointer Private %array
+            %variable = OpVariable %ptr_Private_array Private",
+        body: "
+            %index = OpUMod %uint %id %u2
+            %pointer = OpAccessChain %ptr_Private_uint %variable %index
+            OpStore %pointer %id
+            %old = OpAtomicIAdd %uint %pointer %u1 %u0 %u5
+            out 0 %old
+            %first = OpAccessChain %ptr_Private_uint %variable %u0
+            %a = OpAtomicIAdd %uint %first %u1 %u0 %u1
+            %b = OpLoad %uint %first
+            out 1 %b",
+        ..Shader::default()
+    }
+    .run();
+    for (id, words) in found.iter().enumerate() {
+        let id = id as u32;
+        assert_eq!(words[..2], [id, if id % 2 == 0 { id + 6 } else { 1 }]);
+    }
+}
+
+#[test]
+fn a_misaligned_atomic_traps() {
+    let error = Shader {
+        annotations: "
+            OpMemberDecorate %block 0 Offset 2
+            OpDecorate %block Block
+            OpDecorate %buffer DescriptorSet 0
+            OpDecorate %buffer Binding 0",
+        declarations: "
+            %block = OpTypeStruct %uint
+            %ptr_block = OpTypePointer StorageBuffer %block
+            %buffer = OpVariable %ptr_block StorageBuffer",
+        body: "
+            %pointer = OpAccessChain %ptr_StorageBuffer_uint %buffer %u0
+            %old = OpAtomicIAdd %uint %pointer %u1 %u0 %u1",
+        ..Shader::default()
+    }
+    .refused();
+    assert_eq!(error.kind(), ErrorKind::Trap);
+    assert_eq!(error.message(), "an atomic instruction on a misaligned offset");
+}
