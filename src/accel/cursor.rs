@@ -24,8 +24,6 @@
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-use smallvec::SmallVec;
-
 use crate::accel::node_ray::NodeRay;
 pub use crate::accel::rules::RayFlags;
 use crate::accel::tlas::Tlas;
@@ -175,10 +173,12 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Cursor {
     pub(super) trace: TraceRay,
-    pub(super) open: SmallVec<[Open; 24]>,
+    pub(super) open: Vec<Open>,
     /// The ray for the nodes of the TLAS; `None` where that has no tree.
     pub(super) world: Option<NodeRay>,
-    pub(super) level: Option<Level>,
+    pub(super) level: Option<Box<Level>>,
+    /// Memory for the next level.
+    pub(super) spare_level: Option<Box<Level>>,
     /// No hit behind it matters; a rounded t.
     pub(super) cull_t: f32,
     waiting: BinaryHeap<Reverse<Waiting>>,
@@ -196,9 +196,10 @@ impl Cursor {
     pub fn new(tlas: &Tlas, trace: TraceRay) -> Self {
         let mut cursor = Self {
             trace,
-            open: SmallVec::new(),
+            open: Vec::new(),
             world: None,
             level: None,
+            spare_level: None,
             cull_t: 0.0,
             waiting: BinaryHeap::new(),
             opaque: None,

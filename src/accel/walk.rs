@@ -42,12 +42,12 @@ impl Cursor {
         let Some((tree, _)) = tlas.tree() else {
             let count = tlas.instances().len() as u32;
             if count > 0 {
-                self.push(Child { first: 0, count }, ray.t_min);
+                push(&mut self.open, Child { first: 0, count }, ray.t_min);
             }
             return;
         };
         if let Some(node_ray) = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale()) {
-            self.push(tree.root(), node_ray.root_entry());
+            push(&mut self.open, tree.root(), node_ray.root_entry());
             self.world = Some(node_ray);
         }
     }
@@ -55,35 +55,33 @@ impl Cursor {
     /// Visits what lies on top of the stack; `false` where nothing is left.
     pub(super) fn step(&mut self, tlas: &Tlas, visit: &mut impl Visit) -> bool {
         if self.level.as_ref().is_some_and(|level| self.open.len() == level.base) {
-            self.level = None;
+            self.spare_level = self.level.take();
         }
         let Some(Open { child, entry, .. }) = self.open.pop() else { return false };
         if entry > self.cull_t {
             return true;
         }
-        let Some(level) = &self.level else {
+        let Some(level) = self.level.take() else {
             self.step_in_world(tlas, child, entry, visit);
             return true;
         };
-        let instance = level.instance;
-        let body = tlas.instances()[instance as usize].blas.body();
+        let body = tlas.instances()[level.instance as usize].blas.body();
         if child.count > 0 {
-            let object_ray = level.object_ray;
-            self.test(tlas, instance, body, child, &object_ray, visit);
+            self.test(tlas, level.instance, body, child, &level.object_ray, visit);
         } else if let Some(tree) = body.tree() {
             visit.node();
-            let node_ray = level.node_ray;
-            self.push_children(tree.node(child.first), &node_ray);
+            push_children(&mut self.open, self.cull_t, tree.node(child.first), &level.node_ray);
         }
+        self.level = Some(level);
         true
     }
 
     fn step_in_world(&mut self, tlas: &Tlas, child: Child, entry: f32, visit: &mut impl Visit) {
         match (child.count, tlas.tree()) {
             (0, Some((tree, _))) => {
-                let Some(world) = self.world else { return };
+                let Some(world) = &self.world else { return };
                 visit.node();
-                self.push_children(tree.node(child.first), &world);
+                push_children(&mut self.open, self.cull_t, tree.node(child.first), world);
             }
             (1, tree) => {
                 let instance = tree.map_or(child.first, |(_, order)| order[child.first as usize]);
@@ -93,7 +91,7 @@ impl Cursor {
             (count, _) => {
                 // The lowest place is looked at first.
                 for place in (child.first..child.first + count).rev() {
-                    self.push(Child { first: place, count: 1 }, entry);
+                    push(&mut self.open, Child { first: place, count: 1 }, entry);
                 }
             }
         }
@@ -121,8 +119,16 @@ impl Cursor {
         let Some(node_ray) = NodeRay::new(&object_ray, self.cull_t, tree.bounds(), tree.scale()) else {
             return InstanceVerdict::Missed;
         };
-        self.level = Some(Level { instance: number, base: self.open.len(), object_ray, node_ray });
-        self.push(tree.root(), node_ray.root_entry());
+        let entry = node_ray.root_entry();
+        let level = Level { instance: number, base: self.open.len(), object_ray, node_ray };
+        self.level = Some(match self.spare_level.take() {
+            Some(mut spare) => {
+                *spare = level;
+                spare
+            }
+            None => Box::new(level),
+        });
+        push(&mut self.open, tree.root(), entry);
         InstanceVerdict::Entered
     }
 
@@ -186,36 +192,35 @@ impl Cursor {
         }
         PrimitiveVerdict::Behind(found)
     }
+}
 
-    #[inline]
-    fn push(&mut self, child: Child, entry: f32) {
-        let floor =
-            self.open.last().map_or(entry, |below| if below.floor < entry { below.floor } else { entry });
-        self.open.push(Open { child, entry, floor });
+#[inline]
+fn push(open: &mut Vec<Open>, child: Child, entry: f32) {
+    let floor = open.last().map_or(entry, |below| if below.floor < entry { below.floor } else { entry });
+    open.push(Open { child, entry, floor });
+}
+
+/// Puts the children that the ray meets on the stack, the nearest on top.
+#[inline]
+fn push_children(open: &mut Vec<Open>, cull_t: f32, node: &Node, ray: &NodeRay) {
+    let entries = node.entries(ray, ray.limit(cull_t));
+    let mut met = [(0.0f32, 0usize); WIDTH];
+    let mut count = 0;
+    for (slot, &entry) in entries.iter().enumerate() {
+        if entry == f32::INFINITY {
+            continue;
+        }
+        // Insertion, the farthest first.
+        let mut at = count;
+        while at > 0 && met[at - 1].0 < entry {
+            met[at] = met[at - 1];
+            at -= 1;
+        }
+        met[at] = (entry, slot);
+        count += 1;
     }
-
-    /// Puts the children that the ray meets on the stack, the nearest on top.
-    #[inline]
-    fn push_children(&mut self, node: &Node, ray: &NodeRay) {
-        let entries = node.entries(ray, ray.limit(self.cull_t));
-        let mut met = [(0.0f32, 0usize); WIDTH];
-        let mut count = 0;
-        for (slot, &entry) in entries.iter().enumerate() {
-            if entry == f32::INFINITY {
-                continue;
-            }
-            // Insertion, the farthest first.
-            let mut at = count;
-            while at > 0 && met[at - 1].0 < entry {
-                met[at] = met[at - 1];
-                at -= 1;
-            }
-            met[at] = (entry, slot);
-            count += 1;
-        }
-        for &(entry, slot) in &met[..count] {
-            self.push(node.child(slot), entry);
-        }
+    for &(entry, slot) in &met[..count] {
+        push(open, node.child(slot), entry);
     }
 }
 

@@ -205,7 +205,7 @@ pub fn columns(decoder: &mut Decoder<'_>, matrix: crate::module::Id) -> Result<V
     let each = decoder.scalar_width(column)?.div_ceil(32) as usize;
     let words = decoder.words(matrix)?;
     let components: Words = words.chunks(each).map(|chunk| chunk[0]).collect();
-    Ok(components.chunks(components.len() / count.max(1) as usize).map(Words::from_slice).collect())
+    Ok(components.chunks((components.len() / count.max(1) as usize).max(1)).map(Words::from_slice).collect())
 }
 
 /// Bits of a matrix's scalars.

@@ -312,6 +312,21 @@ impl<'m> Decoder<'m> {
         }
     }
 
+    /// Checks that the result of an instruction has as many words as its type: whoever uses it
+    /// goes by the type.
+    pub fn check_result(&mut self, instruction: &Instruction) -> Result<()> {
+        let (Some(id), Some(_)) = (instruction.result, instruction.result_type) else { return Ok(()) };
+        let Some(Value::Words(words)) = self.locals.get(&id) else { return Ok(()) };
+        let found = words.len();
+        let ty = self.result_type(instruction)?;
+        if self.word_count(ty)? as usize == found {
+            return Ok(());
+        }
+        let name = self.module.describe_type(ty);
+        let opcode = crate::module::names::opcode_name(instruction.opcode);
+        Err(self.invalid(format!("the operands of {opcode} do not give its result type, {name}")))
+    }
+
     /// The result type of an instruction that must have one.
     pub fn result_type(&self, instruction: &Instruction) -> Result<TypeId> {
         let id =
@@ -512,7 +527,12 @@ impl<'m> Decoder<'m> {
             }
         };
         self.origin = before;
-        words
+        let words = words?;
+        if self.word_count(constant.ty)? as usize != words.len() {
+            let name = self.module.describe_type(constant.ty);
+            return Err(self.invalid(format!("the constant %{} is no {name}", constant.id.0)));
+        }
+        Ok(words)
     }
 
     /// A value of zeros.

@@ -48,7 +48,10 @@ pub static SECTIONS: &[&[&Family]] = &[
 pub fn decode_number(decoder: &mut Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
     match Opcode::from_u32(number.into()) {
         Some(Opcode::Nop) => Ok(()),
-        Some(opcode) => decode_instruction(decoder, opcode, instruction),
+        Some(opcode) => {
+            decode_instruction(decoder, opcode, instruction)?;
+            decoder.check_result(instruction)
+        }
         None => Err(decoder.unsupported(format!("opcode {number} is not known"))),
     }
 }
