@@ -4,6 +4,7 @@ pub mod control_flow;
 pub mod lower;
 pub mod print;
 pub mod prune;
+pub mod source_map;
 
 use std::sync::Arc;
 

@@ -1,0 +1,32 @@
+//! From operations back to the source.
+
+use crate::error::Place;
+use crate::program::Program;
+
+impl Program {
+    /// The source line of an operation; `None` where the module has no debug information for it.
+    pub fn place(&self, op: u32) -> Option<Place> {
+        self.place_at(self.origins.get(op as usize)?.offset)
+    }
+
+    /// The source line of the instruction at a word offset of the module.
+    ///
+    /// A [`Place::Text`] spans the line without its indent.
+    pub fn place_at(&self, offset: u32) -> Option<Place> {
+        let debug = &self.module.debug_info;
+        let line = debug.line_at(offset)?;
+        let file = debug.files.get(line.file as usize)?;
+        if let Some(text) = &file.text {
+            let start = text
+                .split_inclusive('\n')
+                .take(line.line.saturating_sub(1) as usize)
+                .map(str::len)
+                .sum::<usize>();
+            let length = text[start..].lines().next().map_or(0, str::len);
+            let indent = text[start..].len() - text[start..].trim_start_matches([' ', '\t']).len();
+            let span = start + indent.min(length)..start + length;
+            return Some(Place::Text { file: file.name.clone(), text: text.clone(), span });
+        }
+        Some(Place::Line { file: file.name.clone(), line: line.line, column: line.column })
+    }
+}
