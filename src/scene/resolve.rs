@@ -170,8 +170,10 @@ impl<'a> Resolver<'a> {
         if self.options.size.is_none() {
             self.check_rays();
         }
+        let geometry_names = tlas.iter().map(|(name, _)| self.geometry_names(name)).collect();
         Some(ResolvedScene {
             path: self.own.source().path.clone(),
+            geometry_names,
             tlas: tlas.into_iter().map(|(name, tlas)| Some((name, tlas?))).collect::<Option<_>>()?,
             shaders: self.modules,
             groups: self.groups,
@@ -216,6 +218,12 @@ impl<'a> Resolver<'a> {
             (members.tlas.to_string(), placed.and_then(|placed| self.tlas(&placed)))
         };
         instances.into_iter().map(build).collect()
+    }
+
+    /// What the geometries of each instance of a TLAS are called.
+    fn geometry_names(&self, tlas: &str) -> Vec<Vec<String>> {
+        let names = |entry: &InstanceEntry| entry.geometry.iter().map(|name| name.value.clone()).collect();
+        self.instances.iter().filter(|entry| entry.tlas == tlas).map(names).collect()
     }
 
     fn tlas(&self, list: &[Placed<'_>]) -> Option<Arc<Tlas>> {

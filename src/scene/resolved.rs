@@ -16,6 +16,8 @@ pub struct ResolvedScene {
     pub path: PathBuf,
     /// The acceleration structures, by name.
     pub tlas: Vec<(String, Arc<Tlas>)>,
+    /// The names of the geometries of each instance, parallel to `tlas`.
+    pub geometry_names: Vec<Vec<Vec<String>>>,
     /// Every file with shaders, once.
     pub shaders: Vec<ShaderModule>,
     /// The shader groups, each once.
