@@ -11,8 +11,8 @@ pub trait Visit {
     /// Whether reasons are wanted. They cost a second test of each primitive that is not hit.
     const REASONS: bool;
 
-    /// A node of a tree was opened.
-    fn node(&mut self) {}
+    /// A node was opened: of an instance's tree, or (`None`) of the tree over the instances.
+    fn node(&mut self, _instance: Option<u32>) {}
 
     /// An instance was reached.
     fn instance(&mut self, _instance: u32, _verdict: InstanceVerdict) {}
@@ -93,7 +93,7 @@ pub struct Counters {
 impl Visit for Counters {
     const REASONS: bool = false;
 
-    fn node(&mut self) {
+    fn node(&mut self, _: Option<u32>) {
         self.nodes += 1;
     }
 

@@ -69,7 +69,7 @@ impl Cursor {
         if child.count > 0 {
             self.test(tlas, level.instance, body, child, &level.object_ray, visit);
         } else if let Some(tree) = body.tree() {
-            visit.node();
+            visit.node(Some(level.instance));
             push_children(&mut self.open, self.cull_t, tree.node(child.first), &level.node_ray);
         }
         self.level = Some(level);
@@ -80,7 +80,7 @@ impl Cursor {
         match (child.count, tlas.tree()) {
             (0, Some((tree, _))) => {
                 let Some(world) = &self.world else { return };
-                visit.node();
+                visit.node(None);
                 push_children(&mut self.open, self.cull_t, tree.node(child.first), world);
             }
             (1, tree) => {

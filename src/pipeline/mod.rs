@@ -22,7 +22,7 @@ use crate::program::Program;
 pub use group::{Group, HitGroup, Shader};
 pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Stats};
 pub use sbt::{Record, Sbt};
-pub use witness::{Event, Witness};
+pub use witness::{Caller, Event, Witness};
 
 /// Operations that an invocation may spend at back edges and calls, unless set otherwise.
 pub const DEFAULT_BUDGET: u64 = 1 << 28;

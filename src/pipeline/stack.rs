@@ -20,7 +20,7 @@ use crate::pipeline::launch::Stats;
 use crate::pipeline::report::Report;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::trace::{Data, Query, RayState, Trace, general};
-use crate::pipeline::witness::{Event, Witness};
+use crate::pipeline::witness::{Caller, Event, Witness};
 use crate::program::Program;
 
 /// Why a shader runs.
@@ -159,7 +159,7 @@ where
     pub fn trace(&mut self, query: Query) -> Option<RayState> {
         self.stats.rays += 1;
         let mut trace = self.spare_trace();
-        trace.push(0, query, self.witness);
+        trace.push(0, query, None, self.witness);
         self.levels.push(Level::Trace { trace, payload: None });
         self.run()
     }
@@ -308,6 +308,7 @@ where
         let mut trace = self.spare_trace();
         let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
         let bindings = &self.bindings[running.shader.0 as usize];
+        let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
         for lane in mask.lanes() {
             let batch = &running.batch;
             let mut words = [0; TRACE_OPERANDS as usize];
@@ -329,7 +330,7 @@ where
                 }
             };
             match query {
-                Ok(query) => trace.push(lane, query, self.witness),
+                Ok(query) => trace.push(lane, query, Some(caller), self.witness),
                 Err(code) => {
                     let op = running.batch.op - 1;
                     running.batch.trap(Mask::lane(lane), code, op);
@@ -343,6 +344,12 @@ where
     /// Takes a trace whose rays are done from the stack; its ray where nothing called it.
     fn end_trace(&mut self) -> Option<RayState> {
         let Some(Level::Trace { trace, payload }) = self.levels.pop() else { return None };
+        if T::ACTIVE {
+            for &lane in trace.lanes() {
+                let payload = trace.ray(lane).query.payload.to_vec();
+                self.witness.event(Event::Traced { payload });
+            }
+        }
         let (Some(Level::Shader(below)), Some(payload)) = (self.levels.last_mut(), payload) else {
             return Some(trace.ray(0).clone());
         };
@@ -519,7 +526,7 @@ fn query(
 /// Adds the place of an operation to an error: its word, its source line, the inlined calls.
 fn located(program: &Program, op: u32, error: Error, label: &str) -> Error {
     let Some(origin) = program.origins.get(op as usize) else { return error };
-    let mut error = match place(program, origin.offset) {
+    let mut error = match program.place_at(origin.offset) {
         Some(line) => error.at_with(line, label).at(Place::Word(origin.offset as usize)),
         None => error.at_with(Place::Word(origin.offset as usize), label),
     };
@@ -527,30 +534,12 @@ fn located(program: &Program, op: u32, error: Error, label: &str) -> Error {
     while scope != 0 {
         let inlined = program.scopes[scope as usize];
         let line =
-            place(program, inlined.call).map_or_else(String::new, |place| format!(" at {}", words(&place)));
+            program.place_at(inlined.call).map_or_else(String::new, |place| format!(" at {}", words(&place)));
         error =
             error.note(format!("in function {}, called{line}", program.module.describe_id(inlined.function)));
         scope = inlined.parent;
     }
     error
-}
-
-fn place(program: &Program, offset: u32) -> Option<Place> {
-    let debug = &program.module.debug_info;
-    let line = debug.line_at(offset)?;
-    let file = debug.files.get(line.file as usize)?;
-    if let Some(text) = &file.text {
-        let start = text
-            .split_inclusive('\n')
-            .take(line.line.saturating_sub(1) as usize)
-            .map(str::len)
-            .sum::<usize>();
-        let length = text[start..].lines().next().map_or(0, str::len);
-        let indent = text[start..].len() - text[start..].trim_start_matches([' ', '\t']).len();
-        let span = start + indent.min(length)..start + length;
-        return Some(Place::Text { file: file.name.clone(), text: text.clone(), span });
-    }
-    Some(Place::Line { file: file.name.clone(), line: line.line, column: line.column })
 }
 
 fn words(place: &Place) -> String {
@@ -564,8 +553,7 @@ fn words(place: &Place) -> String {
 }
 
 fn source_line(program: &Program, op: u32) -> String {
-    let place = program.origins.get(op as usize).and_then(|origin| place(program, origin.offset));
-    place.map_or_else(String::new, |place| format!(" at {}", words(&place)))
+    program.place(op).map_or_else(String::new, |place| format!(" at {}", words(&place)))
 }
 
 impl Stats {

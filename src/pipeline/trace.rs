@@ -11,7 +11,7 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
 use crate::pipeline::sbt::{Record, Sbt};
 use crate::pipeline::stack::{Called, Role};
-use crate::pipeline::witness::{Event, Traversal, Witness};
+use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
 use crate::program::Program;
 
 /// Words of a payload or of hit attributes.
@@ -75,9 +75,11 @@ impl Trace {
     }
 
     /// Adds the ray of a lane; lanes come in ascending order.
-    pub fn push<T: Witness>(&mut self, lane: usize, query: Query, witness: &mut T) {
+    pub fn push<T: Witness>(&mut self, lane: usize, query: Query, caller: Option<Caller>, witness: &mut T) {
         if T::ACTIVE {
             witness.event(Event::Trace {
+                caller,
+                tlas: query.tlas.clone(),
                 launch_id: query.launch_id,
                 depth: query.depth,
                 trace: query.trace,

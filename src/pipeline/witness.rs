@@ -1,8 +1,10 @@
 //! Watching a pipeline at work: what a trace did and why.
 
+use std::sync::Arc;
+
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict};
-use crate::accel::{Candidate, Committed, HitKind, TraceRay, Visit};
-use crate::machine::Exit;
+use crate::accel::{Candidate, Committed, HitKind, Tlas, TraceRay, Visit};
+use crate::machine::{Exit, Reg};
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
 use crate::pipeline::group::Shader;
@@ -31,12 +33,30 @@ impl Witness for Vec<Event> {
     }
 }
 
+/// The instruction that traces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Caller {
+    /// The shader that it stands in.
+    pub shader: Shader,
+    /// Its operation.
+    pub op: u32,
+    /// The first row of the payload variable.
+    pub payload: Reg,
+}
+
 /// Something that happened. Words are 32-bit words in the order of a value's scalars.
-#[derive(Clone, Debug, PartialEq)]
+///
+/// At one lane events nest: between `Enter` and its `Leave` stands what the shader did, between
+/// `Trace` and its `Traced` what the ray did, its shaders included.
+#[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Event {
     /// A trace begins.
     Trace {
+        /// Who traces; `None` for a ray that no shader traced.
+        caller: Option<Caller>,
+        /// The acceleration structure.
+        tlas: Arc<Tlas>,
         /// `LaunchIdKHR` of the ray.
         launch_id: [u32; 3],
         /// How deep in the tree of traces: 1 for a trace by ray generation.
@@ -48,6 +68,8 @@ pub enum Event {
         /// The payload as given.
         payload: Vec<u32>,
     },
+    /// A node of an instance's tree was opened, or (`None`) one of the tree over the instances.
+    Node(Option<u32>),
     /// Traversal reached an instance.
     Instance(u32, InstanceVerdict),
     /// Traversal tested a primitive.
@@ -108,6 +130,11 @@ pub enum Event {
         /// The shader that runs; `None` for a null record, or where the ray skips closest-hit.
         shader: Option<Shader>,
     },
+    /// A trace is over with all its shaders.
+    Traced {
+        /// The payload as the caller finds it.
+        payload: Vec<u32>,
+    },
 }
 
 /// Passes what traversal tells on to a witness.
@@ -115,6 +142,12 @@ pub(super) struct Traversal<'a, T>(pub &'a mut T);
 
 impl<T: Witness> Visit for Traversal<'_, T> {
     const REASONS: bool = T::ACTIVE;
+
+    fn node(&mut self, instance: Option<u32>) {
+        if T::ACTIVE {
+            self.0.event(Event::Node(instance));
+        }
+    }
 
     fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
         if T::ACTIVE {
