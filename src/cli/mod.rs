@@ -9,6 +9,7 @@ pub mod inspect;
 mod module_file;
 mod output;
 pub mod render;
+pub mod trace_one_ray;
 
 use std::process::ExitCode;
 
@@ -38,6 +39,7 @@ macro_rules! commands {
 commands! {
     inspect Inspect(InspectArgs),
     render Render(RenderArgs),
+    trace_one_ray TraceOneRay(TraceOneRayArgs),
     compile Compile(CompileArgs),
 }
 

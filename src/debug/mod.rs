@@ -1,1 +1,19 @@
-//! (doc to come)
+//! Why a ray went as it did.
+//!
+//! A [`session`] runs one invocation or one ray under a witness and reads what the pipeline told
+//! into a [`story`]: a tree of plain data, with names instead of indices and typed values instead
+//! of words. [`render`] makes text of it, and its JSON is the tree itself. Nothing here reads or
+//! writes a file or a terminal.
+
+pub mod command;
+mod memory;
+pub mod names;
+mod page;
+mod reader;
+pub mod render;
+pub mod session;
+pub mod story;
+pub mod values;
+
+pub use session::{Request, Session};
+pub use story::Story;

@@ -1,0 +1,110 @@
+//! `anyhit trace-one-ray`: why a ray went as it did.
+
+use std::io::{IsTerminal, stdout};
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::cli::output;
+use crate::debug::command;
+use crate::debug::render::{self, Look};
+use crate::debug::session::{Request, Session};
+use crate::error::{Error, ErrorKind, Result};
+use crate::scene::file::GivenRay;
+use crate::scene::{DiskFiles, Options, demo, load};
+
+/// Traces one ray and tells everything that happened to it.
+///
+/// Without a scene: a field of grass, spheres and chains that is part of the program.
+#[derive(Args, Clone, Debug)]
+pub struct TraceOneRayArgs {
+    /// A scene file
+    #[arg(value_name = "SCENE")]
+    scene: Option<PathBuf>,
+    /// Run the ray generation shader at this launch index
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, conflicts_with = "ray")]
+    pixel: Option<String>,
+    /// Trace this ray, without ray generation; or the scene's `[[ray]]` of this name
+    #[arg(long, value_name = "OX,OY,OZ DX,DY,DZ", allow_hyphen_values = true)]
+    ray: Option<String>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Show every instance and every primitive tested
+    #[arg(long)]
+    all: bool,
+    /// With --ray: begin of the ray's interval
+    #[arg(long, value_name = "T", requires = "ray", allow_hyphen_values = true)]
+    t_min: Option<f32>,
+    /// With --ray: end of the ray's interval
+    #[arg(long, value_name = "T", requires = "ray", allow_hyphen_values = true)]
+    t_max: Option<f32>,
+    /// With --ray: ray flags by name, or a number
+    #[arg(long, value_name = "FLAGS", requires = "ray")]
+    flags: Option<String>,
+    /// With --ray: cull mask [default: 0xff]
+    #[arg(long, value_name = "MASK", requires = "ray", value_parser = whole)]
+    cull_mask: Option<u32>,
+    /// With --ray: SBT offset [default: 0]
+    #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
+    sbt_offset: Option<u32>,
+    /// With --ray: SBT stride [default: 1]
+    #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
+    sbt_stride: Option<u32>,
+    /// With --ray: miss index [default: 0]
+    #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
+    miss_index: Option<u32>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// What the scene or the arguments lack, and the trap that ended a shader, after what happened
+/// before it is printed.
+pub fn run(args: TraceOneRayArgs) -> Result<()> {
+    let request = args.request()?;
+    let scene = match &args.scene {
+        Some(path) => load(path, &DiskFiles, &Options::default())?,
+        None => demo::scene(&Options::default())?,
+    };
+    let (story, trap) = Session::new(scene)?.tell(&request)?;
+    if args.json {
+        let json = serde_json::to_string_pretty(&story)
+            .map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;
+        output::print(format_args!("{json}\n"))?;
+    } else {
+        let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+        let look = Look { colour: !plain && stdout().is_terminal(), all: args.all };
+        output::print(render::text(&story, look))?;
+    }
+    trap.map_or(Ok(()), Err)
+}
+
+impl TraceOneRayArgs {
+    fn request(&self) -> Result<Request> {
+        if let Some(text) = &self.pixel {
+            return command::pixel(text).map(Request::Pixel);
+        }
+        let Some(text) = &self.ray else { return Ok(Request::Default) };
+        let Some([origin, direction]) = command::ray(text)? else {
+            return Ok(Request::Named(text.clone()));
+        };
+        Ok(Request::Ray(GivenRay {
+            name: None,
+            origin,
+            direction,
+            t_min: self.t_min.unwrap_or(0.0),
+            t_max: self.t_max.unwrap_or(f32::INFINITY),
+            flags: self.flags.as_deref().map_or(Ok(0), command::flags)?,
+            cull_mask: self.cull_mask.unwrap_or(0xFF),
+            sbt_offset: self.sbt_offset.unwrap_or(0),
+            sbt_stride: self.sbt_stride.unwrap_or(1),
+            miss_index: self.miss_index.unwrap_or(0),
+        }))
+    }
+}
+
+/// A whole number, decimal or with `0x` or `0b`.
+fn whole(text: &str) -> std::result::Result<u32, String> {
+    command::number(text).ok_or_else(|| "not a whole number from 0 to 4294967295".to_owned())
+}

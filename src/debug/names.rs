@@ -1,0 +1,176 @@
+//! What things are called: shaders, records and structures by the scene's names, numbers by the
+//! specification's.
+
+use std::sync::Arc;
+
+use crate::accel::{HitKind, Tlas};
+use crate::debug::story::{Flags, ShaderLabel, SourceLine};
+use crate::error::Place;
+use crate::geometry::Surface;
+use crate::pipeline::{Group, Pipeline, Shader};
+use crate::program::Program;
+use crate::scene::ResolvedScene;
+use crate::scene::resolved;
+
+/// SPIR-V, "Ray Flags".
+const FLAGS: &[(u32, &str)] = &[
+    (1, "OpaqueKHR"),
+    (2, "NoOpaqueKHR"),
+    (4, "TerminateOnFirstHitKHR"),
+    (8, "SkipClosestHitShaderKHR"),
+    (16, "CullBackFacingTrianglesKHR"),
+    (32, "CullFrontFacingTrianglesKHR"),
+    (64, "CullOpaqueKHR"),
+    (128, "CullNoOpaqueKHR"),
+    (256, "SkipTrianglesKHR"),
+    (512, "SkipAABBsKHR"),
+    (1024, "ForceOpacityMicromap2StateKHR"),
+];
+
+/// Ray flags by name; bits without a name as one number.
+pub fn flags(bits: u32) -> Flags {
+    let mut names: Vec<String> =
+        FLAGS.iter().filter(|(bit, _)| bits & bit != 0).map(|&(_, name)| name.to_owned()).collect();
+    let unnamed = FLAGS.iter().fold(bits, |rest, (bit, _)| rest & !bit);
+    if unnamed != 0 {
+        names.push(format!("{unnamed:#x}"));
+    }
+    Flags { bits, names }
+}
+
+/// The flag with a name: SPIR-V's, with or without its suffix, in any case, or in the scene file's
+/// words (`terminate_on_first_hit`).
+pub fn flag(name: &str) -> Option<u32> {
+    let bare = |name: &str| {
+        let name = name.replace('_', "").to_lowercase();
+        name.strip_suffix("khr").map_or_else(|| name.clone(), str::to_owned)
+    };
+    let wanted = bare(name);
+    FLAGS.iter().find(|(_, name)| bare(name) == wanted).map(|&(bit, _)| bit)
+}
+
+/// All flags' names, for an error.
+pub fn all_flags() -> String {
+    FLAGS.iter().map(|&(_, name)| name).collect::<Vec<_>>().join(", ")
+}
+
+/// A hit kind in words.
+pub fn hit_kind(kind: HitKind) -> String {
+    match kind {
+        HitKind::FRONT_FACING_TRIANGLE => "front-facing triangle".into(),
+        HitKind::BACK_FACING_TRIANGLE => "back-facing triangle".into(),
+        HitKind::SPHERE => "sphere".into(),
+        HitKind::LINEAR_SWEPT_SPHERE => "linear swept sphere".into(),
+        HitKind(_) => "as reported".into(),
+    }
+}
+
+/// A surface in words.
+pub fn surface(surface: Surface) -> &'static str {
+    match surface {
+        Surface::TriangleFront => "front",
+        Surface::TriangleBack => "back",
+        Surface::Aabb => "box",
+        Surface::Sphere => "sphere",
+        Surface::Side => "side",
+        Surface::Cap0 => "cap 0",
+        Surface::Cap1 => "cap 1",
+    }
+}
+
+/// The source line of an operation.
+pub fn source_line(program: &Program, op: u32) -> Option<SourceLine> {
+    Some(match program.place(op)? {
+        Place::Text { file, text, span } => SourceLine {
+            file,
+            line: text[..span.start].matches('\n').count() as u32 + 1,
+            text: Some(text[span].to_owned()),
+        },
+        Place::Line { file, line, .. } => SourceLine { file, line, text: None },
+        _ => return None,
+    })
+}
+
+/// Looks names of a scene up.
+#[derive(Clone, Copy, Debug)]
+pub struct Names<'a> {
+    scene: &'a ResolvedScene,
+    pipeline: &'a Pipeline,
+}
+
+impl<'a> Names<'a> {
+    /// For a scene and the pipeline that was assembled from it.
+    pub fn new(scene: &'a ResolvedScene, pipeline: &'a Pipeline) -> Self {
+        Self { scene, pipeline }
+    }
+
+    /// A shader.
+    pub fn shader(&self, shader: Shader) -> ShaderLabel {
+        let program = &self.pipeline.programs[shader.0 as usize];
+        // The pipeline's groups are the scene's, in the same order.
+        let found = self.pipeline.groups.iter().zip(&self.scene.groups).find_map(|pair| match pair {
+            (Group::General(one), resolved::Group::RayGeneration(named))
+            | (Group::General(one), resolved::Group::Miss(named))
+            | (Group::General(one), resolved::Group::Callable(named)) => (*one == shader).then_some(named),
+            (Group::Hit(group), resolved::Group::Hit(named)) => [
+                (group.closest_hit, &named.closest_hit),
+                (group.any_hit, &named.any_hit),
+                (group.intersection, &named.intersection),
+            ]
+            .into_iter()
+            .find_map(|(one, named)| named.as_ref().filter(|_| one == Some(shader))),
+            _ => None,
+        });
+        let module = found.map(|found| &self.scene.shaders[found.module]);
+        let file = module.and_then(|module| module.path.file_name());
+        ShaderLabel {
+            stage: program.stage.name(),
+            name: module.map(|module| module.name.clone()),
+            file: file.map(|file| file.to_string_lossy().into_owned()),
+            entry: program.name.clone(),
+        }
+    }
+
+    /// A record of the miss table.
+    pub fn miss_record(&self, index: u64) -> Option<String> {
+        name_of(&self.scene.sbt.miss, index)
+    }
+
+    /// A record of the hit table.
+    pub fn hit_record(&self, index: u64) -> Option<String> {
+        name_of(&self.scene.sbt.hit, index)
+    }
+
+    /// An acceleration structure: its name, and where it stands among the scene's.
+    pub fn structure(&self, tlas: &Arc<Tlas>) -> Option<(usize, &'a str)> {
+        let at = self.scene.tlas.iter().position(|(_, known)| Arc::ptr_eq(known, tlas))?;
+        Some((at, &self.scene.tlas[at].0))
+    }
+
+    /// The names of an instance's geometries.
+    pub fn geometry(&self, tlas: &Arc<Tlas>, instance: u32) -> &'a [String] {
+        let names = self.structure(tlas).and_then(|(at, _)| self.scene.geometry_names.get(at));
+        names.and_then(|names| names.get(instance as usize)).map_or(&[], Vec::as_slice)
+    }
+}
+
+fn name_of(records: &[resolved::ShaderRecord], index: u64) -> Option<String> {
+    records.get(usize::try_from(index).ok()?)?.name.clone()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flags_are_named_and_found() {
+        // SPIR-V: TerminateOnFirstHitKHR 4, SkipClosestHitShaderKHR 8.
+        assert_eq!(flags(12).names, ["TerminateOnFirstHitKHR", "SkipClosestHitShaderKHR"]);
+        assert_eq!(flags(0x1_0001).names, ["OpaqueKHR", "0x10000"]);
+        assert!(flags(0).names.is_empty());
+        for name in ["CullOpaqueKHR", "CullOpaque", "cull_opaque", "cullopaquekhr"] {
+            assert_eq!(flag(name), Some(64), "{name}");
+        }
+        assert_eq!(flag("CullNothing"), None);
+    }
+}

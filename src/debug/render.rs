@@ -1,0 +1,505 @@
+//! A story as text for people.
+
+use std::collections::BTreeMap;
+
+use crate::debug::page::{Ink, Page, grouped};
+use crate::debug::story::{
+    Decision, Hit, How, Instance, InstanceVerdict, Primitive, PrimitiveVerdict, RecordChoice, ShaderLabel,
+    ShaderRun, SourceLine, Step, Story, Target, Trace, Write,
+};
+use crate::debug::values::{Content, Float, Value};
+
+/// Primitives of an instance that are shown one by one, unless all are wanted.
+const NEAREST: usize = 6;
+/// Instances that are shown one by one, unless all are wanted.
+const INSTANCES: usize = 12;
+/// Changes in memory that are shown.
+const WRITES: usize = 16;
+
+/// How text is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Look {
+    /// With the escapes of a terminal's colours.
+    pub colour: bool,
+    /// Every instance and primitive, however many.
+    pub all: bool,
+}
+
+/// The story as text.
+pub fn text(story: &Story, look: Look) -> String {
+    let mut writer = Writer { page: Page::new(look.colour), all: look.all };
+    writer.story(story);
+    writer.page.finish()
+}
+
+struct Writer {
+    page: Page,
+    all: bool,
+}
+
+impl Writer {
+    fn story(&mut self, story: &Story) {
+        let mut title = vec![story.scene.clone()];
+        title.extend(story.ray_name.iter().map(|name| format!("ray \"{name}\"")));
+        if let Some(launch) = &story.launch {
+            let [x, y, z] = launch.id;
+            let [width, height, depth] = launch.size;
+            title.push(match depth {
+                1 => format!("pixel ({x}, {y}) of {width} x {height}"),
+                _ => format!("launch index ({x}, {y}, {z}) of {width} x {height} x {depth}"),
+            });
+        }
+        let title = title.join(", ");
+        self.page.line(title);
+        self.page.gap();
+        self.step(&story.root);
+        self.page.gap();
+        self.result(story);
+    }
+
+    fn step(&mut self, step: &Step) {
+        match step {
+            Step::Trace(trace) => self.trace(trace),
+            Step::Shader(run) => self.shader(run),
+            Step::Report { t, hit_kind, accepted } => {
+                let answer = if *accepted {
+                    self.page.ink(Ink::Kept, "accepted")
+                } else {
+                    self.page.ink(
+                        Ink::Dim,
+                        "not accepted: outside the interval, behind a known hit, or ignored by any-hit",
+                    )
+                };
+                self.page.line(format_args!("reported t {t}, hit kind {hit_kind:#x}: {answer}"));
+            }
+        }
+    }
+
+    fn trace(&mut self, trace: &Trace) {
+        let head = self.page.ink(Ink::Head, format_args!("ray at depth {}", trace.depth));
+        self.page.line(format_args!("{head}{}", called_at(trace.called_at.as_ref())));
+        self.page.nested("│ ", |page| {
+            let mut inner = Writer { page: std::mem::replace(page, Page::new(false)), all: self.all };
+            inner.trace_body(trace);
+            *page = inner.page;
+        });
+    }
+
+    fn trace_body(&mut self, trace: &Trace) {
+        let mut rows = vec![
+            ("origin", vector(&trace.origin)),
+            ("direction", format!("{}, length {}", vector(&trace.direction), trace.direction_length)),
+            ("interval", format!("t from {} to {}", trace.t_min, trace.t_max)),
+            (
+                "flags",
+                match &trace.flags.names[..] {
+                    [] => "none".to_owned(),
+                    names => format!("{} ({:#x})", names.join(" | "), trace.flags.bits),
+                },
+            ),
+            ("cull mask", format!("{:#04x}", trace.cull_mask)),
+        ];
+        rows.extend(trace.structure.iter().map(|name| ("structure", format!("`{name}`"))));
+        if let Some(payload) = &trace.payload_before {
+            rows.push(("payload", payload.to_string()));
+        }
+        self.page.rows(rows);
+        self.page.gap();
+        self.instances(trace);
+        for decision in &trace.decisions {
+            self.page.gap();
+            self.decision(decision);
+        }
+        self.page.gap();
+        match (&trace.hit, &trace.record) {
+            (_, None) => {
+                let text = self.page.ink(Ink::Trap, "a trap ended the ray");
+                self.page.line(text);
+                return;
+            }
+            (Some(hit), Some(record)) => self.hit(hit, record),
+            (None, Some(record)) => {
+                let head = self.page.ink(Ink::Head, "miss");
+                self.page.line(head);
+                self.record(record, trace.shader.as_deref());
+            }
+        }
+        match (&trace.shader, &trace.no_shader) {
+            (Some(run), _) => {
+                self.page.gap();
+                self.shader(run);
+            }
+            (None, Some(why)) => self.page.line(format_args!("  no shader runs: {why}")),
+            (None, None) => {}
+        }
+        if let (Some(before), Some(after)) = (&trace.payload_before, &trace.payload_after) {
+            self.page.gap();
+            self.payload_change("payload of the ray", before, after);
+        }
+    }
+
+    fn instances(&mut self, trace: &Trace) {
+        if trace.nodes > 0 {
+            let nodes = counted(trace.nodes, "node");
+            self.page.line(format_args!("{nodes} of the tree over the instances opened"));
+        }
+        // The interesting ones first where not all are shown: those that have something to tell.
+        let mut shown: Vec<&Instance> = trace.instances.iter().collect();
+        if !self.all && shown.len() > INSTANCES {
+            shown.retain(|one| one.verdict == InstanceVerdict::Entered);
+            shown.truncate(INSTANCES);
+        }
+        for instance in &shown {
+            self.instance(instance, trace);
+        }
+        let mut rest: BTreeMap<&'static str, u64> = BTreeMap::new();
+        for instance in &trace.instances {
+            if !shown.iter().any(|one| one.instance == instance.instance) {
+                *rest.entry(instance_word(instance.verdict)).or_default() += 1;
+            }
+        }
+        for (what, count) in rest {
+            let line = format!("{} more: {what}", counted(count, "instance"));
+            let line = self.page.ink(Ink::Dim, line);
+            self.page.line(line);
+        }
+    }
+
+    fn instance(&mut self, instance: &Instance, trace: &Trace) {
+        let names = match &instance.geometry[..] {
+            [] => String::new(),
+            names => format!(" `{}`", names.join("`, `")),
+        };
+        let kind = instance.primitive_kind.as_deref().unwrap_or("no geometry");
+        let of = format!("{} {kind}", grouped(instance.primitives as u64));
+        let verdict = match instance.verdict {
+            InstanceVerdict::Entered => self.page.ink(Ink::Kept, "entered"),
+            InstanceVerdict::Masked => {
+                let text = "dropped: its mask and the ray's cull mask share no bit";
+                self.page.ink(Ink::Dim, text)
+            }
+            InstanceVerdict::Skipped => {
+                let boxes = instance.primitive_kind.as_deref().is_some_and(|kind| kind.contains("AABB"));
+                let flag = if boxes { "SkipAABBsKHR" } else { "SkipTrianglesKHR" };
+                self.page.ink(Ink::Dim, format_args!("dropped: the ray's flag {flag} skips {kind}"))
+            }
+            InstanceVerdict::MissedBox => self.page.ink(
+                Ink::Dim,
+                "dropped: the ray passes by the box around it, or meets it outside the interval",
+            ),
+            InstanceVerdict::NotReached => self.page.ink(
+                Ink::Dim,
+                "not reached: its box is missed or lies behind a hit, or the search ended before",
+            ),
+        };
+        let head = format!("instance {}{names}: {of}", instance.instance);
+        self.page.line(format_args!("{head}; mask {}: {verdict}", masks(instance.mask, trace.cull_mask)));
+        if instance.verdict == InstanceVerdict::Entered {
+            self.tested(instance);
+        }
+    }
+
+    fn tested(&mut self, instance: &Instance) {
+        let tested = &instance.tested;
+        let mut counts: BTreeMap<PrimitiveVerdict, u64> = BTreeMap::new();
+        for one in tested {
+            *counts.entry(one.verdict).or_default() += 1;
+        }
+        let words: Vec<String> =
+            counts.iter().map(|(verdict, count)| format!("{count} {}", short(*verdict))).collect();
+        let nodes = match instance.nodes {
+            0 => String::new(),
+            nodes => format!("{} of its tree opened, ", counted(nodes, "node")),
+        };
+        let sum = if words.is_empty() { String::new() } else { format!(": {}", words.join(", ")) };
+        let all = grouped(instance.primitives as u64);
+        self.page.line(format_args!("  {nodes}{} of {all} primitives tested{sum}", tested.len()));
+        let mut shown: Vec<&Primitive> =
+            tested.iter().filter(|one| self.all || one.verdict != PrimitiveVerdict::Missed).collect();
+        shown.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let left = if self.all { 0 } else { shown.len().saturating_sub(NEAREST) };
+        shown.truncate(shown.len() - left);
+        for one in shown {
+            self.primitive(one);
+        }
+        if left > 0 {
+            let text = self.page.ink(Ink::Dim, format_args!("... {left} farther (--all shows them)"));
+            self.page.line(format_args!("    {text}"));
+        }
+    }
+
+    fn primitive(&mut self, one: &Primitive) {
+        let place = format!("geometry {}, primitive {}", one.geometry, one.primitive);
+        let met = match (one.t, one.surface) {
+            (Some(t), Some(surface)) => format!(", t {t}, {surface}"),
+            _ => String::new(),
+        };
+        let verdict = match one.verdict {
+            PrimitiveVerdict::Opaque => self.page.ink(Ink::Kept, "opaque hit, the closest so far"),
+            PrimitiveVerdict::Candidate => self.page.ink(Ink::Kept, "candidate: a shader decides"),
+            PrimitiveVerdict::Behind => {
+                let behind = one.behind.map_or_else(String::new, |t| format!(" at t {t}"));
+                self.page.ink(Ink::Dim, format_args!("dropped: behind a known hit{behind}"))
+            }
+            PrimitiveVerdict::OutsideInterval => self.page.ink(Ink::Dim, "dropped: outside the interval"),
+            PrimitiveVerdict::CulledByOpacity => {
+                self.page.ink(Ink::Dim, "dropped: the ray's flags cull its opacity")
+            }
+            PrimitiveVerdict::CulledByFace => {
+                self.page.ink(Ink::Dim, "dropped: the ray's flags cull the side that it shows")
+            }
+            PrimitiveVerdict::Missed => self.page.ink(Ink::Dim, "missed"),
+        };
+        self.page.line(format_args!("    {place}{met}: {verdict}"));
+    }
+
+    fn decision(&mut self, decision: &Decision) {
+        let Decision { instance, geometry, primitive, t, is_box, record, shader } = decision;
+        let head = self.page.ink(Ink::Head, if *is_box { "box" } else { "candidate" });
+        let at = if *is_box { "entered at" } else { "at" };
+        self.page.line(format_args!(
+            "{head}  instance {instance}, geometry {geometry}, primitive {primitive}, {at} t {t}"
+        ));
+        self.record(record, shader.as_ref());
+        match shader {
+            Some(run) => self.nested(|writer| writer.shader(run)),
+            None if *is_box => {
+                self.page.line("  the group has no intersection shader: dropped");
+            }
+            None => self.page.line("  the group has no any-hit shader: accepted"),
+        }
+    }
+
+    fn hit(&mut self, hit: &Hit, record: &RecordChoice) {
+        let head = self.page.ink(Ink::Head, "hit");
+        let name = hit.geometry_name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
+        self.page.line(format_args!(
+            "{head}  instance {} (custom index {}), geometry {}{name}, primitive {}",
+            hit.instance, hit.custom_index, hit.geometry, hit.primitive
+        ));
+        let mut rows = vec![
+            ("t", hit.t.to_string()),
+            ("surface", hit.surface.to_owned()),
+            ("hit kind", format!("{:#x}, {}", hit.hit_kind, hit.hit_kind_name)),
+        ];
+        rows.extend(hit.attributes.iter().map(|one| (one.name, one.value.to_string())));
+        rows.push(("position", format!("about {}", vector(&hit.position))));
+        rows.push((
+            "object ray",
+            format!(
+                "origin {}, direction {}",
+                vector(&hit.object_ray_origin),
+                vector(&hit.object_ray_direction)
+            ),
+        ));
+        rows.extend(hit.data.iter().map(|one| (one.name, one.value.to_string())));
+        self.page.nested("  ", |page| page.rows(rows));
+        self.record(record, None);
+    }
+
+    fn record(&mut self, record: &RecordChoice, run: Option<&ShaderRun>) {
+        let sum = match record.arithmetic {
+            Some(sum) => format!(
+                "hit record = instance offset {} + geometry {} x stride {} + offset {} = {}",
+                sum.instance_offset, sum.geometry, sum.stride, sum.offset, record.index
+            ),
+            None => format!("{} record {}", record.table, record.index),
+        };
+        let group = match (&record.name, record.group) {
+            (_, None) if record.index >= record.records as u64 => {
+                format!("no such record: the table has {}", record.records)
+            }
+            (_, None) => "a null handle".to_owned(),
+            (Some(name), Some(_)) => format!("group \"{name}\""),
+            (None, Some(group)) => format!("group {group}"),
+        };
+        let run = run.map_or_else(String::new, |run| format!(" -> {}", label(&run.shader)));
+        self.page.line(format_args!("  {sum} -> {group}{run}"));
+    }
+
+    fn shader(&mut self, run: &ShaderRun) {
+        let head = self.page.ink(Ink::Head, run.shader.stage);
+        self.page.line(format_args!("{head} {}", label(&run.shader)));
+        self.nested(|writer| writer.shader_body(run));
+    }
+
+    fn shader_body(&mut self, run: &ShaderRun) {
+        let mut rows: Vec<(&str, String)> =
+            run.builtins.iter().map(|one| (one.name, annotated(one.name, &one.value))).collect();
+        rows.extend(run.attributes.iter().map(|value| ("hit attribute", value.to_string())));
+        rows.extend(run.payload_before.iter().map(|value| (payload_word(run), value.to_string())));
+        self.page.rows(rows);
+        for step in &run.steps {
+            self.page.gap();
+            self.step(step);
+        }
+        if !run.steps.is_empty() {
+            self.page.gap();
+        }
+        if let (Some(before), Some(after)) = (&run.payload_before, &run.payload_after) {
+            self.payload_change(payload_word(run), before, after);
+        }
+        let ending = match (run.exit.how, run.shader.stage) {
+            (How::Returned, "AnyHitKHR") => "returned: the candidate is accepted".to_owned(),
+            (How::Returned, _) => "returned".to_owned(),
+            (How::Ignored, _) => "ignored the intersection: the candidate is dropped".to_owned(),
+            (How::Terminated, _) => {
+                "terminated the ray: the candidate is accepted, the search ends".to_owned()
+            }
+            (How::Trapped, _) => {
+                let message = run.exit.message.unwrap_or_default();
+                let text = format!("TRAPPED: {message}{}", called_at(run.exit.at.as_ref()));
+                self.page.ink(Ink::Trap, text)
+            }
+        };
+        self.page.line(ending);
+    }
+
+    /// The parts of a payload that changed, or that none did.
+    fn payload_change(&mut self, word: &str, before: &Value, after: &Value) {
+        let pairs = before.parts().into_iter().zip(after.parts());
+        let changed: Vec<(String, String)> = pairs
+            .filter(|((_, before), (_, after))| before != after)
+            .map(|((path, before), (_, after))| {
+                let name = if path.is_empty() { word.to_owned() } else { format!("{word}.{path}") };
+                (name, format!("{} {} -> {}", before.ty, before.content, after.content))
+            })
+            .collect();
+        if changed.is_empty() {
+            let text = self.page.ink(Ink::Dim, format_args!("{word} unchanged"));
+            self.page.line(text);
+        }
+        self.page.rows(changed);
+    }
+
+    fn result(&mut self, story: &Story) {
+        let head = self.page.ink(Ink::Head, "result");
+        self.page.line(head);
+        for write in story.writes.iter().take(WRITES) {
+            self.write(write);
+        }
+        let more = story.writes.len().saturating_sub(WRITES) + story.writes_left_out;
+        if more > 0 {
+            self.page.line(format_args!("  ... and {} more", counted(more as u64, "change")));
+        }
+        let shaders: Vec<String> =
+            story.counts.shaders.iter().map(|(stage, count)| format!("{count} {stage}")).collect();
+        self.page.line(format_args!(
+            "  {} traced, shaders run: {}",
+            counted(story.counts.rays, "ray"),
+            if shaders.is_empty() { "none".to_owned() } else { shaders.join(", ") }
+        ));
+        if let Some(trap) = &story.trap {
+            let text = self.page.ink(Ink::Trap, format_args!("trap: {}", trap.message));
+            self.page.line(format_args!("  {text}"));
+        }
+    }
+
+    fn write(&mut self, write: &Write) {
+        let at = match write.at {
+            Target::Texel([x, y]) => format!("texel ({x}, {y})"),
+            Target::Byte(offset) => format!("byte {offset}"),
+        };
+        let change = if write.before == write.after {
+            format!("{}, unchanged", write.after)
+        } else {
+            format!("{} -> {}", write.before, write.after)
+        };
+        let name = self.page.ink(Ink::Name, &write.resource);
+        let (set, binding) = (write.set, write.binding);
+        self.page.line(format_args!("  {name} (set {set}, binding {binding}) {at}: {change}"));
+    }
+
+    fn nested(&mut self, write: impl FnOnce(&mut Self)) {
+        let all = self.all;
+        self.page.nested("  ", |page| {
+            let mut inner = Writer { page: std::mem::replace(page, Page::new(false)), all };
+            write(&mut inner);
+            *page = inner.page;
+        });
+    }
+}
+
+fn called_at(line: Option<&SourceLine>) -> String {
+    match line {
+        Some(SourceLine { file, line, text: Some(text) }) => format!(" at {file}:{line}: {text}"),
+        Some(SourceLine { file, line, text: None }) => format!(" at {file}:{line}"),
+        None => String::new(),
+    }
+}
+
+fn label(shader: &ShaderLabel) -> String {
+    let name = shader.name.as_ref().map_or_else(String::new, |name| format!("`{name}` "));
+    match &shader.file {
+        Some(file) => format!("{name}({file}, {})", shader.entry),
+        None => format!("{name}({})", shader.entry),
+    }
+}
+
+fn payload_word(run: &ShaderRun) -> &'static str {
+    if run.shader.stage == "CallableKHR" { "callable data" } else { "payload" }
+}
+
+/// A builtin's value with what it means where a number alone says little.
+fn annotated(name: &str, value: &Value) -> String {
+    let Content::Uint(bits) = value.content else { return value.to_string() };
+    match name {
+        "IncomingRayFlagsKHR" => {
+            let flags = crate::debug::names::flags(bits as u32).names;
+            let names = if flags.is_empty() { "none".to_owned() } else { flags.join(" | ") };
+            format!("{value}: {names}")
+        }
+        "HitKindKHR" => {
+            let kind = crate::debug::names::hit_kind(crate::accel::HitKind(bits as u32));
+            format!("{value}: {kind}")
+        }
+        "CullMaskKHR" => format!("{value}: {bits:#04x}"),
+        _ => value.to_string(),
+    }
+}
+
+fn vector(values: &[Float; 3]) -> String {
+    format!("({}, {}, {})", values[0], values[1], values[2])
+}
+
+/// Masks bit by bit, unless all bits are set.
+fn masks(mask: u8, cull_mask: u32) -> String {
+    let cull = cull_mask & 0xFF;
+    if mask == 0xFF && cull == 0xFF {
+        return "0xff & 0xff".into();
+    }
+    format!("{mask:08b} & {cull:08b} = {:08b}", u32::from(mask) & cull)
+}
+
+fn counted(count: u64, what: &str) -> String {
+    format!("{} {what}{}", grouped(count), if count == 1 { "" } else { "s" })
+}
+
+fn short(verdict: PrimitiveVerdict) -> &'static str {
+    match verdict {
+        PrimitiveVerdict::Opaque => "opaque hit",
+        PrimitiveVerdict::Candidate => "candidate",
+        PrimitiveVerdict::Behind => "behind a known hit",
+        PrimitiveVerdict::OutsideInterval => "outside the interval",
+        PrimitiveVerdict::CulledByOpacity => "culled by opacity",
+        PrimitiveVerdict::CulledByFace => "culled by face",
+        PrimitiveVerdict::Missed => "missed",
+    }
+}
+
+fn instance_word(verdict: InstanceVerdict) -> &'static str {
+    match verdict {
+        InstanceVerdict::Entered => "entered",
+        InstanceVerdict::Masked => "dropped by mask",
+        InstanceVerdict::Skipped => "of a skipped kind",
+        InstanceVerdict::MissedBox => "box missed",
+        InstanceVerdict::NotReached => "not reached",
+    }
+}
+
+fn distance(one: &Primitive) -> f32 {
+    match one.t {
+        Some(Float::F32(t)) => t,
+        _ => f32::INFINITY,
+    }
+}

@@ -1,0 +1,241 @@
+//! A scene that rays are asked about. No input, no output: requests in, stories out.
+
+use crate::accel::{RayFlags, TraceRay};
+use crate::debug::memory::Snapshot;
+use crate::debug::names::Names;
+use crate::debug::reader::Reader;
+use crate::debug::story::{Counts, LaunchIndex, Story, TrapReport, VERSION};
+use crate::error::{Error, ErrorKind, Result};
+use crate::geometry::Ray;
+use crate::ops::pointer::storage;
+use crate::pipeline::{Event, RayOperands, Stats};
+use crate::scene::file::{GivenRay, RayEntry};
+use crate::scene::{Assembled, ResolvedScene, assemble};
+
+/// Which ray is asked about.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// The scene's first `[[ray]]`; without one, the centre of the launch.
+    Default,
+    /// The scene's `[[ray]]` of this name.
+    Named(String),
+    /// What the ray generation shader does at a launch index.
+    Pixel([u32; 3]),
+    /// A ray by its numbers, without ray generation.
+    Ray(GivenRay),
+}
+
+/// A scene, assembled.
+#[derive(Debug)]
+pub struct Session {
+    scene: ResolvedScene,
+    assembled: Assembled,
+}
+
+impl Session {
+    /// Assembles a scene.
+    ///
+    /// # Errors
+    /// As [`assemble`].
+    pub fn new(scene: ResolvedScene) -> Result<Self> {
+        let assembled = assemble(&scene)?;
+        Ok(Self { scene, assembled })
+    }
+
+    /// Runs what is asked about and tells what happened; a trap is part of the story, and comes as
+    /// an error beside it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the request does not fit the scene: a launch index outside the
+    /// launch, a ray that breaks a rule, a launch index without a ray generation shader.
+    pub fn tell(&self, request: &Request) -> Result<(Story, Option<Error>)> {
+        let (ray_name, request) = self.settle(request)?;
+        let snapshot = Snapshot::take(&self.assembled.resources);
+        let mut events: Vec<Event> = Vec::new();
+        let (launch, outcome) = match request {
+            Settled::Pixel(id) => {
+                let size = self.assembled.size;
+                let run = self.assembled.launch().run_one(id, size, &mut events, &mut ());
+                (Some(LaunchIndex { id, size }), run)
+            }
+            Settled::Ray(ray) => (None, self.trace(&ray, &mut events)),
+        };
+        let (stats, trap) = match outcome {
+            Ok(stats) => (stats, None),
+            Err(error) if error.kind() == ErrorKind::Trap => (counted(&events), Some(error)),
+            Err(error) => return Err(error),
+        };
+        let names = Names::new(&self.scene, &self.assembled.pipeline);
+        let root = Reader::new(&self.assembled.pipeline, names, events).root();
+        let Some(root) = root else {
+            return Err(Error::new(ErrorKind::InvalidScene, "the ray generation record is a null handle"));
+        };
+        let (writes, writes_left_out) =
+            snapshot.changes(&self.scene, &self.assembled.resources, launch.map(|launch| launch.id));
+        let story = Story {
+            version: VERSION,
+            scene: self.scene.path.display().to_string(),
+            ray_name,
+            launch,
+            root,
+            writes,
+            writes_left_out,
+            counts: counts(&stats),
+            trap: trap.as_ref().map(|error| TrapReport {
+                message: error.message().to_owned(),
+                notes: error.notes().to_vec(),
+                report: error.render(),
+            }),
+        };
+        Ok((story, trap))
+    }
+
+    /// Turns a request into a launch index or a ray that can be traced.
+    fn settle(&self, request: &Request) -> Result<(Option<String>, Settled)> {
+        let entry = match request {
+            Request::Pixel(id) => return Ok((None, Settled::Pixel(self.inside(*id)?))),
+            Request::Ray(ray) => return Ok((None, Settled::Ray(check(ray)?))),
+            Request::Named(name) => self.named(name)?,
+            Request::Default => match self.scene.rays.first() {
+                Some(entry) => entry,
+                None => {
+                    let centre = self.assembled.size.map(|side| side / 2);
+                    return Ok((None, Settled::Pixel(self.inside(centre)?)));
+                }
+            },
+        };
+        match entry {
+            RayEntry::Pixel { name, pixel } => {
+                let [x, y] = pixel.value;
+                Ok((name.clone(), Settled::Pixel(self.inside([x, y, 0])?)))
+            }
+            RayEntry::Given(ray) => Ok((ray.name.clone(), Settled::Ray(check(ray)?))),
+        }
+    }
+
+    fn named(&self, wanted: &str) -> Result<&RayEntry> {
+        let name = |entry: &RayEntry| match entry {
+            RayEntry::Pixel { name, .. } | RayEntry::Given(GivenRay { name, .. }) => name.clone(),
+        };
+        self.scene.rays.iter().find(|entry| name(entry).as_deref() == Some(wanted)).ok_or_else(|| {
+            let known: Vec<_> =
+                self.scene.rays.iter().filter_map(name).map(|name| format!("\"{name}\"")).collect();
+            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            invalid(format!("\"{wanted}\" is neither six numbers nor the name of a ray of the scene"))
+                .note(format!("the scene's named rays: {known}"))
+        })
+    }
+
+    /// A launch index, checked against the launch.
+    fn inside(&self, id: [u32; 3]) -> Result<[u32; 3]> {
+        if self.assembled.pipeline.sbt.ray_generation.is_none() {
+            let message = "the scene has no ray generation shader, so there is no pixel to look at";
+            return Err(invalid(message).note("give a ray by its numbers: --ray \"0,0,5 0,0,-1\""));
+        }
+        let size = self.assembled.size;
+        if id.iter().zip(&size).all(|(at, side)| at < side) {
+            return Ok(id);
+        }
+        let words = |all: [u32; 3]| match all {
+            [x, y, 0] => format!("{x},{y}"),
+            [x, y, z] => format!("{x},{y},{z}"),
+        };
+        let last = words(size.map(|side| side - 1));
+        Err(invalid(format!(
+            "pixel {} is outside the launch of {} x {} x {}",
+            words(id),
+            size[0],
+            size[1],
+            size[2]
+        ))
+        .note(format!("pixels go from 0,0 to {last}")))
+    }
+
+    fn trace(&self, ray: &GivenRay, events: &mut Vec<Event>) -> Result<Stats> {
+        let Some((_, tlas)) = self.scene.tlas.first() else {
+            return Err(invalid("the scene has no instances, so there is nothing that a ray could meet"));
+        };
+        let operands = RayOperands {
+            trace: TraceRay {
+                ray: Ray { origin: ray.origin, direction: ray.direction, t_min: ray.t_min, t_max: ray.t_max },
+                flags: RayFlags(ray.flags),
+                cull_mask: ray.cull_mask,
+            },
+            sbt_offset: ray.sbt_offset,
+            sbt_stride: ray.sbt_stride,
+            miss_index: ray.miss_index,
+            payload: vec![0; self.payload_words()],
+        };
+        self.assembled.launch().trace(tlas, operands, events).map(|outcome| outcome.stats)
+    }
+
+    /// The size of the largest payload that a shader declares, in words.
+    fn payload_words(&self) -> usize {
+        let programs = self.assembled.pipeline.programs.iter();
+        let rows = programs.filter_map(|program| program.interface_rows(storage::INCOMING_RAY_PAYLOAD));
+        rows.map(|rows| rows.count as usize).max().unwrap_or(0)
+    }
+}
+
+enum Settled {
+    Pixel([u32; 3]),
+    Ray(GivenRay),
+}
+
+/// Holds a ray against the rules of a trace (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359).
+fn check(ray: &GivenRay) -> Result<GivenRay> {
+    let finite = |what: &str, values: &[f32; 3]| match values.iter().position(|value| !value.is_finite()) {
+        Some(at) => {
+            let axis = ["x", "y", "z"][at];
+            Err(invalid(format!("the ray's {what} has {axis} = {}: it must be finite", values[at])))
+        }
+        None => Ok(()),
+    };
+    finite("origin", &ray.origin)?;
+    finite("direction", &ray.direction)?;
+    if ray.direction == [0.0; 3] {
+        return Err(invalid("the ray's direction is 0, 0, 0: it points nowhere"));
+    }
+    if !(ray.t_min >= 0.0 && ray.t_min <= ray.t_max) {
+        let message = format!(
+            "the interval {} to {} must begin at 0 or later and not end before",
+            ray.t_min, ray.t_max
+        );
+        return Err(invalid(message).note("VUID-RuntimeSpirv-OpTraceRayKHR-06356 and 06357"));
+    }
+    let exclusive = |bits: u32| (ray.flags & bits).count_ones() <= 1;
+    if !(exclusive(1 | 2 | 64 | 128) && exclusive(256 | 16 | 32) && exclusive(256 | 512)) {
+        let names = crate::debug::names::flags(ray.flags).names.join(", ");
+        return Err(invalid(format!("the ray flags {names} exclude each other"))
+            .note("SPIR-V allows at most one of OpaqueKHR, NoOpaqueKHR, CullOpaqueKHR, CullNoOpaqueKHR; of SkipTrianglesKHR and the culls by face; of SkipTrianglesKHR and SkipAABBsKHR"));
+    }
+    Ok(ray.clone())
+}
+
+fn invalid(message: impl Into<String>) -> Error {
+    Error::new(ErrorKind::InvalidArgument, message)
+}
+
+/// What a run did that a trap ended.
+fn counted(events: &[Event]) -> Stats {
+    let mut stats = Stats::default();
+    for event in events {
+        match event {
+            Event::Trace { .. } => stats.rays += 1,
+            Event::Enter { stage, .. } => {
+                let entry = stats.shaders.entry(*stage).or_default();
+                entry.invocations += 1;
+                entry.batches += 1;
+            }
+            _ => {}
+        }
+    }
+    stats
+}
+
+fn counts(stats: &Stats) -> Counts {
+    Counts {
+        rays: stats.rays,
+        shaders: stats.shaders.iter().map(|(stage, stats)| (stage.name(), stats.invocations)).collect(),
+    }
+}

@@ -1,0 +1,325 @@
+//! Words of a shader's memory as typed values, by reflection.
+
+use std::fmt;
+
+use half::f16;
+use serde::ser::{Serialize, Serializer};
+
+use crate::module::Module;
+use crate::module::ty::{Type, TypeId};
+use crate::ops::builtin::{Builtin, Shape};
+
+/// Longer lists are cut in text.
+const SHOWN: usize = 16;
+
+/// A value with its type.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Value {
+    /// The type in GLSL's words.
+    #[serde(rename = "type")]
+    pub ty: String,
+    /// What it is.
+    #[serde(rename = "value")]
+    pub content: Content,
+}
+
+/// What a value is made of.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[serde(untagged)]
+pub enum Content {
+    /// A bool.
+    Bool(bool),
+    /// A signed integer.
+    Int(i64),
+    /// An unsigned integer.
+    Uint(u64),
+    /// A float.
+    Float(Float),
+    /// The components of a vector, the columns of a matrix, the elements of an array.
+    List(Vec<Content>),
+    /// A struct.
+    Members(Vec<Member>),
+}
+
+/// A member of a struct.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Member {
+    /// Its name, or `member N`.
+    pub name: String,
+    /// Its value.
+    #[serde(flatten)]
+    pub value: Value,
+}
+
+/// A float of any width, shown with as few digits as name it.
+///
+/// JSON knows neither infinities nor NaN: they are the strings `"inf"`, `"-inf"` and `"NaN"`.
+#[derive(Clone, Copy, Debug)]
+pub enum Float {
+    /// `binary16`
+    F16(f16),
+    /// `binary32`
+    F32(f32),
+    /// `binary64`
+    F64(f64),
+}
+
+impl Value {
+    /// A value of a module's type from its words (see [`crate::pipeline::Event`]); words that lack
+    /// are 0.
+    pub fn of_type(module: &Module, ty: TypeId, words: &[u32]) -> Self {
+        let mut words = words.iter().copied();
+        Self { ty: type_name(module, ty), content: content(module, ty, &mut words) }
+    }
+
+    /// A builtin from its words.
+    pub fn of_builtin(builtin: &Builtin, words: &[u32]) -> Self {
+        let (ty, content) = match builtin.shape {
+            Shape::Bool => ("bool", Content::Bool(words.first().is_some_and(|&word| word != 0))),
+            Shape::Int => ("uint", Content::Uint(words.first().copied().unwrap_or(0).into())),
+            Shape::Int3 => {
+                ("uvec3", Content::List(words.iter().map(|&word| Content::Uint(word.into())).collect()))
+            }
+            Shape::Float => ("float", Content::f32(words.first().map_or(0.0, |&word| f32::from_bits(word)))),
+            Shape::Float3 => ("vec3", floats(words)),
+            Shape::Matrix4x3 => ("mat4x3", lists(words)),
+            Shape::FloatArray2 => ("float[2]", floats(words)),
+            Shape::Float3Array2 => ("vec3[2]", lists(words)),
+            Shape::Float3Array3 => ("vec3[3]", lists(words)),
+        };
+        Self { ty: ty.to_owned(), content }
+    }
+
+    /// Its parts that are no structs, each with its path (`hit.t`); one part without a path where
+    /// it is no struct itself.
+    pub fn parts(&self) -> Vec<(String, &Value)> {
+        let mut parts = Vec::new();
+        self.collect_parts(String::new(), &mut parts);
+        parts
+    }
+
+    fn collect_parts<'a>(&'a self, path: String, parts: &mut Vec<(String, &'a Value)>) {
+        let Content::Members(members) = &self.content else {
+            parts.push((path, self));
+            return;
+        };
+        for Member { name, value } in members {
+            let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+            value.collect_parts(path, parts);
+        }
+    }
+}
+
+impl Content {
+    /// A float of 32 bits.
+    pub fn f32(value: f32) -> Self {
+        Self::Float(Float::F32(value))
+    }
+
+    /// A vector of floats of 32 bits.
+    pub fn vector<const N: usize>(values: [f32; N]) -> Self {
+        Self::List(values.into_iter().map(Self::f32).collect())
+    }
+}
+
+/// `vec3(0, 0.5, 1)`, `float 0.5`, `Payload { colour: vec3(0, 0, 0) }`.
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.content {
+            Content::List(_) | Content::Members(_) => write!(f, "{}{}", self.ty, self.content),
+            _ => write!(f, "{} {}", self.ty, self.content),
+        }
+    }
+}
+
+impl fmt::Display for Content {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bool(value) => write!(f, "{value}"),
+            Self::Int(value) => write!(f, "{value}"),
+            Self::Uint(value) => write!(f, "{value}"),
+            Self::Float(value) => write!(f, "{value}"),
+            Self::List(items) => {
+                f.write_str("(")?;
+                for (at, item) in items.iter().take(SHOWN).enumerate() {
+                    write!(f, "{}{item}", if at == 0 { "" } else { ", " })?;
+                }
+                if items.len() > SHOWN {
+                    write!(f, ", ... {} in all", items.len())?;
+                }
+                f.write_str(")")
+            }
+            Self::Members(members) => {
+                f.write_str(" {")?;
+                for (at, Member { name, value }) in members.iter().enumerate() {
+                    write!(f, "{} {name}: {value}", if at == 0 { "" } else { "," })?;
+                }
+                f.write_str(" }")
+            }
+        }
+    }
+}
+
+/// The shortest digits that read back as the same number; an exponent where they would be many.
+impl fmt::Display for Float {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let plain = |size: f64| size == 0.0 || !size.is_finite() || (1e-4..1e9).contains(&size);
+        match *self {
+            Self::F16(value) => write!(f, "{value}"),
+            Self::F32(value) if plain(value.abs().into()) => write!(f, "{value}"),
+            Self::F32(value) => write!(f, "{value:e}"),
+            Self::F64(value) if plain(value.abs()) => write!(f, "{value}"),
+            Self::F64(value) => write!(f, "{value:e}"),
+        }
+    }
+}
+
+/// Bit for bit, so that NaN equals itself and 0 differs from -0.
+impl PartialEq for Float {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::F16(a), Self::F16(b)) => a.to_bits() == b.to_bits(),
+            (Self::F32(a), Self::F32(b)) => a.to_bits() == b.to_bits(),
+            (Self::F64(a), Self::F64(b)) => a.to_bits() == b.to_bits(),
+            _ => false,
+        }
+    }
+}
+
+impl Serialize for Float {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let finite = match self {
+            Self::F16(value) => value.is_finite(),
+            Self::F32(value) => value.is_finite(),
+            Self::F64(value) => value.is_finite(),
+        };
+        match *self {
+            _ if !finite => serializer.serialize_str(&self.to_string()),
+            Self::F16(value) => serializer.serialize_f32(value.to_f32()),
+            Self::F32(value) => serializer.serialize_f32(value),
+            Self::F64(value) => serializer.serialize_f64(value),
+        }
+    }
+}
+
+/// The name of a type: a struct's own where it has one.
+fn type_name(module: &Module, ty: TypeId) -> String {
+    let described = module.describe_type(ty);
+    described.strip_prefix("struct ").map_or_else(|| described.clone(), str::to_owned)
+}
+
+fn content(module: &Module, ty: TypeId, words: &mut impl Iterator<Item = u32>) -> Content {
+    let mut next = || words.next().unwrap_or(0);
+    match module.ty(ty) {
+        Type::Bool => Content::Bool(next() != 0),
+        Type::Int { width: 64, signed } => {
+            let bits = u64::from(next()) | u64::from(next()) << 32;
+            if *signed { Content::Int(bits as i64) } else { Content::Uint(bits) }
+        }
+        Type::Int { width, signed } => {
+            let unused = 32 - (*width).clamp(1, 32);
+            let bits = next() << unused;
+            if *signed {
+                Content::Int((bits as i32 >> unused).into())
+            } else {
+                Content::Uint((bits >> unused).into())
+            }
+        }
+        Type::Float { width: 16, encoding: None } => {
+            Content::Float(Float::F16(f16::from_bits(next() as u16)))
+        }
+        Type::Float { width: 32, encoding: None } => Content::f32(f32::from_bits(next())),
+        Type::Float { width: 64, encoding: None } => {
+            let bits = u64::from(next()) | u64::from(next()) << 32;
+            Content::Float(Float::F64(f64::from_bits(bits)))
+        }
+        Type::Vector { component, count } => repeated(module, *component, (*count).into(), words),
+        Type::Matrix { column, count } => repeated(module, *column, (*count).into(), words),
+        Type::Array { element, length, .. } => {
+            repeated(module, *element, module.scalar_value(*length).unwrap_or(0), words)
+        }
+        Type::Struct { members, .. } => {
+            let member = |(at, member): (usize, &crate::module::ty::Member)| Member {
+                name: if member.name.is_empty() { format!("member {at}") } else { member.name.clone() },
+                value: Value { ty: type_name(module, member.ty), content: content(module, member.ty, words) },
+            };
+            Content::Members(members.iter().enumerate().map(member).collect())
+        }
+        _ => Content::Uint(next().into()),
+    }
+}
+
+/// Elements of one type, at most as many as there can be words.
+fn repeated(module: &Module, element: TypeId, count: u64, words: &mut impl Iterator<Item = u32>) -> Content {
+    let mut words: &mut dyn Iterator<Item = u32> = words;
+    let count = count.min(1 << 20);
+    Content::List((0..count).map(|_| content(module, element, &mut words)).collect())
+}
+
+fn floats(words: &[u32]) -> Content {
+    Content::List(words.iter().map(|&word| Content::f32(f32::from_bits(word))).collect())
+}
+
+/// Vectors of three.
+fn lists(words: &[u32]) -> Content {
+    Content::List(words.chunks(3).map(floats).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(value: f32) -> String {
+        Float::F32(value).to_string()
+    }
+
+    #[test]
+    fn floats_are_short_and_read_back() {
+        assert_eq!(text(0.1), "0.1");
+        assert_eq!(text(0.0), "0");
+        assert_eq!(text(-0.0), "-0");
+        assert_eq!(text(10000.0), "10000");
+        assert_eq!(text(1e-7), "1e-7");
+        assert_eq!(text(f32::INFINITY), "inf");
+        assert_eq!(text(f32::NAN), "NaN");
+        assert_eq!(text(16_777_217.5), "16777218");
+        for value in [1.0 / 3.0, f32::MIN_POSITIVE, f32::MAX, 123_456_790.0] {
+            assert_eq!(text(value).parse(), Ok(value));
+        }
+    }
+
+    #[test]
+    fn json_has_numbers_where_it_can() {
+        let json = |value| serde_json::to_string(&Content::vector([value, 0.1])).unwrap();
+        assert_eq!(json(0.25), "[0.25,0.1]");
+        assert_eq!(json(f32::NEG_INFINITY), "[\"-inf\",0.1]");
+        assert_eq!(json(f32::NAN), "[\"NaN\",0.1]");
+    }
+
+    #[test]
+    fn structs_are_shown_by_member_and_taken_apart_by_path() {
+        let scalar = |name: &str, value: u64| Member {
+            name: name.into(),
+            value: Value { ty: "uint".into(), content: Content::Uint(value) },
+        };
+        let inner = Value { ty: "Hit".into(), content: Content::Members(vec![scalar("t", 7)]) };
+        let outer = Value {
+            ty: "Payload".into(),
+            content: Content::Members(vec![scalar("seen", 1), Member { name: "hit".into(), value: inner }]),
+        };
+        assert_eq!(outer.to_string(), "Payload { seen: uint 1, hit: Hit { t: uint 7 } }");
+        let paths: Vec<String> = outer.parts().into_iter().map(|(path, _)| path).collect();
+        assert_eq!(paths, ["seen", "hit.t"]);
+        assert_eq!(
+            serde_json::to_string(&outer).unwrap(),
+            r#"{"type":"Payload","value":[{"name":"seen","type":"uint","value":1},{"name":"hit","type":"Hit","value":[{"name":"t","type":"uint","value":7}]}]}"#
+        );
+    }
+
+    #[test]
+    fn builtins_have_their_shapes() {
+        let builtin = crate::ops::builtin::find_by_name("HitLSSPositionsNV").unwrap();
+        let words = [0.0f32, 1.0, 2.0, 3.0, 4.0, 5.5].map(f32::to_bits);
+        assert_eq!(Value::of_builtin(builtin, &words).to_string(), "vec3[2]((0, 1, 2), (3, 4, 5.5))");
+    }
+}
