@@ -110,6 +110,7 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
     /// Batches that can be used again, by shader.
     spare: Vec<Vec<Box<Running<W>>>>,
     /// Traces whose memory can be used again.
+    #[allow(clippy::vec_box, reason = "the boxes are what is used again")]
     spare_traces: Vec<Box<Trace>>,
 }
 
