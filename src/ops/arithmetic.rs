@@ -31,6 +31,8 @@ rows! {
     FSub Core [f16 f32 f64] (a: T, b: T) -> T { a - b }
     FMul Core [f16 f32 f64] (a: T, b: T) -> T { a * b }
     FDiv Core [f16 f32 f64] (a: T, b: T) -> T { a / b }
+    /// Fused: rounded once (`SPV_KHR_fma`).
+    FmaKHR Core [f16 f32 f64] (a: T, b: T, c: T) -> T { Float::mul_add(a, b, c) }
     /// `x - y * trunc(x / y)`, each operation rounded (SPIR-V environment of Vulkan).
     FRem Core [f16 f32 f64] (a: T, b: T) -> T { a - b * Float::trunc(a / b) }
     /// `x - y * floor(x / y)`, each operation rounded (SPIR-V environment of Vulkan).
@@ -85,6 +87,12 @@ mod tests {
         check(&FMul, 32, &[0x0080_0000, 0x3F00_0000], 0x0040_0000); // a denormal result is kept
         check(&FMul, 64, &[2f64.to_bits(), 3f64.to_bits()], 6f64.to_bits());
         check(&FDiv, 32, &[0x3F80_0000, 0], 0x7F80_0000);
+        // (1 + 2^-12)^2 - 1 = 2^-11 + 2^-24, rounded once; rounded twice it would be 2^-11.
+        let near = u64::from((1.0 + 2f32.powi(-12)).to_bits());
+        let sum = u64::from((2f32.powi(-11) + 2f32.powi(-24)).to_bits());
+        check(&FmaKHR, 32, &[near, near, (-1f32).to_bits().into()], sum);
+        // (1 + 2^-6)^2 - 1 = 2^-5 (1 + 2^-7).
+        check(&FmaKHR, 16, &[0x3C10, 0x3C10, 0xBC00], 0x2808);
         check(&FRem, 32, &[(-7f32).to_bits().into(), 3f32.to_bits().into()], (-1f32).to_bits().into());
         check(&FMod, 32, &[(-7f32).to_bits().into(), 3f32.to_bits().into()], 2f32.to_bits().into());
     }
