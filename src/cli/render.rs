@@ -41,7 +41,7 @@ pub struct RenderArgs {
 /// # Errors
 /// Of the scene, of a shader that traps, or of writing the picture.
 pub fn run(args: RenderArgs) -> Result<()> {
-    let options = Options { size: args.size };
+    let options = Options { size: args.size, ..Options::default() };
     let begin = Instant::now();
     let resolved = match &args.scene {
         Some(path) => scene::load(path, &DiskFiles, &options)?,

@@ -163,6 +163,9 @@ fn pipeline(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Result<Pipeline> 
     if let Some(depth) = scene.max_recursion_depth {
         builder.max_recursion(depth);
     }
+    if let Some(operations) = scene.budget {
+        builder.budget(operations);
+    }
     builder.build()
 }
 

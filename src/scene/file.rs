@@ -40,6 +40,8 @@ pub struct SceneFile {
     pub launch: Option<At<[u32; 3]>>,
     /// `[[ray]]`
     pub rays: Vec<RayEntry>,
+    /// `[[variant]]`
+    pub variants: Vec<VariantEntry>,
 }
 
 /// A named table; `None` where it has a mistake that is already reported.
@@ -76,6 +78,7 @@ impl SceneFile {
             push_constants: root.optional("push_constants"),
             launch: launch(&root),
             rays: root.or("ray", Vec::new()),
+            variants: root.or("variant", Vec::new()),
             document: document.clone(),
         };
         root.finish();
@@ -180,6 +183,25 @@ fn specialization(value: Value<'_>) -> Option<Vec<(u32, SpecializationValue)>> {
     Some(constants)
 }
 
+/// The same scene with other shaders: what else must meet the expectations.
+#[derive(Clone, Debug)]
+pub struct VariantEntry {
+    /// A name for reports.
+    pub name: At<String>,
+    /// `[variant.shaders.NAME]`: each replaces the scene's shader of that name.
+    pub shaders: Vec<Entry<ShaderEntry>>,
+}
+
+impl Parse for VariantEntry {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let name = table.required("name");
+        let shaders = entries(&table, "shaders");
+        table.finish();
+        Some(Self { name: name?, shaders })
+    }
+}
+
 /// `[pipeline]`: every list is in the order of its shader records.
 #[derive(Clone, Debug)]
 pub struct PipelineEntry {
@@ -197,6 +219,8 @@ pub struct PipelineEntry {
     pub max_recursion_depth: Option<u32>,
     /// Invocations a subgroup.
     pub subgroup_size: Option<u32>,
+    /// Operations that an invocation may spend.
+    pub budget: Option<u64>,
 }
 
 impl Parse for PipelineEntry {
@@ -216,6 +240,7 @@ impl Parse for PipelineEntry {
             hit: table.or("hit", Vec::new()),
             max_recursion_depth: table.optional("max_recursion_depth"),
             subgroup_size: subgroup_size.map(|size| size.value),
+            budget: table.optional("budget"),
         };
         table.finish();
         Some(pipeline)

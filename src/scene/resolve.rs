@@ -25,6 +25,8 @@ const MAX_FILES: usize = 64;
 pub struct Options {
     /// The launch's width and height (`--size`); images without a size and cameras follow.
     pub size: Option<[u32; 2]>,
+    /// The `[[variant]]` of the scene's own file to take, by its place in the list.
+    pub variant: Option<usize>,
 }
 
 /// Reads a scene with everything that it names.
@@ -136,7 +138,10 @@ impl<'a> Resolver<'a> {
             modules: Vec::new(),
             groups: Vec::new(),
         };
+        let mut variant = None;
         for part in parts {
+            // The last part is the scene's own file, whose variants count.
+            variant = options.variant.and_then(|at| part.variants.into_iter().nth(at));
             merge(&mut all.geometry, part.geometry);
             merge(&mut all.shader_entries, part.shaders);
             merge(&mut all.samplers, part.samplers);
@@ -148,6 +153,16 @@ impl<'a> Resolver<'a> {
             if !part.rays.is_empty() {
                 all.rays = part.rays;
             }
+        }
+        if let Some(variant) = variant {
+            let unknown = |entry: &Entry<ShaderEntry>| {
+                !all.shader_entries.iter().any(|known| known.name.value == entry.name.value)
+            };
+            for entry in variant.shaders.iter().filter(|entry| unknown(entry)) {
+                let message = format!("there is no shader `{}` to replace", entry.name.value);
+                report.push(entry.name.span.error(message));
+            }
+            merge(&mut all.shader_entries, variant.shaders);
         }
         if let Some([width, height]) = options.size {
             all.launch = [width, height, all.launch[2]];
@@ -182,6 +197,7 @@ impl<'a> Resolver<'a> {
             push_constants,
             max_recursion_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_recursion_depth),
             subgroup_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.subgroup_size),
+            budget: self.pipeline.as_ref().and_then(|pipeline| pipeline.budget),
             launch: self.launch,
             rays: self.rays,
             document: self.own,
@@ -550,7 +566,7 @@ mod tests {
         let text = "version = 1\nlaunch = [4, 2]\n[resources.out]\ntype = 'storage_image'\nbinding = 1\nfill = [0, 1]\n\
                     format = 'r32ui'\n[resources.camera]\ntype = 'uniform_buffer'\nset = 1\nbinding = 0\n\
                     data = [{ camera = { eye = [0, 0, 1], look_at = [0, 0, 0], fov = 90 } }, { f32 = [1, 2, 3, 4] }]\n";
-        let wide = scene(text, &Options { size: Some([6, 2]) });
+        let wide = scene(text, &Options { size: Some([6, 2]), ..Options::default() });
         assert_eq!(wide.output().unwrap().name, "out");
         let Resource::StorageImage(image) = &wide.resources[0].resource else { panic!() };
         assert_eq!((image.extent, image.texels.len()), ([6, 2, 1], 48));

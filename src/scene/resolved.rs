@@ -32,6 +32,8 @@ pub struct ResolvedScene {
     pub max_recursion_depth: Option<u32>,
     /// Invocations a subgroup, where the scene says.
     pub subgroup_size: Option<u32>,
+    /// Operations that an invocation may spend, where the scene says.
+    pub budget: Option<u64>,
     /// Width, height and depth of the launch.
     pub launch: [u32; 3],
     /// The rays that `trace-one-ray` offers.
