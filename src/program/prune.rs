@@ -35,6 +35,9 @@ pub fn prune(program: &mut Program, addressed: &[(Reg, u32)]) {
         }
     };
     for &(first, count) in addressed {
+        // A computed index may reach every row of the variable.
+        let holds = |&&(start, rows): &&(Reg, u32)| (start.0..start.0 + rows).contains(&first.0);
+        let (first, count) = program.variables.iter().find(holds).copied().unwrap_or((first, count));
         rows(first, count, &mut live, &mut work);
     }
     // Whoever calls this program reads payload, attributes and callable data.
