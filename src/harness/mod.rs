@@ -1,1 +1,6 @@
-//! (doc to come)
+//! Tests of shaders: expectations, and the cases that hold them.
+
+pub mod case;
+pub mod expect;
+mod memory;
+pub mod number;

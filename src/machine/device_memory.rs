@@ -45,6 +45,18 @@ impl DeviceMemory {
         known.unwrap_or_else(|| self.allocate(0, Allocation::Structure(tlas.clone())))
     }
 
+    /// The same addresses with other buffers behind them.
+    #[must_use]
+    pub fn with_buffers(&self, mut other: impl FnMut(&Arc<Buffer>) -> Arc<Buffer>) -> Self {
+        let mut copy = self.clone();
+        for (_, allocation) in &mut copy.allocations {
+            if let Allocation::Buffer(buffer) = allocation {
+                *buffer = other(buffer);
+            }
+        }
+        copy
+    }
+
     /// The address of a buffer that has one.
     pub fn address_of(&self, buffer: &Arc<Buffer>) -> Option<u64> {
         self.allocations.iter().find_map(|(base, allocation)| match allocation {

@@ -1,0 +1,445 @@
+//! `[expect]`: what a scene's launch must leave behind, and the comparison.
+//!
+//! Expected values are derived, never recorded: each table names its reason (`because`: a section
+//! of a specification, a VUID, arithmetic). Every number knows its place in the file, so that a
+//! difference is shown with line and caret.
+
+use crate::accel::Committed;
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::harness::number::{Expected, Numbers, Scalar, Tolerance};
+use crate::machine::TrapCode;
+use crate::module::interface::Stage;
+use crate::pipeline::Stats;
+use crate::scene::read::{At, Document, Named, Parse, Report, Span, Table, Value};
+
+/// How many differences of one table are shown.
+const SHOWN: usize = 6;
+
+/// All that `[expect]` says.
+#[derive(Clone, Debug)]
+pub struct Expectations {
+    /// Why the case is known to fail; it must fail then.
+    pub known_failure: Option<At<String>>,
+    /// `[expect.trap]`
+    pub trap: Option<TrapExpectation>,
+    /// `[[expect.buffer]]`
+    pub buffers: Vec<BytesExpectation>,
+    /// `[[expect.image]]`
+    pub images: Vec<BytesExpectation>,
+    /// `[[expect.ray]]`
+    pub rays: Vec<RayExpectation>,
+    /// `[expect.stats]`
+    pub stats: Option<StatsExpectation>,
+}
+
+/// What a launch left behind.
+#[derive(Clone, Debug, Default)]
+pub struct Observed {
+    /// The trap of the lowest launch index.
+    pub trap: Option<Error>,
+    /// The content of every buffer.
+    pub buffers: Vec<Bytes>,
+    /// The texels of every image, row by row.
+    pub images: Vec<Bytes>,
+    /// What became of each `[[ray]]`: its name and the committed hit, or its trap.
+    pub rays: Vec<(Option<String>, Result<Option<Committed>>)>,
+    /// What was done; `None` where the launch trapped.
+    pub stats: Option<Stats>,
+}
+
+/// A resource's memory after the launch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bytes {
+    /// The name in the scene.
+    pub name: String,
+    /// Set, binding, array element.
+    pub binding: [u32; 3],
+    /// An image's width, and the bytes of a texel.
+    pub row: Option<[usize; 2]>,
+    /// The content.
+    pub bytes: Vec<u8>,
+}
+
+impl Expectations {
+    /// Reads `[expect]`; a scene without it expects nothing but to run without a trap.
+    ///
+    /// # Errors
+    /// All mistakes of the table as one error.
+    pub fn read(document: &Document) -> Result<Self> {
+        let report = Report::default();
+        let root = document.root(&report);
+        let read = match root.value("expect") {
+            Some(value) => Self::parse(value),
+            None => Some(Self {
+                known_failure: None,
+                trap: None,
+                buffers: Vec::new(),
+                images: Vec::new(),
+                rays: Vec::new(),
+                stats: None,
+            }),
+        };
+        drop(root);
+        report.finish()?;
+        Ok(read.expect("bug in anyhit: expectations failed without a mistake"))
+    }
+
+    /// Whether nothing is expected beside a launch without a trap.
+    pub fn is_empty(&self) -> bool {
+        self.trap.is_none()
+            && self.stats.is_none()
+            && self.buffers.is_empty()
+            && self.images.is_empty()
+            && self.rays.is_empty()
+    }
+
+    /// Compares; no error where everything holds, or where a known failure still fails.
+    ///
+    /// # Errors
+    /// `Expectation` with every difference at its place in the scene file.
+    pub fn check(&self, observed: &Observed) -> Result<()> {
+        let mut errors = Vec::new();
+        self.check_trap(observed, &mut errors);
+        for (list, memory) in [(&self.buffers, &observed.buffers), (&self.images, &observed.images)] {
+            for expectation in list {
+                expectation.check(memory, &mut errors);
+            }
+        }
+        for ray in &self.rays {
+            ray.check(observed, &mut errors);
+        }
+        if let (Some(expected), Some(stats)) = (&self.stats, &observed.stats) {
+            expected.check(stats, &mut errors);
+        }
+        match (&self.known_failure, errors.is_empty()) {
+            (None, true) | (Some(_), false) => Ok(()),
+            (None, false) => Err(Error::several(errors)),
+            (Some(reason), true) => {
+                Err(differs(&reason.span, "this known failure passes: take it out", &reason.value))
+            }
+        }
+    }
+
+    fn check_trap(&self, observed: &Observed, errors: &mut Vec<Error>) {
+        match (&self.trap, &observed.trap) {
+            (None, None) => {}
+            (None, Some(trap)) => errors.push(trap.clone().context("the launch trapped")),
+            (Some(expected), None) => {
+                let message = format!("no trap; expected: {}", expected.code.value.0.message());
+                errors.push(differs(&expected.code.span, message, &expected.because));
+            }
+            (Some(expected), Some(trap)) => expected.check(trap, errors),
+        }
+    }
+}
+
+impl Parse for Expectations {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let known_failure = table.optional("known_failure");
+        let trap = table.optional("trap");
+        let lists = ["buffer", "image"].map(|key| table.or(key, Vec::new()));
+        let rays = table.or("ray", Vec::new());
+        let stats = table.optional("stats");
+        table.finish();
+        let [buffers, images] = lists;
+        Some(Self { known_failure, trap, buffers, images, rays, stats })
+    }
+}
+
+/// An error about a difference from what was expected.
+fn differs(span: &Span, message: impl Into<String>, because: &str) -> Error {
+    let error = Error::new(ErrorKind::Expectation, message).at_with(span.place(), "");
+    error.note(format!("because: {because}"))
+}
+
+/// The trap that the launch must end with.
+#[derive(Clone, Debug)]
+pub struct TrapExpectation {
+    /// Which.
+    pub code: At<TrapName>,
+    /// The launch index that traps.
+    pub launch_id: Option<At<[u32; 3]>>,
+    /// The line of the shader's source.
+    pub line: Option<At<u32>>,
+    /// Why.
+    pub because: String,
+}
+
+/// A trap's name in scene files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TrapName(pub TrapCode);
+
+impl Named for TrapName {
+    const WHAT: &'static str = "trap";
+    const NAMES: &'static [(&'static str, Self)] = &[
+        ("index_out_of_bounds", Self(TrapCode::IndexOutOfBounds)),
+        ("buffer_out_of_bounds", Self(TrapCode::BufferOutOfBounds)),
+        ("descriptor_missing", Self(TrapCode::DescriptorMissing)),
+        ("image_out_of_bounds", Self(TrapCode::ImageOutOfBounds)),
+        ("unreachable", Self(TrapCode::Unreachable)),
+        ("budget_spent", Self(TrapCode::BudgetSpent)),
+        ("invalid_trace", Self(TrapCode::InvalidTrace)),
+        ("acceleration_structure_missing", Self(TrapCode::AccelerationStructureMissing)),
+        ("recursion_too_deep", Self(TrapCode::RecursionTooDeep)),
+        ("shader_record_missing", Self(TrapCode::ShaderRecordMissing)),
+        ("invalid_hit_kind", Self(TrapCode::InvalidHitKind)),
+    ];
+}
+
+impl Parse for TrapExpectation {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let code = table.required("code");
+        let launch_id = table.optional("launch_id");
+        let line = table.optional("line");
+        let because = table.required("because");
+        table.finish();
+        Some(Self { code: code?, launch_id, line, because: because? })
+    }
+}
+
+impl TrapExpectation {
+    fn check(&self, trap: &Error, errors: &mut Vec<Error>) {
+        if trap.message() != self.code.value.0.message() {
+            let message = format!("another trap: {trap}");
+            errors.push(differs(&self.code.span, message, &self.because));
+            return;
+        }
+        if let Some(id) = &self.launch_id {
+            let [x, y, z] = id.value;
+            let wanted = format!("launch id ({x}, {y}, {z})");
+            if !trap.notes().iter().any(|note| note.ends_with(&wanted)) {
+                errors.push(differs(&id.span, format!("another invocation trapped: {trap}"), &self.because));
+            }
+        }
+        if let Some(line) = &self.line
+            && line_of(trap) != Some(line.value)
+        {
+            errors.push(differs(&line.span, format!("trapped elsewhere: {trap}"), &self.because));
+        }
+    }
+}
+
+/// The source line that an error points at, where it knows one.
+fn line_of(error: &Error) -> Option<u32> {
+    error.places().find_map(|(place, _)| match place {
+        Place::Line { line, .. } => Some(*line),
+        Place::Text { text, span, .. } => Some(text[..span.start].matches('\n').count() as u32 + 1),
+        _ => None,
+    })
+}
+
+/// Numbers at a place of a buffer or an image.
+#[derive(Clone, Debug)]
+pub struct BytesExpectation {
+    /// The resource's name in the scene.
+    pub name: At<String>,
+    /// Where the first number lies, in bytes.
+    pub offset: usize,
+    /// Bytes from one outermost element to the next; without it they follow each other.
+    pub stride: Option<usize>,
+    /// An image's first texel, x and y.
+    pub at: [usize; 2],
+    /// The numbers, by outermost element.
+    pub numbers: Numbers,
+    /// How exact.
+    pub tolerance: Tolerance,
+    /// Why.
+    pub because: String,
+}
+
+impl Parse for BytesExpectation {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let name = table.required("name");
+        let offset = table.or("offset", 0_u32) as usize;
+        let stride = table.optional::<u32>("stride").map(|stride| stride as usize);
+        let at = table.or("at", [0_u32; 2]).map(|side| side as usize);
+        let tolerance = Tolerance::of(&table);
+        let numbers = Numbers::of(&table);
+        let because = table.required("because");
+        table.finish();
+        let (tolerance, numbers) = (tolerance?, numbers?);
+        Some(Self { name: name?, offset, stride, at, numbers, tolerance, because: because? })
+    }
+}
+
+impl BytesExpectation {
+    fn check(&self, memory: &[Bytes], errors: &mut Vec<Error>) {
+        let Some(found) = memory.iter().find(|bytes| bytes.name == self.name.value) else {
+            let message = format!("there is no resource `{}` of this kind", self.name.value);
+            errors.push(differs(&self.name.span, message, &self.because));
+            return;
+        };
+        let [width, texel] = found.row.unwrap_or_default();
+        let start = self.offset + (self.at[1] * width + self.at[0]) * texel;
+        let scalar = self.numbers.scalar;
+        let (mut count, before) = (0, errors.len());
+        for (index, element) in self.numbers.elements.iter().enumerate() {
+            let packed = self.numbers.elements[..index].iter().map(|one| one.len() * scalar.size()).sum();
+            let first = start + self.stride.map_or(packed, |stride| index * stride);
+            for (position, expected) in element.iter().enumerate() {
+                let offset = first + position * scalar.size();
+                let Some(bits) = scalar.load(&found.bytes, offset) else {
+                    let message =
+                        format!("byte {offset} of `{}`, which has {}", found.name, found.bytes.len());
+                    errors.push(differs(&expected.span, message, &self.because));
+                    return;
+                };
+                if let Some(message) = self.tolerance.difference(scalar, &expected.value, bits) {
+                    count += 1;
+                    if count <= SHOWN {
+                        let place = found.describe(offset);
+                        errors.push(differs(&expected.span, format!("{place}: {message}"), &self.because));
+                    }
+                }
+            }
+        }
+        if count > SHOWN {
+            let last = errors.pop().expect("bug in anyhit: a difference was counted, not kept");
+            errors.push(last.note(format!("{} more differences in this table", count - SHOWN)));
+        }
+        debug_assert!(errors.len() - before <= SHOWN);
+    }
+}
+
+impl Bytes {
+    fn describe(&self, offset: usize) -> String {
+        match self.row {
+            None => format!("`{}` at byte {offset}", self.name),
+            Some([width, texel]) => {
+                let (index, rest) = (offset / texel, offset % texel);
+                format!("`{}` at texel ({}, {}) byte {rest}", self.name, index % width, index / width)
+            }
+        }
+    }
+}
+
+/// The hit record of a ray of the scene.
+#[derive(Clone, Debug)]
+pub struct RayExpectation {
+    /// The ray's name.
+    pub name: At<String>,
+    /// The hit; `None` for a miss.
+    pub hit: Option<HitExpectation>,
+    /// How exact t and attributes are.
+    pub tolerance: Tolerance,
+    /// Why.
+    pub because: String,
+}
+
+/// A hit, in the parts that count.
+#[derive(Clone, Debug)]
+pub struct HitExpectation {
+    /// `InstanceId`, `RayGeometryIndexKHR`, `PrimitiveId`, `HitKindKHR`.
+    pub numbers: [Option<At<u32>>; 4],
+    /// The hit distance.
+    pub t: Option<At<Expected>>,
+    /// The hit attributes of a triangle or a linear swept sphere.
+    pub attributes: Vec<At<Expected>>,
+}
+
+impl Parse for RayExpectation {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let name = table.required("name");
+        let miss = table.or("miss", false);
+        let numbers = ["instance", "geometry", "primitive", "kind"].map(|key| table.optional(key));
+        let float = |value| Expected::parse(value, Scalar::F32);
+        let t = table.value("t").and_then(float);
+        let attributes = table.value("attributes");
+        let attributes: Vec<_> =
+            attributes.and_then(|value| value.elements()).into_iter().flatten().filter_map(float).collect();
+        let hit = HitExpectation { numbers, t, attributes };
+        let nothing = hit.numbers.iter().all(Option::is_none) && hit.t.is_none() && hit.attributes.is_empty();
+        let tolerance = Tolerance::of(&table);
+        let because = table.required("because");
+        table.finish();
+        if miss != nothing {
+            return value.wrong("a ray either misses (`miss = true`) or hits (`primitive`, `t`, ...)");
+        }
+        Some(Self { name: name?, hit: (!miss).then_some(hit), tolerance: tolerance?, because: because? })
+    }
+}
+
+impl RayExpectation {
+    fn check(&self, observed: &Observed, errors: &mut Vec<Error>) {
+        let mut push = |span: &Span, message: String| errors.push(differs(span, message, &self.because));
+        let name = &self.name;
+        let found = observed.rays.iter().find(|(known, _)| known.as_ref() == Some(&name.value));
+        let committed = match found {
+            None => return push(&name.span, format!("the scene has no ray `{}`", name.value)),
+            Some((_, Err(trap))) => return push(&name.span, format!("the ray trapped: {trap}")),
+            Some((_, Ok(committed))) => committed,
+        };
+        let (hit, committed) = match (&self.hit, committed) {
+            (None, None) => return,
+            (None, Some(hit)) => return push(&name.span, format!("the ray hits {hit:?}")),
+            (Some(_), None) => return push(&name.span, "the ray misses".into()),
+            (Some(hit), Some(committed)) => (hit, committed),
+        };
+        let candidate = &committed.candidate;
+        let numbers = [candidate.instance, candidate.geometry, candidate.primitive, committed.hit_kind.0];
+        let names = ["instance", "geometry", "primitive", "hit kind"];
+        for ((expected, found), name) in hit.numbers.iter().zip(numbers).zip(names) {
+            if let Some(expected) = expected
+                && expected.value != found
+            {
+                push(&expected.span, format!("{name}: expected {}, found {found}", expected.value));
+            }
+        }
+        let attributes = hit.attributes.iter().zip(candidate.intersection.attributes);
+        for (expected, found) in hit.t.iter().map(|t| (t, committed.t)).chain(attributes) {
+            let bits = u64::from(found.to_bits());
+            if let Some(message) = self.tolerance.difference(Scalar::F32, &expected.value, bits) {
+                push(&expected.span, message);
+            }
+        }
+    }
+}
+
+/// How often shaders run.
+#[derive(Clone, Debug)]
+pub struct StatsExpectation {
+    /// Rays traced.
+    pub rays: Option<At<u64>>,
+    /// Invocations by stage.
+    pub invocations: Vec<(Stage, At<u64>)>,
+    /// Why.
+    pub because: String,
+}
+
+const STAGES: [(&str, Stage); 6] = [
+    ("ray_generation", Stage::RayGeneration),
+    ("intersection", Stage::Intersection),
+    ("any_hit", Stage::AnyHit),
+    ("closest_hit", Stage::ClosestHit),
+    ("miss", Stage::Miss),
+    ("callable", Stage::Callable),
+];
+
+impl Parse for StatsExpectation {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let rays = table.optional("rays");
+        let counts = STAGES.map(|(key, stage)| table.optional(key).map(|count| (stage, count)));
+        let because = table.required("because");
+        table.finish();
+        Some(Self { rays, invocations: counts.into_iter().flatten().collect(), because: because? })
+    }
+}
+
+impl StatsExpectation {
+    fn check(&self, stats: &Stats, errors: &mut Vec<Error>) {
+        let invocations = self.invocations.iter().map(|(stage, expected)| {
+            (expected, stats.shaders.get(stage).map_or(0, |stats| stats.invocations))
+        });
+        for (expected, found) in self.rays.iter().map(|rays| (rays, stats.rays)).chain(invocations) {
+            if expected.value != found {
+                let message = format!("expected {}, found {found}", expected.value);
+                errors.push(differs(&expected.span, message, &self.because));
+            }
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Copies of resources, so that one scene can be run again and again.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::machine::image::Image;
+use crate::machine::{Buffer, Descriptor, Resources};
+use crate::ops::pointer::storage;
+use crate::pipeline::Pipeline;
+
+/// The same resources with memory of their own. What was shared between bindings still is.
+pub fn copied(resources: &Resources) -> Resources {
+    let mut images: Vec<(Arc<Image>, Arc<Image>)> = Vec::new();
+    let mut image = |image: &Arc<Image>| {
+        once(&mut images, image, || {
+            let copy = Image::new(image.format(), image.extent(), &words(image));
+            copy.expect("bug in anyhit: an image of another size than itself")
+        })
+    };
+    let mut buffers: Vec<(Arc<Buffer>, Arc<Buffer>)> = Vec::new();
+    let mut buffer = |buffer: &Arc<Buffer>| once(&mut buffers, buffer, || Buffer::new(&buffer.bytes()));
+    let mut descriptors = BTreeMap::new();
+    for (&binding, list) in &resources.descriptors {
+        let copies = list.iter().map(|descriptor| match descriptor {
+            Descriptor::Buffer(original) => Descriptor::Buffer(buffer(original)),
+            Descriptor::Image(original) => Descriptor::Image(image(original)),
+            Descriptor::ImageSampler(original, sampler) => {
+                Descriptor::ImageSampler(image(original), sampler.clone())
+            }
+            other => other.clone(),
+        });
+        descriptors.insert(binding, copies.collect());
+    }
+    let memory = resources.memory.with_buffers(buffer);
+    Resources { descriptors, push_constants: resources.push_constants.clone(), memory }
+}
+
+/// The copy of an original, made at its first appearance.
+fn once<T>(copies: &mut Vec<(Arc<T>, Arc<T>)>, original: &Arc<T>, copy: impl FnOnce() -> Arc<T>) -> Arc<T> {
+    if let Some((_, known)) = copies.iter().find(|(known, _)| Arc::ptr_eq(known, original)) {
+        return known.clone();
+    }
+    let copy = copy();
+    copies.push((original.clone(), copy.clone()));
+    copy
+}
+
+/// The stored words of all texels, row by row.
+fn words(image: &Image) -> Vec<u32> {
+    let [width, height] = image.extent();
+    let mut words = Vec::with_capacity(width as usize * height as usize * image.format().words());
+    for y in 0..height {
+        for x in 0..width {
+            let texel = image.texel([x, y]).expect("bug in anyhit: a texel outside its image");
+            words.extend_from_slice(&texel[..image.format().words()]);
+        }
+    }
+    words
+}
+
+/// The stored bytes of all texels, row by row.
+pub fn texels(image: &Image) -> Vec<u8> {
+    words(image).into_iter().flat_map(u32::to_le_bytes).collect()
+}
+
+/// The words of the largest payload that a shader of a pipeline takes.
+pub fn payload_words(pipeline: &Pipeline) -> usize {
+    let counts = pipeline.programs.iter().filter_map(|program| {
+        program.interface_rows(storage::INCOMING_RAY_PAYLOAD).map(|rows| rows.count as usize)
+    });
+    counts.max().unwrap_or(0)
+}

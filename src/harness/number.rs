@@ -1,0 +1,311 @@
+//! Numbers of an expectation: their types, and how near a result must come.
+
+use half::f16;
+
+use crate::math::ulp;
+use crate::scene::read::{At, Parse, Table, Value};
+
+/// A type that memory is looked at by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the names are the specification's")]
+pub enum Scalar {
+    F16,
+    F32,
+    F64,
+    U8,
+    U16,
+    U32,
+    U64,
+    I8,
+    I16,
+    I32,
+    I64,
+}
+
+const SCALARS: [(&str, Scalar); 11] = [
+    ("f16", Scalar::F16),
+    ("f32", Scalar::F32),
+    ("f64", Scalar::F64),
+    ("u8", Scalar::U8),
+    ("u16", Scalar::U16),
+    ("u32", Scalar::U32),
+    ("u64", Scalar::U64),
+    ("i8", Scalar::I8),
+    ("i16", Scalar::I16),
+    ("i32", Scalar::I32),
+    ("i64", Scalar::I64),
+];
+
+impl Scalar {
+    /// Bytes.
+    pub fn size(self) -> usize {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::F16 | Self::U16 | Self::I16 => 2,
+            Self::F32 | Self::U32 | Self::I32 => 4,
+            Self::F64 | Self::U64 | Self::I64 => 8,
+        }
+    }
+
+    /// Whether it is a floating-point type.
+    pub fn is_float(self) -> bool {
+        matches!(self, Self::F16 | Self::F32 | Self::F64)
+    }
+
+    /// The bits at a byte offset, zero-extended; `None` outside the bytes.
+    pub fn load(self, bytes: &[u8], offset: usize) -> Option<u64> {
+        let part = bytes.get(offset..offset.checked_add(self.size())?)?;
+        let mut word = [0; 8];
+        word[..part.len()].copy_from_slice(part);
+        Some(u64::from_le_bytes(word))
+    }
+
+    /// The value of its bits; exact for all but large 64-bit integers.
+    fn value(self, bits: u64) -> f64 {
+        match self {
+            Self::F16 => f64::from(f16::from_bits(bits as u16)),
+            Self::F32 => f64::from(f32::from_bits(bits as u32)),
+            Self::F64 => f64::from_bits(bits),
+            Self::U8 | Self::U16 | Self::U32 | Self::U64 => bits as f64,
+            Self::I8 => f64::from(bits as i8),
+            Self::I16 => f64::from(bits as i16),
+            Self::I32 => f64::from(bits as i32),
+            Self::I64 => bits as i64 as f64,
+        }
+    }
+
+    fn is_nan(self, bits: u64) -> bool {
+        self.is_float() && self.value(bits).is_nan()
+    }
+
+    /// The value in words: floats with enough digits to be told apart, and their bits.
+    fn describe(self, bits: u64) -> String {
+        match self {
+            Self::F16 => format!("{} (bits {bits:#06x})", f16::from_bits(bits as u16)),
+            Self::F32 => format!("{:?} (bits {bits:#010x})", f32::from_bits(bits as u32)),
+            Self::F64 => format!("{:?} (bits {bits:#018x})", f64::from_bits(bits)),
+            Self::U8 | Self::U16 | Self::U32 | Self::U64 => bits.to_string(),
+            Self::I8 => (bits as i8).to_string(),
+            Self::I16 => (bits as i16).to_string(),
+            Self::I32 => (bits as i32).to_string(),
+            Self::I64 => (bits as i64).to_string(),
+        }
+    }
+
+    fn read(self, value: Value<'_>) -> Option<(u64, f64)> {
+        // The unrounded value counts where a tolerance is given.
+        let exact = if self.is_float() { f64::parse(value) } else { Some(0.0) };
+        let bits = match self {
+            Self::F16 => f32::parse(value).map(|number| u64::from(f16::from_f32(number).to_bits())),
+            Self::F32 => f32::parse(value).map(|number| u64::from(number.to_bits())),
+            Self::F64 => f64::parse(value).map(f64::to_bits),
+            Self::U8 => u8::parse(value).map(u64::from),
+            Self::U16 => u16::parse(value).map(u64::from),
+            Self::U32 => u32::parse(value).map(u64::from),
+            Self::U64 => u64::parse(value),
+            Self::I8 => i8::parse(value).map(|number| u64::from(number as u8)),
+            Self::I16 => i16::parse(value).map(|number| u64::from(number as u16)),
+            Self::I32 => i32::parse(value).map(|number| u64::from(number as u32)),
+            Self::I64 => i64::parse(value).map(|number| number as u64),
+        }?;
+        Some((bits, if self.is_float() { exact? } else { self.value(bits) }))
+    }
+}
+
+/// One expected number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Expected {
+    /// `"any"`: whatever stands there.
+    Any,
+    /// A number: its bits, rounded once, and its value as an f64.
+    Number(u64, f64),
+}
+
+impl Expected {
+    /// Reads a number of a type, or `"any"`.
+    pub fn parse(value: Value<'_>, scalar: Scalar) -> Option<At<Self>> {
+        let expected = match value.text() {
+            Some("any") => Self::Any,
+            _ => scalar.read(value).map(|(bits, exact)| Self::Number(bits, exact))?,
+        };
+        Some(At { value: expected, span: value.span() })
+    }
+}
+
+/// Typed numbers, by the elements of the outermost array.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Numbers {
+    /// Their type.
+    pub scalar: Scalar,
+    /// Inner arrays are flattened.
+    pub elements: Vec<Vec<At<Expected>>>,
+}
+
+impl Numbers {
+    /// Reads the one key of a table that is named as a type: `f32 = [[0, 1], [2, "any"]]`.
+    pub fn of(table: &Table<'_>) -> Option<Self> {
+        let given: Vec<_> =
+            SCALARS.iter().filter_map(|(key, scalar)| Some((scalar, table.value(key)?))).collect();
+        let [(scalar, value)] = given[..] else {
+            table.report().push(table.span().error("numbers of one type are needed: `f32 = [...]`"));
+            return None;
+        };
+        let elements = match value.elements() {
+            Some(elements) => elements.map(|element| flatten(element, *scalar)).collect::<Option<_>>()?,
+            None => vec![flatten(value, *scalar)?],
+        };
+        Some(Self { scalar: *scalar, elements })
+    }
+}
+
+fn flatten(value: Value<'_>, scalar: Scalar) -> Option<Vec<At<Expected>>> {
+    match value.elements() {
+        Some(elements) => {
+            let parts: Option<Vec<_>> = elements.map(|element| flatten(element, scalar)).collect();
+            Some(parts?.concat())
+        }
+        None => Some(vec![Expected::parse(value, scalar)?]),
+    }
+}
+
+/// How near a number must come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tolerance {
+    /// Bit for bit; NaN stands for every NaN.
+    Exact,
+    /// In units in the last place of the binade of the expected value, which is not rounded: 0.5
+    /// asks for correct rounding.
+    Ulp(f64),
+    /// |found - expected|
+    Absolute(f64),
+    /// |found - expected| / |expected|
+    Relative(f64),
+}
+
+impl Tolerance {
+    /// Reads `ulp`, `absolute` or `relative`; exact without.
+    pub fn of(table: &Table<'_>) -> Option<Self> {
+        let given: Vec<(At<f64>, &str)> = ["ulp", "absolute", "relative"]
+            .into_iter()
+            .filter_map(|key| Some((table.optional(key)?, key)))
+            .collect();
+        match &given[..] {
+            [] => Some(Self::Exact),
+            [(bound, key)] if bound.value >= 0.0 => Some(match *key {
+                "ulp" => Self::Ulp(bound.value),
+                "absolute" => Self::Absolute(bound.value),
+                _ => Self::Relative(bound.value),
+            }),
+            [(bound, _), ..] => {
+                let message = "one of `ulp`, `absolute` and `relative`, not below zero";
+                table.report().push(bound.span.error(message));
+                None
+            }
+        }
+    }
+
+    /// What is wrong with bits of a type where a number is expected; `None` if nothing is.
+    pub fn difference(self, scalar: Scalar, expected: &Expected, found: u64) -> Option<String> {
+        let Expected::Number(bits, exact) = *expected else { return None };
+        if bits == found || scalar.is_nan(bits) && scalar.is_nan(found) {
+            return None;
+        }
+        let value = scalar.value(found);
+        let distance = (value - exact).abs();
+        let holds = match self {
+            Self::Exact => false,
+            Self::Absolute(bound) => distance <= bound,
+            Self::Relative(bound) => distance <= bound * exact.abs(),
+            // Half an ulp, judged in f64, needs a hair more.
+            Self::Ulp(bound) => distance / ulp_of(scalar, exact) <= bound * (1.0 + 1e-9),
+        };
+        if holds {
+            return None;
+        }
+        let away = match self {
+            Self::Exact if scalar == Scalar::F32 => {
+                let steps = ulp::ulps(f32::from_bits(bits as u32), f32::from_bits(found as u32));
+                if steps == u32::MAX || steps == 0 { String::new() } else { format!(", {steps} floats away") }
+            }
+            Self::Exact => String::new(),
+            Self::Ulp(bound) => {
+                format!(", {:.3} ulp away and {bound} allowed", distance / ulp_of(scalar, exact))
+            }
+            Self::Absolute(bound) => format!(", {distance:e} away and {bound:e} allowed"),
+            Self::Relative(bound) => {
+                format!(", {:e} of it away and {bound:e} allowed", distance / exact.abs())
+            }
+        };
+        Some(format!("expected {}, found {}{away}", scalar.describe(bits), scalar.describe(found)))
+    }
+}
+
+/// The distance of neighbouring numbers of a type in the binade that holds a value.
+fn ulp_of(scalar: Scalar, exact: f64) -> f64 {
+    let exponent = |least: i32, most: i32| ((exact.abs().to_bits() >> 52) as i32 - 1023).clamp(least, most);
+    match scalar {
+        Scalar::F16 => 2f64.powi(exponent(-14, 15) - 10),
+        Scalar::F32 => ulp::ulp_of(exact),
+        Scalar::F64 => 2f64.powi(exponent(-1022, 1023) - 52),
+        _ => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn number(value: f32) -> Expected {
+        Expected::Number(u64::from(value.to_bits()), f64::from(value))
+    }
+
+    fn holds(tolerance: Tolerance, expected: f32, found: f32) -> bool {
+        tolerance.difference(Scalar::F32, &number(expected), u64::from(found.to_bits())).is_none()
+    }
+
+    #[test]
+    fn exact_tells_zeros_apart_but_not_nans() {
+        assert!(!holds(Tolerance::Exact, 0.0, -0.0));
+        assert!(holds(Tolerance::Exact, f32::NAN, -f32::NAN));
+        assert!(!holds(Tolerance::Exact, f32::NAN, 1.0));
+        assert!(!holds(Tolerance::Exact, 1.0, 1.0 + f32::EPSILON));
+        assert!(holds(Tolerance::Absolute(0.0), 0.0, -0.0));
+    }
+
+    #[test]
+    fn tolerances_are_closed_bounds() {
+        assert!(holds(Tolerance::Absolute(0.5), 1.0, 1.5));
+        assert!(!holds(Tolerance::Absolute(0.5), 1.0, 1.5 + f32::EPSILON));
+        assert!(holds(Tolerance::Relative(0.25), -4.0, -3.0));
+        assert!(!holds(Tolerance::Relative(0.25), -4.0, -2.999));
+        assert!(holds(Tolerance::Ulp(1.0), 1.0, 1.0 + f32::EPSILON));
+        assert!(!holds(Tolerance::Ulp(1.0), 1.0, 1.0 + 2.0 * f32::EPSILON));
+    }
+
+    #[test]
+    fn no_tolerance_lets_nan_or_infinity_through() {
+        for tolerance in [Tolerance::Ulp(1e30), Tolerance::Absolute(1e30), Tolerance::Relative(1e30)] {
+            assert!(!holds(tolerance, 1.0, f32::NAN), "{tolerance:?}");
+            assert!(!holds(tolerance, 1.0, f32::INFINITY), "{tolerance:?}");
+            assert!(holds(tolerance, f32::INFINITY, f32::INFINITY), "{tolerance:?}");
+        }
+    }
+
+    #[test]
+    fn half_an_ulp_is_correct_rounding() {
+        // 1/3 lies between two floats, 0x3eaaaaaa and 0x3eaaaaab, nearer to the latter.
+        let third = Expected::Number(0, 1.0 / 3.0);
+        let found = |bits| Tolerance::Ulp(0.5).difference(Scalar::F32, &third, bits).is_none();
+        assert!(found(0x3eaa_aaab));
+        assert!(!found(0x3eaa_aaaa));
+    }
+
+    #[test]
+    fn integers_are_read_by_their_width_and_sign() {
+        let bytes = [0xFF, 0xFF, 0xFE, 0xFF];
+        assert_eq!(Scalar::I16.load(&bytes, 2), Some(0xFFFE));
+        assert_eq!(Scalar::I16.describe(0xFFFE), "-2");
+        assert_eq!(Scalar::U16.describe(0xFFFE), "65534");
+        assert_eq!(Scalar::U16.load(&bytes, 3), None);
+    }
+}
