@@ -180,7 +180,9 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
                     id.0
                 )));
             };
-            let name = decoder.module.name(id).unwrap_or_default().to_string();
+            // A block without an instance name goes by its own.
+            let block = || decoder.module.name(decoder.module.id_of_type(pointee)?);
+            let name = decoder.module.name(id).or_else(block).unwrap_or_default().to_string();
             let slot = decoder.slots.len() as u32;
             decoder.slots.push(Slot { binding: Binding { set, binding }, name });
             let array = matches!(decoder.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
