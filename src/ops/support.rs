@@ -15,7 +15,9 @@ use crate::module::interface::EntryPoint;
 use crate::module::names::{builtin_name, ext_inst_name, opcode_name, storage_class_name};
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::row::{Set, family};
-use crate::ops::{address, atomic, builtin, composite, image, irregular, linear_algebra, pointer, ray_tracing};
+use crate::ops::{
+    address, atomic, builtin, composite, image, irregular, linear_algebra, pointer, ray_tracing,
+};
 
 /// Whether something of SPIR-V runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -142,13 +142,7 @@ pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[
             Op::Fwidth,
         ],
     ),
-    (
-        "atomics and barriers",
-        &[
-            Op::ControlBarrier,
-            Op::MemoryBarrier,
-        ],
-    ),
+    ("atomics and barriers", &[Op::ControlBarrier, Op::MemoryBarrier]),
     ("pointers and device addresses", &[Op::SizeOf]),
     (
         "subgroups",

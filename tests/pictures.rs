@@ -1,0 +1,54 @@
+//! The swept-spheres scene, drawn from GLSL and from Slang.
+
+use std::path::Path;
+
+use anyhit::machine::image::Image;
+use anyhit::ops::row::{Row, Width};
+use anyhit::scene::{self, DiskFiles, Options};
+
+/// The picture of a scene as 8-bit channels, as they are saved.
+fn picture<const W: usize>(name: &str) -> Vec<[u8; 3]>
+where
+    Row: Width<W>,
+{
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    let options = Options { size: Some([192, 108]), ..Options::default() };
+    let resolved = scene::load(&path, &DiskFiles, &options).expect("a valid scene");
+    let output = resolved.output().expect("an output image");
+    let (set, binding) = (output.set, output.binding);
+    let assembled = scene::assemble(&resolved).expect("supported shaders");
+    assembled.launch().run::<W>(assembled.size, &|_| ()).expect("no trap");
+    let image: &Image = assembled.resources.image(set, binding).expect("the output is bound");
+    let mut pixels = Vec::new();
+    for y in 0..108 {
+        for x in 0..192 {
+            let texel = image.texel([x, y]).expect("a texel inside").map(f32::from_bits);
+            pixels.push(
+                [texel[0], texel[1], texel[2]].map(|channel| (channel.clamp(0.0, 1.0) * 255.0).round() as u8),
+            );
+        }
+    }
+    pixels
+}
+
+#[test]
+fn glsl_and_slang_draw_the_same_picture() {
+    let glsl = picture::<32>("swept-spheres.toml");
+    let slang = picture::<32>("swept-spheres-slang.toml");
+    // Not a flat picture: sky, grass, spheres and ground differ.
+    let mut colours = glsl.clone();
+    colours.sort_unstable();
+    colours.dedup();
+    assert!(colours.len() > 1000, "only {} colours", colours.len());
+    for (at, (a, b)) in glsl.iter().zip(&slang).enumerate() {
+        for (a, b) in a.iter().zip(b) {
+            assert!(a.abs_diff(*b) <= 1, "pixel ({}, {}): {a} and {b}", at % 192, at / 192);
+        }
+    }
+}
+
+#[test]
+fn one_lane_draws_the_same_bits() {
+    assert!(picture::<1>("swept-spheres.toml") == picture::<32>("swept-spheres.toml"));
+    assert!(picture::<1>("swept-spheres-slang.toml") == picture::<32>("swept-spheres-slang.toml"));
+}
