@@ -44,6 +44,7 @@ pub const OPCODES: &[Opcode] = &[
 
 /// What becomes of the value in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names are the specification's")]
 pub enum Kind {
     Load,
     Exchange,
@@ -68,7 +69,12 @@ pub enum Target {
     /// In a buffer.
     Buffer(Chunk),
     /// In rows of the lane itself, from `first` (plus a computed number) on.
-    Rows { first: Reg, row: Option<Reg> },
+    Rows {
+        /// The first row.
+        first: Reg,
+        /// A row that holds a further number of rows, lane by lane.
+        row: Option<Reg>,
+    },
 }
 
 /// An atomic operation on one scalar.
