@@ -1,0 +1,129 @@
+//! What the documents tell the reader to type and to open exists.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const DOCUMENTS: &[&str] = &["README.md", "CONTRIBUTING.md"];
+
+#[test]
+fn commands_are_real() {
+    let mut mistakes = Vec::new();
+    let mut count = 0;
+    for (document, line) in shell_lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let wrong = match words.as_slice() {
+            ["cargo", "run", rest @ ..] => {
+                count += 1;
+                anyhit_arguments(rest).and_then(|arguments| parse(&arguments))
+            }
+            ["anyhit", arguments @ ..] => {
+                count += 1;
+                parse(arguments)
+            }
+            ["cargo", "test", rest @ ..] => test_targets(rest),
+            [script, ..] if script.starts_with(".ci/") => exists(script),
+            // A word in front, like BLESS=1, and what it stands in front of.
+            [assignment, "cargo", "test", rest @ ..] if assignment.contains('=') => test_targets(rest),
+            ["cargo", ..] => Ok(()),
+            _ => Err(format!("`{line}` is no command that this test knows")),
+        };
+        let mut files = words.iter().filter(|word| word.contains('/') && !word.starts_with('-'));
+        let wrong = wrong.and_then(|()| files.try_for_each(|word| exists(word)));
+        if let Err(wrong) = wrong {
+            mistakes.push(format!("{document}: {line}: {wrong}"));
+        }
+    }
+    assert!(count >= 4, "only {count} commands were found");
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let mut mistakes = Vec::new();
+    let mut count = 0;
+    for document in DOCUMENTS {
+        for (at, _) in read(document).match_indices("](") {
+            let text = read(document);
+            let target = text[at + 2..].split([')', '#']).next().unwrap_or_default().to_owned();
+            if target.is_empty() || target.contains("://") {
+                continue;
+            }
+            count += 1;
+            if let Err(wrong) = exists(&target) {
+                mistakes.push(format!("{document}: {wrong}"));
+            }
+        }
+    }
+    assert!(count >= 3, "only {count} links were found");
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+}
+
+/// The lines of the documents' shell blocks.
+fn shell_lines() -> Vec<(&'static str, String)> {
+    let mut lines = Vec::new();
+    for document in DOCUMENTS {
+        let mut inside = false;
+        for line in read(document).lines() {
+            match line {
+                "```sh" => inside = true,
+                "```" => inside = false,
+                _ if inside && !line.trim().is_empty() => lines.push((*document, line.to_owned())),
+                _ => {}
+            }
+        }
+    }
+    lines
+}
+
+/// What the program is given behind `cargo run`'s own flags.
+fn anyhit_arguments<'a>(words: &[&'a str]) -> Result<Vec<&'a str>, String> {
+    let mut words = words.iter().copied();
+    let mut arguments = Vec::new();
+    while let Some(word) = words.next() {
+        match word {
+            "--release" => {}
+            "--features" => {
+                let feature = words.next().unwrap_or_default();
+                let manifest = read("Cargo.toml");
+                if !manifest.contains(&format!("\n{feature} = [")) {
+                    return Err(format!("there is no feature {feature}"));
+                }
+            }
+            "--" => arguments.extend(words.by_ref()),
+            _ if word.starts_with('-') => return Err(format!("cargo run {word}?")),
+            _ => {
+                arguments.push(word);
+                arguments.extend(words.by_ref());
+            }
+        }
+    }
+    Ok(arguments)
+}
+
+fn parse(arguments: &[&str]) -> Result<(), String> {
+    let line = std::iter::once("anyhit").chain(arguments.iter().copied());
+    anyhit::cli::command().try_get_matches_from(line).map(|_| ()).map_err(|error| error.to_string())
+}
+
+/// Names behind `--test` are files of `tests/`.
+fn test_targets(words: &[&str]) -> Result<(), String> {
+    for pair in words.windows(2).filter(|pair| pair[0] == "--test") {
+        let file = format!("tests/{}.rs", pair[1]);
+        if exists(&file).is_err() {
+            exists(&format!("tests/{}/main.rs", pair[1]))?;
+        }
+    }
+    Ok(())
+}
+
+fn exists(path: &str) -> Result<(), String> {
+    if root().join(path).exists() { Ok(()) } else { Err(format!("{path} does not exist")) }
+}
+
+fn read(document: &str) -> String {
+    fs::read_to_string(root().join(document)).expect("a readable document").replace("\r\n", "\n")
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).to_path_buf()
+}
