@@ -1,58 +1,199 @@
-//! Images and samplers as plain data.
+//! Images as plain data: their shape, and texels that threads may share.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// How a texel is stored; names as in SPIR-V's `Image Format`, with sRGB beside.
+use smallvec::SmallVec;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::machine::format::Format;
+
+/// `VkImageViewType`, and the texel buffer beside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-#[allow(missing_docs, reason = "the names are the specification's")]
-pub enum Format {
-    Rgba32f,
-    R32f,
-    Rgba8,
-    Rgba8Srgb,
-    R32ui,
-    R32i,
-    Rgba32ui,
-    Rgba32i,
+pub enum Dimension {
+    /// A line.
+    D1,
+    /// A plane.
+    D2,
+    /// A volume.
+    D3,
+    /// Six planes.
+    Cube,
+    /// Several lines.
+    D1Array,
+    /// Several planes.
+    D2Array,
+    /// Several times six planes.
+    CubeArray,
+    /// A buffer whose elements are texels.
+    Buffer,
 }
 
-impl Format {
-    /// 32-bit words of a texel.
-    pub fn words(self) -> usize {
+impl Dimension {
+    /// How many coordinates name a texel within a layer.
+    pub fn axes(self) -> usize {
         match self {
-            Self::Rgba32f | Self::Rgba32ui | Self::Rgba32i => 4,
-            Self::R32f | Self::Rgba8 | Self::Rgba8Srgb | Self::R32ui | Self::R32i => 1,
+            Self::D1 | Self::D1Array | Self::Buffer => 1,
+            Self::D2 | Self::D2Array | Self::Cube | Self::CubeArray => 2,
+            Self::D3 => 3,
         }
     }
 
-    /// Whether a texel reads as integers.
-    pub fn is_integer(self) -> bool {
-        matches!(self, Self::R32ui | Self::R32i | Self::Rgba32ui | Self::Rgba32i)
+    /// Whether it has several layers, or cubes, that an array index chooses from.
+    pub fn is_arrayed(self) -> bool {
+        matches!(self, Self::D1Array | Self::D2Array | Self::CubeArray)
+    }
+
+    /// Whether its layers are faces of cubes.
+    pub fn is_cube(self) -> bool {
+        matches!(self, Self::Cube | Self::CubeArray)
     }
 }
 
-/// A two-dimensional image; rows from the top, texels from the left.
+/// The shape of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// What its coordinates are.
+    pub dimension: Dimension,
+    /// Width, height, depth of level 0; 1 where the dimension has none.
+    pub extent: [u32; 3],
+    /// Array layers: 6 for a cube, a multiple of 6 for an array of cubes.
+    pub layers: u32,
+    /// Mip levels.
+    pub levels: u32,
+    /// Samples of each texel: 1, 2, 4, 8, 16, 32 or 64.
+    pub samples: u32,
+}
+
+impl Shape {
+    /// A plane of one level.
+    pub fn plane(width: u32, height: u32) -> Self {
+        Self { dimension: Dimension::D2, extent: [width, height, 1], layers: 1, levels: 1, samples: 1 }
+    }
+
+    /// Width, height and depth of a mip level: halved each time, at least 1 (Vulkan, "Image Miplevel
+    /// Sizing").
+    pub fn level_extent(&self, level: u32) -> [u32; 3] {
+        self.extent.map(|side| side.checked_shr(level).unwrap_or(0).max(1))
+    }
+
+    /// Texels of a level: of all layers, each sample by itself.
+    pub fn level_texels(&self, level: u32) -> u64 {
+        let [width, height, depth] = self.level_extent(level).map(u64::from);
+        let plane = width.saturating_mul(height).saturating_mul(depth);
+        plane.saturating_mul(u64::from(self.layers)).saturating_mul(u64::from(self.samples))
+    }
+
+    /// Texels of all levels.
+    pub fn texels(&self) -> u64 {
+        (0..self.levels).fold(0, |sum: u64, level| sum.saturating_add(self.level_texels(level)))
+    }
+
+    /// The number of levels down to a single texel.
+    pub fn full_levels(&self) -> u32 {
+        self.extent.iter().max().map_or(1, |&side| side.max(1).ilog2() + 1)
+    }
+
+    /// # Errors
+    /// `InvalidImage` where the parts do not suit each other.
+    pub fn check(&self) -> Result<()> {
+        let [_, height, depth] = self.extent;
+        let dimension = self.dimension;
+        let wrong = if self.extent.contains(&0) || self.layers == 0 || self.levels == 0 {
+            "an image without texels"
+        } else if dimension.axes() < 3 && depth != 1 || dimension.axes() < 2 && height != 1 {
+            "an extent with more axes than the dimension has"
+        } else if dimension.is_cube() && (!self.layers.is_multiple_of(6) || self.extent[0] != height) {
+            "a cube needs six square layers (VUID-VkImageCreateInfo-flags-08865 and 08866)"
+        } else if !dimension.is_arrayed() && self.layers != if dimension.is_cube() { 6 } else { 1 } {
+            "layers of an image that is no array"
+        } else if self.levels > self.full_levels() || dimension == Dimension::Buffer && self.levels > 1 {
+            "more levels than halving the extent gives (VUID-VkImageCreateInfo-mipLevels-00958)"
+        } else if !self.samples.is_power_of_two() || self.samples > 64 {
+            "samples are 1, 2, 4, 8, 16, 32 or 64"
+        } else if self.samples > 1
+            && (self.levels > 1 || !matches!(dimension, Dimension::D2 | Dimension::D2Array))
+        {
+            "several samples of other than a plane with one level (VUID-VkImageCreateInfo-samples-02257)"
+        } else {
+            return Ok(());
+        };
+        Err(Error::new(ErrorKind::InvalidImage, wrong))
+    }
+}
+
+/// Where a texel is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Position {
+    /// Column, row, slice; may be outside.
+    pub at: [i64; 3],
+    /// Array layer or cube face; may be outside.
+    pub layer: i64,
+    /// Sample.
+    pub sample: u32,
+    /// Mip level.
+    pub level: u32,
+}
+
+/// A mip level.
+#[derive(Clone, Copy, Debug)]
+struct Level {
+    extent: [u32; 3],
+    /// The index of its first texel.
+    first: usize,
+}
+
+/// An image.
+///
+/// Texels follow each other by level, then layer, slice, row (the top one first), column, sample, each
+/// [`Format::texel_size`] bytes. They lie in relaxed atomics: plain loads and stores on every machine,
+/// and no undefined behaviour where a shader races.
 #[derive(Debug)]
 pub struct Image {
     format: Format,
-    extent: [u32; 2],
-    words: Box<[AtomicU32]>,
+    shape: Shape,
+    levels: SmallVec<[Level; 1]>,
+    words: Box<[AtomicU64]>,
 }
 
 impl Image {
     /// An image of zeros.
-    pub fn zeroed(format: Format, extent: [u32; 2]) -> Arc<Self> {
-        let count = extent[0] as usize * extent[1] as usize * format.words();
-        Arc::new(Self { format, extent, words: (0..count).map(|_| AtomicU32::new(0)).collect() })
+    ///
+    /// # Errors
+    /// As [`Shape::check`].
+    pub fn zeroed(format: Format, shape: Shape) -> Result<Arc<Self>> {
+        let size = shape.texels().saturating_mul(u64::from(format.texel_size()));
+        let words = usize::try_from(size.div_ceil(8)).unwrap_or(usize::MAX);
+        Self::from_words(format, shape, (0..words).map(|_| AtomicU64::new(0)))
     }
 
-    /// An image of these words, row by row.
-    pub fn new(format: Format, extent: [u32; 2], words: &[u32]) -> Option<Arc<Self>> {
-        let count = extent[0] as usize * extent[1] as usize * format.words();
-        let words = words.iter().copied().map(AtomicU32::new).collect::<Box<[_]>>();
-        (words.len() == count).then(|| Arc::new(Self { format, extent, words }))
+    /// An image of these bytes.
+    ///
+    /// # Errors
+    /// As [`Shape::check`], and `InvalidImage` for another number of bytes than the shape has.
+    pub fn new(format: Format, shape: Shape, bytes: &[u8]) -> Result<Arc<Self>> {
+        let size = shape.texels().saturating_mul(u64::from(format.texel_size()));
+        if bytes.len() as u64 != size {
+            let message = format!("{} bytes for an image of {size}", bytes.len());
+            return Err(Error::new(ErrorKind::InvalidImage, message));
+        }
+        let words = bytes.chunks(8).map(|chunk| {
+            let mut word = [0; 8];
+            word[..chunk.len()].copy_from_slice(chunk);
+            AtomicU64::new(u64::from_le_bytes(word))
+        });
+        Self::from_words(format, shape, words)
+    }
+
+    fn from_words(format: Format, shape: Shape, words: impl Iterator<Item = AtomicU64>) -> Result<Arc<Self>> {
+        shape.check()?;
+        let mut levels = SmallVec::new();
+        let mut first = 0;
+        for level in 0..shape.levels {
+            levels.push(Level { extent: shape.level_extent(level), first });
+            first += shape.level_texels(level) as usize;
+        }
+        Ok(Arc::new(Self { format, shape, levels, words: words.collect() }))
     }
 
     /// How texels are stored.
@@ -60,60 +201,159 @@ impl Image {
         self.format
     }
 
-    /// Width and height.
-    pub fn extent(&self) -> [u32; 2] {
-        self.extent
+    /// Its shape.
+    pub fn shape(&self) -> &Shape {
+        &self.shape
     }
 
-    /// The stored words of a texel; `None` outside the image.
-    pub fn texel(&self, at: [u32; 2]) -> Option<[u32; 4]> {
-        let first = self.index(at)?;
-        let mut texel = [0; 4];
-        for (to, from) in texel.iter_mut().zip(&self.words[first..first + self.format.words()]) {
-            *to = from.load(Relaxed);
+    /// Width, height and depth of a level that exists.
+    pub fn level_extent(&self, level: u32) -> [u32; 3] {
+        self.levels[level as usize].extent
+    }
+
+    /// The index of a texel; `None` outside the image.
+    pub fn index(&self, position: &Position) -> Option<usize> {
+        let level = self.levels.get(position.level as usize)?;
+        let [width, height, depth] = level.extent.map(i64::from);
+        let [x, y, z] = position.at;
+        let inside = (0..width).contains(&x)
+            && (0..height).contains(&y)
+            && (0..depth).contains(&z)
+            && (0..i64::from(self.shape.layers)).contains(&position.layer)
+            && position.sample < self.shape.samples;
+        let texel = ((position.layer * depth + z) * height + y) * width + x;
+        inside.then(|| level.first + texel as usize * self.shape.samples as usize + position.sample as usize)
+    }
+
+    /// The bits of the texel at an index that [`Image::index`] gave.
+    #[inline]
+    pub fn load(&self, index: usize) -> u128 {
+        let size = self.format.texel_size() as usize;
+        let word = |at: usize| u128::from(self.words[at].load(Relaxed));
+        if size == 16 {
+            return word(2 * index) | word(2 * index + 1) << 64;
         }
-        Some(texel)
+        let byte = index * size;
+        (word(byte / 8) >> (byte % 8 * 8)) & ((1 << (8 * size)) - 1)
     }
 
-    /// Overwrites the stored words of a texel; `None` outside the image.
-    pub fn set_texel(&self, at: [u32; 2], texel: [u32; 4]) -> Option<()> {
-        let first = self.index(at)?;
-        for (to, from) in self.words[first..first + self.format.words()].iter().zip(texel) {
-            to.store(from, Relaxed);
+    /// Overwrites the texel at an index that [`Image::index`] gave.
+    #[inline]
+    pub fn store(&self, index: usize, bits: u128) {
+        match self.format.texel_size() {
+            16 => {
+                self.words[2 * index].store(bits as u64, Relaxed);
+                self.words[2 * index + 1].store((bits >> 64) as u64, Relaxed);
+            }
+            8 => self.words[index].store(bits as u64, Relaxed),
+            _ => {
+                self.update(index, |_| bits as u64);
+            }
         }
-        Some(())
     }
 
-    fn index(&self, at: [u32; 2]) -> Option<usize> {
-        let inside = at[0] < self.extent[0] && at[1] < self.extent[1];
-        inside.then(|| (at[1] as usize * self.extent[0] as usize + at[0] as usize) * self.format.words())
+    /// Replaces a texel of at most eight bytes by a function of it, in one step, and gives what it
+    /// was; the function may run several times.
+    pub fn update(&self, index: usize, mut function: impl FnMut(u64) -> u64) -> u64 {
+        let size = self.format.texel_size() as usize;
+        assert!(size <= 8, "bug in anyhit: an atomic operation on a texel of {size} bytes");
+        let byte = index * size;
+        let (word, shift) = (&self.words[byte / 8], byte % 8 * 8);
+        let mask = u64::MAX >> (64 - 8 * size);
+        let replace =
+            |word: u64| Some(word & !(mask << shift) | (function(word >> shift & mask) & mask) << shift);
+        let (Ok(before) | Err(before)) = word.fetch_update(Relaxed, Relaxed, replace);
+        before >> shift & mask
+    }
+
+    /// A copy of the bytes of a level that exists.
+    pub fn level_bytes(&self, level: u32) -> Vec<u8> {
+        let size = self.format.texel_size() as usize;
+        let first = self.levels[level as usize].first;
+        let texels = first..first + self.shape.level_texels(level) as usize;
+        texels.flat_map(|index| self.load(index).to_le_bytes().into_iter().take(size)).collect()
     }
 }
 
-/// How coordinates outside [0, 1] are treated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
-#[allow(missing_docs, reason = "the names are the specification's")]
-pub enum AddressMode {
-    #[default]
-    Repeat,
-    MirroredRepeat,
-    ClampToEdge,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine::format::Component;
 
-/// Nearest or linear.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
-#[allow(missing_docs, reason = "the names are the specification's")]
-pub enum Filter {
-    Nearest,
-    #[default]
-    Linear,
-}
+    #[test]
+    fn texels_of_every_size_keep_to_themselves() {
+        for (component, channels) in [
+            (Component::Unorm8, 1),
+            (Component::Unorm8, 2),
+            (Component::Unorm8, 4),
+            (Component::Unorm16, 4),
+            (Component::Float32, 4),
+        ] {
+            let format = Format::new(component, channels);
+            let size = format.texel_size() as usize;
+            let bytes: Vec<u8> = (0..6 * size).map(|at| at as u8).collect();
+            let image = Image::new(format, Shape::plane(3, 2), &bytes).unwrap();
+            let middle = image.index(&Position { at: [1, 1, 0], ..Position::default() }).unwrap();
+            assert_eq!(middle, 4);
+            let mut texel = [0; 16];
+            texel[..size].copy_from_slice(&bytes[4 * size..5 * size]);
+            assert_eq!(image.load(4), u128::from_le_bytes(texel));
+            image.store(4, 0);
+            let mut expected = bytes;
+            expected[4 * size..5 * size].fill(0);
+            assert_eq!(image.level_bytes(0), expected);
+        }
+    }
 
-/// A sampler's state.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub struct Sampler {
-    /// Filter between texels.
-    pub filter: Filter,
-    /// Address mode of each coordinate.
-    pub address: [AddressMode; 2],
+    #[test]
+    fn levels_layers_and_samples_have_their_places() {
+        let format = Format::new(Component::Uint8, 1);
+        let shape =
+            Shape { dimension: Dimension::D2Array, extent: [5, 2, 1], layers: 2, levels: 3, samples: 1 };
+        // 5 x 2, 2 x 1, 1 x 1, each twice.
+        assert_eq!((shape.texels(), shape.full_levels()), (26, 3));
+        let image = Image::zeroed(format, shape).unwrap();
+        let index = |at, layer, level| image.index(&Position { at, layer, sample: 0, level });
+        assert_eq!(index([4, 1, 0], 1, 0), Some(19));
+        assert_eq!(index([1, 0, 0], 1, 1), Some(23));
+        assert_eq!(index([0, 0, 0], 1, 2), Some(25));
+        for outside in [index([5, 0, 0], 0, 0), index([-1, 0, 0], 0, 0), index([0, 0, 0], 2, 0)] {
+            assert_eq!(outside, None);
+        }
+        assert_eq!(index([2, 0, 0], 0, 1), None);
+        assert_eq!(index([0, 0, 0], 0, 3), None);
+        let four = Image::zeroed(format, Shape { samples: 4, ..Shape::plane(2, 1) }).unwrap();
+        let sample = |sample| four.index(&Position { at: [1, 0, 0], sample, ..Position::default() });
+        assert_eq!((sample(3), sample(4)), (Some(7), None));
+    }
+
+    #[test]
+    fn an_update_gives_what_was_there() {
+        let image =
+            Image::new(Format::new(Component::Uint32, 1), Shape::plane(2, 1), &[1, 0, 0, 0, 2, 0, 0, 0]);
+        let image = image.unwrap();
+        assert_eq!(image.update(1, |old| old.wrapping_sub(3)), 2);
+        assert_eq!((image.load(0), image.load(1)), (1, 0xffff_ffff));
+    }
+
+    #[test]
+    fn shapes_that_do_not_fit_are_refused() {
+        let plane = Shape::plane(4, 4);
+        let refused = [
+            Shape { extent: [4, 4, 2], ..plane },
+            Shape { layers: 2, ..plane },
+            Shape { levels: 4, ..plane },
+            Shape { samples: 3, ..plane },
+            Shape { samples: 4, levels: 2, ..plane },
+            Shape { extent: [0, 1, 1], ..plane },
+            Shape { dimension: Dimension::Cube, layers: 5, ..plane },
+            Shape { dimension: Dimension::Cube, layers: 6, extent: [4, 2, 1], ..plane },
+            Shape { dimension: Dimension::D1, ..plane },
+        ];
+        for shape in refused {
+            assert_eq!(shape.check().unwrap_err().kind(), ErrorKind::InvalidImage, "{shape:?}");
+        }
+        assert!(Shape { levels: 3, ..plane }.check().is_ok());
+        assert!(Image::new(Format::RGBA32F, plane, &[0; 255]).is_err());
+    }
 }

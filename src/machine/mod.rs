@@ -7,11 +7,13 @@
 
 pub mod batch;
 pub mod device_memory;
+pub mod format;
 pub mod image;
 pub mod invocation;
 pub mod lanes;
 pub mod observe;
 pub mod resource;
+pub mod sampler;
 pub mod stop;
 pub mod trap;
 

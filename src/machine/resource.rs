@@ -9,7 +9,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::accel::Tlas;
 use crate::machine::device_memory::DeviceMemory;
-use crate::machine::image::{Image, Sampler};
+use crate::machine::image::Image;
+use crate::machine::sampler::Sampler;
 
 /// Where a descriptor is bound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

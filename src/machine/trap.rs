@@ -23,6 +23,10 @@ pub enum TrapCode {
     DescriptorMissing,
     /// A texel coordinate is outside its image.
     ImageOutOfBounds,
+    /// The image bound has another dimension, sample count or component type than the shader declares.
+    ImageMismatch,
+    /// The sampler bound does not suit the instruction or the image.
+    SamplerMismatch,
     /// `OpUnreachable` was reached.
     Unreachable,
     /// The instruction budget is spent.
@@ -53,6 +57,13 @@ impl TrapCode {
             Self::AtomicMisaligned => "an atomic instruction on a misaligned offset",
             Self::DescriptorMissing => "no descriptor of this kind is bound here",
             Self::ImageOutOfBounds => "a texel coordinate is outside its image",
+            Self::ImageMismatch => {
+                "the image bound here has another dimension, sample count or component type than the shader declares"
+            }
+            Self::SamplerMismatch => {
+                "the sampler bound here does not suit: a comparison needs compare_op, \
+                 unnormalized coordinates a 1D or 2D image (Vulkan, Instruction/Sampler/Image View Validation)"
+            }
             Self::Unreachable => "OpUnreachable was reached",
             Self::BudgetSpent => "the instruction budget is spent: an endless loop?",
             Self::InvalidTrace => {

@@ -8,6 +8,7 @@ use crate::machine::{Binding, Bindings, Reg};
 use crate::module::Instruction;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::ops::decode::{Decoder, InputRows, InterfaceRows, Slot, Words};
+use crate::ops::image::access::TexelPlace;
 use crate::ops::memory::{self, BufferRef, Chunk, Length};
 use crate::ops::op::Op;
 use crate::ops::{address, builtin};
@@ -58,6 +59,8 @@ pub enum Place {
         /// Whether the descriptors are buffers, whose contents further indices reach.
         buffers: bool,
     },
+    /// A texel, for atomic instructions only.
+    Texel(Box<TexelPlace>),
 }
 
 /// A pointer: a place and how far into it.
@@ -239,6 +242,7 @@ pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Wor
             let offset = decoder.constant(0)?;
             Ok(SmallVec::from_slice(&[handle, offset]))
         }
+        Place::Texel(_) => Err(decoder.unsupported("a pointer to a texel as a value")),
     }
 }
 
@@ -498,6 +502,7 @@ fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignment: u32) ->
             }
             Ok((0..count).map(|word| to.plus(word)).collect())
         }
+        Place::Texel(_) => Err(decoder.invalid("a load through a pointer to a texel, which is for atomics")),
         Place::Descriptors { buffers: true, .. } => {
             Err(decoder.invalid("a load of a whole array of buffers"))
         }
@@ -588,6 +593,7 @@ fn store_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, words: &[Reg], al
             Ok(())
         }
         Place::Descriptors { .. } => Err(decoder.invalid("a store to a descriptor")),
+        Place::Texel(_) => Err(decoder.invalid("a store through a pointer to a texel, which is for atomics")),
     }
 }
 

@@ -12,8 +12,9 @@ use crate::module::interface::Stage;
 use crate::module::{self, Module};
 use crate::pipeline::{self, Launch, Pipeline, Record, Sbt};
 use crate::program::{Program, lower};
+use crate::scene::image_entry::Image;
 use crate::scene::resolved::{Group, ResolvedScene, Shader, ShaderCode, ShaderModule, ShaderRecord};
-use crate::scene::resources::{AddressMode, Dimension, Filter, Image, Resource, Sampler};
+use crate::scene::resources::Resource;
 
 /// A scene that can be launched.
 #[derive(Clone, Debug)]
@@ -176,12 +177,12 @@ fn resources(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Resources {
             Resource::StorageBuffer(bytes) | Resource::UniformBuffer(bytes) => {
                 Ok(Descriptor::Buffer(Buffer::new(bytes)))
             }
-            Resource::StorageImage(image) | Resource::SampledImage(image) => {
+            Resource::StorageImage(image) | Resource::SampledImage(image) | Resource::TexelBuffer(image) => {
                 self::image(image).map(Descriptor::Image)
             }
-            Resource::Sampler(sampler) => Ok(Descriptor::Sampler(Arc::new(self::sampler(sampler)))),
+            Resource::Sampler(sampler) => Ok(Descriptor::Sampler(Arc::new(*sampler))),
             Resource::CombinedImageSampler(image, sampler) => {
-                let sampler = Arc::new(self::sampler(sampler));
+                let sampler = Arc::new(*sampler);
                 self::image(image).map(|image| Descriptor::ImageSampler(image, sampler))
             }
             Resource::AccelerationStructure(index) => {
@@ -203,41 +204,5 @@ fn resources(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Resources {
 }
 
 fn image(image: &Image) -> Result<Arc<machine::Image>> {
-    let unsupported = |what: String| Error::new(ErrorKind::UnsupportedFile, what);
-    let format = match image.format.name() {
-        "rgba32f" => machine::Format::Rgba32f,
-        "r32f" => machine::Format::R32f,
-        "rgba8" => machine::Format::Rgba8,
-        "rgba8_srgb" => machine::Format::Rgba8Srgb,
-        "r32ui" => machine::Format::R32ui,
-        "r32i" => machine::Format::R32i,
-        "rgba32ui" => machine::Format::Rgba32ui,
-        "rgba32i" => machine::Format::Rgba32i,
-        other => return Err(unsupported(format!("images of format {other}"))),
-    };
-    if image.dimension != Dimension::D2 {
-        return Err(unsupported("images other than two-dimensional ones".into()));
-    }
-    let words: Vec<u32> = image
-        .texels
-        .chunks_exact(4)
-        .map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]))
-        .collect();
-    machine::Image::new(format, [image.extent[0], image.extent[1]], &words)
-        .ok_or_else(|| unsupported("an image whose texels do not fill its extent".into()))
-}
-
-fn sampler(sampler: &Sampler) -> machine::Sampler {
-    let address = |mode| match mode {
-        AddressMode::Repeat => machine::AddressMode::Repeat,
-        AddressMode::MirroredRepeat => machine::AddressMode::MirroredRepeat,
-        _ => machine::AddressMode::ClampToEdge,
-    };
-    machine::Sampler {
-        filter: match sampler.mag_filter {
-            Filter::Nearest => machine::Filter::Nearest,
-            Filter::Linear => machine::Filter::Linear,
-        },
-        address: [address(sampler.address_mode[0]), address(sampler.address_mode[1])],
-    }
+    machine::Image::new(image.format, image.shape, &image.texels)
 }

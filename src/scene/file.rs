@@ -7,10 +7,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::machine::sampler::Sampler;
 use crate::scene::data::{Data, SpecializationValue};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::read::{At, Document, Named, OneOrMore, Parse, Report, Source, Span, Table, Value};
-use crate::scene::resources::{ResourceEntry, Sampler};
+use crate::scene::resources::ResourceEntry;
 
 /// The version of the format that this crate reads.
 pub const VERSION: u32 = 1;

@@ -1,12 +1,12 @@
-//! Images: from files or a colour to texels, and from texels to PNG.
+//! Pictures: from files to texels, and from texels to PNG.
 
 use std::io::Cursor;
 use std::path::Path;
 
-use half::f16;
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::machine::format::{Class, Component, Format};
 use crate::scene::read::Named;
 
 /// The largest width or height of an image, in texels (as the common `maxImageDimension2D`).
@@ -14,143 +14,6 @@ pub const MAX_EXTENT: u32 = 32_768;
 
 /// The most bytes of one image's texels.
 pub const MAX_IMAGE_SIZE: u64 = 1 << 30;
-
-/// How a component is stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Component {
-    /// 8 bits, 0 to 1.
-    Unorm8,
-    /// 8 bits, -1 to 1.
-    Snorm8,
-    /// 16 bits, 0 to 1.
-    Unorm16,
-    /// 16 bits, -1 to 1.
-    Snorm16,
-    /// binary16
-    Float16,
-    /// binary32
-    Float32,
-    /// 8 bits, unsigned integer.
-    Uint8,
-    /// 8 bits, signed integer.
-    Sint8,
-    /// 16 bits, unsigned integer.
-    Uint16,
-    /// 16 bits, signed integer.
-    Sint16,
-    /// 32 bits, unsigned integer.
-    Uint32,
-    /// 32 bits, signed integer.
-    Sint32,
-    /// 64 bits, unsigned integer.
-    Uint64,
-    /// 64 bits, signed integer.
-    Sint64,
-}
-
-impl Component {
-    /// Bytes of one component.
-    pub fn size(self) -> u32 {
-        match self {
-            Self::Unorm8 | Self::Snorm8 | Self::Uint8 | Self::Sint8 => 1,
-            Self::Unorm16 | Self::Snorm16 | Self::Float16 | Self::Uint16 | Self::Sint16 => 2,
-            Self::Float32 | Self::Uint32 | Self::Sint32 => 4,
-            Self::Uint64 | Self::Sint64 => 8,
-        }
-    }
-}
-
-/// A format of texels: one kind of component, one to four times, in the order R G B A.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Format {
-    /// Of every component.
-    pub component: Component,
-    /// 1, 2 or 4.
-    pub channels: u8,
-    /// Whether R, G and B are stored sRGB-encoded.
-    pub srgb: bool,
-}
-
-impl Format {
-    /// Four channels of binary32.
-    pub const RGBA32F: Self = Self::new(Component::Float32, 4);
-
-    const fn new(component: Component, channels: u8) -> Self {
-        Self { component, channels, srgb: false }
-    }
-
-    /// Bytes of one texel.
-    pub fn texel_size(self) -> u32 {
-        self.component.size() * u32::from(self.channels)
-    }
-
-    /// Whether a shader reads floats from it.
-    pub fn is_float(self) -> bool {
-        use Component::*;
-        matches!(self.component, Unorm8 | Snorm8 | Unorm16 | Snorm16 | Float16 | Float32)
-    }
-
-    /// The name as a scene writes it.
-    pub fn name(self) -> &'static str {
-        Self::NAMES
-            .iter()
-            .find(|(_, format)| *format == self)
-            .map_or("a format without a name", |(name, _)| name)
-    }
-
-    /// One texel from four numbers, converted as Vulkan converts on a store: clamped, then rounded
-    /// to nearest even (Vulkan, "Fixed-Point Data Conversion").
-    pub fn encode(self, color: [f64; 4]) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(self.texel_size() as usize);
-        for (channel, &value) in color.iter().enumerate().take(usize::from(self.channels)) {
-            let value = if self.srgb && channel < 3 { to_srgb(value) } else { value };
-            match self.component {
-                Component::Unorm8 => bytes.push(unorm(value, 255.0) as u8),
-                Component::Snorm8 => bytes.push(snorm(value, 127.0) as i8 as u8),
-                Component::Unorm16 => bytes.extend((unorm(value, 65_535.0) as u16).to_le_bytes()),
-                Component::Snorm16 => bytes.extend((snorm(value, 32_767.0) as i16).to_le_bytes()),
-                Component::Float16 => bytes.extend(f16::from_f64(value).to_le_bytes()),
-                Component::Float32 => bytes.extend((value as f32).to_le_bytes()),
-                // `as` saturates and takes NaN to 0.
-                Component::Uint8 => bytes.push(value as u8),
-                Component::Sint8 => bytes.push(value as i8 as u8),
-                Component::Uint16 => bytes.extend((value as u16).to_le_bytes()),
-                Component::Sint16 => bytes.extend((value as i16).to_le_bytes()),
-                Component::Uint32 => bytes.extend((value as u32).to_le_bytes()),
-                Component::Sint32 => bytes.extend((value as i32).to_le_bytes()),
-                Component::Uint64 => bytes.extend((value as u64).to_le_bytes()),
-                Component::Sint64 => bytes.extend((value as i64).to_le_bytes()),
-            }
-        }
-        bytes
-    }
-
-    /// Four numbers from one texel; missing channels are 0, a missing alpha is 1.
-    pub fn decode(self, texel: &[u8]) -> [f64; 4] {
-        let mut color = [0.0, 0.0, 0.0, 1.0];
-        let size = self.component.size() as usize;
-        for (channel, bytes) in texel.chunks_exact(size).take(usize::from(self.channels)).enumerate() {
-            let mut wide = [0; 8];
-            wide[..size].copy_from_slice(bytes);
-            let bits = u64::from_le_bytes(wide);
-            let value = match self.component {
-                Component::Unorm8 => bits as f64 / 255.0,
-                Component::Snorm8 => (f64::from(bits as i8) / 127.0).max(-1.0),
-                Component::Unorm16 => bits as f64 / 65_535.0,
-                Component::Snorm16 => (f64::from(bits as i16) / 32_767.0).max(-1.0),
-                Component::Float16 => f16::from_bits(bits as u16).to_f64(),
-                Component::Float32 => f64::from(f32::from_bits(bits as u32)),
-                Component::Uint8 | Component::Uint16 | Component::Uint32 | Component::Uint64 => bits as f64,
-                Component::Sint8 => f64::from(bits as i8),
-                Component::Sint16 => f64::from(bits as i16),
-                Component::Sint32 => f64::from(bits as i32),
-                Component::Sint64 => bits as i64 as f64,
-            };
-            color[channel] = if self.srgb && channel < 3 { from_srgb(value) } else { value };
-        }
-        color
-    }
-}
 
 /// GLSL's names of image formats in small letters; `srgb8_alpha8` as in OpenGL.
 impl Named for Format {
@@ -197,8 +60,30 @@ impl Named for Format {
             ("rgba32i", Self::new(Sint32, 4)),
             ("r64ui", Self::new(Uint64, 1)),
             ("r64i", Self::new(Sint64, 1)),
+            ("rgb10_a2", Self::new(Unorm10A2, 4)),
+            ("rgb10_a2ui", Self::new(Uint10A2, 4)),
+            ("r11f_g11f_b10f", Self::new(Float11B10, 3)),
+            ("rgb9_e5", Self::new(SharedExponent, 3)),
         ]
     };
+}
+
+/// A format's name as a scene writes it.
+pub fn format_name(format: Format) -> &'static str {
+    let named = Format::NAMES.iter().find(|(_, known)| *known == format);
+    named.map_or("a format without a name", |(name, _)| name)
+}
+
+/// The bytes of the texel nearest to four numbers.
+pub fn texel_bytes(format: Format, color: [f64; 4]) -> Vec<u8> {
+    format.encode_numbers(color).to_le_bytes()[..format.texel_size() as usize].to_vec()
+}
+
+/// Four numbers from the bytes of a texel.
+pub fn texel_numbers(format: Format, bytes: &[u8]) -> [f64; 4] {
+    let mut texel = [0; 16];
+    texel[..bytes.len()].copy_from_slice(bytes);
+    format.decode_numbers(u128::from_le_bytes(texel))
 }
 
 /// A decoded picture file: rows from the top, texels from the left.
@@ -253,7 +138,6 @@ impl Picture {
     }
 
     fn from_image(image: &DynamicImage, wanted: Option<Format>) -> Self {
-        let srgb8 = Format { srgb: true, ..Format::new(Component::Unorm8, 4) };
         let (stored, texels) = match image {
             DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
                 let bytes = image.to_rgba32f().into_raw().iter().flat_map(|x| x.to_le_bytes()).collect();
@@ -266,7 +150,7 @@ impl Picture {
                 let bytes = image.to_rgba16().into_raw().iter().flat_map(|x| x.to_le_bytes()).collect();
                 (Format::new(Component::Unorm16, 4), bytes)
             }
-            _ => (srgb8, image.to_rgba8().into_raw()),
+            _ => (Format::RGBA8_SRGB, image.to_rgba8().into_raw()),
         };
         let extent = [image.width(), image.height()];
         let format = wanted.unwrap_or(stored);
@@ -277,12 +161,12 @@ impl Picture {
         // A file's 8-bit numbers mean sRGB only where they are read as sRGB, and fractions only where
         // they are read as floats.
         let component = match stored.component {
-            Component::Unorm8 if !format.is_float() => Component::Uint8,
-            Component::Unorm16 if !format.is_float() => Component::Uint16,
+            Component::Unorm8 if format.class() != Class::Float => Component::Uint8,
+            Component::Unorm16 if format.class() != Class::Float => Component::Uint16,
             other => other,
         };
         let stored = Format { component, srgb: stored.srgb && format.srgb, ..stored };
-        let convert = |texel: &[u8]| format.encode(stored.decode(texel));
+        let convert = |texel: &[u8]| texel_bytes(format, texel_numbers(stored, texel));
         let texels = texels.chunks_exact(stored.texel_size() as usize).flat_map(convert).collect();
         Self { format, extent, texels }
     }
@@ -300,13 +184,13 @@ impl Picture {
         if self.texels.len() != count * size {
             return Err(invalid(format!("{} bytes are not {count} texels of {size}", self.texels.len())));
         }
-        if !self.format.is_float() && self.format.component != Component::Uint8 {
-            return Err(invalid(format!("a PNG shows colours, not {} texels", self.format.name())));
+        if self.format.class() != Class::Float && self.format.component != Component::Uint8 {
+            return Err(invalid(format!("a PNG shows colours, not {} texels", format_name(self.format))));
         }
         let target = Format { srgb: to_srgb || self.format.srgb, ..Format::new(Component::Unorm8, 4) };
         let mut pixels = Vec::with_capacity(4 * count);
         for texel in self.texels.chunks_exact(size) {
-            let mut color = self.format.decode(texel);
+            let mut color = texel_numbers(self.format, texel);
             if self.format.component == Component::Uint8 {
                 pixels.extend(color.map(|x| x as u8));
                 continue;
@@ -315,7 +199,7 @@ impl Picture {
             if color.iter().any(|x| x.is_nan()) {
                 color = [1.0, 0.0, 1.0, 1.0];
             }
-            pixels.extend(target.encode(color));
+            pixels.extend(texel_bytes(target, color));
         }
         let picture = image::RgbaImage::from_raw(self.extent[0], self.extent[1], pixels)
             .expect("bug in anyhit: four bytes for every pixel");
@@ -325,32 +209,6 @@ impl Picture {
             .map_err(|error| invalid(error.to_string()))?;
         Ok(png)
     }
-}
-
-/// The sRGB transfer function (IEC 61966-2-1), from linear in [0, 1].
-///
-/// `pxfm::f_powf` is correctly rounded, so that pictures have the same bytes on every machine.
-fn to_srgb(linear: f64) -> f64 {
-    let x = linear.clamp(0.0, 1.0);
-    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * f64::from(pxfm::f_powf(x as f32, 1.0 / 2.4)) - 0.055 }
-}
-
-/// Its inverse.
-fn from_srgb(encoded: f64) -> f64 {
-    if encoded <= 0.040_45 {
-        return encoded / 12.92;
-    }
-    f64::from(pxfm::f_powf(((encoded + 0.055) / 1.055) as f32, 2.4))
-}
-
-fn unorm(value: f64, most: f64) -> f64 {
-    let value = if value.is_nan() { 0.0 } else { value };
-    (value.clamp(0.0, 1.0) * most).round_ties_even()
-}
-
-fn snorm(value: f64, most: f64) -> f64 {
-    let value = if value.is_nan() { 0.0 } else { value };
-    (value.clamp(-1.0, 1.0) * most).round_ties_even()
 }
 
 #[cfg(test)]
@@ -370,37 +228,10 @@ mod tests {
     }
 
     #[test]
-    fn texel_sizes() {
+    fn names_are_of_their_formats() {
         for (name, size) in [("r8", 1), ("rgba8_srgb", 4), ("rg16f", 4), ("rgba32f", 16), ("r64ui", 8)] {
             assert_eq!(format(name).texel_size(), size, "{name}");
-            assert_eq!(format(name).name(), name);
-        }
-    }
-
-    #[test]
-    fn stores_clamp_and_round_to_even() {
-        // 0.5 * 255 = 127.5, a tie: to the even 128. 2 is clamped to 1, -1 to 0.
-        assert_eq!(format("rgba8").encode([0.5, 2.0, -1.0, 1.0 / 255.0]), [128, 255, 0, 1]);
-        assert_eq!(format("rg8_snorm").encode([-2.0, 0.5, 0.0, 0.0]), [0x81, 64]);
-        assert_eq!(format("r16f").encode([1.5, 0.0, 0.0, 0.0]), [0x00, 0x3e]);
-        assert_eq!(format("r32ui").encode([7.0, 0.0, 0.0, 0.0]), [7, 0, 0, 0]);
-        assert_eq!(format("r8").encode([f64::NAN, 0.0, 0.0, 0.0]), [0]);
-    }
-
-    #[test]
-    fn missing_channels_are_zero_and_alpha_one() {
-        assert_eq!(format("rg8").decode(&[255, 0]), [1.0, 0.0, 0.0, 1.0]);
-        // -128 and -127 both mean -1.
-        assert_eq!(format("rg8_snorm").decode(&[0x80, 0x81]), [-1.0, -1.0, 0.0, 1.0]);
-    }
-
-    #[test]
-    fn srgb_is_the_curve_of_its_standard() {
-        // IEC 61966-2-1: linear 0.214041 is half the scale; below 0.0031308 the curve is 12.92 x.
-        assert_eq!(format("rgba8_srgb").encode([0.214_041_14, 0.001, 1.0, 0.5]), [128, 3, 255, 128]);
-        for code in 0..=255_u8 {
-            let linear = format("rgba8_srgb").decode(&[code, 0, 0, 255]);
-            assert_eq!(format("rgba8_srgb").encode(linear)[0], code);
+            assert_eq!(format_name(format(name)), name);
         }
     }
 

@@ -205,7 +205,7 @@ fn buffers_images_and_sizes() {
     one(
         &format!("{image}dimension = 'cube'\nlayers = 5\n"),
         "s/a.toml:2:1",
-        &["does not suit the `dimension`"],
+        &["a cube needs six square layers"],
     );
     one(
         &format!("{image}[resources.j]\ntype = 'sampler'\nbinding = 0\n"),

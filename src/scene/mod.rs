@@ -15,12 +15,15 @@ pub mod files;
 pub mod generate;
 pub mod geometry;
 pub mod image;
+pub mod image_entry;
 pub mod mesh;
+pub mod mip;
 pub mod random;
 pub mod read;
 pub mod resolve;
 pub mod resolved;
 pub mod resources;
+pub mod sampler;
 pub mod tree;
 
 pub use assemble::{Assembled, assemble};

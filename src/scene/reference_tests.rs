@@ -65,11 +65,13 @@ fn every_key_is_described() {
 #[test]
 fn every_name_is_described() {
     use crate::accel::{EndCaps, Indexing};
+    use crate::machine::image::Dimension;
+    use crate::machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, ReductionMode};
     use crate::scene::resources::*;
     let all = names::<crate::scene::geometry::Kind>()
         .chain(names::<crate::scene::geometry::InstanceFlag>())
         .chain(names::<crate::scene::file::RayFlag>())
-        .chain(names::<crate::scene::image::Format>())
+        .chain(names::<crate::machine::format::Format>())
         .chain(names::<EndCaps>())
         .chain(names::<Indexing>())
         .chain(names::<Kind>())
@@ -78,6 +80,7 @@ fn every_name_is_described() {
         .chain(names::<AddressMode>())
         .chain(names::<BorderColor>())
         .chain(names::<CompareOp>())
+        .chain(names::<ReductionMode>())
         .chain(names::<Output>());
     for name in all {
         assert!(is_described(name), "`{name}`");

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::accel::{Blas, Geometry, Instance, Tlas};
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::machine::sampler::Sampler;
 use crate::scene::data::{Data, read};
 use crate::scene::file::{Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry};
 use crate::scene::files::Files;
@@ -15,7 +16,8 @@ use crate::scene::resolved::{
     Binding, Group, HitGroup, ResolvedScene, Shader, ShaderBindingTable, ShaderCode, ShaderModule,
     ShaderRecord,
 };
-use crate::scene::resources::{Content, Kind, Resource, ResourceEntry, Sampler, SamplerReference};
+use crate::scene::resources::{Content, Kind, Resource, ResourceEntry};
+use crate::scene::sampler::SamplerReference;
 
 /// How many files one scene may include, counted with their own includes.
 const MAX_FILES: usize = 64;
@@ -402,6 +404,7 @@ impl<'a> Resolver<'a> {
                 let image = self.report.keep(entry.load(self.files, self.launch))?;
                 Some(match kind {
                     Kind::SampledImage => Resource::SampledImage(image),
+                    Kind::UniformTexelBuffer | Kind::StorageTexelBuffer => Resource::TexelBuffer(image),
                     Kind::CombinedImageSampler => Resource::CombinedImageSampler(image, sampler?),
                     _ => Resource::StorageImage(image),
                 })
@@ -420,7 +423,7 @@ impl<'a> Resolver<'a> {
 
     fn sampler(&self, reference: &SamplerReference) -> Option<Sampler> {
         match reference {
-            SamplerReference::Inline(sampler) => Some(sampler.clone()),
+            SamplerReference::Inline(sampler) => Some(*sampler),
             SamplerReference::Named(name) => self.find(&self.samplers, name, "sampler").cloned(),
         }
     }
@@ -477,8 +480,9 @@ fn merge<T>(all: &mut Vec<Entry<T>>, more: Vec<Entry<T>>) {
 mod tests {
     use super::*;
     use crate::accel::{GeometryData, GeometryFlags};
+    use crate::machine::format::Format;
+    use crate::machine::sampler::Filter;
     use crate::scene::files::EmbeddedFiles;
-    use crate::scene::resources::Filter;
 
     fn scene(text: &str, options: &Options) -> ResolvedScene {
         let files = [
@@ -569,7 +573,7 @@ mod tests {
         let wide = scene(text, &Options { size: Some([6, 2]), ..Options::default() });
         assert_eq!(wide.output().unwrap().name, "out");
         let Resource::StorageImage(image) = &wide.resources[0].resource else { panic!() };
-        assert_eq!((image.extent, image.texels.len()), ([6, 2, 1], 48));
+        assert_eq!((image.shape.extent, image.texels.len()), ([6, 2, 1], 48));
         let Resource::UniformBuffer(bytes) = &wide.resources[1].resource else { panic!() };
         // Two matrices of 64 bytes, then the vector; the first scale of projection_inverse is the
         // aspect ratio, 6 / 2, times tan 45 degrees.
@@ -592,7 +596,7 @@ mod tests {
     fn layers_come_from_files_and_samplers_from_names() {
         let pixel = |color: [u8; 4]| {
             let texels = color.to_vec();
-            let format = crate::scene::image::Format { srgb: false, ..rgba8_srgb() };
+            let format = Format { srgb: false, ..Format::RGBA8_SRGB };
             crate::scene::image::Picture { format, extent: [1, 1], texels }.encode_png(false).unwrap()
         };
         let text = "version = 1\n[samplers.sharp]\nfilter = 'nearest'\nmin_filter = 'linear'\n[resources.a]\n\
@@ -603,16 +607,14 @@ mod tests {
         let files = [("s.toml", text.as_bytes()), ("r.png", &red), ("g.png", &green)];
         let scene = load(Path::new("s.toml"), &EmbeddedFiles(&files), &Options::default()).unwrap();
         let Resource::CombinedImageSampler(image, sampler) = &scene.resources[0].resource else { panic!() };
-        assert_eq!((image.format, image.extent, image.layers), (rgba8_srgb(), [1, 1, 1], 2));
+        assert_eq!(
+            (image.format, image.shape.extent, image.shape.layers),
+            (Format::RGBA8_SRGB, [1, 1, 1], 2)
+        );
         assert_eq!(image.texels, [255, 0, 0, 255, 0, 255, 0, 128]);
         assert_eq!((sampler.mag_filter, sampler.min_filter), (Filter::Nearest, Filter::Linear));
         assert_eq!(scene.resources[1].element, 1);
         let Resource::SampledImage(image) = &scene.resources[1].resource else { panic!() };
         assert_eq!(image.texels, 0.0_f32.to_le_bytes());
-    }
-
-    fn rgba8_srgb() -> crate::scene::image::Format {
-        let component = crate::scene::image::Component::Unorm8;
-        crate::scene::image::Format { component, channels: 4, srgb: true }
     }
 }

@@ -1,0 +1,271 @@
+//! Access to single texels by integer coordinates: `OpImageFetch`, `OpImageRead`, `OpImageWrite`, and
+//! the place that `OpImageTexelPointer` leads atomic instructions to.
+//!
+//! A coordinate outside the image stops its lane (Vulkan, "Integer Texel Coordinate Validation").
+
+use rspirv::spirv::Op as Opcode;
+
+use crate::error::Result;
+use crate::machine::format::Class;
+use crate::machine::image::{Image, Position};
+use crate::machine::{Bindings, Reg, Registers, TrapCode};
+use crate::module::Instruction;
+use crate::module::ty::Type;
+use crate::ops::decode::{Decoder, Value, Words};
+use crate::ops::image::operands::Operands;
+use crate::ops::image::view::{View, view_of};
+use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::op::{Access, Op as Operation};
+use crate::ops::pointer::{self, Place, Pointer};
+
+/// A texel by integer coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TexelPlace {
+    /// What the shader declares of the image.
+    pub view: View,
+    /// The image's handle.
+    pub image: Reg,
+    /// Column, row, slice, then layer or cube face, as many as the dimension has.
+    pub coordinate: Words,
+    /// Added to the column, row and slice.
+    pub offset: Option<Words>,
+    /// The mip level.
+    pub level: Option<Reg>,
+    /// The sample.
+    pub sample: Option<Reg>,
+}
+
+impl TexelPlace {
+    fn new(
+        decoder: &Decoder<'_>,
+        view: View,
+        image: Reg,
+        coordinate: Words,
+        operands: &Operands,
+    ) -> Result<Self> {
+        let dimension = view.dimension;
+        let layer = usize::from(dimension.is_arrayed() || dimension.is_cube());
+        let count = dimension.axes() + layer;
+        if coordinate.len() < count {
+            return Err(decoder.invalid(format!("a texel of this image has {count} coordinates")));
+        }
+        Ok(Self {
+            view,
+            image,
+            coordinate: coordinate[..count].into(),
+            offset: operands.offset.clone(),
+            level: operands.lod,
+            sample: operands.sample,
+        })
+    }
+
+    /// Every row that is read.
+    pub fn rows(&self) -> impl Iterator<Item = Reg> {
+        let optional = self.level.into_iter().chain(self.sample);
+        let offset = self.offset.iter().flatten().copied();
+        [self.image].into_iter().chain(self.coordinate.iter().copied()).chain(optional).chain(offset)
+    }
+
+    /// The image of a lane, and the texel's index in it.
+    ///
+    /// # Errors
+    /// As [`View::image`], and `ImageOutOfBounds`.
+    pub fn find<'a, const W: usize>(
+        &self,
+        registers: &Registers<W>,
+        lane: usize,
+        bindings: &'a Bindings,
+    ) -> Result<(&'a Image, usize), TrapCode> {
+        let word = |reg: Reg| registers[reg].0[lane];
+        let image = self.view.image(bindings, word(self.image))?;
+        let mut position = Position::default();
+        let axes = self.view.dimension.axes();
+        for (axis, &reg) in self.coordinate.iter().enumerate() {
+            // A signed coordinate below 0 and an unsigned one above 2^31 are both outside.
+            let coordinate = i64::from(word(reg) as i32);
+            if axis < axes {
+                let offset = self.offset.as_ref().and_then(|offset| offset.get(axis));
+                position.at[axis] = coordinate + offset.map_or(0, |&reg| i64::from(word(reg) as i32));
+            } else {
+                position.layer = coordinate;
+            }
+        }
+        position.level = self.level.map_or(0, word);
+        position.sample = self.sample.map_or(0, word);
+        let index = image.index(&position).ok_or(TrapCode::ImageOutOfBounds)?;
+        Ok((image, index))
+    }
+
+    /// The place as atomic instructions need it: its texel has the size of the scalar that the
+    /// pointer points to.
+    ///
+    /// # Errors
+    /// As [`TexelPlace::find`], and `ImageMismatch` for a texel of another size.
+    pub fn find_scalar<'a, const W: usize>(
+        &self,
+        registers: &Registers<W>,
+        lane: usize,
+        bindings: &'a Bindings,
+    ) -> Result<(&'a Image, usize), TrapCode> {
+        let (image, index) = self.find(registers, lane, bindings)?;
+        let size = if self.view.wide { 8 } else { 4 };
+        let format = image.format();
+        let fits = format.texel_size() == size && format.channels == 1;
+        if fits { Ok((image, index)) } else { Err(TrapCode::ImageMismatch) }
+    }
+}
+
+/// Reads a texel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Read {
+    /// Where to.
+    pub to: Texel,
+    /// Where from.
+    pub place: TexelPlace,
+}
+
+impl Read {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        self.place.rows().for_each(|reg| visit(Access::Read(reg, 1)));
+        visit(Access::Write(self.to.to, self.to.rows()));
+    }
+
+    /// Runs it for a lane.
+    pub fn eval<const W: usize>(
+        &self,
+        registers: &mut Registers<W>,
+        lane: usize,
+        bindings: &Bindings,
+    ) -> Result<(), TrapCode> {
+        let (image, index) = self.place.find(registers, lane, bindings)?;
+        self.to.write(registers, lane, image.format().decode(image.load(index)));
+        Ok(())
+    }
+}
+
+/// Writes a texel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Write {
+    /// The first row of each of four components.
+    pub from: [Reg; 4],
+    /// How integers are extended.
+    pub class: Class,
+    /// Where to.
+    pub place: TexelPlace,
+}
+
+impl Write {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        let rows = if self.place.view.wide { 2 } else { 1 };
+        self.place.rows().for_each(|reg| visit(Access::Read(reg, 1)));
+        self.from.iter().for_each(|&reg| visit(Access::Read(reg, rows)));
+        visit(Access::Effect);
+    }
+
+    /// Runs it for a lane.
+    pub fn eval<const W: usize>(
+        &self,
+        registers: &mut Registers<W>,
+        lane: usize,
+        bindings: &Bindings,
+    ) -> Result<(), TrapCode> {
+        let (image, index) = self.place.find(registers, lane, bindings)?;
+        let texel = self.from.map(|reg| {
+            let low = registers[reg].0[lane];
+            match (self.place.view.wide, self.class) {
+                (true, _) => u64::from(low) | u64::from(registers[reg.plus(1)].0[lane]) << 32,
+                (false, Class::Sint) => i64::from(low as i32) as u64,
+                (false, _) => u64::from(low),
+            }
+        });
+        image.store(index, image.format().encode(texel, self.class == Class::Sint));
+        Ok(())
+    }
+}
+
+/// Decodes accesses to single texels; `false` for any other instruction.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    match opcode {
+        Opcode::ImageFetch | Opcode::ImageRead | Opcode::ImageSparseFetch | Opcode::ImageSparseRead => {
+            let operands = Operands::read(decoder, instruction, 2)?;
+            let place = place(decoder, instruction, &operands)?;
+            let sparse = matches!(opcode, Opcode::ImageSparseFetch | Opcode::ImageSparseRead);
+            let to = texel_result(decoder, instruction, sparse)?;
+            if to.wide != place.view.wide {
+                return Err(decoder.invalid("the texel's type is not the image's Sampled Type"));
+            }
+            decoder.emit(Operation::Image(Op::Read(Box::new(Read { to, place }))));
+        }
+        Opcode::ImageWrite => {
+            let operands = Operands::read(decoder, instruction, 3)?;
+            let place = place(decoder, instruction, &operands)?;
+            let id = decoder.id(instruction, 2)?;
+            let wide = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))? == 64;
+            if wide != place.view.wide {
+                return Err(decoder.invalid("the texel's type is not the image's Sampled Type"));
+            }
+            let components = decoder.components(id)?;
+            let zero = decoder.wide_constant(0)?;
+            let from = std::array::from_fn(|at| components.get(at).copied().unwrap_or(zero));
+            let class = operands.class.unwrap_or(place.view.class);
+            decoder.emit(Operation::Image(Op::Write(Box::new(Write { from, class, place }))));
+        }
+        Opcode::ImageTexelPointer => texel_pointer(decoder, instruction)?,
+        _ => return Ok(false),
+    }
+    Ok(true)
+}
+
+fn place(decoder: &mut Decoder<'_>, instruction: &Instruction, operands: &Operands) -> Result<TexelPlace> {
+    let id = decoder.id(instruction, 0)?;
+    let view = view_of(decoder, id)?;
+    let image = decoder.words(id)?[0];
+    let coordinate = integers(decoder, instruction)?;
+    TexelPlace::new(decoder, view, image, coordinate, operands)
+}
+
+/// The integer coordinates of operand 1.
+fn integers(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words> {
+    let id = decoder.id(instruction, 1)?;
+    let ty = decoder.type_of(id)?;
+    let scalar = match *decoder.module.ty(ty) {
+        Type::Vector { component, .. } => component,
+        _ => ty,
+    };
+    match *decoder.module.ty(scalar) {
+        Type::Int { width: 32, .. } => decoder.words(id),
+        Type::Int { width, .. } => Err(decoder.unsupported(format!("texel coordinates of {width} bits"))),
+        _ => Err(decoder.invalid("texel coordinates that are no integers")),
+    }
+}
+
+fn texel_pointer(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()> {
+    let ty = decoder.result_type(instruction)?;
+    let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *decoder.module.ty(ty) else {
+        return Err(decoder.invalid("OpImageTexelPointer gives a pointer"));
+    };
+    let id = decoder.id(instruction, 0)?;
+    let view = view_of(decoder, id)?;
+    let variable = decoder.pointer(id)?;
+    let image = pointer::load(decoder, &variable)?[0];
+    let coordinate = integers(decoder, instruction)?;
+    let sample = decoder.operand(instruction, 2)?[0];
+    let sample = Some(sample).filter(|_| view.multisampled);
+    let operands = Operands { sample, ..Operands::default() };
+    let place = TexelPlace::new(decoder, view, image, coordinate, &operands)?;
+    let pointer = Pointer {
+        place: Place::Texel(Box::new(place)),
+        pointee,
+        storage_class,
+        offset: 0,
+        index: None,
+        matrix: None,
+        component_stride: None,
+    };
+    if let Some(id) = instruction.result {
+        decoder.define(id, Value::Pointer(pointer));
+    }
+    Ok(())
+}

@@ -1,0 +1,200 @@
+//! Image instructions (SPIR-V 3.3.10): decoding, and what becomes of them.
+//!
+//! * [`sample`]: sampling and gathering with an explicit level of detail; the arithmetic, from
+//!   Vulkan's "Image Operations", stands in [`filter`], [`level`], [`address`] and [`cube`].
+//! * [`access`]: fetches, reads, writes and texel pointers.
+//! * [`query`]: sizes, levels, samples.
+//!
+//! Instructions that need implicit derivatives are refused when a shader is lowered: ray-tracing
+//! stages have none. Sparse forms give residency code 0: every texel is resident.
+
+pub mod access;
+pub mod address;
+pub mod cube;
+pub mod filter;
+pub mod level;
+pub mod operands;
+pub mod query;
+pub mod sample;
+pub mod view;
+
+use rspirv::spirv::Op as Opcode;
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::{Batch, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::module::Instruction;
+use crate::module::ty::Type;
+use crate::ops::decode::{Decoder, Words};
+use crate::ops::op::Access;
+
+/// Opcodes decoded here; those that need implicit derivatives are decoded to a refusal.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::SampledImage,
+    Opcode::Image,
+    Opcode::ImageTexelPointer,
+    Opcode::ImageSampleExplicitLod,
+    Opcode::ImageSampleDrefExplicitLod,
+    Opcode::ImageSampleProjExplicitLod,
+    Opcode::ImageSampleProjDrefExplicitLod,
+    Opcode::ImageGather,
+    Opcode::ImageDrefGather,
+    Opcode::ImageFetch,
+    Opcode::ImageRead,
+    Opcode::ImageWrite,
+    Opcode::ImageQuerySize,
+    Opcode::ImageQuerySizeLod,
+    Opcode::ImageQueryLevels,
+    Opcode::ImageQuerySamples,
+    Opcode::ImageSparseSampleExplicitLod,
+    Opcode::ImageSparseSampleDrefExplicitLod,
+    Opcode::ImageSparseGather,
+    Opcode::ImageSparseDrefGather,
+    Opcode::ImageSparseFetch,
+    Opcode::ImageSparseRead,
+    Opcode::ImageSparseTexelsResident,
+];
+
+/// Opcodes that are refused by name, as they need implicit derivatives.
+pub const IMPLICIT: &[Opcode] = &[
+    Opcode::ImageSampleImplicitLod,
+    Opcode::ImageSampleDrefImplicitLod,
+    Opcode::ImageSampleProjImplicitLod,
+    Opcode::ImageSampleProjDrefImplicitLod,
+    Opcode::ImageSparseSampleImplicitLod,
+    Opcode::ImageSparseSampleDrefImplicitLod,
+    Opcode::ImageQueryLod,
+];
+
+/// An operation on images.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Op {
+    /// Samples or gathers.
+    Sample(Box<sample::Sample>),
+    /// Reads a texel.
+    Read(Box<access::Read>),
+    /// Writes a texel.
+    Write(Box<access::Write>),
+    /// Asks for sizes and counts.
+    Query(query::Query),
+}
+
+impl Op {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        match self {
+            Self::Sample(op) => op.accesses(visit),
+            Self::Read(op) => op.accesses(visit),
+            Self::Write(op) => op.accesses(visit),
+            Self::Query(op) => op.accesses(visit),
+        }
+    }
+
+    /// Runs the operation for the running lanes.
+    pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
+        match self {
+            Self::Sample(op) => each_lane(batch, |registers, lane| op.eval(registers, lane, bindings)),
+            Self::Read(op) => each_lane(batch, |registers, lane| op.eval(registers, lane, bindings)),
+            Self::Write(op) => each_lane(batch, |registers, lane| op.eval(registers, lane, bindings)),
+            Self::Query(op) => each_lane(batch, |registers, lane| op.eval(registers, lane, bindings)),
+        }
+    }
+}
+
+/// Runs a lane after the other, in their order; a lane that fails is stopped.
+fn each_lane<const W: usize>(
+    batch: &mut Batch<W>,
+    mut run: impl FnMut(&mut Registers<W>, usize) -> Result<(), TrapCode>,
+) {
+    let op = batch.op;
+    for lane in batch.mask.lanes() {
+        if let Err(code) = run(&mut batch.registers, lane) {
+            batch.trap(Mask::lane(lane), code, op);
+        }
+    }
+}
+
+/// Rows that an instruction's texel is written to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Texel {
+    /// The first row.
+    pub to: Reg,
+    /// How many components.
+    pub count: u32,
+    /// Whether a component takes two rows.
+    pub wide: bool,
+}
+
+impl Texel {
+    fn rows(self) -> u32 {
+        if self.wide { 2 * self.count } else { self.count }
+    }
+
+    fn write<const W: usize>(self, registers: &mut Registers<W>, lane: usize, texel: [u64; 4]) {
+        let components = texel.iter().take(self.count as usize);
+        if self.wide {
+            let words = components.flat_map(|part| [*part as u32, (part >> 32) as u32]);
+            registers.set_lane_words(self.to, lane, words);
+        } else {
+            registers.set_lane_words(self.to, lane, components.map(|part| *part as u32));
+        }
+    }
+}
+
+/// Decodes image instructions; `false` for an instruction of another section.
+///
+/// # Errors
+/// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    match opcode {
+        Opcode::SampledImage => {
+            let (image, sampler) = (decoder.operand(instruction, 0)?, decoder.operand(instruction, 1)?);
+            decoder.result(instruction, SmallVec::from_slice(&[image[0], sampler[0]]));
+        }
+        Opcode::Image => {
+            let words = decoder.operand(instruction, 0)?;
+            decoder.result(instruction, SmallVec::from_slice(&words[..1]));
+        }
+        // Code 0 says that all texels were resident, and no other code is ever made.
+        Opcode::ImageSparseTexelsResident => {
+            let resident = decoder.constant(1)?;
+            decoder.result(instruction, SmallVec::from_slice(&[resident]));
+        }
+        _ if IMPLICIT.contains(&opcode) => {
+            let name = crate::module::names::opcode_name(instruction.opcode);
+            return Err(decoder.invalid(format!(
+                "{name} needs implicit derivatives, which only fragment stages have, and compute with a derivative \
+                 group (SPIR-V 3.3.10, \"{name}\"): give the level of detail or gradients explicitly"
+            )));
+        }
+        _ => {
+            return Ok(sample::decode(decoder, opcode, instruction)?
+                || access::decode(decoder, opcode, instruction)?
+                || query::decode(decoder, opcode, instruction)?);
+        }
+    }
+    Ok(true)
+}
+
+/// The rows of an instruction's texel, and its result made of them; a sparse one stands behind its
+/// residency code.
+fn texel_result(decoder: &mut Decoder<'_>, instruction: &Instruction, sparse: bool) -> Result<Texel> {
+    let mut ty = decoder.result_type(instruction)?;
+    let mut words = Words::new();
+    if sparse {
+        ty = match decoder.module.ty(ty) {
+            Type::Struct { members, .. } if members.len() == 2 => members[1].ty,
+            _ => return Err(decoder.invalid("a sparse image instruction gives a struct of code and texel")),
+        };
+        words.push(decoder.constant(0)?);
+    }
+    let width = decoder.scalar_width(ty)?;
+    let texel = Texel { to: Reg(0), count: decoder.component_count(ty), wide: width == 64 };
+    if texel.count > 4 {
+        return Err(decoder.invalid("a texel has at most four components"));
+    }
+    let texel = Texel { to: decoder.fresh(texel.rows())?, ..texel };
+    words.extend((0..texel.rows()).map(|row| texel.to.plus(row)));
+    decoder.result(instruction, words);
+    Ok(texel)
+}

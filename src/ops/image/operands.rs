@@ -1,0 +1,142 @@
+//! Image operands (SPIR-V 3.14).
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::machine::format::Class;
+use crate::module::{Id, Instruction};
+use crate::ops::decode::{Decoder, Words};
+
+const BIAS: u32 = 0x1;
+const LOD: u32 = 0x2;
+const GRAD: u32 = 0x4;
+const CONST_OFFSET: u32 = 0x8;
+const OFFSET: u32 = 0x10;
+const CONST_OFFSETS: u32 = 0x20;
+const SAMPLE: u32 = 0x40;
+const MIN_LOD: u32 = 0x80;
+const MAKE_TEXEL_AVAILABLE: u32 = 0x100;
+const MAKE_TEXEL_VISIBLE: u32 = 0x200;
+const NON_PRIVATE_TEXEL: u32 = 0x400;
+const VOLATILE_TEXEL: u32 = 0x800;
+const SIGN_EXTEND: u32 = 0x1000;
+const ZERO_EXTEND: u32 = 0x2000;
+const NONTEMPORAL: u32 = 0x4000;
+const OFFSETS: u32 = 0x10000;
+
+/// The image operands of an instruction. What concerns caches and visibility is ignored: texels
+/// are shared directly.
+#[derive(Clone, Debug, Default)]
+pub struct Operands {
+    /// Level of detail: a float, or an integer for a fetch.
+    pub lod: Option<Reg>,
+    /// Derivatives along x and y.
+    pub gradients: Option<[Words; 2]>,
+    /// `ConstOffset` or `Offset`.
+    pub offset: Option<Words>,
+    /// `ConstOffsets` or `Offsets`: four offsets of two components.
+    pub offsets: Option<Words>,
+    /// The sample's number.
+    pub sample: Option<Reg>,
+    /// Least level of detail.
+    pub min_lod: Option<Reg>,
+    /// `SignExtend` or `ZeroExtend`, in place of the sign of `Sampled Type`.
+    pub class: Option<Class>,
+}
+
+impl Operands {
+    /// Reads the operands from the mask at operand `at` on.
+    ///
+    /// # Errors
+    /// `InvalidModule` for `Bias`, which needs an implicit level of detail; `UnsupportedModule` for
+    /// unknown bits.
+    pub fn read(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Self> {
+        let mut operands = Self::default();
+        let Some((&mask, ids)) = decoder.operands(instruction).get(at..).and_then(<[u32]>::split_first)
+        else {
+            return Ok(operands);
+        };
+        let mut ids = ids.iter();
+        let mut words = |decoder: &mut Decoder<'_>| match ids.next() {
+            Some(&id) => decoder.words(Id(id)),
+            None => Err(decoder.invalid("an image operand is missing")),
+        };
+        if mask & BIAS != 0 {
+            return Err(decoder.invalid(
+                "the image operand Bias is only for implicit levels of detail, which ray-tracing stages lack \
+                 (SPIR-V 3.14)",
+            ));
+        }
+        if mask & LOD != 0 {
+            operands.lod = words(decoder)?.first().copied();
+        }
+        if mask & GRAD != 0 {
+            operands.gradients = Some([words(decoder)?, words(decoder)?]);
+        }
+        for bit in [CONST_OFFSET, OFFSET] {
+            if mask & bit != 0 {
+                operands.offset = Some(words(decoder)?);
+            }
+        }
+        if mask & CONST_OFFSETS != 0 {
+            operands.offsets = Some(words(decoder)?);
+        }
+        if mask & SAMPLE != 0 {
+            operands.sample = words(decoder)?.first().copied();
+        }
+        if mask & MIN_LOD != 0 {
+            operands.min_lod = words(decoder)?.first().copied();
+        }
+        for bit in [MAKE_TEXEL_AVAILABLE, MAKE_TEXEL_VISIBLE] {
+            if mask & bit != 0 {
+                words(decoder)?;
+            }
+        }
+        if mask & OFFSETS != 0 {
+            operands.offsets = Some(words(decoder)?);
+        }
+        operands.class = match mask & (SIGN_EXTEND | ZERO_EXTEND) {
+            0 => None,
+            SIGN_EXTEND => Some(Class::Sint),
+            ZERO_EXTEND => Some(Class::Uint),
+            _ => return Err(decoder.invalid("both SignExtend and ZeroExtend")),
+        };
+        let known = LOD
+            | GRAD
+            | CONST_OFFSET
+            | OFFSET
+            | CONST_OFFSETS
+            | SAMPLE
+            | MIN_LOD
+            | MAKE_TEXEL_AVAILABLE
+            | MAKE_TEXEL_VISIBLE
+            | NON_PRIVATE_TEXEL
+            | VOLATILE_TEXEL
+            | SIGN_EXTEND
+            | ZERO_EXTEND
+            | NONTEMPORAL
+            | OFFSETS;
+        if mask & !known != 0 {
+            return Err(decoder.unsupported(format!("image operands {:#x}", mask & !known)));
+        }
+        if operands.offset.as_ref().is_some_and(|offset| offset.len() > 3)
+            || operands.offsets.as_ref().is_some_and(|offsets| offsets.len() != 8)
+        {
+            return Err(decoder.invalid("offsets of texels have one to three components, or four times two"));
+        }
+        Ok(operands)
+    }
+
+    /// Every row that is read.
+    pub fn rows(&self) -> impl Iterator<Item = Reg> {
+        let single = [self.lod, self.sample, self.min_lod].into_iter().flatten();
+        let gradients = self.gradients.iter().flatten().flatten().copied();
+        let offsets = [&self.offset, &self.offsets].into_iter().flatten().flatten().copied();
+        single.chain(gradients).chain(offsets)
+    }
+}
+
+impl PartialEq for Operands {
+    fn eq(&self, other: &Self) -> bool {
+        self.class == other.class && self.rows().eq(other.rows())
+    }
+}

@@ -1,0 +1,98 @@
+//! Image queries: sizes, levels, samples.
+
+use rspirv::spirv::Op as Opcode;
+
+use crate::error::Result;
+use crate::machine::image::Dimension;
+use crate::machine::{Bindings, Reg, Registers, TrapCode};
+use crate::module::Instruction;
+use crate::ops::decode::Decoder;
+use crate::ops::image::view::{View, view_of};
+use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::op::{Access, Op as Operation};
+
+/// What is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Question {
+    /// Width, height, depth, as many as there are, then layers (cubes in an array of cubes), of the
+    /// level in a row or of level 0. A level that does not exist stops the lane.
+    Size(Option<Reg>),
+    /// Mip levels.
+    Levels,
+    /// Samples of a texel.
+    Samples,
+}
+
+/// A query.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Query {
+    /// Where the answer goes.
+    pub to: Texel,
+    /// What the shader declares of the image.
+    pub view: View,
+    /// The image's handle.
+    pub image: Reg,
+    /// What is asked.
+    pub question: Question,
+}
+
+impl Query {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        visit(Access::Read(self.image, 1));
+        if let Question::Size(Some(level)) = self.question {
+            visit(Access::Read(level, 1));
+        }
+        visit(Access::Write(self.to.to, self.to.rows()));
+    }
+
+    /// Runs it for a lane.
+    pub fn eval<const W: usize>(
+        &self,
+        registers: &mut Registers<W>,
+        lane: usize,
+        bindings: &Bindings,
+    ) -> Result<(), TrapCode> {
+        let image = self.view.image(bindings, registers[self.image].0[lane])?;
+        let shape = image.shape();
+        let mut answer = [0; 4];
+        match self.question {
+            Question::Size(level) => {
+                let level = level.map_or(0, |level| registers[level].0[lane]);
+                if level >= shape.levels {
+                    return Err(TrapCode::ImageOutOfBounds);
+                }
+                let axes = shape.dimension.axes();
+                let extent = shape.level_extent(level);
+                for (to, side) in answer.iter_mut().zip(&extent[..axes]) {
+                    *to = u64::from(*side);
+                }
+                let each = if shape.dimension == Dimension::CubeArray { 6 } else { 1 };
+                if shape.dimension.is_arrayed() {
+                    answer[axes] = u64::from(shape.layers / each);
+                }
+            }
+            Question::Levels => answer[0] = u64::from(shape.levels),
+            Question::Samples => answer[0] = u64::from(shape.samples),
+        }
+        self.to.write(registers, lane, answer);
+        Ok(())
+    }
+}
+
+/// Decodes queries; `false` for any other instruction.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    let question = match opcode {
+        Opcode::ImageQuerySize => Question::Size(None),
+        Opcode::ImageQuerySizeLod => Question::Size(Some(decoder.operand(instruction, 1)?[0])),
+        Opcode::ImageQueryLevels => Question::Levels,
+        Opcode::ImageQuerySamples => Question::Samples,
+        _ => return Ok(false),
+    };
+    let id = decoder.id(instruction, 0)?;
+    let view = view_of(decoder, id)?;
+    let image = decoder.words(id)?[0];
+    let to = texel_result(decoder, instruction, false)?;
+    decoder.emit(Operation::Image(Op::Query(Query { to, view, image, question })));
+    Ok(true)
+}

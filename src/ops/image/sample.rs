@@ -1,0 +1,214 @@
+//! Sampling and gathering with an explicit level of detail.
+
+use rspirv::spirv::Op as Opcode;
+
+use crate::error::Result;
+use crate::machine::image::Dimension;
+use crate::machine::{Bindings, Reg, Registers, TrapCode};
+use crate::module::Instruction;
+use crate::ops::decode::{Decoder, Words};
+use crate::ops::image::filter::{Lod, Lookup};
+use crate::ops::image::operands::Operands;
+use crate::ops::image::view::{self, View, view_of};
+use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::op::{Access, Op as Operation};
+
+/// What is made of the texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A filtered value.
+    Filter,
+    /// One component of four texels, its number in a row.
+    Gather(Reg),
+    /// Four comparisons.
+    GatherCompared,
+}
+
+/// Samples or gathers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Where to.
+    pub to: Texel,
+    /// What is made of the texels.
+    pub kind: Kind,
+    /// What the shader declares of the image.
+    pub view: View,
+    /// The image's handle.
+    pub image: Reg,
+    /// The sampler's handle.
+    pub sampler: Reg,
+    /// (s, t, r), as many as there are, then the array coordinate.
+    pub coordinate: Words,
+    /// What they and the reference are divided by.
+    pub divisor: Option<Reg>,
+    /// D_ref
+    pub reference: Option<Reg>,
+    /// Image operands.
+    pub operands: Operands,
+}
+
+impl Sample {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        let component = if let Kind::Gather(component) = self.kind { Some(component) } else { None };
+        let optional = [self.divisor, self.reference, component].into_iter().flatten();
+        let rows = [self.image, self.sampler].into_iter().chain(optional);
+        rows.chain(self.coordinate.iter().copied())
+            .chain(self.operands.rows())
+            .for_each(|reg| visit(Access::Read(reg, 1)));
+        visit(Access::Write(self.to.to, self.to.rows()));
+    }
+
+    /// Runs it for a lane.
+    pub fn eval<const W: usize>(
+        &self,
+        registers: &mut Registers<W>,
+        lane: usize,
+        bindings: &Bindings,
+    ) -> Result<(), TrapCode> {
+        let word = |reg: Reg| registers[reg].0[lane];
+        let float = |reg: Reg| f32::from_bits(word(reg));
+        let integer = |reg: Reg| word(reg) as i32;
+        let image = self.view.image(bindings, word(self.image))?;
+        let sampler = view::sampler(bindings, word(self.sampler))?;
+        let plain = matches!(self.view.dimension, Dimension::D1 | Dimension::D2);
+        if self.reference.is_some() && sampler.compare_op.is_none()
+            || sampler.unnormalized_coordinates && !plain
+        {
+            return Err(TrapCode::SamplerMismatch);
+        }
+        let divisor = self.divisor.map(float);
+        let divided = |value: f32| divisor.map_or(value, |divisor| value / divisor);
+        let components = self.components();
+        let mut lookup = Lookup {
+            image,
+            sampler,
+            at: [0.0; 3],
+            layer: 0.0,
+            offset: [0; 3],
+            reference: self.reference.map(|reg| divided(float(reg))),
+        };
+        for (axis, &reg) in self.coordinate.iter().enumerate() {
+            if axis < components {
+                lookup.at[axis] = divided(float(reg));
+            } else {
+                lookup.layer = float(reg);
+            }
+        }
+        for (axis, &reg) in self.operands.offset.iter().flatten().enumerate() {
+            lookup.offset[axis] = integer(reg);
+        }
+        let value = match self.kind {
+            Kind::Filter => {
+                let lod = match (&self.operands.gradients, self.operands.lod) {
+                    (Some(gradients), _) => Lod::Gradients([0, 1].map(|way: usize| {
+                        let gradient = &gradients[way];
+                        std::array::from_fn(|axis| gradient.get(axis).map_or(0.0, |&reg| float(reg)))
+                    })),
+                    (None, lod) => Lod::Explicit(lod.map_or(0.0, float)),
+                };
+                lookup.sample(lod, self.operands.min_lod.map_or(0.0, float))
+            }
+            Kind::Gather(_) | Kind::GatherCompared => {
+                let component = if let Kind::Gather(reg) = self.kind { word(reg).min(3) } else { 0 };
+                let offsets = self.operands.offsets.as_ref().map(|offsets| {
+                    std::array::from_fn(|at| [integer(offsets[2 * at]), integer(offsets[2 * at + 1])])
+                });
+                lookup.gather(component as usize, offsets)
+            }
+        };
+        self.to.write(registers, lane, value);
+        Ok(())
+    }
+
+    /// How many components (s, t, r) has: for a cube it is a direction.
+    fn components(&self) -> usize {
+        components(self.view.dimension)
+    }
+}
+
+fn components(dimension: Dimension) -> usize {
+    if dimension.is_cube() { 3 } else { dimension.axes() }
+}
+
+/// Decodes sampling and gathering; `false` for any other instruction.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    use Opcode::*;
+    let (compared, projected, gathers, sparse) = match opcode {
+        ImageSampleExplicitLod => (false, false, false, false),
+        ImageSampleDrefExplicitLod => (true, false, false, false),
+        ImageSampleProjExplicitLod => (false, true, false, false),
+        ImageSampleProjDrefExplicitLod => (true, true, false, false),
+        ImageGather => (false, false, true, false),
+        ImageDrefGather => (true, false, true, false),
+        ImageSparseSampleExplicitLod => (false, false, false, true),
+        ImageSparseSampleDrefExplicitLod => (true, false, false, true),
+        ImageSparseGather => (false, false, true, true),
+        ImageSparseDrefGather => (true, false, true, true),
+        _ => return Ok(false),
+    };
+    let id = decoder.id(instruction, 0)?;
+    let view = view_of(decoder, id)?;
+    let &[image, sampler] = &decoder.words(id)?[..] else {
+        return Err(decoder.invalid("a sampled image is needed here"));
+    };
+    if view.multisampled || view.dimension == Dimension::Buffer {
+        return Err(decoder.invalid(
+            "texel buffers and multisampled images are fetched or read, not sampled (SPIR-V 3.3.10)",
+        ));
+    }
+    let third = if compared || gathers { Some(decoder.operand(instruction, 2)?[0]) } else { None };
+    let operands = Operands::read(decoder, instruction, 2 + usize::from(third.is_some()))?;
+    let coordinate = floats(decoder, instruction)?;
+    let dimension = view.dimension;
+    let count = components(dimension) + usize::from(dimension.is_arrayed());
+    if coordinate.len() < count + usize::from(projected) {
+        return Err(decoder.invalid(format!("{} coordinates for this image", coordinate.len())));
+    }
+    if projected && (dimension.is_arrayed() || dimension.is_cube()) {
+        return Err(decoder.invalid("projection of an array or a cube (SPIR-V 3.3.10)"));
+    }
+    if gathers
+        && !matches!(dimension, Dimension::D2 | Dimension::D2Array | Dimension::Cube | Dimension::CubeArray)
+    {
+        return Err(decoder.invalid("only planes and cubes are gathered (SPIR-V 3.3.10)"));
+    }
+    let short = |gradient: &Words| gradient.len() < components(dimension);
+    if operands.gradients.iter().flatten().any(short) {
+        return Err(decoder.invalid("gradients with fewer components than the coordinate"));
+    }
+    if !gathers && operands.lod.is_none() && operands.gradients.is_none() {
+        return Err(decoder
+            .invalid("an explicit level of detail needs the image operand Lod or Grad (SPIR-V 3.3.10)"));
+    }
+    let divisor = projected.then(|| coordinate[count]);
+    let kind = match third {
+        Some(component) if gathers && !compared => Kind::Gather(component),
+        _ if gathers => Kind::GatherCompared,
+        _ => Kind::Filter,
+    };
+    let to = texel_result(decoder, instruction, sparse)?;
+    let sample = Sample {
+        to,
+        kind,
+        view,
+        image,
+        sampler,
+        coordinate: coordinate[..count].into(),
+        divisor,
+        reference: third.filter(|_| compared),
+        operands,
+    };
+    decoder.emit(Operation::Image(Op::Sample(Box::new(sample))));
+    Ok(true)
+}
+
+/// The coordinates of operand 1.
+fn floats(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words> {
+    let id = decoder.id(instruction, 1)?;
+    let width = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))?;
+    if width != 32 {
+        return Err(decoder.unsupported(format!("coordinates of {width} bits")));
+    }
+    decoder.words(id)
+}

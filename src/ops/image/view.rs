@@ -1,0 +1,106 @@
+//! What a shader declares of an image, and the image that it finds.
+
+use crate::error::Result;
+use crate::machine::format::Class;
+use crate::machine::image::{Dimension, Image};
+use crate::machine::sampler::Sampler;
+use crate::machine::{Bindings, Descriptor, TrapCode};
+use crate::module::Id;
+use crate::module::ty::{ImageType, Type};
+use crate::ops::decode::Decoder;
+
+/// An `OpTypeImage`, as far as running needs it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct View {
+    /// `Dim` and `Arrayed`.
+    pub dimension: Dimension,
+    /// `MS`.
+    pub multisampled: bool,
+    /// `Sampled Type`.
+    pub class: Class,
+    /// Whether `Sampled Type` has 64 bits.
+    pub wide: bool,
+}
+
+impl View {
+    /// The image with a handle.
+    ///
+    /// The image's own format is used, whatever `Image Format` says, so long as both are floats or
+    /// both integers; the signedness of integers may differ, the bits are then taken as they are.
+    ///
+    /// # Errors
+    /// `DescriptorMissing`, or `ImageMismatch` where the image is of another kind than declared.
+    pub fn image(self, bindings: &Bindings, handle: u32) -> Result<&Image, TrapCode> {
+        let image = match bindings.descriptor(handle) {
+            Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => image,
+            _ => return Err(TrapCode::DescriptorMissing),
+        };
+        let (shape, format) = (image.shape(), image.format());
+        let same = shape.dimension == self.dimension
+            && (shape.samples > 1) == self.multisampled
+            && (format.class() == Class::Float) == (self.class == Class::Float)
+            && (self.wide || !format.is_wide());
+        if same { Ok(image) } else { Err(TrapCode::ImageMismatch) }
+    }
+}
+
+/// The sampler with a handle.
+///
+/// # Errors
+/// `DescriptorMissing`
+pub fn sampler(bindings: &Bindings, handle: u32) -> Result<&Sampler, TrapCode> {
+    match bindings.descriptor(handle) {
+        Some(Descriptor::Sampler(sampler) | Descriptor::ImageSampler(_, sampler)) => Ok(sampler),
+        _ => Err(TrapCode::DescriptorMissing),
+    }
+}
+
+/// The view that an image or sampled image has by its type.
+pub fn view_of(decoder: &Decoder<'_>, id: Id) -> Result<View> {
+    let mut ty = decoder.type_of(id)?;
+    if let Type::Pointer { pointee: Some(pointee), .. } = *decoder.module.ty(ty) {
+        ty = pointee;
+    }
+    if let Type::SampledImage(image) = *decoder.module.ty(ty) {
+        ty = image;
+    }
+    match *decoder.module.ty(ty) {
+        Type::Image(image) => view(decoder, &image),
+        _ => Err(decoder.invalid(format!("%{} is no image", id.0))),
+    }
+}
+
+fn view(decoder: &Decoder<'_>, image: &ImageType) -> Result<View> {
+    let dimension = match (image.dim, image.arrayed) {
+        (0, false) => Dimension::D1,
+        (0, true) => Dimension::D1Array,
+        (1, false) => Dimension::D2,
+        (1, true) => Dimension::D2Array,
+        (2, false) => Dimension::D3,
+        (3, false) => Dimension::Cube,
+        (3, true) => Dimension::CubeArray,
+        (5, false) => Dimension::Buffer,
+        (4, _) => return Err(decoder.unsupported("images of Dim Rect, which Vulkan does not have")),
+        (6, _) => return Err(decoder.unsupported("subpass images, which only fragment stages have")),
+        (dim, _) => {
+            let arrayed = if image.arrayed { ", arrayed" } else { "" };
+            return Err(decoder.unsupported(format!("images of Dim {dim}{arrayed}")));
+        }
+    };
+    let (class, width) = match *decoder.module.ty(image.sampled_type) {
+        Type::Float { width, encoding: None } => (Class::Float, width),
+        Type::Int { width, signed: true } => (Class::Sint, width),
+        Type::Int { width, signed: false } => (Class::Uint, width),
+        _ => {
+            return Err(
+                decoder.invalid("a Sampled Type that is no number (VUID-StandaloneSpirv-OpTypeImage-04656)")
+            );
+        }
+    };
+    if width != 32 && !(width == 64 && class != Class::Float) {
+        return Err(decoder.unsupported(format!(
+            "a Sampled Type of {width} bits (VUID-StandaloneSpirv-OpTypeImage-04656 has 32, and 64-bit integers)"
+        )));
+    }
+    Ok(View { dimension, multisampled: image.multisampled, class, wide: width == 64 })
+}

@@ -1,0 +1,245 @@
+//! Images and texel buffers as a scene writes them: from files, typed data or one colour.
+
+use crate::error::Result;
+use crate::machine::format::Format;
+use crate::machine::image::{Dimension, Shape};
+use crate::scene::data::{Data, read};
+use crate::scene::files::Files;
+use crate::scene::image::{MAX_EXTENT, MAX_IMAGE_SIZE, Picture, texel_bytes};
+use crate::scene::mip;
+use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, Value};
+use crate::scene::resources::Kind;
+use crate::scene::sampler::SamplerReference;
+
+/// An image's content.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Its texels' format.
+    pub format: Format,
+    /// Its shape.
+    pub shape: Shape,
+    /// All texels, as [`machine::image::Image`](crate::machine::image::Image) wants them.
+    pub texels: Vec<u8>,
+}
+
+impl Named for Dimension {
+    const WHAT: &'static str = "image dimension";
+    const NAMES: &'static [(&'static str, Self)] = &[
+        ("1d", Self::D1),
+        ("2d", Self::D2),
+        ("3d", Self::D3),
+        ("cube", Self::Cube),
+        ("1d_array", Self::D1Array),
+        ("2d_array", Self::D2Array),
+        ("cube_array", Self::CubeArray),
+    ];
+}
+
+/// How many mip levels.
+#[derive(Clone, Copy, Debug)]
+enum Levels {
+    Count(u32),
+    /// Down to a single texel.
+    All,
+}
+
+impl Parse for Levels {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        match value.text() {
+            Some("all") => Some(Self::All),
+            Some(_) => value.wrong("`levels` is a number, or `\"all\"` down to a single texel"),
+            None => u32::parse(value).map(Self::Count),
+        }
+    }
+}
+
+/// An image as a scene writes it.
+#[derive(Clone, Debug)]
+pub struct ImageEntry {
+    span: Span,
+    files: Vec<At<String>>,
+    data: Option<Data>,
+    format: Option<Format>,
+    dimension: Dimension,
+    extent: Option<[u32; 3]>,
+    layers: u32,
+    levels: Levels,
+    samples: u32,
+    fill: [f64; 4],
+    /// The sampler of a combined image sampler.
+    pub sampler: Option<SamplerReference>,
+}
+
+impl ImageEntry {
+    /// Reads the keys of an image out of its resource's table.
+    pub fn parse(table: &Table<'_>, kind: Kind) -> Option<Self> {
+        let buffer = matches!(kind, Kind::UniformTexelBuffer | Kind::StorageTexelBuffer);
+        let format = table.optional("format");
+        let extent = extent(table);
+        let fill = fill(table);
+        let data = table.optional("data");
+        let mut entry = Self {
+            span: table.span(),
+            files: Vec::new(),
+            data,
+            format,
+            dimension: Dimension::Buffer,
+            extent: extent?,
+            layers: 1,
+            levels: Levels::Count(1),
+            samples: 1,
+            fill,
+            sampler: None,
+        };
+        if !buffer {
+            entry.files = table.optional::<OneOrMore<At<String>>>("file").map_or(Vec::new(), |files| files.0);
+            entry.dimension = table.or("dimension", Dimension::D2);
+            let arrayed = entry.dimension.is_arrayed() && !entry.files.is_empty();
+            let least = if entry.dimension.is_cube() { 6 } else { 1 };
+            entry.layers = table.or("layers", if arrayed { entry.files.len() as u32 } else { least });
+            entry.levels = table.or("levels", Levels::Count(1));
+            entry.samples = table.or("samples", 1);
+        }
+        if kind == Kind::CombinedImageSampler {
+            entry.sampler = table.optional("sampler");
+        }
+        let wrong = |message: &str| {
+            table.report().push(table.span().error(message));
+            None
+        };
+        if buffer && !table.has("size") && !table.has("data") {
+            return wrong("a texel buffer needs its `size` in texels, or `data`");
+        }
+        if table.has("file") {
+            if table.has("size") || table.has("fill") || table.has("data") {
+                return wrong("an image from a file has the file's `size`, and neither `fill` nor `data`");
+            }
+            if entry.dimension == Dimension::D3 || entry.samples != 1 {
+                return wrong("a file gives a plane with one sample, not a `3d` or multisampled image");
+            }
+        }
+        if table.has("fill") && table.has("data") {
+            return wrong("either `fill` or `data`");
+        }
+        Some(entry)
+    }
+
+    /// Loads, fills or generates its texels; without a size it is as large as the launch.
+    ///
+    /// # Errors
+    /// `Io`, `InvalidImage` or `UnsupportedFile` about its files; `InvalidScene` where sizes do not fit.
+    pub fn load(&self, files: &dyn Files, launch: [u32; 3]) -> Result<Image> {
+        let pictures = self.pictures(files)?;
+        let format = match pictures.first() {
+            Some((picture, _)) => picture.format,
+            None => self.format.unwrap_or(Format::RGBA32F),
+        };
+        let data = match &self.data {
+            Some(data) => Some(data.encode(files, launch[0] as f32 / launch[1] as f32)?),
+            None => None,
+        };
+        let mut extent = self.extent.unwrap_or(launch);
+        if let Some((picture, _)) = pictures.first() {
+            extent = [picture.extent[0], picture.extent[1], 1];
+        } else if let (Dimension::Buffer, None, Some(data)) = (self.dimension, self.extent, &data) {
+            let texels = data.len() / format.texel_size() as usize;
+            extent = [u32::try_from(texels).unwrap_or(u32::MAX), 1, 1];
+        }
+        let axes = self.dimension.axes();
+        if self.extent.is_none() {
+            extent[axes..].fill(1);
+        }
+        let Self { dimension, layers, samples, .. } = *self;
+        let mut shape = Shape { dimension, extent, layers, levels: 1, samples };
+        shape.levels = match self.levels {
+            Levels::Count(count) => count,
+            Levels::All => shape.full_levels(),
+        };
+        shape.check().map_err(|error| self.span.error(error.message()))?;
+        let most = if dimension == Dimension::Buffer { 1 << 27 } else { MAX_EXTENT };
+        let size = shape.texels().saturating_mul(u64::from(format.texel_size()));
+        if size > MAX_IMAGE_SIZE || extent.iter().any(|side| *side > most) {
+            let message = format!("{extent:?} texels in {layers} layers are too many for an image");
+            return Err(self.span.error(message));
+        }
+        if let Some(texels) = data {
+            return self.complete(format, shape, texels);
+        }
+        if pictures.is_empty() {
+            let texels = texel_bytes(format, self.fill).repeat(shape.texels() as usize);
+            return Ok(Image { format, shape, texels });
+        }
+        let given = pictures.len() as u32;
+        if given != layers && given != layers * shape.levels {
+            let message = format!(
+                "{given} files for {layers} layers; or one for each layer of each level, level 0 first"
+            );
+            return Err(self.span.error(message));
+        }
+        let mut texels = Vec::new();
+        for (at, (picture, span)) in (0..).zip(pictures) {
+            let [width, height, _] = shape.level_extent(at / layers);
+            if picture.extent != [width, height] || picture.format != format {
+                return Err(span.error(format!(
+                    "this file must have {width} x {height} texels, in the first file's format"
+                )));
+            }
+            texels.extend(picture.texels);
+        }
+        self.complete(format, shape, texels)
+    }
+
+    fn pictures(&self, files: &dyn Files) -> Result<Vec<(Picture, &Span)>> {
+        let mut pictures = Vec::new();
+        for file in &self.files {
+            let bytes = read(files, &file.value, &file.span)?;
+            let path = file.span.source.sibling(&file.value);
+            let picture = Picture::decode(&path, &bytes, self.format);
+            let picture = picture.map_err(|error| error.at_with(file.span.place(), "named here"))?;
+            pictures.push((picture, &file.span));
+        }
+        Ok(pictures)
+    }
+
+    /// Texels of all levels, or of level 0, from which the others are made.
+    fn complete(&self, format: Format, shape: Shape, mut texels: Vec<u8>) -> Result<Image> {
+        let size = u64::from(format.texel_size());
+        let (first, all) = (shape.level_texels(0) * size, shape.texels() * size);
+        let found = texels.len() as u64;
+        if found == first && found != all {
+            let more = mip::generate(format, &shape, &texels).map_err(|message| self.span.error(message))?;
+            texels.extend(more);
+        } else if found != all {
+            let message =
+                format!("{found} bytes of texels, where level 0 has {first} and all levels have {all}");
+            return Err(self.span.error(message));
+        }
+        Ok(Image { format, shape, texels })
+    }
+}
+
+/// `Some(None)` where no size is given.
+fn extent(table: &Table<'_>) -> Option<Option<[u32; 3]>> {
+    let Some(value) = table.value("size") else { return Some(None) };
+    let OneOrMore(given) = OneOrMore::<u32>::parse(value)?;
+    if given.is_empty() || given.len() > 3 || given.contains(&0) || given.iter().any(|x| *x > MAX_EXTENT) {
+        return value.wrong(format!("`size` is `[width, height, depth]`, each from 1 to {MAX_EXTENT}"));
+    }
+    let mut extent = [1; 3];
+    extent[..given.len()].copy_from_slice(&given);
+    Some(Some(extent))
+}
+
+/// The colour of every texel; missing channels are 0.
+fn fill(table: &Table<'_>) -> [f64; 4] {
+    let mut color = [0.0; 4];
+    let Some(At { value: OneOrMore(given), span }) = table.optional::<At<OneOrMore<f64>>>("fill") else {
+        return color;
+    };
+    if given.len() > 4 {
+        table.report().push(span.error("`fill` has at most four channels"));
+        return color;
+    }
+    color[..given.len()].copy_from_slice(&given);
+    color
+}

@@ -1,0 +1,105 @@
+//! Mip levels made from level 0.
+//!
+//! A texel of level n is the mean of the part of level 0 that it covers, by area: along an axis of `s`
+//! texels, of which level n has `t`, texel i covers `i s / t` to `(i + 1) s / t`. sRGB colours are
+//! averaged in linear light. Texels count as a shader sees them; the sums are made in binary64, over
+//! slices, rows, columns in this order, and each mean is rounded once to its format.
+
+use crate::machine::format::{Class, Format};
+use crate::machine::image::Shape;
+use crate::scene::image::{texel_bytes, texel_numbers};
+
+/// The texels of the levels 1 and up, from those of level 0.
+///
+/// # Errors
+/// A message, where means make no sense: for integers.
+pub fn generate(format: Format, shape: &Shape, level0: &[u8]) -> Result<Vec<u8>, String> {
+    if format.class() != Class::Float {
+        return Err("levels of integers are given, not generated: the mean of integers is none".to_string());
+    }
+    let size = format.texel_size() as usize;
+    let numbers: Vec<[f64; 4]> =
+        level0.chunks_exact(size).map(|texel| texel_numbers(format, texel)).collect();
+    let [width, height, depth] = shape.extent.map(|side| side as usize);
+    let mut texels = Vec::new();
+    for level in 1..shape.levels {
+        let extent = shape.level_extent(level);
+        let area: f64 = shape.extent.iter().map(|&side| f64::from(side)).product();
+        for layer in 0..shape.layers as usize {
+            for z in 0..extent[2] {
+                for y in 0..extent[1] {
+                    for x in 0..extent[0] {
+                        let mut sum = [0.0; 4];
+                        for (k, deep) in covered(z, extent[2], shape.extent[2]) {
+                            for (j, high) in covered(y, extent[1], shape.extent[1]) {
+                                for (i, wide) in covered(x, extent[0], shape.extent[0]) {
+                                    let texel = numbers[((layer * depth + k) * height + j) * width + i];
+                                    let weight = wide * high * deep;
+                                    sum = std::array::from_fn(|part| sum[part] + weight * texel[part]);
+                                }
+                            }
+                        }
+                        texels.extend(texel_bytes(format, sum.map(|part| part / area)));
+                    }
+                }
+            }
+        }
+    }
+    Ok(texels)
+}
+
+/// The texels of `from` along an axis that texel `at` of `to` covers, and how many `to`-ths of each;
+/// together `from`.
+fn covered(at: u32, to: u32, from: u32) -> impl Iterator<Item = (usize, f64)> {
+    let (at, to, from) = (u64::from(at), u64::from(to), u64::from(from));
+    let (begin, end) = (at * from, (at + 1) * from);
+    (begin / to..end.div_ceil(to)).map(move |texel| {
+        let part = end.min((texel + 1) * to) - begin.max(texel * to);
+        (texel as usize, part as f64)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine::format::Component;
+    use crate::machine::image::Dimension;
+
+    fn line(texels: &[f32], levels: u32) -> Vec<f32> {
+        let extent = [texels.len() as u32, 1, 1];
+        let shape = Shape { dimension: Dimension::D1, extent, layers: 1, levels, samples: 1 };
+        let bytes: Vec<u8> = texels.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let more = generate(Format::new(Component::Float32, 1), &shape, &bytes).unwrap();
+        more.chunks(4).map(|x| f32::from_le_bytes(x.try_into().unwrap())).collect()
+    }
+
+    #[test]
+    fn texels_are_means_by_area() {
+        assert_eq!(line(&[1.0, 3.0, 5.0, 11.0], 3), [2.0, 8.0, 5.0]);
+        // Five texels become two: each covers two and a half.
+        assert_eq!(line(&[10.0, 20.0, 30.0, 40.0, 50.0], 3), [18.0, 42.0, 30.0]);
+    }
+
+    #[test]
+    fn planes_and_layers() {
+        let format = Format::new(Component::Unorm8, 1);
+        let shape = Shape { dimension: Dimension::D2Array, layers: 2, levels: 2, ..Shape::plane(2, 2) };
+        // (0 + 1 + 2 + 4) / 4 = 1.75, (1 + 1 + 1 + 6) / 4 = 2.25.
+        assert_eq!(generate(format, &shape, &[0, 1, 2, 4, 1, 1, 1, 6]), Ok(vec![2, 2]));
+    }
+
+    #[test]
+    fn srgb_is_averaged_in_linear_light() {
+        let format = Format { channels: 4, ..Format::RGBA8_SRGB };
+        let shape = Shape { levels: 2, ..Shape::plane(2, 1) };
+        // Black and white: linear 0.5 is code 188 (187.516), alpha 127.5 goes to 128.
+        let mean = generate(format, &shape, &[0, 0, 0, 0, 255, 255, 255, 255]);
+        assert_eq!(mean, Ok(vec![188, 188, 188, 128]));
+    }
+
+    #[test]
+    fn integers_have_no_mean() {
+        let format = Format::new(Component::Uint8, 1);
+        assert!(generate(format, &Shape { levels: 2, ..Shape::plane(2, 1) }, &[0, 1]).is_err());
+    }
+}
