@@ -9,7 +9,7 @@ use crate::cli::output;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::Binding;
 use crate::pipeline::Stats;
-use crate::scene::image::{Format, Picture};
+use crate::scene::image::Picture;
 use crate::scene::resources::Output;
 use crate::scene::{self, DiskFiles, Options};
 
@@ -98,16 +98,7 @@ fn progress(count: u64) -> ProgressBar {
 }
 
 fn save(path: &Path, image: &crate::machine::image::Image, linear: bool) -> Result<()> {
-    let extent = image.extent();
-    let mut texels = Vec::with_capacity(extent[0] as usize * extent[1] as usize * 16);
-    for y in 0..extent[1] {
-        for x in 0..extent[0] {
-            let texel = image.texel([x, y]).unwrap_or_default();
-            texels.extend(texel.iter().flat_map(|word| word.to_le_bytes()));
-        }
-    }
-    let picture = Picture { format: Format::RGBA32F, extent, texels };
-    let png = picture.encode_png(linear)?;
+    let png = Picture::of(image).encode_png(linear)?;
     std::fs::write(path, png).map_err(|error| Error::io(path, error))
 }
 

@@ -266,6 +266,19 @@ impl Image {
         before >> shift & mask
     }
 
+    /// A copy of the bytes of all levels.
+    pub fn bytes(&self) -> Vec<u8> {
+        (0..self.shape.levels).flat_map(|level| self.level_bytes(level)).collect()
+    }
+
+    /// An image of its own with the same texels.
+    #[must_use]
+    pub fn copied(&self) -> Arc<Self> {
+        let words = self.words.iter().map(|word| AtomicU64::new(word.load(Relaxed)));
+        let (format, shape, levels) = (self.format, self.shape, self.levels.clone());
+        Arc::new(Self { format, shape, levels, words: words.collect() })
+    }
+
     /// A copy of the bytes of a level that exists.
     pub fn level_bytes(&self, level: u32) -> Vec<u8> {
         let size = self.format.texel_size() as usize;

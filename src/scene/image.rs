@@ -171,6 +171,17 @@ impl Picture {
         Self { format, extent, texels }
     }
 
+    /// The first layer and slice of an image's level 0, of several samples the first.
+    pub fn of(image: &crate::machine::image::Image) -> Self {
+        let (format, shape) = (image.format(), image.shape());
+        let [width, height, _] = shape.extent;
+        let size = format.texel_size() as usize;
+        let bytes = image.level_bytes(0);
+        let every = bytes.chunks_exact(size * shape.samples as usize);
+        let texels = every.take(width as usize * height as usize).flat_map(|texel| texel[..size].to_vec());
+        Self { format, extent: [width, height], texels: texels.collect() }
+    }
+
     /// Writes an 8-bit RGBA PNG. With `to_srgb`, linear colours are encoded as sRGB, which is what
     /// picture viewers expect; without, numbers are stored as they are. Texels that are stored
     /// sRGB-encoded are kept.

@@ -120,23 +120,15 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
 /// Opcodes to come that need no capability of their own, or one that others need too.
 pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[
     (
-        "images",
-        &[
-            Op::ImageTexelPointer,
-            Op::ImageSampleDrefExplicitLod,
-            Op::ImageSampleProjExplicitLod,
-            Op::ImageSampleProjDrefExplicitLod,
-            Op::ImageGather,
-            Op::ImageDrefGather,
-        ],
-    ),
-    (
         "derivatives and implicit level of detail (compute)",
         &[
             Op::ImageSampleImplicitLod,
             Op::ImageSampleDrefImplicitLod,
             Op::ImageSampleProjImplicitLod,
             Op::ImageSampleProjDrefImplicitLod,
+            Op::ImageSparseSampleImplicitLod,
+            Op::ImageSparseSampleDrefImplicitLod,
+            Op::ImageQueryLod,
             Op::DPdx,
             Op::DPdy,
             Op::Fwidth,
