@@ -247,21 +247,23 @@ impl Image {
             }
             8 => self.words[index].store(bits as u64, Relaxed),
             _ => {
-                self.update(index, |_| bits as u64);
+                self.update(index, |_| Some(bits as u64));
             }
         }
     }
 
     /// Replaces a texel of at most eight bytes by a function of it, in one step, and gives what it
-    /// was; the function may run several times.
-    pub fn update(&self, index: usize, mut function: impl FnMut(u64) -> u64) -> u64 {
+    /// was; `None` leaves it, and the function may run several times.
+    pub fn update(&self, index: usize, mut function: impl FnMut(u64) -> Option<u64>) -> u64 {
         let size = self.format.texel_size() as usize;
         assert!(size <= 8, "bug in anyhit: an atomic operation on a texel of {size} bytes");
         let byte = index * size;
         let (word, shift) = (&self.words[byte / 8], byte % 8 * 8);
         let mask = u64::MAX >> (64 - 8 * size);
-        let replace =
-            |word: u64| Some(word & !(mask << shift) | (function(word >> shift & mask) & mask) << shift);
+        let replace = |word: u64| {
+            let new = function(word >> shift & mask)?;
+            Some(word & !(mask << shift) | (new & mask) << shift)
+        };
         let (Ok(before) | Err(before)) = word.fetch_update(Relaxed, Relaxed, replace);
         before >> shift & mask
     }
@@ -345,7 +347,7 @@ mod tests {
         let image =
             Image::new(Format::new(Component::Uint32, 1), Shape::plane(2, 1), &[1, 0, 0, 0, 2, 0, 0, 0]);
         let image = image.unwrap();
-        assert_eq!(image.update(1, |old| old.wrapping_sub(3)), 2);
+        assert_eq!(image.update(1, |old| Some(old.wrapping_sub(3))), 2);
         assert_eq!((image.load(0), image.load(1)), (1, 0xffff_ffff));
     }
 

@@ -16,6 +16,7 @@ use crate::machine::{Batch, Bindings, Mask, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, Words};
+use crate::ops::image::access::TexelPlace;
 use crate::ops::memory::{Chunk, OUT_OF_BOUNDS, each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Place, Pointer};
@@ -64,7 +65,7 @@ pub enum Kind {
 }
 
 /// Where the value lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Target {
     /// In a buffer.
     Buffer(Chunk),
@@ -75,6 +76,8 @@ pub enum Target {
         /// A row that holds a further number of rows, lane by lane.
         row: Option<Reg>,
     },
+    /// A texel of one component as wide as the scalar.
+    Texel(Box<TexelPlace>),
 }
 
 /// An atomic operation on one scalar.
@@ -101,9 +104,10 @@ impl Op {
 
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
-        match self.target {
+        match &self.target {
             Target::Buffer(chunk) => chunk.accesses(visit),
-            Target::Rows { first, row } => {
+            Target::Texel(place) => place.rows().for_each(|reg| visit(Access::Read(reg, 1))),
+            &Target::Rows { first, row } => {
                 // A computed row's whole variable is told to the decoder as addressed.
                 if let Some(row) = row {
                     visit(Access::Read(row, 1));
@@ -133,9 +137,22 @@ impl Op {
 
     /// Runs the operation for the running lanes.
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
-        match self.target {
-            Target::Buffer(chunk) => self.on_buffer(batch, bindings, &chunk),
-            Target::Rows { first, row } => {
+        match &self.target {
+            Target::Buffer(chunk) => self.on_buffer(batch, bindings, chunk),
+            Target::Texel(place) => {
+                for lane in batch.mask.lanes() {
+                    match place.find_scalar(&batch.registers, lane, bindings) {
+                        Ok((image, index)) => {
+                            let (value, comparator) = self.operands(batch, lane);
+                            let change = |old| apply(self.kind, self.width, old, value, comparator);
+                            let old = image.update(index, change);
+                            self.write(batch, self.to, lane, old);
+                        }
+                        Err(code) => trap(batch, Mask::lane(lane), code),
+                    }
+                }
+            }
+            &Target::Rows { first, row } => {
                 for lane in batch.mask.lanes() {
                     let row = row.map_or(0, |row| batch.registers[row].0[lane]);
                     let at = u64::from(first.0) + u64::from(row);
@@ -304,10 +321,10 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     };
     let target = target(decoder, &pointer, width)?;
     let to = decoder.fresh(width.div_ceil(32))?;
-    decoder.emit(Operation::Atomic(Op { kind, width, target, to, value, comparator }));
     if let Target::Rows { .. } = target {
         decoder.forget();
     }
+    decoder.emit(Operation::Atomic(Op { kind, width, target, to, value, comparator }));
     let words: Words = (0..width.div_ceil(32)).map(|word| to.plus(word)).collect();
     decoder.result(instruction, SmallVec::from_slice(&words));
     Ok(true)
@@ -324,6 +341,10 @@ fn scalar(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize, width
 
 fn target(decoder: &mut Decoder<'_>, pointer: &Pointer, width: u32) -> Result<Target> {
     match pointer.place {
+        Place::Texel(ref place) if (width == 64) == place.view.wide && width >= 32 => {
+            Ok(Target::Texel(place.clone()))
+        }
+        Place::Texel(_) => Err(decoder.invalid("an atomic instruction on a texel of another width")),
         Place::Buffer(buffer) => {
             let (count, part) = if width == 64 { (2, 32) } else { (1, width) };
             let (offset, index) = (pointer.offset, pointer.index);
