@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use crate::debug::story::{Target, Write};
 use crate::debug::values::Content;
-use crate::machine::image::{Format, Image};
+use crate::machine::format::Class;
+use crate::machine::image::Image;
 use crate::machine::{Binding, Descriptor, Resources};
 use crate::scene::ResolvedScene;
 
@@ -84,25 +85,33 @@ fn words(descriptor: &Descriptor) -> Option<Vec<u32>> {
                 })
                 .collect(),
         ),
-        Descriptor::Image(image) => {
-            let [width, height] = image.extent();
-            let count = image.format().words();
-            let mut words = Vec::with_capacity(width as usize * height as usize * count);
-            for y in 0..height {
-                for x in 0..width {
-                    words.extend_from_slice(&image.texel([x, y])?[..count]);
-                }
-            }
-            Some(words)
-        }
+        Descriptor::Image(image) => Some(components(image)),
         _ => None,
     }
+}
+
+/// The components of every texel that the format has, as a shader reads them; 64-bit ones as two words.
+fn components(image: &Image) -> Vec<u32> {
+    let format = image.format();
+    let texels = (0..image.shape().texels() as usize).map(|index| format.decode(image.load(index)));
+    let parts = texels.flat_map(|texel| texel.into_iter().take(usize::from(format.channels)));
+    parts
+        .flat_map(|part| {
+            [part as u32, (part >> 32) as u32].into_iter().take(if format.is_wide() { 2 } else { 1 })
+        })
+        .collect()
+}
+
+/// Words of a texel among its image's [`components`].
+fn texel_words(image: &Image) -> usize {
+    let format = image.format();
+    usize::from(format.channels) * if format.is_wide() { 2 } else { 1 }
 }
 
 /// Words that are shown together: a texel, a word of a buffer.
 fn step(descriptor: &Descriptor) -> usize {
     match descriptor {
-        Descriptor::Image(image) => image.format().words(),
+        Descriptor::Image(image) => texel_words(image),
         _ => 1,
     }
 }
@@ -110,7 +119,7 @@ fn step(descriptor: &Descriptor) -> usize {
 fn target(descriptor: &Descriptor, number: usize) -> Target {
     match descriptor {
         Descriptor::Image(image) => {
-            let width = image.extent()[0] as usize;
+            let width = image.shape().extent[0] as usize;
             Target::Texel([(number % width) as u32, (number / width) as u32])
         }
         _ => Target::Byte(4 * number as u64),
@@ -131,17 +140,15 @@ fn content(descriptor: &Descriptor, words: &[u32]) -> Content {
 }
 
 fn texel(image: &Image, words: &[u32]) -> Content {
-    let components: Vec<Content> = match image.format() {
-        Format::Rgba32f | Format::R32f => {
-            words.iter().map(|&word| Content::f32(f32::from_bits(word))).collect()
+    let components = match (image.format().class(), image.format().is_wide()) {
+        (Class::Float, _) => words.iter().map(|&word| Content::f32(f32::from_bits(word))).collect(),
+        (Class::Sint, false) => words.iter().map(|&word| Content::Int((word as i32).into())).collect(),
+        (Class::Uint, false) => words.iter().map(|&word| Content::Uint(word.into())).collect(),
+        (class, true) => {
+            let bits = words.chunks_exact(2).map(|pair| u64::from(pair[0]) | u64::from(pair[1]) << 32);
+            let signed = class == Class::Sint;
+            bits.map(|bits| if signed { Content::Int(bits as i64) } else { Content::Uint(bits) }).collect()
         }
-        Format::R32i | Format::Rgba32i => {
-            words.iter().map(|&word| Content::Int((word as i32).into())).collect()
-        }
-        Format::Rgba8 | Format::Rgba8Srgb => {
-            words.iter().flat_map(|word| word.to_le_bytes()).map(|byte| Content::Uint(byte.into())).collect()
-        }
-        Format::R32ui | Format::Rgba32ui => words.iter().map(|&word| Content::Uint(word.into())).collect(),
     };
     Content::List(components)
 }
