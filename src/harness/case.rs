@@ -147,8 +147,8 @@ where
         match found {
             Some(Descriptor::Buffer(buffer)) => observed.buffers.push(bytes(None, buffer.bytes())),
             Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => {
-                let row = [image.extent()[0] as usize, image.format().words() * 4];
-                observed.images.push(bytes(Some(row), memory::texels(image)));
+                let row = [image.shape().extent[0] as usize, image.format().texel_size() as usize];
+                observed.images.push(bytes(Some(row), image.bytes()));
             }
             _ => {}
         }

@@ -11,12 +11,7 @@ use crate::pipeline::Pipeline;
 /// The same resources with memory of their own. What was shared between bindings still is.
 pub fn copied(resources: &Resources) -> Resources {
     let mut images: Vec<(Arc<Image>, Arc<Image>)> = Vec::new();
-    let mut image = |image: &Arc<Image>| {
-        once(&mut images, image, || {
-            let copy = Image::new(image.format(), image.extent(), &words(image));
-            copy.expect("bug in anyhit: an image of another size than itself")
-        })
-    };
+    let mut image = |image: &Arc<Image>| once(&mut images, image, || image.copied());
     let mut buffers: Vec<(Arc<Buffer>, Arc<Buffer>)> = Vec::new();
     let mut buffer = |buffer: &Arc<Buffer>| once(&mut buffers, buffer, || Buffer::new(&buffer.bytes()));
     let mut descriptors = BTreeMap::new();
@@ -43,24 +38,6 @@ fn once<T>(copies: &mut Vec<(Arc<T>, Arc<T>)>, original: &Arc<T>, copy: impl FnO
     let copy = copy();
     copies.push((original.clone(), copy.clone()));
     copy
-}
-
-/// The stored words of all texels, row by row.
-fn words(image: &Image) -> Vec<u32> {
-    let [width, height] = image.extent();
-    let mut words = Vec::with_capacity(width as usize * height as usize * image.format().words());
-    for y in 0..height {
-        for x in 0..width {
-            let texel = image.texel([x, y]).expect("bug in anyhit: a texel outside its image");
-            words.extend_from_slice(&texel[..image.format().words()]);
-        }
-    }
-    words
-}
-
-/// The stored bytes of all texels, row by row.
-pub fn texels(image: &Image) -> Vec<u8> {
-    words(image).into_iter().flat_map(u32::to_le_bytes).collect()
 }
 
 /// The words of the largest payload that a shader of a pipeline takes.
