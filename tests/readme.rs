@@ -58,6 +58,19 @@ fn links_lead_somewhere() {
     assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
 }
 
+/// Code that the README shows is code that is tested, word for word.
+#[test]
+fn excerpts_stand_in_the_files_they_are_from() {
+    let blocks = [("rust", "tests/one_ray.rs"), ("toml", "shaders/pass/sphere/closest-hit/scene.toml")];
+    let readme = read("README.md");
+    for (language, file) in blocks {
+        let start = readme.find(&format!("```{language}\n")).expect("a block") + language.len() + 4;
+        let block = readme[start..].split("```").next().unwrap_or_default();
+        assert!(block.lines().count() > 10, "the block of {language} is too short to be it");
+        assert!(read(file).contains(block.trim_end()), "the README's {language} is not from {file}");
+    }
+}
+
 /// The lines of the documents' shell blocks.
 fn shell_lines() -> Vec<(&'static str, String)> {
     let mut lines = Vec::new();

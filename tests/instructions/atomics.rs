@@ -155,7 +155,7 @@ fn variables_of_the_lane_count_for_themselves() {
     .run();
     for (id, words) in found.iter().enumerate() {
         let id = id as u32;
-        assert_eq!(words[..2], [id, if id % 2 == 0 { id + 6 } else { 1 }]);
+        assert_eq!(words[..2], [id, if id.is_multiple_of(2) { id + 6 } else { 1 }]);
     }
 }
 

@@ -39,8 +39,7 @@ impl Assembler {
         let start = self.words.len();
         self.words.push(0);
         let mut rest = rest[1..].iter();
-        let mut kinds = grammar.operands.iter().peekable();
-        while let Some(operand) = kinds.next() {
+        for operand in grammar.operands {
             if operand.kind == OperandKind::IdResult {
                 let id = self.id(result.ok_or("a result is missing")?);
                 self.words.push(id);
