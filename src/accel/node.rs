@@ -59,9 +59,10 @@ impl Node {
     }
 
     /// Where the ray enters each child's box: a lower bound of the rounded t (absolute, at least
-    /// `t_min`) of any hit in it; infinite for a box that it surely misses before `limit`.
+    /// `t_min`) of any hit in it, and a bit for each child that it does not surely miss before
+    /// `limit`.
     #[inline]
-    pub fn entries(&self, ray: &NodeRay, limit: NodeLimit) -> [f32; WIDTH] {
+    pub fn entries(&self, ray: &NodeRay, limit: NodeLimit) -> ([f32; WIDTH], u32) {
         let mut near = [ray.near_floor; WIDTH];
         let mut far = [limit.0; WIDTH];
         for axis in 0..3 {
@@ -76,13 +77,11 @@ impl Node {
                 far[slot] = if leave < far[slot] { leave } else { far[slot] };
             }
         }
-        let mut entries = [f32::INFINITY; WIDTH];
+        let mut met = 0;
         for slot in 0..WIDTH {
-            let entry = ray.absolute(near[slot]);
-            let hit = near[slot] <= far[slot] && slot < self.len as usize;
-            entries[slot] = if hit { entry } else { f32::INFINITY };
+            met |= u32::from(near[slot] <= far[slot]) << slot;
         }
-        entries
+        (near, met & ((1 << self.len) - 1))
     }
 
     /// The child in a slot.

@@ -232,7 +232,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::accel::node::Node;
+    use crate::accel::node::{Node, WIDTH};
     use crate::accel::tree::Tree;
     use crate::geometry::Ray;
 
@@ -328,7 +328,10 @@ mod tests {
             prop_assert!(node_ray.root_entry() <= rounded);
             while at.count == 0 {
                 let node: &Node = tree.node(at.first);
-                let entries = node.entries(node_ray, limit);
+                let (near, met) = node.entries(node_ray, limit);
+                let entries: [f32; WIDTH] = std::array::from_fn(|slot| {
+                    if met >> slot & 1 != 0 { node_ray.absolute(near[slot]) } else { f32::INFINITY }
+                });
                 let slot = (0..entries.len()).find(|&slot| holds(&tree, node, slot, place));
                 let slot = slot.expect("every box is in the tree");
                 prop_assert!(

@@ -203,13 +203,14 @@ fn push(open: &mut Vec<Open>, child: Child, entry: f32) {
 /// Puts the children that the ray meets on the stack, the nearest on top.
 #[inline]
 fn push_children(open: &mut Vec<Open>, cull_t: f32, node: &Node, ray: &NodeRay) {
-    let entries = node.entries(ray, ray.limit(cull_t));
-    let mut met = [(0.0f32, 0usize); WIDTH];
+    let (near, mut rest) = node.entries(ray, ray.limit(cull_t));
+    // Most nodes leave one child or two: bits are looked for, not slots looked at.
+    let mut met = [(0.0f32, 0u32); WIDTH];
     let mut count = 0;
-    for (slot, &entry) in entries.iter().enumerate() {
-        if entry == f32::INFINITY {
-            continue;
-        }
+    while rest != 0 {
+        let slot = rest.trailing_zeros();
+        rest &= rest - 1;
+        let entry = ray.absolute(near[slot as usize]);
         // Insertion, the farthest first.
         let mut at = count;
         while at > 0 && met[at - 1].0 < entry {
@@ -220,7 +221,7 @@ fn push_children(open: &mut Vec<Open>, cull_t: f32, node: &Node, ray: &NodeRay) 
         count += 1;
     }
     for &(entry, slot) in &met[..count] {
-        push(open, node.child(slot), entry);
+        push(open, node.child(slot as usize), entry);
     }
 }
 
