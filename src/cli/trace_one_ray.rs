@@ -67,7 +67,10 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
         Some(path) => load(path, &DiskFiles, &Options::default())?,
         None => demo::scene(&Options::default())?,
     };
-    let (story, trap) = Session::new(scene)?.tell(&request)?;
+    let (mut story, trap) = Session::new(scene)?.tell(&request)?;
+    if args.scene.is_none() {
+        story.scene = "swept-spheres (part of the program)".into();
+    }
     if args.json {
         let json = serde_json::to_string_pretty(&story)
             .map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;

@@ -25,7 +25,7 @@ pub fn pixel(text: &str) -> Result<[u32; 3]> {
 
 /// Origin and direction: six numbers, with commas or blanks between.
 ///
-/// `None` where the text looks like a name: its first word is no number, and it holds no comma.
+/// `None` where the text looks like a name: its first word is no number, and no comma is in it.
 ///
 /// # Errors
 /// `InvalidArgument` that says which number is wrong or missing.
@@ -33,8 +33,7 @@ pub fn ray(text: &str) -> Result<Option<[[f32; 3]; 2]>> {
     const NAMES: [&str; 6] =
         ["origin x", "origin y", "origin z", "direction x", "direction y", "direction z"];
     let parts: Vec<&str> = text.split([',', ' ', '\t']).filter(|part| !part.is_empty()).collect();
-    let is_number = |part: &&str| part.parse::<f32>().is_ok();
-    if !text.contains(',') && !parts.iter().any(is_number) {
+    if !text.contains(',') && parts.first().is_some_and(|part| part.parse::<f32>().is_err()) {
         return Ok(None);
     }
     let invalid = |why: String| {
@@ -115,6 +114,8 @@ mod tests {
         assert_eq!(ray("0,1.5,5 0,-0.25,-1").unwrap(), Some([[0.0, 1.5, 5.0], [0.0, -0.25, -1.0]]));
         assert_eq!(ray("-1 -2 -3 -4 -5 -6e0").unwrap(), Some([[-1.0, -2.0, -3.0], [-4.0, -5.0, -6.0]]));
         assert_eq!(ray("a chain in the field").unwrap(), None);
+        assert_eq!(ray("cap 1").unwrap(), None);
+        assert!(ray("").unwrap_err().message().contains("0 of 6 numbers; origin x is missing"));
     }
 
     #[test]

@@ -1,12 +1,15 @@
 //! What an invocation changed in buffers and images.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
+use crate::debug::layout::Layout;
 use crate::debug::story::{Target, Write};
-use crate::debug::values::Content;
+use crate::debug::values::{self, Value};
 use crate::machine::format::Class;
 use crate::machine::image::Image;
-use crate::machine::{Binding, Descriptor, Resources};
+use crate::machine::{Binding, Buffer, Descriptor, Resources};
+use crate::pipeline::Pipeline;
 use crate::scene::ResolvedScene;
 
 /// Changes listed; the rest is counted.
@@ -15,13 +18,24 @@ const LISTED: usize = 256;
 /// Buffers and images as they were.
 #[derive(Debug)]
 pub struct Snapshot {
-    words: BTreeMap<(Binding, usize), Vec<u32>>,
+    contents: BTreeMap<(Binding, usize), Content>,
+}
+
+#[derive(Debug)]
+enum Content {
+    Words(Vec<u32>),
+    Image(Arc<Image>),
 }
 
 impl Snapshot {
     /// Copies everything that a shader may write.
     pub fn take(resources: &Resources) -> Self {
-        Self { words: descriptors(resources).filter_map(|(at, one)| Some((at, words(one)?))).collect() }
+        let content = |descriptor: &Descriptor| match descriptor {
+            Descriptor::Buffer(buffer) => Some(Content::Words(words(buffer))),
+            Descriptor::Image(image) => Some(Content::Image(image.copied())),
+            _ => None,
+        };
+        Self { contents: descriptors(resources).filter_map(|(at, one)| Some((at, content(one)?))).collect() }
     }
 
     /// The changes since, those of the first resource first, and how many are left out.
@@ -30,39 +44,94 @@ impl Snapshot {
     pub fn changes(
         &self,
         scene: &ResolvedScene,
+        pipeline: &Pipeline,
         resources: &Resources,
         id: Option<[u32; 3]>,
     ) -> (Vec<Write>, usize) {
-        let mut writes = Vec::new();
-        let mut left_out = 0;
         let output = scene.output().map(|output| Binding { set: output.set, binding: output.binding });
+        let mut all = Vec::new();
         for (at, descriptor) in descriptors(resources) {
-            let (Some(before), Some(after)) = (self.words.get(&at), words(descriptor)) else { continue };
-            let expected = id.filter(|_| Some(at.0) == output && at.1 == 0);
-            let step = step(descriptor);
-            let chunks = before.chunks(step).zip(after.chunks(step)).enumerate();
-            for (number, (before, after)) in chunks {
-                let target = target(descriptor, number);
-                let wanted = expected.is_some_and(|id| target == Target::Texel([id[0], id[1]]));
-                if before == after && !wanted {
-                    continue;
+            let changes = match (self.contents.get(&at), descriptor) {
+                (Some(Content::Image(before)), Descriptor::Image(after)) => {
+                    texels(before, after, id.filter(|_| Some(at.0) == output && at.1 == 0))
                 }
-                if writes.len() == LISTED {
-                    left_out += 1;
-                    continue;
+                (Some(Content::Words(before)), Descriptor::Buffer(after)) => {
+                    parts(Layout::of(pipeline, at.0), before, &words(after))
                 }
-                writes.push(Write {
-                    resource: name(scene, at.0),
-                    set: at.0.set,
-                    binding: at.0.binding,
-                    at: target,
-                    before: content(descriptor, before),
-                    after: content(descriptor, after),
-                });
-            }
+                _ => continue,
+            };
+            let name = name(scene, at.0);
+            all.extend(changes.into_iter().map(|Change { target, member, before, after }| Write {
+                resource: name.clone(),
+                set: at.0.set,
+                binding: at.0.binding,
+                at: target,
+                member,
+                before,
+                after,
+            }));
         }
-        (writes, left_out)
+        let left_out = all.len().saturating_sub(LISTED);
+        all.truncate(LISTED);
+        (all, left_out)
     }
+}
+
+struct Change {
+    target: Target,
+    member: Option<String>,
+    before: Value,
+    after: Value,
+}
+
+/// Changed texels of the first mip level, and one that is wanted in any case.
+fn texels(before: &Image, after: &Image, wanted: Option<[u32; 3]>) -> Vec<Change> {
+    let shape = after.shape();
+    let [width, height, _] = shape.extent.map(u64::from);
+    let mut changes = Vec::new();
+    for number in 0..shape.level_texels(0) {
+        let texel = number / u64::from(shape.samples);
+        let at = [texel % width, texel / width % height, texel / (width * height)].map(|axis| axis as u32);
+        let bits = |image: &Image| image.load(number as usize);
+        if bits(before) != bits(after) || wanted == Some(at) {
+            let (before, after) = (colour(before, bits(before)), colour(after, bits(after)));
+            changes.push(Change { target: Target::Texel(at), member: None, before, after });
+        }
+    }
+    changes
+}
+
+/// Changed words of a buffer, those of a vector as one where the type is known.
+fn parts(layout: Option<Layout<'_>>, before: &[u32], after: &[u32]) -> Vec<Change> {
+    let mut changes = Vec::new();
+    let mut done = 0;
+    for at in 0..before.len().min(after.len()) {
+        if at < done || before[at] == after[at] {
+            continue;
+        }
+        let byte = 4 * at as u64;
+        let part = layout.and_then(|layout| Some((layout, layout.part(byte)?)));
+        let part = part.filter(|(_, part)| part.offset + part.size <= 4 * before.len() as u64);
+        changes.push(match part {
+            Some((layout, part)) => {
+                let words = (part.offset / 4) as usize..((part.offset + part.size) / 4) as usize;
+                done = words.end;
+                Change {
+                    target: Target::Byte(part.offset),
+                    before: layout.value(&part, &before[words.clone()]),
+                    after: layout.value(&part, &after[words]),
+                    member: Some(part.path),
+                }
+            }
+            None => {
+                let word =
+                    |word: u32| Value { ty: "uint".into(), content: values::Content::Uint(word.into()) };
+                let (before, after) = (word(before[at]), word(after[at]));
+                Change { target: Target::Byte(byte), member: None, before, after }
+            }
+        });
+    }
+    changes
 }
 
 /// Buffers and images, each once though two bindings may name it.
@@ -72,85 +141,37 @@ fn descriptors(resources: &Resources) -> impl Iterator<Item = ((Binding, usize),
     })
 }
 
-fn words(descriptor: &Descriptor) -> Option<Vec<u32>> {
-    match descriptor {
-        Descriptor::Buffer(buffer) => Some(
-            buffer
-                .bytes()
-                .chunks(4)
-                .map(|chunk| {
-                    let mut word = [0; 4];
-                    word[..chunk.len()].copy_from_slice(chunk);
-                    u32::from_le_bytes(word)
-                })
-                .collect(),
-        ),
-        Descriptor::Image(image) => Some(components(image)),
-        _ => None,
-    }
-}
-
-/// The components of every texel that the format has, as a shader reads them; 64-bit ones as two words.
-fn components(image: &Image) -> Vec<u32> {
-    let format = image.format();
-    let texels = (0..image.shape().texels() as usize).map(|index| format.decode(image.load(index)));
-    let parts = texels.flat_map(|texel| texel.into_iter().take(usize::from(format.channels)));
-    parts
-        .flat_map(|part| {
-            [part as u32, (part >> 32) as u32].into_iter().take(if format.is_wide() { 2 } else { 1 })
-        })
-        .collect()
-}
-
-/// Words of a texel among its image's [`components`].
-fn texel_words(image: &Image) -> usize {
-    let format = image.format();
-    usize::from(format.channels) * if format.is_wide() { 2 } else { 1 }
-}
-
-/// Words that are shown together: a texel, a word of a buffer.
-fn step(descriptor: &Descriptor) -> usize {
-    match descriptor {
-        Descriptor::Image(image) => texel_words(image),
-        _ => 1,
-    }
-}
-
-fn target(descriptor: &Descriptor, number: usize) -> Target {
-    match descriptor {
-        Descriptor::Image(image) => {
-            let width = image.shape().extent[0] as usize;
-            Target::Texel([(number % width) as u32, (number / width) as u32])
-        }
-        _ => Target::Byte(4 * number as u64),
-    }
-}
-
-fn content(descriptor: &Descriptor, words: &[u32]) -> Content {
-    match descriptor {
-        Descriptor::Image(image) => texel(image, words),
-        // Without a type it may be either: the reader sees both.
-        _ => Content::List(
-            words
-                .iter()
-                .flat_map(|&word| [Content::Uint(word.into()), Content::f32(f32::from_bits(word))])
-                .collect(),
-        ),
-    }
-}
-
-fn texel(image: &Image, words: &[u32]) -> Content {
-    let components = match (image.format().class(), image.format().is_wide()) {
-        (Class::Float, _) => words.iter().map(|&word| Content::f32(f32::from_bits(word))).collect(),
-        (Class::Sint, false) => words.iter().map(|&word| Content::Int((word as i32).into())).collect(),
-        (Class::Uint, false) => words.iter().map(|&word| Content::Uint(word.into())).collect(),
-        (class, true) => {
-            let bits = words.chunks_exact(2).map(|pair| u64::from(pair[0]) | u64::from(pair[1]) << 32);
-            let signed = class == Class::Sint;
-            bits.map(|bits| if signed { Content::Int(bits as i64) } else { Content::Uint(bits) }).collect()
-        }
+fn words(buffer: &Buffer) -> Vec<u32> {
+    let word = |chunk: &[u8]| {
+        let mut word = [0; 4];
+        word[..chunk.len()].copy_from_slice(chunk);
+        u32::from_le_bytes(word)
     };
-    Content::List(components)
+    buffer.bytes().chunks(4).map(word).collect()
+}
+
+/// A texel as a shader reads it, without the components that the format lacks.
+fn colour(image: &Image, bits: u128) -> Value {
+    let format = image.format();
+    let (prefix, scalar) = match (format.class(), format.is_wide()) {
+        (Class::Float, _) => ("", "float"),
+        (Class::Sint, false) => ("i", "int"),
+        (Class::Uint, false) => ("u", "uint"),
+        (Class::Sint, true) => ("i64", "int64_t"),
+        (Class::Uint, true) => ("u64", "uint64_t"),
+    };
+    let component = |part: u64| match format.class() {
+        Class::Float => values::Content::f32(f32::from_bits(part as u32)),
+        Class::Sint => values::Content::Int(part as i64),
+        Class::Uint => values::Content::Uint(part),
+    };
+    let parts: Vec<_> = format.decode(bits).into_iter().take(format.channels.into()).map(component).collect();
+    match <[values::Content; 1]>::try_from(parts) {
+        Ok([content]) => Value { ty: scalar.to_owned(), content },
+        Err(parts) => {
+            Value { ty: format!("{prefix}vec{}", parts.len()), content: values::Content::List(parts) }
+        }
+    }
 }
 
 fn name(scene: &ResolvedScene, at: Binding) -> String {

@@ -6,6 +6,7 @@
 //! writes a file or a terminal.
 
 pub mod command;
+mod layout;
 mod memory;
 pub mod names;
 mod page;

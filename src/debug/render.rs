@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use crate::debug::page::{Ink, Page, grouped};
 use crate::debug::story::{
-    Decision, Hit, How, Instance, InstanceVerdict, Primitive, PrimitiveVerdict, RecordChoice, ShaderLabel,
-    ShaderRun, SourceLine, Step, Story, Target, Trace, Write,
+    Decision, Hit, How, Instance, InstanceVerdict, NamedValue, Primitive, PrimitiveVerdict, RecordChoice,
+    ShaderLabel, ShaderRun, SourceLine, Step, Story, Target, Trace, Write,
 };
 use crate::debug::values::{Content, Float, Value};
 
@@ -15,6 +15,9 @@ const NEAREST: usize = 6;
 const INSTANCES: usize = 12;
 /// Changes in memory that are shown.
 const WRITES: usize = 16;
+
+/// Structs whose text has more bytes are shown member by member.
+const LONG: usize = 72;
 
 /// How text is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,7 +80,7 @@ impl Writer {
 
     fn trace(&mut self, trace: &Trace) {
         let head = self.page.ink(Ink::Head, format_args!("ray at depth {}", trace.depth));
-        self.page.line(format_args!("{head}{}", called_at(trace.called_at.as_ref())));
+        self.page.line(format_args!("{head}{}", called_at(trace.called_at.as_ref(), "traced")));
         self.page.nested("│ ", |page| {
             let mut inner = Writer { page: std::mem::replace(page, Page::new(false)), all: self.all };
             inner.trace_body(trace);
@@ -86,7 +89,7 @@ impl Writer {
     }
 
     fn trace_body(&mut self, trace: &Trace) {
-        let mut rows = vec![
+        let mut rows: Vec<(String, String)> = [
             ("origin", vector(&trace.origin)),
             ("direction", format!("{}, length {}", vector(&trace.direction), trace.direction_length)),
             ("interval", format!("t from {} to {}", trace.t_min, trace.t_max)),
@@ -98,11 +101,11 @@ impl Writer {
                 },
             ),
             ("cull mask", format!("{:#04x}", trace.cull_mask)),
-        ];
-        rows.extend(trace.structure.iter().map(|name| ("structure", format!("`{name}`"))));
-        if let Some(payload) = &trace.payload_before {
-            rows.push(("payload", payload.to_string()));
-        }
+        ]
+        .map(|(label, text)| (label.to_owned(), text))
+        .into();
+        rows.extend(trace.structure.iter().map(|name| ("structure".to_owned(), format!("`{name}`"))));
+        rows.extend(trace.payload_before.iter().flat_map(|value| spread("payload", value)));
         self.page.rows(rows);
         self.page.gap();
         self.instances(trace);
@@ -117,7 +120,7 @@ impl Writer {
                 self.page.line(text);
                 return;
             }
-            (Some(hit), Some(record)) => self.hit(hit, record),
+            (Some(hit), Some(record)) => self.hit(hit, record, trace.shader.as_deref()),
             (None, Some(record)) => {
                 let head = self.page.ink(Ink::Head, "miss");
                 self.page.line(head);
@@ -132,9 +135,9 @@ impl Writer {
             (None, Some(why)) => self.page.line(format_args!("  no shader runs: {why}")),
             (None, None) => {}
         }
-        if let (Some(before), Some(after)) = (&trace.payload_before, &trace.payload_after) {
+        if let Some(after) = &trace.payload_after {
             self.page.gap();
-            self.payload_change("payload of the ray", before, after);
+            self.page.rows(spread("payload after the ray", after));
         }
     }
 
@@ -171,7 +174,10 @@ impl Writer {
             names => format!(" `{}`", names.join("`, `")),
         };
         let kind = instance.primitive_kind.as_deref().unwrap_or("no geometry");
-        let of = format!("{} {kind}", grouped(instance.primitives as u64));
+        let of = match instance.primitives {
+            1 => format!("1 {}", kind.trim_end_matches('s')),
+            count => format!("{} {kind}", grouped(count as u64)),
+        };
         let verdict = match instance.verdict {
             InstanceVerdict::Entered => self.page.ink(Ink::Kept, "entered"),
             InstanceVerdict::Masked => {
@@ -195,18 +201,17 @@ impl Writer {
         let head = format!("instance {}{names}: {of}", instance.instance);
         self.page.line(format_args!("{head}; mask {}: {verdict}", masks(instance.mask, trace.cull_mask)));
         if instance.verdict == InstanceVerdict::Entered {
-            self.tested(instance);
+            self.tested(instance, trace);
         }
     }
 
-    fn tested(&mut self, instance: &Instance) {
+    fn tested(&mut self, instance: &Instance, trace: &Trace) {
         let tested = &instance.tested;
         let mut counts: BTreeMap<PrimitiveVerdict, u64> = BTreeMap::new();
         for one in tested {
             *counts.entry(one.verdict).or_default() += 1;
         }
-        let words: Vec<String> =
-            counts.iter().map(|(verdict, count)| format!("{count} {}", short(*verdict))).collect();
+        let words: Vec<String> = counts.iter().map(|(verdict, count)| short(*verdict, *count)).collect();
         let nodes = match instance.nodes {
             0 => String::new(),
             nodes => format!("{} of its tree opened, ", counted(nodes, "node")),
@@ -220,7 +225,11 @@ impl Writer {
         let left = if self.all { 0 } else { shown.len().saturating_sub(NEAREST) };
         shown.truncate(shown.len() - left);
         for one in shown {
-            self.primitive(one);
+            let place = (instance.instance, one.geometry, one.primitive);
+            let hit = trace.hit.as_ref().map(|hit| (hit.instance, hit.geometry, hit.primitive));
+            let mut decisions = trace.decisions.iter();
+            let is_decided = decisions.any(|one| (one.instance, one.geometry, one.primitive) == place);
+            self.primitive(one, hit == Some(place), is_decided);
         }
         if left > 0 {
             let text = self.page.ink(Ink::Dim, format_args!("... {left} farther (--all shows them)"));
@@ -228,15 +237,19 @@ impl Writer {
         }
     }
 
-    fn primitive(&mut self, one: &Primitive) {
+    fn primitive(&mut self, one: &Primitive, is_hit: bool, is_decided: bool) {
         let place = format!("geometry {}, primitive {}", one.geometry, one.primitive);
         let met = match (one.t, one.surface) {
             (Some(t), Some(surface)) => format!(", t {t}, {surface}"),
             _ => String::new(),
         };
         let verdict = match one.verdict {
-            PrimitiveVerdict::Opaque => self.page.ink(Ink::Kept, "opaque hit, the closest so far"),
-            PrimitiveVerdict::Candidate => self.page.ink(Ink::Kept, "candidate: a shader decides"),
+            PrimitiveVerdict::Opaque if is_hit => self.page.ink(Ink::Kept, "opaque hit, the closest"),
+            PrimitiveVerdict::Opaque => self.page.ink(Ink::Dim, "opaque hit, then a closer one was found"),
+            PrimitiveVerdict::Candidate if is_decided => self.page.ink(Ink::Kept, "candidate, see below"),
+            PrimitiveVerdict::Candidate => {
+                self.page.ink(Ink::Dim, "candidate whose turn did not come: a closer hit ended the search")
+            }
             PrimitiveVerdict::Behind => {
                 let behind = one.behind.map_or_else(String::new, |t| format!(" at t {t}"));
                 self.page.ink(Ink::Dim, format_args!("dropped: behind a known hit{behind}"))
@@ -260,7 +273,7 @@ impl Writer {
         self.page.line(format_args!(
             "{head}  instance {instance}, geometry {geometry}, primitive {primitive}, {at} t {t}"
         ));
-        self.record(record, shader.as_ref());
+        self.record(record, None);
         match shader {
             Some(run) => self.nested(|writer| writer.shader(run)),
             None if *is_box => {
@@ -270,7 +283,7 @@ impl Writer {
         }
     }
 
-    fn hit(&mut self, hit: &Hit, record: &RecordChoice) {
+    fn hit(&mut self, hit: &Hit, record: &RecordChoice, run: Option<&ShaderRun>) {
         let head = self.page.ink(Ink::Head, "hit");
         let name = hit.geometry_name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
         self.page.line(format_args!(
@@ -283,7 +296,7 @@ impl Writer {
             ("hit kind", format!("{:#x}, {}", hit.hit_kind, hit.hit_kind_name)),
         ];
         rows.extend(hit.attributes.iter().map(|one| (one.name, one.value.to_string())));
-        rows.push(("position", format!("about {}", vector(&hit.position))));
+        rows.push(("hit point", format!("about {}", vector(&hit.position))));
         rows.push((
             "object ray",
             format!(
@@ -294,7 +307,7 @@ impl Writer {
         ));
         rows.extend(hit.data.iter().map(|one| (one.name, one.value.to_string())));
         self.page.nested("  ", |page| page.rows(rows));
-        self.record(record, None);
+        self.record(record, run);
     }
 
     fn record(&mut self, record: &RecordChoice, run: Option<&ShaderRun>) {
@@ -313,7 +326,8 @@ impl Writer {
             (Some(name), Some(_)) => format!("group \"{name}\""),
             (None, Some(group)) => format!("group {group}"),
         };
-        let run = run.map_or_else(String::new, |run| format!(" -> {}", label(&run.shader)));
+        let run =
+            run.map_or_else(String::new, |run| format!(" -> {} {}", run.shader.stage, label(&run.shader)));
         self.page.line(format_args!("  {sum} -> {group}{run}"));
     }
 
@@ -324,10 +338,10 @@ impl Writer {
     }
 
     fn shader_body(&mut self, run: &ShaderRun) {
-        let mut rows: Vec<(&str, String)> =
-            run.builtins.iter().map(|one| (one.name, annotated(one.name, &one.value))).collect();
-        rows.extend(run.attributes.iter().map(|value| ("hit attribute", value.to_string())));
-        rows.extend(run.payload_before.iter().map(|value| (payload_word(run), value.to_string())));
+        let builtin = |one: &NamedValue| (one.name.to_owned(), annotated(one.name, &one.value));
+        let mut rows: Vec<(String, String)> = run.builtins.iter().map(builtin).collect();
+        rows.extend(run.attributes.iter().flat_map(|value| spread("hit attribute", value)));
+        rows.extend(run.payload_before.iter().flat_map(|value| spread(payload_word(run), value)));
         self.page.rows(rows);
         for step in &run.steps {
             self.page.gap();
@@ -348,7 +362,7 @@ impl Writer {
             }
             (How::Trapped, _) => {
                 let message = run.exit.message.unwrap_or_default();
-                let text = format!("TRAPPED: {message}{}", called_at(run.exit.at.as_ref()));
+                let text = format!("TRAPPED: {message}{}", called_at(run.exit.at.as_ref(), ""));
                 self.page.ink(Ink::Trap, text)
             }
         };
@@ -362,7 +376,7 @@ impl Writer {
             .filter(|((_, before), (_, after))| before != after)
             .map(|((path, before), (_, after))| {
                 let name = if path.is_empty() { word.to_owned() } else { format!("{word}.{path}") };
-                (name, format!("{} {} -> {}", before.ty, before.content, after.content))
+                (name, change(before, after))
             })
             .collect();
         if changed.is_empty() {
@@ -396,18 +410,20 @@ impl Writer {
     }
 
     fn write(&mut self, write: &Write) {
-        let at = match write.at {
-            Target::Texel([x, y]) => format!("texel ({x}, {y})"),
-            Target::Byte(offset) => format!("byte {offset}"),
+        let at = match (write.at, &write.member) {
+            (Target::Texel([x, y, 0]), _) => format!("texel ({x}, {y})"),
+            (Target::Texel([x, y, z]), _) => format!("texel ({x}, {y}, {z})"),
+            (Target::Byte(_), Some(member)) => member.clone(),
+            (Target::Byte(offset), None) => format!("byte {offset}"),
         };
         let change = if write.before == write.after {
             format!("{}, unchanged", write.after)
         } else {
-            format!("{} -> {}", write.before, write.after)
+            change(&write.before, &write.after)
         };
         let name = self.page.ink(Ink::Name, &write.resource);
         let (set, binding) = (write.set, write.binding);
-        self.page.line(format_args!("  {name} (set {set}, binding {binding}) {at}: {change}"));
+        self.page.line(format_args!("  {name} (set {set}, binding {binding})  {at}  {change}"));
     }
 
     fn nested(&mut self, write: impl FnOnce(&mut Self)) {
@@ -420,12 +436,12 @@ impl Writer {
     }
 }
 
-fn called_at(line: Option<&SourceLine>) -> String {
-    match line {
-        Some(SourceLine { file, line, text: Some(text) }) => format!(" at {file}:{line}: {text}"),
-        Some(SourceLine { file, line, text: None }) => format!(" at {file}:{line}"),
-        None => String::new(),
-    }
+/// ` traced at a.rgen:19: the line's text`
+fn called_at(line: Option<&SourceLine>, verb: &str) -> String {
+    let Some(SourceLine { file, line, text }) = line else { return String::new() };
+    let text = text.as_ref().map_or_else(String::new, |text| format!(": {text}"));
+    let gap = if verb.is_empty() { "" } else { ", " };
+    format!("{gap}{verb} at {file}:{line}{text}")
 }
 
 fn label(shader: &ShaderLabel) -> String {
@@ -458,6 +474,21 @@ fn annotated(name: &str, value: &Value) -> String {
     }
 }
 
+/// A row for a value, or a row for each of its parts where one would be long.
+fn spread(word: &str, value: &Value) -> Vec<(String, String)> {
+    let text = value.to_string();
+    if text.len() <= LONG {
+        return vec![(word.to_owned(), text)];
+    }
+    let path = |path: String| if path.is_empty() { word.to_owned() } else { format!("{word}.{path}") };
+    value.parts().into_iter().map(|(part, value)| (path(part), value.to_string())).collect()
+}
+
+/// `vec3(0, 0, 0) -> (0.5, 0, 0)`
+fn change(before: &Value, after: &Value) -> String {
+    format!("{before} -> {}", after.content)
+}
+
 fn vector(values: &[Float; 3]) -> String {
     format!("({}, {}, {})", values[0], values[1], values[2])
 }
@@ -475,16 +506,17 @@ fn counted(count: u64, what: &str) -> String {
     format!("{} {what}{}", grouped(count), if count == 1 { "" } else { "s" })
 }
 
-fn short(verdict: PrimitiveVerdict) -> &'static str {
-    match verdict {
-        PrimitiveVerdict::Opaque => "opaque hit",
-        PrimitiveVerdict::Candidate => "candidate",
+fn short(verdict: PrimitiveVerdict, count: u64) -> String {
+    let what = match verdict {
+        PrimitiveVerdict::Opaque => return counted(count, "opaque hit"),
+        PrimitiveVerdict::Candidate => return counted(count, "candidate"),
         PrimitiveVerdict::Behind => "behind a known hit",
         PrimitiveVerdict::OutsideInterval => "outside the interval",
         PrimitiveVerdict::CulledByOpacity => "culled by opacity",
         PrimitiveVerdict::CulledByFace => "culled by face",
         PrimitiveVerdict::Missed => "missed",
-    }
+    };
+    format!("{} {what}", grouped(count))
 }
 
 fn instance_word(verdict: InstanceVerdict) -> &'static str {

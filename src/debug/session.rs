@@ -70,8 +70,10 @@ impl Session {
         let Some(root) = root else {
             return Err(Error::new(ErrorKind::InvalidScene, "the ray generation record is a null handle"));
         };
-        let (writes, writes_left_out) =
-            snapshot.changes(&self.scene, &self.assembled.resources, launch.map(|launch| launch.id));
+        let (writes, writes_left_out) = {
+            let Assembled { pipeline, resources, .. } = &self.assembled;
+            snapshot.changes(&self.scene, pipeline, resources, launch.map(|launch| launch.id))
+        };
         let story = Story {
             version: VERSION,
             scene: self.scene.path.display().to_string(),

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::debug::values::{Content, Float, Value};
+use crate::debug::values::{Float, Value};
 
 /// The version of the JSON.
 pub const VERSION: u32 = 1;
@@ -389,20 +389,22 @@ pub struct Write {
     pub set: u32,
     /// Binding.
     pub binding: u32,
-    /// Where in it: `texel (3, 4)` or `bytes 16..32`.
+    /// Where in it.
     pub at: Target,
+    /// The path of what changed in a buffer's type, where that is known.
+    pub member: Option<String>,
     /// Before.
-    pub before: Content,
+    pub before: Value,
     /// After.
-    pub after: Content,
+    pub after: Value,
 }
 
 /// Where in a resource.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Target {
-    /// x and y.
-    Texel([u32; 2]),
-    /// The byte offset of a word.
+    /// x, y, and the depth or layer.
+    Texel([u32; 3]),
+    /// The offset of the first byte.
     Byte(u64),
 }

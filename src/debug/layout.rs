@@ -1,0 +1,120 @@
+//! Which part of a buffer's type a byte belongs to.
+
+use crate::debug::values::Value;
+use crate::machine::Binding;
+use crate::module::Module;
+use crate::module::ty::{MatrixLayout, Type, TypeId};
+use crate::pipeline::Pipeline;
+
+/// `DescriptorSet` and `Binding`, numbers of decorations.
+const DESCRIPTOR_SET: u32 = 34;
+const BINDING: u32 = 33;
+
+/// The type by which shaders see a buffer.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout<'a> {
+    module: &'a Module,
+    ty: TypeId,
+}
+
+/// A scalar or vector in a buffer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Its path from the buffer's block: `outputs[3].normal`.
+    pub path: String,
+    /// Its first byte.
+    pub offset: u64,
+    /// Its size in bytes.
+    pub size: u64,
+    ty: TypeId,
+}
+
+impl<'a> Layout<'a> {
+    /// How the first shader that declares it sees a binding.
+    pub fn of(pipeline: &'a Pipeline, binding: Binding) -> Option<Self> {
+        pipeline.programs.iter().find_map(|program| {
+            let module = &*program.module;
+            let number = |id, decoration| module.decorations.literal(id, decoration);
+            let variable = module.variables.iter().find(|variable| {
+                number(variable.id, DESCRIPTOR_SET) == Some(binding.set)
+                    && number(variable.id, BINDING) == Some(binding.binding)
+            })?;
+            match *module.ty(variable.pointer) {
+                Type::Pointer { pointee: Some(ty), .. } => Some(Self { module, ty }),
+                _ => None,
+            }
+        })
+    }
+
+    /// The scalar or vector that holds a byte; `None` in gaps, and where scalars are no words.
+    pub fn part(&self, byte: u64) -> Option<Part> {
+        let part = self.find(self.ty, 0, byte, None, String::new())?;
+        (byte < part.offset + part.size && part.offset % 4 == 0).then_some(part)
+    }
+
+    /// The value of a part from its words.
+    pub fn value(&self, part: &Part, words: &[u32]) -> Value {
+        Value::of_type(self.module, part.ty, words)
+    }
+
+    fn find(
+        &self,
+        ty: TypeId,
+        start: u64,
+        byte: u64,
+        matrix: Option<MatrixLayout>,
+        path: String,
+    ) -> Option<Part> {
+        let within = byte - start;
+        match self.module.ty(ty) {
+            Type::Struct { members, .. } => {
+                let placed = members.iter().filter_map(|member| Some((u64::from(member.offset?), member)));
+                let (offset, member) =
+                    placed.filter(|&(offset, _)| offset <= within).max_by_key(|&(offset, _)| offset)?;
+                let dot = if path.is_empty() { "" } else { "." };
+                self.find(
+                    member.ty,
+                    start + offset,
+                    byte,
+                    member.matrix,
+                    format!("{path}{dot}{}", member.name),
+                )
+            }
+            Type::Array { element, stride: Some(stride), .. }
+            | Type::RuntimeArray { element, stride: Some(stride) } => {
+                let index = within.checked_div((*stride).into())?;
+                let start = start + index * u64::from(*stride);
+                self.find(*element, start, byte, matrix, format!("{path}[{index}]"))
+            }
+            Type::Matrix { column, .. } => {
+                let MatrixLayout { stride, row_major } = matrix?;
+                let index = within.checked_div(stride.into())?;
+                if !row_major {
+                    return self.find(
+                        *column,
+                        start + index * u64::from(stride),
+                        byte,
+                        None,
+                        format!("{path}[{index}]"),
+                    );
+                }
+                let Type::Vector { component, .. } = *self.module.ty(*column) else { return None };
+                let size = self.module.size_of(component)?;
+                let across = (within - index * u64::from(stride)).checked_div(size)?;
+                let start = start + index * u64::from(stride) + across * size;
+                self.find(component, start, byte, None, format!("{path}[{across}][{index}]"))
+            }
+            &Type::Vector { component, .. } => self.whole(ty, component, start, path),
+            _ => self.whole(ty, ty, start, path),
+        }
+    }
+
+    fn whole(&self, ty: TypeId, scalar: TypeId, offset: u64, path: String) -> Option<Part> {
+        match self.module.ty(scalar) {
+            Type::Int { width: 32 | 64, .. } | Type::Float { width: 32 | 64, encoding: None } => {
+                Some(Part { path, offset, size: self.module.size_of(ty)?, ty })
+            }
+            _ => None,
+        }
+    }
+}

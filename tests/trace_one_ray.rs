@@ -1,0 +1,280 @@
+//! `anyhit trace-one-ray` from the outside: what it says of small scenes, whose facts are derived
+//! by hand, and how it answers what makes no sense.
+//!
+//! `tests/trace-one-ray/*.stdout` hold renderings, and `BLESS=1 cargo test` writes them anew: they
+//! guard the form. The facts are guarded by the expectations here, which nobody blesses.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use pretty_assertions::assert_eq;
+use serde_json::{Value, json};
+
+fn run(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .arg("trace-one-ray")
+        .args(arguments)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("the binary of this crate starts")
+}
+
+/// What `--json` says.
+fn told(scene: &str, arguments: &[&str]) -> Value {
+    let scene = format!("tests/trace-one-ray/{scene}.toml");
+    let output = run(&[&[&scene, "--json"], arguments].concat());
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| {
+        panic!(
+            "{error}: {}{}",
+            String::from_utf8_lossy(&output.stdout),
+            String::from_utf8_lossy(&output.stderr)
+        )
+    })
+}
+
+/// Compares text with a file, or writes that where `BLESS` is set.
+fn renders(name: &str, arguments: &[&str]) {
+    let output = run(arguments);
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "", "{name}");
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/trace-one-ray/{name}.stdout"));
+    if std::env::var_os("BLESS").is_some() {
+        std::fs::write(&path, &text).expect("the folder is there");
+    }
+    let expected = std::fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(text, expected, "{name}: `BLESS=1 cargo test` if the new form is meant");
+}
+
+/// The one member of a payload with a name.
+fn member<'a>(payload: &'a Value, name: &str) -> &'a Value {
+    let members = payload["value"].as_array().expect("a struct");
+    &members.iter().find(|member| member["name"] == name).expect("such a member")["value"]
+}
+
+#[test]
+fn the_guide_shows_what_is_printed() {
+    const BEGIN: &str = "<!-- demo.stdout -->\n```text\n";
+    const END: &str = "```\n<!-- end -->";
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/trace-one-ray.md");
+    let guide = std::fs::read_to_string(&path).expect("the guide");
+    let (before, rest) = guide.split_once(BEGIN).expect("the place where the output begins");
+    let (shown, after) = rest.split_once(END).expect("the place where the output ends");
+    let printed = String::from_utf8(run(&[]).stdout).expect("UTF-8");
+    if std::env::var_os("BLESS").is_some() {
+        std::fs::write(&path, [before, BEGIN, &printed, END, after].concat()).expect("the guide");
+        return;
+    }
+    assert_eq!(shown, printed, "`BLESS=1 cargo test` if the new form is meant");
+}
+
+/// A number that was printed as an `f32`.
+fn single(value: &Value) -> f32 {
+    value.as_f64().expect("a number") as f32
+}
+
+#[test]
+fn renderings() {
+    let scene = |name: &str| format!("tests/trace-one-ray/{name}.toml");
+    renders("demo", &[]);
+    renders("sphere-hit", &[&scene("sphere")]);
+    renders("sphere-miss", &[&scene("sphere"), "--ray", "beside"]);
+    renders("sphere-pixel", &[&scene("sphere"), "--pixel", "1,0"]);
+    renders("any-hit", &[&scene("any-hit")]);
+    renders("capsule-side", &[&scene("capsule")]);
+    renders("box", &[&scene("box")]);
+}
+
+#[test]
+fn a_sphere_is_hit_where_algebra_says() {
+    // (4 - t)^2 = 1 has the roots 3 and 5; the normal at (0, 0, 1) is that point itself.
+    let story = told("sphere", &[]);
+    assert_eq!(story["version"], 1);
+    let ray = &story["root"];
+    assert_eq!(ray["kind"], "trace");
+    let hit = &ray["hit"];
+    assert_eq!(
+        (&hit["t"], &hit["surface"], &hit["custom_index"]),
+        (&json!(3.0), &json!("sphere"), &json!(42))
+    );
+    assert_eq!(hit["position"], json!([0.0, 0.0, 1.0]));
+    assert_eq!(ray["t_max"], "inf");
+    let shader = &ray["shader"];
+    assert_eq!(
+        (&shader["shader"]["stage"], &shader["shader"]["name"]),
+        (&json!("ClosestHitKHR"), &json!("shade"))
+    );
+    assert_eq!(member(&shader["payload_before"], "hits"), 0);
+    assert_eq!(member(&shader["payload_after"], "hits"), 1);
+    assert_eq!(member(&ray["payload_after"], "normal"), &json!([0.0, 0.0, 1.0]));
+    assert_eq!(member(&ray["payload_after"], "t"), 3.0);
+    assert_eq!(story["counts"], json!({ "rays": 1, "shaders": { "ClosestHitKHR": 1 } }));
+}
+
+#[test]
+fn a_miss_names_its_record_and_shader() {
+    let story = told("sphere", &["--ray", "beside"]);
+    let ray = &story["root"];
+    assert_eq!(ray["hit"], Value::Null);
+    assert_eq!((&ray["record"]["table"], &ray["record"]["index"]), (&json!("miss"), &json!(0)));
+    assert_eq!(ray["instances"][0]["tested"][0]["verdict"], "missed");
+    // main.rmiss sets t to -1.
+    assert_eq!(member(&ray["payload_after"], "t"), -1.0);
+}
+
+#[test]
+fn a_mask_drops_an_instance_and_an_interval_a_primitive() {
+    // The instance's mask is 6 = 110b, the ray's 1.
+    let ray = &told("sphere", &["--ray", "0,0,4 0,0,-1", "--cull-mask", "0b1"])["root"];
+    assert_eq!(ray["instances"][0]["verdict"], "masked");
+    assert_eq!(ray["hit"], Value::Null);
+    let ray = &told("sphere", &["--ray", "0,0,4 0,0,-1", "--t-max", "2.5"])["root"];
+    let tested = &ray["instances"][0]["tested"][0];
+    assert_eq!((&tested["verdict"], &tested["t"]), (&json!("outside_interval"), &json!(3.0)));
+    let ray = &told("sphere", &["--ray", "0,0,4 0,0,-1", "--flags", "CullOpaque"])["root"];
+    assert_eq!(ray["instances"][0]["tested"][0]["verdict"], "culled_by_opacity");
+    let ray = &told("sphere", &["--ray", "0,0,4 0,0,-1", "--flags", "SkipTriangles"])["root"];
+    assert_eq!(ray["instances"][0]["verdict"], "skipped");
+    let ray = &told("sphere", &["--ray", "0,0,4 0,0,-1", "--flags", "SkipClosestHitShader"])["root"];
+    assert_eq!((&ray["hit"]["t"], &ray["shader"]), (&json!(3.0), &Value::Null));
+    assert_eq!(ray["no_shader"], "the ray's flag SkipClosestHitShaderKHR");
+}
+
+#[test]
+fn any_hit_ignores_the_first_triangle_and_takes_the_second() {
+    // From z = 10 downwards the triangles lie at t = 8, 9, 10; even primitives are ignored. The
+    // triangle (-1, -1), (1, -1), (0, 2) has its centroid at the origin.
+    let story = told("any-hit", &[]);
+    let ray = &story["root"]["steps"][0];
+    let decisions = ray["decisions"].as_array().unwrap();
+    let seen: Vec<_> = decisions
+        .iter()
+        .map(|one| {
+            (one["primitive"].as_u64().unwrap(), one["t"].as_f64().unwrap(), &one["shader"]["exit"]["how"])
+        })
+        .collect();
+    assert_eq!(seen, [(0, 8.0, &json!("ignored")), (1, 9.0, &json!("returned"))]);
+    assert_eq!(ray["hit"]["primitive"], 1);
+    let barycentrics = &ray["hit"]["attributes"][0]["value"];
+    assert_eq!([single(&barycentrics[0]), single(&barycentrics[1])], [1.0 / 3.0; 2]);
+    let payload = &ray["payload_after"];
+    assert_eq!((member(payload, "seen"), member(payload, "ignored")), (&json!(2), &json!(1)));
+    // outputs[0] = vec4(seen, ignored, committed, t)
+    let write = &story["writes"][0];
+    assert_eq!((&write["resource"], &write["member"]), (&json!("outputs"), &json!("outputs[0]")));
+    assert_eq!(write["after"]["value"], json!([2.0, 1.0, 1.0, 9.0]));
+}
+
+#[test]
+fn a_capsule_has_a_side_and_caps_and_a_record_by_arithmetic() {
+    // Straight down on the middle: the side at z = 1/2, u = 1/2.
+    let ray = &told("capsule", &[])["root"];
+    let hit = &ray["hit"];
+    assert_eq!(
+        (&hit["t"], &hit["surface"], &hit["attributes"][0]["value"]),
+        (&json!(3.5), &json!("side"), &json!(0.5))
+    );
+    assert_eq!(
+        ray["record"]["arithmetic"],
+        json!({ "instance_offset": 2, "geometry": 0, "stride": 1, "offset": 0 })
+    );
+    assert_eq!((&ray["record"]["index"], &ray["record"]["name"]), (&json!(2), &json!("capsules")));
+    // The second instance's mask is 2, the ray's 1.
+    assert_eq!(ray["instances"][1]["verdict"], "masked");
+    // Along the axis, at twice the speed: 4 - 2t = 3/2; on a cap u is that of its end.
+    let hit = &told("capsule", &["--ray", "cap 1"])["root"]["hit"];
+    assert_eq!((&hit["t"], &hit["surface"]), (&json!(1.25), &json!("cap 1")));
+    assert_eq!(single(&hit["attributes"][0]["value"]), 1.0);
+    // A record that the table lacks: 2 + 0 * 1 + 5 = 7 of 3.
+    let ray = &told("capsule", &["--ray", "0,0,4 0,0,-1", "--sbt-offset", "5"])["root"];
+    assert_eq!(ray["no_shader"], "the hit table has no record 7, only 3");
+}
+
+#[test]
+fn an_intersection_shader_reports_twice() {
+    // The unit sphere from z = 8: roots 9 (reported first, as kind 6) and 7 (kind 5). Both lie
+    // within the interval when reported, so any-hit runs twice.
+    let ray = &told("box", &[])["root"];
+    let run = &ray["decisions"][0]["shader"];
+    let steps: Vec<_> = run["steps"].as_array().unwrap().iter().map(|step| &step["kind"]).collect();
+    assert_eq!(steps, ["shader", "report", "shader", "report"]);
+    let report =
+        |at: usize| (&run["steps"][at]["t"], &run["steps"][at]["hit_kind"], &run["steps"][at]["accepted"]);
+    assert_eq!(report(1), (&json!(9.0), &json!(6), &json!(true)));
+    assert_eq!(report(3), (&json!(7.0), &json!(5), &json!(true)));
+    assert_eq!((&ray["hit"]["t"], &ray["hit"]["hit_kind"]), (&json!(7.0), &json!(5)));
+    assert_eq!(member(&ray["payload_after"], "any_hits"), 2);
+}
+
+#[test]
+fn the_demo_traces_a_shadow_ray_from_a_closest_hit_shader() {
+    let output = run(&["--json"]);
+    let story: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let ray = &story["root"]["steps"][0];
+    assert_eq!(ray["depth"], 1);
+    assert!(ray["called_at"]["file"].as_str().unwrap().ends_with("main.rgen"));
+    assert!(ray["called_at"]["text"].as_str().unwrap().starts_with("traceRayEXT("));
+    let shadow = &ray["shader"]["steps"][0];
+    assert_eq!((&shadow["depth"], &shadow["miss_index"]), (&json!(2), &json!(1)));
+    assert_eq!(shadow["flags"]["names"], json!(["TerminateOnFirstHitKHR", "SkipClosestHitShaderKHR"]));
+    assert_eq!(story["writes"][0]["at"], json!({ "texel": [470, 220, 0] }));
+}
+
+#[test]
+fn the_demo_runs_from_any_folder() {
+    let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .arg("trace-one-ray")
+        .current_dir(std::env::temp_dir())
+        .output()
+        .unwrap();
+    assert!(output.status.success());
+    assert!(!String::from_utf8_lossy(&output.stdout).contains('\u{1b}'), "no colour where no terminal is");
+}
+
+#[test]
+fn a_trap_is_told_with_its_line_and_ends_with_code_2() {
+    let output = run(&["tests/trace-one-ray/trap.toml", "--pixel", "5,0"]);
+    assert_eq!(output.status.code(), Some(2));
+    let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(stdout.contains("TRAPPED: a buffer is accessed outside its range at "), "{stdout}");
+    assert!(stderr.contains("main.rgen:11"), "{stderr}");
+    assert!(stderr.contains("^^^"), "{stderr}");
+    let story = told("trap", &["--pixel", "5,0"]);
+    let exit = &story["root"]["exit"];
+    assert_eq!((&exit["how"], &exit["at"]["line"]), (&json!("trapped"), &json!(11)));
+    assert_eq!(story["trap"]["message"], "a buffer is accessed outside its range");
+    // Its neighbour is well: 2 * 5 from inputs[4].
+    let story = told("trap", &["--pixel", "4,0"]);
+    assert_eq!(
+        (&story["writes"][0]["member"], &story["writes"][0]["after"]["value"]),
+        (&json!("outputs[4]"), &json!(10.0))
+    );
+}
+
+#[test]
+fn what_makes_no_sense_is_answered_with_code_2() {
+    const SPHERE: &str = "tests/trace-one-ray/sphere.toml";
+    const CAPSULE: &str = "tests/trace-one-ray/capsule.toml";
+    let cases: [(&[&str], &str); 12] = [
+        (&[SPHERE, "--pixel", "2,0"], "pixel 2,0 is outside the launch of 2 x 2 x 1"),
+        (&[SPHERE, "--pixel", "-1,0"], "`-1` is not a whole number from 0 on"),
+        (&[SPHERE, "--pixel", "1"], "it has 1 of 2 numbers"),
+        (&[SPHERE, "--ray", "0,0,4 0,zero,-1"], "number 5 (direction y) is `zero`"),
+        (&[SPHERE, "--ray", "0,0,4 0,0,0"], "points nowhere"),
+        (&[SPHERE, "--ray", "0,0,inf 0,0,1"], "number 3 (origin z) is inf"),
+        (&[SPHERE, "--ray", "sideways"], "the scene's named rays: \"head-on\", \"beside\""),
+        (&[SPHERE, "--ray", "0,0,4 0,0,-1", "--t-min", "-1"], "must begin at 0 or later"),
+        (&[SPHERE, "--ray", "0,0,4 0,0,-1", "--flags", "Opaque|NoOpaque"], "exclude each other"),
+        (&[SPHERE, "--ray", "0,0,4 0,0,-1", "--flags", "Shiny"], "`Shiny` is no ray flag"),
+        (&[CAPSULE, "--pixel", "0,0"], "no ray generation shader"),
+        (&["tests/trace-one-ray/nowhere.toml"], "nowhere.toml"),
+    ];
+    for (arguments, words) in cases {
+        let output = run(arguments);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(words), "{arguments:?}: {stderr}");
+        assert_eq!(String::from_utf8_lossy(&output.stdout), "", "{arguments:?}");
+    }
+    // Negative numbers are no options.
+    assert!(run(&[SPHERE, "--ray", "-0.5,0,4 -0,-0,-1"]).status.success());
+}
