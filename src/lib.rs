@@ -122,5 +122,10 @@ pub mod program;
 pub mod scene;
 
 pub use error::{Error, ErrorKind, Result};
+pub use geometry::Ray;
+pub use harness::hit::Hit;
+pub use harness::scene::Scene;
+pub use harness::shader_test::ShaderTest;
 pub use module::Module;
 pub use pipeline::Pipeline;
+pub use program::Program;

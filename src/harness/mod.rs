@@ -1,6 +1,21 @@
-//! Tests of shaders: expectations, and the cases that hold them.
+//! Tests of shaders, at three depths.
+//!
+//! * One shader by itself: a [`ShaderTest`](shader_test::ShaderTest) gives it a hand-made
+//!   [`Hit`](hit::Hit), any builtin, a payload, buffers, and reads back what it left.
+//! * One ray through a [`Scene`](scene::Scene) of a few instances, with
+//!   [`Pipeline::trace`](crate::Pipeline::trace).
+//! * A whole launch: a [`Launch`](crate::pipeline::Launch) over buffers and images, or a
+//!   [`case`]: a `scene.toml` whose `[expect]` says what must come out.
+//!
+//! `docs/testing.md` shows each.
 
+pub mod builtin_value;
 pub mod case;
 pub mod expect;
+pub mod hit;
+pub mod layout;
 mod memory;
 pub mod number;
+pub mod scene;
+pub mod shader_test;
+pub mod value;

@@ -22,6 +22,7 @@ use crate::program::Program;
 pub use group::{Group, HitGroup, Shader};
 pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Stats};
 pub use sbt::{Record, Sbt};
+pub(crate) use stack::trap_error;
 pub use witness::{Caller, Event, Witness};
 
 /// Operations that an invocation may spend at back edges and calls, unless set otherwise.

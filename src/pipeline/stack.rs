@@ -460,11 +460,7 @@ where
             return;
         }
         let program = &*self.pipeline.programs[running.shader.0 as usize];
-        let mut error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
-        if let Some(access) = program.describe_access(trap, running.batch.asked[lane]) {
-            error = error.note(access);
-        }
-        error = error.note(format!(
+        let mut error = trap_error(program, &running.batch, lane, trap).note(format!(
             "in {} `{}`, launch id ({}, {}, {})",
             program.stage.name(),
             program.name,
@@ -522,6 +518,20 @@ fn query(
         launch_size: invocation.launch_size,
         depth,
     })
+}
+
+/// The report of a trap by itself: what, where in the source, and which access.
+pub(crate) fn trap_error<const W: usize>(
+    program: &Program,
+    batch: &Batch<W>,
+    lane: usize,
+    trap: Trap,
+) -> Error {
+    let error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
+    match program.describe_access(trap, batch.asked[lane]) {
+        Some(access) => error.note(access),
+        None => error,
+    }
 }
 
 /// Adds the place of an operation to an error: its word, its source line, the inlined calls.

@@ -8,9 +8,10 @@ pub mod source_map;
 
 use std::sync::Arc;
 
+use crate::error::{Error, ErrorKind, Result};
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::{Batch, Binding, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode};
-use crate::module::interface::Stage;
+use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
 use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
 use crate::ops::memory::BufferRef;
@@ -116,6 +117,37 @@ pub struct Program {
 }
 
 impl Program {
+    /// Lowers the entry point with a name.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where no entry point or several have the name, and what [`lower()`] refuses.
+    pub fn of(module: &Arc<Module>, entry: &str) -> Result<Self> {
+        let named: Vec<_> = module.entry_points.iter().filter(|known| known.name == entry).collect();
+        if let [only] = named[..] {
+            return lower(module, only);
+        }
+        let list = |entries: &[&EntryPoint]| {
+            let one = |entry: &&EntryPoint| format!("`{}` ({})", entry.name, entry.stage.name());
+            entries.iter().map(one).collect::<Vec<_>>().join(", ")
+        };
+        let (message, entries) = match named.is_empty() {
+            true => ("the module has no entry point", module.entry_points.iter().collect()),
+            false => ("the module has several entry points", named),
+        };
+        let error = Error::new(ErrorKind::InvalidArgument, format!("{message} `{entry}`"));
+        Err(error.note(format!("entry points: {}", list(&entries))))
+    }
+
+    /// Lowers the entry point with a stage and a name.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where there is none, and what [`lower()`] refuses.
+    pub fn with_stage(module: &Arc<Module>, stage: Stage, entry: &str) -> Result<Self> {
+        let found = module.entry_points.iter().find(|known| known.stage == stage && known.name == entry);
+        let message = || format!("the module has no {} entry point `{entry}`", stage.name());
+        lower(module, found.ok_or_else(|| Error::new(ErrorKind::InvalidArgument, message()))?)
+    }
+
     /// A batch with the constants in place, ready for [`Program::begin`].
     pub fn batch<const W: usize>(&self) -> Batch<W> {
         let mut registers = Registers::new(self.rows as usize);

@@ -1,0 +1,235 @@
+//! How a shader's values lie in bytes, and the words for it in errors.
+//!
+//! Buffers, push constants and shader records carry their layout in the module (`Offset`,
+//! `ArrayStride`, `MatrixStride`). Payloads, callable data and hit attributes carry none: here their
+//! scalars follow each other without gaps, in the order of the declaration and column by column,
+//! each of 8, 16 or 32 bits in four bytes and each of 64 bits in eight; a bool is a `u32`, 0 or 1.
+//! So `#[repr(C)] struct { normal: [f32; 3], t: f32, hits: u32 }` is the payload
+//! `{ vec3 normal; float t; uint hits; }`.
+
+use crate::error::{Error, ErrorKind};
+use crate::harness::value::Value;
+use crate::module::Module;
+use crate::module::ty::{MatrixLayout, Type, TypeId};
+
+/// Fields of a layout that an error shows.
+const SHOWN: usize = 24;
+
+/// Which rules place a value's parts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rules {
+    /// Scalars without gaps: payloads, callable data, hit attributes.
+    Packed,
+    /// By the module's decorations: buffers, push constants, shader records.
+    Explicit,
+}
+
+/// A type of a module with the rules that place its parts.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout<'a> {
+    /// The module.
+    pub module: &'a Module,
+    /// The type.
+    pub ty: TypeId,
+    /// The rules.
+    pub rules: Rules,
+    /// How the matrices of the member around lie.
+    matrix: Option<MatrixLayout>,
+}
+
+impl<'a> Layout<'a> {
+    /// A type under rules.
+    pub fn new(module: &'a Module, ty: TypeId, rules: Rules) -> Self {
+        Self { module, ty, rules, matrix: None }
+    }
+
+    fn part(self, ty: TypeId) -> Self {
+        Self { ty, ..self }
+    }
+
+    fn explicit(self) -> bool {
+        self.rules == Rules::Explicit
+    }
+
+    /// The size in bytes; a runtime array at the end counts as nothing.
+    pub fn size(self) -> usize {
+        match self.module.ty(self.ty) {
+            Type::Bool => 4,
+            Type::Int { width, .. } | Type::Float { width, .. } => scalar_size(*width, self.rules),
+            Type::Vector { component, count } => self.part(*component).size() * *count as usize,
+            Type::Matrix { column, count } => match self.matrix.filter(|_| self.explicit()) {
+                Some(layout) if layout.row_major => {
+                    let rows = self.lanes(*column);
+                    (rows - 1) * layout.stride as usize + self.scalar(*column).size() * *count as usize
+                }
+                Some(layout) => (*count as usize - 1) * layout.stride as usize + self.part(*column).size(),
+                None => self.part(*column).size() * *count as usize,
+            },
+            Type::Array { element, length, stride } => {
+                let length = self.module.scalar_value(*length).unwrap_or(0) as usize;
+                let element = self.part(*element).size();
+                match stride.filter(|_| self.explicit()) {
+                    Some(stride) => {
+                        length.saturating_sub(1) * stride as usize + element.min(length * element)
+                    }
+                    None => length * element,
+                }
+            }
+            Type::Struct { members, .. } if self.explicit() => {
+                let ends = (0..members.len()).map(|at| {
+                    let (offset, member) = self.member(at);
+                    offset + member.size()
+                });
+                ends.max().unwrap_or(0)
+            }
+            Type::Struct { members, .. } => members.iter().map(|member| self.part(member.ty).size()).sum(),
+            _ => 0,
+        }
+    }
+
+    /// Offset and layout of a struct's member.
+    fn member(self, at: usize) -> (usize, Self) {
+        let Type::Struct { members, .. } = self.module.ty(self.ty) else { return (0, self) };
+        let member = Self { matrix: members[at].matrix, ..self.part(members[at].ty) };
+        let packed = || members[..at].iter().map(|member| self.part(member.ty).size()).sum();
+        let offset = members[at].offset.filter(|_| self.explicit());
+        (offset.map_or_else(packed, |offset| offset as usize), member)
+    }
+
+    fn lanes(self, vector: TypeId) -> usize {
+        match self.module.ty(vector) {
+            Type::Vector { count, .. } => *count as usize,
+            _ => 1,
+        }
+    }
+
+    fn scalar(self, vector: TypeId) -> Self {
+        match self.module.ty(vector) {
+            Type::Vector { component, .. } => self.part(*component),
+            _ => self.part(vector),
+        }
+    }
+
+    /// Reads a value; parts that the bytes do not reach are left out of arrays and are zero elsewhere.
+    pub fn read(self, bytes: &[u8]) -> Value {
+        let at = |offset: usize| bytes.get(offset..).unwrap_or_default();
+        let list = |count: usize, stride: usize, part: Self| {
+            (0..count).map(|index| part.read(at(index * stride))).collect::<Vec<_>>()
+        };
+        let whole = &bytes[..bytes.len().min(self.size())];
+        let name = self.module.describe_type(self.ty);
+        match self.module.ty(self.ty) {
+            Type::Bool => Value::scalar(name, whole, "bool"),
+            Type::Int { width, signed } => {
+                let kind = format!("{}{width}", if *signed { 'i' } else { 'u' });
+                Value::scalar(name, whole, &kind)
+            }
+            Type::Float { width, .. } => Value::scalar(name, whole, &format!("f{width}")),
+            Type::Vector { component, count } => {
+                let part = self.part(*component);
+                Value::list(name, whole, list(*count as usize, part.size(), part))
+            }
+            Type::Matrix { column, count } => {
+                let columns = match self.matrix.filter(|_| self.explicit()) {
+                    Some(layout) if layout.row_major => {
+                        let (part, rows) = (self.scalar(*column), self.lanes(*column));
+                        let column_name = self.module.describe_type(*column);
+                        let column = |index: usize| {
+                            let first = at(index * part.size());
+                            let value = |row: usize| {
+                                part.read(first.get(row * layout.stride as usize..).unwrap_or_default())
+                            };
+                            let values: Vec<_> = (0..rows).map(value).collect();
+                            let packed = values.iter().flat_map(|value| value.bytes().to_vec());
+                            Value::list(column_name.clone(), &packed.collect::<Vec<_>>(), values)
+                        };
+                        (0..*count as usize).map(column).collect()
+                    }
+                    Some(layout) => list(*count as usize, layout.stride as usize, self.part(*column)),
+                    None => list(*count as usize, self.part(*column).size(), self.part(*column)),
+                };
+                Value::list(name, whole, columns)
+            }
+            Type::Array { element, length, stride } => {
+                let part = Self { ty: *element, ..self };
+                let length = self.module.scalar_value(*length).unwrap_or(0) as usize;
+                let stride = stride.filter(|_| self.explicit()).map_or(part.size(), |stride| stride as usize);
+                Value::list(name, whole, list(length, stride, part))
+            }
+            Type::RuntimeArray { element, stride } => {
+                let part = Self { ty: *element, ..self };
+                let stride = stride.map_or(part.size(), |stride| stride as usize).max(1);
+                Value::list(name, bytes, list(bytes.len() / stride, stride, part))
+            }
+            Type::Struct { members, .. } => {
+                let fields = members.iter().enumerate().map(|(index, member)| {
+                    let (offset, layout) = self.member(index);
+                    let name = match member.name.as_str() {
+                        "" => format!("_{index}"),
+                        name => name.to_string(),
+                    };
+                    (name, layout.read(at(offset)))
+                });
+                let open = self.runtime_stride().is_some();
+                Value::structure(name, if open { bytes } else { whole }, fields.collect())
+            }
+            _ => Value::scalar(name, &[], "opaque"),
+        }
+    }
+
+    /// Offset and stride of the runtime array that ends a block.
+    pub fn runtime_stride(self) -> Option<(usize, usize)> {
+        let Type::Struct { members, .. } = self.module.ty(self.ty) else { return None };
+        let (offset, last) = self.member(members.len().checked_sub(1)?);
+        match self.module.ty(last.ty) {
+            Type::RuntimeArray { stride, .. } => Some((offset, (*stride)? as usize)),
+            _ => None,
+        }
+    }
+
+    /// The layout as lines: offset, type and path of each part that is no struct.
+    pub fn describe(self) -> Vec<String> {
+        let mut lines = Vec::new();
+        self.lines("", 0, &mut lines);
+        if lines.len() > SHOWN {
+            let more = lines.len() - SHOWN;
+            lines.truncate(SHOWN);
+            lines.push(format!("and {more} more"));
+        }
+        lines
+    }
+
+    fn lines(self, path: &str, offset: usize, lines: &mut Vec<String>) {
+        match self.module.ty(self.ty) {
+            Type::Struct { members, .. } if lines.len() <= SHOWN => {
+                for (index, member) in members.iter().enumerate() {
+                    let (at, layout) = self.member(index);
+                    let dot = if path.is_empty() { "" } else { "." };
+                    layout.lines(&format!("{path}{dot}{}", member.name), offset + at, lines);
+                }
+            }
+            _ => lines.push(format!("{offset:5}  {} {path}", self.module.describe_type(self.ty))),
+        }
+    }
+
+    /// An error about bytes of a Rust type that do not fit; it shows both layouts.
+    pub fn mismatch(self, what: &str, rust: &str, size: usize) -> Error {
+        let stride = self.runtime_stride();
+        let wanted = match stride {
+            None => format!("{} bytes", self.size()),
+            Some((offset, stride)) => format!("{offset} bytes and {stride} for each element"),
+        };
+        let name = self.module.describe_type(self.ty);
+        let message = format!("{what}: `{rust}` has {size} bytes, the shader's {name} {wanted}");
+        let mut error = Error::new(ErrorKind::InvalidArgument, message);
+        error = error.note(format!("{rust} in Rust: {size} bytes"));
+        error.note(format!("{name} in the shader:\n{}", self.describe().join("\n")))
+    }
+}
+
+fn scalar_size(width: u32, rules: Rules) -> usize {
+    match rules {
+        Rules::Packed => width.div_ceil(32) as usize * 4,
+        Rules::Explicit => width as usize / 8,
+    }
+}

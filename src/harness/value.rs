@@ -1,0 +1,337 @@
+//! A shader's value, read by the names that the module keeps.
+
+use std::fmt;
+use std::ops::Index;
+
+use bytemuck::AnyBitPattern;
+use half::f16;
+
+use crate::error::{Error, ErrorKind, Result};
+
+/// A value that a shader left: a payload, a buffer, a member or an element of one.
+///
+/// `value["normal"]` and `value[3]` go into structs, arrays, matrices (their columns) and vectors;
+/// [`Value::f32`], [`Value::vec3`] and their kin read what is there, and panic with both types where
+/// it is something else: they are made for tests.
+#[derive(Clone, PartialEq)]
+pub struct Value {
+    ty: String,
+    bytes: Vec<u8>,
+    content: Content,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Content {
+    Scalar(Number),
+    List(Vec<Value>),
+    Struct(Vec<(String, Value)>),
+    Opaque,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Number {
+    Bool(bool),
+    Int(i64),
+    Uint(u64),
+    Float(f64),
+}
+
+impl Value {
+    pub(super) fn scalar(ty: String, bytes: &[u8], kind: &str) -> Self {
+        let mut word = [0; 8];
+        let count = bytes.len().min(8);
+        word[..count].copy_from_slice(&bytes[..count]);
+        let bits = u64::from_le_bytes(word);
+        let content = match kind {
+            "bool" => Content::Scalar(Number::Bool(bits != 0)),
+            "i8" => Content::Scalar(Number::Int((bits as i8).into())),
+            "i16" => Content::Scalar(Number::Int((bits as i16).into())),
+            "i32" => Content::Scalar(Number::Int((bits as i32).into())),
+            "i64" => Content::Scalar(Number::Int(bits as i64)),
+            "u8" => Content::Scalar(Number::Uint((bits as u8).into())),
+            "u16" => Content::Scalar(Number::Uint((bits as u16).into())),
+            "u32" => Content::Scalar(Number::Uint((bits as u32).into())),
+            "u64" => Content::Scalar(Number::Uint(bits)),
+            "f16" => Content::Scalar(Number::Float(f16::from_bits(bits as u16).into())),
+            "f32" => Content::Scalar(Number::Float(f32::from_bits(bits as u32).into())),
+            "f64" => Content::Scalar(Number::Float(f64::from_bits(bits))),
+            _ => Content::Opaque,
+        };
+        Self { ty, bytes: bytes.to_vec(), content }
+    }
+
+    pub(super) fn list(ty: String, bytes: &[u8], elements: Vec<Self>) -> Self {
+        Self { ty, bytes: bytes.to_vec(), content: Content::List(elements) }
+    }
+
+    pub(super) fn structure(ty: String, bytes: &[u8], fields: Vec<(String, Self)>) -> Self {
+        Self { ty, bytes: bytes.to_vec(), content: Content::Struct(fields) }
+    }
+
+    /// A value of no type: what a shader without a payload leaves.
+    pub(super) fn nothing() -> Self {
+        Self { ty: "nothing".into(), bytes: Vec::new(), content: Content::Opaque }
+    }
+
+    /// Its type in GLSL's words.
+    pub fn ty(&self) -> &str {
+        &self.ty
+    }
+
+    /// Its bytes, little-endian, laid out as the module says.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// The value as a plain Rust type of the same size.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the sizes differ; it shows both types.
+    pub fn read<T: AnyBitPattern>(&self) -> Result<T> {
+        bytemuck::try_pod_read_unaligned(&self.bytes).map_err(|_| self.mismatch::<T>("one"))
+    }
+
+    /// The value as a row of a plain Rust type that fills it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the size is no multiple.
+    pub fn read_all<T: AnyBitPattern>(&self) -> Result<Vec<T>> {
+        let size = size_of::<T>();
+        if size == 0 || !self.bytes.len().is_multiple_of(size) {
+            return Err(self.mismatch::<T>("a row"));
+        }
+        Ok(self.bytes.chunks_exact(size).map(bytemuck::pod_read_unaligned).collect())
+    }
+
+    fn mismatch<T>(&self, what: &str) -> Error {
+        let (name, size) = (std::any::type_name::<T>(), size_of::<T>());
+        let message =
+            format!("{what} of `{name}`, of {size} bytes, is not the {} of {}", self.ty, self.bytes.len());
+        let error = Error::new(ErrorKind::InvalidArgument, message);
+        error.note(format!("{name} in Rust: {size} bytes")).note(format!("in the shader: {self:?}"))
+    }
+
+    /// A member of a struct by name.
+    pub fn field(&self, name: &str) -> Option<&Self> {
+        match &self.content {
+            Content::Struct(fields) => fields.iter().find(|(known, _)| known == name).map(|(_, value)| value),
+            _ => None,
+        }
+    }
+
+    /// The members of a struct with their names; empty for anything else.
+    pub fn fields(&self) -> impl Iterator<Item = (&str, &Self)> {
+        let fields = match &self.content {
+            Content::Struct(fields) => &fields[..],
+            _ => &[],
+        };
+        fields.iter().map(|(name, value)| (name.as_str(), value))
+    }
+
+    /// The elements of an array, the columns of a matrix, the components of a vector; empty for
+    /// anything else.
+    pub fn elements(&self) -> &[Self] {
+        match &self.content {
+            Content::List(elements) => elements,
+            _ => &[],
+        }
+    }
+
+    fn number(&self) -> Option<Number> {
+        match &self.content {
+            Content::Scalar(number) => Some(*number),
+            // A block of one member is used like the member.
+            Content::Struct(fields) if fields.len() == 1 => fields[0].1.number(),
+            _ => None,
+        }
+    }
+
+    #[track_caller]
+    fn is_not(&self, wanted: &str) -> ! {
+        panic!("this is not {wanted} but {self:?}")
+    }
+
+    /// A `float` (a `float16_t` too).
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn f32(&self) -> f32 {
+        match self.number() {
+            Some(Number::Float(value)) if self.ty != "double" => value as f32,
+            _ => self.is_not("a float"),
+        }
+    }
+
+    /// A float of any width.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn f64(&self) -> f64 {
+        match self.number() {
+            Some(Number::Float(value)) => value,
+            _ => self.is_not("a float"),
+        }
+    }
+
+    /// An unsigned integer of up to 32 bits.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn u32(&self) -> u32 {
+        match self.number() {
+            Some(Number::Uint(value)) => u32::try_from(value).unwrap_or_else(|_| self.is_not("a uint")),
+            _ => self.is_not("a uint"),
+        }
+    }
+
+    /// A signed integer of up to 32 bits.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn i32(&self) -> i32 {
+        match self.number() {
+            Some(Number::Int(value)) => i32::try_from(value).unwrap_or_else(|_| self.is_not("an int")),
+            _ => self.is_not("an int"),
+        }
+    }
+
+    /// An integer of any width and sign.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn integer(&self) -> i128 {
+        match self.number() {
+            Some(Number::Uint(value)) => value.into(),
+            Some(Number::Int(value)) => value.into(),
+            _ => self.is_not("an integer"),
+        }
+    }
+
+    /// A `bool`.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn bool(&self) -> bool {
+        match self.number() {
+            Some(Number::Bool(value)) => value,
+            _ => self.is_not("a bool"),
+        }
+    }
+
+    #[track_caller]
+    fn exactly<const N: usize, T>(&self, wanted: &str, read: impl Fn(&Self) -> T) -> [T; N] {
+        let elements = match &self.content {
+            Content::Struct(fields) if fields.len() == 1 => fields[0].1.elements(),
+            _ => self.elements(),
+        };
+        let Ok(elements) = <&[Self; N]>::try_from(elements) else { self.is_not(wanted) };
+        elements.each_ref().map(read)
+    }
+
+    /// A `vec2`.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn vec2(&self) -> [f32; 2] {
+        self.exactly("a vec2", Self::f32)
+    }
+
+    /// A `vec3`.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn vec3(&self) -> [f32; 3] {
+        self.exactly("a vec3", Self::f32)
+    }
+
+    /// A `vec4`.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn vec4(&self) -> [f32; 4] {
+        self.exactly("a vec4", Self::f32)
+    }
+
+    /// A vector of N unsigned integers.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn uvec<const N: usize>(&self) -> [u32; N] {
+        self.exactly("a vector of so many uint", Self::u32)
+    }
+
+    /// A vector of N signed integers.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn ivec<const N: usize>(&self) -> [i32; N] {
+        self.exactly("a vector of so many int", Self::i32)
+    }
+
+    /// A matrix of `C` columns with `R` rows.
+    ///
+    /// # Panics
+    /// Where it is something else.
+    #[track_caller]
+    pub fn matrix<const C: usize, const R: usize>(&self) -> [[f32; R]; C] {
+        self.exactly("a matrix of this shape", |column| column.exactly("a column of this size", Self::f32))
+    }
+}
+
+impl Index<&str> for Value {
+    type Output = Value;
+
+    /// # Panics
+    /// Where there is no such member; it lists those that there are.
+    #[track_caller]
+    fn index(&self, name: &str) -> &Value {
+        self.field(name).unwrap_or_else(|| panic!("no member `{name}` in {self:?}"))
+    }
+}
+
+impl Index<usize> for Value {
+    type Output = Value;
+
+    /// # Panics
+    /// Where there is no such element.
+    #[track_caller]
+    fn index(&self, index: usize) -> &Value {
+        self.elements().get(index).unwrap_or_else(|| panic!("no element {index} in {self:?}"))
+    }
+}
+
+/// Type and content, a line for each member of a struct.
+impl fmt::Debug for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.content {
+            Content::Scalar(Number::Bool(value)) => write!(f, "{value}"),
+            Content::Scalar(Number::Int(value)) => write!(f, "{value}"),
+            Content::Scalar(Number::Uint(value)) => write!(f, "{value}u"),
+            Content::Scalar(Number::Float(value)) if self.ty != "double" => write!(f, "{:?}", *value as f32),
+            Content::Scalar(Number::Float(value)) => write!(f, "{value:?}"),
+            Content::List(elements) => {
+                write!(f, "{} ", self.ty)?;
+                f.debug_list().entries(elements.iter().take(64)).finish()
+            }
+            Content::Struct(fields) => {
+                let mut out = f.debug_struct(&self.ty);
+                for (name, value) in fields {
+                    out.field(name, value);
+                }
+                out.finish()
+            }
+            Content::Opaque => f.write_str(&self.ty),
+        }
+    }
+}
