@@ -39,3 +39,8 @@ fn main() -> Result<()> {
     assert_eq!(missed.payload["primitive"].i32(), -1);
     Ok(())
 }
+
+#[test]
+fn the_example_runs() {
+    main().expect("the example's own assertions hold");
+}

@@ -46,3 +46,8 @@ fn main() -> Result<()> {
     assert_eq!(cylinder.payload["expected"].f32(), 0.0);
     Ok(())
 }
+
+#[test]
+fn the_example_runs() {
+    main().expect("the example's own assertions hold");
+}

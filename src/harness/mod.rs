@@ -19,3 +19,8 @@ pub mod number;
 pub mod scene;
 pub mod shader_test;
 pub mod value;
+
+/// Compiles what `docs/testing.md` shows.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/testing.md")]
+pub struct TestingGuide;

@@ -28,7 +28,6 @@ const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.
 /// use anyhit::{Module, Pipeline, Program, Ray, Scene};
 ///
 /// # fn main() -> anyhit::Result<()> {
-/// # std::env::set_current_dir(env!("CARGO_MANIFEST_DIR")).unwrap();
 /// let folder = "spirv-fixtures/pass/sphere/closest-hit";
 /// let shader = |name| Program::of(&Module::open(format!("{folder}/{name}"))?, "main");
 /// let mut builder = Pipeline::builder();

@@ -38,7 +38,6 @@ use crate::scene::read::nearest;
 /// use anyhit::{Hit, Module, Ray, ShaderTest};
 ///
 /// # fn main() -> anyhit::Result<()> {
-/// # std::env::set_current_dir(env!("CARGO_MANIFEST_DIR")).unwrap();
 /// let module = Module::open("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv")?;
 /// let outcome = ShaderTest::new(&module, "main")?
 ///     .hit(Hit::sphere([0.0, 0.0, 0.0], 0.5).ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0])))
