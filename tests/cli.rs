@@ -87,7 +87,7 @@ fn inspect_tells_everything_that_would_not_run() {
     assert_eq!(
         entry["reasons"],
         json!([
-            "the builtin SubgroupSize is not supported (at word 39)",
+            "the builtin DeviceIndex is not supported (at word 39)",
             "OpDPdx is not supported (2 times, first at word 54)",
         ])
     );
@@ -119,7 +119,7 @@ fn a_reader_that_has_left_causes_no_error() {
     assert_eq!((status.code(), String::from_utf8_lossy(&stderr).as_ref()), (Some(0), ""));
 }
 
-/// A closest-hit shader that reads `SubgroupSize` and takes two derivatives.
+/// A closest-hit shader that reads `DeviceIndex` and takes two derivatives.
 fn derivative_module() -> Vec<u8> {
     let mut words = vec![0x0723_0203, 0x0001_0600, 0, 100, 0];
     let mut op = |opcode: u32, operands: &[u32]| {
@@ -129,7 +129,7 @@ fn derivative_module() -> Vec<u8> {
     op(17, &[4479]); // OpCapability RayTracingKHR
     op(14, &[0, 1]); // OpMemoryModel Logical GLSL450
     op(15, &[5316, 30, u32::from_le_bytes(*b"hit\0"), 20]); // OpEntryPoint ClosestHitKHR
-    op(71, &[20, 11, 36]); // OpDecorate %20 BuiltIn SubgroupSize
+    op(71, &[20, 11, 4438]); // OpDecorate %20 BuiltIn DeviceIndex
     op(19, &[1]); // OpTypeVoid
     op(33, &[2, 1]); // OpTypeFunction
     op(21, &[5, 32, 0]); // OpTypeInt

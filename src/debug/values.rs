@@ -77,9 +77,8 @@ impl Value {
         let (ty, content) = match builtin.shape {
             Shape::Bool => ("bool", Content::Bool(words.first().is_some_and(|&word| word != 0))),
             Shape::Int => ("uint", Content::Uint(words.first().copied().unwrap_or(0).into())),
-            Shape::Int3 => {
-                ("uvec3", Content::List(words.iter().map(|&word| Content::Uint(word.into())).collect()))
-            }
+            Shape::Int3 => ("uvec3", uints(words)),
+            Shape::Int4 => ("uvec4", uints(words)),
             Shape::Float => ("float", Content::f32(words.first().map_or(0.0, |&word| f32::from_bits(word)))),
             Shape::Float3 => ("vec3", floats(words)),
             Shape::Matrix4x3 => ("mat4x3", lists(words)),
@@ -254,6 +253,10 @@ fn repeated(module: &Module, element: TypeId, count: u64, words: &mut impl Itera
     let mut words: &mut dyn Iterator<Item = u32> = words;
     let count = count.min(1 << 20);
     Content::List((0..count).map(|_| content(module, element, &mut words)).collect())
+}
+
+fn uints(words: &[u32]) -> Content {
+    Content::List(words.iter().map(|&word| Content::Uint(word.into())).collect())
 }
 
 fn floats(words: &[u32]) -> Content {

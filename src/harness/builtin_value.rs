@@ -68,6 +68,7 @@ pub(super) fn words_of(name: &str, value: &impl BuiltinValue) -> Result<(&'stati
         Shape::Bool => (ScalarKind::Bool, 1),
         Shape::Int => (ScalarKind::Int, 1),
         Shape::Int3 => (ScalarKind::Int, 3),
+        Shape::Int4 => (ScalarKind::Int, 4),
         Shape::Float => (ScalarKind::Float, 1),
         Shape::FloatArray2 => (ScalarKind::Float, 2),
         Shape::Float3 => (ScalarKind::Float, 3),

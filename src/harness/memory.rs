@@ -27,7 +27,8 @@ pub fn copied(resources: &Resources) -> Resources {
         descriptors.insert(binding, copies.collect());
     }
     let memory = resources.memory.with_buffers(buffer);
-    Resources { descriptors, push_constants: resources.push_constants.clone(), memory }
+    let printed = resources.printed.as_ref().map(|_| Arc::default());
+    Resources { descriptors, push_constants: resources.push_constants.clone(), memory, printed }
 }
 
 /// The copy of an original, made at its first appearance.

@@ -22,6 +22,30 @@ pub struct Invocation {
     pub record: Option<ShaderRecord>,
     /// How deep in the tree of traces this runs: 0 in ray generation.
     pub depth: u32,
+    /// `SubgroupSize`; 0 stands for [`DEFAULT_SUBGROUP_SIZE`].
+    pub subgroup_size: u32,
+}
+
+/// `SubgroupSize` unless set otherwise.
+pub const DEFAULT_SUBGROUP_SIZE: u32 = 32;
+
+impl Invocation {
+    /// `SubgroupSize`
+    pub fn subgroup_size(&self) -> u32 {
+        if self.subgroup_size == 0 { DEFAULT_SUBGROUP_SIZE } else { self.subgroup_size }
+    }
+
+    /// The place in the launch, x fastest.
+    pub fn launch_index(&self) -> u64 {
+        let [x, y, z] = self.launch_id.map(u64::from);
+        let [width, height, _] = self.launch_size.map(u64::from);
+        (z * height + y) * width + x
+    }
+
+    /// `SubgroupLocalInvocationId`: subgroups are runs of consecutive places in the launch.
+    pub fn subgroup_local_invocation_id(&self) -> u32 {
+        (self.launch_index() % u64::from(self.subgroup_size())) as u32
+    }
 }
 
 /// A hit or candidate together with the structure that holds it.

@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::accel::Tlas;
 use crate::machine::device_memory::DeviceMemory;
 use crate::machine::image::Image;
+use crate::machine::printed::Printed;
 use crate::machine::sampler::Sampler;
 
 /// Where a descriptor is bound.
@@ -156,6 +157,8 @@ pub struct Resources {
     pub push_constants: Option<Arc<Buffer>>,
     /// What shaders reach through device addresses.
     pub memory: DeviceMemory,
+    /// Takes what shaders print; without it printing does nothing.
+    pub printed: Option<Arc<Printed>>,
 }
 
 impl Resources {
@@ -201,6 +204,7 @@ impl Resources {
                 .collect(),
             push_constants: self.push_constants.clone(),
             memory: self.memory.clone(),
+            printed: self.printed.clone(),
         }
     }
 }
@@ -217,6 +221,8 @@ pub struct Bindings {
     pub push_constants: Option<Arc<Buffer>>,
     /// What device addresses lead to.
     pub memory: DeviceMemory,
+    /// Takes what shaders print.
+    pub printed: Option<Arc<Printed>>,
 }
 
 impl Bindings {

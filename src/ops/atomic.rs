@@ -45,22 +45,36 @@ pub const OPCODES: &[Opcode] = &[
 
 /// What becomes of the value in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the names are the specification's")]
 pub enum Kind {
+    /// Stays.
     Load,
+    /// The operand.
     Exchange,
+    /// The operand, where the comparator stands there.
     CompareExchange,
+    /// The sum.
     Add,
+    /// The difference.
     Sub,
+    /// The lesser, with signs.
     SMin,
+    /// The lesser, without signs.
     UMin,
+    /// The greater, with signs.
     SMax,
+    /// The greater, without signs.
     UMax,
+    /// The bits in both.
     And,
+    /// The bits in either.
     Or,
+    /// The bits in one of them.
     Xor,
+    /// The sum of floats.
     FAdd,
+    /// The lesser of floats.
     FMin,
+    /// The greater of floats.
     FMax,
 }
 

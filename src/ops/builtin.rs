@@ -49,6 +49,8 @@ pub enum Shape {
     Int,
     /// A vector of three 32-bit integers.
     Int3,
+    /// A vector of four 32-bit integers.
+    Int4,
     /// `f32`
     Float,
     /// Three `f32`.
@@ -70,6 +72,7 @@ impl Shape {
             Self::Bool => "a bool",
             Self::Int => "a 32-bit integer",
             Self::Int3 => "a vector of three 32-bit integers",
+            Self::Int4 => "a vector of four 32-bit integers",
             Self::Float => "a 32-bit float",
             Self::Float3 => "a vector of three 32-bit floats",
             Self::Matrix4x3 => "a matrix of four columns of three 32-bit floats",
@@ -102,6 +105,20 @@ builtins! {
         |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.instance);
     PrimitiveId 7 Int "IAC" ["PrimitiveId-PrimitiveId-04330" "PrimitiveId-Input-04334" "PrimitiveId-PrimitiveId-04337"]
         |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.primitive);
+    SubgroupSize 36 Int "RIACMK" ["SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04383"]
+        |from, to| to[0] = from.subgroup_size();
+    SubgroupLocalInvocationId 41 Int "RIACMK" ["SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04381"]
+        |from, to| to[0] = from.subgroup_local_invocation_id();
+    SubgroupEqMask 4416 Int4 "RIACMK" ["SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04371"]
+        |from, to| places(from, to, |own, place| place == own);
+    SubgroupGeMask 4417 Int4 "RIACMK" ["SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04373"]
+        |from, to| places(from, to, |own, place| place >= own);
+    SubgroupGtMask 4418 Int4 "RIACMK" ["SubgroupGtMask-SubgroupGtMask-04374" "SubgroupGtMask-SubgroupGtMask-04374" "SubgroupGtMask-SubgroupGtMask-04375"]
+        |from, to| places(from, to, |own, place| place > own);
+    SubgroupLeMask 4419 Int4 "RIACMK" ["SubgroupLeMask-SubgroupLeMask-04376" "SubgroupLeMask-SubgroupLeMask-04376" "SubgroupLeMask-SubgroupLeMask-04377"]
+        |from, to| places(from, to, |own, place| place <= own);
+    SubgroupLtMask 4420 Int4 "RIACMK" ["SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04379"]
+        |from, to| places(from, to, |own, place| place < own);
     LaunchIdKHR 5319 Int3 "RIACMK" ["LaunchIdKHR-LaunchIdKHR-04266" "LaunchIdKHR-LaunchIdKHR-04267" "LaunchIdKHR-LaunchIdKHR-04268"]
         |from, to| to.copy_from_slice(&from.launch_id);
     LaunchSizeKHR 5320 Int3 "RIACMK" ["LaunchSizeKHR-LaunchSizeKHR-04269" "LaunchSizeKHR-LaunchSizeKHR-04270" "LaunchSizeKHR-LaunchSizeKHR-04271"]
@@ -207,6 +224,7 @@ fn matches(decoder: &Decoder<'_>, shape: Shape, ty: TypeId) -> bool {
     match shape {
         Shape::Bool => matches!(module.ty(ty), Type::Bool),
         Shape::Int => is_int(ty),
+        Shape::Int4 => matches!(*module.ty(ty), Type::Vector { component, count: 4 } if is_int(component)),
         Shape::Int3 => matches!(*module.ty(ty), Type::Vector { component, count: 3 } if is_int(component)),
         Shape::Float => is_float(ty),
         Shape::Float3 => is_float3(ty),
@@ -224,6 +242,14 @@ fn hit(invocation: &Invocation) -> Option<&Hit> {
 fn object_ray(invocation: &Invocation) -> Option<ObjectRay> {
     let hit = hit(invocation)?;
     hit.tlas.object_ray(hit.candidate.instance, &invocation.trace?.ray)
+}
+
+/// The mask of the places in the subgroup for which a relation to the own place holds.
+fn places(from: &Invocation, to: &mut [u32], holds: impl Fn(u32, u32) -> bool) {
+    let own = from.subgroup_local_invocation_id();
+    for place in (0..from.subgroup_size()).filter(|&place| holds(own, place)) {
+        to[place as usize / 32] |= 1 << (place % 32);
+    }
 }
 
 fn floats(to: &mut [u32], values: &[f32]) {
@@ -283,6 +309,31 @@ mod tests {
     #[test]
     fn the_table_is_sorted() {
         assert!(BUILTINS.windows(2).all(|pair| pair[0].number < pair[1].number));
+    }
+
+    #[test]
+    fn subgroup_masks_end_with_the_subgroup() {
+        let read = |name, size| {
+            let launch_id = [5, 1, 0];
+            let invocation = Invocation {
+                launch_id,
+                launch_size: [8, 2, 1],
+                subgroup_size: size,
+                ..Invocation::default()
+            };
+            let mut words = [0; 4];
+            (find_by_name(name).unwrap().read)(&invocation, &mut words);
+            words
+        };
+        // Invocation 8 + 5 = 13 of the launch is the sixth of the second subgroup of 8.
+        assert_eq!(read("SubgroupLocalInvocationId", 8)[0], 5);
+        assert_eq!(read("SubgroupSize", 0)[0], 32);
+        assert_eq!(read("SubgroupEqMask", 8), [0x20, 0, 0, 0]);
+        assert_eq!(read("SubgroupGeMask", 8), [0xE0, 0, 0, 0]);
+        assert_eq!(read("SubgroupGtMask", 8), [0xC0, 0, 0, 0]);
+        assert_eq!(read("SubgroupLeMask", 8), [0x3F, 0, 0, 0]);
+        assert_eq!(read("SubgroupLtMask", 8), [0x1F, 0, 0, 0]);
+        assert_eq!(read("SubgroupGtMask", 128), [0xFFFF_C000, u32::MAX, u32::MAX, u32::MAX]);
     }
 
     #[test]

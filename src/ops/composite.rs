@@ -27,6 +27,7 @@ pub mod index {
 /// Opcodes decoded here.
 pub const OPCODES: &[Opcode] = &[
     Opcode::CompositeConstruct,
+    Opcode::CompositeConstructReplicateEXT,
     Opcode::CompositeExtract,
     Opcode::CompositeInsert,
     Opcode::VectorShuffle,
@@ -49,6 +50,12 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 words.extend(decoder.words(crate::module::Id(id))?);
             }
             check_count(decoder, instruction, &words)?;
+            decoder.result(instruction, words);
+        }
+        Opcode::CompositeConstructReplicateEXT => {
+            let part = decoder.id(instruction, 0)?;
+            let ty = decoder.result_type(instruction)?;
+            let words = replicate(decoder, ty, part)?;
             decoder.result(instruction, words);
         }
         Opcode::CompositeExtract => {
@@ -194,6 +201,17 @@ impl Decoder<'_> {
         let words = self.words(id)?;
         if words.is_empty() { Err(self.invalid("a condition without a value")) } else { Ok(words) }
     }
+}
+
+/// A composite all of whose constituents are one value.
+pub fn replicate(decoder: &mut Decoder<'_>, ty: TypeId, part: crate::module::Id) -> Result<Words> {
+    let words = decoder.words(part)?;
+    let count = decoder.word_count(ty)? as usize;
+    if words.is_empty() || !count.is_multiple_of(words.len()) {
+        let name = decoder.module.describe_type(ty);
+        return Err(decoder.invalid(format!("the constituent repeated does not make a {name}")));
+    }
+    Ok(words.iter().copied().cycle().take(count).collect())
 }
 
 /// The first row of each component of each column of a matrix.

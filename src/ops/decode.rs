@@ -100,6 +100,10 @@ pub struct Decoder<'m> {
     pub addressed: Vec<(Reg, u32)>,
     /// Rows of variables, which begin as zeros.
     pub variables: Vec<(Reg, u32)>,
+    /// The rows that count the instructions of the shader, where it reads its clock.
+    clock: Option<Reg>,
+    /// Instructions since the clock was set last.
+    ticks: u32,
     /// Ids of the function that is lowered.
     pub locals: HashMap<Id, Value>,
     globals: HashMap<Id, Value>,
@@ -125,6 +129,8 @@ impl<'m> Decoder<'m> {
             interface: Vec::new(),
             addressed: Vec::new(),
             variables: Vec::new(),
+            clock: None,
+            ticks: 0,
             locals: HashMap::new(),
             globals: HashMap::new(),
             rows: 0,
@@ -143,6 +149,47 @@ impl<'m> Decoder<'m> {
     /// The rows of constants with their words.
     pub fn constant_rows(&self) -> impl Iterator<Item = (Reg, u32)> {
         self.words.iter().map(|(&reg, &word)| (reg, word))
+    }
+
+    /// Counts an instruction, for `OpReadClockKHR`.
+    pub fn tick(&mut self) {
+        self.ticks += 1;
+    }
+
+    /// Adds the instructions counted since the last time to the clock: before a block ends.
+    pub fn set_clock(&mut self) -> Result<()> {
+        const SHADER_CLOCK: u32 = 5055;
+        let ticks = std::mem::take(&mut self.ticks);
+        if !self.module.capabilities.contains(&SHADER_CLOCK) {
+            return Ok(());
+        }
+        let clock = match self.clock {
+            Some(clock) => clock,
+            None => {
+                let clock = self.fresh(2)?;
+                self.variables.push((clock, 2));
+                *self.clock.insert(clock)
+            }
+        };
+        let more = self.wide_constant(ticks.into())?;
+        let sum = self.family(&crate::ops::arithmetic::IAdd, 64, &[clock, more])?;
+        for word in 0..2 {
+            let (to, from) = (clock.plus(word), sum.plus(word));
+            self.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+        }
+        Ok(())
+    }
+
+    /// The instructions that the invocation has executed in this shader so far, as two words.
+    pub fn read_clock(&mut self) -> Result<Words> {
+        self.set_clock()?;
+        let clock =
+            self.clock.ok_or_else(|| self.invalid("OpReadClockKHR without the capability ShaderClockKHR"))?;
+        let to = self.fresh_words(2)?;
+        for (word, &to) in to.iter().enumerate() {
+            self.emit(Op::Memory(memory::Op::Move { to, from: clock.plus(word as u32) }));
+        }
+        Ok(to)
     }
 
     /// An error about the current instruction.
@@ -521,6 +568,11 @@ impl<'m> Decoder<'m> {
             ConstantValue::Null | ConstantValue::Undef => self.zero(constant.ty),
             ConstantValue::Operation { opcode, operands } => {
                 crate::ops::constant::operation(self, constant.id, constant.ty, opcode, &operands)
+            }
+            ConstantValue::Other(4461 | 4462) => {
+                // OpConstantCompositeReplicateEXT and its kin: opcode, type, result, constituent.
+                let part = self.module.words[constant.offset as usize + 3];
+                crate::ops::composite::replicate(self, constant.ty, Id(part))
             }
             ConstantValue::Other(opcode) => {
                 Err(self.unsupported(format!("{} as a constant", crate::module::names::opcode_name(opcode))))

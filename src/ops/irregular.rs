@@ -16,7 +16,7 @@ use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::parts;
 use crate::ops::relational_logical as logical;
 use crate::ops::row::{Family, Set, family};
-use crate::ops::{componentwise, linear_algebra, pointer};
+use crate::ops::{componentwise, debug_printf, linear_algebra, pointer};
 
 /// Opcodes decoded here.
 pub const OPCODES: &[Opcode] = &[
@@ -36,6 +36,10 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::BitFieldUExtract,
     Opcode::Any,
     Opcode::All,
+    Opcode::ExpectKHR,
+    Opcode::AssumeTrueKHR,
+    Opcode::MemoryBarrier,
+    Opcode::ReadClockKHR,
     Opcode::ExtInst,
 ];
 
@@ -121,6 +125,17 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             }
             decoder.result(instruction, SmallVec::from_slice(&[result]));
         }
+        // What a shader promises of a value changes none.
+        Opcode::ExpectKHR => {
+            let words = decoder.operand(instruction, 0)?;
+            decoder.result(instruction, words);
+        }
+        // Every access is seen by all that follow it already.
+        Opcode::AssumeTrueKHR | Opcode::MemoryBarrier => {}
+        Opcode::ReadClockKHR => {
+            let words = decoder.read_clock()?;
+            decoder.result(instruction, words);
+        }
         Opcode::ExtInst => return extended_instruction(decoder, instruction).map(|()| true),
         _ => return Ok(false),
     }
@@ -186,6 +201,9 @@ fn extended_instruction(decoder: &mut Decoder<'_>, instruction: &Instruction) ->
         }
         _ => return Err(decoder.invalid(format!("%{} is no instruction set", set.0))),
     };
+    if name == debug_printf::SET {
+        return debug_printf::decode(decoder, instruction);
+    }
     if name.starts_with("NonSemantic.") {
         return Ok(());
     }

@@ -12,7 +12,9 @@ pub mod builtin;
 pub mod composite;
 pub mod constant;
 pub mod conversion;
+pub mod debug_printf;
 pub mod decode;
+pub mod dot_product;
 pub mod glsl;
 pub mod image;
 pub mod irregular;
@@ -23,6 +25,7 @@ pub mod pointer;
 pub mod ray_tracing;
 pub mod relational_logical;
 pub mod row;
+pub mod subgroup;
 pub mod support;
 
 use rspirv::spirv::Op as Opcode;
@@ -71,6 +74,8 @@ pub fn decode_instruction(
     let done = composite::decode(decoder, opcode, instruction)?
         || pointer::decode(decoder, opcode, instruction)?
         || address::decode(decoder, opcode, instruction)?
+        || dot_product::decode(decoder, opcode, instruction)?
+        || subgroup::decode(decoder, opcode, instruction)?
         || atomic::decode(decoder, opcode, instruction)?
         || linear_algebra::decode(decoder, opcode, instruction)?
         || irregular::decode(decoder, opcode, instruction)?

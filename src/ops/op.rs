@@ -2,7 +2,7 @@
 
 use crate::machine::{Batch, Bindings, Reg};
 use crate::ops::row::{Row, Width};
-use crate::ops::{atomic, image, memory, ray_tracing};
+use crate::ops::{atomic, debug_printf, image, memory, ray_tracing, subgroup};
 
 /// One operation on rows.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +20,10 @@ pub enum Op {
     Memory(memory::Op),
     /// Atomic instructions.
     Atomic(atomic::Op),
+    /// Subgroup instructions.
+    Subgroup(subgroup::Op),
+    /// `DebugPrintf`.
+    Print(debug_printf::Op),
     /// Image instructions.
     Image(image::Op),
     /// Instructions that hand the batch to the pipeline.
@@ -49,6 +53,8 @@ impl Op {
             }
             Self::Memory(op) => op.accesses(&mut visit),
             Self::Atomic(op) => op.accesses(&mut visit),
+            Self::Subgroup(op) => op.accesses(&mut visit),
+            Self::Print(op) => op.accesses(&mut visit),
             Self::Image(op) => op.accesses(&mut visit),
             Self::Stop(op) => op.accesses(&mut visit),
         }
@@ -65,6 +71,8 @@ impl Op {
             Self::Row { row, to, from } => Width::<W>::eval(*row)(&mut batch.registers, *to, from),
             Self::Memory(op) => op.eval(batch, bindings),
             Self::Atomic(op) => op.eval(batch, bindings),
+            Self::Subgroup(op) => op.eval(batch),
+            Self::Print(op) => op.eval(batch, bindings),
             Self::Image(op) => op.eval(batch, bindings),
             Self::Stop(_) => unreachable!("bug in anyhit: a stop is not evaluated"),
         }

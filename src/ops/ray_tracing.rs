@@ -6,7 +6,7 @@ use smallvec::SmallVec;
 use crate::error::Result;
 use crate::machine::stop::Rows;
 use crate::machine::{Batch, Reg, Stop};
-use crate::module::Instruction;
+use crate::module::{Id, Instruction};
 use crate::ops::decode::Decoder;
 use crate::ops::memory::{self, Place};
 use crate::ops::op::{Access, Op as Operation};
@@ -18,6 +18,8 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::ExecuteCallableKHR,
     Opcode::ReportIntersectionKHR,
     Opcode::ConvertUToAccelerationStructureKHR,
+    Opcode::TraceNV,
+    Opcode::ExecuteCallableNV,
 ];
 
 /// Words of the operands of a trace: see [`Stop::TraceRay`].
@@ -74,7 +76,7 @@ impl Op {
 /// Decodes ray-tracing instructions; `false` for an instruction of another section.
 pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
-        Opcode::TraceRayKHR => {
+        Opcode::TraceRayKHR | Opcode::TraceNV => {
             let mut words: SmallVec<[Reg; 16]> = SmallVec::new();
             for at in 0..10 {
                 words.extend(decoder.operand(instruction, at)?);
@@ -83,19 +85,15 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 return Err(decoder.invalid("the operands of OpTraceRayKHR have wrong types"));
             }
             let operands = decoder.consecutive(&words)?;
-            let payload = variable_rows(
-                decoder,
-                instruction,
-                10,
-                &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD],
-            )?;
+            let classes = &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD];
+            let payload = variable_rows(decoder, opcode, instruction, 10, classes)?;
             decoder.emit(Operation::Stop(Op::TraceRay { operands, payload }));
             decoder.forget();
         }
-        Opcode::ExecuteCallableKHR => {
+        Opcode::ExecuteCallableKHR | Opcode::ExecuteCallableNV => {
             let index = decoder.operand(instruction, 0)?;
             let classes = &[storage::CALLABLE_DATA, storage::INCOMING_CALLABLE_DATA];
-            let data = variable_rows(decoder, instruction, 1, classes)?;
+            let data = variable_rows(decoder, opcode, instruction, 1, classes)?;
             let Some(&index) = index.first() else {
                 return Err(decoder.invalid("an SBT index without a value"));
             };
@@ -125,14 +123,31 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     Ok(true)
 }
 
+/// The variable that `SPV_NV_ray_tracing` names by its `Location`.
+fn variable_at(decoder: &mut Decoder<'_>, location: Id, classes: &[u32]) -> Result<Id> {
+    const LOCATION: u32 = 30;
+    let location = decoder.constant_integer(location)?;
+    let module = decoder.module;
+    let found = module.variables.iter().find(|variable| {
+        let own = module.decorations.literal(variable.id, LOCATION).map(u64::from);
+        classes.contains(&variable.storage_class) && own == Some(location)
+    });
+    let found = found.map(|variable| variable.id);
+    found.ok_or_else(|| decoder.invalid(format!("no payload variable has location {location}")))
+}
+
 /// The rows of a payload or callable data variable.
 fn variable_rows(
     decoder: &mut Decoder<'_>,
+    opcode: Opcode,
     instruction: &Instruction,
     at: usize,
     classes: &[u32],
 ) -> Result<Rows> {
-    let id = decoder.id(instruction, at)?;
+    let mut id = decoder.id(instruction, at)?;
+    if matches!(opcode, Opcode::TraceNV | Opcode::ExecuteCallableNV) {
+        id = variable_at(decoder, id, classes)?;
+    }
     let pointer = decoder.pointer(id)?;
     if !classes.contains(&pointer.storage_class) {
         let found = crate::module::names::storage_class_name(pointer.storage_class);

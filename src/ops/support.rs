@@ -16,7 +16,8 @@ use crate::module::names::{builtin_name, ext_inst_name, opcode_name, storage_cla
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::row::{Set, family};
 use crate::ops::{
-    address, atomic, builtin, composite, image, irregular, linear_algebra, pointer, ray_tracing,
+    address, atomic, builtin, composite, dot_product, image, irregular, linear_algebra, pointer, ray_tracing,
+    subgroup,
 };
 
 /// Whether something of SPIR-V runs.
@@ -199,6 +200,8 @@ fn section_of(op: Opcode) -> Option<&'static str> {
         ("memory", pointer::OPCODES),
         ("pointers and device addresses", address::OPCODES),
         ("atomics and barriers", atomic::OPCODES),
+        ("subgroups", subgroup::OPCODES),
+        ("arithmetic", dot_product::OPCODES),
         ("linear algebra", linear_algebra::OPCODES),
         ("images", image::OPCODES),
         ("ray tracing", ray_tracing::OPCODES),
@@ -310,7 +313,7 @@ mod tests {
     fn gaps_are_counted_and_named_once() {
         let mut a = Assembler::new();
         a.with_string(Opcode::EntryPoint, &[5316, 30], "hit", &[]);
-        a.op(Opcode::Decorate, &[20, 11, 36]);
+        a.op(Opcode::Decorate, &[20, 11, 4438]);
         a.types();
         a.op(Opcode::TypePointer, &[10, 1, 5]);
         a.op(Opcode::Variable, &[10, 20, 1]);
@@ -324,6 +327,6 @@ mod tests {
         let module = a.loaded();
         let gaps = gaps(&module, &module.entry_points[0]);
         let told: Vec<_> = gaps.iter().map(|gap| (gap.message.as_str(), gap.count)).collect();
-        assert_eq!(told, [("the builtin SubgroupSize is not supported", 1), ("OpDPdx is not supported", 2)]);
+        assert_eq!(told, [("the builtin DeviceIndex is not supported", 1), ("OpDPdx is not supported", 2)]);
     }
 }

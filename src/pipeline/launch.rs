@@ -118,7 +118,10 @@ impl Launch<'_> {
         if self.pipeline.order_dependent() {
             // One after the other, so that every width of a batch gives the same.
             for task in tasks {
-                results.push(self.task::<1>(&bindings, record, range(task), size));
+                results.push(match self.pipeline.uses_subgroups() {
+                    true => self.task::<32>(&bindings, record, range(task), size),
+                    false => self.task::<1>(&bindings, record, range(task), size),
+                });
                 done(range(task).end - range(task).start);
                 if results.last().is_some_and(|(_, trapped)| trapped.is_some()) {
                     break;
@@ -132,7 +135,11 @@ impl Launch<'_> {
                 if trapped_at.load(Relaxed) < range.start {
                     return (Stats::default(), None);
                 }
-                let result = self.task::<W>(&bindings, record, range.clone(), size);
+                // A batch must hold whole subgroups, and their size divides 32.
+                let result = match self.pipeline.uses_subgroups() {
+                    true => self.task::<32>(&bindings, record, range.clone(), size),
+                    false => self.task::<W>(&bindings, record, range.clone(), size),
+                };
                 if result.1.is_some() {
                     trapped_at.fetch_min(range.start, Relaxed);
                 }
@@ -190,6 +197,11 @@ impl Launch<'_> {
                 "the pipeline has no ray generation shader: there is nothing to launch",
             )
         })?;
+        if self.pipeline.uses_subgroups() && self.pipeline.subgroup_size > 1 {
+            let message = "one invocation alone of a pipeline with subgroup instructions";
+            return Err(Error::new(ErrorKind::UnsupportedModule, message)
+                .note("set the subgroup size to 1 to run it without the others of its subgroup"));
+        }
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, witness, observer);
         stack.launch(record, &[id], size);

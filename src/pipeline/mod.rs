@@ -16,6 +16,7 @@ pub mod witness;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
 use crate::module::interface::Stage;
 use crate::program::Program;
 
@@ -43,6 +44,8 @@ pub struct Pipeline {
     pub max_recursion: u32,
     /// Operations that an invocation may spend.
     pub budget: u64,
+    /// `SubgroupSize`
+    pub subgroup_size: u32,
 }
 
 impl Pipeline {
@@ -56,6 +59,11 @@ impl Pipeline {
     pub fn order_dependent(&self) -> bool {
         self.programs.iter().any(|program| program.order_dependent)
     }
+
+    /// Whether a shader needs the other invocations of its subgroup beside it.
+    pub fn uses_subgroups(&self) -> bool {
+        self.programs.iter().any(|program| program.uses_subgroups)
+    }
 }
 
 /// Collects shaders, groups and records.
@@ -66,6 +74,7 @@ pub struct Builder {
     sbt: Sbt,
     max_recursion: Option<u32>,
     budget: Option<u64>,
+    subgroup_size: Option<u32>,
 }
 
 impl Builder {
@@ -180,18 +189,34 @@ impl Builder {
         self
     }
 
+    /// Sets `SubgroupSize`: a power of two from 1 to 128.
+    pub fn subgroup_size(&mut self, size: u32) -> &mut Self {
+        self.subgroup_size = Some(size);
+        self
+    }
+
     /// The pipeline.
     ///
     /// # Errors
     /// `InvalidScene` where a record names a group that does not exist or does not fit its table.
     pub fn build(&self) -> Result<Pipeline> {
         self.sbt.check(&self.programs, &self.groups)?;
+        let size = self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE);
+        if !size.is_power_of_two() || size > 128 {
+            let message = format!("a subgroup of {size} invocations: it has 1, 2, 4, ... or 128");
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+        if let Some(program) = self.programs.iter().find(|program| program.uses_subgroups && size > 32) {
+            let message = format!("`{}`: subgroup instructions in subgroups of more than 32", program.name);
+            return Err(Error::new(ErrorKind::UnsupportedModule, message));
+        }
         Ok(Pipeline {
             programs: self.programs.clone(),
             groups: self.groups.clone(),
             sbt: self.sbt.clone(),
             max_recursion: self.max_recursion.unwrap_or(DEFAULT_RECURSION),
             budget: self.budget.unwrap_or(DEFAULT_BUDGET),
+            subgroup_size: self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE),
         })
     }
 }

@@ -219,6 +219,7 @@ where
         for (lane, (caller, invocation, payload, attributes)) in called.lanes.into_iter().enumerate() {
             running.callers.push(caller);
             running.batch.invocations[lane] = invocation;
+            running.batch.invocations[lane].subgroup_size = pipeline.subgroup_size;
             contents.push((payload, attributes));
         }
         program.begin(&mut running.batch, mask, pipeline.budget);

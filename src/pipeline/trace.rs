@@ -316,6 +316,7 @@ impl RayState {
             hit: None,
             record,
             depth: self.query.depth,
+            subgroup_size: 0,
         }
     }
 }

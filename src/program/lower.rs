@@ -275,6 +275,7 @@ impl<'m> Lowering<'m> {
     }
 
     fn instruction(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
+        self.decoder.tick();
         match instruction.opcode {
             opcode::PHI | opcode::LOOP_MERGE | opcode::SELECTION_MERGE => Ok(()),
             opcode::VARIABLE => self.variable(instruction),
@@ -283,8 +284,19 @@ impl<'m> Lowering<'m> {
             | opcode::TERMINATE_INVOCATION
             | opcode::IGNORE_INTERSECTION
             | opcode::TERMINATE_RAY => self.terminator(instruction, place),
+            opcode::IGNORE_INTERSECTION_NV => self.exit(Exit::Ignored),
+            opcode::TERMINATE_RAY_NV => self.exit(Exit::Terminated),
             number => decode_number(&mut self.decoder, number, instruction),
         }
+    }
+
+    /// Ends the invocation in the middle of a block; what follows is never reached.
+    fn exit(&mut self, exit: Exit) -> Result<()> {
+        self.decoder.set_clock()?;
+        self.end(Terminator::Exit(exit));
+        let label = self.label();
+        self.begin(label);
+        Ok(())
     }
 
     fn variable(&mut self, instruction: &Instruction) -> Result<()> {
@@ -388,6 +400,7 @@ impl<'m> Lowering<'m> {
                 self.decoder.emit(Op::Memory(memory::Op::Move { to, from }));
             }
         }
+        self.decoder.set_clock()?;
         let return_to = self.label();
         self.end(Terminator::Call { function: standing.label, return_to });
         self.begin(return_to);
@@ -416,6 +429,7 @@ impl<'m> Lowering<'m> {
     }
 
     fn terminator(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
+        self.decoder.set_clock()?;
         match instruction.opcode {
             opcode::BRANCH => {
                 let target = self.decoder.id(instruction, 0)?;
@@ -591,6 +605,7 @@ impl<'m> Lowering<'m> {
             interface: self.decoder.interface,
             variables: self.decoder.variables,
             order_dependent: false,
+            uses_subgroups: false,
         };
         prune(&mut program, &self.decoder.addressed);
         program
@@ -624,6 +639,8 @@ mod opcode {
     pub const RETURN: u16 = 253;
     pub const RETURN_VALUE: u16 = 254;
     pub const UNREACHABLE: u16 = 255;
+    pub const IGNORE_INTERSECTION_NV: u16 = 5335;
+    pub const TERMINATE_RAY_NV: u16 = 5336;
     pub const TERMINATE_INVOCATION: u16 = 4416;
     pub const IGNORE_INTERSECTION: u16 = 4448;
     pub const TERMINATE_RAY: u16 = 4449;

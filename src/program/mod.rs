@@ -114,6 +114,8 @@ pub struct Program {
     /// Whether what a launch leaves behind depends on how its invocations interleave; see
     /// [`atomic`](crate::ops::atomic).
     pub order_dependent: bool,
+    /// Whether it needs the other invocations of its subgroup beside it.
+    pub uses_subgroups: bool,
 }
 
 impl Program {

@@ -70,6 +70,8 @@ pub fn prune(program: &mut Program, addressed: &[(Reg, u32)]) {
         Op::Atomic(op) if kept => op.order_dependent(live[op.to.0 as usize]),
         _ => false,
     });
+    let kept = program.ops.iter().zip(&visited).filter(|&(_, &kept)| kept);
+    program.uses_subgroups = kept.map(|(op, _)| op).any(|op| matches!(op, Op::Subgroup(_)));
     remove(program, &visited);
 }
 

@@ -4,5 +4,9 @@
 mod assembly;
 
 mod atomics;
+mod calls;
+mod integers;
 mod memory;
+mod messages;
 mod run;
+mod subgroups;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use anyhit::error::{Error, Result};
 use anyhit::machine::{Buffer, Descriptor, Resources};
+use anyhit::module::interface::Stage;
 use anyhit::ops::row::{Row, Width};
 use anyhit::pipeline::{Launch, Pipeline};
 
@@ -19,7 +20,8 @@ const WORDS: usize = 16;
 pub struct Shader<'a> {
     /// Capabilities and extensions, before the memory model.
     pub capabilities: &'a str,
-    /// Execution modes, names and decorations.
+    /// More entry points (callable shaders become the callable records), execution modes, strings,
+    /// names and decorations.
     pub annotations: &'a str,
     /// Types, constants and variables of module scope.
     pub declarations: &'a str,
@@ -42,6 +44,9 @@ impl Shader<'_> {
         let program = anyhit::program::lower(&module, &module.entry_points[0])?;
         let mut builder = Pipeline::builder();
         builder.ray_generation(program)?;
+        for entry in module.entry_points.iter().filter(|entry| entry.stage == Stage::Callable) {
+            builder.callable(anyhit::program::lower(&module, entry)?)?;
+        }
         let pipeline = builder.build()?;
         let one = launch::<1>(&pipeline, resources());
         let eight = launch::<8>(&pipeline, resources());
@@ -88,8 +93,10 @@ impl Shader<'_> {
              OpCapability Int8
              OpCapability Float64
              OpCapability Float16
+             OpCapability GroupNonUniform
              {capabilities}
              %glsl = OpExtInstImport \"GLSL.std.450\"
+             %printf = OpExtInstImport \"NonSemantic.DebugPrintf\"
              {memory_model}
              OpEntryPoint RayGenerationKHR %main \"main\"
              {annotations}

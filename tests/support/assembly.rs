@@ -153,5 +153,5 @@ fn enumerant(kind: OperandKind, name: &str) -> Option<u32> {
             }
         };
     }
-    kinds!(Capability AddressingModel MemoryModel ExecutionModel ExecutionMode StorageClass Decoration BuiltIn Dim ImageFormat)
+    kinds!(Capability AddressingModel MemoryModel ExecutionModel ExecutionMode StorageClass Decoration BuiltIn Dim ImageFormat GroupOperation PackedVectorFormat)
 }

@@ -91,6 +91,8 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
             Op::SpecConstant,
             Op::SpecConstantComposite,
             Op::SpecConstantOp,
+            Op::ConstantCompositeReplicateEXT,
+            Op::SpecConstantCompositeReplicateEXT,
         ],
     ),
     (
@@ -113,6 +115,8 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
             Op::Unreachable,
             Op::IgnoreIntersectionKHR,
             Op::TerminateRayKHR,
+            Op::IgnoreIntersectionNV,
+            Op::TerminateRayNV,
         ],
     ),
 ];
@@ -134,7 +138,7 @@ pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[
             Op::Fwidth,
         ],
     ),
-    ("atomics and barriers", &[Op::ControlBarrier, Op::MemoryBarrier]),
+    ("atomics and barriers", &[Op::ControlBarrier]),
     ("pointers and device addresses", &[Op::SizeOf]),
     (
         "subgroups",
@@ -296,20 +300,7 @@ pub(super) const UNSUPPORTED_BUILTINS: Groups<BuiltIn> = &[
             BuiltIn::LocalInvocationIndex,
         ],
     ),
-    (
-        "subgroups",
-        &[
-            BuiltIn::SubgroupSize,
-            BuiltIn::NumSubgroups,
-            BuiltIn::SubgroupId,
-            BuiltIn::SubgroupLocalInvocationId,
-            BuiltIn::SubgroupEqMask,
-            BuiltIn::SubgroupGeMask,
-            BuiltIn::SubgroupGtMask,
-            BuiltIn::SubgroupLeMask,
-            BuiltIn::SubgroupLtMask,
-        ],
-    ),
+    ("subgroups", &[BuiltIn::NumSubgroups, BuiltIn::SubgroupId]),
     ("motion blur", &[BuiltIn::CurrentRayTimeNV]),
     ("cluster acceleration structures", &[BuiltIn::ClusterIDNV]),
     (

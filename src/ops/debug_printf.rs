@@ -1,0 +1,404 @@
+//! `NonSemantic.DebugPrintf`: texts for people, in the formats of `GL_EXT_debug_printf`.
+//!
+//! `%[flags][width][.precision][vN][h|l|ll]conversion` with the conversions d i u o x X f F e E g G
+//! a A c and s's place taken by nothing: there are no strings to print. `vN` (2 to 4) prints a
+//! vector, its components parted by `, `; `l` asks for 64 bits and changes nothing, as the
+//! argument's own type says how wide it is. An argument whose type does not fit the conversion is
+//! converted to it.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::machine::{Batch, Bindings, Reg};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Id, Instruction};
+use crate::ops::decode::Decoder;
+use crate::ops::op::{Access, Op as Operation};
+
+/// The name of the instruction set.
+pub const SET: &str = "NonSemantic.DebugPrintf";
+
+/// The type of an argument's components.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scalar {
+    /// `bool`
+    Bool,
+    /// Bits, and whether it has a sign.
+    Int(u32, bool),
+    /// Bits.
+    Float(u32),
+}
+
+/// An argument.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Argument {
+    /// The type of a component.
+    pub scalar: Scalar,
+    /// The first row of each component.
+    pub components: Vec<Reg>,
+}
+
+/// Prints a text for each running lane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Op {
+    /// The format.
+    pub format: Arc<str>,
+    /// The arguments.
+    pub arguments: Arc<[Argument]>,
+}
+
+impl Op {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        visit(Access::Effect);
+        for argument in &*self.arguments {
+            let words = if argument.scalar.is_wide() { 2 } else { 1 };
+            argument.components.iter().for_each(|&reg| visit(Access::Read(reg, words)));
+        }
+    }
+
+    /// Runs the operation for the running lanes.
+    pub fn eval<const W: usize>(&self, batch: &Batch<W>, bindings: &Bindings) {
+        let Some(printed) = &bindings.printed else { return };
+        for lane in batch.mask.lanes() {
+            let mut arguments = self.arguments.iter().map(|argument| {
+                let value = |&reg: &Reg| {
+                    let high =
+                        if argument.scalar.is_wide() { batch.registers[reg.plus(1)].0[lane] } else { 0 };
+                    let bits = u64::from(batch.registers[reg].0[lane]) | u64::from(high) << 32;
+                    argument.scalar.value(bits)
+                };
+                argument.components.iter().map(value).collect::<Vec<_>>()
+            });
+            let text = text(&self.format, &mut arguments);
+            printed.push(batch.invocations[lane].launch_id, text);
+        }
+    }
+}
+
+impl Scalar {
+    fn is_wide(self) -> bool {
+        matches!(self, Self::Int(64, _) | Self::Float(64))
+    }
+
+    fn value(self, bits: u64) -> Value {
+        match self {
+            Self::Bool => Value::Unsigned(bits),
+            Self::Int(width, true) => Value::Signed((bits << (64 - width)) as i64 >> (64 - width), width),
+            Self::Int(..) => Value::Unsigned(bits),
+            Self::Float(16) => Value::Float(half::f16::from_bits(bits as u16).to_f64()),
+            Self::Float(32) => Value::Float(f32::from_bits(bits as u32).into()),
+            Self::Float(_) => Value::Float(f64::from_bits(bits)),
+        }
+    }
+}
+
+/// Decodes a call of the instruction set; operands begin behind set and number.
+///
+/// # Errors
+/// `InvalidModule` where the format is no string or an argument cannot be printed.
+pub fn decode(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()> {
+    let format = decoder.id(instruction, 2)?;
+    let Some(format) = decoder.module.debug_info.strings.get(&format).cloned() else {
+        return Err(decoder.invalid("the format of a DebugPrintf is no OpString"));
+    };
+    let mut arguments = Vec::new();
+    for &id in &decoder.operands(instruction)[3..] {
+        let ty = decoder.type_of(Id(id))?;
+        let scalar = scalar(decoder, ty)?;
+        let components = decoder.components(Id(id))?.to_vec();
+        arguments.push(Argument { scalar, components });
+    }
+    decoder.emit(Operation::Print(Op { format, arguments: arguments.into() }));
+    // The call has a result of type void, which nothing may use.
+    Ok(())
+}
+
+fn scalar(decoder: &Decoder<'_>, ty: TypeId) -> Result<Scalar> {
+    match *decoder.module.ty(ty) {
+        Type::Bool => Ok(Scalar::Bool),
+        Type::Int { width, signed } => Ok(Scalar::Int(width, signed)),
+        Type::Float { width, encoding: None } => Ok(Scalar::Float(width)),
+        Type::Vector { component, .. } => scalar(decoder, component),
+        _ => {
+            let name = decoder.module.describe_type(ty);
+            Err(decoder.invalid(format!("DebugPrintf prints scalars and vectors, not {name}")))
+        }
+    }
+}
+
+/// A number to print; a signed one with its width, for the conversions that show bits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Value {
+    Signed(i64, u32),
+    Unsigned(u64),
+    Float(f64),
+}
+
+/// What stands between `%` and the conversion.
+#[derive(Clone, Copy, Debug, Default)]
+struct Layout {
+    left: bool,
+    plus: bool,
+    space: bool,
+    alternate: bool,
+    zero: bool,
+    width: usize,
+    precision: Option<usize>,
+}
+
+/// The text of a format; arguments beyond the last print as `%?`.
+fn text(format: &str, arguments: &mut impl Iterator<Item = Vec<Value>>) -> String {
+    let mut text = String::new();
+    let mut rest = format;
+    while let Some(at) = rest.find('%') {
+        text.push_str(&rest[..at]);
+        rest = &rest[at + 1..];
+        if let Some(behind) = rest.strip_prefix('%') {
+            text.push('%');
+            rest = behind;
+            continue;
+        }
+        let (layout, conversion, behind) = directive(rest);
+        rest = behind;
+        let values = arguments.next().unwrap_or_default();
+        if values.is_empty() {
+            text.push_str("%?");
+        }
+        for (at, &value) in values.iter().enumerate() {
+            if at > 0 {
+                text.push_str(", ");
+            }
+            one(&mut text, layout, conversion, value);
+        }
+    }
+    text.push_str(rest);
+    text
+}
+
+/// Reads what stands behind a `%`: layout, conversion, and the rest of the format.
+fn directive(format: &str) -> (Layout, char, &str) {
+    let mut layout = Layout::default();
+    let mut rest = format;
+    let number = |rest: &mut &str| {
+        let digits = rest.len() - rest.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+        let value = rest[..digits].parse::<usize>().unwrap_or(0).min(256);
+        *rest = &rest[digits..];
+        value
+    };
+    loop {
+        match rest.chars().next() {
+            Some('-') => layout.left = true,
+            Some('+') => layout.plus = true,
+            Some(' ') => layout.space = true,
+            Some('#') => layout.alternate = true,
+            Some('0') => layout.zero = true,
+            _ => break,
+        }
+        rest = &rest[1..];
+    }
+    layout.width = number(&mut rest);
+    if let Some(behind) = rest.strip_prefix('.') {
+        rest = behind;
+        layout.precision = Some(number(&mut rest));
+    }
+    if let Some(behind) = rest.strip_prefix('v') {
+        // How many components there are is known from the argument.
+        rest = behind.trim_start_matches(|c: char| c.is_ascii_digit());
+    }
+    rest = rest.trim_start_matches(['h', 'l']);
+    let conversion = rest.chars().next().unwrap_or('d');
+    // `%ul` is the other spelling of `%lu`.
+    let rest = &rest[conversion.len_utf8().min(rest.len())..];
+    let rest = if matches!(conversion, 'u' | 'd' | 'i' | 'x') {
+        rest.strip_prefix('l').unwrap_or(rest)
+    } else {
+        rest
+    };
+    (layout, conversion, rest)
+}
+
+fn one(text: &mut String, layout: Layout, conversion: char, value: Value) {
+    let float = match value {
+        Value::Signed(value, _) => value as f64,
+        Value::Unsigned(value) => value as f64,
+        Value::Float(value) => value,
+    };
+    let (signed, bits) = match value {
+        Value::Signed(value, width) => (i128::from(value), value as u64 & u64::MAX >> (64 - width)),
+        Value::Unsigned(value) => (i128::from(value), value),
+        Value::Float(value) => (i128::from(value as i64), value as i64 as u64),
+    };
+    let (negative, digits) = match conversion {
+        'd' | 'i' => (signed < 0, signed.unsigned_abs().to_string()),
+        'u' => (false, bits.to_string()),
+        'x' | 'X' | 'o' => {
+            let digits = match conversion {
+                'x' => format!("{bits:x}"),
+                'X' => format!("{bits:X}"),
+                _ => format!("{bits:o}"),
+            };
+            let prefix = match conversion {
+                _ if !layout.alternate || bits == 0 => "",
+                'x' => "0x",
+                'X' => "0X",
+                _ => "0",
+            };
+            (false, format!("{prefix}{digits}"))
+        }
+        'c' => (false, char::from(bits as u8).to_string()),
+        _ => {
+            let digits = magnitude(conversion.to_ascii_lowercase(), float.abs(), layout);
+            let digits = if conversion.is_uppercase() { digits.to_uppercase() } else { digits };
+            (float.is_sign_negative() && !float.is_nan(), digits)
+        }
+    };
+    let is_integer = matches!(conversion, 'd' | 'i' | 'u' | 'x' | 'X' | 'o');
+    let missing =
+        layout.precision.filter(|_| is_integer).map_or(0, |least| least.saturating_sub(digits.len()));
+    let digits = "0".repeat(missing) + &digits;
+    let sign = match (negative, is_integer && !matches!(conversion, 'd' | 'i')) {
+        (true, _) => "-",
+        (false, true) => "",
+        (false, false) if layout.plus && conversion != 'c' => "+",
+        (false, false) if layout.space && conversion != 'c' => " ",
+        (false, false) => "",
+    };
+    let fill = layout.width.saturating_sub(sign.len() + digits.len());
+    let zeros =
+        layout.zero && !layout.left && float.is_finite() && !(is_integer && layout.precision.is_some());
+    let _ = match (layout.left, zeros) {
+        (true, _) => write!(text, "{sign}{digits}{}", " ".repeat(fill)),
+        (false, true) => write!(text, "{sign}{}{digits}", "0".repeat(fill)),
+        (false, false) => write!(text, "{}{sign}{digits}", " ".repeat(fill)),
+    };
+}
+
+/// A float without its sign, as C's conversions write it.
+fn magnitude(conversion: char, value: f64, layout: Layout) -> String {
+    if value.is_nan() {
+        return "nan".to_owned();
+    }
+    if value.is_infinite() {
+        return "inf".to_owned();
+    }
+    let precision = layout.precision.unwrap_or(6);
+    match conversion {
+        'e' => scientific(value, precision),
+        'g' => {
+            let precision = precision.max(1);
+            let exponent: i32 = scientific(value, precision - 1)
+                .split_once('e')
+                .and_then(|(_, exponent)| exponent.parse().ok())
+                .unwrap_or(0);
+            let fixed = exponent >= -4 && exponent < precision as i32;
+            let digits = match fixed {
+                true => format!("{value:.*}", (precision as i32 - 1 - exponent) as usize),
+                false => scientific(value, precision - 1),
+            };
+            if layout.alternate {
+                return digits;
+            }
+            let (mantissa, tail) = digits.split_at(digits.find('e').unwrap_or(digits.len()));
+            let mantissa = match mantissa.contains('.') {
+                true => mantissa.trim_end_matches('0').trim_end_matches('.'),
+                false => mantissa,
+            };
+            format!("{mantissa}{tail}")
+        }
+        'a' => hexadecimal(value, layout.precision),
+        _ => format!("{value:.precision$}"),
+    }
+}
+
+/// `1.500000e+00`: at least two digits of exponent, with its sign.
+fn scientific(value: f64, precision: usize) -> String {
+    let text = format!("{value:.precision$e}");
+    let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    let sign = if exponent < 0 { '-' } else { '+' };
+    format!("{mantissa}e{sign}{:02}", exponent.unsigned_abs())
+}
+
+/// `0x1.8p+0`: exact where no precision is asked for, else rounded to nearest even.
+fn hexadecimal(value: f64, precision: Option<usize>) -> String {
+    let bits = value.to_bits();
+    let (exponent, mut fraction) = ((bits >> 52) as i32, bits & ((1 << 52) - 1));
+    let (mut lead, exponent) = match (exponent, fraction) {
+        (0, 0) => (0, 0),
+        (0, _) => (0, -1022),
+        _ => (1, exponent - 1023),
+    };
+    let mut digits = 13;
+    if let Some(kept) = precision.filter(|&kept| kept < 13) {
+        let cut = 4 * (13 - kept as u32);
+        let whole = lead << 52 | fraction;
+        let (down, rest, half) = (whole >> cut, whole & ((1 << cut) - 1), 1u64 << (cut - 1));
+        let rounded = down + u64::from(rest > half || rest == half && down & 1 == 1);
+        lead = rounded >> (52 - cut);
+        fraction = rounded & ((1u64 << (52 - cut)) - 1);
+        digits = kept;
+    }
+    let text = if digits == 0 { String::new() } else { format!("{fraction:0digits$x}") };
+    let text = match precision {
+        Some(asked) => format!("{text:0<asked$}"),
+        None => text.trim_end_matches('0').to_owned(),
+    };
+    let point = if text.is_empty() { "" } else { "." };
+    format!("0x{lead}{point}{text}p{exponent:+}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn print(format: &str, value: Value) -> String {
+        text(format, &mut [vec![value]].into_iter())
+    }
+
+    #[test]
+    fn integers() {
+        // What C's printf gives, by its definition (ISO C 7.23.6.1).
+        assert_eq!(print("[%d]", Value::Signed(-5, 32)), "[-5]");
+        assert_eq!(print("%5d|", Value::Signed(42, 32)), "   42|");
+        assert_eq!(print("%-5d|", Value::Signed(42, 32)), "42   |");
+        assert_eq!(print("%05d", Value::Signed(-42, 32)), "-0042");
+        assert_eq!(print("%+d", Value::Signed(42, 32)), "+42");
+        assert_eq!(print("%.4d", Value::Signed(42, 32)), "0042");
+        assert_eq!(print("%u", Value::Signed(-1, 32)), "4294967295");
+        assert_eq!(print("%x", Value::Unsigned(0xABC)), "abc");
+        assert_eq!(print("%#X", Value::Unsigned(0xABC)), "0XABC");
+        assert_eq!(print("%o", Value::Unsigned(8)), "10");
+        assert_eq!(print("%lu", Value::Unsigned(u64::MAX)), "18446744073709551615");
+        assert_eq!(print("%ul!", Value::Unsigned(7)), "7!");
+        assert_eq!(print("%lx", Value::Unsigned(1 << 40)), "10000000000");
+        assert_eq!(print("100%% %i", Value::Signed(1, 32)), "100% 1");
+    }
+
+    #[test]
+    fn floats() {
+        assert_eq!(print("%f", Value::Float(1.5)), "1.500000");
+        assert_eq!(print("%.2f", Value::Float(-0.125)), "-0.12"); // ties to even
+        assert_eq!(print("%8.3f", Value::Float(3.25)), "   3.250");
+        assert_eq!(print("%e", Value::Float(12345.678)), "1.234568e+04");
+        assert_eq!(print("%.1E", Value::Float(0.00025)), "2.5E-04");
+        assert_eq!(print("%g", Value::Float(0.0001)), "0.0001");
+        assert_eq!(print("%g", Value::Float(100000.0)), "100000");
+        assert_eq!(print("%g", Value::Float(1000000.0)), "1e+06");
+        assert_eq!(print("%g", Value::Float(0.00001)), "1e-05");
+        assert_eq!(print("%a", Value::Float(1.5)), "0x1.8p+0");
+        assert_eq!(print("%.1a", Value::Float(1.96875)), "0x2.0p+0");
+        assert_eq!(print("%A", Value::Float(0.1)), "0X1.999999999999AP-4");
+        assert_eq!(print("%f", Value::Float(f64::NEG_INFINITY)), "-inf");
+        assert_eq!(print("%F", Value::Float(f64::NAN)), "NAN");
+        assert_eq!(print("%05.1f", Value::Float(-2.0)), "-02.0");
+    }
+
+    #[test]
+    fn vectors_and_missing_arguments() {
+        let mut arguments =
+            [vec![Value::Float(1.0), Value::Float(2.5)], vec![Value::Unsigned(3)]].into_iter();
+        assert_eq!(text("v = %1.1v2f, n = %d, %d", &mut arguments), "v = 1.0, 2.5, n = 3, %?");
+    }
+}

@@ -1,0 +1,112 @@
+//! Dot products of integers (SPIR-V 3.3.13, `SPV_KHR_integer_dot_product`): components are widened
+//! to the result, multiplied and summed modulo 2^width; the accumulator is added with saturation.
+
+use rspirv::spirv::Op as Opcode;
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::module::ty::Type;
+use crate::module::{Id, Instruction};
+use crate::ops::arithmetic::{IAdd, IMul};
+use crate::ops::conversion::{self, Conversion};
+use crate::ops::decode::{Decoder, Words};
+
+/// Rows of packed components and of saturating sums.
+pub mod row {
+    use crate::rows;
+
+    rows! {
+        /// The byte at a bit offset, with its sign.
+        SByte Internal [u32] (a: u32, shift: u32) -> i32 { i32::from((a >> shift) as i8) }
+        /// The byte at a bit offset.
+        UByte Internal [u32] (a: u32, shift: u32) -> u32 { u32::from((a >> shift) as u8) }
+        /// The sum, or the nearest number that there is.
+        SSaturatingAdd Internal [i8 i16 i32 i64] (a: T, b: T) -> T { a.saturating_add(b) }
+        /// The sum, or the largest number that there is.
+        USaturatingAdd Internal [u8 u16 u32 u64] (a: T, b: T) -> T { a.saturating_add(b) }
+    }
+}
+
+/// Opcodes decoded here.
+pub const OPCODES: &[Opcode] =
+    &[Opcode::SDot, Opcode::UDot, Opcode::SUDot, Opcode::SDotAccSat, Opcode::UDotAccSat, Opcode::SUDotAccSat];
+
+/// Decodes dot products of integers; `false` for any other instruction.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    // Signs of the components of both operands, and whether there is an accumulator.
+    let ([left, right], accumulates) = match opcode {
+        Opcode::SDot => ([true, true], false),
+        Opcode::UDot => ([false, false], false),
+        Opcode::SUDot => ([true, false], false),
+        Opcode::SDotAccSat => ([true, true], true),
+        Opcode::UDotAccSat => ([false, false], true),
+        Opcode::SUDotAccSat => ([true, false], true),
+        _ => return Ok(false),
+    };
+    let ty = decoder.result_type(instruction)?;
+    let width = decoder.scalar_width(ty)?;
+    let (a, b) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
+    let a = components(decoder, a, left, width)?;
+    let b = components(decoder, b, right, width)?;
+    if a.len() != b.len() || a.is_empty() {
+        return Err(decoder.invalid("the vectors of a dot product differ in size"));
+    }
+    let mut sum = decoder.family(&IMul, width, &[a[0], b[0]])?;
+    for (&a, &b) in a.iter().zip(&b).skip(1) {
+        let product = decoder.family(&IMul, width, &[a, b])?;
+        sum = decoder.family(&IAdd, width, &[sum, product])?;
+    }
+    if accumulates {
+        let accumulator = decoder.operand(instruction, 2)?[0];
+        let family = if left { &row::SSaturatingAdd } else { &row::USaturatingAdd };
+        sum = decoder.family(family, width, &[sum, accumulator])?;
+    }
+    let words = decoder.spread(&[sum], width);
+    decoder.result(instruction, words);
+    Ok(true)
+}
+
+/// The components of a vector, or of four bytes packed in a scalar, in the width of the result.
+fn components(decoder: &mut Decoder<'_>, id: Id, signed: bool, width: u32) -> Result<Words> {
+    let ty = decoder.type_of(id)?;
+    let mut parts = decoder.components(id)?;
+    let mut from = decoder.scalar_width(ty)?;
+    if let Type::Int { width: 32, .. } = decoder.module.ty(ty) {
+        let family = if signed { &row::SByte } else { &row::UByte };
+        let packed = parts[0];
+        parts.clear();
+        for at in 0..4 {
+            let shift = decoder.constant(8 * at)?;
+            parts.push(decoder.family(family, 32, &[packed, shift])?);
+        }
+        from = 32;
+    }
+    let kind = if signed { Conversion::S } else { Conversion::U };
+    let mut widened = Words::new();
+    for part in parts {
+        let component: Reg = match conversion::row(kind, from, width) {
+            Some(row) => decoder.row(row, &[part])?,
+            None => part,
+        };
+        widened.push(component);
+    }
+    Ok(widened)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::row::{SByte, SSaturatingAdd, UByte, USaturatingAdd};
+    use crate::ops::row::tests::check;
+
+    #[test]
+    fn vectors() {
+        check(&SByte, 32, &[0x0080_FF7F, 16], 0xFFFF_FF80);
+        check(&SByte, 32, &[0x0080_FF7F, 0], 0x7F);
+        check(&UByte, 32, &[0x0080_FF7F, 8], 0xFF);
+        check(&SSaturatingAdd, 8, &[0x7F, 1], 0x7F);
+        check(&SSaturatingAdd, 32, &[0x8000_0000, 0xFFFF_FFFF], 0x8000_0000);
+        check(&SSaturatingAdd, 64, &[5, u64::MAX], 4);
+        check(&USaturatingAdd, 16, &[0xFFFF, 1], 0xFFFF);
+        check(&USaturatingAdd, 64, &[u64::MAX, 1], u64::MAX);
+    }
+}

@@ -1,0 +1,545 @@
+//! Subgroup instructions (SPIR-V 3.3.24, `SPV_KHR_shader_ballot`, `SPV_KHR_subgroup_vote`,
+//! `SPV_EXT_shader_subgroup_partitioned`).
+//!
+//! A subgroup is a run of consecutive launch indices, x fastest; in a called shader, those of the
+//! caller's subgroup that reached the same shader record. A launch of a pipeline that has these
+//! instructions holds each subgroup in one batch, whatever width was asked for. What the
+//! specification leaves undefined (reading an invocation that does not take part) gives 0; sums
+//! go from the lowest invocation to the highest, each step rounded.
+
+use rspirv::spirv::{GroupOperation, Op as Opcode};
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::{Batch, Reg, Registers};
+use crate::module::ty::Type;
+use crate::module::{Id, Instruction};
+use crate::ops::decode::{Decoder, Words};
+use crate::ops::op::{Access, Op as Operation};
+use crate::ops::row::{Family, Row};
+use crate::ops::{arithmetic, bit, glsl, relational_logical};
+
+/// Opcodes decoded here.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::GroupNonUniformElect,
+    Opcode::GroupNonUniformAll,
+    Opcode::GroupNonUniformAny,
+    Opcode::GroupNonUniformAllEqual,
+    Opcode::GroupNonUniformBroadcast,
+    Opcode::GroupNonUniformBroadcastFirst,
+    Opcode::GroupNonUniformBallot,
+    Opcode::GroupNonUniformInverseBallot,
+    Opcode::GroupNonUniformBallotBitExtract,
+    Opcode::GroupNonUniformBallotBitCount,
+    Opcode::GroupNonUniformBallotFindLSB,
+    Opcode::GroupNonUniformBallotFindMSB,
+    Opcode::GroupNonUniformShuffle,
+    Opcode::GroupNonUniformShuffleXor,
+    Opcode::GroupNonUniformShuffleUp,
+    Opcode::GroupNonUniformShuffleDown,
+    Opcode::GroupNonUniformIAdd,
+    Opcode::GroupNonUniformFAdd,
+    Opcode::GroupNonUniformIMul,
+    Opcode::GroupNonUniformFMul,
+    Opcode::GroupNonUniformSMin,
+    Opcode::GroupNonUniformUMin,
+    Opcode::GroupNonUniformFMin,
+    Opcode::GroupNonUniformSMax,
+    Opcode::GroupNonUniformUMax,
+    Opcode::GroupNonUniformFMax,
+    Opcode::GroupNonUniformBitwiseAnd,
+    Opcode::GroupNonUniformBitwiseOr,
+    Opcode::GroupNonUniformBitwiseXor,
+    Opcode::GroupNonUniformLogicalAnd,
+    Opcode::GroupNonUniformLogicalOr,
+    Opcode::GroupNonUniformLogicalXor,
+    Opcode::GroupNonUniformQuadBroadcast,
+    Opcode::GroupNonUniformQuadSwap,
+    Opcode::GroupNonUniformQuadAllKHR,
+    Opcode::GroupNonUniformQuadAnyKHR,
+    Opcode::GroupNonUniformRotateKHR,
+    Opcode::GroupNonUniformPartitionEXT,
+    Opcode::SubgroupBallotKHR,
+    Opcode::SubgroupFirstInvocationKHR,
+    Opcode::SubgroupAllKHR,
+    Opcode::SubgroupAnyKHR,
+    Opcode::SubgroupAllEqualKHR,
+    Opcode::SubgroupReadInvocationKHR,
+];
+
+/// Lanes of a subgroup that take part, each with its place in the subgroup, ascending.
+type Members = SmallVec<[(usize, u32); 32]>;
+
+/// Which invocation's value another one gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum From {
+    /// The lowest that takes part.
+    First,
+    /// The one that the operand names.
+    At,
+    /// The own place, with the operand's bits flipped.
+    Xor,
+    /// The operand's number of places below.
+    Up,
+    /// The operand's number of places above.
+    Down,
+    /// The same, around the end of a cluster of this size.
+    Rotate(u32),
+    /// The operand's place in the own quad.
+    Quad,
+    /// Across the quad: the own place with these bits flipped.
+    QuadSwap,
+}
+
+/// What a ballot's bits are counted or searched for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bits {
+    /// All bits set.
+    Count,
+    /// Those up to the own place.
+    CountInclusive,
+    /// Those below the own place.
+    CountExclusive,
+    /// The place of the lowest.
+    Lowest,
+    /// The place of the highest.
+    Highest,
+}
+
+/// Over which invocations a value is combined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Over {
+    /// All that take part, or those in the same cluster of this size.
+    Cluster(u32),
+    /// Those up to the own one.
+    Inclusive,
+    /// Those below the own one; the second row is what none give.
+    Exclusive(Reg),
+}
+
+/// What a subgroup instruction does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// Whether this is the lowest invocation that takes part.
+    Elect,
+    /// Whether a bool holds everywhere, in clusters of this size.
+    All(u32),
+    /// Whether a bool holds anywhere, in clusters of this size.
+    Any(u32),
+    /// Whether a value is the same everywhere.
+    AllEqual,
+    /// The places where a bool holds.
+    Ballot,
+    /// The places that have the same value.
+    Partition,
+    /// Another invocation's value.
+    Read(From),
+    /// Bits of a ballot.
+    Bits(Bits),
+    /// The bit of a ballot at the operand's place, or at the own one.
+    Extract {
+        /// Whether the own place is meant.
+        own: bool,
+    },
+    /// Values combined by a row.
+    Combine {
+        /// The row that combines two.
+        row: &'static Row,
+        /// Over which.
+        over: Over,
+        /// Whether the operand is a ballot that says which invocations belong together.
+        partitioned: bool,
+    },
+}
+
+/// A subgroup operation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Op {
+    /// What it does.
+    pub kind: Kind,
+    /// The first row of the result.
+    pub to: Reg,
+    /// Rows of the result.
+    pub results: u32,
+    /// The first row of the value.
+    pub value: Reg,
+    /// Rows of the value.
+    pub values: u32,
+    /// The first row of a second operand.
+    pub operand: Reg,
+    /// Rows of the second operand.
+    pub operands: u32,
+}
+
+impl Op {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        visit(Access::Read(self.value, self.values));
+        visit(Access::Read(self.operand, self.operands));
+        if let Kind::Combine { row, over: Over::Exclusive(identity), .. } = self.kind {
+            visit(Access::Read(identity, row.words));
+        }
+        visit(Access::Write(self.to, self.results));
+    }
+
+    /// Runs the operation for the running lanes.
+    pub fn eval<const W: usize>(&self, batch: &mut Batch<W>) {
+        let size = batch.invocations.first().map_or(32, |invocation| invocation.subgroup_size()).max(1);
+        let mut groups: SmallVec<[((u64, u64), Members); 4]> = SmallVec::new();
+        for lane in batch.mask.lanes() {
+            let invocation = &batch.invocations[lane];
+            let index = invocation.launch_index();
+            let record = invocation.record.as_ref().map_or(u64::MAX, |record| record.offset);
+            let key = (index / u64::from(size), record);
+            let member = (lane, (index % u64::from(size)) as u32);
+            match groups.iter_mut().find(|(found, _)| *found == key) {
+                Some((_, members)) => members.push(member),
+                None => groups.push((key, SmallVec::from_slice(&[member]))),
+            }
+        }
+        for (_, mut members) in groups {
+            members.sort_unstable_by_key(|&(_, place)| place);
+            self.group(batch, &members, size);
+        }
+    }
+
+    /// Runs the operation for one subgroup; results are written when all are known, as they may
+    /// stand where operands do.
+    fn group<const W: usize>(&self, batch: &mut Batch<W>, members: &Members, size: u32) {
+        let registers = &batch.registers;
+        let value = |lane: usize| -> SmallVec<[u32; 4]> {
+            registers.lane_words(self.value, self.values, lane).collect()
+        };
+        let operand = |lane: usize| registers[self.operand].0[lane];
+        let holds = |lane: usize| registers[self.value].0[lane] != 0;
+        let ballot = |which: &dyn Fn(usize) -> bool| -> SmallVec<[u32; 4]> {
+            let mut words = SmallVec::from_elem(0, 4);
+            for &(_, place) in members.iter().filter(|&&(lane, _)| which(lane)) {
+                words[place as usize / 32] |= 1 << (place % 32);
+            }
+            words
+        };
+        let one = |word: bool| SmallVec::<[u32; 4]>::from_slice(&[u32::from(word)]);
+        let same = |cluster: u32, a: u32, b: u32| cluster == 0 || a / cluster == b / cluster;
+        let mut results: SmallVec<[(usize, SmallVec<[u32; 4]>); 32]> = SmallVec::new();
+        for &(lane, place) in members {
+            let peers = |cluster: u32| members.iter().filter(move |peer| same(cluster, place, peer.1));
+            let words = match self.kind {
+                Kind::Elect => one(place == members[0].1),
+                Kind::All(cluster) => one(peers(cluster).all(|peer| holds(peer.0))),
+                Kind::Any(cluster) => one(peers(cluster).any(|peer| holds(peer.0))),
+                Kind::AllEqual => one(self.all_equal(registers, members)),
+                Kind::Ballot => ballot(&holds),
+                Kind::Partition => {
+                    let own = value(lane);
+                    ballot(&|peer| value(peer) == own)
+                }
+                Kind::Read(from) => {
+                    let sought = source(from, place, operand(lane), size).unwrap_or(members[0].1);
+                    let found = members.iter().find(|peer| peer.1 == sought);
+                    found.map_or_else(|| SmallVec::from_elem(0, self.values as usize), |peer| value(peer.0))
+                }
+                Kind::Bits(bits) => SmallVec::from_slice(&[count(bits, &value(lane), place, size)]),
+                Kind::Extract { own } => {
+                    let at = if own { place } else { operand(lane) };
+                    let word = value(lane).get(at as usize / 32).copied().unwrap_or(0);
+                    one(word >> (at % 32) & 1 != 0)
+                }
+                Kind::Combine { row, over, partitioned } => {
+                    let belongs = |peer: &(usize, u32)| {
+                        if !partitioned {
+                            return true;
+                        }
+                        let word = registers[self.operand.plus(peer.1 / 32)].0[lane];
+                        word >> (peer.1 % 32) & 1 != 0
+                    };
+                    let taken = |peer: &(usize, u32)| match over {
+                        Over::Cluster(cluster) => same(cluster, place, peer.1),
+                        Over::Inclusive => peer.1 <= place,
+                        Over::Exclusive(_) => peer.1 < place,
+                    };
+                    let chosen = members.iter().filter(|peer| belongs(peer) && taken(peer));
+                    let combined = combine(row, chosen.map(|peer| value(peer.0)));
+                    combined.unwrap_or_else(|| match over {
+                        Over::Exclusive(identity) => {
+                            registers.lane_words(identity, row.words, lane).collect()
+                        }
+                        _ => value(lane),
+                    })
+                }
+            };
+            results.push((lane, words));
+        }
+        for (lane, words) in results {
+            batch.registers.set_lane_words(self.to, lane, words);
+        }
+    }
+
+    fn all_equal<const W: usize>(&self, registers: &Registers<W>, members: &Members) -> bool {
+        let words = |lane| registers.lane_words(self.value, self.values, lane);
+        members.iter().all(|peer| words(peer.0).eq(words(members[0].0)))
+    }
+}
+
+/// The place that a value comes from; `None` is the lowest that takes part.
+fn source(from: From, place: u32, operand: u32, size: u32) -> Option<u32> {
+    Some(match from {
+        From::First => return None,
+        From::At => operand,
+        From::Xor => place ^ operand,
+        From::Up => place.checked_sub(operand).unwrap_or(u32::MAX),
+        From::Down => place.saturating_add(operand),
+        From::Rotate(cluster) => {
+            let cluster = if cluster == 0 { size } else { cluster };
+            place / cluster * cluster + (place % cluster).wrapping_add(operand) % cluster
+        }
+        From::Quad => place / 4 * 4 + operand % 4,
+        // Horizontal, vertical, diagonal.
+        From::QuadSwap => place ^ (operand % 3 + 1),
+    })
+}
+
+fn count(bits: Bits, ballot: &[u32], place: u32, size: u32) -> u32 {
+    let mut wide = 0u128;
+    for (at, &word) in ballot.iter().enumerate().take(4) {
+        wide |= u128::from(word) << (32 * at);
+    }
+    let below = |count: u32| if count >= 128 { u128::MAX } else { (1 << count) - 1 };
+    let counted = wide & below(size);
+    match bits {
+        Bits::Count => counted.count_ones(),
+        Bits::CountInclusive => (counted & below(place + 1)).count_ones(),
+        Bits::CountExclusive => (counted & below(place)).count_ones(),
+        Bits::Lowest => counted.trailing_zeros(),
+        Bits::Highest => 127u32.wrapping_sub(counted.leading_zeros()),
+    }
+}
+
+/// Combines values from left to right; `None` where there are none.
+fn combine(row: &Row, mut values: impl Iterator<Item = SmallVec<[u32; 4]>>) -> Option<SmallVec<[u32; 4]>> {
+    let mut sum = values.next()?;
+    let mut registers = Registers::<1>::new(6);
+    for value in values {
+        registers.set_lane_words(Reg(0), 0, sum.iter().copied());
+        registers.set_lane_words(Reg(2), 0, value);
+        (row.one)(&mut registers, Reg(4), &[Reg(0), Reg(2), Reg(0)]);
+        sum = registers.lane_words(Reg(4), row.words, 0).collect();
+    }
+    Some(sum)
+}
+
+/// Decodes subgroup instructions; `false` for an instruction of another section.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    use Opcode as O;
+    if !OPCODES.contains(&opcode) {
+        return Ok(false);
+    }
+    // Those of the older extensions have no scope in front.
+    let first = match opcode {
+        O::SubgroupBallotKHR
+        | O::SubgroupFirstInvocationKHR
+        | O::SubgroupAllKHR
+        | O::SubgroupAnyKHR
+        | O::SubgroupAllEqualKHR
+        | O::SubgroupReadInvocationKHR
+        | O::GroupNonUniformQuadAllKHR
+        | O::GroupNonUniformQuadAnyKHR
+        | O::GroupNonUniformPartitionEXT => 0,
+        _ => 1,
+    };
+    let kind = match opcode {
+        O::GroupNonUniformElect => Kind::Elect,
+        O::GroupNonUniformAll | O::SubgroupAllKHR => Kind::All(0),
+        O::GroupNonUniformAny | O::SubgroupAnyKHR => Kind::Any(0),
+        O::GroupNonUniformQuadAllKHR => Kind::All(4),
+        O::GroupNonUniformQuadAnyKHR => Kind::Any(4),
+        O::GroupNonUniformAllEqual | O::SubgroupAllEqualKHR => Kind::AllEqual,
+        O::GroupNonUniformBallot | O::SubgroupBallotKHR => Kind::Ballot,
+        O::GroupNonUniformPartitionEXT => Kind::Partition,
+        O::GroupNonUniformBroadcastFirst | O::SubgroupFirstInvocationKHR => Kind::Read(From::First),
+        O::GroupNonUniformBroadcast | O::GroupNonUniformShuffle | O::SubgroupReadInvocationKHR => {
+            Kind::Read(From::At)
+        }
+        O::GroupNonUniformShuffleXor => Kind::Read(From::Xor),
+        O::GroupNonUniformShuffleUp => Kind::Read(From::Up),
+        O::GroupNonUniformShuffleDown => Kind::Read(From::Down),
+        O::GroupNonUniformQuadBroadcast => Kind::Read(From::Quad),
+        O::GroupNonUniformQuadSwap => Kind::Read(From::QuadSwap),
+        O::GroupNonUniformRotateKHR => Kind::Read(From::Rotate(cluster(decoder, instruction, 3)?)),
+        O::GroupNonUniformInverseBallot => Kind::Extract { own: true },
+        O::GroupNonUniformBallotBitExtract => Kind::Extract { own: false },
+        O::GroupNonUniformBallotFindLSB => Kind::Bits(Bits::Lowest),
+        O::GroupNonUniformBallotFindMSB => Kind::Bits(Bits::Highest),
+        O::GroupNonUniformBallotBitCount => {
+            let operation = decoder.literal(instruction, 1)?;
+            let bits = match GroupOperation::from_u32(operation) {
+                Some(GroupOperation::Reduce) => Bits::Count,
+                Some(GroupOperation::InclusiveScan) => Bits::CountInclusive,
+                Some(GroupOperation::ExclusiveScan) => Bits::CountExclusive,
+                _ => return Err(decoder.invalid("a group operation that counts no bits")),
+            };
+            let value = decoder.id(instruction, 2)?;
+            emit(decoder, instruction, Kind::Bits(bits), Some(value), None)?;
+            return Ok(true);
+        }
+        _ => return arithmetic(decoder, opcode, instruction).map(|()| true),
+    };
+    let count = decoder.operands(instruction).len();
+    let id = |decoder: &Decoder<'_>, at: usize| {
+        if at < count { decoder.id(instruction, at).map(Some) } else { Ok(None) }
+    };
+    let value = if kind == Kind::Elect { None } else { id(decoder, first)? };
+    let operand = if kind == Kind::Elect { None } else { id(decoder, first + 1)? };
+    emit(decoder, instruction, kind, value, operand)?;
+    Ok(true)
+}
+
+fn cluster(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
+    match decoder.operands(instruction).get(at) {
+        None => Ok(0),
+        Some(&id) => match decoder.constant_integer(Id(id))? {
+            size @ 1..=128 if size.is_power_of_two() => Ok(size as u32),
+            size => Err(decoder.invalid(format!("a cluster of {size} invocations"))),
+        },
+    }
+}
+
+fn emit(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    kind: Kind,
+    value: Option<Id>,
+    operand: Option<Id>,
+) -> Result<()> {
+    let mut rows = [(Reg(0), 0); 2];
+    for (rows, id) in rows.iter_mut().zip([value, operand]) {
+        if let Some(id) = id {
+            let words = decoder.words(id)?;
+            *rows = (decoder.consecutive(&words)?, words.len() as u32);
+        }
+    }
+    let [(value, values), (operand, operands)] = rows;
+    let ty = decoder.result_type(instruction)?;
+    let results = decoder.word_count(ty)?;
+    let fits = match kind {
+        Kind::Read(_) => values == results,
+        Kind::Ballot | Kind::Partition => results == 4,
+        _ => results == 1,
+    };
+    if !fits {
+        return Err(decoder.invalid("a subgroup instruction with a result of another type"));
+    }
+    let to = decoder.fresh(results)?;
+    decoder.emit(Operation::Subgroup(Op { kind, to, results, value, values, operand, operands }));
+    decoder.result(instruction, (0..results).map(|word| to.plus(word)).collect());
+    Ok(())
+}
+
+/// Reductions and scans, component by component.
+fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+    use Opcode as O;
+    let (family, identity): (&'static Family, fn(u32) -> u64) = match opcode {
+        O::GroupNonUniformIAdd => (&arithmetic::IAdd, |_| 0),
+        O::GroupNonUniformFAdd => (&arithmetic::FAdd, |_| 0),
+        O::GroupNonUniformIMul => (&arithmetic::IMul, |_| 1),
+        O::GroupNonUniformFMul => (&arithmetic::FMul, |width| float(width, 1.0)),
+        O::GroupNonUniformSMin => (&glsl::SMin, |width| u64::MAX >> (65 - width)),
+        O::GroupNonUniformUMin => (&glsl::UMin, |width| u64::MAX >> (64 - width)),
+        O::GroupNonUniformFMin => (&glsl::NMin, |width| float(width, f64::INFINITY)),
+        O::GroupNonUniformSMax => (&glsl::SMax, |width| 1 << (width - 1)),
+        O::GroupNonUniformUMax => (&glsl::UMax, |_| 0),
+        O::GroupNonUniformFMax => (&glsl::NMax, |width| float(width, f64::NEG_INFINITY)),
+        O::GroupNonUniformBitwiseAnd => (&bit::BitwiseAnd, |width| u64::MAX >> (64 - width)),
+        O::GroupNonUniformBitwiseOr => (&bit::BitwiseOr, |_| 0),
+        O::GroupNonUniformBitwiseXor => (&bit::BitwiseXor, |_| 0),
+        O::GroupNonUniformLogicalAnd => (&relational_logical::LogicalAnd, |_| 1),
+        O::GroupNonUniformLogicalOr => (&relational_logical::LogicalOr, |_| 0),
+        _ => (&relational_logical::LogicalNotEqual, |_| 0),
+    };
+    let ty = decoder.result_type(instruction)?;
+    let width = decoder.scalar_width(ty)?;
+    let row = family.row(width);
+    let row = row.ok_or_else(|| decoder.unsupported(format!("{} on {width}-bit operands", family.name)))?;
+    let operation = decoder.literal(instruction, 1)?;
+    let identity = {
+        let bits = identity(width);
+        if row.words == 2 { decoder.wide_constant(bits)? } else { decoder.constant(bits as u32)? }
+    };
+    let (over, partitioned) = match GroupOperation::from_u32(operation) {
+        Some(GroupOperation::Reduce) => (Over::Cluster(0), false),
+        Some(GroupOperation::InclusiveScan) => (Over::Inclusive, false),
+        Some(GroupOperation::ExclusiveScan) => (Over::Exclusive(identity), false),
+        Some(GroupOperation::ClusteredReduce) => (Over::Cluster(cluster(decoder, instruction, 3)?), false),
+        Some(GroupOperation::PartitionedReduceEXT) => (Over::Cluster(0), true),
+        Some(GroupOperation::PartitionedInclusiveScanEXT) => (Over::Inclusive, true),
+        Some(GroupOperation::PartitionedExclusiveScanEXT) => (Over::Exclusive(identity), true),
+        _ => return Err(decoder.invalid(format!("group operation {operation}"))),
+    };
+    let kind = Kind::Combine { row, over, partitioned };
+    let (operand, operands) = if partitioned {
+        let words = decoder.operand(instruction, 3)?;
+        if words.len() != 4 {
+            return Err(decoder.invalid("a partition that is no vector of four"));
+        }
+        (decoder.consecutive(&words)?, 4)
+    } else {
+        (Reg(0), 0)
+    };
+    let id = decoder.id(instruction, 2)?;
+    if !matches!(
+        decoder.module.ty(decoder.type_of(id)?),
+        Type::Bool | Type::Int { .. } | Type::Float { .. } | Type::Vector { .. }
+    ) {
+        return Err(decoder.invalid("a group operation on what is no scalar or vector"));
+    }
+    let mut words = Words::new();
+    for value in decoder.components(id)? {
+        let to = decoder.fresh(row.words)?;
+        let (results, values) = (row.words, row.words);
+        decoder.emit(Operation::Subgroup(Op { kind, to, results, value, values, operand, operands }));
+        words.extend((0..row.words).map(|word| to.plus(word)));
+    }
+    decoder.result(instruction, words);
+    Ok(())
+}
+
+fn float(width: u32, value: f64) -> u64 {
+    match width {
+        16 => half::f16::from_f64(value).to_bits().into(),
+        32 => (value as f32).to_bits().into(),
+        _ => value.to_bits(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources() {
+        assert_eq!(source(From::First, 5, 0, 32), None);
+        assert_eq!(source(From::At, 5, 7, 32), Some(7));
+        assert_eq!(source(From::Xor, 5, 1, 32), Some(4));
+        assert_eq!(source(From::Up, 5, 2, 32), Some(3));
+        assert_eq!(source(From::Up, 1, 2, 32), Some(u32::MAX));
+        assert_eq!(source(From::Down, 5, 2, 32), Some(7));
+        assert_eq!(source(From::Rotate(0), 31, 2, 32), Some(1));
+        assert_eq!(source(From::Rotate(4), 7, 1, 32), Some(4));
+        assert_eq!(source(From::Quad, 6, 3, 32), Some(7));
+        assert_eq!([0, 1, 2].map(|way| source(From::QuadSwap, 4, way, 32)), [Some(5), Some(6), Some(7)]);
+    }
+
+    #[test]
+    fn bits_of_ballots() {
+        let ballot = [0b1011_0100, 0, 0, 0];
+        let of = |bits| count(bits, &ballot, 4, 32);
+        assert_eq!(of(Bits::Count), 4);
+        assert_eq!(of(Bits::CountInclusive), 2);
+        assert_eq!(of(Bits::CountExclusive), 1);
+        assert_eq!(of(Bits::Lowest), 2);
+        assert_eq!(of(Bits::Highest), 7);
+        // Bits beyond the subgroup do not count.
+        assert_eq!(count(Bits::Count, &ballot, 0, 4), 1);
+        assert_eq!(count(Bits::Count, &[u32::MAX; 4], 0, 128), 128);
+    }
+}

@@ -1,0 +1,40 @@
+//! Calls of `SPV_NV_ray_tracing`, which name their data by its location.
+
+use crate::run::Shader;
+
+#[test]
+fn callable_data_is_found_by_its_location() {
+    let found = Shader {
+        annotations: "
+            OpEntryPoint CallableKHR %callee \"callee\"
+            OpDecorate %other Location 0
+            OpDecorate %data Location 5",
+        declarations: "
+            %ptr_CallableData_uint = OpTypePointer CallableDataKHR %uint
+            %other = OpVariable %ptr_CallableData_uint CallableDataKHR
+            %data = OpVariable %ptr_CallableData_uint CallableDataKHR
+            %ptr_Incoming_uint = OpTypePointer IncomingCallableDataKHR %uint
+            %incoming = OpVariable %ptr_Incoming_uint IncomingCallableDataKHR",
+        body: "
+            OpStore %other %u9
+            OpStore %data %id
+            OpExecuteCallableNV %u0 %u5
+            %result = OpLoad %uint %data
+            out 0 %result
+            %kept = OpLoad %uint %other
+            out 1 %kept",
+        functions: "
+            %callee = OpFunction %void None %main_type
+            %callee_entry = OpLabel
+            %value = OpLoad %uint %incoming
+            %doubled = OpIMul %uint %value %u2
+            OpStore %incoming %doubled
+            OpReturn
+            OpFunctionEnd",
+        ..Shader::default()
+    }
+    .run();
+    for (id, words) in found.iter().enumerate() {
+        assert_eq!(words[..2], [2 * id as u32, 9]);
+    }
+}
