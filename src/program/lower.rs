@@ -18,6 +18,7 @@ use crate::ops::decode_number;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::pointer::{self, Place as PointerPlace, Pointer};
+use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::prune::prune;
 use crate::program::{Block, Program, Scope, Terminator};
@@ -29,11 +30,29 @@ const INLINE_TOTAL: usize = 400_000;
 /// Calls nest this deep inlined; deeper ones become real.
 const INLINE_DEPTH: usize = 48;
 
+/// Whether calls are inlined.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Inlining {
+    /// Where the function is small or called once.
+    #[default]
+    WherePaying,
+    /// Never: every call is a real one. Results are the same.
+    Never,
+}
+
 /// Lowers an entry point of a module.
 ///
 /// # Errors
 /// `InvalidModule` or `UnsupportedModule` about the first instruction that cannot be lowered.
 pub fn lower(module: &Arc<Module>, entry: &EntryPoint) -> Result<Program> {
+    lower_with(module, entry, Inlining::default())
+}
+
+/// The same, with a say in how calls are lowered.
+///
+/// # Errors
+/// As [`lower`].
+pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) -> Result<Program> {
     if let Stage::Other(_) | Stage::Compute = entry.stage {
         let message =
             format!("entry point `{}`: {} is not a ray-tracing stage", entry.name, entry.stage.name());
@@ -52,6 +71,7 @@ pub fn lower(module: &Arc<Module>, entry: &EntryPoint) -> Result<Program> {
         first: 0,
         scopes: vec![Scope { parent: 0, call: 0, function: entry.function }],
         depth: 0,
+        inlining,
         sizes: sizes(module),
         standing: HashMap::new(),
         queue: VecDeque::new(),
@@ -64,57 +84,6 @@ pub fn lower(module: &Arc<Module>, entry: &EntryPoint) -> Result<Program> {
         lowering.stand_alone(function)?;
     }
     Ok(lowering.finish(module, entry))
-}
-
-/// How large a function is with its callees inlined, and how often it is called.
-#[derive(Clone, Copy, Default)]
-struct Size {
-    instructions: u64,
-    calls: u32,
-}
-
-fn sizes(module: &Module) -> HashMap<Id, Size> {
-    const CALL: u16 = 57;
-    let mut sizes: HashMap<Id, Size> = HashMap::new();
-    let mut callees: HashMap<Id, Vec<Id>> = HashMap::new();
-    for function in &module.functions {
-        let instructions = function.blocks.iter().flat_map(|block| &block.instructions);
-        let own = sizes.entry(function.id).or_default();
-        own.instructions = instructions.clone().count() as u64;
-        for call in instructions.filter(|instruction| instruction.opcode == CALL) {
-            if let Some(&callee) = module.operands(call).first() {
-                callees.entry(function.id).or_default().push(Id(callee));
-            }
-        }
-    }
-    for callee in callees.values().flatten() {
-        sizes.entry(*callee).or_default().calls += 1;
-    }
-    // Callees first: a walk without recursion, as the depth is the module's.
-    let mut done = HashSet::new();
-    for function in &module.functions {
-        let mut stack = vec![(function.id, false)];
-        while let Some((id, ready)) = stack.pop() {
-            if done.contains(&id) {
-                continue;
-            }
-            let below = callees.get(&id).map_or(&[][..], Vec::as_slice);
-            if ready {
-                let sum: u64 = below.iter().fold(0, |sum: u64, callee| {
-                    sum.saturating_add(sizes.get(callee).map_or(0, |size| size.instructions))
-                });
-                let size = sizes.entry(id).or_default();
-                size.instructions = size.instructions.saturating_add(sum);
-                done.insert(id);
-            } else {
-                stack.push((id, true));
-                stack.extend(
-                    below.iter().filter(|callee| !done.contains(callee)).map(|&callee| (callee, false)),
-                );
-            }
-        }
-    }
-    sizes
 }
 
 /// What a function's return does.
@@ -147,6 +116,7 @@ struct Lowering<'m> {
     first: u32,
     scopes: Vec<Scope>,
     depth: usize,
+    inlining: Inlining,
     sizes: HashMap<Id, Size>,
     standing: HashMap<Id, Standing>,
     queue: VecDeque<Id>,
@@ -345,7 +315,8 @@ impl<'m> Lowering<'m> {
         }
         let size = self.sizes.get(&callee).copied().unwrap_or_default();
         let small = size.instructions <= INLINE_SIZE && self.decoder.ops.len() < INLINE_TOTAL;
-        if self.depth < INLINE_DEPTH && (small || size.calls <= 1) {
+        let pays = self.depth < INLINE_DEPTH && (small || size.calls <= 1);
+        if pays && self.inlining == Inlining::WherePaying {
             self.inline(instruction, function, &arguments)
         } else {
             self.real_call(instruction, function, &arguments)

@@ -1,5 +1,6 @@
 //! A program: one entry point of a module, lowered to operations on rows.
 
+mod call_graph;
 pub mod control_flow;
 pub mod lower;
 pub mod print;
@@ -18,7 +19,7 @@ use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
 use crate::ops::{atomic, memory};
 
-pub use lower::lower;
+pub use lower::{Inlining, lower, lower_with};
 
 /// Where a block goes when its operations are done.
 #[derive(Clone, Debug, PartialEq)]
