@@ -177,6 +177,8 @@ impl Named for TrapName {
         ("buffer_out_of_bounds", Self(TrapCode::BufferOutOfBounds)),
         ("descriptor_missing", Self(TrapCode::DescriptorMissing)),
         ("image_out_of_bounds", Self(TrapCode::ImageOutOfBounds)),
+        ("image_mismatch", Self(TrapCode::ImageMismatch)),
+        ("sampler_mismatch", Self(TrapCode::SamplerMismatch)),
         ("unreachable", Self(TrapCode::Unreachable)),
         ("budget_spent", Self(TrapCode::BudgetSpent)),
         ("invalid_trace", Self(TrapCode::InvalidTrace)),
