@@ -12,6 +12,8 @@ pub mod access;
 pub mod address;
 pub mod cube;
 pub mod filter;
+#[cfg(test)]
+mod filter_tests;
 pub mod level;
 pub mod operands;
 pub mod query;
@@ -197,4 +199,35 @@ fn texel_result(decoder: &mut Decoder<'_>, instruction: &Instruction, sparse: bo
     words.extend((0..texel.rows()).map(|row| texel.to.plus(row)));
     decoder.result(instruction, words);
     Ok(texel)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::ErrorKind;
+    use crate::module::Id;
+    use crate::module::assemble::Assembler;
+    use crate::module::interface::Stage;
+
+    #[test]
+    fn implicit_levels_of_detail_are_refused_by_their_rule() {
+        let mut a = Assembler::new();
+        a.types();
+        let module = a.loaded();
+        for &opcode in IMPLICIT {
+            let instruction = Instruction {
+                opcode: opcode as u16,
+                offset: 0,
+                result_type: Some(Id(1)),
+                result: Some(Id(2)),
+                operands: 0..0,
+            };
+            let mut decoder = Decoder::new(&module, Stage::ClosestHit);
+            let error = decode(&mut decoder, opcode, &instruction).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::InvalidModule, "{opcode:?}");
+            let name = format!("Op{opcode:?}");
+            assert!(error.message().starts_with(&name), "{error}");
+            assert!(error.message().contains("needs implicit derivatives"), "{error}");
+        }
+    }
 }
