@@ -41,61 +41,29 @@
 //!
 //! # A ray by hand
 //!
-//! One sphere, one closest-hit shader, one ray, no ray generation shader:
+//! One sphere, a closest-hit and a miss shader, one ray; no ray generation shader is needed:
 //!
 //! ```
-//! use std::sync::Arc;
-//!
-//! use anyhit::accel::{
-//!     Blas, Geometry, GeometryData, GeometryFlags, Instance, InstanceFlags, RayFlags, Tlas, TraceRay,
-//! };
-//! use anyhit::geometry::Ray;
-//! use anyhit::machine::Resources;
-//! use anyhit::pipeline::{Launch, Pipeline, RayOperands};
+//! use anyhit::harness::scene::Instance;
+//! use anyhit::{Module, Pipeline, Program, Ray, Scene};
 //!
 //! # fn main() -> anyhit::Result<()> {
-//! let shader = |bytes: &[u8]| {
-//!     let module = Arc::new(anyhit::module::load(bytes)?);
-//!     anyhit::program::lower(&module, &module.entry_points[0])
-//! };
+//! # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/pass/sphere/closest-hit");
+//! let shader = |file| Program::of(&Module::open(format!("{folder}/{file}"))?, "main");
 //! let mut builder = Pipeline::builder();
-//! builder.hit([shader(include_bytes!(
-//!     "../spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv"
-//! ))?])?;
-//! builder.miss(shader(include_bytes!(
-//!     "../spirv-fixtures/pass/sphere/closest-hit/main.rmiss.spv"
-//! ))?)?;
+//! builder.hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?;
 //! let pipeline = builder.build()?;
+//! let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)])?;
 //!
-//! let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![0.5], indices: None };
-//! let blas = Blas::new(vec![Geometry { data, flags: GeometryFlags::OPAQUE }])?;
-//! let tlas = Tlas::new(vec![Instance {
-//!     blas,
-//!     transform: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-//!     custom_index: 0,
-//!     mask: 0xFF,
-//!     sbt_record_offset: 0,
-//!     flags: InstanceFlags::default(),
-//! }])?;
-//!
-//! let ray = RayOperands {
-//!     trace: TraceRay {
-//!         ray: Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]),
-//!         flags: RayFlags(0),
-//!         cull_mask: 0xFF,
-//!     },
-//!     sbt_offset: 0,
-//!     sbt_stride: 0,
-//!     miss_index: 0,
-//!     payload: vec![0; 5],
-//! };
-//! let launch = Launch { pipeline: &pipeline, resources: &Resources::default() };
-//! let outcome = launch.trace(&tlas, ray, &mut ())?;
+//! let traced = pipeline.trace(&scene, Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
 //! // The ray starts at z = 4 and the sphere's surface is at z = 1/2.
-//! assert_eq!(outcome.committed.expect("a hit").t, 3.5);
+//! assert_eq!(traced.committed.expect("a hit").t, 3.5);
+//! assert_eq!(traced.payload["normal"].vec3(), [0.0, 0.0, 1.0]);
 //! # Ok(())
 //! # }
 //! ```
+//!
+//! [`ShaderTest`] runs one shader by itself on a [`Hit`]; [`harness::case`] runs folders of cases.
 //!
 //! # Layers
 //!

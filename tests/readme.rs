@@ -61,7 +61,7 @@ fn links_lead_somewhere() {
 /// Code that the README shows is code that is tested, word for word.
 #[test]
 fn excerpts_stand_in_the_files_they_are_from() {
-    let blocks = [("rust", "tests/one_ray.rs"), ("toml", "shaders/pass/sphere/closest-hit/scene.toml")];
+    let blocks = [("rust", "tests/unit_test.rs"), ("toml", "shaders/pass/sphere/closest-hit/scene.toml")];
     let readme = read("README.md");
     for (language, file) in blocks {
         let start = readme.find(&format!("```{language}\n")).expect("a block") + language.len() + 4;
