@@ -58,6 +58,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
             format!("entry point `{}`: {} is not a ray-tracing stage", entry.name, entry.stage.name());
         return Err(Error::new(ErrorKind::UnsupportedModule, message).at(Place::Word(entry.offset as usize)));
     }
+    check_float_controls(entry)?;
     let Some(Definition::Function(function)) = module.definition(entry.function) else {
         let message = format!("entry point `{}` names no function", entry.name);
         return Err(Error::new(ErrorKind::InvalidModule, message).at(Place::Word(entry.offset as usize)));
@@ -84,6 +85,25 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         lowering.stand_alone(function)?;
     }
     Ok(lowering.finish(module, entry))
+}
+
+/// Refuses the float controls that would change results: denormals are kept here, and results are
+/// rounded to nearest even, whether a module asks for it or not.
+fn check_float_controls(entry: &EntryPoint) -> Result<()> {
+    const DENORM_FLUSH_TO_ZERO: u32 = 4460;
+    const ROUNDING_MODE_RTZ: u32 = 4463;
+    for (mode, operands) in &entry.modes {
+        let name = match *mode {
+            DENORM_FLUSH_TO_ZERO => "DenormFlushToZero",
+            ROUNDING_MODE_RTZ => "RoundingModeRTZ",
+            _ => continue,
+        };
+        let width = operands.first().copied().unwrap_or(0);
+        let message =
+            format!("entry point `{}`: the execution mode {name} {width} is not supported", entry.name);
+        return Err(Error::new(ErrorKind::UnsupportedModule, message).at(Place::Word(entry.offset as usize)));
+    }
+    Ok(())
 }
 
 /// What a function's return does.

@@ -5,6 +5,7 @@ mod assembly;
 
 mod atomics;
 mod calls;
+mod float_controls;
 mod integers;
 mod memory;
 mod messages;
