@@ -53,10 +53,11 @@ impl Page {
 
     /// A line.
     pub fn line(&mut self, text: impl Display) {
+        let text = text.to_string();
         let guides = self.guides.concat();
-        let line = format!("{}{text}", self.ink_guides(&guides));
-        self.text.push_str(line.trim_end());
-        self.text.push('\n');
+        let guides = if text.is_empty() { guides.trim_end() } else { &guides };
+        let line = format!("{}{}\n", self.ink_guides(guides), text.trim_end());
+        self.text.push_str(&line);
     }
 
     /// An empty line, of which the guides remain.
@@ -128,9 +129,10 @@ mod tests {
             let mut page = Page::new(colour);
             let text = page.ink(Ink::Kept, "kept");
             page.line(text);
+            page.nested("| ", Page::gap);
             page.finish()
         };
-        assert_eq!(text(true), "\u{1b}[32mkept\u{1b}[0m\n");
-        assert_eq!(text(false), "kept\n");
+        assert_eq!(text(true), "\u{1b}[32mkept\u{1b}[0m\n\u{1b}[2m|\u{1b}[0m\n");
+        assert_eq!(text(false), "kept\n|\n");
     }
 }
