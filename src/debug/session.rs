@@ -36,7 +36,7 @@ impl Session {
     /// Assembles a scene.
     ///
     /// # Errors
-    /// As [`assemble`].
+    /// As [`assemble()`].
     pub fn new(scene: ResolvedScene) -> Result<Self> {
         let assembled = assemble(&scene)?;
         Ok(Self { scene, assembled })

@@ -175,7 +175,7 @@ impl Module {
     /// Reads and loads the `.spv` file at a path.
     ///
     /// # Errors
-    /// `Io` where the file cannot be read, and those of [`load`], with the file named.
+    /// `Io` where the file cannot be read, and those of [`load()`], with the file named.
     pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;

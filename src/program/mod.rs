@@ -113,7 +113,7 @@ pub struct Program {
     /// Rows of all variables.
     pub variables: Vec<(Reg, u32)>,
     /// Whether what a launch leaves behind depends on how its invocations interleave; see
-    /// [`atomic`](crate::ops::atomic).
+    /// [`crate::ops::atomic`].
     pub order_dependent: bool,
     /// Whether it needs the other invocations of its subgroup beside it.
     pub uses_subgroups: bool,
