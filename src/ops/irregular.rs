@@ -16,7 +16,7 @@ use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::parts;
 use crate::ops::relational_logical as logical;
 use crate::ops::row::{Family, Set, family};
-use crate::ops::{componentwise, debug_printf, linear_algebra, pointer};
+use crate::ops::{componentwise, debug_printf, linear_algebra};
 
 /// Opcodes decoded here.
 pub const OPCODES: &[Opcode] = &[
@@ -289,7 +289,7 @@ fn split(
         if let Type::Int { width: 8 | 16 | 64, .. } = decoder.module.ty(pointer.pointee) {
             return Err(decoder.unsupported("an exponent of other than 32 bits"));
         }
-        pointer::store(decoder, &pointer, &second)?;
+        crate::ops::load_store::store(decoder, &pointer, &second)?;
         decoder.result(instruction, first);
     } else {
         let mut words = first;

@@ -19,6 +19,7 @@ pub mod glsl;
 pub mod image;
 pub mod irregular;
 pub mod linear_algebra;
+pub mod load_store;
 pub mod memory;
 pub mod op;
 pub mod pointer;

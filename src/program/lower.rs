@@ -15,9 +15,10 @@ use crate::module::ty::Type;
 use crate::module::{Definition, Function, Id, Instruction, Module};
 use crate::ops::decode::{Decoder, Origin, Value, Words};
 use crate::ops::decode_number;
+use crate::ops::load_store;
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::pointer::{self, Place as PointerPlace, Pointer};
+use crate::ops::pointer::{Place as PointerPlace, Pointer};
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::prune::prune;
@@ -172,7 +173,7 @@ impl<'m> Lowering<'m> {
             };
             let pointer = self.decoder.pointer(variable.id)?;
             let words = self.decoder.words(initializer)?;
-            pointer::store(&mut self.decoder, &pointer, &words)?;
+            load_store::store(&mut self.decoder, &pointer, &words)?;
         }
         Ok(())
     }
@@ -309,7 +310,7 @@ impl<'m> Lowering<'m> {
         if self.module.operands(instruction).len() > 1 {
             let initializer = self.decoder.id(instruction, 1)?;
             let words = self.decoder.words(initializer)?;
-            pointer::store(&mut self.decoder, &pointer, &words)?;
+            load_store::store(&mut self.decoder, &pointer, &words)?;
         }
         if let Some(id) = instruction.result {
             self.decoder.define(id, Value::Pointer(pointer));

@@ -16,7 +16,7 @@ use crate::ops::image::operands::Operands;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
 use crate::ops::op::{Access, Op as Operation};
-use crate::ops::pointer::{self, Place, Pointer};
+use crate::ops::pointer::{Place, Pointer};
 
 /// A texel by integer coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -249,7 +249,7 @@ fn texel_pointer(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result
     let id = decoder.id(instruction, 0)?;
     let view = view_of(decoder, id)?;
     let variable = decoder.pointer(id)?;
-    let image = pointer::load(decoder, &variable)?[0];
+    let image = crate::ops::load_store::load(decoder, &variable)?[0];
     let coordinate = integers(decoder, instruction)?;
     let sample = decoder.operand(instruction, 2)?[0];
     let sample = Some(sample).filter(|_| view.multisampled);

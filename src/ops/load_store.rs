@@ -1,0 +1,242 @@
+//! Loads and stores through pointers: moves between rows, gathers and scatters where a row is
+//! computed, and stretches of scalars in buffers.
+
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::{Bindings, Reg};
+use crate::module::ty::{MatrixLayout, Type, TypeId};
+use crate::ops::decode::{Decoder, Words};
+use crate::ops::memory::{self, BufferRef, Chunk};
+use crate::ops::op::Op;
+use crate::ops::pointer::{Place, Pointer, descriptor_count, shifted, storage};
+
+/// Reads what a pointer leads to.
+pub fn load(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
+    load_aligned(decoder, pointer, 1)
+}
+
+/// The same for a device address that must be a multiple of `alignment`.
+pub(super) fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignment: u32) -> Result<Words> {
+    let count = match pointer.place {
+        Place::Descriptors { .. } => 1,
+        _ => decoder.word_count(pointer.pointee)?,
+    };
+    match pointer.place {
+        Place::Rows { first: variable, count: rows, constant } => {
+            let first = variable.plus(pointer.offset);
+            match pointer.index {
+                None if constant => Ok((0..count).map(|word| first.plus(word)).collect()),
+                None => load_rows(decoder, first, count),
+                Some(row) => {
+                    decoder.addressed.push((variable, rows));
+                    gather(decoder, first, row, count)
+                }
+            }
+        }
+        Place::ComputedRows => {
+            let row = pointer.index.ok_or_else(|| decoder.invalid("a pointer without a value"))?;
+            gather(decoder, Reg(pointer.offset), row, count)
+        }
+        Place::Buffer(buffer) => {
+            let scalars = scalars(decoder, pointer)?;
+            let to = decoder.fresh(count)?;
+            let mut row = to;
+            for chunk in chunks(&scalars, buffer, pointer, alignment) {
+                decoder.emit(Op::Memory(memory::Op::BufferLoad { to: row, chunk }));
+                row = row.plus(chunk.count);
+            }
+            Ok((0..count).map(|word| to.plus(word)).collect())
+        }
+        Place::Texel(_) => Err(decoder.invalid("a load through a pointer to a texel, which is for atomics")),
+        Place::Descriptors { buffers: true, .. } => {
+            Err(decoder.invalid("a load of a whole array of buffers"))
+        }
+        Place::Descriptors { slot, array, .. } => {
+            if let (true, Type::Array { element, .. }) = (array, decoder.module.ty(pointer.pointee).clone()) {
+                let each = descriptor_count(decoder, element)?;
+                let mut words = Words::new();
+                for at in 0..descriptor_count(decoder, pointer.pointee)? / each {
+                    let offset = pointer.offset + at * each;
+                    let part = Pointer { pointee: element, offset, ..pointer.clone() };
+                    words.extend(load(decoder, &part)?);
+                }
+                return Ok(words);
+            }
+            let base = decoder.constant(Bindings::handle(slot, pointer.offset))?;
+            let handle = shifted(decoder, pointer.index, base)?;
+            match *decoder.module.ty(pointer.pointee) {
+                // An image and a sampler, or a handle that stands for a device address.
+                Type::SampledImage(_) => Ok(SmallVec::from_slice(&[handle, handle])),
+                Type::AccelerationStructure => {
+                    let high = decoder.constant(0)?;
+                    let first = decoder.pair(handle, high)?;
+                    Ok(SmallVec::from_slice(&[first, first.plus(1)]))
+                }
+                _ => Ok(SmallVec::from_slice(&[handle])),
+            }
+        }
+    }
+}
+
+fn load_rows(decoder: &mut Decoder<'_>, first: Reg, count: u32) -> Result<Words> {
+    let known: Option<Words> = (0..count).map(|word| decoder.recall(first.plus(word))).collect();
+    if let Some(known) = known {
+        return Ok(known);
+    }
+    let to = decoder.fresh_words(count)?;
+    for (word, &to) in to.iter().enumerate() {
+        let variable = first.plus(word as u32);
+        decoder.emit(Op::Memory(memory::Op::Move { to, from: variable }));
+        decoder.remember(variable, to);
+    }
+    Ok(to)
+}
+
+fn gather(decoder: &mut Decoder<'_>, first: Reg, row: Reg, count: u32) -> Result<Words> {
+    let to = decoder.fresh(count)?;
+    decoder.emit(Op::Memory(memory::Op::Gather { to, count, first, row }));
+    Ok((0..count).map(|word| to.plus(word)).collect())
+}
+
+/// Writes a value to where a pointer leads.
+pub fn store(decoder: &mut Decoder<'_>, pointer: &Pointer, words: &[Reg]) -> Result<()> {
+    store_aligned(decoder, pointer, words, 1)
+}
+
+/// The same for a device address that must be a multiple of `alignment`.
+pub(super) fn store_aligned(
+    decoder: &mut Decoder<'_>,
+    pointer: &Pointer,
+    words: &[Reg],
+    alignment: u32,
+) -> Result<()> {
+    match pointer.place {
+        Place::Rows { constant: true, .. } => Err(decoder.invalid("a store to an input variable")),
+        Place::Rows { first: variable, count: rows, .. } => {
+            let first = variable.plus(pointer.offset);
+            match pointer.index {
+                None => {
+                    for (word, &from) in words.iter().enumerate() {
+                        let to = first.plus(word as u32);
+                        decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+                        decoder.remember(to, from);
+                    }
+                }
+                Some(row) => {
+                    decoder.addressed.push((variable, rows));
+                    scatter(decoder, first, row, words)?;
+                }
+            }
+            Ok(())
+        }
+        Place::ComputedRows => {
+            let row = pointer.index.ok_or_else(|| decoder.invalid("a pointer without a value"))?;
+            scatter(decoder, Reg(pointer.offset), row, words)
+        }
+        Place::Buffer(buffer) => {
+            let scalars = scalars(decoder, pointer)?;
+            let mut row = decoder.consecutive(words)?;
+            for chunk in chunks(&scalars, buffer, pointer, alignment) {
+                decoder.emit(Op::Memory(memory::Op::BufferStore { from: row, chunk }));
+                row = row.plus(chunk.count);
+            }
+            Ok(())
+        }
+        Place::Descriptors { .. } => Err(decoder.invalid("a store to a descriptor")),
+        Place::Texel(_) => Err(decoder.invalid("a store through a pointer to a texel, which is for atomics")),
+    }
+}
+
+fn scatter(decoder: &mut Decoder<'_>, first: Reg, row: Reg, words: &[Reg]) -> Result<()> {
+    let from = decoder.consecutive(words)?;
+    let count = words.len() as u32;
+    decoder.emit(Op::Memory(memory::Op::Scatter { from, count, first, row }));
+    decoder.forget();
+    Ok(())
+}
+
+/// The scalars of what a pointer leads to in a buffer: byte offset and width; a 64-bit one is two.
+fn scalars(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Vec<(u32, u32)>> {
+    let mut scalars = Vec::new();
+    let layout = (pointer.matrix, pointer.component_stride);
+    collect(decoder, pointer.pointee, pointer.offset, layout, &mut scalars)?;
+    Ok(scalars)
+}
+
+fn collect(
+    decoder: &mut Decoder<'_>,
+    ty: TypeId,
+    offset: u32,
+    (matrix, component_stride): (Option<MatrixLayout>, Option<u32>),
+    scalars: &mut Vec<(u32, u32)>,
+) -> Result<()> {
+    let at = |decoder: &Decoder<'_>, index: u32, stride: u32| {
+        let sum = index.checked_mul(stride).and_then(|bytes| offset.checked_add(bytes));
+        sum.ok_or_else(|| decoder.invalid("an offset beyond 4 GiB"))
+    };
+    match decoder.module.ty(ty).clone() {
+        Type::Int { width: 64, .. } | Type::Float { width: 64, .. } => {
+            scalars.extend([(offset, 32), (at(decoder, 1, 4)?, 32)]);
+        }
+        Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => {
+            scalars.extend([(offset, 32), (at(decoder, 1, 4)?, 32)]);
+        }
+        Type::Int { width, .. } | Type::Float { width, .. } => scalars.push((offset, width)),
+        Type::Vector { component, count } => {
+            let stride = component_stride.unwrap_or(decoder.scalar_width(component)? / 8);
+            for index in 0..count {
+                collect(decoder, component, at(decoder, index, stride)?, (None, None), scalars)?;
+            }
+        }
+        Type::Matrix { column, count } => {
+            let Some(layout) = matrix else {
+                return Err(decoder.invalid("a buffer's matrix has no MatrixStride decoration"));
+            };
+            let width = decoder.scalar_width(column)? / 8;
+            let (stride, inner) =
+                if layout.row_major { (width, Some(layout.stride)) } else { (layout.stride, None) };
+            for index in 0..count {
+                collect(decoder, column, at(decoder, index, stride)?, (None, inner), scalars)?;
+            }
+        }
+        Type::Array { element, length, stride } => {
+            let length = decoder.array_length(length)?;
+            let stride =
+                stride.ok_or_else(|| decoder.invalid("a buffer's array has no ArrayStride decoration"))?;
+            for index in 0..length {
+                collect(decoder, element, at(decoder, index, stride)?, (matrix, None), scalars)?;
+            }
+        }
+        Type::Struct { members, .. } => {
+            for member in members {
+                let inside = member
+                    .offset
+                    .ok_or_else(|| decoder.invalid("a buffer's struct has no Offset decoration"))?;
+                collect(decoder, member.ty, at(decoder, 1, inside)?, (member.matrix, None), scalars)?;
+            }
+        }
+        _ => {
+            let name = decoder.module.describe_type(ty);
+            return Err(decoder.unsupported(format!("{name} in a buffer")));
+        }
+    }
+    Ok(())
+}
+
+/// Joins scalars that touch; the alignment holds for the pointer itself.
+fn chunks(scalars: &[(u32, u32)], buffer: BufferRef, pointer: &Pointer, alignment: u32) -> Vec<Chunk> {
+    let mut chunks: Vec<Chunk> = Vec::new();
+    for &(offset, width) in scalars {
+        match chunks.last_mut() {
+            Some(last) if last.width == width && last.offset + last.count * (width / 8) == offset => {
+                last.count += 1;
+            }
+            _ => {
+                let alignment = if offset == pointer.offset { alignment } else { 1 };
+                chunks.push(Chunk { buffer, offset, index: pointer.index, width, count: 1, alignment });
+            }
+        }
+    }
+    chunks
+}
