@@ -157,38 +157,18 @@ impl Op {
                 index_lanes(batch, to, base, index, stride, length)
             }
             Self::Gather { to, count, first, row } => {
-                let rows = batch.registers[row];
-                let end = batch.registers.len() as u64;
-                let mut outside = Mask::NONE;
-                for lane in batch.mask.lanes() {
-                    let at = u64::from(first.0) + u64::from(rows.0[lane]);
-                    if rows.0[lane] == OUT_OF_BOUNDS || at + u64::from(count) > end {
-                        outside = outside | Mask::lane(lane);
-                        continue;
-                    }
+                each_row(batch, first, row, count, |registers, lane, at| {
                     for word in 0..count {
-                        batch.registers[to.plus(word)].0[lane] =
-                            batch.registers[Reg(at as u32 + word)].0[lane];
+                        registers[to.plus(word)].0[lane] = registers[at.plus(word)].0[lane];
                     }
-                }
-                trap(batch, outside, TrapCode::IndexOutOfBounds);
+                });
             }
             Self::Scatter { from, count, first, row } => {
-                let rows = batch.registers[row];
-                let end = batch.registers.len() as u64;
-                let mut outside = Mask::NONE;
-                for lane in batch.mask.lanes() {
-                    let at = u64::from(first.0) + u64::from(rows.0[lane]);
-                    if rows.0[lane] == OUT_OF_BOUNDS || at + u64::from(count) > end {
-                        outside = outside | Mask::lane(lane);
-                        continue;
-                    }
+                each_row(batch, first, row, count, |registers, lane, at| {
                     for word in 0..count {
-                        batch.registers[Reg(at as u32 + word)].0[lane] =
-                            batch.registers[from.plus(word)].0[lane];
+                        registers[at.plus(word)].0[lane] = registers[from.plus(word)].0[lane];
                     }
-                }
-                trap(batch, outside, TrapCode::IndexOutOfBounds);
+                });
             }
             Self::BufferLoad { to, chunk } => {
                 each_access(batch, bindings, &chunk, |registers, lane, buffer, offset| {
@@ -221,6 +201,30 @@ impl Op {
             }
         }
     }
+}
+
+/// Calls a function for each running lane with the row that it means, `count` rows of which exist;
+/// lanes that mean no such row are stopped.
+#[inline(always)]
+fn each_row<const W: usize>(
+    batch: &mut Batch<W>,
+    first: Reg,
+    row: Reg,
+    count: u32,
+    mut access: impl FnMut(&mut Registers<W>, usize, Reg),
+) {
+    let rows = batch.registers[row];
+    let end = batch.registers.len() as u64;
+    let mut outside = Mask::NONE;
+    for lane in batch.mask.lanes() {
+        let at = u64::from(first.0) + u64::from(rows.0[lane]);
+        if rows.0[lane] == OUT_OF_BOUNDS || at + u64::from(count) > end {
+            outside = outside | Mask::lane(lane);
+        } else {
+            access(&mut batch.registers, lane, Reg(at as u32));
+        }
+    }
+    trap(batch, outside, TrapCode::IndexOutOfBounds);
 }
 
 fn index_lanes<const W: usize>(

@@ -112,7 +112,7 @@ pub fn componentwise(
         // A shift's amount, for one, may have another width: its low word counts.
         let own = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))?;
         let wide = own == 64;
-        if (row.operands[at] == 2) != wide && !(row.operands[at] == 1 && wide) {
+        if row.operands[at] == 2 && !wide {
             return Err(decoder.invalid(format!("operand {at} of {} has {own} bits", family.name)));
         }
         if operands[at].len() != operands[0].len() {

@@ -117,10 +117,7 @@ impl Report {
     ) {
         let Some(reported) = self.reports[lane].take() else { return };
         let ray = trace.ray_mut(reported.ray);
-        if let Some(rows) = program.interface_rows(storage::INCOMING_RAY_PAYLOAD) {
-            let words = any_hit.registers.lane_words(rows.first, rows.count, from);
-            ray.query.payload.iter_mut().zip(words).for_each(|(to, word)| *to = word);
-        }
+        ray.take_payload(program, any_hit, from);
         let accepted = match any_hit.exits[from] {
             Exit::Ignored => false,
             Exit::Trapped(_) => {

@@ -245,10 +245,7 @@ impl Trace {
         from: usize,
     ) {
         let ray = self.ray_mut(lane);
-        if let Some(rows) = program.interface_rows(storage::INCOMING_RAY_PAYLOAD) {
-            let words = batch.registers.lane_words(rows.first, rows.count, from);
-            ray.query.payload.iter_mut().zip(words).for_each(|(to, word)| *to = word);
-        }
+        ray.take_payload(program, batch, from);
         let exit = batch.exits[from];
         if let Exit::Trapped(_) = exit {
             ray.trapped = true;
@@ -271,6 +268,14 @@ impl Trace {
 }
 
 impl RayState {
+    /// Takes the payload as a lane of a shader that this ray called leaves it.
+    pub fn take_payload<const W: usize>(&mut self, program: &Program, batch: &Batch<W>, lane: usize) {
+        if let Some(rows) = program.interface_rows(storage::INCOMING_RAY_PAYLOAD) {
+            let words = batch.registers.lane_words(rows.first, rows.count, lane);
+            self.query.payload.iter_mut().zip(words).for_each(|(to, word)| *to = word);
+        }
+    }
+
     /// Remembers the attributes of a hit that was committed by a report.
     pub fn commit_attributes(&mut self, attributes: Data) {
         self.attributes = attributes;
