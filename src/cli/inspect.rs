@@ -10,12 +10,11 @@ use serde::Serialize;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
 use crate::module::Module;
-use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
+use crate::module::interface::{EntryPoint, InterfaceVariable};
 use crate::module::names::{
     addressing_model_name, builtin_name, capability_name, memory_model_name, storage_class_name,
 };
-use crate::ops::support::{self, Gap};
-use crate::program;
+use crate::program::{self, obstacles};
 
 /// Lists a module's entry points, interface and requirements, and what of it is unsupported.
 #[derive(Args, Clone, Debug)]
@@ -189,7 +188,8 @@ impl Report {
 
 impl Entry {
     fn of(module: &Arc<Module>, entry: &EntryPoint) -> Self {
-        let reasons = reasons(module, entry);
+        let reasons = program::lower(module, entry).err();
+        let reasons = reasons.map_or_else(Vec::new, |error| obstacles(module, entry, &error));
         let variables = module.interface_of(entry);
         Self {
             name: entry.name.clone(),
@@ -244,31 +244,6 @@ impl Variable {
         let bound = self.builtin.iter().cloned().chain(bound).collect::<Vec<_>>().join(" ");
         [self.storage_class.clone(), bound, self.ty.clone(), self.name.clone()]
     }
-}
-
-/// Why an entry point would not run; empty where it would.
-///
-/// Lowering decides, and stops at the first obstacle; where it does, everything that is known by
-/// name not to run is listed with it.
-fn reasons(module: &Arc<Module>, entry: &EntryPoint) -> Vec<String> {
-    let Err(error) = program::lower(module, entry) else { return Vec::new() };
-    let foreign = matches!(entry.stage, Stage::Other(_));
-    let gaps = if foreign { Vec::new() } else { support::gaps(module, entry) };
-    let told = gaps.iter().any(|gap| error.message().contains(&gap.name));
-    let first = (!told).then(|| error.to_string());
-    first.into_iter().chain(gaps.iter().map(|gap| reason(module, gap))).collect()
-}
-
-fn reason(module: &Module, gap: &Gap) -> String {
-    let mut text = gap.message.clone();
-    let times = if gap.count > 1 { format!("{} times, first ", gap.count) } else { String::new() };
-    let _ = write!(text, " ({times}at word {}", gap.offset);
-    if let Some(line) = module.debug_info.line_at(gap.offset) {
-        let file = module.debug_info.files.get(line.file as usize).map_or("?", |file| &file.name);
-        let _ = write!(text, ", {file}:{}", line.line);
-    }
-    text.push(')');
-    text
 }
 
 /// The tool that made a module, by the registry of SPIR-V generators.

@@ -9,6 +9,7 @@ pub mod inspect;
 mod module_file;
 mod output;
 pub mod render;
+pub mod smoke;
 pub mod trace_one_ray;
 
 use std::process::ExitCode;
@@ -40,6 +41,7 @@ commands! {
     inspect Inspect(InspectArgs),
     render Render(RenderArgs),
     trace_one_ray TraceOneRay(TraceOneRayArgs),
+    smoke Smoke(SmokeArgs),
     compile Compile(CompileArgs),
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::compile::Language;
+use crate::compile::{DebugInfo, Language, Options, Source, compile};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::module::{self, Module};
 
@@ -17,6 +17,19 @@ pub fn read(path: &Path) -> Result<Module> {
         return Err(error);
     }
     module::load(&bytes).map_err(|error| error.at(Place::File(path.to_owned())))
+}
+
+/// Loads a SPIR-V file, or compiles a shader's source with full debug information and loads that.
+///
+/// # Errors
+/// As [`read`], but that source is welcome; what [`compile()`] reports.
+pub fn read_or_compile(path: &Path) -> Result<Module> {
+    if Language::of(path).is_none() {
+        return read(path);
+    }
+    let options = Options { debug: DebugInfo::Full, ..Options::default() };
+    let spirv = compile(&Source::read(path)?, &options)?;
+    module::load(&spirv).map_err(|error| error.at(Place::File(path.to_owned())))
 }
 
 /// The error for text where SPIR-V's binary form is wanted.

@@ -43,7 +43,8 @@ impl<'a> Layout<'a> {
         Self { module, ty, rules, matrix: None }
     }
 
-    fn part(self, ty: TypeId) -> Self {
+    /// A part of it, under the same rules.
+    pub(super) fn part(self, ty: TypeId) -> Self {
         Self { ty, ..self }
     }
 
@@ -70,25 +71,47 @@ impl<'a> Layout<'a> {
                 let element = self.part(*element).size();
                 match stride.filter(|_| self.explicit()) {
                     Some(stride) => {
-                        length.saturating_sub(1) * stride as usize + element.min(length * element)
+                        let before = length.saturating_sub(1).saturating_mul(stride as usize);
+                        before.saturating_add(element.min(length.saturating_mul(element)))
                     }
-                    None => length * element,
+                    None => length.saturating_mul(element),
                 }
             }
             Type::Struct { members, .. } if self.explicit() => {
                 let ends = (0..members.len()).map(|at| {
                     let (offset, member) = self.member(at);
-                    offset + member.size()
+                    member.size().saturating_add(offset)
                 });
                 ends.max().unwrap_or(0)
             }
-            Type::Struct { members, .. } => members.iter().map(|member| self.part(member.ty).size()).sum(),
+            Type::Struct { members, .. } => {
+                let sizes = members.iter().map(|member| self.part(member.ty).size());
+                sizes.fold(0, usize::saturating_add)
+            }
+            // A device address; other pointers do not lie in memory.
+            Type::Pointer { .. } => 8,
+            _ => 0,
+        }
+    }
+
+    /// How the matrices of the member around lie.
+    pub(super) fn matrix(self) -> Option<MatrixLayout> {
+        self.matrix
+    }
+
+    /// Bytes between the elements of an array; 0 for what is none.
+    pub(super) fn stride(self) -> usize {
+        match *self.module.ty(self.ty) {
+            Type::Array { element, stride, .. } | Type::RuntimeArray { element, stride } => {
+                let packed = || self.part(element).size();
+                stride.filter(|_| self.explicit()).map_or_else(packed, |stride| stride as usize)
+            }
             _ => 0,
         }
     }
 
     /// Offset and layout of a struct's member.
-    fn member(self, at: usize) -> (usize, Self) {
+    pub(super) fn member(self, at: usize) -> (usize, Self) {
         let Type::Struct { members, .. } = self.module.ty(self.ty) else { return (0, self) };
         let member = Self { matrix: members[at].matrix, ..self.part(members[at].ty) };
         let packed = || members[..at].iter().map(|member| self.part(member.ty).size()).sum();
@@ -150,15 +173,14 @@ impl<'a> Layout<'a> {
                 };
                 Value::list(name, whole, columns)
             }
-            Type::Array { element, length, stride } => {
+            Type::Array { element, length, .. } => {
                 let part = Self { ty: *element, ..self };
                 let length = self.module.scalar_value(*length).unwrap_or(0) as usize;
-                let stride = stride.filter(|_| self.explicit()).map_or(part.size(), |stride| stride as usize);
-                Value::list(name, whole, list(length, stride, part))
+                Value::list(name, whole, list(length, self.stride(), part))
             }
-            Type::RuntimeArray { element, stride } => {
+            Type::RuntimeArray { element, .. } => {
                 let part = Self { ty: *element, ..self };
-                let stride = stride.map_or(part.size(), |stride| stride as usize).max(1);
+                let stride = self.stride().max(1);
                 Value::list(name, bytes, list(bytes.len() / stride, stride, part))
             }
             Type::Struct { members, .. } => {

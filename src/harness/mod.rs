@@ -7,6 +7,8 @@
 //! * A whole launch: a [`Launch`](crate::pipeline::Launch) over buffers and images, or a
 //!   [`case`]: a `scene.toml` whose `[expect]` says what must come out.
 //!
+//! [`smoke`] runs whatever a module holds on made-up inputs, to see that it runs at all.
+//!
 //! `docs/testing.md` shows each.
 
 pub mod builtin_value;
@@ -18,6 +20,7 @@ mod memory;
 pub mod number;
 pub mod scene;
 pub mod shader_test;
+pub mod smoke;
 pub mod value;
 
 /// Compiles what `docs/testing.md` shows.

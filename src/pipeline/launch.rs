@@ -224,18 +224,7 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let mut observer = ();
         let mut stack = Stack::<1, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
-        let query = Query {
-            tlas: tlas.clone(),
-            trace: operands.trace,
-            sbt_offset: operands.sbt_offset,
-            sbt_stride: operands.sbt_stride,
-            miss_index: operands.miss_index,
-            payload: operands.payload.into(),
-            launch_id: [0; 3],
-            launch_size: [1; 3],
-            depth: 1,
-        };
-        let ray = stack.trace(query);
+        let ray = stack.trace(Query::by_nobody(tlas, operands));
         match (stack.trapped, ray) {
             (Some(trapped), _) => Err(trapped.error),
             (None, Some(ray)) => Ok(RayOutcome {
@@ -249,7 +238,7 @@ impl Launch<'_> {
 }
 
 /// The launch index at a position, x fastest.
-fn launch_id(index: u64, size: [u32; 3]) -> [u32; 3] {
+pub(super) fn launch_id(index: u64, size: [u32; 3]) -> [u32; 3] {
     let (width, height) = (u64::from(size[0]), u64::from(size[1]));
     [(index % width) as u32, (index / width % height) as u32, (index / width / height) as u32]
 }

@@ -5,6 +5,7 @@
 //! recursion limit, the call stack of an error and the answer to "what is this ray doing" are one
 //! data structure, and nothing recurses natively.
 
+mod alone;
 pub mod group;
 pub mod launch;
 mod report;
@@ -23,6 +24,7 @@ use crate::program::Program;
 pub use group::{Group, HitGroup, Shader};
 pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Stats};
 pub use sbt::{Record, Sbt};
+pub use stack::Trapped;
 pub(crate) use stack::trap_error;
 pub use witness::{Caller, Event, Witness};
 

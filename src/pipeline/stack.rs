@@ -93,6 +93,14 @@ enum Level<const W: usize> {
 pub struct Trapped {
     /// The launch index of the invocation.
     pub launch_id: [u32; 3],
+    /// Why.
+    pub code: TrapCode,
+    /// The offset or device address that an access asked for.
+    pub asked: u64,
+    /// The shader.
+    pub shader: Shader,
+    /// The instruction, in words from the start of the shader's module.
+    pub offset: u32,
     /// The report.
     pub error: Error,
 }
@@ -152,6 +160,21 @@ where
             let invocation = Invocation { launch_id, launch_size, record, ..Invocation::default() };
             called.push(lane, invocation, Data::new(), Data::new());
         }
+        self.enter(called);
+        self.run();
+    }
+
+    /// Runs any shader but an intersection shader for one invocation, without what would call it.
+    pub fn invoke(&mut self, shader: Shader, invocation: Invocation, payload: Data, attributes: Data) {
+        let role = match self.pipeline.programs[shader.0 as usize].stage {
+            Stage::RayGeneration => Role::RayGeneration,
+            Stage::AnyHit => Role::AnyHit,
+            Stage::ClosestHit => Role::ClosestHit,
+            Stage::Callable => Role::Callable,
+            _ => Role::Miss,
+        };
+        let mut called = Called::new(shader, role);
+        called.push(0, invocation, payload, attributes);
         self.enter(called);
         self.run();
     }
@@ -319,9 +342,10 @@ where
             let invocation = &batch.invocations[lane];
             let depth = invocation.depth + 1;
             // The upper word of a device address is never 0, that of a descriptor's handle always.
+            let address = u64::from(words[0]) | u64::from(words[1]) << 32;
             let tlas = match words[1] {
                 0 => bindings.tlas(words[0]),
-                high => bindings.memory.structure(u64::from(words[0]) | u64::from(high) << 32),
+                _ => bindings.memory.structure(address),
             };
             let query = match tlas {
                 None => Err(TrapCode::AccelerationStructureMissing),
@@ -335,6 +359,7 @@ where
                 Ok(query) => trace.push(lane, query, Some(caller), self.witness),
                 Err(code) => {
                     let op = running.batch.op - 1;
+                    running.batch.asked[lane] = address;
                     running.batch.trap(Mask::lane(lane), code, op);
                 }
             }
@@ -378,6 +403,14 @@ where
                 continue;
             };
             let Some(shader) = record.as_ref().and_then(|record| general(self.pipeline, record)) else {
+                if T::ACTIVE {
+                    let caller =
+                        Caller { shader: running.shader, op: running.batch.op - 1, payload: data.first };
+                    let registers = &mut running.batch.registers;
+                    let mut words: Data = registers.lane_words(data.first, data.count, lane).collect();
+                    self.witness.absent(caller, &mut words);
+                    registers.set_lane_words(data.first, lane, words);
+                }
                 continue;
             };
             match waiting.iter_mut().find(|group| group.shader == shader) {
@@ -478,7 +511,9 @@ where
                 at = caller.callers.get(at).copied().unwrap_or(at);
             }
         }
-        self.trapped = Some(Trapped { launch_id, error });
+        let offset = program.origins.get(trap.op as usize).map_or(0, |origin| origin.offset);
+        let (code, asked, shader) = (trap.code, running.batch.asked[lane], running.shader);
+        self.trapped = Some(Trapped { launch_id, code, asked, shader, offset, error });
     }
 }
 

@@ -9,6 +9,7 @@ use crate::machine::{Batch, Exit, Hit, Invocation, ShaderRecord};
 use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
+use crate::pipeline::launch::RayOperands;
 use crate::pipeline::sbt::{Record, Sbt};
 use crate::pipeline::stack::{Called, Role};
 use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
@@ -33,6 +34,23 @@ pub(super) struct Query {
     pub launch_size: [u32; 3],
     /// 1 for a trace by ray generation.
     pub depth: u32,
+}
+
+impl Query {
+    /// A ray that no shader traces.
+    pub fn by_nobody(tlas: &Arc<Tlas>, operands: RayOperands) -> Self {
+        Self {
+            tlas: tlas.clone(),
+            trace: operands.trace,
+            sbt_offset: operands.sbt_offset,
+            sbt_stride: operands.sbt_stride,
+            miss_index: operands.miss_index,
+            payload: operands.payload.into(),
+            launch_id: [0; 3],
+            launch_size: [1; 3],
+            depth: 1,
+        }
+    }
 }
 
 /// One ray of a trace.
@@ -64,6 +82,8 @@ pub(super) struct Trace {
     lanes: Vec<usize>,
     waiting: Vec<Waiting>,
     traversing: bool,
+    /// The instruction that traces.
+    caller: Option<Caller>,
 }
 
 impl Trace {
@@ -91,6 +111,7 @@ impl Trace {
             self.rays.resize_with(lane + 1, || None);
         }
         self.lanes.push(lane);
+        self.caller = caller;
         match &mut self.rays[lane] {
             Some(ray) => {
                 ray.cursor.reset(&query.tlas, query.trace);
@@ -175,13 +196,15 @@ impl Trace {
 
     /// Chooses closest-hit or miss for each ray.
     fn finish<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
-        for &lane in &self.lanes {
+        for at in 0..self.lanes.len() {
+            let lane = self.lanes[at];
             let Some(ray) = self.rays[lane].as_ref().filter(|ray| !ray.trapped) else { continue };
             let committed = ray.cursor.committed().copied();
+            let mut skipped = false;
             let (index, record, shader, role) = match &committed {
                 Some(committed) => {
                     let (index, record, group) = hit_group(pipeline, &ray.query, &committed.candidate);
-                    let skipped = ray.query.trace.flags.0 & SKIP_CLOSEST_HIT != 0;
+                    skipped = ray.query.trace.flags.0 & SKIP_CLOSEST_HIT != 0;
                     (index, record, group.closest_hit.filter(|_| !skipped), Role::ClosestHit)
                 }
                 None => {
@@ -198,9 +221,15 @@ impl Trace {
             if T::ACTIVE {
                 witness.event(Event::Traversed { committed, record: index, shader });
             }
-            if let Some(shader) = shader {
-                let record = record.and_then(Record::shader_record);
-                wait(&mut self.waiting, shader, role, lane, record);
+            match (shader, self.caller) {
+                (Some(shader), _) => {
+                    let record = record.and_then(Record::shader_record);
+                    wait(&mut self.waiting, shader, role, lane, record);
+                }
+                (None, Some(caller)) if !skipped => {
+                    witness.absent(caller, &mut self.ray_mut(lane).query.payload);
+                }
+                (None, _) => {}
             }
         }
     }

@@ -16,6 +16,10 @@ pub trait Witness {
 
     /// Something happened.
     fn event(&mut self, event: Event);
+
+    /// A null record was chosen, so no shader runs: may write what one would have left in the
+    /// payload or callable data of the instruction that traces or calls.
+    fn absent(&mut self, _caller: Caller, _words: &mut [u32]) {}
 }
 
 impl Witness for () {
@@ -33,14 +37,14 @@ impl Witness for Vec<Event> {
     }
 }
 
-/// The instruction that traces.
+/// The instruction that traces or calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Caller {
     /// The shader that it stands in.
     pub shader: Shader,
     /// Its operation.
     pub op: u32,
-    /// The first row of the payload variable.
+    /// The first row of the payload variable, or of the callable data.
     pub payload: Reg,
 }
 

@@ -3,6 +3,7 @@
 mod call_graph;
 pub mod control_flow;
 pub mod lower;
+mod obstacles;
 pub mod print;
 pub mod prune;
 pub mod source_map;
@@ -20,6 +21,7 @@ use crate::ops::op::Op;
 use crate::ops::{atomic, memory};
 
 pub use lower::{Inlining, lower, lower_with};
+pub use obstacles::obstacles;
 
 /// Where a block goes when its operations are done.
 #[derive(Clone, Debug, PartialEq)]

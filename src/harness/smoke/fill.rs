@@ -1,0 +1,358 @@
+//! Values for memory that nobody has given.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use half::f16;
+
+use crate::accel::Tlas;
+use crate::error::Result;
+use crate::harness::layout::{Layout, Rules};
+use crate::machine::{Buffer, DeviceMemory};
+use crate::module::Module;
+use crate::module::ty::{Type, TypeId};
+use crate::scene::random::Random;
+
+/// Elements that a runtime array, or memory behind an address, is given.
+const ELEMENTS: usize = 64;
+/// Bytes that one filled buffer may have at most beyond what its type fixes.
+const MOST_BYTES: usize = 1 << 20;
+/// Scalars of one buffer that are given values; those beyond are zero.
+const MOST_SCALARS: u32 = 1 << 15;
+/// How many addresses may lead from one to the next.
+const MOST_STEPS: usize = 6;
+
+/// What integers are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integers {
+    /// 0, 1, 2 or 3.
+    Small,
+    /// All this number.
+    All(u64),
+}
+
+/// What integers of 64 bits, and pairs of 32, are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wide {
+    /// Small numbers, but where an address is known to be taken from.
+    Numbers,
+    /// Addresses.
+    Addresses,
+}
+
+/// Numbers for everything that is no address.
+#[derive(Clone, Debug)]
+pub struct Numbers {
+    random: Random,
+    integers: Integers,
+}
+
+impl Numbers {
+    /// The sequence of a seed.
+    pub fn new(seed: u64, integers: Integers) -> Self {
+        Self { random: Random::new(seed), integers }
+    }
+
+    /// A small integer.
+    pub fn integer(&mut self) -> u64 {
+        match self.integers {
+            Integers::Small => self.random.bits() >> 62,
+            Integers::All(value) => value,
+        }
+    }
+
+    /// Uniform in [0, 1).
+    pub fn unit(&mut self) -> f32 {
+        self.random.unit()
+    }
+
+    /// A float of a width that is a number, as bits.
+    pub fn float(width: u32, value: f32) -> u64 {
+        match width {
+            16 => f16::from_f32(value).to_bits().into(),
+            64 => f64::from(value).to_bits(),
+            _ => value.to_bits().into(),
+        }
+    }
+}
+
+/// What lies behind an address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// Not known: nobody has gone there yet.
+    Unknown,
+    /// What a pointer of this type points to, many times.
+    Pointer(TypeId),
+    /// An acceleration structure.
+    Structure,
+}
+
+/// A place that addresses are taken from: a member of a block, whatever the array elements on the
+/// way.
+pub type Place = u64;
+
+/// A stretch of device memory.
+#[derive(Clone, Debug)]
+struct Region {
+    place: Place,
+    content: Content,
+    /// The pointer types that lead here.
+    steps: Vec<TypeId>,
+}
+
+/// Fills memory by its types, and makes the memory that its addresses lead to.
+pub struct Filler<'a> {
+    module: &'a Module,
+    numbers: Numbers,
+    wide: Wide,
+    known: &'a BTreeMap<Place, Content>,
+    regions: Vec<Region>,
+    by_place: HashMap<Place, usize>,
+    steps: Vec<TypeId>,
+    scalars: u32,
+}
+
+impl<'a> Filler<'a> {
+    /// A filler for the values of a module; `known` says what is behind addresses.
+    pub fn new(
+        module: &'a Module,
+        numbers: Numbers,
+        wide: Wide,
+        known: &'a BTreeMap<Place, Content>,
+    ) -> Self {
+        let (regions, by_place, steps) = (Vec::new(), HashMap::new(), Vec::new());
+        Self { module, numbers, wide, known, regions, by_place, steps, scalars: 0 }
+    }
+
+    /// The numbers, for what has no type of the module.
+    pub fn numbers(&mut self) -> &mut Numbers {
+        &mut self.numbers
+    }
+
+    /// The bytes of a block; `root` tells it from others.
+    pub fn block(&mut self, ty: TypeId, root: u64) -> Vec<u8> {
+        let layout = Layout::new(self.module, ty, Rules::Explicit);
+        let size = match layout.runtime_stride() {
+            Some((offset, stride)) => offset + elements(stride) * stride,
+            None => layout.size(),
+        };
+        self.filled(layout, size, root)
+    }
+
+    /// The words of a payload, callable data or hit attributes.
+    pub fn words(&mut self, ty: TypeId, root: u64) -> Vec<u32> {
+        let layout = Layout::new(self.module, ty, Rules::Packed);
+        let bytes = self.filled(layout, layout.size(), root);
+        bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
+    }
+
+    fn filled(&mut self, layout: Layout<'_>, size: usize, root: u64) -> Vec<u8> {
+        let mut bytes = vec![0; size.min(1 << 28)];
+        self.scalars = 0;
+        self.fill(layout, 0, mix(0, root), &mut bytes);
+        bytes
+    }
+
+    /// Makes the device memory that the addresses given so far lead to, and the places whose
+    /// addresses these are, by region.
+    ///
+    /// # Errors
+    /// None but what a structure may report.
+    pub fn device_memory(
+        mut self,
+        tlas: &dyn Fn() -> Result<Arc<Tlas>>,
+    ) -> Result<(DeviceMemory, Vec<Place>)> {
+        let mut memory = DeviceMemory::default();
+        let mut next = 0;
+        while let Some(region) = self.regions.get(next).cloned() {
+            let address = match region.content {
+                Content::Unknown => memory.add_buffer(&Buffer::zeroed(0)),
+                Content::Structure => memory.add_structure(&tlas()?),
+                Content::Pointer(pointer) => {
+                    self.steps = region.steps;
+                    memory.add_buffer(&Buffer::new(&self.pointees(pointer, region.place)))
+                }
+            };
+            assert_eq!(address, address_of(next), "bug in anyhit: an address of another region");
+            next += 1;
+        }
+        Ok((memory, self.regions.iter().map(|region| region.place).collect()))
+    }
+
+    /// What a pointer points to, several times one behind the other.
+    fn pointees(&mut self, pointer: TypeId, place: Place) -> Vec<u8> {
+        let Type::Pointer { pointee: Some(pointee), stride, .. } = *self.module.ty(pointer) else {
+            return Vec::new();
+        };
+        let layout = Layout::new(self.module, pointee, Rules::Explicit);
+        if layout.runtime_stride().is_some() {
+            return self.block(pointee, place);
+        }
+        let size = layout.size();
+        let stride = stride.map_or(size, |stride| stride as usize).max(1);
+        let count = elements(stride);
+        let mut bytes = vec![0; (count - 1) * stride + size.min(1 << 28)];
+        self.scalars = 0;
+        for index in 0..count {
+            self.fill(layout, index * stride, mix(0, place), &mut bytes);
+        }
+        bytes
+    }
+
+    fn fill(&mut self, layout: Layout<'_>, offset: usize, place: Place, out: &mut [u8]) {
+        if self.scalars >= MOST_SCALARS || offset >= out.len() {
+            return;
+        }
+        let module = self.module;
+        match module.ty(layout.ty) {
+            Type::Bool => {
+                let value = self.numbers.integer() & 1;
+                self.put(out, offset, 4, value);
+            }
+            Type::Int { width, .. } => {
+                let address = if *width == 64 { self.address_if_wanted(place) } else { None };
+                let value = address.unwrap_or_else(|| self.numbers.integer());
+                self.put(out, offset, layout.size(), value);
+            }
+            Type::Float { width, .. } => {
+                let value = Numbers::float(*width, self.numbers.unit());
+                self.put(out, offset, layout.size(), value);
+            }
+            Type::Vector { component, count } => {
+                let pair = *count == 2 && matches!(module.ty(*component), Type::Int { width: 32, .. });
+                if pair && let Some(address) = self.address_if_wanted(place) {
+                    return self.put(out, offset, 8, address);
+                }
+                let part = layout.part(*component);
+                for index in 0..*count as usize {
+                    self.fill(part, offset + index * part.size(), mix(place, index as u64), out);
+                }
+            }
+            Type::Matrix { column, count } => self.identity(layout, (*column, *count as usize), offset, out),
+            Type::Array { element, length, .. } => {
+                let length = module.scalar_value(*length).unwrap_or(0) as usize;
+                self.array(layout.part(*element), length, layout.stride(), offset, place, out);
+            }
+            Type::RuntimeArray { element, .. } => {
+                let stride = layout.stride().max(1);
+                let length = (out.len() - offset) / stride;
+                self.array(layout.part(*element), length, stride, offset, place, out);
+            }
+            Type::Struct { members, .. } => {
+                for index in 0..members.len() {
+                    let (at, part) = layout.member(index);
+                    self.fill(part, offset + at, mix(place, index as u64), out);
+                }
+            }
+            Type::Pointer { .. } => {
+                let address = self.pointer(layout.ty, place);
+                self.put(out, offset, 8, address);
+            }
+            _ => {}
+        }
+    }
+
+    fn array(
+        &mut self,
+        part: Layout<'_>,
+        length: usize,
+        stride: usize,
+        offset: usize,
+        place: Place,
+        out: &mut [u8],
+    ) {
+        for index in 0..length {
+            let at = offset + index * stride;
+            if self.scalars >= MOST_SCALARS || at >= out.len() {
+                break;
+            }
+            // All elements lead to the same memory: one place.
+            self.fill(part, at, place, out);
+        }
+    }
+
+    /// The identity, or as much of it as the matrix has columns and rows.
+    fn identity(
+        &mut self,
+        layout: Layout<'_>,
+        (column, columns): (TypeId, usize),
+        offset: usize,
+        out: &mut [u8],
+    ) {
+        let Type::Vector { component, count } = *self.module.ty(column) else { return };
+        let Type::Float { width, .. } = *self.module.ty(component) else { return };
+        let scalar = layout.part(component).size();
+        for at in 0..columns {
+            for row in 0..count as usize {
+                let place = match layout.matrix().filter(|_| layout.rules == Rules::Explicit) {
+                    Some(matrix) if matrix.row_major => row * matrix.stride as usize + at * scalar,
+                    Some(matrix) => at * matrix.stride as usize + row * scalar,
+                    None => (at * count as usize + row) * scalar,
+                };
+                let value = Numbers::float(width, f32::from(u8::from(at == row)));
+                self.put(out, offset + place, scalar, value);
+            }
+        }
+    }
+
+    fn put(&mut self, out: &mut [u8], offset: usize, size: usize, value: u64) {
+        self.scalars += 1;
+        if let Some(to) = out.get_mut(offset..offset + size.min(8)) {
+            to.copy_from_slice(&value.to_le_bytes()[..size.min(8)]);
+        }
+    }
+
+    /// The address for a number that may be meant as one.
+    fn address_if_wanted(&mut self, place: Place) -> Option<u64> {
+        let known = self.known.get(&place).copied();
+        if self.steps.len() >= MOST_STEPS || known.is_none() && self.wide == Wide::Numbers {
+            return None;
+        }
+        let content = known.unwrap_or(Content::Unknown);
+        let mut steps = self.steps.clone();
+        if let Content::Pointer(pointer) = content {
+            steps.push(pointer);
+        }
+        Some(self.region(place, content, steps))
+    }
+
+    /// The address of what a pointer of a type points to: null where it is the third of its kind in
+    /// a row, so that lists end.
+    fn pointer(&mut self, pointer: TypeId, place: Place) -> u64 {
+        let before = self.steps.iter().filter(|known| **known == pointer).count();
+        if before >= 2 || self.steps.len() >= MOST_STEPS {
+            return 0;
+        }
+        let steps = self.steps.iter().copied().chain([pointer]).collect();
+        self.region(place, Content::Pointer(pointer), steps)
+    }
+
+    fn region(&mut self, place: Place, content: Content, steps: Vec<TypeId>) -> u64 {
+        let next = self.regions.len();
+        let index = *self.by_place.entry(place).or_insert(next);
+        if index == next {
+            self.regions.push(Region { place, content, steps });
+        }
+        address_of(index)
+    }
+}
+
+/// The address of the region with an index: [`DeviceMemory`] gives them out in order, and none here
+/// needs more than one.
+fn address_of(index: usize) -> u64 {
+    (index as u64 + 1) << 32
+}
+
+/// The index of the region that an address lies in.
+pub fn region_of(address: u64) -> Option<usize> {
+    usize::try_from(address >> 32).ok()?.checked_sub(1)
+}
+
+fn elements(stride: usize) -> usize {
+    (MOST_BYTES / stride.max(1)).clamp(1, ELEMENTS)
+}
+
+/// A number for a part of a place.
+fn mix(place: Place, part: u64) -> Place {
+    Random::new(place ^ part.wrapping_mul(0xD6E8_FEB8_6659_FD93).wrapping_add(1)).bits()
+}

@@ -1,0 +1,87 @@
+//! One shader by itself, on one thread, with a trap told in full.
+
+use std::sync::Arc;
+
+use crate::accel::Tlas;
+use crate::machine::Invocation;
+use crate::ops::row::{Row, Width};
+use crate::pipeline::group::Shader;
+use crate::pipeline::launch::{Launch, RayOperands, Stats, launch_id};
+use crate::pipeline::stack::{Stack, Trapped, bindings};
+use crate::pipeline::trace::Query;
+use crate::pipeline::witness::Witness;
+
+impl Launch<'_> {
+    /// Runs the ray generation shader of the pipeline's table over a small grid, W lanes at a time.
+    ///
+    /// # Errors
+    /// The trap of the lowest launch index.
+    pub fn run_alone<const W: usize, T: Witness>(
+        &self,
+        size: [u32; 3],
+        witness: &mut T,
+    ) -> Result<Stats, Box<Trapped>>
+    where
+        Row: Width<W>,
+    {
+        let Some(record) = &self.pipeline.sbt.ray_generation else { return Ok(Stats::default()) };
+        let bindings = bindings(self.pipeline, self.resources);
+        let mut observer = ();
+        let mut stack = Stack::<W, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
+        let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
+        for start in (0..count).step_by(W) {
+            let ids: Vec<_> =
+                (start..count.min(start + W as u64)).map(|index| launch_id(index, size)).collect();
+            stack.launch(record, &ids, size);
+        }
+        answer(stack.trapped, stack.stats)
+    }
+
+    /// Runs a shader for one invocation, as the first of W lanes, without what would call it. What
+    /// it leaves in payload and attributes is dropped. Not for intersection shaders: these report to
+    /// a trace.
+    ///
+    /// # Errors
+    /// The trap.
+    pub fn invoke<const W: usize, T: Witness>(
+        &self,
+        shader: Shader,
+        invocation: Invocation,
+        payload: &[u32],
+        attributes: &[u32],
+        witness: &mut T,
+    ) -> Result<Stats, Box<Trapped>>
+    where
+        Row: Width<W>,
+    {
+        let bindings = bindings(self.pipeline, self.resources);
+        let mut observer = ();
+        let mut stack = Stack::<W, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
+        stack.invoke(shader, invocation, payload.into(), attributes.into());
+        answer(stack.trapped, stack.stats)
+    }
+
+    /// Traces one ray, as the first of W lanes, without a ray generation shader.
+    ///
+    /// # Errors
+    /// The trap.
+    pub fn trace_alone<const W: usize, T: Witness>(
+        &self,
+        tlas: &Arc<Tlas>,
+        operands: RayOperands,
+        witness: &mut T,
+    ) -> Result<Stats, Box<Trapped>>
+    where
+        Row: Width<W>,
+    {
+        let bindings = bindings(self.pipeline, self.resources);
+        let mut observer = ();
+        let mut stack = Stack::<W, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
+        stack.trace(Query::by_nobody(tlas, operands));
+        answer(stack.trapped, stack.stats)
+    }
+}
+
+fn answer(trapped: Option<Trapped>, stats: Stats) -> Result<Stats, Box<Trapped>> {
+    trapped.map_or(Ok(stats), |trapped| Err(Box::new(trapped)))
+}

@@ -1,0 +1,167 @@
+//! Smoke tests of every fixture, and of modules whose inputs are hard to make up.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhit::harness::smoke::{self, Options, Report, Verdict};
+use anyhit::module;
+
+#[path = "support/assembly.rs"]
+mod assembly;
+#[path = "support/files.rs"]
+mod files;
+
+fn run(bytes: &[u8]) -> Report {
+    let module = Arc::new(module::load(bytes).expect("a module"));
+    smoke::run(&module, Options::default())
+}
+
+/// Fixtures whose own inputs matter, with the rule that made-up ones break.
+const TRAPS: &[(&str, &str)] =
+    // Its rays are wrong on purpose.
+    &[("fail/trace/invalid-ray/main.rgen.spv", "a trace break a rule")];
+
+#[test]
+fn every_fixture_runs_or_says_why_not() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures");
+    let (mut count, mut mistakes) = (0, Vec::new());
+    for path in files::with_extension(&root, "spv") {
+        let name = path.strip_prefix(&root).expect("a path below").to_string_lossy().replace('\\', "/");
+        let report = run(&std::fs::read(&path).expect("a readable fixture"));
+        let trap = TRAPS.iter().find(|(fixture, _)| *fixture == name).map(|(_, rule)| *rule);
+        for entry in &report.entry_points {
+            count += 1;
+            let traps = entry.runs.iter().filter_map(|run| run.trap.as_ref());
+            let rules: Vec<_> = traps.map(|trap| trap.rule.as_str()).collect();
+            let expected = match trap {
+                Some(rule) => entry.result == Verdict::Trap && rules.iter().all(|told| told.contains(rule)),
+                None => entry.result == Verdict::Ok,
+            };
+            if !expected {
+                mistakes.push(format!("{name}:\n{}", report.text()));
+            }
+        }
+    }
+    assert!(count > 100, "only {count} entry points were found");
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+}
+
+#[test]
+fn a_report_is_the_same_every_time() {
+    let bytes = std::fs::read("spirv-fixtures/fail/trace/invalid-ray/main.rgen.spv").expect("a fixture");
+    let json = |report: &Report| serde_json::to_string(report).expect("JSON");
+    assert_eq!(json(&run(&bytes)), json(&run(&bytes)));
+    let parsed: serde_json::Value = serde_json::from_str(&json(&run(&bytes))).expect("JSON");
+    let entry = &parsed["entry_points"][0];
+    assert_eq!((&entry["stage"], &entry["result"]), (&"RayGenerationKHR".into(), &"trap".into()));
+    assert_eq!((&entry["runs"][0]["with"], &entry["reasons"]), (&"launch".into(), &serde_json::json!([])));
+    let trap = &entry["runs"][0]["trap"];
+    // The trap's line stands in the source: the trace.
+    assert_eq!(
+        (&trap["file"], &trap["line"]),
+        (&"shaders/fail/trace/invalid-ray/main.rgen".into(), &20.into())
+    );
+}
+
+/// A buffer of objects, each with two addresses as 64-bit integers and a count of 64 bits: vertices,
+/// whose own material is behind a pointer, and indices behind a pair of 32-bit integers.
+const OBJECTS: &str = "
+    OpCapability RayTracingKHR
+    OpCapability Int64
+    OpCapability PhysicalStorageBufferAddresses
+    OpExtension \"SPV_KHR_ray_tracing\"
+    OpExtension \"SPV_KHR_physical_storage_buffer\"
+    OpMemoryModel PhysicalStorageBuffer64 GLSL450
+    OpEntryPoint ClosestHitKHR %main \"main\" %objects %payload
+    OpDecorate %objects DescriptorSet 0
+    OpDecorate %objects Binding 0
+    OpDecorate %Objects Block
+    OpMemberDecorate %Objects 0 Offset 0
+    OpDecorate %object_array ArrayStride 24
+    OpMemberDecorate %Object 0 Offset 0
+    OpMemberDecorate %Object 1 Offset 8
+    OpMemberDecorate %Object 2 Offset 16
+    OpDecorate %vertex_array ArrayStride 16
+    OpDecorate %Vertices Block
+    OpMemberDecorate %Vertices 0 Offset 0
+    OpMemberDecorate %Vertex 0 Offset 0
+    OpMemberDecorate %Vertex 1 Offset 8
+    OpMemberDecorate %Material 0 Offset 0
+    OpDecorate %Material Block
+    OpDecorate %index_array ArrayStride 4
+    OpDecorate %Indices Block
+    OpMemberDecorate %Indices 0 Offset 0
+    OpDecorate %vertices AliasedPointer
+    OpDecorate %indices AliasedPointer
+    %void = OpTypeVoid
+    %function = OpTypeFunction %void
+    %bool = OpTypeBool
+    %uint = OpTypeInt 32 0
+    %ulong = OpTypeInt 64 0
+    %float = OpTypeFloat 32
+    %uvec2 = OpTypeVector %uint 2
+    %0 = OpConstant %uint 0
+    %1 = OpConstant %uint 1
+    %2 = OpConstant %uint 2
+    %none = OpConstant %ulong 0 0
+    %one = OpConstant %ulong 1 0
+    %Object = OpTypeStruct %ulong %uvec2 %ulong
+    %object_array = OpTypeRuntimeArray %Object
+    %Objects = OpTypeStruct %object_array
+    %Objects_pointer = OpTypePointer StorageBuffer %Objects
+    %objects = OpVariable %Objects_pointer StorageBuffer
+    %payload_pointer = OpTypePointer IncomingRayPayloadKHR %float
+    %payload = OpVariable %payload_pointer IncomingRayPayloadKHR
+    %Material = OpTypeStruct %float
+    %Material_pointer = OpTypePointer PhysicalStorageBuffer %Material
+    %Vertex = OpTypeStruct %float %Material_pointer
+    %vertex_array = OpTypeRuntimeArray %Vertex
+    %Vertices = OpTypeStruct %vertex_array
+    %Vertices_pointer = OpTypePointer PhysicalStorageBuffer %Vertices
+    %index_array = OpTypeRuntimeArray %uint
+    %Indices = OpTypeStruct %index_array
+    %Indices_pointer = OpTypePointer PhysicalStorageBuffer %Indices
+    %uint_pointer = OpTypePointer PhysicalStorageBuffer %uint
+    %float_pointer = OpTypePointer PhysicalStorageBuffer %float
+    %Material_pointer_pointer = OpTypePointer PhysicalStorageBuffer %Material_pointer
+    %ulong_pointer = OpTypePointer StorageBuffer %ulong
+    %uvec2_pointer = OpTypePointer StorageBuffer %uvec2
+    %main = OpFunction %void None %function
+    %begin = OpLabel
+    %a = OpAccessChain %ulong_pointer %objects %0 %1 %0
+    %b = OpLoad %ulong %a
+    %vertices = OpConvertUToPtr %Vertices_pointer %b
+    %c = OpAccessChain %uvec2_pointer %objects %0 %1 %1
+    %d = OpLoad %uvec2 %c
+    %indices = OpBitcast %Indices_pointer %d
+    %e = OpAccessChain %uint_pointer %indices %0 %2
+    %index = OpLoad %uint %e Aligned 4
+    %f = OpAccessChain %Material_pointer_pointer %vertices %0 %index %1
+    %material = OpLoad %Material_pointer %f Aligned 8
+    %g = OpAccessChain %float_pointer %material %0
+    %h = OpLoad %float %g Aligned 4
+    OpStore %payload %h
+    %i = OpAccessChain %ulong_pointer %objects %0 %1 %2
+    %count = OpLoad %ulong %i
+    OpBranch %loop
+    %loop = OpLabel
+    %k = OpPhi %ulong %none %begin %next %body
+    %more = OpULessThan %bool %k %count
+    OpLoopMerge %end %body None
+    OpBranchConditional %more %body %end
+    %body = OpLabel
+    %next = OpIAdd %ulong %k %one
+    OpBranch %loop
+    %end = OpLabel
+    OpReturn
+    OpFunctionEnd
+";
+
+#[test]
+fn numbers_become_addresses_where_memory_is_reached_through_them() {
+    let report = run(&assembly::assemble(OBJECTS));
+    assert!(report.is_ok(), "{}", report.text());
+    let kinds: Vec<_> = report.entry_points[0].runs.iter().map(|run| run.with).collect();
+    assert_eq!(kinds, ["triangle", "aabb", "sphere", "lss"]);
+    assert!(report.entry_points[0].runs.iter().all(|run| run.note.is_none()), "{}", report.text());
+}
