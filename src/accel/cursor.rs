@@ -25,8 +25,9 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 use crate::accel::node_ray::NodeRay;
+use crate::accel::primitive::Primitive;
 pub use crate::accel::rules::RayFlags;
-use crate::accel::tlas::Tlas;
+use crate::accel::tlas::{Instance, Tlas};
 use crate::accel::visit::{Place, Visit};
 use crate::accel::walk::{Level, Open};
 use crate::geometry::{Intersection, Ray, Surface};
@@ -46,7 +47,7 @@ impl HitKind {
     pub const LINEAR_SWEPT_SPHERE: Self = Self(0x81);
 }
 
-/// The operands of a trace that traversal needs.
+/// The operands of a trace or ray query that traversal needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceRay {
     /// The ray.
@@ -55,6 +56,20 @@ pub struct TraceRay {
     pub flags: RayFlags,
     /// Its low 8 bits count.
     pub cull_mask: u32,
+}
+
+impl TraceRay {
+    /// Whether the operands keep the rules: origin and direction finite, 0 <= t_min <= t_max, no
+    /// NaN, no flags that exclude each other (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359, 06552
+    /// to 06554, 06892 and 06893; for ray queries VUID-RuntimeSpirv-OpRayQueryInitializeKHR-06348 to
+    /// 06352 and 06889 to 06891).
+    pub fn is_legal(&self) -> bool {
+        let Ray { origin, direction, t_min, t_max } = self.ray;
+        let finite = origin.iter().chain(&direction).all(|value| value.is_finite());
+        let interval = t_min >= 0.0 && t_min <= t_max;
+        let exclusive = |bits: u32| (self.flags.0 & bits).count_ones() <= 1;
+        finite && interval && exclusive(1 | 2 | 64 | 128) && exclusive(256 | 16 | 32) && exclusive(256 | 512)
+    }
 }
 
 /// A primitive that needs a decision: a non-opaque one (any-hit) or a box (intersection shader).
@@ -96,6 +111,23 @@ impl Candidate {
     #[inline]
     pub fn place(&self) -> Place {
         Place { instance: self.instance, geometry: self.geometry, primitive: self.primitive }
+    }
+
+    /// The instance that it belongs to.
+    ///
+    /// # Panics
+    /// Where the structure is not the one that it was found in.
+    #[inline]
+    pub fn instance_in<'a>(&self, tlas: &'a Tlas) -> &'a Instance {
+        &tlas.instances()[self.instance as usize]
+    }
+
+    /// The numbers of the primitive.
+    ///
+    /// # Panics
+    /// As [`Candidate::instance_in`].
+    pub fn primitive_in(&self, tlas: &Tlas) -> Option<Primitive> {
+        self.instance_in(tlas).blas.primitive(self.geometry, self.primitive)
     }
 
     /// What orders hits: see the head of this file.

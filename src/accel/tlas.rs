@@ -96,6 +96,12 @@ impl Tlas {
         Ok(Arc::new(Self { instances, transforms, world_to_object, tree: OnceLock::new(), precision }))
     }
 
+    /// The null acceleration structure: it has no instances.
+    pub fn empty() -> &'static Arc<Self> {
+        static EMPTY: OnceLock<Arc<Tlas>> = OnceLock::new();
+        EMPTY.get_or_init(|| Self::new(Vec::new()).expect("bug in anyhit: no instances are refused"))
+    }
+
     /// The instances in the order of their `InstanceId`.
     pub fn instances(&self) -> &[Instance] {
         &self.instances

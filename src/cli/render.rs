@@ -110,6 +110,10 @@ fn table(stats: &Stats, ready: Duration, traced: Duration) -> String {
         traced.as_secs_f64() * 1e3,
         stats.rays,
     );
+    if stats.ray_queries > 0 {
+        let rate = stats.ray_queries as f64 / traced.as_secs_f64().max(1e-9) / 1e6;
+        text += &format!("ray queries       {:>9} ({rate:.2} million a second)\n", stats.ray_queries);
+    }
     for (stage, shader) in &stats.shaders {
         let lanes = shader.invocations as f64 / shader.batches.max(1) as f64;
         text += &format!(

@@ -80,6 +80,7 @@ impl Value {
             Shape::Int3 => ("uvec3", uints(words)),
             Shape::Int4 => ("uvec4", uints(words)),
             Shape::Float => ("float", Content::f32(words.first().map_or(0.0, |&word| f32::from_bits(word)))),
+            Shape::Float2 => ("vec2", floats(words)),
             Shape::Float3 => ("vec3", floats(words)),
             Shape::Matrix4x3 => ("mat4x3", lists(words)),
             Shape::FloatArray2 => ("float[2]", floats(words)),

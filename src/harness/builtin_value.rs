@@ -64,18 +64,12 @@ pub(super) fn words_of(name: &str, value: &impl BuiltinValue) -> Result<(&'stati
         let error = Error::new(ErrorKind::InvalidArgument, format!("there is no builtin `{name}`"));
         return Err(near.map_or(error.clone(), |near| error.note(format!("did you mean `{near}`?"))));
     };
-    let (kind, count) = match builtin.shape {
-        Shape::Bool => (ScalarKind::Bool, 1),
-        Shape::Int => (ScalarKind::Int, 1),
-        Shape::Int3 => (ScalarKind::Int, 3),
-        Shape::Int4 => (ScalarKind::Int, 4),
-        Shape::Float => (ScalarKind::Float, 1),
-        Shape::FloatArray2 => (ScalarKind::Float, 2),
-        Shape::Float3 => (ScalarKind::Float, 3),
-        Shape::Float3Array2 => (ScalarKind::Float, 6),
-        Shape::Float3Array3 => (ScalarKind::Float, 9),
-        Shape::Matrix4x3 => (ScalarKind::Float, 12),
+    let kind = match builtin.shape {
+        Shape::Bool => ScalarKind::Bool,
+        Shape::Int | Shape::Int3 | Shape::Int4 => ScalarKind::Int,
+        _ => ScalarKind::Float,
     };
+    let count = builtin.shape.words() as usize;
     let words = value.words();
     if value.kind() != kind || words.len() != count {
         let given = format!("{} scalars of kind {:?}", words.len(), value.kind());

@@ -231,7 +231,11 @@ fn difference(one: &Observed, other: &Observed) -> Option<String> {
     // Batches differ with the width, invocations do not.
     let counts = |observed: &Observed| {
         let stats = observed.stats.as_ref()?;
-        Some((stats.rays, stats.shaders.values().map(|stage| stage.invocations).collect::<Vec<_>>()))
+        Some((
+            stats.rays,
+            stats.ray_queries,
+            stats.shaders.values().map(|stage| stage.invocations).collect::<Vec<_>>(),
+        ))
     };
     (counts(one) != counts(other)).then(|| format!("counts {:?} / {:?}", counts(one), counts(other)))
 }

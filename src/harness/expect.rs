@@ -186,6 +186,17 @@ impl Named for TrapName {
         ("recursion_too_deep", Self(TrapCode::RecursionTooDeep)),
         ("shader_record_missing", Self(TrapCode::ShaderRecordMissing)),
         ("invalid_hit_kind", Self(TrapCode::InvalidHitKind)),
+        ("invalid_ray_query", Self(TrapCode::InvalidRayQuery)),
+        ("ray_query_uninitialized", Self(TrapCode::RayQueryUninitialized)),
+        ("ray_query_complete", Self(TrapCode::RayQueryComplete)),
+        ("ray_query_no_candidate", Self(TrapCode::RayQueryNoCandidate)),
+        ("ray_query_no_committed", Self(TrapCode::RayQueryNoCommitted)),
+        ("ray_query_not_triangle", Self(TrapCode::RayQueryNotTriangle)),
+        ("ray_query_not_aabb", Self(TrapCode::RayQueryNotAabb)),
+        ("ray_query_outside_interval", Self(TrapCode::RayQueryOutsideInterval)),
+        ("not_triangle", Self(TrapCode::NotTriangle)),
+        ("not_sphere", Self(TrapCode::NotSphere)),
+        ("not_linear_swept_sphere", Self(TrapCode::NotLinearSweptSphere)),
     ];
 }
 
@@ -404,13 +415,18 @@ impl RayExpectation {
 /// How often shaders run.
 #[derive(Clone, Debug)]
 pub struct StatsExpectation {
-    /// Rays traced.
-    pub rays: Option<At<u64>>,
+    /// Counts of the whole launch, each with what counts it.
+    pub totals: Vec<(Total, At<u64>)>,
     /// Invocations by stage.
     pub invocations: Vec<(Stage, At<u64>)>,
     /// Why.
     pub because: String,
 }
+
+/// A count of the whole launch.
+type Total = fn(&Stats) -> u64;
+
+const TOTALS: [(&str, Total); 2] = [("rays", |stats| stats.rays), ("ray_queries", |stats| stats.ray_queries)];
 
 const STAGES: [(&str, Stage); 6] = [
     ("ray_generation", Stage::RayGeneration),
@@ -424,11 +440,15 @@ const STAGES: [(&str, Stage); 6] = [
 impl Parse for StatsExpectation {
     fn parse(value: Value<'_>) -> Option<Self> {
         let table = Table::new(value)?;
-        let rays = table.optional("rays");
+        let totals = TOTALS.map(|(key, total)| table.optional(key).map(|count| (total, count)));
         let counts = STAGES.map(|(key, stage)| table.optional(key).map(|count| (stage, count)));
         let because = table.required("because");
         table.finish();
-        Some(Self { rays, invocations: counts.into_iter().flatten().collect(), because: because? })
+        Some(Self {
+            totals: totals.into_iter().flatten().collect(),
+            invocations: counts.into_iter().flatten().collect(),
+            because: because?,
+        })
     }
 }
 
@@ -437,7 +457,8 @@ impl StatsExpectation {
         let invocations = self.invocations.iter().map(|(stage, expected)| {
             (expected, stats.shaders.get(stage).map_or(0, |stats| stats.invocations))
         });
-        for (expected, found) in self.rays.iter().map(|rays| (rays, stats.rays)).chain(invocations) {
+        let totals = self.totals.iter().map(|(total, expected)| (expected, total(stats)));
+        for (expected, found) in totals.chain(invocations) {
             if expected.value != found {
                 let message = format!("expected {}, found {found}", expected.value);
                 errors.push(differs(&expected.span, message, &self.because));

@@ -7,6 +7,7 @@
 
 use crate::machine::invocation::Invocation;
 use crate::machine::lanes::{Mask, Registers};
+use crate::machine::ray_query::RayQueries;
 use crate::machine::trap::{Exit, Trap, TrapCode};
 
 /// Lanes that wait at the beginning of a block.
@@ -47,6 +48,8 @@ pub struct Batch<const W: usize> {
     /// The byte offset or device address that a lane asked for, meaningful once the access has
     /// stopped it.
     pub asked: [u64; W],
+    /// The ray queries that variables hold.
+    pub queries: RayQueries,
     /// The lanes that have not been stopped.
     live: Mask<W>,
     /// Operations that each lane may still spend at back edges and calls.
@@ -68,6 +71,7 @@ impl<const W: usize> Batch<W> {
             paused: false,
             exits: [Exit::Returned; W],
             asked: [0; W],
+            queries: RayQueries::default(),
             live: Mask::NONE,
             budget: [0; W],
             waiting: Vec::new(),
@@ -86,6 +90,7 @@ impl<const W: usize> Batch<W> {
         self.budget = [budget; W];
         self.waiting.clear();
         self.frames.clear();
+        self.queries.clear();
     }
 
     /// The calls in progress, the outermost first.

@@ -212,6 +212,10 @@ impl Resources {
 /// Bits of a descriptor handle that name the array element; the bits above name the slot.
 pub const ELEMENT_BITS: u32 = 20;
 
+/// The upper word of an acceleration structure's value that tells a descriptor's handle from a
+/// device address: no allocation lies that high.
+pub const STRUCTURE_HANDLE: u32 = u32::MAX;
+
 /// The descriptors of one program, found by handle: slot above, array element below
 /// [`ELEMENT_BITS`].
 #[derive(Clone, Debug, Default)]
@@ -247,8 +251,19 @@ impl Bindings {
         }
     }
 
+    /// The acceleration structure that a value of two words means: a descriptor's handle below
+    /// [`STRUCTURE_HANDLE`], else a device address. 0 is the null structure, which every ray misses.
+    #[inline]
+    pub fn acceleration_structure(&self, words: [u32; 2]) -> Option<&Arc<Tlas>> {
+        match words {
+            [0, 0] => Some(Tlas::empty()),
+            [handle, STRUCTURE_HANDLE] => self.tlas(handle),
+            [low, high] => self.memory.structure(u64::from(low) | u64::from(high) << 32),
+        }
+    }
+
     /// The acceleration structure with a handle.
-    pub fn tlas(&self, handle: u32) -> Option<&Arc<Tlas>> {
+    fn tlas(&self, handle: u32) -> Option<&Arc<Tlas>> {
         match self.descriptor(handle)? {
             Descriptor::AccelerationStructure(tlas) => Some(tlas),
             _ => None,

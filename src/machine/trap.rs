@@ -41,6 +41,29 @@ pub enum TrapCode {
     ShaderRecordMissing,
     /// The hit kind of a report is above 127 (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998).
     InvalidHitKind,
+    /// A ray query breaks a rule of SEMANTICS 4.1 (VUID-RuntimeSpirv-OpRayQueryInitializeKHR-06348 and others).
+    InvalidRayQuery,
+    /// A ray query is used before `OpRayQueryInitializeKHR`.
+    RayQueryUninitialized,
+    /// `OpRayQueryProceedKHR` after it returned false.
+    RayQueryComplete,
+    /// The candidate of a ray query is used, and there is none.
+    RayQueryNoCandidate,
+    /// The committed hit of a ray query is read, and there is none.
+    RayQueryNoCommitted,
+    /// What only a triangle has is asked of another intersection of a ray query.
+    RayQueryNotTriangle,
+    /// What only a box has is asked of another candidate of a ray query.
+    RayQueryNotAabb,
+    /// What only a triangle has is asked of another primitive.
+    NotTriangle,
+    /// What only a sphere has is asked of another primitive.
+    NotSphere,
+    /// What only a linear swept sphere has is asked of another primitive.
+    NotLinearSweptSphere,
+    /// `OpRayQueryGenerateIntersectionKHR` outside the ray's interval
+    /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353).
+    RayQueryOutsideInterval,
     /// A shader that this one called trapped.
     Callee,
 }
@@ -74,6 +97,42 @@ impl TrapCode {
             Self::ShaderRecordMissing => "the shader binding table has no such record",
             Self::InvalidHitKind => {
                 "the hit kind of a report is above 127 (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998)"
+            }
+            Self::InvalidRayQuery => {
+                "the operands of a ray query break a rule (VUID-RuntimeSpirv-OpRayQueryInitializeKHR-06348 to 06352, \
+                 06889 to 06891)"
+            }
+            Self::RayQueryUninitialized => {
+                "a ray query is used before OpRayQueryInitializeKHR (SPV_KHR_ray_query)"
+            }
+            Self::RayQueryComplete => {
+                "OpRayQueryProceedKHR after it returned false: the ray query is complete (SPV_KHR_ray_query)"
+            }
+            Self::RayQueryNoCandidate => {
+                "the candidate of a ray query is used, but the last OpRayQueryProceedKHR did not return true \
+                 (SPV_KHR_ray_query)"
+            }
+            Self::RayQueryNoCommitted => {
+                "the committed hit of a ray query is read, but nothing is committed (SPV_KHR_ray_query)"
+            }
+            Self::RayQueryNotTriangle => {
+                "the intersection of a ray query is no triangle, as this instruction needs (SPV_KHR_ray_query)"
+            }
+            Self::RayQueryNotAabb => {
+                "the candidate of a ray query is no AABB, as this instruction needs (SPV_KHR_ray_query)"
+            }
+            Self::NotTriangle => {
+                "what was hit is no triangle, as this instruction needs (SPV_KHR_ray_tracing_position_fetch)"
+            }
+            Self::NotSphere => {
+                "what was hit is no sphere, as this instruction needs (SPV_NV_linear_swept_spheres)"
+            }
+            Self::NotLinearSweptSphere => {
+                "what was hit is no linear swept sphere, as this instruction needs (SPV_NV_linear_swept_spheres)"
+            }
+            Self::RayQueryOutsideInterval => {
+                "the generated hit lies before t_min or behind the committed hit \
+                 (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353)"
             }
             Self::Callee => "a called shader trapped",
         }

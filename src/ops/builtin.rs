@@ -53,6 +53,8 @@ pub enum Shape {
     Int4,
     /// `f32`
     Float,
+    /// Two `f32`.
+    Float2,
     /// Three `f32`.
     Float3,
     /// Four columns of three `f32`.
@@ -74,11 +76,25 @@ impl Shape {
             Self::Int3 => "a vector of three 32-bit integers",
             Self::Int4 => "a vector of four 32-bit integers",
             Self::Float => "a 32-bit float",
+            Self::Float2 => "a vector of two 32-bit floats",
             Self::Float3 => "a vector of three 32-bit floats",
             Self::Matrix4x3 => "a matrix of four columns of three 32-bit floats",
             Self::FloatArray2 => "an array of two 32-bit floats",
             Self::Float3Array2 => "an array of two vectors of three 32-bit floats",
             Self::Float3Array3 => "an array of three vectors of three 32-bit floats",
+        }
+    }
+
+    /// How many words a value takes.
+    pub fn words(self) -> u32 {
+        match self {
+            Self::Bool | Self::Int | Self::Float => 1,
+            Self::Float2 | Self::FloatArray2 => 2,
+            Self::Int3 | Self::Float3 => 3,
+            Self::Int4 => 4,
+            Self::Float3Array2 => 6,
+            Self::Float3Array3 => 9,
+            Self::Matrix4x3 => 12,
         }
     }
 }
@@ -209,7 +225,8 @@ pub fn check(decoder: &Decoder<'_>, builtin: &'static Builtin, ty: TypeId) -> Re
     Ok(())
 }
 
-fn matches(decoder: &Decoder<'_>, shape: Shape, ty: TypeId) -> bool {
+/// Whether a type has a shape.
+pub fn matches(decoder: &Decoder<'_>, shape: Shape, ty: TypeId) -> bool {
     let module = decoder.module;
     let is_float = |ty| matches!(module.ty(ty), Type::Float { width: 32, encoding: None });
     let is_int = |ty| matches!(module.ty(ty), Type::Int { width: 32, .. });
@@ -227,6 +244,9 @@ fn matches(decoder: &Decoder<'_>, shape: Shape, ty: TypeId) -> bool {
         Shape::Int4 => matches!(*module.ty(ty), Type::Vector { component, count: 4 } if is_int(component)),
         Shape::Int3 => matches!(*module.ty(ty), Type::Vector { component, count: 3 } if is_int(component)),
         Shape::Float => is_float(ty),
+        Shape::Float2 => {
+            matches!(*module.ty(ty), Type::Vector { component, count: 2 } if is_float(component))
+        }
         Shape::Float3 => is_float3(ty),
         Shape::Matrix4x3 => matches!(*module.ty(ty), Type::Matrix { column, count: 4 } if is_float3(column)),
         Shape::FloatArray2 => array(ty, 2).is_some_and(is_float),
@@ -252,14 +272,14 @@ fn places(from: &Invocation, to: &mut [u32], holds: impl Fn(u32, u32) -> bool) {
     }
 }
 
-fn floats(to: &mut [u32], values: &[f32]) {
+pub(super) fn floats(to: &mut [u32], values: &[f32]) {
     for (to, value) in to.iter_mut().zip(values) {
         *to = value.to_bits();
     }
 }
 
 /// Column by column from a row-major 3x4 matrix.
-fn columns(to: &mut [u32], rows: &[[f32; 4]; 3]) {
+pub(super) fn columns(to: &mut [u32], rows: &[[f32; 4]; 3]) {
     for (at, to) in to.iter_mut().enumerate() {
         *to = rows[at % 3][at / 3].to_bits();
     }
@@ -268,12 +288,12 @@ fn columns(to: &mut [u32], rows: &[[f32; 4]; 3]) {
 impl Hit {
     /// The instance that was hit.
     pub fn instance(&self) -> &Instance {
-        &self.tlas.instances()[self.candidate.instance as usize]
+        self.candidate.instance_in(&self.tlas)
     }
 
     /// What was hit.
     pub fn primitive(&self) -> Option<Primitive> {
-        self.instance().blas.primitive(self.candidate.geometry, self.candidate.primitive)
+        self.candidate.primitive_in(&self.tlas)
     }
 
     /// The vertices of the triangle that was hit, after the geometry's own transform; `None` for

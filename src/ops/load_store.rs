@@ -4,6 +4,7 @@
 use smallvec::SmallVec;
 
 use crate::error::Result;
+use crate::machine::resource::STRUCTURE_HANDLE;
 use crate::machine::{Bindings, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::ops::decode::{Decoder, Words};
@@ -69,7 +70,7 @@ pub(super) fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignme
                 // An image and a sampler, or a handle that stands for a device address.
                 Type::SampledImage(_) => Ok(SmallVec::from_slice(&[handle, handle])),
                 Type::AccelerationStructure => {
-                    let high = decoder.constant(0)?;
+                    let high = decoder.constant(STRUCTURE_HANDLE)?;
                     let first = decoder.pair(handle, high)?;
                     Ok(SmallVec::from_slice(&[first, first.plus(1)]))
                 }

@@ -21,11 +21,14 @@ pub mod irregular;
 pub mod linear_algebra;
 pub mod load_store;
 pub mod memory;
+pub mod object;
 pub mod op;
 pub mod pointer;
+pub mod ray_query;
 pub mod ray_tracing;
 pub mod relational_logical;
 pub mod row;
+pub mod seen;
 pub mod subgroup;
 pub mod support;
 
@@ -81,6 +84,7 @@ pub fn decode_instruction(
         || linear_algebra::decode(decoder, opcode, instruction)?
         || irregular::decode(decoder, opcode, instruction)?
         || ray_tracing::decode(decoder, opcode, instruction)?
+        || ray_query::decode(decoder, opcode, instruction)?
         || image::decode(decoder, opcode, instruction)?;
     if done {
         return Ok(());

@@ -2,7 +2,7 @@
 
 use crate::machine::{Batch, Bindings, Reg};
 use crate::ops::row::{Row, Width};
-use crate::ops::{atomic, debug_printf, image, memory, ray_tracing, subgroup};
+use crate::ops::{atomic, debug_printf, image, memory, ray_query, ray_tracing, subgroup};
 
 /// One operation on rows.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +26,8 @@ pub enum Op {
     Print(debug_printf::Op),
     /// Image instructions.
     Image(image::Op),
+    /// Ray query instructions.
+    RayQuery(ray_query::Op),
     /// Instructions that hand the batch to the pipeline.
     Stop(ray_tracing::Op),
 }
@@ -56,6 +58,7 @@ impl Op {
             Self::Subgroup(op) => op.accesses(&mut visit),
             Self::Print(op) => op.accesses(&mut visit),
             Self::Image(op) => op.accesses(&mut visit),
+            Self::RayQuery(op) => op.accesses(&mut visit),
             Self::Stop(op) => op.accesses(&mut visit),
         }
     }
@@ -74,6 +77,7 @@ impl Op {
             Self::Subgroup(op) => op.eval(batch),
             Self::Print(op) => op.eval(batch, bindings),
             Self::Image(op) => op.eval(batch, bindings),
+            Self::RayQuery(op) => op.eval(batch, bindings),
             Self::Stop(_) => unreachable!("bug in anyhit: a stop is not evaluated"),
         }
     }

@@ -11,6 +11,7 @@ use crate::ops::decode::{Decoder, InputRows, InterfaceRows, Slot, Words};
 use crate::ops::image::access::TexelPlace;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
 use crate::ops::memory::{self, BufferRef, Length};
+use crate::ops::object::check_moved;
 use crate::ops::op::Op;
 use crate::ops::{address, builtin};
 
@@ -487,6 +488,7 @@ pub fn decode(
         Opcode::Load => {
             let id = decoder.id(instruction, 0)?;
             let pointer = decoder.pointer(id)?;
+            check_moved(decoder, pointer.pointee)?;
             let alignment = alignment(decoder, instruction, 1)?;
             let words = load_aligned(decoder, &pointer, alignment)?;
             decoder.result(instruction, words);
@@ -494,6 +496,7 @@ pub fn decode(
         Opcode::Store => {
             let (to, from) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
             let pointer = decoder.pointer(to)?;
+            check_moved(decoder, pointer.pointee)?;
             let words = decoder.words(from)?;
             let alignment = alignment(decoder, instruction, 2)?;
             store_aligned(decoder, &pointer, &words, alignment)?;
@@ -501,6 +504,7 @@ pub fn decode(
         Opcode::CopyMemory => {
             let (to, from) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
             let from = decoder.pointer(from)?;
+            check_moved(decoder, from.pointee)?;
             let to = decoder.pointer(to)?;
             let words = load(decoder, &from)?;
             store(decoder, &to, &words)?;

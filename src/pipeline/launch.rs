@@ -23,6 +23,8 @@ use crate::pipeline::witness::Witness;
 pub struct Stats {
     /// Rays traced.
     pub rays: u64,
+    /// Ray queries initialised.
+    pub ray_queries: u64,
     /// Invocations and batches by stage.
     pub shaders: BTreeMap<Stage, ShaderStats>,
 }
@@ -41,6 +43,7 @@ impl Stats {
     #[must_use]
     pub fn plus(mut self, other: &Self) -> Self {
         self.rays += other.rays;
+        self.ray_queries += other.ray_queries;
         for (&stage, stats) in &other.shaders {
             let sum = self.shaders.entry(stage).or_default();
             sum.invocations += stats.invocations;

@@ -284,6 +284,7 @@ where
             unreachable!("bug in anyhit: what ends is no shader");
         };
         let program = &*pipeline.programs[running.shader.0 as usize];
+        self.stats.ray_queries += running.batch.queries.initialized;
         for (lane, &caller) in running.callers.iter().enumerate() {
             let exit = running.batch.exits[lane];
             if let Exit::Trapped(trap) = exit {
@@ -341,13 +342,7 @@ where
             words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
             let invocation = &batch.invocations[lane];
             let depth = invocation.depth + 1;
-            // The upper word of a device address is never 0, that of a descriptor's handle always.
-            let address = u64::from(words[0]) | u64::from(words[1]) << 32;
-            let tlas = match words[1] {
-                0 => bindings.tlas(words[0]),
-                _ => bindings.memory.structure(address),
-            };
-            let query = match tlas {
+            let query = match bindings.acceleration_structure([words[0], words[1]]) {
                 None => Err(TrapCode::AccelerationStructureMissing),
                 Some(_) if depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
                 Some(tlas) => {
@@ -359,7 +354,7 @@ where
                 Ok(query) => trace.push(lane, query, Some(caller), self.witness),
                 Err(code) => {
                     let op = running.batch.op - 1;
-                    running.batch.asked[lane] = address;
+                    running.batch.asked[lane] = u64::from(words[0]) | u64::from(words[1]) << 32;
                     running.batch.trap(Mask::lane(lane), code, op);
                 }
             }
@@ -535,17 +530,13 @@ fn query(
         direction: [float(11), float(12), float(13)],
         t_max: float(14),
     };
-    let finite = ray.origin.iter().chain(&ray.direction).all(|value| value.is_finite());
-    let interval = ray.t_min >= 0.0 && ray.t_min <= ray.t_max;
-    let flags = words[2];
-    let exclusive = |bits: u32| (flags & bits).count_ones() <= 1;
-    let legal = exclusive(1 | 2 | 64 | 128) && exclusive(256 | 16 | 32) && exclusive(256 | 512);
-    if !(finite && interval && legal) {
+    let trace = TraceRay { ray, flags: RayFlags(words[2]), cull_mask: words[3] };
+    if !trace.is_legal() {
         return Err(TrapCode::InvalidTrace);
     }
     Ok(Query {
         tlas: tlas.clone(),
-        trace: TraceRay { ray, flags: RayFlags(flags), cull_mask: words[3] },
+        trace,
         sbt_offset: words[4],
         sbt_stride: words[5],
         miss_index: words[6],

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::machine::Exit;
 use crate::module::interface::{EntryPoint, Stage};
-use crate::module::ty::Type;
+use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
 use crate::ops::decode::{Decoder, Origin, Value, Words};
 use crate::ops::decode_number;
@@ -19,6 +19,7 @@ use crate::ops::load_store;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::pointer::{Place as PointerPlace, Pointer};
+use crate::ops::ray_query;
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::prune::prune;
@@ -307,6 +308,10 @@ impl<'m> Lowering<'m> {
             matrix: None,
             component_stride: None,
         };
+        // A query of a function that runs again is not the query that it was.
+        if self.decoder.origin.scope != 0 && is_query(self.module, pointee) {
+            self.decoder.emit(Op::RayQuery(ray_query::Op::Forget { first, count }));
+        }
         if self.module.operands(instruction).len() > 1 {
             let initializer = self.decoder.id(instruction, 1)?;
             let words = self.decoder.words(initializer)?;
@@ -602,6 +607,14 @@ impl<'m> Lowering<'m> {
         prune(&mut program, &self.decoder.addressed);
         program
     }
+}
+
+/// Whether a type is a ray query or an array of them.
+fn is_query(module: &Module, mut ty: TypeId) -> bool {
+    while let Type::Array { element, .. } = *module.ty(ty) {
+        ty = element;
+    }
+    matches!(module.ty(ty), Type::RayQuery)
 }
 
 /// Where an instruction stands.

@@ -81,6 +81,7 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
             Op::TypeForwardPointer,
             Op::TypeFunction,
             Op::TypeAccelerationStructureKHR,
+            Op::TypeRayQueryKHR,
             Op::ConstantTrue,
             Op::ConstantFalse,
             Op::Constant,

@@ -1,0 +1,83 @@
+//! What a variable holds by a handle: ray queries and hit objects.
+
+use crate::machine::lanes::{Reg, Registers};
+use crate::machine::trap::TrapCode;
+
+/// Where the handle of a ray query or hit object lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ObjectRef {
+    /// In a known row.
+    Row(Reg),
+    /// In the row `first + index[lane]`.
+    Computed {
+        /// The row for index 0.
+        first: Reg,
+        /// The row that holds the index.
+        index: Reg,
+    },
+}
+
+impl ObjectRef {
+    /// The row of a lane's handle.
+    ///
+    /// # Errors
+    /// `IndexOutOfBounds`
+    #[inline]
+    pub fn row<const W: usize>(self, registers: &Registers<W>, lane: usize) -> Result<Reg, TrapCode> {
+        match self {
+            Self::Row(reg) => Ok(reg),
+            Self::Computed { first, index } => {
+                // An index outside its array is the greatest number.
+                let row = u64::from(first.0) + u64::from(registers[index].0[lane]);
+                if row < registers.len() as u64 {
+                    Ok(Reg(row as u32))
+                } else {
+                    Err(TrapCode::IndexOutOfBounds)
+                }
+            }
+        }
+    }
+}
+
+/// Objects of a batch by handle: 0 is none, else 1 + the place in the list. Memory of objects that
+/// are forgotten is used again.
+#[derive(Clone, Debug)]
+pub struct Objects<T> {
+    all: Vec<T>,
+    used: usize,
+}
+
+impl<T> Default for Objects<T> {
+    fn default() -> Self {
+        Self { all: Vec::new(), used: 0 }
+    }
+}
+
+impl<T: Default> Objects<T> {
+    /// Forgets all; the memory stays.
+    pub fn clear(&mut self) {
+        self.used = 0;
+    }
+
+    /// The object with a handle; where that is 0, one that holds anything, with its handle.
+    pub fn claim(&mut self, handle: u32) -> (u32, &mut T) {
+        let at = if handle == 0 { self.used } else { handle as usize - 1 };
+        self.used = self.used.max(at + 1);
+        if self.all.len() < self.used {
+            self.all.resize_with(self.used, T::default);
+        }
+        (at as u32 + 1, &mut self.all[at])
+    }
+
+    /// The object with a handle.
+    #[inline]
+    pub fn get_mut(&mut self, handle: u32) -> Option<&mut T> {
+        self.all[..self.used].get_mut((handle as usize).wrapping_sub(1))
+    }
+
+    /// The object with a handle.
+    #[inline]
+    pub fn get(&self, handle: u32) -> Option<&T> {
+        self.all[..self.used].get((handle as usize).wrapping_sub(1))
+    }
+}

@@ -1,0 +1,180 @@
+//! Ray queries: a traversal each, and what its shader may do with it next (Vulkan, "Ray Queries").
+//!
+//! A variable of type `OpTypeRayQueryKHR` is one row that holds a handle: 0 until the query is
+//! initialised, then its place in the batch's [`RayQueries`], from 1 on. So arrays of queries, pointers to
+//! them and divergence need nothing of their own, and a copy of the batch copies its queries.
+
+use std::sync::Arc;
+
+use crate::accel::{Candidate, Committed, Cursor, HitKind, RayFlags, Tlas, TraceRay, Visit};
+use crate::geometry::Ray;
+use crate::machine::object::Objects;
+use crate::machine::trap::TrapCode;
+
+/// How far a query has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Its variable was left and entered again since it was initialised.
+    Uninitialized,
+    /// Initialised, and each `OpRayQueryProceedKHR` so far returned true.
+    Underway,
+    /// `OpRayQueryTerminateKHR` was executed: the next `OpRayQueryProceedKHR` returns false.
+    Terminated,
+    /// `OpRayQueryProceedKHR` returned false.
+    Complete,
+}
+
+/// A ray query. What the specification leaves undefined is a [`TrapCode`] here.
+#[derive(Clone, Debug)]
+pub struct RayQuery {
+    tlas: Arc<Tlas>,
+    cursor: Cursor,
+    phase: Phase,
+    /// What the last `OpRayQueryProceedKHR` came to, where that returned true. It stays readable
+    /// after it was confirmed, when the cursor has nothing to decide any more.
+    candidate: Option<Candidate>,
+}
+
+/// One that is not initialised.
+impl Default for RayQuery {
+    fn default() -> Self {
+        let ray = Ray { t_max: 0.0, ..Ray::new([0.0; 3], [0.0; 3]) };
+        let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0 };
+        let tlas = Tlas::empty().clone();
+        Self { cursor: Cursor::new(&tlas, trace), tlas, phase: Phase::Uninitialized, candidate: None }
+    }
+}
+
+impl RayQuery {
+    /// `OpRayQueryInitializeKHR`: whatever was is forgotten, its memory is used again.
+    fn initialize(&mut self, tlas: &Arc<Tlas>, trace: TraceRay) {
+        // All threads count the references of one structure: they are best left alone.
+        if !Arc::ptr_eq(&self.tlas, tlas) {
+            self.tlas = tlas.clone();
+        }
+        self.cursor.reset(tlas, trace);
+        self.phase = Phase::Underway;
+        self.candidate = None;
+    }
+
+    /// `OpRayQueryProceedKHR`: whether there is a candidate to decide on.
+    ///
+    /// # Errors
+    /// `RayQueryComplete` after it returned false.
+    pub fn proceed(&mut self, visit: &mut impl Visit) -> Result<bool, TrapCode> {
+        self.candidate = match self.phase {
+            Phase::Underway => self.cursor.proceed_with(&self.tlas, visit),
+            Phase::Terminated => None,
+            Phase::Complete => return Err(TrapCode::RayQueryComplete),
+            Phase::Uninitialized => return Err(TrapCode::RayQueryUninitialized),
+        };
+        if self.candidate.is_none() {
+            self.phase = Phase::Complete;
+        }
+        Ok(self.candidate.is_some())
+    }
+
+    /// `OpRayQueryTerminateKHR`
+    pub fn terminate(&mut self) {
+        if self.phase == Phase::Underway {
+            self.phase = Phase::Terminated;
+        }
+    }
+
+    /// `OpRayQueryConfirmIntersectionKHR`
+    ///
+    /// # Errors
+    /// `RayQueryNoCandidate`, or `RayQueryNotTriangle` for a box.
+    pub fn confirm(&mut self) -> Result<(), TrapCode> {
+        if self.candidate()?.is_box() {
+            return Err(TrapCode::RayQueryNotTriangle);
+        }
+        // A second time changes nothing.
+        self.cursor.confirm();
+        Ok(())
+    }
+
+    /// `OpRayQueryGenerateIntersectionKHR`
+    ///
+    /// # Errors
+    /// `RayQueryNoCandidate`, `RayQueryNotAabb`, and `RayQueryOutsideInterval` for a t before
+    /// `t_min` or behind the committed hit (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353).
+    pub fn generate(&mut self, t: f32) -> Result<(), TrapCode> {
+        if !self.candidate()?.is_box() {
+            return Err(TrapCode::RayQueryNotAabb);
+        }
+        if !(t >= self.cursor.trace().ray.t_min && t <= self.cursor.t_max()) {
+            return Err(TrapCode::RayQueryOutsideInterval);
+        }
+        self.cursor.generate(t, HitKind(0));
+        Ok(())
+    }
+
+    /// The current candidate.
+    ///
+    /// # Errors
+    /// `RayQueryNoCandidate` where the last `OpRayQueryProceedKHR` did not return true.
+    #[inline]
+    pub fn candidate(&self) -> Result<&Candidate, TrapCode> {
+        self.candidate.as_ref().ok_or(TrapCode::RayQueryNoCandidate)
+    }
+
+    /// The committed hit, where there is one.
+    #[inline]
+    pub fn committed(&self) -> Option<&Committed> {
+        self.cursor.committed()
+    }
+
+    /// Ray, flags and cull mask.
+    #[inline]
+    pub fn trace(&self) -> &TraceRay {
+        self.cursor.trace()
+    }
+
+    /// The acceleration structure.
+    #[inline]
+    pub fn tlas(&self) -> &Arc<Tlas> {
+        &self.tlas
+    }
+}
+
+/// The ray queries of a batch.
+#[derive(Clone, Debug, Default)]
+pub struct RayQueries {
+    all: Objects<RayQuery>,
+    /// How many `OpRayQueryInitializeKHR` were executed, counted by lanes.
+    pub initialized: u64,
+}
+
+impl RayQueries {
+    /// Forgets all queries; their memory stays.
+    pub fn clear(&mut self) {
+        self.all.clear();
+        self.initialized = 0;
+    }
+
+    /// Initialises the query with a handle, or another where that is 0; the handle.
+    pub fn initialize(&mut self, handle: u32, tlas: &Arc<Tlas>, trace: TraceRay) -> u32 {
+        self.initialized += 1;
+        let (handle, query) = self.all.claim(handle);
+        query.initialize(tlas, trace);
+        handle
+    }
+
+    /// The query's variable begins anew.
+    pub fn forget(&mut self, handle: u32) {
+        if let Some(query) = self.all.get_mut(handle) {
+            query.phase = Phase::Uninitialized;
+        }
+    }
+
+    /// The query with a handle.
+    ///
+    /// # Errors
+    /// `RayQueryUninitialized`
+    #[inline]
+    pub fn query(&mut self, handle: u32) -> Result<&mut RayQuery, TrapCode> {
+        let query = self.all.get_mut(handle).filter(|query| query.phase != Phase::Uninitialized);
+        query.ok_or(TrapCode::RayQueryUninitialized)
+    }
+}

@@ -1,0 +1,99 @@
+//! Pointers to ray queries and hit objects: their variables hold a handle each, in one row.
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::machine::object::ObjectRef;
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Id, Instruction, Module};
+use crate::ops::builtin::{self, Shape};
+use crate::ops::decode::Decoder;
+use crate::ops::memory::Place;
+use crate::ops::op::Access;
+use crate::ops::pointer::storage;
+
+/// Reports the rows that an operation reads to find an object (see [`crate::ops::op::Op::accesses`]).
+pub fn accesses(object: ObjectRef, visit: &mut impl FnMut(Access)) {
+    match object {
+        ObjectRef::Row(reg) => visit(Access::Read(reg, 1)),
+        ObjectRef::Computed { index, .. } => visit(Access::Read(index, 1)),
+    }
+}
+
+/// The same for an operation after which the object is another.
+pub fn records(object: ObjectRef, visit: &mut impl FnMut(Access)) {
+    accesses(object, visit);
+    if let ObjectRef::Row(reg) = object {
+        visit(Access::Write(reg, 1));
+    }
+    visit(Access::Effect);
+}
+
+/// Whether a value of this type is, or holds, a ray query or a hit object.
+pub fn holds_object(module: &Module, ty: TypeId) -> bool {
+    match module.ty(ty) {
+        Type::RayQuery | Type::HitObject { .. } => true,
+        Type::Array { element, .. } => holds_object(module, *element),
+        Type::Struct { members, .. } => members.iter().any(|member| holds_object(module, member.ty)),
+        _ => false,
+    }
+}
+
+/// The object that an operand points to.
+///
+/// # Errors
+/// `InvalidModule` where it is no pointer to such an object in Function or Private storage
+/// (SPIR-V, "Universal Validation Rules"; SPV_KHR_ray_query, SPV_EXT_shader_invocation_reorder).
+pub fn object(decoder: &mut Decoder<'_>, id: Id, is_wanted: impl Fn(&Type) -> bool) -> Result<ObjectRef> {
+    let pointer = decoder.pointer(id)?;
+    if !is_wanted(decoder.module.ty(pointer.pointee)) {
+        let found = decoder.module.describe_type(pointer.pointee);
+        return Err(decoder.invalid(format!("%{} points to {found}, which is not what is used here", id.0)));
+    }
+    if !matches!(pointer.storage_class, storage::FUNCTION | storage::PRIVATE) {
+        let class = crate::module::names::storage_class_name(pointer.storage_class);
+        let found = decoder.module.describe_type(pointer.pointee);
+        return Err(
+            decoder.invalid(format!("{found} in storage class {class}: it must be Function or Private"))
+        );
+    }
+    match (&pointer.place, pointer.index) {
+        (&Place::Rows { first, .. }, None) => Ok(ObjectRef::Row(first.plus(pointer.offset))),
+        (&Place::Rows { first, count, .. }, Some(index)) => {
+            decoder.addressed.push((first, count));
+            Ok(ObjectRef::Computed { first: first.plus(pointer.offset), index })
+        }
+        (Place::ComputedRows, Some(index)) => Ok(ObjectRef::Computed { first: Reg(pointer.offset), index }),
+        _ => Err(decoder.invalid(format!("%{} is no pointer to a variable", id.0))),
+    }
+}
+
+/// Refuses to load, store or copy what can only be used through a pointer.
+///
+/// # Errors
+/// `InvalidModule`
+pub fn check_moved(decoder: &Decoder<'_>, ty: TypeId) -> Result<()> {
+    if !holds_object(decoder.module, ty) {
+        return Ok(());
+    }
+    let found = decoder.module.describe_type(ty);
+    Err(decoder
+        .invalid(format!("{found} cannot be loaded, stored or copied: only pointers to it can be used")))
+}
+
+/// Checks the result type of an instruction and gives its result rows.
+///
+/// # Errors
+/// `InvalidModule` where the type has another shape.
+pub fn result(decoder: &mut Decoder<'_>, instruction: &Instruction, shape: Shape) -> Result<Reg> {
+    let ty = decoder.result_type(instruction)?;
+    if !builtin::matches(decoder, shape, ty) {
+        let name = crate::module::names::opcode_name(instruction.opcode);
+        let found = decoder.module.describe_type(ty);
+        return Err(
+            decoder.invalid(format!("the result of {name} must be {}, not {found}", shape.describe()))
+        );
+    }
+    let to = decoder.fresh(shape.words())?;
+    decoder.result(instruction, (0..shape.words()).map(|word| to.plus(word)).collect());
+    Ok(to)
+}

@@ -1,0 +1,392 @@
+//! Ray query instructions (`SPV_KHR_ray_query`, and the ray query parts of
+//! `SPV_KHR_ray_tracing_position_fetch` and `SPV_NV_linear_swept_spheres`).
+//!
+//! Candidates come in the declared order (see [`Cursor`](crate::accel::Cursor)), opaque ones are
+//! committed without being shown. Spheres and linear swept spheres count as triangles in
+//! `OpRayQueryGetIntersectionTypeKHR`; their barycentrics, which no specification defines, are
+//! (u, 0), u being 0 for a sphere, and they show no front.
+
+use rspirv::spirv::Op as Opcode;
+use smallvec::SmallVec;
+
+use crate::accel::{RayFlags, TraceRay};
+use crate::error::Result;
+use crate::geometry::{ObjectRay, Ray};
+use crate::machine::object::ObjectRef;
+use crate::machine::{Batch, Bindings, Mask, RayQuery, Reg, Registers, TrapCode};
+use crate::module::Instruction;
+use crate::module::ty::Type;
+use crate::ops::builtin::{Shape, floats};
+use crate::ops::decode::Decoder;
+use crate::ops::memory;
+use crate::ops::object::{self, object, result};
+use crate::ops::op::{Access, Op as Operation};
+use crate::ops::seen::{Seen, put, word};
+
+/// Words of the operands of `OpRayQueryInitializeKHR`: acceleration structure (2), ray flags, cull
+/// mask, origin (3), t min, direction (3), t max.
+const OPERANDS: u32 = 12;
+
+/// `OpRayQueryGetIntersectionTypeKHR` of a candidate.
+const CANDIDATE_TRIANGLE: u32 = 0;
+const CANDIDATE_AABB: u32 = 1;
+/// The same of what is committed.
+const COMMITTED_NONE: u32 = 0;
+const COMMITTED_TRIANGLE: u32 = 1;
+const COMMITTED_GENERATED: u32 = 2;
+
+/// An operation on ray queries.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs, reason = "a variant's line tells its fields")]
+pub enum Op {
+    /// `OpRayQueryInitializeKHR`; the operands lie in consecutive rows.
+    Initialize { query: ObjectRef, operands: Reg },
+    /// `OpRayQueryProceedKHR`
+    Proceed { query: ObjectRef, to: Reg },
+    /// `OpRayQueryTerminateKHR`
+    Terminate { query: ObjectRef },
+    /// `OpRayQueryConfirmIntersectionKHR`
+    Confirm { query: ObjectRef },
+    /// `OpRayQueryGenerateIntersectionKHR`
+    Generate { query: ObjectRef, t: Reg },
+    /// `OpRayQueryGetIntersectionTypeKHR`
+    Type { query: ObjectRef, committed: bool, to: Reg },
+    /// An instruction that reads the ray.
+    GetRay { query: ObjectRef, getter: &'static RayGetter, to: Reg },
+    /// An instruction that reads the candidate or the committed hit.
+    Get { query: ObjectRef, committed: bool, getter: &'static Getter, to: Reg },
+    /// The variable that holds `count` queries begins anew.
+    Forget { first: Reg, count: u32 },
+}
+
+/// An instruction that reads the ray.
+pub struct RayGetter {
+    opcode: Opcode,
+    shape: Shape,
+    read: fn(&TraceRay, &mut [u32]),
+}
+
+/// An instruction that reads the candidate or the committed hit.
+pub struct Getter {
+    opcode: Opcode,
+    shape: Shape,
+    read: fn(Seen<'_>, &mut [u32]) -> Result<(), TrapCode>,
+}
+
+macro_rules! named {
+    ($($ty:ty)*) => {$(
+        impl std::fmt::Debug for $ty {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                write!(f, "{:?}", self.opcode)
+            }
+        }
+
+        impl PartialEq for $ty {
+            fn eq(&self, other: &Self) -> bool {
+                self.opcode == other.opcode
+            }
+        }
+    )*};
+}
+
+named!(RayGetter Getter);
+
+macro_rules! getters {
+    ($table:ident $ty:ident $($name:ident $shape:ident |$from:ident, $to:ident| $read:expr;)*) => {
+        static $table: &[$ty] =
+            &[$($ty { opcode: Opcode::$name, shape: Shape::$shape, read: |$from, $to| $read }),*];
+    };
+}
+
+getters! { RAY_GETTERS RayGetter
+    RayQueryGetRayTMinKHR Float |from, to| floats(to, &[from.ray.t_min]);
+    RayQueryGetRayFlagsKHR Int |from, to| to[0] = from.flags.0;
+    RayQueryGetWorldRayOriginKHR Float3 |from, to| floats(to, &from.ray.origin);
+    RayQueryGetWorldRayDirectionKHR Float3 |from, to| floats(to, &from.ray.direction);
+}
+
+getters! { GETTERS Getter
+    RayQueryGetIntersectionTKHR Float |from, to| from.t(to);
+    RayQueryGetIntersectionInstanceCustomIndexKHR Int |from, to| from.custom_index(to);
+    RayQueryGetIntersectionInstanceIdKHR Int |from, to| word(to, from.candidate.instance);
+    RayQueryGetIntersectionInstanceShaderBindingTableRecordOffsetKHR Int |from, to| from.sbt_record_offset(to);
+    RayQueryGetIntersectionGeometryIndexKHR Int |from, to| word(to, from.candidate.geometry);
+    RayQueryGetIntersectionPrimitiveIndexKHR Int |from, to| word(to, from.candidate.primitive);
+    RayQueryGetIntersectionBarycentricsKHR Float2 |from, to| from.barycentrics(to);
+    RayQueryGetIntersectionFrontFaceKHR Bool |from, to| from.front_face(to);
+    RayQueryGetIntersectionObjectRayDirectionKHR Float3
+        |from, to| from.object_ray(to, ObjectRay::object_direction_f32);
+    RayQueryGetIntersectionObjectRayOriginKHR Float3
+        |from, to| from.object_ray(to, ObjectRay::object_origin_f32);
+    RayQueryGetIntersectionObjectToWorldKHR Matrix4x3 |from, to| from.object_to_world(to);
+    RayQueryGetIntersectionWorldToObjectKHR Matrix4x3 |from, to| from.world_to_object(to);
+    RayQueryGetIntersectionTriangleVertexPositionsKHR Float3Array3 |from, to| from.vertex_positions(to);
+    // No geometry here is made of clusters.
+    RayQueryGetIntersectionClusterIdNV Int |_from, to| word(to, u32::MAX);
+    RayQueryIsSphereHitNV Bool |from, to| word(to, from.is_sphere().into());
+    RayQueryIsLSSHitNV Bool |from, to| word(to, from.is_lss().into());
+    RayQueryGetIntersectionSpherePositionNV Float3 |from, to| put(to, &from.sphere()?.0);
+    RayQueryGetIntersectionSphereRadiusNV Float |from, to| put(to, &[from.sphere()?.1]);
+    RayQueryGetIntersectionLSSPositionsNV Float3Array2 |from, to| put(to, from.lss()?.0.as_flattened());
+    RayQueryGetIntersectionLSSRadiiNV FloatArray2 |from, to| put(to, &from.lss()?.1);
+    RayQueryGetIntersectionLSSHitValueNV Float
+        |from, to| from.lss().and_then(|_| put(to, &from.candidate.intersection.attributes[..1]));
+}
+
+/// `OpRayQueryGetIntersectionCandidateAABBOpaqueKHR`, which reads the candidate alone.
+static AABB_OPAQUE: Getter = Getter {
+    opcode: Opcode::RayQueryGetIntersectionCandidateAABBOpaqueKHR,
+    shape: Shape::Bool,
+    read: |from, to| match from.candidate.is_box() {
+        true => word(to, from.candidate.opaque.into()),
+        false => Err(TrapCode::RayQueryNotAabb),
+    },
+};
+
+impl Op {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        match *self {
+            Self::Initialize { query, operands } => {
+                object::records(query, visit);
+                visit(Access::Read(operands, OPERANDS));
+            }
+            Self::Proceed { query, to } => {
+                object::accesses(query, visit);
+                visit(Access::Write(to, 1));
+                visit(Access::Effect);
+            }
+            Self::Terminate { query } | Self::Confirm { query } => {
+                object::accesses(query, visit);
+                visit(Access::Effect);
+            }
+            Self::Generate { query, t } => {
+                object::accesses(query, visit);
+                visit(Access::Read(t, 1));
+                visit(Access::Effect);
+            }
+            Self::Type { query, to, .. } => {
+                object::accesses(query, visit);
+                visit(Access::Write(to, 1));
+            }
+            Self::GetRay { query, getter, to } => {
+                object::accesses(query, visit);
+                visit(Access::Write(to, getter.shape.words()));
+            }
+            Self::Get { query, getter, to, .. } => {
+                object::accesses(query, visit);
+                visit(Access::Write(to, getter.shape.words()));
+            }
+            Self::Forget { first, count } => {
+                visit(Access::Read(first, count));
+                visit(Access::Effect);
+            }
+        }
+    }
+
+    /// Runs the operation for the running lanes.
+    #[inline(never)]
+    pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
+        match *self {
+            Self::Initialize { query, operands } => initialize(batch, bindings, query, operands),
+            Self::Proceed { query, to } => each(batch, query, |query, registers, lane| {
+                registers[to].0[lane] = u32::from(query.proceed(&mut ())?);
+                Ok(())
+            }),
+            Self::Terminate { query } => each(batch, query, |query, _, _| {
+                query.terminate();
+                Ok(())
+            }),
+            Self::Confirm { query } => each(batch, query, |query, _, _| query.confirm()),
+            Self::Generate { query, t } => each(batch, query, |query, registers, lane| {
+                query.generate(f32::from_bits(registers[t].0[lane]))
+            }),
+            Self::Type { query, committed, to } => each(batch, query, |query, registers, lane| {
+                registers[to].0[lane] = intersection_type(query, committed)?;
+                Ok(())
+            }),
+            Self::GetRay { query, getter, to } => each(batch, query, |query, registers, lane| {
+                let mut words = [0; 3];
+                let words = &mut words[..getter.shape.words() as usize];
+                (getter.read)(query.trace(), words);
+                registers.set_lane_words(to, lane, words.iter().copied());
+                Ok(())
+            }),
+            Self::Get { query, committed, getter, to } => each(batch, query, |query, registers, lane| {
+                let mut words = [0; 12];
+                let words = &mut words[..getter.shape.words() as usize];
+                (getter.read)(seen(query, committed)?, words)?;
+                registers.set_lane_words(to, lane, words.iter().copied());
+                Ok(())
+            }),
+            Self::Forget { first, count } => {
+                for lane in batch.mask.lanes() {
+                    for row in 0..count {
+                        batch.queries.forget(batch.registers[first.plus(row)].0[lane]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Calls a function for the query of each running lane; lanes that it fails for are stopped.
+#[inline(always)]
+fn each<const W: usize>(
+    batch: &mut Batch<W>,
+    query: ObjectRef,
+    mut access: impl FnMut(&mut RayQuery, &mut Registers<W>, usize) -> Result<(), TrapCode>,
+) {
+    for lane in batch.mask.lanes() {
+        let done = query.row(&batch.registers, lane).and_then(|row| {
+            let handle = batch.registers[row].0[lane];
+            access(batch.queries.query(handle)?, &mut batch.registers, lane)
+        });
+        if let Err(code) = done {
+            memory::trap(batch, Mask::lane(lane), code);
+        }
+    }
+}
+
+fn initialize<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, query: ObjectRef, operands: Reg) {
+    for lane in batch.mask.lanes() {
+        let mut words = [0; OPERANDS as usize];
+        let read = batch.registers.lane_words(operands, OPERANDS, lane);
+        words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
+        let done = query.row(&batch.registers, lane).and_then(|row| {
+            let tlas = bindings.acceleration_structure([words[0], words[1]]);
+            let tlas = tlas.ok_or(TrapCode::AccelerationStructureMissing)?;
+            let [t_min, t_max] = [words[7], words[11]].map(f32::from_bits);
+            let float3 = |at: usize| [0, 1, 2].map(|axis| f32::from_bits(words[at + axis]));
+            let ray = Ray { origin: float3(4), t_min, direction: float3(8), t_max };
+            let trace = TraceRay { ray, flags: RayFlags(words[2]), cull_mask: words[3] };
+            if !trace.is_legal() {
+                return Err(TrapCode::InvalidRayQuery);
+            }
+            let handle = batch.registers[row].0[lane];
+            batch.registers[row].0[lane] = batch.queries.initialize(handle, tlas, trace);
+            Ok(())
+        });
+        if let Err(code) = done {
+            batch.asked[lane] = u64::from(words[0]) | u64::from(words[1]) << 32;
+            memory::trap(batch, Mask::lane(lane), code);
+        }
+    }
+}
+
+fn intersection_type(query: &RayQuery, committed: bool) -> Result<u32, TrapCode> {
+    Ok(match (committed, query.committed()) {
+        (true, None) => COMMITTED_NONE,
+        (true, Some(committed)) if committed.candidate.is_box() => COMMITTED_GENERATED,
+        (true, Some(_)) => COMMITTED_TRIANGLE,
+        (false, _) if query.candidate()?.is_box() => CANDIDATE_AABB,
+        (false, _) => CANDIDATE_TRIANGLE,
+    })
+}
+
+fn seen(query: &RayQuery, committed: bool) -> Result<Seen<'_>, TrapCode> {
+    let (candidate, t) = if committed {
+        let committed = query.committed().ok_or(TrapCode::RayQueryNoCommitted)?;
+        (&committed.candidate, committed.t)
+    } else {
+        let candidate = query.candidate()?;
+        (candidate, candidate.intersection.t)
+    };
+    Ok(Seen { tlas: query.tlas(), ray: &query.trace().ray, candidate, t, committed })
+}
+
+/// Opcodes decoded here.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::RayQueryInitializeKHR,
+    Opcode::RayQueryTerminateKHR,
+    Opcode::RayQueryGenerateIntersectionKHR,
+    Opcode::RayQueryConfirmIntersectionKHR,
+    Opcode::RayQueryProceedKHR,
+    Opcode::RayQueryGetIntersectionTypeKHR,
+    Opcode::RayQueryGetIntersectionCandidateAABBOpaqueKHR,
+    Opcode::RayQueryGetRayTMinKHR,
+    Opcode::RayQueryGetRayFlagsKHR,
+    Opcode::RayQueryGetWorldRayOriginKHR,
+    Opcode::RayQueryGetWorldRayDirectionKHR,
+    Opcode::RayQueryGetIntersectionTKHR,
+    Opcode::RayQueryGetIntersectionInstanceCustomIndexKHR,
+    Opcode::RayQueryGetIntersectionInstanceIdKHR,
+    Opcode::RayQueryGetIntersectionInstanceShaderBindingTableRecordOffsetKHR,
+    Opcode::RayQueryGetIntersectionGeometryIndexKHR,
+    Opcode::RayQueryGetIntersectionPrimitiveIndexKHR,
+    Opcode::RayQueryGetIntersectionBarycentricsKHR,
+    Opcode::RayQueryGetIntersectionFrontFaceKHR,
+    Opcode::RayQueryGetIntersectionObjectRayDirectionKHR,
+    Opcode::RayQueryGetIntersectionObjectRayOriginKHR,
+    Opcode::RayQueryGetIntersectionObjectToWorldKHR,
+    Opcode::RayQueryGetIntersectionWorldToObjectKHR,
+    Opcode::RayQueryGetIntersectionTriangleVertexPositionsKHR,
+    Opcode::RayQueryGetIntersectionClusterIdNV,
+    Opcode::RayQueryIsSphereHitNV,
+    Opcode::RayQueryIsLSSHitNV,
+    Opcode::RayQueryGetIntersectionSpherePositionNV,
+    Opcode::RayQueryGetIntersectionSphereRadiusNV,
+    Opcode::RayQueryGetIntersectionLSSPositionsNV,
+    Opcode::RayQueryGetIntersectionLSSRadiiNV,
+    Opcode::RayQueryGetIntersectionLSSHitValueNV,
+];
+
+/// Decodes ray query instructions; `false` for an instruction of another section.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    if !OPCODES.contains(&opcode) {
+        return Ok(false);
+    }
+    let id = decoder.id(instruction, 0)?;
+    let query = object(decoder, id, |ty| matches!(ty, Type::RayQuery))?;
+    let op = match opcode {
+        Opcode::RayQueryInitializeKHR => {
+            let mut words: SmallVec<[Reg; 12]> = SmallVec::new();
+            for at in 1..8 {
+                words.extend(decoder.operand(instruction, at)?);
+            }
+            if words.len() != OPERANDS as usize {
+                return Err(decoder.invalid("the operands of OpRayQueryInitializeKHR have wrong types"));
+            }
+            Op::Initialize { query, operands: decoder.consecutive(&words)? }
+        }
+        Opcode::RayQueryProceedKHR => Op::Proceed { query, to: result(decoder, instruction, Shape::Bool)? },
+        Opcode::RayQueryTerminateKHR => Op::Terminate { query },
+        Opcode::RayQueryConfirmIntersectionKHR => Op::Confirm { query },
+        Opcode::RayQueryGenerateIntersectionKHR => match decoder.operand(instruction, 1)?[..] {
+            [t] => Op::Generate { query, t },
+            _ => return Err(decoder.invalid("a hit distance must be a 32-bit float")),
+        },
+        Opcode::RayQueryGetIntersectionTypeKHR => {
+            let committed = committed(decoder, instruction)?;
+            Op::Type { query, committed, to: result(decoder, instruction, Shape::Int)? }
+        }
+        Opcode::RayQueryGetIntersectionCandidateAABBOpaqueKHR => {
+            let getter = &AABB_OPAQUE;
+            Op::Get { query, committed: false, getter, to: result(decoder, instruction, getter.shape)? }
+        }
+        _ => {
+            if let Some(getter) = RAY_GETTERS.iter().find(|getter| getter.opcode == opcode) {
+                Op::GetRay { query, getter, to: result(decoder, instruction, getter.shape)? }
+            } else if let Some(getter) = GETTERS.iter().find(|getter| getter.opcode == opcode) {
+                let committed = committed(decoder, instruction)?;
+                Op::Get { query, committed, getter, to: result(decoder, instruction, getter.shape)? }
+            } else {
+                return Ok(false);
+            }
+        }
+    };
+    decoder.emit(Operation::RayQuery(op));
+    Ok(true)
+}
+
+/// The operand Intersection: 0 for the candidate, 1 for what is committed.
+fn committed(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<bool> {
+    let id = decoder.id(instruction, 1)?;
+    match decoder.constant_integer(id)? {
+        0 => Ok(false),
+        1 => Ok(true),
+        other => Err(decoder.invalid(format!(
+            "the operand Intersection is {other}: it must be 0 (candidate) or 1 (committed) (SPV_KHR_ray_query)"
+        ))),
+    }
+}
