@@ -28,6 +28,8 @@ pub enum ErrorKind {
     InvalidMesh,
     /// An image file cannot be used.
     InvalidImage,
+    /// A recording of hits cannot be used.
+    InvalidRecording,
     /// Shader source text did not compile.
     InvalidSource,
     /// A command line or an argument of the API makes no sense.
@@ -56,6 +58,9 @@ impl ErrorKind {
             Self::InvalidScene => "the scene breaks a rule: mend the scene",
             Self::InvalidMesh => "the mesh file cannot be used as it is",
             Self::InvalidImage => "the image file cannot be used as it is",
+            Self::InvalidRecording => {
+                "the recording cannot be used as it is: docs/verify.md says what it holds"
+            }
             Self::InvalidSource => "the shader's source does not compile",
             Self::InvalidArgument => "see `anyhit help` for what this takes",
             Self::UnsupportedModule => "the module is valid: this is a gap of anyhit, not a mistake of yours",

@@ -67,7 +67,7 @@
 //!
 //! # Layers
 //!
-//! Imports go one way, and a test enforces it: `cli -> debug, harness -> scene ->
+//! Imports go one way, and a test enforces it: `cli -> debug, harness, recording -> scene ->
 //! {pipeline, compile} -> interp -> program -> ops -> {module, machine -> accel} -> geometry ->
 //! math -> error`.
 
@@ -87,6 +87,7 @@ pub mod module;
 pub mod ops;
 pub mod pipeline;
 pub mod program;
+pub mod recording;
 pub mod scene;
 
 pub use error::{Error, ErrorKind, Result};

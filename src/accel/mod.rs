@@ -7,6 +7,7 @@
 
 pub mod blas;
 mod body;
+pub mod build_input;
 pub mod cursor;
 pub mod geometry_data;
 mod node;

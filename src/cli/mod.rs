@@ -11,6 +11,7 @@ mod output;
 pub mod render;
 pub mod smoke;
 pub mod trace_one_ray;
+pub mod verify;
 
 use std::process::ExitCode;
 
@@ -42,6 +43,7 @@ commands! {
     render Render(RenderArgs),
     trace_one_ray TraceOneRay(TraceOneRayArgs),
     smoke Smoke(SmokeArgs),
+    verify Verify(VerifyArgs),
     compile Compile(CompileArgs),
 }
 

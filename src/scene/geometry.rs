@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::accel::{Blas, EndCaps, GeometryData, GeometryFlags, Indexing, Instance, InstanceFlags};
 use crate::error::Result;
+use crate::scene::build_input::BuildEntry;
 use crate::scene::data::read;
 use crate::scene::files::Files;
 use crate::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter};
@@ -24,6 +25,7 @@ pub struct GeometryEntry {
 #[derive(Clone, Debug)]
 enum Shape {
     Inline(GeometryData),
+    Build(Box<BuildEntry>),
     Obj { file: At<String>, object: Option<String>, transform: Option<[[f32; 4]; 3]> },
     Gltf { file: At<String>, mesh: Option<String>, transform: Option<[[f32; 4]; 3]> },
     Grass(Grass),
@@ -93,10 +95,10 @@ impl Parse for GeometryEntry {
             flags |= if table.or(key, false) { flag.0 } else { 0 };
         }
         let shape = match kind {
-            Kind::Triangles => triangles(&table).map(Shape::Inline),
-            Kind::Aabbs => aabbs(&table).map(Shape::Inline),
-            Kind::Spheres => spheres(&table).map(Shape::Inline),
-            Kind::LinearSweptSpheres => linear_swept_spheres(&table).map(Shape::Inline),
+            Kind::Triangles => triangles(&table),
+            Kind::Aabbs => aabbs(&table),
+            Kind::Spheres => spheres(&table),
+            Kind::LinearSweptSpheres => linear_swept_spheres(&table),
             Kind::Obj => {
                 let (object, transform) = (table.optional("object"), placed(&table));
                 table.required("file").map(|file| Shape::Obj { file, object, transform })
@@ -130,6 +132,7 @@ impl GeometryEntry {
         };
         Ok(match &self.shape {
             Shape::Inline(data) => data.clone(),
+            Shape::Build(entry) => entry.load(files)?,
             Shape::Obj { file, object, transform } => {
                 let path = file.span.source.sibling(&file.value);
                 let bytes = read(files, &file.value, &file.span)?;
@@ -151,7 +154,10 @@ impl GeometryEntry {
     }
 }
 
-fn triangles(table: &Table<'_>) -> Option<GeometryData> {
+fn triangles(table: &Table<'_>) -> Option<Shape> {
+    if table.has("vertex_data") {
+        return BuildEntry::triangles(table, placed(table)).map(Box::new).map(Shape::Build);
+    }
     let vertices = table.required::<At<Vec<[f32; 3]>>>("vertices");
     let indices = table.optional::<At<Flat>>("indices");
     let transform = placed(table);
@@ -165,12 +171,16 @@ fn triangles(table: &Table<'_>) -> Option<GeometryData> {
         table.report().push(span.error(format!("{corners} corners do not make whole triangles")));
         return None;
     }
-    Some(GeometryData::Triangles { vertices: vertices.value, indices: indices.map(|i| i.value.0), transform })
+    let indices = indices.map(|i| i.value.0);
+    Some(Shape::Inline(GeometryData::Triangles { vertices: vertices.value, indices, transform }))
 }
 
-fn aabbs(table: &Table<'_>) -> Option<GeometryData> {
+fn aabbs(table: &Table<'_>) -> Option<Shape> {
+    if table.has("aabb_data") {
+        return BuildEntry::aabbs(table).map(Box::new).map(Shape::Build);
+    }
     let boxes = table.required::<Vec<Corners>>("boxes")?;
-    Some(GeometryData::Aabbs(boxes.into_iter().map(|corners| corners.0).collect()))
+    Some(Shape::Inline(GeometryData::Aabbs(boxes.into_iter().map(|corners| corners.0).collect())))
 }
 
 /// `[min, max]` of three numbers each, or six numbers.
@@ -187,22 +197,28 @@ impl Parse for Corners {
     }
 }
 
-fn spheres(table: &Table<'_>) -> Option<GeometryData> {
+fn spheres(table: &Table<'_>) -> Option<Shape> {
+    if table.has("vertex_data") {
+        return BuildEntry::spheres(table).map(Box::new).map(Shape::Build);
+    }
     let positions = table.required::<Vec<[f32; 3]>>("positions");
     let radii = table.required::<At<OneOrMore<f32>>>("radii");
     let indices = table.optional::<At<Flat>>("indices");
     let positions = positions?;
     let radii = radii_of(table, radii?, positions.len())?;
     in_range(table, indices.as_ref(), positions.len(), "positions");
-    Some(GeometryData::Spheres { positions, radii, indices: indices.map(|i| i.value.0) })
+    Some(Shape::Inline(GeometryData::Spheres { positions, radii, indices: indices.map(|i| i.value.0) }))
 }
 
-fn linear_swept_spheres(table: &Table<'_>) -> Option<GeometryData> {
+fn linear_swept_spheres(table: &Table<'_>) -> Option<Shape> {
+    let indexing = table.or("mode", Indexing::List);
+    let end_caps = table.or("caps", EndCaps::Chained);
+    if table.has("vertex_data") {
+        return BuildEntry::linear_swept_spheres(table, indexing, end_caps).map(Box::new).map(Shape::Build);
+    }
     let positions = table.required::<Vec<[f32; 3]>>("positions");
     let radii = table.required::<At<OneOrMore<f32>>>("radii");
     let indices = table.optional::<At<Flat>>("indices");
-    let indexing = table.or("mode", Indexing::List);
-    let end_caps = table.or("caps", EndCaps::Chained);
     let positions = positions?;
     let radii = radii_of(table, radii?, positions.len())?;
     if indexing == Indexing::Successive && !table.has("indices") {
@@ -220,7 +236,7 @@ fn linear_swept_spheres(table: &Table<'_>) -> Option<GeometryData> {
         return None;
     }
     let indices = indices.map(|i| i.value.0);
-    Some(GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, end_caps })
+    Some(Shape::Inline(GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, end_caps }))
 }
 
 /// Integers in arrays of any depth, flattened: `[0, 1, 2]` or `[[0, 1, 2], [2, 1, 3]]`.

@@ -167,6 +167,34 @@ fn geometry_that_does_not_fit_together() {
 }
 
 #[test]
+fn buffers_of_a_build() {
+    let spheres = "[geometry.g]\ntype = 'spheres'\nvertex_data = { f16 = [0, 0, 0, 1, 1, 1] }\n";
+    let radii = "radius_data = { f32 = 1 }\n";
+    let half = "vertex_format = 'r16g16b16_sfloat'\n";
+    one(&format!("{spheres}{half}"), "s/a.toml:2:1", &["`radius_data` is missing"]);
+    one(&format!("{spheres}{half}{radii}"), "s/a.toml:2:1", &["radius 1 ends at byte 8 of a buffer of 4"]);
+    one(
+        &format!("{spheres}{radii}vertex_format = 'r32g32b32'\n"),
+        "s/a.toml:6:17",
+        &["did you mean `r32g32b32_sfloat`?"],
+    );
+    one(&format!("{spheres}{half}{radii}vertex_stride = 7\n"), "s/a.toml:2:1", &["vertexStride-10431"]);
+    one(
+        &format!("{spheres}{half}{radii}index_data = {{ u8 = [0, 1] }}\nindex_type = 'uint8'\n"),
+        "s/a.toml:2:1",
+        &["indexType-10437"],
+    );
+    one(
+        &format!("{spheres}{half}radius_data = {{ f32 = [1, 1] }}\npositions = [[0, 0, 0]]\n"),
+        "s/a.toml:7:1",
+        &["unknown key `positions`"],
+    );
+    let swept =
+        "[geometry.g]\ntype = 'lss'\nmode = 'successive'\nvertex_data = { f32 = [0, 0, 0, 1, 1, 1] }\n";
+    one(&format!("{swept}{radii}"), "s/a.toml:2:1", &["indexingMode-10427"]);
+}
+
+#[test]
 fn instances() {
     let ground = "[geometry.g]\ntype = 'plane'\n[[instance]]\ngeometry = 'g'\n";
     one(&format!("{ground}[[instance]]\ngeometry = 'g'\nscale = [1, 0, 1]\n"), "s/a.toml:6:1", &["singular"]);

@@ -7,6 +7,7 @@
 //! objects from it. `docs/scene.md` is the format's reference.
 
 pub mod assemble;
+mod build_input;
 pub mod camera;
 pub mod data;
 pub mod demo;

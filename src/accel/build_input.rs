@@ -1,0 +1,598 @@
+//! Geometry as an acceleration structure build reads it: formats, strides, index types and ranges.
+//!
+//! The rules are Vulkan's (`VkAccelerationStructureGeometry*Data*`,
+//! `VkAccelerationStructureBuildRangeInfoKHR`): with indices, `first_vertex` is added to each before
+//! vertex and radius are fetched, and `primitive_offset` moves the indices; without, vertices and
+//! radii begin at `primitive_offset + stride * first_vertex` of their buffers. A stride of 0 makes
+//! all elements the same. Numbers are widened to `f32` exactly, but for normalised ones, which are
+//! rounded once.
+
+use std::collections::BTreeMap;
+
+use half::f16;
+
+use crate::accel::geometry_data::{EndCaps, GeometryData, Indexing};
+use crate::error::{Error, ErrorKind, Result};
+
+/// `VkFormat` of vertices: the formats that Vulkan requires for acceleration structures, and the
+/// three-component ones of 16 bits. A missing z is 0, a fourth component is not read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum VertexFormat {
+    /// `VK_FORMAT_R32G32_SFLOAT`
+    R32G32Sfloat,
+    /// `VK_FORMAT_R32G32B32_SFLOAT`
+    R32G32B32Sfloat,
+    /// `VK_FORMAT_R16G16_SFLOAT`
+    R16G16Sfloat,
+    /// `VK_FORMAT_R16G16B16_SFLOAT`
+    R16G16B16Sfloat,
+    /// `VK_FORMAT_R16G16B16A16_SFLOAT`
+    R16G16B16A16Sfloat,
+    /// `VK_FORMAT_R16G16_SNORM`
+    R16G16Snorm,
+    /// `VK_FORMAT_R16G16B16_SNORM`
+    R16G16B16Snorm,
+    /// `VK_FORMAT_R16G16B16A16_SNORM`
+    R16G16B16A16Snorm,
+}
+
+/// `VkFormat` of radii: the two that Vulkan requires.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum RadiusFormat {
+    /// `VK_FORMAT_R32_SFLOAT`
+    R32Sfloat,
+    /// `VK_FORMAT_R16_SFLOAT`
+    R16Sfloat,
+}
+
+/// `VkIndexType` of a build; no index buffer is `VK_INDEX_TYPE_NONE_KHR`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum IndexType {
+    /// `VK_INDEX_TYPE_UINT8`: no build takes it, and the error says so.
+    Uint8,
+    /// `VK_INDEX_TYPE_UINT16`
+    Uint16,
+    /// `VK_INDEX_TYPE_UINT32`
+    Uint32,
+}
+
+/// Elements in a buffer, a stride apart.
+#[derive(Clone, Copy, Debug)]
+pub struct Strided<'a> {
+    /// The buffer from the address that the build is given.
+    pub bytes: &'a [u8],
+    /// Bytes from one element to the next; 0 repeats the first. `None` packs them tightly.
+    pub stride: Option<u64>,
+}
+
+/// `VkAccelerationStructureBuildRangeInfoKHR`
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BuildRange {
+    /// `primitiveCount`; `None` takes all that the indices (or, without them, the vertices) make.
+    pub primitive_count: Option<u32>,
+    /// `primitiveOffset`, in bytes.
+    pub primitive_offset: u32,
+    /// `firstVertex`
+    pub first_vertex: u32,
+}
+
+/// The buffers of one geometry.
+#[derive(Clone, Copy, Debug)]
+pub struct BuildInput<'a> {
+    /// `vertexData`, `vertexStride`
+    pub vertices: Strided<'a>,
+    /// `vertexFormat`
+    pub vertex_format: VertexFormat,
+    /// `indexData`, `indexStride`, `indexType`
+    pub indices: Option<(Strided<'a>, IndexType)>,
+    /// The range.
+    pub range: BuildRange,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Component {
+    Sfloat32,
+    Sfloat16,
+    Snorm16,
+}
+
+impl VertexFormat {
+    fn parts(self) -> (Component, usize) {
+        match self {
+            Self::R32G32Sfloat => (Component::Sfloat32, 2),
+            Self::R32G32B32Sfloat => (Component::Sfloat32, 3),
+            Self::R16G16Sfloat => (Component::Sfloat16, 2),
+            Self::R16G16B16Sfloat => (Component::Sfloat16, 3),
+            Self::R16G16B16A16Sfloat => (Component::Sfloat16, 4),
+            Self::R16G16Snorm => (Component::Snorm16, 2),
+            Self::R16G16B16Snorm => (Component::Snorm16, 3),
+            Self::R16G16B16A16Snorm => (Component::Snorm16, 4),
+        }
+    }
+
+    /// Bytes of a component.
+    fn component_size(self) -> u64 {
+        if self.parts().0 == Component::Sfloat32 { 4 } else { 2 }
+    }
+
+    /// Bytes of an element.
+    pub fn size(self) -> u64 {
+        self.component_size() * self.parts().1 as u64
+    }
+
+    fn read(self, bytes: &[u8]) -> [f32; 3] {
+        let (component, count) = self.parts();
+        std::array::from_fn(|at| match component {
+            _ if at >= count => 0.0,
+            Component::Sfloat32 => f32::from_le_bytes(word(bytes, 4 * at)),
+            Component::Sfloat16 => f16::from_le_bytes(word(bytes, 2 * at)).into(),
+            Component::Snorm16 => snorm16(i16::from_le_bytes(word(bytes, 2 * at))),
+        })
+    }
+}
+
+impl RadiusFormat {
+    fn size(self) -> u64 {
+        match self {
+            Self::R32Sfloat => 4,
+            Self::R16Sfloat => 2,
+        }
+    }
+
+    fn read(self, bytes: &[u8]) -> f32 {
+        match self {
+            Self::R32Sfloat => f32::from_le_bytes(word(bytes, 0)),
+            Self::R16Sfloat => f16::from_le_bytes(word(bytes, 0)).into(),
+        }
+    }
+}
+
+impl IndexType {
+    fn size(self) -> u64 {
+        match self {
+            Self::Uint8 => 1,
+            Self::Uint16 => 2,
+            Self::Uint32 => 4,
+        }
+    }
+}
+
+/// Vulkan, "Conversion from Normalized Fixed-Point to Floating-Point".
+pub fn snorm16(word: i16) -> f32 {
+    (f32::from(word) / 32767.0).max(-1.0)
+}
+
+fn word<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+    std::array::from_fn(|byte| bytes[at + byte])
+}
+
+/// The names of one kind of geometry's rules.
+struct Rules {
+    stride: &'static str,
+    index_type: &'static str,
+}
+
+const TRIANGLES: Rules = Rules {
+    stride: "VUID-VkAccelerationStructureGeometryTrianglesDataKHR-vertexStride-03735",
+    index_type: "VUID-VkAccelerationStructureGeometryTrianglesDataKHR-indexType-03798",
+};
+const SPHERES: Rules = Rules {
+    stride: "VUID-VkAccelerationStructureGeometrySpheresDataNV-vertexStride-10431",
+    index_type: "VUID-VkAccelerationStructureGeometrySpheresDataNV-indexType-10437",
+};
+const LINEAR_SWEPT_SPHERES: Rules = Rules {
+    stride: "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-vertexStride-10421",
+    index_type: "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexType-10428",
+};
+
+impl BuildInput<'_> {
+    /// Triangles, with their build-time transform.
+    ///
+    /// # Errors
+    /// `InvalidScene` for a stride or offset that is no multiple of the component's size, an index
+    /// type that no build takes, and whatever lies beyond its buffer.
+    pub fn triangles(&self, transform: Option<[[f32; 4]; 3]>) -> Result<GeometryData> {
+        let entries = self.entries(&TRIANGLES, |entries| entries / 3 * 3, |count| count * 3)?;
+        let Fetched { points: vertices, indices, .. } = self.fetch(&entries, 0, None)?;
+        Ok(GeometryData::Triangles { vertices, indices: Some(indices), transform })
+    }
+
+    /// Spheres; radii lie in a buffer of their own.
+    ///
+    /// # Errors
+    /// As [`BuildInput::triangles`].
+    pub fn spheres(&self, radii: Strided<'_>, format: RadiusFormat) -> Result<GeometryData> {
+        let entries = self.entries(&SPHERES, |entries| entries, |count| count)?;
+        let Fetched { points: positions, indices, radii } = self.fetch(&entries, 0, Some((radii, format)))?;
+        Ok(GeometryData::Spheres { positions, radii, indices: Some(indices) })
+    }
+
+    /// Linear swept spheres.
+    ///
+    /// # Errors
+    /// As [`BuildInput::triangles`], and where successive indexing lacks indices (VUID 10427).
+    pub fn linear_swept_spheres(
+        &self,
+        radii: Strided<'_>,
+        format: RadiusFormat,
+        indexing: Indexing,
+        end_caps: EndCaps,
+    ) -> Result<GeometryData> {
+        if indexing == Indexing::Successive && self.indices.is_none() {
+            return Err(invalid(
+                "successive indexing needs indices \
+                 (VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexingMode-10427)",
+            ));
+        }
+        // In successive mode an index also names the vertex behind its own.
+        let (each, reach) = if indexing == Indexing::List { (2, 0) } else { (1, 1) };
+        let rules = &LINEAR_SWEPT_SPHERES;
+        let entries = self.entries(rules, |entries| entries / each * each, |count| count * each)?;
+        let Fetched { points: positions, indices, radii } =
+            self.fetch(&entries, reach, Some((radii, format)))?;
+        Ok(GeometryData::LinearSweptSpheres { positions, radii, indices: Some(indices), indexing, end_caps })
+    }
+
+    /// Which vertices the primitives name, in their order, `first_vertex` included where there are
+    /// indices. `whole` rounds a number of entries down to whole primitives, `of` says how many
+    /// entries a number of primitives takes.
+    fn entries(
+        &self,
+        rules: &Rules,
+        whole: impl Fn(u64) -> u64,
+        of: impl Fn(u64) -> u64,
+    ) -> Result<Vec<u64>> {
+        let component = self.vertex_format.component_size();
+        let stride = self.vertices.stride.unwrap_or(self.vertex_format.size());
+        if !stride.is_multiple_of(component) || stride > u64::from(u32::MAX) {
+            let what =
+                format!("a vertex stride of {stride} is no multiple of {component} bytes ({})", rules.stride);
+            return Err(invalid(what));
+        }
+        let offset = u64::from(self.range.primitive_offset);
+        let count = self.range.primitive_count.map(u64::from);
+        let Some((indices, index_type)) = self.indices else {
+            if !offset.is_multiple_of(component) {
+                let rule = "VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03657";
+                return Err(invalid(format!(
+                    "a primitive offset of {offset} is no multiple of {component} bytes ({rule})"
+                )));
+            }
+            let begin = offset + stride * u64::from(self.range.first_vertex);
+            let room = Room { begin, stride, size: self.vertex_format.size() };
+            let entries = count.map(of).or_else(|| room.count(self.vertices.bytes).map(whole));
+            let Some(entries) = entries else {
+                return Err(invalid(
+                    "with a stride of 0 and no indices, the number of primitives must be given",
+                ));
+            };
+            check_count(entries)?;
+            return Ok((0..entries).collect());
+        };
+        if index_type == IndexType::Uint8 {
+            return Err(invalid(format!(
+                "indices of 8 bits: a build takes uint16, uint32 or none ({})",
+                rules.index_type
+            )));
+        }
+        let size = index_type.size();
+        if !offset.is_multiple_of(size) {
+            let rule = "VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03656";
+            return Err(invalid(format!(
+                "a primitive offset of {offset} is no multiple of {size} bytes ({rule})"
+            )));
+        }
+        let room = Room { begin: offset, stride: indices.stride.unwrap_or(size), size };
+        let entries = count.map(of).or_else(|| room.count(indices.bytes).map(whole));
+        let entries = entries
+            .ok_or_else(|| invalid("with an index stride of 0 the number of primitives must be given"))?;
+        check_count(entries)?;
+        let mut named = Vec::with_capacity(entries as usize);
+        for entry in 0..entries {
+            let bytes = room.element(indices.bytes, entry).map_err(|end| {
+                invalid(format!(
+                    "index {entry} ends at byte {end} of {} bytes of indices",
+                    indices.bytes.len()
+                ))
+            })?;
+            let index = match index_type {
+                IndexType::Uint32 => u32::from_le_bytes(word(bytes, 0)),
+                _ => u16::from_le_bytes(word(bytes, 0)).into(),
+            };
+            named.push(u64::from(index) + u64::from(self.range.first_vertex));
+        }
+        Ok(named)
+    }
+
+    /// The vertices named, each once and in ascending order so that neighbours stay neighbours, the
+    /// entries renamed to match, and their radii.
+    fn fetch(
+        &self,
+        entries: &[u64],
+        reach: u64,
+        radii: Option<(Strided<'_>, RadiusFormat)>,
+    ) -> Result<Fetched> {
+        let named = entries.iter().flat_map(|&entry| entry..=entry + reach);
+        let mut names: BTreeMap<u64, u32> = named.map(|entry| (entry, 0)).collect();
+        names.values_mut().enumerate().for_each(|(place, name)| *name = place as u32);
+
+        // Without indices the range moves the buffers, otherwise it has moved the indices.
+        let begin = |stride: u64| match self.indices {
+            None => u64::from(self.range.primitive_offset) + stride * u64::from(self.range.first_vertex),
+            Some(_) => 0,
+        };
+        let size = self.vertex_format.size();
+        let stride = self.vertices.stride.unwrap_or(size);
+        let room = Room { begin: begin(stride), stride, size };
+        let fetch = |room: &Room, bytes: &[u8], what: &str| {
+            let all = names.keys().map(|&entry| {
+                room.element(bytes, entry).map(<[u8]>::to_vec).map_err(|end| {
+                    invalid(format!("{what} {entry} ends at byte {end} of a buffer of {}", bytes.len()))
+                })
+            });
+            all.collect::<Result<Vec<_>>>()
+        };
+        let vertices = fetch(&room, self.vertices.bytes, "vertex")?;
+        let vertices = vertices.iter().map(|bytes| self.vertex_format.read(bytes)).collect();
+        let radii = match radii {
+            None => Vec::new(),
+            Some((radii, format)) => {
+                let stride = radii.stride.unwrap_or(format.size());
+                if stride > u64::from(u32::MAX) {
+                    return Err(invalid(format!("a radius stride of {stride} (VUIDs 10422, 10432)")));
+                }
+                let room = Room { begin: begin(stride), stride, size: format.size() };
+                fetch(&room, radii.bytes, "radius")?.iter().map(|bytes| format.read(bytes)).collect()
+            }
+        };
+        Ok(Fetched { points: vertices, indices: entries.iter().map(|entry| names[entry]).collect(), radii })
+    }
+}
+
+/// Boxes from a buffer of `VkAabbPositionsKHR`, a stride apart.
+///
+/// # Errors
+/// `InvalidScene` for a stride or an offset that is no multiple of 8, and boxes beyond the buffer.
+pub fn aabbs(boxes: Strided<'_>, range: BuildRange) -> Result<GeometryData> {
+    const SIZE: u64 = 24;
+    let stride = boxes.stride.unwrap_or(SIZE);
+    for (what, number, rule) in [
+        ("stride", stride, "VUID-VkAccelerationStructureGeometryAabbsDataKHR-stride-03545"),
+        (
+            "primitive offset",
+            range.primitive_offset.into(),
+            "VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03659",
+        ),
+    ] {
+        if !number.is_multiple_of(8) {
+            return Err(invalid(format!("a {what} of {number} is no multiple of 8 bytes ({rule})")));
+        }
+    }
+    let room = Room { begin: range.primitive_offset.into(), stride, size: SIZE };
+    let count = range.primitive_count.map(u64::from).or_else(|| room.count(boxes.bytes));
+    let count = count.ok_or_else(|| invalid("with a stride of 0 the number of primitives must be given"))?;
+    check_count(count)?;
+    let read = |at: u64| {
+        let bytes = room.element(boxes.bytes, at).map_err(|end| {
+            invalid(format!("box {at} ends at byte {end} of a buffer of {}", boxes.bytes.len()))
+        })?;
+        Ok(std::array::from_fn(|corner| f32::from_le_bytes(word(bytes, 4 * corner))))
+    };
+    Ok(GeometryData::Aabbs((0..count).map(read).collect::<Result<_>>()?))
+}
+
+/// The vertices that primitives name, each once.
+struct Fetched {
+    points: Vec<[f32; 3]>,
+    /// Which point each entry of each primitive is.
+    indices: Vec<u32>,
+    /// One a point; none for triangles.
+    radii: Vec<f32>,
+}
+
+/// Where the elements of a buffer lie.
+struct Room {
+    begin: u64,
+    stride: u64,
+    size: u64,
+}
+
+impl Room {
+    /// How many elements there are; `None` where a stride of 0 makes it any number.
+    fn count(&self, bytes: &[u8]) -> Option<u64> {
+        let length = (bytes.len() as u64).saturating_sub(self.begin);
+        match (length.checked_sub(self.size), self.stride) {
+            (None, _) => Some(0),
+            (Some(_), 0) => None,
+            (Some(rest), stride) => Some(rest / stride + 1),
+        }
+    }
+
+    /// An element's bytes, or where it would have to end.
+    fn element<'a>(&self, bytes: &'a [u8], at: u64) -> Result<&'a [u8], u64> {
+        let begin = self.begin.saturating_add(self.stride.saturating_mul(at));
+        let end = begin.saturating_add(self.size);
+        bytes.get(begin as usize..end as usize).ok_or(end)
+    }
+}
+
+/// What every device takes: `maxPrimitiveCount` of at least 2^29 - 1, three entries each.
+fn check_count(entries: u64) -> Result<()> {
+    if entries > 3 * ((1 << 29) - 1) {
+        return Err(invalid(format!("{entries} vertices: more than any device takes (maxPrimitiveCount)")));
+    }
+    Ok(())
+}
+
+fn invalid(message: impl Into<String>) -> Error {
+    Error::new(ErrorKind::InvalidScene, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::Primitive;
+
+    const TRIANGLE: BuildRange = BuildRange { primitive_count: None, primitive_offset: 0, first_vertex: 0 };
+
+    fn floats(values: &[f32]) -> Vec<u8> {
+        values.iter().flat_map(|x| x.to_le_bytes()).collect()
+    }
+
+    fn halves(values: &[f32]) -> Vec<u8> {
+        values.iter().flat_map(|x| f16::from_f32(*x).to_le_bytes()).collect()
+    }
+
+    fn shorts(values: &[u16]) -> Vec<u8> {
+        values.iter().flat_map(|x| x.to_le_bytes()).collect()
+    }
+
+    fn packed(bytes: &[u8]) -> Strided<'_> {
+        Strided { bytes, stride: None }
+    }
+
+    fn message(result: Result<GeometryData>) -> String {
+        result.expect_err("a mistake").message().to_owned()
+    }
+
+    #[test]
+    fn every_format_is_widened() {
+        use VertexFormat as F;
+        // 0.1 is no half: the nearest is 1638 / 16384.
+        let tenth = 1638.0 / 16384.0;
+        let snorm = shorts(&[32767, 0x8000, 0x8001, 16384]);
+        let rows: [(F, Vec<u8>, [f32; 3]); 8] = [
+            (F::R32G32Sfloat, floats(&[0.1, 2.0, 9.0]), [0.1, 2.0, 0.0]),
+            (F::R32G32B32Sfloat, floats(&[0.1, 2.0, 3.0]), [0.1, 2.0, 3.0]),
+            (F::R16G16Sfloat, halves(&[0.1, 2.0, 9.0]), [tenth, 2.0, 0.0]),
+            (F::R16G16B16Sfloat, halves(&[0.1, 2.0, 3.0]), [tenth, 2.0, 3.0]),
+            (F::R16G16B16A16Sfloat, halves(&[0.1, 2.0, 3.0, 9.0]), [tenth, 2.0, 3.0]),
+            (F::R16G16Snorm, snorm.clone(), [1.0, -1.0, 0.0]),
+            (F::R16G16B16Snorm, snorm.clone(), [1.0, -1.0, -1.0]),
+            (F::R16G16B16A16Snorm, snorm, [1.0, -1.0, -1.0]),
+        ];
+        for (format, bytes, point) in rows {
+            assert_eq!(format.read(&bytes), point, "{format:?}");
+            assert_eq!(format.size(), format.component_size() * format.parts().1 as u64);
+        }
+        assert_eq!(RadiusFormat::R16Sfloat.read(&halves(&[0.1])), tenth);
+        assert_eq!(snorm16(1), 1.0 / 32767.0);
+    }
+
+    #[test]
+    fn first_vertex_moves_indices_and_primitive_offset_the_index_buffer() {
+        let positions = floats(&(0..30).map(|x| x as f32).collect::<Vec<_>>());
+        let radii = halves(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
+        let indices = shorts(&[77, 77, 2, 3, 5]);
+        let input = BuildInput {
+            vertices: packed(&positions),
+            vertex_format: VertexFormat::R32G32B32Sfloat,
+            indices: Some((packed(&indices), IndexType::Uint16)),
+            range: BuildRange { primitive_count: None, primitive_offset: 4, first_vertex: 3 },
+        };
+        let format = RadiusFormat::R16Sfloat;
+        let data = input
+            .linear_swept_spheres(packed(&radii), format, Indexing::Successive, EndCaps::Chained)
+            .unwrap();
+        // Indices 2, 3, 5 and first vertex 3: segments 5-6, 6-7 (the chain goes on) and 8-9.
+        assert_eq!(data.primitive_count(), 3);
+        let segment = |at: u32| match data.primitive(at) {
+            Primitive::LinearSweptSphere { positions, radii, caps } => (positions.map(|p| p[0]), radii, caps),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(segment(0), ([15.0, 18.0], [5.0, 6.0], [true, true]));
+        assert_eq!(segment(1), ([18.0, 21.0], [6.0, 7.0], [false, true]));
+        assert_eq!(segment(2), ([24.0, 27.0], [8.0, 9.0], [true, true]));
+        let count = BuildInput { range: BuildRange { primitive_count: Some(1), ..input.range }, ..input };
+        let data = count.spheres(packed(&radii), format).unwrap();
+        assert_eq!(data.primitive_count(), 1);
+        assert_eq!(data.primitive(0), Primitive::Sphere { position: [15.0, 16.0, 17.0], radius: 5.0 });
+    }
+
+    #[test]
+    fn without_indices_the_range_moves_both_buffers() {
+        // The same 8 bytes are skipped in both; then one vertex of 16 and one radius of 8.
+        let positions = floats(&[-1., -1., -1., -1., -1., -1., 1., 2., 3., 0., 4., 5., 6., 0.]);
+        let radii = floats(&[-1., -1., -1., -1., 0.5, 9., 0.25, 9.]);
+        let input = BuildInput {
+            vertices: Strided { bytes: &positions, stride: Some(16) },
+            vertex_format: VertexFormat::R32G32B32Sfloat,
+            indices: None,
+            range: BuildRange { primitive_count: None, primitive_offset: 8, first_vertex: 1 },
+        };
+        let radii = Strided { bytes: &radii, stride: Some(8) };
+        let data = input.spheres(radii, RadiusFormat::R32Sfloat).unwrap();
+        assert_eq!(data.primitive_count(), 2);
+        assert_eq!(data.primitive(0), Primitive::Sphere { position: [1.0, 2.0, 3.0], radius: 0.5 });
+        assert_eq!(data.primitive(1), Primitive::Sphere { position: [4.0, 5.0, 6.0], radius: 0.25 });
+    }
+
+    #[test]
+    fn a_stride_of_zero_repeats_the_first_element() {
+        let positions = floats(&[0., 0., 0., 4., 0., 0.]);
+        let radius = floats(&[0.5]);
+        let input = BuildInput {
+            vertices: packed(&positions),
+            vertex_format: VertexFormat::R32G32B32Sfloat,
+            indices: None,
+            range: TRIANGLE,
+        };
+        let radii = Strided { bytes: &radius, stride: Some(0) };
+        let data = input
+            .linear_swept_spheres(radii, RadiusFormat::R32Sfloat, Indexing::List, EndCaps::None)
+            .unwrap();
+        let wanted = Primitive::LinearSweptSphere {
+            positions: [[0.0; 3], [4.0, 0.0, 0.0]],
+            radii: [0.5; 2],
+            caps: [false; 2],
+        };
+        assert_eq!(data.primitive(0), wanted);
+        let still = BuildInput { vertices: Strided { bytes: &positions, stride: Some(0) }, ..input };
+        assert!(message(still.spheres(radii, RadiusFormat::R32Sfloat)).contains("must be given"));
+        let range = BuildRange { primitive_count: Some(3), ..TRIANGLE };
+        let still = BuildInput { range, ..still };
+        assert_eq!(still.spheres(radii, RadiusFormat::R32Sfloat).unwrap().primitive_count(), 3);
+    }
+
+    #[test]
+    fn mistakes_name_their_rule() {
+        let positions = floats(&[0.0; 9]);
+        let indices = shorts(&[0, 1, 3]);
+        let input = BuildInput {
+            vertices: packed(&positions),
+            vertex_format: VertexFormat::R32G32B32Sfloat,
+            indices: Some((packed(&indices), IndexType::Uint16)),
+            range: TRIANGLE,
+        };
+        assert!(message(input.triangles(None)).contains("vertex 3 ends at byte 48 of a buffer of 36"));
+        let odd = BuildInput { vertices: Strided { bytes: &positions, stride: Some(6) }, ..input };
+        assert!(message(odd.triangles(None)).contains("vertexStride-03735"));
+        let radii = packed(&positions);
+        assert!(message(odd.spheres(radii, RadiusFormat::R32Sfloat)).contains("vertexStride-10431"));
+        let bytes = BuildInput { indices: Some((packed(&indices), IndexType::Uint8)), ..input };
+        assert!(message(bytes.triangles(None)).contains("indexType-03798"));
+        assert!(message(bytes.spheres(radii, RadiusFormat::R32Sfloat)).contains("indexType-10437"));
+        let swept = |input: BuildInput<'_>| {
+            input.linear_swept_spheres(radii, RadiusFormat::R32Sfloat, Indexing::Successive, EndCaps::None)
+        };
+        assert!(message(swept(bytes)).contains("indexType-10428"));
+        assert!(message(swept(odd)).contains("vertexStride-10421"));
+        assert!(message(swept(BuildInput { indices: None, ..input })).contains("indexingMode-10427"));
+        let moved = |primitive_offset| BuildRange { primitive_offset, ..TRIANGLE };
+        let shifted = BuildInput { range: moved(1), ..input };
+        assert!(message(shifted.triangles(None)).contains("primitiveOffset-03656"));
+        let shifted = BuildInput { range: moved(2), indices: None, ..input };
+        assert!(message(shifted.triangles(None)).contains("primitiveOffset-03657"));
+        let many = BuildRange { primitive_count: Some(2), ..TRIANGLE };
+        let many = BuildInput { range: many, ..input };
+        assert!(message(many.triangles(None)).contains("index 3 ends at byte 8 of 6 bytes"));
+        assert!(
+            message(aabbs(Strided { bytes: &positions, stride: Some(25) }, TRIANGLE))
+                .contains("stride-03545")
+        );
+        assert!(message(aabbs(packed(&positions), moved(4))).contains("primitiveOffset-03659"));
+        let far = BuildRange { primitive_count: Some(2), ..TRIANGLE };
+        assert!(message(aabbs(packed(&positions), far)).contains("box 1 ends at byte 48 of a buffer of 36"));
+        assert_eq!(aabbs(packed(&positions), moved(8)).unwrap().primitive_count(), 1);
+    }
+}

@@ -1,0 +1,282 @@
+//! `anyhit verify`: recorded hits against ours.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use crate::cli::output;
+use crate::error::{Error, ErrorKind, Result};
+use crate::recording::compare::{AgainstDriver, Agreement, Hits};
+use crate::recording::{Comparison, Recording, compare};
+
+/// Compares recorded hits of a GPU with ours (docs/verify.md says how to record).
+///
+/// Limits are judged against `reference.*` where a file has one, otherwise against `driver.*`. Exit
+/// code 1 where a limit is passed.
+#[derive(Args, Clone, Debug)]
+pub struct VerifyArgs {
+    /// Recordings (`.safetensors`), or folders of them
+    #[arg(value_name = "FILE|DIR", required = true)]
+    paths: Vec<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// What limits are judged against
+    #[arg(long, value_enum, default_value_t = Judge::Auto)]
+    against: Judge,
+    /// Most hits of a file that we may miss
+    #[arg(long, value_name = "N")]
+    max_missed: Option<usize>,
+    /// Most hits of ours that a file may not have
+    #[arg(long, value_name = "N")]
+    max_extra: Option<usize>,
+    /// Greatest error of t, in units in the last place; t of boxes is the recorded shader's own
+    /// arithmetic and not judged
+    #[arg(long, value_name = "ULP")]
+    max_ulp: Option<f64>,
+}
+
+/// What limits are judged against.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Judge {
+    /// The reference where a file has one, otherwise the driver
+    Auto,
+    /// `reference.*` only
+    Reference,
+    /// `driver.*` only
+    Driver,
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Report {
+    files: Vec<File>,
+    /// Limits that were passed, in words.
+    failures: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct File {
+    file: String,
+    #[serde(flatten)]
+    comparison: Comparison,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// `Expectation` where a limit is passed; `InvalidRecording` for files that cannot be used, after the
+/// others were compared.
+pub fn run(args: VerifyArgs) -> Result<()> {
+    let (mut files, mut errors) = (Vec::new(), Vec::new());
+    for path in recordings(&args.paths)? {
+        match Recording::open(&path) {
+            Ok(recording) => {
+                files.push(File { file: path.display().to_string(), comparison: compare(&recording) });
+            }
+            Err(error) => errors.push(error),
+        }
+    }
+    let failures: Vec<String> = files.iter().flat_map(|file| args.failures(file)).collect();
+    let report = Report { files, failures };
+    if args.json {
+        let json = serde_json::to_string_pretty(&report)
+            .map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;
+        output::print(format_args!("{json}\n"))?;
+    } else if !report.files.is_empty() {
+        output::print(text(&report.files, args.against))?;
+    }
+    let passed = report.failures.into_iter().map(|text| Error::new(ErrorKind::Expectation, text));
+    // A file that was not read is the graver of the two: it gives the exit code.
+    errors.extend(passed);
+    if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
+}
+
+impl VerifyArgs {
+    /// The limits that a file passes.
+    fn failures(&self, file: &File) -> Vec<String> {
+        let Some((what, hits)) = judged(&file.comparison, self.against) else { return Vec::new() };
+        let mut failures = Vec::new();
+        let name = &file.file;
+        let counts = [("missed", hits.missed, self.max_missed), ("extra", hits.extra, self.max_extra)];
+        for (word, count, limit) in counts {
+            if let Some(limit) = limit.filter(|&limit| count > limit) {
+                failures.push(format!("{name}: {count} {word} against {what}, more than {limit}"));
+            }
+        }
+        let max = hits.t_ulp.map_or(0.0, |t_ulp| t_ulp.max);
+        // A NaN is no small error.
+        if let Some(limit) = self.max_ulp.filter(|&limit| max.is_nan() || max > limit)
+            && !file.comparison.is_procedural()
+        {
+            failures.push(format!("{name}: t is {max} ulp off against {what}, more than {limit}"));
+        }
+        failures
+    }
+}
+
+/// The comparison that limits are judged by.
+fn judged(comparison: &Comparison, against: Judge) -> Option<(&'static str, &Hits)> {
+    let reference = comparison.reference.as_ref().map(|one| ("reference", &one.hits));
+    let driver = comparison.driver.as_ref().map(|one| ("driver", &one.hits));
+    match against {
+        Judge::Auto => reference.or(driver),
+        Judge::Reference => reference,
+        Judge::Driver => driver,
+    }
+}
+
+/// The files meant: folders stand for all recordings in them, sorted.
+fn recordings(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut all = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            all.push(path.clone());
+            continue;
+        }
+        let before = all.len();
+        collect(path, &mut all)?;
+        if all.len() == before {
+            let message = format!("{}: no `.safetensors` file in this folder", path.display());
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+        all[before..].sort();
+    }
+    Ok(all)
+}
+
+fn collect(folder: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
+    for entry in std::fs::read_dir(folder).map_err(|error| Error::io(folder, error))? {
+        let path = entry.map_err(|error| Error::io(folder, error))?.path();
+        if path.is_dir() {
+            collect(&path, all)?;
+        } else if path.extension().is_some_and(|extension| extension == "safetensors") {
+            all.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// The report for people: a table of hits, a table of what drivers recorded beside them, and the
+/// first rows that are wrong.
+fn text(files: &[File], against: Judge) -> String {
+    let mut rows = vec![HEAD.map(str::to_owned).to_vec()];
+    let mut more = vec![MORE.map(str::to_owned).to_vec()];
+    let mut wrong = String::new();
+    for file in files {
+        let comparison = &file.comparison;
+        let name = Path::new(&file.file)
+            .file_stem()
+            .map_or_else(|| file.file.clone(), |stem| stem.to_string_lossy().into_owned());
+        if let Some(reference) = &comparison.reference {
+            rows.push(hits_row(&name, "reference", &reference.hits));
+        }
+        if let Some(driver) = &comparison.driver {
+            rows.push(hits_row(&name, "driver", &driver.hits));
+            more.extend(driver_row(&name, driver));
+        }
+        if let Some((what, hits)) = judged(comparison, against) {
+            for example in &hits.examples {
+                // Writing to a string does not fail.
+                let _ = writeln!(wrong, "{name}, {what}: {example}");
+            }
+        }
+        for tensor in &comparison.ignored_tensors {
+            let _ = writeln!(wrong, "{name}: tensor `{tensor}` has no meaning here and was not read");
+        }
+    }
+    let mut out = table(&rows);
+    if more.len() > 1 {
+        out.push_str("\nrows that differ from the driver's, and the greatest difference of floats\n");
+        out.push_str(&table(&more));
+    }
+    if !wrong.is_empty() {
+        out.push('\n');
+        out.push_str(&wrong);
+    }
+    out
+}
+
+const HEAD: [&str; 13] = [
+    "file", "against", "rows", "hits", "left out", "missed", "extra", "other", "ties", "p50 ulp", "p99",
+    "p99.9", "max",
+];
+
+const MORE: [&str; 9] = [
+    "file",
+    "shaders ran",
+    "hit kind",
+    "any-hits",
+    "candidates",
+    "custom index",
+    "attributes",
+    "positions",
+    "object ray",
+];
+
+fn hits_row(name: &str, against: &str, hits: &Hits) -> Vec<String> {
+    let Hits { rows, hits: count, undecidable, missed, extra, other_primitive, ties, t_ulp, .. } = hits;
+    let mut row = vec![name.to_owned(), against.to_owned()];
+    row.extend([rows, count, undecidable, missed, extra, other_primitive, ties].map(ToString::to_string));
+    row.extend(match t_ulp {
+        Some(t) => [t.p50, t.p99, t.p999, t.max].map(short),
+        None => [(); 4].map(|()| "-".to_owned()),
+    });
+    row
+}
+
+/// `None` where a driver recorded hits and nothing beside.
+fn driver_row(name: &str, driver: &AgainstDriver) -> Option<Vec<String>> {
+    let cells = [
+        driver.shaders_ran,
+        driver.hit_kind.or(driver.shape),
+        driver.any_hit_count,
+        driver.candidate_count,
+        driver.instance_custom_index,
+        driver.attributes,
+        driver.positions_and_radii,
+        driver.object_ray,
+    ];
+    cells.iter().any(Option::is_some).then(|| {
+        let cell = |agreement: &Option<Agreement>| match agreement {
+            None => "-".to_owned(),
+            Some(Agreement { rows, differ, max_difference: None }) => format!("{differ} of {rows}"),
+            Some(Agreement { rows, differ, max_difference: Some(difference) }) => {
+                format!("{differ} of {rows}, {}", short(*difference))
+            }
+        };
+        std::iter::once(name.to_owned()).chain(cells.iter().map(cell)).collect()
+    })
+}
+
+fn short(number: f64) -> String {
+    match number {
+        0.0 => "0".to_owned(),
+        _ if (1e-3..1e5).contains(&number) => format!("{number:.3}"),
+        _ => format!("{number:.1e}"),
+    }
+}
+
+/// Columns side by side, all but the first two to the right where they are numbers.
+fn table(rows: &[Vec<String>]) -> String {
+    let columns = rows.first().map_or(0, Vec::len);
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let mut out = String::new();
+    for row in rows {
+        let mut line = String::new();
+        for (at, (cell, &width)) in row.iter().zip(&widths).enumerate() {
+            let left = at == 0 || (at == 1 && rows[0][1] == HEAD[1]);
+            let gap = if at == 0 { "" } else { "  " };
+            let _ = match left {
+                true => write!(line, "{gap}{cell:<width$}"),
+                false => write!(line, "{gap}{cell:>width$}"),
+            };
+        }
+        out.push_str(line.trim_end());
+        out.push('\n');
+    }
+    out
+}

@@ -1,0 +1,84 @@
+//! `geometryG.*`: the geometries of the one BLAS.
+
+use crate::accel::{EndCaps, Geometry, GeometryData, GeometryFlags, Indexing};
+use crate::error::{Error, ErrorKind, Result};
+use crate::recording::tensors::Tensors;
+
+/// Reads `geometry0.*`, `geometry1.*`, ... until there is none.
+pub(super) fn read(tensors: &Tensors<'_>) -> Result<Vec<Geometry>> {
+    let mut geometries = Vec::new();
+    while let Some(geometry) = geometry(tensors, geometries.len())? {
+        geometries.push(geometry);
+    }
+    if geometries.is_empty() {
+        return Err(tensors.missing("geometry0.vertices").note(
+            "a geometry is `geometryG.vertices` (triangles), `geometryG.aabb` (boxes), \
+             or `geometryG.positions` with `geometryG.radii` (spheres, linear swept spheres)",
+        ));
+    }
+    Ok(geometries)
+}
+
+fn geometry(tensors: &Tensors<'_>, index: usize) -> Result<Option<Geometry>> {
+    let name = |part: &str| format!("geometry{index}.{part}");
+    let indices = tensors.indices(&name("indices"))?;
+    let data = if let Some(vertices) = tensors.points(&name("vertices"))? {
+        let transform = tensors.matrix(&name("transform"))?;
+        GeometryData::Triangles { vertices, indices, transform }
+    } else if let Some(boxes) = tensors.rows::<6>(&name("aabb"))? {
+        GeometryData::Aabbs(boxes)
+    } else {
+        let (positions, radii) = (tensors.points(&name("positions"))?, tensors.singles(&name("radii"))?);
+        let (positions, radii) = match (positions, radii) {
+            (None, None) => return Ok(None),
+            (Some(positions), Some(radii)) => (positions, radii),
+            (None, Some(_)) => return Err(tensors.missing(&name("positions"))),
+            (Some(_), None) => return Err(tensors.missing(&name("radii"))),
+        };
+        swept_or_not(tensors, &name, positions, radii, indices)?
+    };
+    let flag = |part: &str, flag: GeometryFlags, without: bool| {
+        let set = tensors.integer(&name(part))?.map_or(without, |word| word != 0);
+        Ok::<_, Error>(if set { flag.0 } else { 0 })
+    };
+    let flags = flag("opaque", GeometryFlags::OPAQUE, false)?
+        | flag("no_duplicate_any_hit", GeometryFlags::NO_DUPLICATE_ANY_HIT, true)?;
+    Ok(Some(Geometry { data, flags: GeometryFlags(flags) }))
+}
+
+/// Spheres or linear swept spheres: what the metadata's `kind` says, otherwise indices make it the
+/// latter.
+fn swept_or_not(
+    tensors: &Tensors<'_>,
+    name: &impl Fn(&str) -> String,
+    positions: Vec<[f32; 3]>,
+    radii: Vec<f32>,
+    indices: Option<Vec<u32>>,
+) -> Result<GeometryData> {
+    let mode = tensors.integer(&name("indexing_mode"))?;
+    let caps = tensors.integer(&name("end_caps"))?;
+    let swept = match tensors.note("kind") {
+        Some("sphere" | "spheres") => false,
+        Some("lss" | "linear_swept_spheres") => true,
+        _ => indices.is_some() || mode.is_some() || caps.is_some(),
+    };
+    if !swept {
+        return Ok(GeometryData::Spheres { positions, radii, indices });
+    }
+    let other = |part: &str, word: i64, values: &str| {
+        let message = format!("tensor `{}` is {word}: wanted {values}", name(part));
+        Error::new(ErrorKind::InvalidRecording, message)
+    };
+    let indexing = match mode {
+        None if indices.is_some() => Indexing::Successive,
+        None | Some(0) => Indexing::List,
+        Some(1) => Indexing::Successive,
+        Some(word) => return Err(other("indexing_mode", word, "0 (list) or 1 (successive)")),
+    };
+    let end_caps = match caps {
+        Some(0) => EndCaps::None,
+        None | Some(1) => EndCaps::Chained,
+        Some(word) => return Err(other("end_caps", word, "0 (none) or 1 (chained)")),
+    };
+    Ok(GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, end_caps })
+}

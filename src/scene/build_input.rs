@@ -1,0 +1,162 @@
+//! Geometry given as the buffers of a build: `vertex_data`, `vertex_format`, ... of
+//! `[geometry.NAME]`.
+
+use crate::accel::build_input::{
+    BuildInput, BuildRange, IndexType, RadiusFormat, Strided, VertexFormat, aabbs,
+};
+use crate::accel::{EndCaps, GeometryData, Indexing};
+use crate::error::Result;
+use crate::scene::data::Data;
+use crate::scene::files::Files;
+use crate::scene::read::{Named, Span, Table};
+
+/// The buffers of one geometry, as a scene writes them.
+#[derive(Clone, Debug)]
+pub(super) struct BuildEntry {
+    span: Span,
+    vertices: Buffer,
+    indices: Option<(Buffer, IndexType)>,
+    radii: Option<(Buffer, RadiusFormat)>,
+    format: VertexFormat,
+    range: BuildRange,
+    kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+struct Buffer {
+    data: Data,
+    stride: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Triangles(Option<[[f32; 4]; 3]>),
+    Aabbs,
+    Spheres,
+    LinearSweptSpheres(Indexing, EndCaps),
+}
+
+impl Named for VertexFormat {
+    const WHAT: &'static str = "vertex format";
+    const NAMES: &'static [(&'static str, Self)] = &[
+        ("r32g32_sfloat", Self::R32G32Sfloat),
+        ("r32g32b32_sfloat", Self::R32G32B32Sfloat),
+        ("r16g16_sfloat", Self::R16G16Sfloat),
+        ("r16g16b16_sfloat", Self::R16G16B16Sfloat),
+        ("r16g16b16a16_sfloat", Self::R16G16B16A16Sfloat),
+        ("r16g16_snorm", Self::R16G16Snorm),
+        ("r16g16b16_snorm", Self::R16G16B16Snorm),
+        ("r16g16b16a16_snorm", Self::R16G16B16A16Snorm),
+    ];
+}
+
+impl Named for RadiusFormat {
+    const WHAT: &'static str = "radius format";
+    const NAMES: &'static [(&'static str, Self)] =
+        &[("r32_sfloat", Self::R32Sfloat), ("r16_sfloat", Self::R16Sfloat)];
+}
+
+impl Named for IndexType {
+    const WHAT: &'static str = "index type";
+    const NAMES: &'static [(&'static str, Self)] =
+        &[("uint8", Self::Uint8), ("uint16", Self::Uint16), ("uint32", Self::Uint32)];
+}
+
+impl BuildEntry {
+    pub(super) fn triangles(table: &Table<'_>, transform: Option<[[f32; 4]; 3]>) -> Option<Self> {
+        Self::parse(table, Kind::Triangles(transform))
+    }
+
+    pub(super) fn aabbs(table: &Table<'_>) -> Option<Self> {
+        let (data, stride) = (table.required("aabb_data"), table.optional("aabb_stride"));
+        let range = range(table);
+        Some(Self {
+            span: table.span(),
+            vertices: Buffer { data: data?, stride },
+            indices: None,
+            radii: None,
+            format: VertexFormat::R32G32B32Sfloat,
+            range,
+            kind: Kind::Aabbs,
+        })
+    }
+
+    pub(super) fn spheres(table: &Table<'_>) -> Option<Self> {
+        Self::parse(table, Kind::Spheres)
+    }
+
+    pub(super) fn linear_swept_spheres(table: &Table<'_>, mode: Indexing, caps: EndCaps) -> Option<Self> {
+        Self::parse(table, Kind::LinearSweptSpheres(mode, caps))
+    }
+
+    fn parse(table: &Table<'_>, kind: Kind) -> Option<Self> {
+        let vertices = table.required("vertex_data");
+        let stride = table.optional("vertex_stride");
+        let format = table.or("vertex_format", VertexFormat::R32G32B32Sfloat);
+        let index_data = table.optional::<Data>("index_data");
+        let index_stride = table.optional("index_stride");
+        let index_type = table.or("index_type", IndexType::Uint32);
+        let radii = match kind {
+            Kind::Spheres | Kind::LinearSweptSpheres(..) => {
+                let data = table.required("radius_data");
+                let stride = table.optional("radius_stride");
+                let format = table.or("radius_format", RadiusFormat::R32Sfloat);
+                // A missing one is reported; what else is wrong shows in the same run.
+                data.map(|data| Some((Buffer { data, stride }, format)))
+            }
+            Kind::Triangles(_) | Kind::Aabbs => Some(None),
+        };
+        let range = range(table);
+        Some(Self {
+            span: table.span(),
+            vertices: Buffer { data: vertices?, stride },
+            indices: index_data.map(|data| (Buffer { data, stride: index_stride }, index_type)),
+            radii: radii?,
+            format,
+            range,
+            kind,
+        })
+    }
+
+    /// Decodes the buffers.
+    ///
+    /// # Errors
+    /// What the data or the build report, at the geometry's table.
+    pub(super) fn load(&self, files: &dyn Files) -> Result<GeometryData> {
+        let at_table = |error: crate::error::Error| self.span.error(error.message());
+        let bytes = |buffer: &Buffer| buffer.data.encode(files, 1.0);
+        let vertices = bytes(&self.vertices)?;
+        let vertices = Strided { bytes: &vertices, stride: self.vertices.stride };
+        if let Kind::Aabbs = self.kind {
+            return aabbs(vertices, self.range).map_err(at_table);
+        }
+        let index_bytes = self.indices.as_ref().map(|(buffer, _)| bytes(buffer)).transpose()?;
+        let indices = self.indices.as_ref().zip(index_bytes.as_ref());
+        let indices = indices
+            .map(|((buffer, index_type), bytes)| (Strided { bytes, stride: buffer.stride }, *index_type));
+        let input = BuildInput { vertices, vertex_format: self.format, indices, range: self.range };
+        let radius_bytes = self.radii.as_ref().map(|(buffer, _)| bytes(buffer)).transpose()?;
+        let radii = self.radii.as_ref().zip(radius_bytes.as_ref());
+        let radii =
+            radii.map(|((buffer, format), bytes)| (Strided { bytes, stride: buffer.stride }, *format));
+        let decoded = match (self.kind, radii) {
+            (Kind::Triangles(transform), _) => input.triangles(transform),
+            (Kind::Spheres, Some((radii, format))) => input.spheres(radii, format),
+            (Kind::LinearSweptSpheres(mode, caps), Some((radii, format))) => {
+                input.linear_swept_spheres(radii, format, mode, caps)
+            }
+            (Kind::Aabbs | Kind::Spheres | Kind::LinearSweptSpheres(..), _) => {
+                unreachable!("bug in anyhit: spheres were parsed without radii")
+            }
+        };
+        decoded.map_err(at_table)
+    }
+}
+
+fn range(table: &Table<'_>) -> BuildRange {
+    BuildRange {
+        primitive_count: table.optional("primitive_count"),
+        primitive_offset: table.or("primitive_offset", 0),
+        first_vertex: table.or("first_vertex", 0),
+    }
+}
