@@ -127,10 +127,9 @@ where
     Row: Width<W>,
 {
     let resources = memory::copied(&assembled.resources);
-    let launch = Launch { pipeline: &assembled.pipeline, resources: &resources };
     let mut observed = Observed::default();
-    if assembled.pipeline.sbt.ray_generation.is_some() {
-        match launch.run::<W>(assembled.size, &|_| ()) {
+    if assembled.pipeline.sbt.ray_generation.is_some() || !assembled.dispatches.is_empty() {
+        match assembled.run::<W>(&resources, &|_| ()) {
             Ok(stats) => observed.stats = Some(stats),
             Err(trap) => observed.trap = Some(trap),
         }

@@ -197,6 +197,7 @@ impl Named for TrapName {
         ("not_triangle", Self(TrapCode::NotTriangle)),
         ("not_sphere", Self(TrapCode::NotSphere)),
         ("not_linear_swept_sphere", Self(TrapCode::NotLinearSweptSphere)),
+        ("barrier_divergence", Self(TrapCode::BarrierDivergence)),
     ];
 }
 
@@ -221,7 +222,7 @@ impl TrapExpectation {
         }
         if let Some(id) = &self.launch_id {
             let [x, y, z] = id.value;
-            let wanted = format!("launch id ({x}, {y}, {z})");
+            let wanted = format!(" id ({x}, {y}, {z})");
             if !trap.notes().iter().any(|note| note.ends_with(&wanted)) {
                 errors.push(differs(&id.span, format!("another invocation trapped: {trap}"), &self.because));
             }
@@ -428,13 +429,14 @@ type Total = fn(&Stats) -> u64;
 
 const TOTALS: [(&str, Total); 2] = [("rays", |stats| stats.rays), ("ray_queries", |stats| stats.ray_queries)];
 
-const STAGES: [(&str, Stage); 6] = [
+const STAGES: [(&str, Stage); 7] = [
     ("ray_generation", Stage::RayGeneration),
     ("intersection", Stage::Intersection),
     ("any_hit", Stage::AnyHit),
     ("closest_hit", Stage::ClosestHit),
     ("miss", Stage::Miss),
     ("callable", Stage::Callable),
+    ("compute", Stage::Compute),
 ];
 
 impl Parse for StatsExpectation {

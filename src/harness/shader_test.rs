@@ -284,6 +284,9 @@ impl ShaderTest {
             match interp::run(&mut batch, program, &bindings, &mut ()) {
                 Stop::Done => break,
                 Stop::Paused => {}
+                Stop::Barrier { .. } => {
+                    unreachable!("bug in anyhit: a barrier of a workgroup outside compute")
+                }
                 Stop::ReportIntersection { t, hit_kind, accepted, .. } => {
                     let report = self.report(&mut batch, t, hit_kind);
                     batch.registers[accepted].0[0] = u32::from(report.accepted);

@@ -25,8 +25,11 @@ where
                 return Stop::Paused;
             }
             let op = &program.ops[batch.op as usize];
-            if let Op::Stop(stop) = op {
-                let stop = stop.stop(batch);
+            if let Op::Stop(_) | Op::Barrier = op {
+                let stop = match op {
+                    Op::Stop(stop) => stop.stop(batch),
+                    _ => Stop::Barrier { mask: batch.mask },
+                };
                 batch.op += 1;
                 return stop;
             }

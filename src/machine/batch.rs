@@ -93,6 +93,11 @@ impl<const W: usize> Batch<W> {
         self.queries.clear();
     }
 
+    /// The lanes that have not ended.
+    pub fn live(&self) -> Mask<W> {
+        self.live
+    }
+
     /// The calls in progress, the outermost first.
     pub fn frames(&self) -> &[Frame<W>] {
         &self.frames

@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use crate::accel::{Candidate, HitKind, Tlas, TraceRay};
 use crate::machine::resource::Buffer;
+use crate::machine::workgroup::Workgroup;
 
 /// The state of one invocation that builtin variables show to its shader.
 #[derive(Clone, Debug, Default)]
 pub struct Invocation {
-    /// `LaunchIdKHR`
+    /// `LaunchIdKHR`; in compute `GlobalInvocationId`
     pub launch_id: [u32; 3],
-    /// `LaunchSizeKHR`
+    /// `LaunchSizeKHR`; in compute the invocations of the whole dispatch
     pub launch_size: [u32; 3],
     /// The trace that called this shader, where one did.
     pub trace: Option<TraceRay>,
@@ -24,6 +25,12 @@ pub struct Invocation {
     pub depth: u32,
     /// `SubgroupSize`; 0 stands for [`DEFAULT_SUBGROUP_SIZE`].
     pub subgroup_size: u32,
+    /// The workgroup, in compute.
+    pub workgroup: Option<Arc<Workgroup>>,
+    /// `LocalInvocationIndex`, in compute.
+    pub local_index: u32,
+    /// The place in the order that subgroups are cut from, in compute.
+    pub place: u32,
 }
 
 /// `SubgroupSize` unless set otherwise.
@@ -42,9 +49,20 @@ impl Invocation {
         (z * height + y) * width + x
     }
 
-    /// `SubgroupLocalInvocationId`: subgroups are runs of consecutive places in the launch.
+    /// The place in the order that subgroups are cut from: that of the launch, or in compute that
+    /// of the workgroup.
+    pub fn place(&self) -> u64 {
+        if self.workgroup.is_some() { self.place.into() } else { self.launch_index() }
+    }
+
+    /// `SubgroupLocalInvocationId`: subgroups are runs of consecutive places.
     pub fn subgroup_local_invocation_id(&self) -> u32 {
-        (self.launch_index() % u64::from(self.subgroup_size())) as u32
+        (self.place() % u64::from(self.subgroup_size())) as u32
+    }
+
+    /// `SubgroupId`
+    pub fn subgroup_id(&self) -> u64 {
+        self.place() / u64::from(self.subgroup_size())
     }
 }
 

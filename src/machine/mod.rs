@@ -19,6 +19,7 @@ pub mod resource;
 pub mod sampler;
 pub mod stop;
 pub mod trap;
+pub mod workgroup;
 
 pub use batch::{Batch, Frame};
 pub use device_memory::DeviceMemory;
@@ -30,3 +31,4 @@ pub use ray_query::RayQuery;
 pub use resource::{Binding, Bindings, Buffer, Descriptor, Resources};
 pub use stop::Stop;
 pub use trap::{Exit, Trap, TrapCode};
+pub use workgroup::Workgroup;

@@ -122,12 +122,12 @@ impl Buffer {
     }
 
     /// Reads, changes and writes 64 bits at a byte offset as one step towards all other calls of
-    /// this function, and gives what was read; `None` outside the buffer or where the offset is no
-    /// multiple of 8.
+    /// this function for the same place, and gives what was read; `None` outside the buffer or where
+    /// the offset is no multiple of 4.
     pub fn update_wide(&self, offset: u64, change: impl FnOnce(u64) -> Option<u64>) -> Option<u64> {
         // Words are atomics of 32 bits: a pair needs a lock, one of several by its place.
         static LOCKS: [Mutex<()>; 64] = [const { Mutex::new(()) }; 64];
-        let inside = offset.is_multiple_of(8) && offset.checked_add(8)? <= self.size;
+        let inside = offset.is_multiple_of(4) && offset.checked_add(8)? <= self.size;
         let index = inside.then_some((offset / 4) as usize)?;
         let place = (&raw const self.words[index]).addr() / 8;
         let guard = LOCKS[place % LOCKS.len()].lock().unwrap_or_else(PoisonError::into_inner);

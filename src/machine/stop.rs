@@ -41,6 +41,11 @@ pub enum Stop<const W: usize> {
         /// The row that takes the answer, a bool.
         accepted: Reg,
     },
+    /// `OpControlBarrier` of scope Workgroup
+    Barrier {
+        /// The lanes that have come to it.
+        mask: Mask<W>,
+    },
     /// The observer asked for a pause before the operation that runs next.
     Paused,
 }

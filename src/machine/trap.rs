@@ -64,6 +64,8 @@ pub enum TrapCode {
     /// `OpRayQueryGenerateIntersectionKHR` outside the ray's interval
     /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353).
     RayQueryOutsideInterval,
+    /// `OpControlBarrier` that some invocations of the workgroup do not come to.
+    BarrierDivergence,
     /// A shader that this one called trapped.
     Callee,
 }
@@ -133,6 +135,10 @@ impl TrapCode {
             Self::RayQueryOutsideInterval => {
                 "the generated hit lies before t_min or behind the committed hit \
                  (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353)"
+            }
+            Self::BarrierDivergence => {
+                "a barrier that not every invocation of the workgroup comes to \
+                 (SPIR-V, OpControlBarrier: only in uniform control flow)"
             }
             Self::Callee => "a called shader trapped",
         }

@@ -165,7 +165,9 @@ fn stride(decoder: &mut Decoder<'_>, base: Id) -> Result<u32> {
     let Type::Pointer { pointee: Some(pointee), stride, .. } = *decoder.module.ty(ty) else {
         return Err(decoder.invalid("a pointer is needed here"));
     };
-    match decoder.pointer(base)?.place {
+    let pointer = decoder.pointer(base)?;
+    match pointer.place {
+        Place::Buffer(_) if pointer.is_packed(decoder) => Ok(decoder.word_count(pointee)? * 4),
         Place::Buffer(_) => {
             stride.ok_or_else(|| decoder.invalid("the pointer's type has no ArrayStride decoration"))
         }

@@ -17,7 +17,7 @@ use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::image::access::TexelPlace;
-use crate::ops::memory::{Chunk, OUT_OF_BOUNDS, each_access, trap};
+use crate::ops::memory::{BufferRef, Chunk, OUT_OF_BOUNDS, each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Place, Pointer};
 
@@ -191,8 +191,13 @@ impl Op {
         let mut misaligned = Mask::NONE;
         let (to, value, comparator) = (self.to, self.value, self.comparator);
         let wide = self.width == 64;
+        // Workgroup memory without a layout of its own is an array of words, and one thread's.
+        let alignment = match chunk.buffer {
+            BufferRef::Workgroup => u64::from(self.width / 8).min(4),
+            _ => u64::from(self.width / 8),
+        };
         each_access(batch, bindings, chunk, |registers, lane, buffer, offset| {
-            if !offset.is_multiple_of(u64::from(self.width / 8)) {
+            if !offset.is_multiple_of(alignment) {
                 misaligned = misaligned | Mask::lane(lane);
                 return Some(());
             }

@@ -16,7 +16,7 @@ pub struct Builtin {
     pub number: u32,
     /// Its type.
     pub shape: Shape,
-    /// The stages that may read it, by letter: R I A C M K.
+    /// The stages that may read it, by letter: R I A C M K, and G for `GLCompute`.
     pub stages: &'static str,
     /// The rules on execution model, storage class and type.
     pub vuids: [&'static str; 3],
@@ -121,19 +121,35 @@ builtins! {
         |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.instance);
     PrimitiveId 7 Int "IAC" ["PrimitiveId-PrimitiveId-04330" "PrimitiveId-Input-04334" "PrimitiveId-PrimitiveId-04337"]
         |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.primitive);
-    SubgroupSize 36 Int "RIACMK" ["SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04383"]
+    NumWorkgroups 24 Int3 "G" ["NumWorkgroups-NumWorkgroups-04296" "NumWorkgroups-NumWorkgroups-04297" "NumWorkgroups-NumWorkgroups-04298"]
+        |from, to| if let Some(group) = &from.workgroup { to.copy_from_slice(&group.count) };
+    WorkgroupSize 25 Int3 "G" ["WorkgroupSize-WorkgroupSize-04425" "WorkgroupSize-WorkgroupSize-04426" "WorkgroupSize-WorkgroupSize-04427"]
+        |from, to| if let Some(group) = &from.workgroup { to.copy_from_slice(&group.size) };
+    WorkgroupId 26 Int3 "G" ["WorkgroupId-WorkgroupId-04422" "WorkgroupId-WorkgroupId-04423" "WorkgroupId-WorkgroupId-04424"]
+        |from, to| if let Some(group) = &from.workgroup { to.copy_from_slice(&group.id) };
+    LocalInvocationId 27 Int3 "G" ["LocalInvocationId-LocalInvocationId-04281" "LocalInvocationId-LocalInvocationId-04282" "LocalInvocationId-LocalInvocationId-04283"]
+        |from, to| if let Some(group) = &from.workgroup { to.copy_from_slice(&group.local_id(from.local_index)) };
+    GlobalInvocationId 28 Int3 "G" ["GlobalInvocationId-GlobalInvocationId-04236" "GlobalInvocationId-GlobalInvocationId-04237" "GlobalInvocationId-GlobalInvocationId-04238"]
+        |from, to| to.copy_from_slice(&from.launch_id);
+    LocalInvocationIndex 29 Int "G" ["LocalInvocationIndex-LocalInvocationIndex-04284" "LocalInvocationIndex-LocalInvocationIndex-04285" "LocalInvocationIndex-LocalInvocationIndex-04286"]
+        |from, to| to[0] = from.local_index;
+    SubgroupSize 36 Int "RIACMKG" ["SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04383"]
         |from, to| to[0] = from.subgroup_size();
-    SubgroupLocalInvocationId 41 Int "RIACMK" ["SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04381"]
+    NumSubgroups 38 Int "G" ["NumSubgroups-NumSubgroups-04293" "NumSubgroups-NumSubgroups-04294" "NumSubgroups-NumSubgroups-04295"]
+        |from, to| to[0] = from.workgroup.as_ref().map_or(0, |group| group.invocations().div_ceil(from.subgroup_size()));
+    SubgroupId 40 Int "G" ["SubgroupId-SubgroupId-04367" "SubgroupId-SubgroupId-04368" "SubgroupId-SubgroupId-04369"]
+        |from, to| to[0] = from.subgroup_id() as u32;
+    SubgroupLocalInvocationId 41 Int "RIACMKG" ["SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04381"]
         |from, to| to[0] = from.subgroup_local_invocation_id();
-    SubgroupEqMask 4416 Int4 "RIACMK" ["SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04371"]
+    SubgroupEqMask 4416 Int4 "RIACMKG" ["SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04371"]
         |from, to| places(from, to, |own, place| place == own);
-    SubgroupGeMask 4417 Int4 "RIACMK" ["SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04373"]
+    SubgroupGeMask 4417 Int4 "RIACMKG" ["SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04373"]
         |from, to| places(from, to, |own, place| place >= own);
-    SubgroupGtMask 4418 Int4 "RIACMK" ["SubgroupGtMask-SubgroupGtMask-04374" "SubgroupGtMask-SubgroupGtMask-04374" "SubgroupGtMask-SubgroupGtMask-04375"]
+    SubgroupGtMask 4418 Int4 "RIACMKG" ["SubgroupGtMask-SubgroupGtMask-04374" "SubgroupGtMask-SubgroupGtMask-04374" "SubgroupGtMask-SubgroupGtMask-04375"]
         |from, to| places(from, to, |own, place| place > own);
-    SubgroupLeMask 4419 Int4 "RIACMK" ["SubgroupLeMask-SubgroupLeMask-04376" "SubgroupLeMask-SubgroupLeMask-04376" "SubgroupLeMask-SubgroupLeMask-04377"]
+    SubgroupLeMask 4419 Int4 "RIACMKG" ["SubgroupLeMask-SubgroupLeMask-04376" "SubgroupLeMask-SubgroupLeMask-04376" "SubgroupLeMask-SubgroupLeMask-04377"]
         |from, to| places(from, to, |own, place| place <= own);
-    SubgroupLtMask 4420 Int4 "RIACMK" ["SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04379"]
+    SubgroupLtMask 4420 Int4 "RIACMKG" ["SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04379"]
         |from, to| places(from, to, |own, place| place < own);
     LaunchIdKHR 5319 Int3 "RIACMK" ["LaunchIdKHR-LaunchIdKHR-04266" "LaunchIdKHR-LaunchIdKHR-04267" "LaunchIdKHR-LaunchIdKHR-04268"]
         |from, to| to.copy_from_slice(&from.launch_id);
@@ -203,7 +219,8 @@ pub fn letter(stage: Stage) -> char {
         Stage::ClosestHit => 'C',
         Stage::Miss => 'M',
         Stage::Callable => 'K',
-        Stage::Compute | Stage::Other(_) => '-',
+        Stage::Compute => 'G',
+        Stage::Other(_) => '-',
     }
 }
 

@@ -98,6 +98,11 @@ pub struct Decoder<'m> {
     pub interface: Vec<InterfaceRows>,
     /// Rows that are reached through a computed row number.
     pub addressed: Vec<(Reg, u32)>,
+    /// Bytes of workgroup memory so far.
+    pub workgroup_size: u32,
+    /// Whether the variables in workgroup memory are blocks, which all begin at its first byte and
+    /// have a layout (`SPV_KHR_workgroup_memory_explicit_layout`).
+    pub workgroup_blocks: bool,
     /// Rows of variables, which begin as zeros.
     pub variables: Vec<(Reg, u32)>,
     /// The rows that count the instructions of the shader, where it reads its clock.
@@ -128,6 +133,8 @@ impl<'m> Decoder<'m> {
             inputs: Vec::new(),
             interface: Vec::new(),
             addressed: Vec::new(),
+            workgroup_size: 0,
+            workgroup_blocks: false,
             variables: Vec::new(),
             clock: None,
             ticks: 0,
@@ -330,6 +337,33 @@ impl<'m> Decoder<'m> {
             self.emit(Op::Memory(memory::Op::Move { to: to.plus(at as u32), from }));
         }
         Ok(to)
+    }
+
+    /// Gives a variable of the Workgroup storage class its place, a byte offset.
+    ///
+    /// # Errors
+    /// `InvalidModule` where variables with and without a layout of their own are mixed,
+    /// `UnsupportedModule` for more memory than a workgroup gets.
+    pub fn allocate_workgroup(&mut self, ty: TypeId) -> Result<u32> {
+        /// More than `maxComputeSharedMemorySize` of any device.
+        const MOST: u64 = 1 << 24;
+        let block = matches!(self.module.ty(ty), Type::Struct { block: true, .. });
+        if block != self.workgroup_blocks && (self.workgroup_size > 0 || !block) {
+            let message = "variables in workgroup memory are either all blocks or none of them is";
+            return Err(self.invalid(message).note("SPV_KHR_workgroup_memory_explicit_layout"));
+        }
+        self.workgroup_blocks = block;
+        let size = match block {
+            true => self.module.size_of(ty).ok_or_else(|| self.invalid("a block without a size"))?,
+            false => u64::from(self.word_count(ty)?) * 4,
+        };
+        let start = if block { 0 } else { self.workgroup_size.next_multiple_of(8) };
+        let end = size + u64::from(start);
+        if end > MOST {
+            return Err(self.unsupported(format!("{end} bytes of workgroup memory")));
+        }
+        self.workgroup_size = self.workgroup_size.max(end as u32);
+        Ok(start)
     }
 
     /// Remembers, until the block ends, that a variable's row has the value of another row.

@@ -38,7 +38,6 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::All,
     Opcode::ExpectKHR,
     Opcode::AssumeTrueKHR,
-    Opcode::MemoryBarrier,
     Opcode::ReadClockKHR,
     Opcode::ExtInst,
 ];
@@ -130,8 +129,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let words = decoder.operand(instruction, 0)?;
             decoder.result(instruction, words);
         }
-        // Every access is seen by all that follow it already.
-        Opcode::AssumeTrueKHR | Opcode::MemoryBarrier => {}
+        Opcode::AssumeTrueKHR => {}
         Opcode::ReadClockKHR => {
             let words = decoder.read_clock()?;
             decoder.result(instruction, words);

@@ -159,6 +159,10 @@ fn scatter(decoder: &mut Decoder<'_>, first: Reg, row: Reg, words: &[Reg]) -> Re
 
 /// The scalars of what a pointer leads to in a buffer: byte offset and width; a 64-bit one is two.
 fn scalars(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Vec<(u32, u32)>> {
+    if pointer.is_packed(decoder) {
+        let words = decoder.word_count(pointer.pointee)?;
+        return Ok((0..words).map(|word| (pointer.offset + word * 4, 32)).collect());
+    }
     let mut scalars = Vec::new();
     let layout = (pointer.matrix, pointer.component_stride);
     collect(decoder, pointer.pointee, pointer.offset, layout, &mut scalars)?;

@@ -27,6 +27,8 @@ pub enum BufferRef {
     PushConstants,
     /// The data of each lane's shader record.
     ShaderRecord,
+    /// The memory of each lane's workgroup.
+    Workgroup,
     /// Whatever lies at the device address in this row and the next.
     Address(Reg),
 }
@@ -35,6 +37,8 @@ pub enum BufferRef {
 pub const PUSH_CONSTANTS_HANDLE: u32 = u32::MAX - 1;
 /// The handle that stands for [`BufferRef::ShaderRecord`] in a [`BufferRef::Computed`].
 pub const SHADER_RECORD_HANDLE: u32 = u32::MAX - 2;
+/// The handle that stands for [`BufferRef::Workgroup`] in a [`BufferRef::Computed`].
+pub const WORKGROUP_HANDLE: u32 = u32::MAX - 3;
 
 /// A stretch of a buffer: scalars of `width` bits (8, 16 or 32) side by side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -280,13 +284,16 @@ fn find<'a, const W: usize>(
         Some(record) => Ok((&*record.data, record.offset, record.size)),
         None => Err(TrapCode::ShaderRecordMissing),
     };
+    let workgroup = || whole(invocation.workgroup.as_ref().map(|group| &*group.memory));
     match buffer {
         BufferRef::Handle(handle) => whole(bindings.buffer(handle)),
         BufferRef::PushConstants => whole(bindings.push_constants.as_deref()),
         BufferRef::ShaderRecord => record(),
+        BufferRef::Workgroup => workgroup(),
         BufferRef::Computed(reg) => match registers[reg].0[lane] {
             PUSH_CONSTANTS_HANDLE => whole(bindings.push_constants.as_deref()),
             SHADER_RECORD_HANDLE => record(),
+            WORKGROUP_HANDLE => workgroup(),
             handle => whole(bindings.buffer(handle)),
         },
         BufferRef::Address(reg) => {

@@ -7,6 +7,7 @@
 pub mod address;
 pub mod arithmetic;
 pub mod atomic;
+pub mod barrier;
 pub mod bit;
 pub mod builtin;
 pub mod composite;
@@ -81,6 +82,7 @@ pub fn decode_instruction(
         || dot_product::decode(decoder, opcode, instruction)?
         || subgroup::decode(decoder, opcode, instruction)?
         || atomic::decode(decoder, opcode, instruction)?
+        || barrier::decode(decoder, opcode, instruction)?
         || linear_algebra::decode(decoder, opcode, instruction)?
         || irregular::decode(decoder, opcode, instruction)?
         || ray_tracing::decode(decoder, opcode, instruction)?

@@ -28,6 +28,8 @@ pub enum Op {
     Image(image::Op),
     /// Ray query instructions.
     RayQuery(ray_query::Op),
+    /// `OpControlBarrier` of scope Workgroup, which hands the batch to the pipeline.
+    Barrier,
     /// Instructions that hand the batch to the pipeline.
     Stop(ray_tracing::Op),
 }
@@ -59,12 +61,13 @@ impl Op {
             Self::Print(op) => op.accesses(&mut visit),
             Self::Image(op) => op.accesses(&mut visit),
             Self::RayQuery(op) => op.accesses(&mut visit),
+            Self::Barrier => visit(Access::Effect),
             Self::Stop(op) => op.accesses(&mut visit),
         }
     }
 
-    /// Runs the operation for the running lanes of a batch; a [`Op::Stop`] is the interpreter's own
-    /// business.
+    /// Runs the operation for the running lanes of a batch; an [`Op::Stop`] or [`Op::Barrier`] is the
+    /// interpreter's own business.
     #[inline(always)]
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings)
     where
@@ -78,7 +81,7 @@ impl Op {
             Self::Print(op) => op.eval(batch, bindings),
             Self::Image(op) => op.eval(batch, bindings),
             Self::RayQuery(op) => op.eval(batch, bindings),
-            Self::Stop(_) => unreachable!("bug in anyhit: a stop is not evaluated"),
+            Self::Barrier | Self::Stop(_) => unreachable!("bug in anyhit: a stop is not evaluated"),
         }
     }
 }

@@ -84,6 +84,15 @@ pub struct Pointer {
     pub component_stride: Option<u32>,
 }
 
+impl Pointer {
+    /// Whether it leads into memory without a layout of its own, where each scalar takes as many
+    /// words as in rows: workgroup memory, unless its variables are blocks
+    /// (`WorkgroupMemoryExplicitLayoutKHR`).
+    pub fn is_packed(&self, decoder: &Decoder<'_>) -> bool {
+        self.storage_class == storage::WORKGROUP && !decoder.workgroup_blocks
+    }
+}
+
 /// Opcodes decoded here.
 pub const OPCODES: &[rspirv::spirv::Op] = &[
     rspirv::spirv::Op::Load,
@@ -99,6 +108,7 @@ pub const STORAGE_CLASSES: &[u32] = &[
     storage::UNIFORM_CONSTANT,
     storage::INPUT,
     storage::UNIFORM,
+    storage::WORKGROUP,
     storage::PRIVATE,
     storage::FUNCTION,
     storage::PUSH_CONSTANT,
@@ -117,6 +127,7 @@ pub fn pointer_word_count(storage_class: u32) -> u32 {
     match storage_class {
         storage::UNIFORM
         | storage::STORAGE_BUFFER
+        | storage::WORKGROUP
         | storage::PUSH_CONSTANT
         | storage::SHADER_RECORD_BUFFER => 2,
         storage::PHYSICAL_STORAGE_BUFFER => 2,
@@ -174,6 +185,10 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
             decoder.variables.push((first, count));
             Ok(pointer(Place::Rows { first, count, constant: false }))
         }
+        storage::WORKGROUP => {
+            let offset = decoder.allocate_workgroup(pointee)?;
+            Ok(Pointer { offset, ..pointer(Place::Buffer(BufferRef::Workgroup)) })
+        }
         storage::PUSH_CONSTANT => Ok(pointer(Place::Buffer(BufferRef::PushConstants))),
         storage::SHADER_RECORD_BUFFER => Ok(pointer(Place::Buffer(BufferRef::ShaderRecord))),
         storage::UNIFORM_CONSTANT | storage::UNIFORM | storage::STORAGE_BUFFER => {
@@ -219,7 +234,8 @@ pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Wor
         }
         Place::Buffer(buffer) => {
             // A pointer's type says nothing of how a matrix lies.
-            if ends_in_matrix(decoder, pointer.pointee) || pointer.component_stride.is_some() {
+            let laid_out = !pointer.is_packed(decoder);
+            if laid_out && (ends_in_matrix(decoder, pointer.pointee) || pointer.component_stride.is_some()) {
                 return Err(decoder.unsupported("a pointer into a matrix as a value"));
             }
             let handle = match buffer {
@@ -227,6 +243,7 @@ pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Wor
                 BufferRef::Computed(reg) => reg,
                 BufferRef::PushConstants => decoder.constant(memory::PUSH_CONSTANTS_HANDLE)?,
                 BufferRef::ShaderRecord => decoder.constant(memory::SHADER_RECORD_HANDLE)?,
+                BufferRef::Workgroup => decoder.constant(memory::WORKGROUP_HANDLE)?,
                 BufferRef::Address(base) => {
                     let first = address::address(decoder, pointer, base)?;
                     return Ok(SmallVec::from_slice(&[first, first.plus(1)]));
@@ -263,6 +280,7 @@ pub fn pointer_from_words(decoder: &mut Decoder<'_>, ty: TypeId, words: &[Reg]) 
         (
             storage::UNIFORM
             | storage::STORAGE_BUFFER
+            | storage::WORKGROUP
             | storage::PUSH_CONSTANT
             | storage::SHADER_RECORD_BUFFER,
             &[handle, offset],
@@ -340,7 +358,8 @@ pub fn follow(decoder: &mut Decoder<'_>, mut pointer: Pointer, indices: &[u32]) 
 }
 
 fn step(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: crate::module::Id) -> Result<Pointer> {
-    let in_buffer = matches!(pointer.place, Place::Buffer(_));
+    let packed = pointer.is_packed(decoder);
+    let in_buffer = matches!(pointer.place, Place::Buffer(_)) && !packed;
     let pointee = decoder.module.ty(pointer.pointee).clone();
     match pointee {
         Type::Struct { members, .. } => {
@@ -355,8 +374,9 @@ fn step(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: crate::module::I
                 pointer.offset = pointer.offset.saturating_add(offset);
                 pointer.matrix = member.matrix;
             } else {
+                let unit = if packed { 4 } else { 1 };
                 for member in &members[..at] {
-                    pointer.offset += decoder.word_count(member.ty)?;
+                    pointer.offset += decoder.word_count(member.ty)? * unit;
                 }
             }
             pointer.pointee = member.ty;
@@ -405,6 +425,7 @@ fn element_step(
     length: Length,
 ) -> Result<Pointer> {
     let stride = match pointer.place {
+        Place::Buffer(_) if pointer.is_packed(decoder) => decoder.word_count(element)? * 4,
         Place::Buffer(_) => {
             stride.ok_or_else(|| decoder.invalid("a buffer's array has no ArrayStride decoration"))?
         }

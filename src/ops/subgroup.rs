@@ -185,13 +185,13 @@ impl Op {
     /// Runs the operation for the running lanes.
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>) {
         let size = batch.invocations.first().map_or(32, |invocation| invocation.subgroup_size()).max(1);
-        let mut groups: SmallVec<[((u64, u64), Members); 4]> = SmallVec::new();
+        let mut groups: SmallVec<[([u64; 3], Members); 4]> = SmallVec::new();
         for lane in batch.mask.lanes() {
             let invocation = &batch.invocations[lane];
-            let index = invocation.launch_index();
             let record = invocation.record.as_ref().map_or(u64::MAX, |record| record.offset);
-            let key = (index / u64::from(size), record);
-            let member = (lane, (index % u64::from(size)) as u32);
+            let workgroup = invocation.workgroup.as_ref().map_or(0, |group| group.index());
+            let key = [workgroup, invocation.subgroup_id(), record];
+            let member = (lane, invocation.subgroup_local_invocation_id());
             match groups.iter_mut().find(|(found, _)| *found == key) {
                 Some((_, members)) => members.push(member),
                 None => groups.push((key, SmallVec::from_slice(&[member]))),

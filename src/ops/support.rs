@@ -16,8 +16,8 @@ use crate::module::names::{builtin_name, ext_inst_name, opcode_name, storage_cla
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::row::{Set, family};
 use crate::ops::{
-    address, atomic, builtin, composite, dot_product, image, irregular, linear_algebra, pointer, ray_query,
-    ray_tracing, subgroup,
+    address, atomic, barrier, builtin, composite, dot_product, image, irregular, linear_algebra, pointer,
+    ray_query, ray_tracing, subgroup,
 };
 
 /// Whether something of SPIR-V runs.
@@ -200,6 +200,7 @@ fn section_of(op: Opcode) -> Option<&'static str> {
         ("memory", pointer::OPCODES),
         ("pointers and device addresses", address::OPCODES),
         ("atomics and barriers", atomic::OPCODES),
+        ("atomics and barriers", barrier::OPCODES),
         ("subgroups", subgroup::OPCODES),
         ("arithmetic", dot_product::OPCODES),
         ("linear algebra", linear_algebra::OPCODES),

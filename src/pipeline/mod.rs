@@ -6,6 +6,7 @@
 //! data structure, and nothing recurses natively.
 
 mod alone;
+pub mod compute;
 pub mod group;
 pub mod launch;
 mod report;
@@ -13,6 +14,7 @@ pub mod sbt;
 pub mod stack;
 mod trace;
 pub mod witness;
+mod workgroup;
 
 use std::sync::Arc;
 
@@ -21,6 +23,7 @@ use crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
 use crate::module::interface::Stage;
 use crate::program::Program;
 
+pub use compute::Compute;
 pub use group::{Group, HitGroup, Shader};
 pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Stats};
 pub use sbt::{Record, Sbt};
@@ -204,14 +207,7 @@ impl Builder {
     pub fn build(&self) -> Result<Pipeline> {
         self.sbt.check(&self.programs, &self.groups)?;
         let size = self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE);
-        if !size.is_power_of_two() || size > 128 {
-            let message = format!("a subgroup of {size} invocations: it has 1, 2, 4, ... or 128");
-            return Err(Error::new(ErrorKind::InvalidArgument, message));
-        }
-        if let Some(program) = self.programs.iter().find(|program| program.uses_subgroups && size > 32) {
-            let message = format!("`{}`: subgroup instructions in subgroups of more than 32", program.name);
-            return Err(Error::new(ErrorKind::UnsupportedModule, message));
-        }
+        check_subgroup_size(size, &self.programs)?;
         Ok(Pipeline {
             programs: self.programs.clone(),
             groups: self.groups.clone(),
@@ -221,4 +217,17 @@ impl Builder {
             subgroup_size: self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE),
         })
     }
+}
+
+/// Checks `SubgroupSize` for the programs that are to run with it.
+fn check_subgroup_size(size: u32, programs: &[Arc<Program>]) -> Result<()> {
+    if !size.is_power_of_two() || size > 128 {
+        let message = format!("a subgroup of {size} invocations: it has 1, 2, 4, ... or 128");
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
+    if let Some(program) = programs.iter().find(|program| program.uses_subgroups && size > 32) {
+        let message = format!("`{}`: subgroup instructions in subgroups of more than 32", program.name);
+        return Err(Error::new(ErrorKind::UnsupportedModule, message));
+    }
+    Ok(())
 }

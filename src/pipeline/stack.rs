@@ -205,6 +205,9 @@ where
                             self.begin_report((mask, t, hit_kind, accepted));
                         }
                         Stop::Paused => {}
+                        Stop::Barrier { .. } => {
+                            unreachable!("bug in anyhit: a barrier of a workgroup outside compute")
+                        }
                     }
                 }
                 Level::Trace { trace, .. } => match trace.advance(self.pipeline, self.witness) {
@@ -590,13 +593,13 @@ fn words(place: &Place) -> String {
     }
 }
 
-fn source_line(program: &Program, op: u32) -> String {
+pub(super) fn source_line(program: &Program, op: u32) -> String {
     program.place(op).map_or_else(String::new, |place| format!(" at {}", words(&place)))
 }
 
 impl Stats {
     /// Counts a batch of a stage.
-    fn count(&mut self, stage: Stage, lanes: u32) {
+    pub(super) fn count(&mut self, stage: Stage, lanes: u32) {
         let entry = self.shaders.entry(stage).or_default();
         entry.batches += 1;
         entry.invocations += u64::from(lanes);

@@ -350,7 +350,7 @@ impl RayState {
             hit: None,
             record,
             depth: self.query.depth,
-            subgroup_size: 0,
+            ..Invocation::default()
         }
     }
 }

@@ -18,11 +18,12 @@ use crate::ops::decode_number;
 use crate::ops::load_store;
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::pointer::{Place as PointerPlace, Pointer};
+use crate::ops::pointer::{Place as PointerPlace, Pointer, storage};
 use crate::ops::ray_query;
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::prune::prune;
+use crate::program::workgroup::WorkgroupLayout;
 use crate::program::{Block, Program, Scope, Terminator};
 
 /// Functions of at most this many instructions, callees included, are inlined at every call.
@@ -55,9 +56,12 @@ pub fn lower(module: &Arc<Module>, entry: &EntryPoint) -> Result<Program> {
 /// # Errors
 /// As [`lower`].
 pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) -> Result<Program> {
-    if let Stage::Other(_) | Stage::Compute = entry.stage {
-        let message =
-            format!("entry point `{}`: {} is not a ray-tracing stage", entry.name, entry.stage.name());
+    if let Stage::Other(_) = entry.stage {
+        let message = format!(
+            "entry point `{}`: {} is neither a ray-tracing stage nor compute",
+            entry.name,
+            entry.stage.name()
+        );
         return Err(Error::new(ErrorKind::UnsupportedModule, message).at(Place::Word(entry.offset as usize)));
     }
     check_float_controls(entry)?;
@@ -86,7 +90,14 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
     while let Some(function) = lowering.queue.pop_front() {
         lowering.stand_alone(function)?;
     }
-    Ok(lowering.finish(module, entry))
+    let workgroup = match entry.stage {
+        Stage::Compute => {
+            refuse_pipeline(&lowering)?;
+            Some(WorkgroupLayout::of(&mut lowering.decoder, entry)?)
+        }
+        _ => None,
+    };
+    Ok(lowering.finish(module, entry, workgroup))
 }
 
 /// Refuses the float controls that would change results: denormals are kept here, and results are
@@ -106,6 +117,22 @@ fn check_float_controls(entry: &EntryPoint) -> Result<()> {
         return Err(Error::new(ErrorKind::UnsupportedModule, message).at(Place::Word(entry.offset as usize)));
     }
     Ok(())
+}
+
+/// Refuses what only a ray-tracing pipeline can serve.
+fn refuse_pipeline(lowering: &Lowering<'_>) -> Result<()> {
+    let decoder = &lowering.decoder;
+    let stop = decoder.ops.iter().position(|op| matches!(op, Op::Stop(_)));
+    let exits = lowering
+        .blocks
+        .iter()
+        .any(|block| matches!(block.terminator, Terminator::Exit(Exit::Ignored | Exit::Terminated)));
+    if stop.is_none() && !exits {
+        return Ok(());
+    }
+    let error = decoder.invalid("an instruction of ray-tracing pipelines in GLCompute");
+    let place = stop.map(|at| Place::Word(decoder.origins[at].offset as usize));
+    Err(place.map_or(error.clone(), |place| error.at(place)).note("SPV_KHR_ray_tracing, execution models"))
 }
 
 /// What a function's return does.
@@ -174,6 +201,14 @@ impl<'m> Lowering<'m> {
             };
             let pointer = self.decoder.pointer(variable.id)?;
             let words = self.decoder.words(initializer)?;
+            if pointer.storage_class == storage::WORKGROUP {
+                // Workgroup memory begins as zeros.
+                if words.iter().all(|&word| self.decoder.constant_word(word) == Some(0)) {
+                    continue;
+                }
+                let message = "a variable in workgroup memory is initialised with another value than null";
+                return Err(self.decoder.invalid(message).note("VUID-StandaloneSpirv-OpVariable-04734"));
+            }
             load_store::store(&mut self.decoder, &pointer, &words)?;
         }
         Ok(())
@@ -563,7 +598,7 @@ impl<'m> Lowering<'m> {
         Ok(())
     }
 
-    fn finish(self, module: &Arc<Module>, entry: &EntryPoint) -> Program {
+    fn finish(self, module: &Arc<Module>, entry: &EntryPoint, workgroup: Option<WorkgroupLayout>) -> Program {
         let place = |label: &mut u32| *label = self.placed[label];
         let mut blocks = self.blocks;
         for block in &mut blocks {
@@ -603,6 +638,7 @@ impl<'m> Lowering<'m> {
             variables: self.decoder.variables,
             order_dependent: false,
             uses_subgroups: false,
+            workgroup,
         };
         prune(&mut program, &self.decoder.addressed);
         program

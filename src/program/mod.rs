@@ -7,6 +7,7 @@ mod obstacles;
 pub mod print;
 pub mod prune;
 pub mod source_map;
+pub mod workgroup;
 
 use std::sync::Arc;
 
@@ -22,6 +23,7 @@ use crate::ops::{atomic, memory};
 
 pub use lower::{Inlining, lower, lower_with};
 pub use obstacles::obstacles;
+pub use workgroup::WorkgroupLayout;
 
 /// Where a block goes when its operations are done.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,6 +121,8 @@ pub struct Program {
     pub order_dependent: bool,
     /// Whether it needs the other invocations of its subgroup beside it.
     pub uses_subgroups: bool,
+    /// The workgroups of a compute entry point.
+    pub workgroup: Option<WorkgroupLayout>,
 }
 
 impl Program {
@@ -208,6 +212,7 @@ impl Program {
             BufferRef::Address(_) => format!("{bytes} bytes at address {asked:#x}"),
             BufferRef::PushConstants => format!("{stretch}the push constants"),
             BufferRef::ShaderRecord => format!("{stretch}the shader record"),
+            BufferRef::Workgroup => format!("{stretch}the workgroup's memory"),
             BufferRef::Computed(_) => format!("{stretch}a buffer chosen while running"),
             BufferRef::Handle(handle) => {
                 let slot = self.slots.get((handle >> ELEMENT_BITS) as usize)?;

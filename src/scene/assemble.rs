@@ -10,10 +10,11 @@ use crate::machine::image as machine;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::interface::Stage;
 use crate::module::{self, Module};
-use crate::pipeline::{self, Launch, Pipeline, Record, Sbt};
+use crate::ops::row::{Row, Width};
+use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
 use crate::program::{Program, lower};
 use crate::scene::image_entry::Image;
-use crate::scene::resolved::{Group, ResolvedScene, Shader, ShaderCode, ShaderModule, ShaderRecord};
+use crate::scene::resolved::{self, Group, ResolvedScene, Shader, ShaderCode, ShaderModule, ShaderRecord};
 use crate::scene::resources::Resource;
 
 /// A scene that can be launched.
@@ -25,12 +26,58 @@ pub struct Assembled {
     pub resources: Resources,
     /// Width, height and depth of the launch.
     pub size: [u32; 3],
+    /// Dispatches of compute shaders, in order.
+    pub dispatches: Vec<Dispatch>,
+}
+
+/// A dispatch of a compute shader.
+#[derive(Clone, Debug)]
+pub struct Dispatch {
+    /// The shader.
+    pub compute: Compute,
+    /// Workgroups.
+    pub groups: [u32; 3],
+    /// Push constants of its own.
+    pub push_constants: Option<Arc<Buffer>>,
 }
 
 impl Assembled {
     /// The launch.
     pub fn launch(&self) -> Launch<'_> {
         Launch { pipeline: &self.pipeline, resources: &self.resources }
+    }
+
+    /// How many invocations [`Assembled::run`] runs, shaders that they call not counted.
+    pub fn invocations(&self) -> u64 {
+        let count = |sides: [u32; 3]| sides.iter().map(|&side| u64::from(side)).product::<u64>();
+        let launch = if self.pipeline.sbt.ray_generation.is_some() { count(self.size) } else { 0 };
+        let dispatch = |one: &Dispatch| count(one.groups) * count(one.compute.workgroup_size());
+        launch + self.dispatches.iter().map(dispatch).sum::<u64>()
+    }
+
+    /// Runs the scene on these resources, W lanes at a time: the ray generation shader, where there
+    /// is one, then each dispatch; `done` is told how many more invocations have ended.
+    ///
+    /// # Errors
+    /// The first trap, as [`Launch::run`] and [`Compute::run`] report it.
+    pub fn run<const W: usize>(&self, resources: &Resources, done: &(impl Fn(u64) + Sync)) -> Result<Stats>
+    where
+        Row: Width<W>,
+    {
+        let mut stats = Stats::default();
+        if self.pipeline.sbt.ray_generation.is_some() {
+            let launch = Launch { pipeline: &self.pipeline, resources };
+            stats = launch.run::<W>(self.size, done)?;
+        }
+        for dispatch in &self.dispatches {
+            let own = dispatch
+                .push_constants
+                .clone()
+                .map(|constants| Resources { push_constants: Some(constants), ..resources.clone() });
+            let resources = own.as_ref().unwrap_or(resources);
+            stats = stats.plus(&dispatch.compute.run::<W>(resources, dispatch.groups, done)?);
+        }
+        Ok(stats)
     }
 }
 
@@ -40,12 +87,14 @@ impl Assembled {
 /// Every mistake in shaders, groups and images, each at its place in the scene, as one error.
 pub fn assemble(scene: &ResolvedScene) -> Result<Assembled> {
     let mut errors = Vec::new();
-    let pipeline = pipeline(scene, &mut errors);
+    let mut shaders = Shaders { scene, modules: HashMap::new(), programs: Vec::new() };
+    let pipeline = pipeline(&mut shaders, &mut errors);
+    let dispatches = dispatches(&mut shaders, &mut errors);
     let resources = resources(scene, &mut errors);
     if !errors.is_empty() {
         return Err(Error::several(errors));
     }
-    Ok(Assembled { pipeline: pipeline?, resources, size: scene.launch })
+    Ok(Assembled { pipeline: pipeline?, resources, size: scene.launch, dispatches })
 }
 
 /// Shaders of a scene, each module read and each entry point lowered once.
@@ -123,8 +172,35 @@ fn read(shader: &ShaderModule) -> Result<Module> {
     }
 }
 
-fn pipeline(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Result<Pipeline> {
-    let mut shaders = Shaders { scene, modules: HashMap::new(), programs: Vec::new() };
+/// The compute shaders of a scene, each ready to be dispatched.
+fn dispatches(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Vec<Dispatch> {
+    let scene = shaders.scene;
+    let mut dispatches = Vec::new();
+    for one in &scene.dispatches {
+        match dispatch(shaders, one) {
+            Ok(one) => dispatches.push(one),
+            Err(error) => errors.push(error),
+        }
+    }
+    dispatches
+}
+
+fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::Dispatch) -> Result<Dispatch> {
+    let at = |error: Error| error.at(one.shader.place.clone());
+    let program = shaders.program(&one.shader, Stage::Compute)?;
+    let mut compute = Compute::new(program).map_err(at)?;
+    if let Some(operations) = shaders.scene.budget {
+        compute = compute.budget(operations);
+    }
+    if let Some(size) = shaders.scene.subgroup_size {
+        compute = compute.subgroup_size(size).map_err(at)?;
+    }
+    let push_constants = one.push_constants.as_deref().map(Buffer::new);
+    Ok(Dispatch { compute, groups: one.groups, push_constants })
+}
+
+fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeline> {
+    let scene = shaders.scene;
     let mut builder = Pipeline::builder();
     let mut groups = Vec::new();
     for group in &scene.groups {
@@ -166,6 +242,9 @@ fn pipeline(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Result<Pipeline> 
     }
     if let Some(operations) = scene.budget {
         builder.budget(operations);
+    }
+    if let Some(size) = scene.subgroup_size {
+        builder.subgroup_size(size);
     }
     builder.build()
 }

@@ -37,6 +37,8 @@ pub struct SceneFile {
     pub resources: Vec<Entry<ResourceEntry>>,
     /// `push_constants`
     pub push_constants: Option<Data>,
+    /// `[[dispatch]]`
+    pub dispatches: Vec<DispatchEntry>,
     /// `launch`
     pub launch: Option<At<[u32; 3]>>,
     /// `[[ray]]`
@@ -77,6 +79,7 @@ impl SceneFile {
             samplers: entries(&root, "samplers"),
             resources: entries(&root, "resources"),
             push_constants: root.optional("push_constants"),
+            dispatches: root.or("dispatch", Vec::new()),
             launch: launch(&root),
             rays: root.or("ray", Vec::new()),
             variants: root.or("variant", Vec::new()),
@@ -118,18 +121,46 @@ fn entries<T: Parse>(root: &Table<'_>, key: &'static str) -> Vec<Entry<T>> {
 
 fn launch(root: &Table<'_>) -> Option<At<[u32; 3]>> {
     let value = root.value("launch")?;
-    let At { value: OneOrMore(given), span } = At::<OneOrMore<u32>>::parse(value)?;
-    if given.is_empty() || given.len() > 3 {
-        return value.wrong("`launch` is one to three sizes: `[width, height, depth]`");
-    }
-    let mut size = [1; 3];
-    size[..given.len()].copy_from_slice(&given);
+    let At { value: size, span } = sides(value)?;
     // maxRayDispatchInvocationCount is at least 2^30, and no device offers more.
     let count = size.iter().fold(1_u128, |count, side| count * u128::from(*side));
     if count == 0 || count > 1 << 30 {
         return value.wrong(format!("{count} invocations: a launch has 1 to 2^30"));
     }
     Some(At { value: size, span })
+}
+
+/// One to three sizes; missing ones are 1.
+fn sides(value: Value<'_>) -> Option<At<[u32; 3]>> {
+    let At { value: OneOrMore(given), span } = At::<OneOrMore<u32>>::parse(value)?;
+    if given.is_empty() || given.len() > 3 {
+        return value.wrong("one to three sizes are needed: `[width, height, depth]`");
+    }
+    let mut size = [1; 3];
+    size[..given.len()].copy_from_slice(&given);
+    Some(At { value: size, span })
+}
+
+/// A dispatch of a compute shader.
+#[derive(Clone, Debug)]
+pub struct DispatchEntry {
+    /// The shader.
+    pub shader: At<String>,
+    /// Workgroups.
+    pub groups: [u32; 3],
+    /// Push constants of its own, in place of the scene's.
+    pub push_constants: Option<Data>,
+}
+
+impl Parse for DispatchEntry {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let shader = table.required("shader");
+        let groups = table.value("groups").map_or(Some([1; 3]), |value| Some(sides(value)?.value));
+        let push_constants = table.optional("push_constants");
+        table.finish();
+        Some(Self { shader: shader?, groups: groups?, push_constants })
+    }
 }
 
 /// A file with shaders.

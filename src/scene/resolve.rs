@@ -8,12 +8,14 @@ use crate::accel::{Blas, Geometry, Instance, Tlas};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::machine::sampler::Sampler;
 use crate::scene::data::{Data, read};
-use crate::scene::file::{Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry};
+use crate::scene::file::{
+    DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
+};
 use crate::scene::files::Files;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::read::{At, Document, Report, Span, nearest};
 use crate::scene::resolved::{
-    Binding, Group, HitGroup, ResolvedScene, Shader, ShaderBindingTable, ShaderCode, ShaderModule,
+    Binding, Dispatch, Group, HitGroup, ResolvedScene, Shader, ShaderBindingTable, ShaderCode, ShaderModule,
     ShaderRecord,
 };
 use crate::scene::resources::{Content, Kind, Resource, ResourceEntry};
@@ -113,6 +115,7 @@ struct Resolver<'a> {
     resource_entries: Vec<Entry<ResourceEntry>>,
     pipeline: Option<PipelineEntry>,
     push_constants: Option<Data>,
+    dispatches: Vec<DispatchEntry>,
     launch: [u32; 3],
     rays: Vec<RayEntry>,
     own: Document,
@@ -134,6 +137,7 @@ impl<'a> Resolver<'a> {
             resource_entries: Vec::new(),
             pipeline: None,
             push_constants: None,
+            dispatches: Vec::new(),
             launch: [1; 3],
             rays: Vec::new(),
             own,
@@ -152,6 +156,9 @@ impl<'a> Resolver<'a> {
             all.pipeline = part.pipeline.or(all.pipeline);
             all.push_constants = part.push_constants.or(all.push_constants);
             all.launch = part.launch.map_or(all.launch, |launch| launch.value);
+            if !part.dispatches.is_empty() {
+                all.dispatches = part.dispatches;
+            }
             if !part.rays.is_empty() {
                 all.rays = part.rays;
             }
@@ -181,6 +188,7 @@ impl<'a> Resolver<'a> {
         }
         let tlas = self.structures();
         let sbt = self.binding_table();
+        let dispatches = self.dispatches();
         let resources = self.bindings(&tlas);
         let push_constants = self.bytes(self.push_constants.as_ref());
         // `--size` may make the launch smaller than the scene's own rays think.
@@ -196,6 +204,7 @@ impl<'a> Resolver<'a> {
             groups: self.groups,
             sbt,
             resources,
+            dispatches,
             push_constants,
             max_recursion_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_recursion_depth),
             subgroup_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.subgroup_size),
@@ -290,6 +299,15 @@ impl<'a> Resolver<'a> {
             hit: pipeline.hit.iter().map(|entry| self.hit(entry)).collect(),
             callable: pipeline.callable.iter().map(|entry| self.general(entry, Group::Callable)).collect(),
         }
+    }
+
+    fn dispatches(&mut self) -> Vec<Dispatch> {
+        let entries = std::mem::take(&mut self.dispatches);
+        let dispatch = |entry: &DispatchEntry| {
+            let push_constants = entry.push_constants.as_ref().map(|data| self.bytes(Some(data)));
+            Some(Dispatch { shader: self.shader(&entry.shader)?, groups: entry.groups, push_constants })
+        };
+        entries.iter().filter_map(dispatch).collect()
     }
 
     fn general(&mut self, entry: &GeneralEntry, kind: fn(Shader) -> Group) -> ShaderRecord {

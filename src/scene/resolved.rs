@@ -26,6 +26,8 @@ pub struct ResolvedScene {
     pub sbt: ShaderBindingTable,
     /// What the descriptor sets hold, sorted by set, binding and element.
     pub resources: Vec<Binding>,
+    /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
+    pub dispatches: Vec<Dispatch>,
     /// The push constants' bytes.
     pub push_constants: Vec<u8>,
     /// `maxPipelineRayRecursionDepth`, where the scene says.
@@ -83,6 +85,17 @@ impl PartialEq for Shader {
             && self.entry == other.entry
             && self.specialization == other.specialization
     }
+}
+
+/// A dispatch of a compute shader.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dispatch {
+    /// The shader.
+    pub shader: Shader,
+    /// Workgroups.
+    pub groups: [u32; 3],
+    /// The bytes of its own push constants; `None` for the scene's.
+    pub push_constants: Option<Vec<u8>>,
 }
 
 /// A shader group.

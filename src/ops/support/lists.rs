@@ -139,7 +139,6 @@ pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[
             Op::Fwidth,
         ],
     ),
-    ("atomics and barriers", &[Op::ControlBarrier]),
     ("pointers and device addresses", &[Op::SizeOf]),
     (
         "subgroups",
@@ -290,18 +289,6 @@ pub(super) const OUT_OF_SCOPE_CAPABILITIES: Groups<Capability> = &[
 
 /// Builtins to come.
 pub(super) const UNSUPPORTED_BUILTINS: Groups<BuiltIn> = &[
-    (
-        "compute",
-        &[
-            BuiltIn::NumWorkgroups,
-            BuiltIn::WorkgroupSize,
-            BuiltIn::WorkgroupId,
-            BuiltIn::LocalInvocationId,
-            BuiltIn::GlobalInvocationId,
-            BuiltIn::LocalInvocationIndex,
-        ],
-    ),
-    ("subgroups", &[BuiltIn::NumSubgroups, BuiltIn::SubgroupId]),
     ("motion blur", &[BuiltIn::CurrentRayTimeNV]),
     ("cluster acceleration structures", &[BuiltIn::ClusterIDNV]),
     (
@@ -421,7 +408,6 @@ pub(super) const OUT_OF_SCOPE_BUILTINS: Groups<BuiltIn> = &[
 
 /// Storage classes to come.
 pub(super) const UNSUPPORTED_STORAGE: Groups<StorageClass> = &[
-    ("compute", &[StorageClass::Workgroup]),
     ("atomics and barriers", &[StorageClass::Image]),
     ("hit objects", &[StorageClass::HitObjectAttributeNV, StorageClass::HitObjectAttributeEXT]),
     ("work graphs", &[StorageClass::NodePayloadAMDX]),

@@ -1,0 +1,203 @@
+//! Compute shaders and their dispatches.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use rayon::prelude::*;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::machine::{Resources, Workgroup};
+use crate::ops::row::{Row, Width};
+use crate::pipeline::launch::Stats;
+use crate::pipeline::stack::Trapped;
+use crate::pipeline::workgroup::Gang;
+use crate::pipeline::{DEFAULT_BUDGET, check_subgroup_size};
+use crate::program::{Program, WorkgroupLayout};
+
+/// A compute shader (`VkComputePipelineCreateInfo`), ready to be dispatched.
+///
+/// ```
+/// use anyhit::machine::{Buffer, Descriptor, Resources};
+/// use anyhit::pipeline::Compute;
+/// use anyhit::{Module, Program};
+///
+/// # fn main() -> anyhit::Result<()> {
+/// # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/pass/compute/prefix-sum");
+/// let module = Module::open(format!("{folder}/main.comp.spv"))?;
+/// let compute = Compute::new(Program::of(&module, "main")?)?;
+/// let sums = Buffer::zeroed(256 * 4);
+/// let resources = Resources::default().bind(0, 1, Descriptor::Buffer(sums.clone()));
+/// compute.dispatch(&resources, [1, 1, 1])?;
+/// // 0 + 1 + ... + 255
+/// assert_eq!(sums.load(255 * 4, 32), Some(32_640));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Compute {
+    /// The shader.
+    pub program: Arc<Program>,
+    /// Operations that an invocation may spend at back edges and calls.
+    pub budget: u64,
+    /// `SubgroupSize`
+    pub subgroup_size: u32,
+    layout: WorkgroupLayout,
+}
+
+/// Invocations that one task of a thread runs: enough that stealing costs little.
+const TASK: u64 = 1024;
+
+impl Compute {
+    /// A compute shader with the default budget and subgroups of 32.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the program is of another stage.
+    pub fn new(program: impl Into<Arc<Program>>) -> Result<Self> {
+        let program = program.into();
+        let Some(layout) = program.workgroup else {
+            let message =
+                format!("entry point `{}` is {}, not GLCompute", program.name, program.stage.name());
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        };
+        let subgroup_size = crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
+        Ok(Self { program, budget: DEFAULT_BUDGET, subgroup_size, layout })
+    }
+
+    /// Sets how many operations an invocation may spend at back edges and calls.
+    #[must_use]
+    pub fn budget(self, operations: u64) -> Self {
+        Self { budget: operations, ..self }
+    }
+
+    /// Sets `SubgroupSize`: a power of two from 1 to 128.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for any other size.
+    pub fn subgroup_size(self, size: u32) -> Result<Self> {
+        check_subgroup_size(size, std::slice::from_ref(&self.program))?;
+        Ok(Self { subgroup_size: size, ..self })
+    }
+
+    /// `WorkgroupSize`
+    pub fn workgroup_size(&self) -> [u32; 3] {
+        self.layout.size
+    }
+
+    /// Runs `groups` workgroups (`vkCmdDispatch`), 32 lanes at a time.
+    ///
+    /// # Errors
+    /// As [`Compute::run`].
+    pub fn dispatch(&self, resources: &Resources, groups: [u32; 3]) -> Result<Stats> {
+        self.run::<32>(resources, groups, &|_| ())
+    }
+
+    /// Runs `groups` workgroups, W lanes at a time, on all threads; `done` is told how many more
+    /// invocations have ended. What a dispatch leaves does not depend on W, nor on the threads.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for more invocations than can be numbered; the trap of the first workgroup
+    /// that has one, and in it of the lowest `LocalInvocationIndex`.
+    pub fn run<const W: usize>(
+        &self,
+        resources: &Resources,
+        groups: [u32; 3],
+        done: &(impl Fn(u64) + Sync),
+    ) -> Result<Stats>
+    where
+        Row: Width<W>,
+    {
+        self.check(groups)?;
+        self.run_alone::<W>(resources, groups, done).map_err(|trapped| trapped.error)
+    }
+
+    /// The same with a trap told in full, for sizes that [`Compute::run`] would take.
+    ///
+    /// # Errors
+    /// The trap, as there; its shader is 0.
+    pub fn run_alone<const W: usize>(
+        &self,
+        resources: &Resources,
+        groups: [u32; 3],
+        done: &(impl Fn(u64) + Sync),
+    ) -> Result<Stats, Box<Trapped>>
+    where
+        Row: Width<W>,
+    {
+        let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
+        let bindings = resources.bindings(self.program.bindings());
+        let each: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
+        let per_task = (TASK / each).max(1);
+        let tasks = 0..count.div_ceil(per_task);
+        let range = |task: u64| task * per_task..count.min((task + 1) * per_task);
+        let task = |task: u64| {
+            let range = range(task);
+            let invocations = (range.end - range.start) * each;
+            let group = |index: u64| self.group(index, groups);
+            let result = match (self.program.uses_subgroups, self.program.order_dependent) {
+                // A batch must hold whole subgroups, and their size divides 32.
+                (true, _) => Gang::<32>::new(self, &bindings, self.layout).run(range.map(group)),
+                // One invocation after the other, so that every width gives the same.
+                (false, true) => Gang::<1>::new(self, &bindings, self.layout).run(range.map(group)),
+                (false, false) => Gang::<W>::new(self, &bindings, self.layout).run(range.map(group)),
+            };
+            done(invocations);
+            result
+        };
+        let mut results: Vec<(Stats, Option<Trapped>)> = Vec::new();
+        if self.program.order_dependent {
+            for index in tasks {
+                results.push(task(index));
+                if results.last().is_some_and(|(_, trapped)| trapped.is_some()) {
+                    break;
+                }
+            }
+        } else {
+            // Beyond a trap in an earlier workgroup nothing can change the answer.
+            let trapped_at = AtomicU64::new(u64::MAX);
+            let run = |index: u64| {
+                if trapped_at.load(Relaxed) < index {
+                    return (Stats::default(), None);
+                }
+                let result = task(index);
+                if result.1.is_some() {
+                    trapped_at.fetch_min(index, Relaxed);
+                }
+                result
+            };
+            results = tasks.into_par_iter().map(run).collect();
+        }
+        let mut stats = Stats::default();
+        for (task, trapped) in results {
+            if let Some(trapped) = trapped {
+                return Err(Box::new(trapped));
+            }
+            stats = stats.plus(&task);
+        }
+        Ok(stats)
+    }
+
+    /// Whether every invocation of a dispatch has a number.
+    fn check(&self, groups: [u32; 3]) -> Result<()> {
+        let sides = groups.iter().zip(self.layout.size);
+        let sides: Option<Vec<u32>> = sides.map(|(&count, size)| count.checked_mul(size)).collect();
+        let count = sides
+            .and_then(|sides| sides.iter().try_fold(1u64, |count, &side| count.checked_mul(u64::from(side))));
+        match count {
+            Some(count) if count < 1 << 40 => Ok(()),
+            _ => {
+                let ([x, y, z], [a, b, c]) = (groups, self.layout.size);
+                let message = format!("a dispatch of {x} x {y} x {z} workgroups of {a} x {b} x {c}");
+                Err(Error::new(ErrorKind::InvalidArgument, message)
+                    .note("it has less than 2^32 invocations along each axis and less than 2^40 in all"))
+            }
+        }
+    }
+
+    /// The workgroup at a place of a dispatch, x fastest.
+    fn group(&self, index: u64, count: [u32; 3]) -> Workgroup {
+        let (width, height) = (u64::from(count[0]), u64::from(count[1]));
+        let id = [(index % width) as u32, (index / width % height) as u32, (index / width / height) as u32];
+        let memory = crate::machine::Buffer::zeroed(self.layout.memory as usize);
+        Workgroup { id, count, size: self.layout.size, memory }
+    }
+}
