@@ -146,3 +146,64 @@ fn derivative_module() -> Vec<u8> {
     op(56, &[]); // OpFunctionEnd
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
+
+#[test]
+fn run_shows_what_a_compute_shader_left() {
+    const SUMS: &str = "spirv-fixtures/pass/compute/prefix-sum/main.comp.spv";
+    let (code, out, err) = run(&["run", SUMS, "--buffer", "1=1024"]);
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+    // n (n + 1) / 2
+    assert!(out.starts_with("set 0, binding 1 `Outputs`:\n  sums = [0, 1, 3, 6, 10, "), "{out}");
+    assert!(out.ends_with(", 32385, 32640]\n"), "{out}");
+
+    let (code, out, _) = run(&["run", SUMS, "--dump", "1=json", "--lanes", "8", "--stats"]);
+    assert_eq!(code, Some(0));
+    let mut lines = out.lines();
+    let json: Value = serde_json::from_str(lines.next().unwrap_or_default()).expect("JSON");
+    assert_eq!(json["value"]["sums"][255], 32_640);
+    assert!(
+        lines.any(|line| line.starts_with("GLCompute") && line.contains("256 invocations in 32 batches"))
+    );
+
+    let (code, out, _) = run(&["run", "shaders/pass/compute/prefix-sum/scene.toml", "--dump", "sums=hex"]);
+    assert_eq!(code, Some(0));
+    assert!(out.contains("\n00000000  00 00 00 00 01 00 00 00 03 00 00 00 06 00 00 00\n"), "{out}");
+}
+
+#[test]
+fn run_prints_what_shaders_print() {
+    let (code, out, err) = run(&["run", "shaders/pass/compute/print/scene.toml"]);
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+    // By dispatch order within an invocation, invocations in launch order.
+    let expected = "invocation 1 of 0, 0: 0.500000, 1.500000\n\
+                    invocation 1 of 0, 0: 0.500000, 2.500000\n\
+                    invocation 3 of 1, 0: 1.500000, 2.500000\n";
+    assert_eq!(out, expected);
+    let shader = "spirv-fixtures/pass/compute/print/main.comp.spv";
+    let (code, out, _) = run(&["run", shader, "--push", "f32 = 8", "--dump", "1"]);
+    assert_eq!(code, Some(0));
+    assert!(out.ends_with("  halves = [[0.0, 4.0], [0.5, 4.0]]\n"), "{out}");
+}
+
+#[test]
+fn run_says_what_is_wrong_with_its_arguments() {
+    let sums = "spirv-fixtures/pass/compute/prefix-sum/main.comp.spv";
+    let mistakes: &[(&[&str], &str)] = &[
+        (&["--groups", "2,x"], "`--groups 2,x`: X, X,Y or X,Y,Z is needed"),
+        (&["--entry", "mian"], "has no compute entry point `mian`"),
+        (&["--spec", "3=1"], "the module has no specialization constant 3"),
+        (&["--buffer", "7=16"], "`main` uses nothing at set 0, binding 7"),
+        (&["--buffer", "1={ f31 = 1 }"], "did you mean `f32`?"),
+        (&["--dump", "sums=hx"], "`hx` is none of typed, hex and json"),
+        (&["--dump", "sms"], "`sms` is neither a resource of the scene nor a binding"),
+        (&["--save", "1=a.png"], "this is a buffer"),
+    ];
+    for (arguments, expected) in mistakes {
+        let (code, out, err) = run(&[&["run", sums], *arguments].concat());
+        assert_eq!((code, out.as_str()), (Some(2), ""), "{arguments:?}");
+        assert!(err.contains(expected), "{arguments:?}: {err}");
+    }
+    let (code, _, err) = run(&["run", GRASS]);
+    assert_eq!(code, Some(2));
+    assert!(err.contains("has no compute entry point") && err.contains("needs a scene file"), "{err}");
+}

@@ -9,7 +9,9 @@ pub mod inspect;
 mod module_file;
 mod output;
 pub mod render;
+pub mod run;
 pub mod smoke;
+mod stats;
 pub mod trace_one_ray;
 pub mod verify;
 
@@ -41,6 +43,7 @@ macro_rules! commands {
 commands! {
     inspect Inspect(InspectArgs),
     render Render(RenderArgs),
+    run Run(RunArgs),
     trace_one_ray TraceOneRay(TraceOneRayArgs),
     smoke Smoke(SmokeArgs),
     verify Verify(VerifyArgs),

@@ -4,6 +4,7 @@ use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
 
 use crate::error::{Error, Result};
+use crate::machine::Printed;
 
 /// Prints to standard output.
 ///
@@ -14,6 +15,18 @@ use crate::error::{Error, Result};
 /// `Io` where standard output cannot be written for another reason, a full disk say.
 pub fn print(text: impl Display) -> Result<()> {
     write_to(&mut stdout().lock(), text)
+}
+
+/// Prints what shaders printed (`NonSemantic.DebugPrintf`), each text from a line of its own.
+///
+/// # Errors
+/// As [`print`].
+pub fn printed(printed: &Printed) -> Result<()> {
+    for line in printed.take() {
+        let end = if line.text.ends_with('\n') { "" } else { "\n" };
+        print(format_args!("{}{end}", line.text))?;
+    }
+    Ok(())
 }
 
 /// Prints an error to standard error, in colour where that is a terminal and `NO_COLOR` is not set.

@@ -1,14 +1,14 @@
 //! `anyhit render`: launches a scene's ray generation shader over its image.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::output;
+use crate::cli::{output, stats};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::Binding;
-use crate::pipeline::Stats;
 use crate::scene::image::Picture;
 use crate::scene::resources::Output;
 use crate::scene::{self, DiskFiles, Options};
@@ -53,7 +53,9 @@ pub fn run(args: RenderArgs) -> Result<()> {
     };
     let binding = Binding { set: output.set, binding: output.binding };
     let linear = output.output == Some(Output::Linear);
-    let assembled = scene::assemble(&resolved)?;
+    let mut assembled = scene::assemble(&resolved)?;
+    let printed = Arc::default();
+    assembled.resources.printed = Some(Arc::clone(&printed));
     let ready = begin.elapsed();
 
     let count = assembled.size.iter().map(|&side| u64::from(side)).product();
@@ -61,20 +63,22 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let launched = Instant::now();
     let launch = assembled.launch();
     let done = |count| bar.inc(count);
-    let stats = match args.lanes.as_str() {
+    let outcome = match args.lanes.as_str() {
         "1" => launch.run::<1>(assembled.size, &done),
         "8" => launch.run::<8>(assembled.size, &done),
         _ => launch.run::<32>(assembled.size, &done),
     };
     bar.finish_and_clear();
-    let stats = stats?;
     let traced = launched.elapsed();
+    output::printed(&printed)?;
+    let counted = outcome?;
 
     let image = assembled.resources.image(binding.set, binding.binding);
     let image = image.expect("bug in anyhit: the output image is not bound");
     save(&args.output, image, linear)?;
     if args.stats {
-        output::print(table(&stats, ready, traced))?;
+        output::print(stats::table(&counted, ready, traced))?;
+        output::print(stats::order(&assembled))?;
     }
     Ok(())
 }
@@ -100,30 +104,6 @@ fn progress(count: u64) -> ProgressBar {
 fn save(path: &Path, image: &crate::machine::image::Image, linear: bool) -> Result<()> {
     let png = Picture::of(image).encode_png(linear)?;
     std::fs::write(path, png).map_err(|error| Error::io(path, error))
-}
-
-fn table(stats: &Stats, ready: Duration, traced: Duration) -> String {
-    let rate = stats.rays as f64 / traced.as_secs_f64().max(1e-9) / 1e6;
-    let mut text = format!(
-        "scene ready in    {:>9.1} ms\nlaunch took       {:>9.1} ms\nrays              {:>9} ({rate:.2} million a second)\n",
-        ready.as_secs_f64() * 1e3,
-        traced.as_secs_f64() * 1e3,
-        stats.rays,
-    );
-    if stats.ray_queries > 0 {
-        let rate = stats.ray_queries as f64 / traced.as_secs_f64().max(1e-9) / 1e6;
-        text += &format!("ray queries       {:>9} ({rate:.2} million a second)\n", stats.ray_queries);
-    }
-    for (stage, shader) in &stats.shaders {
-        let lanes = shader.invocations as f64 / shader.batches.max(1) as f64;
-        text += &format!(
-            "{:<17} {:>9} invocations in {} batches, {lanes:.1} lanes each\n",
-            stage.name(),
-            shader.invocations,
-            shader.batches
-        );
-    }
-    text
 }
 
 #[cfg(test)]

@@ -58,6 +58,13 @@ impl Writer {
         self.step(&story.root);
         self.page.gap();
         self.result(story);
+        if !story.printed.is_empty() {
+            self.page.gap();
+            self.page.line("printed");
+            for line in story.printed.iter().flat_map(|text| text.lines()) {
+                self.page.line(format!("  {line}"));
+            }
+        }
     }
 
     fn step(&mut self, step: &Step) {

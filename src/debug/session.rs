@@ -1,5 +1,7 @@
 //! A scene that rays are asked about. No input, no output: requests in, stories out.
 
+use std::sync::Arc;
+
 use crate::accel::{RayFlags, TraceRay};
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
@@ -38,7 +40,8 @@ impl Session {
     /// # Errors
     /// As [`assemble()`].
     pub fn new(scene: ResolvedScene) -> Result<Self> {
-        let assembled = assemble(&scene)?;
+        let mut assembled = assemble(&scene)?;
+        assembled.resources.printed = Some(Arc::default());
         Ok(Self { scene, assembled })
     }
 
@@ -65,6 +68,7 @@ impl Session {
             Err(error) if error.kind() == ErrorKind::Trap => (counted(&events), Some(error)),
             Err(error) => return Err(error),
         };
+        let printed = self.assembled.resources.printed.as_ref().map_or_else(Vec::new, |all| all.take());
         let names = Names::new(&self.scene, &self.assembled.pipeline);
         let root = Reader::new(&self.assembled.pipeline, names, events).root();
         let Some(root) = root else {
@@ -82,6 +86,7 @@ impl Session {
             root,
             writes,
             writes_left_out,
+            printed: printed.into_iter().map(|line| line.text).collect(),
             counts: counts(&stats),
             trap: trap.as_ref().map(|error| TrapReport {
                 message: error.message().to_owned(),

@@ -29,6 +29,9 @@ pub struct Story {
     pub writes: Vec<Write>,
     /// Writes beyond those listed.
     pub writes_left_out: usize,
+    /// What shaders printed (`NonSemantic.DebugPrintf`); left out where that is nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub printed: Vec<String>,
     /// Rays and shaders counted.
     pub counts: Counts,
     /// The trap that ended it, where one did.

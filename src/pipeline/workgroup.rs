@@ -124,8 +124,8 @@ where
                 member.run(start, self.program, self.bindings);
             }
         }
-        for group in 0..groups.len() {
-            self.meet(group, &groups[group]);
+        for (group, workgroup) in groups.iter().enumerate() {
+            self.meet(group, workgroup);
         }
         self.members.iter().any(|member| !member.waiting.is_empty())
     }

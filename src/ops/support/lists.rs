@@ -139,7 +139,6 @@ pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[
             Op::Fwidth,
         ],
     ),
-    ("pointers and device addresses", &[Op::SizeOf]),
     (
         "subgroups",
         &[

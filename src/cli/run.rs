@@ -1,0 +1,107 @@
+//! `anyhit run`: runs a scene, or a module's compute shader by itself, and shows what it left.
+
+mod by_itself;
+mod dump;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use clap::Args;
+
+use crate::cli::output;
+use crate::cli::stats;
+use crate::error::{Error, Result};
+use crate::scene::image::Picture;
+use crate::scene::{self, DiskFiles, Options};
+
+/// Runs a scene's launch and dispatches, or a module's compute shader by itself.
+///
+/// What shaders print goes to standard output. Of a module by itself the storage buffers are shown
+/// afterwards, unless --dump says what to show.
+#[derive(Args, Clone, Debug)]
+pub struct RunArgs {
+    /// A scene file, a SPIR-V module, or a shader's source
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    #[command(flatten)]
+    by_itself: by_itself::Arguments,
+    /// Show a buffer or an image afterwards: its name in the scene, or its binding; typed (the
+    /// default), hex or json
+    #[arg(long, value_name = "WHAT[=FORMAT]")]
+    dump: Vec<String>,
+    /// Save an image afterwards: its name in the scene, or its binding
+    #[arg(long, value_name = "WHAT=FILE.png")]
+    save: Vec<String>,
+    /// Lanes that run together; results do not depend on it
+    #[arg(long, value_name = "N", default_value = "32", value_parser = ["1", "8", "32"])]
+    lanes: String,
+    /// Print what was done: invocations, batches, occupancy, time
+    #[arg(long)]
+    stats: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Of the scene, the module or the arguments, and the trap that ended a shader, after what was asked
+/// to be shown is.
+pub fn run(args: RunArgs) -> Result<()> {
+    let begin = Instant::now();
+    let is_scene = args.file.extension().is_some_and(|extension| extension == "toml");
+    let scene = match is_scene {
+        true => {
+            args.by_itself.refuse()?;
+            scene::load(&args.file, &DiskFiles, &Options::default())?
+        }
+        false => args.by_itself.scene(&args.file)?,
+    };
+    let mut assembled = scene::assemble(&scene)?;
+    let printed = Arc::default();
+    assembled.resources.printed = Some(Arc::clone(&printed));
+    let mut shown: Vec<_> = args.dump.iter().map(|text| dump::Dump::parse(text)).collect::<Result<_>>()?;
+    if !is_scene && shown.is_empty() && args.save.is_empty() {
+        shown = dump::Dump::storage_buffers(&assembled);
+    }
+    let shown: Vec<_> =
+        shown.iter().map(|one| one.find(&scene, &assembled.resources)).collect::<Result<_>>()?;
+    let saved = args.save.iter().map(|text| picture(text, &scene, &assembled.resources));
+    let saved: Vec<_> = saved.collect::<Result<_>>()?;
+
+    let ready = begin.elapsed();
+    let launched = Instant::now();
+    let done = |_| ();
+    let outcome = match args.lanes.as_str() {
+        "1" => assembled.run::<1>(&assembled.resources, &done),
+        "8" => assembled.run::<8>(&assembled.resources, &done),
+        _ => assembled.run::<32>(&assembled.resources, &done),
+    };
+    let took = launched.elapsed();
+    output::printed(&printed)?;
+    for one in shown {
+        output::print(one.text(&assembled)?)?;
+    }
+    for (path, image) in saved {
+        let png = Picture::of(&image).encode_png(false)?;
+        std::fs::write(&path, png).map_err(|error| Error::io(&path, error))?;
+    }
+    let counted = outcome?;
+    if args.stats {
+        output::print(stats::table(&counted, ready, took))?;
+        output::print(stats::order(&assembled))?;
+    }
+    Ok(())
+}
+
+type Saved = (PathBuf, Arc<crate::machine::image::Image>);
+
+/// `WHAT=FILE.png`: the file and the image.
+fn picture(text: &str, scene: &scene::ResolvedScene, resources: &crate::machine::Resources) -> Result<Saved> {
+    let Some((what, path)) = text.split_once('=') else {
+        return Err(dump::invalid(format!("`--save {text}`: WHAT=FILE.png is needed")));
+    };
+    match dump::descriptor(what, scene, resources)?.1 {
+        dump::Found::Image(image) => Ok((Path::new(path).to_path_buf(), image)),
+        dump::Found::Buffer(_) => Err(dump::invalid(format!("`--save {text}`: this is a buffer"))),
+    }
+}

@@ -1,0 +1,434 @@
+//! A module's compute shader without a scene: the command line makes one.
+//!
+//! The arguments become the text of a scene file, so that their values are written, checked and
+//! reported as in any other; what the shader binds and the command line does not mention is made by
+//! reflection, filled with zeros.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use crate::cli::module_file;
+use crate::cli::run::dump::invalid;
+use crate::compile::{self, Language};
+use crate::error::{ErrorKind, Result};
+use crate::machine::Binding;
+use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
+use crate::module::ty::{ImageType, Type};
+use crate::module::{self, Module};
+use crate::ops::pointer::storage;
+use crate::program::Program;
+use crate::scene::{DiskFiles, Files, Options, ResolvedScene, load_text};
+
+/// What tells how to run a compute shader by itself.
+#[derive(Args, Clone, Debug, Default)]
+pub struct Arguments {
+    /// The compute entry point, where there are several
+    #[arg(long, value_name = "NAME")]
+    entry: Option<String>,
+    /// Workgroups along x, y and z [default: 1,1,1]
+    #[arg(long, value_name = "X[,Y[,Z]]")]
+    groups: Option<String>,
+    /// Push constants, written as in a scene file: "u32 = 3" or "[{ u32 = 3 }, { f32 = [1, 2] }]"
+    #[arg(long, value_name = "DATA")]
+    push: Option<String>,
+    /// A specialization constant
+    #[arg(long, value_name = "ID=VALUE")]
+    spec: Vec<String>,
+    /// The content of a buffer: a size in bytes, data as in a scene file, or a file; without it as
+    /// many zeros as its type has bytes, a runtime array an element for each invocation
+    #[arg(long, value_name = "[SET,]BINDING=SIZE|DATA|FILE")]
+    buffer: Vec<String>,
+    /// An image: a size, with a format, or a file; without it a storage image has a texel for each
+    /// invocation
+    #[arg(long, value_name = "[SET,]BINDING=WxH[,FORMAT]|FILE")]
+    image: Vec<String>,
+    /// SubgroupSize [default: 32]
+    #[arg(long, value_name = "N")]
+    subgroup_size: Option<u32>,
+}
+
+/// `[SET,]BINDING`
+pub fn binding(text: &str) -> Option<Binding> {
+    let number = |text: &str| text.trim().parse().ok();
+    match text.split_once(',') {
+        Some((set, binding)) => Some(Binding { set: number(set)?, binding: number(binding)? }),
+        None => Some(Binding { set: 0, binding: number(text)? }),
+    }
+}
+
+/// A resource given on the command line.
+struct Given {
+    binding: Binding,
+    value: String,
+}
+
+impl Given {
+    fn list(name: &str, all: &[String]) -> Result<Vec<Self>> {
+        let given = all.iter().map(|text| {
+            let parts = text.split_once('=').and_then(|(at, value)| Some((binding(at)?, value)));
+            match parts {
+                Some((binding, value)) => Ok(Self { binding, value: value.trim().to_owned() }),
+                None => Err(invalid(format!("`--{name} {text}`: [SET,]BINDING=... is needed"))),
+            }
+        });
+        given.collect()
+    }
+}
+
+/// The module's file holds these bytes; other files are the disk's.
+struct WithModule {
+    path: PathBuf,
+    bytes: Vec<u8>,
+}
+
+impl Files for WithModule {
+    fn read(&self, path: &Path) -> Result<Vec<u8>> {
+        if path == self.path { Ok(self.bytes.clone()) } else { DiskFiles.read(path) }
+    }
+}
+
+impl Arguments {
+    /// A scene says all of this itself.
+    pub fn refuse(&self) -> Result<()> {
+        let given = [
+            ("--entry", self.entry.is_some()),
+            ("--groups", self.groups.is_some()),
+            ("--push", self.push.is_some()),
+            ("--spec", !self.spec.is_empty()),
+            ("--buffer", !self.buffer.is_empty()),
+            ("--image", !self.image.is_empty()),
+            ("--subgroup-size", self.subgroup_size.is_some()),
+        ];
+        match given.iter().find(|(_, given)| *given) {
+            Some((name, _)) => {
+                Err(invalid(format!("{name} is for modules by themselves: a scene file says it itself")))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// The scene that dispatches a module's compute shader once.
+    pub fn scene(&self, path: &Path) -> Result<ResolvedScene> {
+        let (bytes, module) = read(path)?;
+        let entry = self.entry_point(&module, path)?;
+        let groups = self.groups()?;
+        let text = self.text(path, module, &entry, groups)?;
+        let files = WithModule { path: path.to_path_buf(), bytes };
+        load_text(Path::new("the command line"), &text, &files, &Options::default())
+    }
+
+    fn entry_point(&self, module: &Module, path: &Path) -> Result<EntryPoint> {
+        let compute: Vec<_> =
+            module.entry_points.iter().filter(|entry| entry.stage == Stage::Compute).collect();
+        let found = match &self.entry {
+            Some(name) => compute.iter().find(|entry| entry.name == *name),
+            None if compute.len() == 1 => compute.first(),
+            None => None,
+        };
+        if let Some(&entry) = found {
+            return Ok(entry.clone());
+        }
+        let list = |entries: &[&EntryPoint]| {
+            let names = entries.iter().map(|entry| format!("`{}` ({})", entry.name, entry.stage.name()));
+            names.collect::<Vec<_>>().join(", ")
+        };
+        let shown = path.display();
+        Err(match (&self.entry, compute.is_empty()) {
+            (_, true) => {
+                let all: Vec<_> = module.entry_points.iter().collect();
+                invalid(format!("{shown} has no compute entry point"))
+                    .note(format!("it has {}", if all.is_empty() { "none".into() } else { list(&all) }))
+                    .note("a ray-tracing shader needs a scene file: anyhit run scene.toml")
+            }
+            (Some(name), _) => invalid(format!("{shown} has no compute entry point `{name}`"))
+                .note(format!("it has {}", list(&compute))),
+            (None, _) => invalid(format!("{shown} has several compute entry points: give one with --entry"))
+                .note(format!("it has {}", list(&compute))),
+        })
+    }
+
+    fn groups(&self) -> Result<[u32; 3]> {
+        let Some(text) = &self.groups else { return Ok([1; 3]) };
+        let sides: Option<Vec<u32>> = text.split(',').map(|side| side.trim().parse().ok()).collect();
+        match sides.as_deref() {
+            Some([x]) => Ok([*x, 1, 1]),
+            Some([x, y]) => Ok([*x, *y, 1]),
+            Some([x, y, z]) => Ok([*x, *y, *z]),
+            _ => Err(invalid(format!("`--groups {text}`: X, X,Y or X,Y,Z is needed"))),
+        }
+    }
+
+    /// The scene file's text.
+    fn text(&self, path: &Path, module: Module, entry: &EntryPoint, groups: [u32; 3]) -> Result<String> {
+        let mut special = Vec::new();
+        let mut module = module;
+        for text in &self.spec {
+            let parts =
+                text.split_once('=').and_then(|(id, value)| Some((id.trim().parse::<u32>().ok()?, value)));
+            let Some((id, value)) = parts else {
+                return Err(invalid(format!("`--spec {text}`: ID=VALUE is needed")));
+            };
+            special.push(format!("{id} = {}", value.trim()));
+            // Sizes of arrays and workgroups follow; other values are the scene's to judge.
+            if let Ok(bits) = value.trim().parse::<u64>() {
+                module.specialize(id, bits)?;
+            }
+        }
+        let module = std::sync::Arc::new(module);
+        let program = Program::with_stage(&module, Stage::Compute, &entry.name)?;
+        let size = program.workgroup.map_or([1; 3], |layout| layout.size);
+        let sides: [u64; 3] = std::array::from_fn(|axis| u64::from(groups[axis]) * u64::from(size[axis]));
+        let invocations: u64 = sides.iter().fold(1, |count: u64, &side| count.saturating_mul(side));
+
+        let file = quoted(&path.display().to_string());
+        let mut text = format!(
+            "version = 1\nlaunch = [{}, {}, {}]\n",
+            sides[0].max(1),
+            sides[1].max(1),
+            sides[2].max(1)
+        );
+        if let Some(push) = &self.push {
+            let _ = writeln!(text, "push_constants = {}", data(push));
+        } else if let Some(size) = push_constant_size(&module, entry) {
+            let _ = writeln!(text, "push_constants = {{ zeros = {size} }}");
+        }
+        let _ = writeln!(text, "[shaders.main]\npath = {file}\nentry = {}", quoted(&entry.name));
+        let _ = writeln!(text, "specialization = {{ {} }}", special.join(", "));
+        if let Some(size) = self.subgroup_size {
+            let _ = writeln!(text, "[pipeline]\nsubgroup_size = {size}");
+        }
+        let _ = writeln!(text, "[[dispatch]]\nshader = \"main\"\ngroups = {groups:?}");
+        let (buffers, images) = (Given::list("buffer", &self.buffer)?, Given::list("image", &self.image)?);
+        let variables = module.interface_of(entry);
+        for variable in &variables {
+            if let Some((set, binding)) = variable.descriptor_set.zip(variable.binding) {
+                let binding = Binding { set, binding };
+                let given = |list: &[Given]| {
+                    list.iter().find(|given| given.binding == binding).map(|given| given.value.clone())
+                };
+                resource(
+                    &mut text,
+                    &module,
+                    variable,
+                    binding,
+                    given(&buffers),
+                    given(&images),
+                    invocations,
+                )?;
+            }
+        }
+        for given in buffers.iter().chain(&images) {
+            let used = |one: &InterfaceVariable| {
+                one.descriptor_set == Some(given.binding.set) && one.binding == Some(given.binding.binding)
+            };
+            if !variables.iter().any(used) {
+                let Binding { set, binding } = given.binding;
+                return Err(invalid(format!(
+                    "`{}` uses nothing at set {set}, binding {binding}",
+                    entry.name
+                )));
+            }
+        }
+        Ok(text)
+    }
+}
+
+/// Reads a module, or compiles a source.
+fn read(path: &Path) -> Result<(Vec<u8>, Module)> {
+    if Language::of(path).is_none() {
+        let module = module_file::read(path)?;
+        let bytes = std::fs::read(path).map_err(|error| crate::error::Error::io(path, error))?;
+        return Ok((bytes, module));
+    }
+    let source = compile::Source::read(path)?;
+    let options = compile::Options { debug: compile::DebugInfo::Lines, ..Default::default() };
+    let bytes = compile::compile(&source, &options)?;
+    let module = module::load(&bytes)?;
+    Ok((bytes, module))
+}
+
+/// A TOML string.
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
+
+/// Data as in a scene file; the braces of a single piece may be left out.
+fn data(text: &str) -> String {
+    let text = text.trim();
+    if text.starts_with(['{', '[']) { text.to_owned() } else { format!("{{ {text} }}") }
+}
+
+fn push_constant_size(module: &Module, entry: &EntryPoint) -> Option<u64> {
+    let variables = module.interface_of(entry);
+    let variable = variables.iter().find(|one| one.storage_class == storage::PUSH_CONSTANT)?;
+    module.size_of(variable.ty?)
+}
+
+/// Adds the table of a resource.
+fn resource(
+    text: &mut String,
+    module: &Module,
+    variable: &InterfaceVariable,
+    binding: Binding,
+    buffer: Option<String>,
+    image: Option<String>,
+    invocations: u64,
+) -> Result<()> {
+    let Binding { set, binding: number } = binding;
+    let Some(mut ty) = variable.ty else { return Ok(()) };
+    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = module.ty(ty) {
+        ty = *element;
+    }
+    let name = match variable.name.as_str() {
+        "" => format!("{set}.{number}"),
+        name => name.to_owned(),
+    };
+    let taken = text.contains(&format!("[resources.{}]", quoted(&name)));
+    let name = if taken { format!("{set}.{number}") } else { name };
+    let _ = writeln!(text, "[resources.{}]\nset = {set}\nbinding = {number}", quoted(&name));
+    match module.ty(ty) {
+        Type::Struct { members, buffer_block, .. } => {
+            let storage = variable.storage_class == storage::STORAGE_BUFFER || *buffer_block;
+            let kind = if storage { "storage_buffer" } else { "uniform_buffer" };
+            let _ = writeln!(text, "type = \"{kind}\"");
+            let _ = match buffer {
+                Some(value) if value.bytes().all(|byte| byte.is_ascii_digit()) => {
+                    writeln!(text, "size = {value}")
+                }
+                Some(value) if value.starts_with(['{', '[']) || value.contains('=') => {
+                    writeln!(text, "data = {}", data(&value))
+                }
+                Some(file) => writeln!(text, "data = {{ file = {} }}", quoted(&file)),
+                None => {
+                    let runtime = members.last().and_then(|last| match module.ty(last.ty) {
+                        Type::RuntimeArray { stride, .. } => {
+                            Some(u64::from(last.offset?) + u64::from((*stride)?) * invocations)
+                        }
+                        _ => None,
+                    });
+                    let size = runtime.or_else(|| module.size_of(ty));
+                    let Some(size) = size else {
+                        return Err(invalid(format!(
+                            "`{name}`: give its size with --buffer {set},{number}=SIZE"
+                        )));
+                    };
+                    writeln!(text, "size = {size}")
+                }
+            };
+        }
+        Type::Image(image_type) => return image_table(text, module, *image_type, &name, image, false),
+        Type::SampledImage(inner) => match module.ty(*inner) {
+            Type::Image(image_type) => return image_table(text, module, *image_type, &name, image, true),
+            _ => return Ok(()),
+        },
+        Type::Sampler => {
+            let _ = writeln!(text, "type = \"sampler\"");
+        }
+        Type::AccelerationStructure => {
+            return Err(invalid(format!("`{name}` is an acceleration structure, which needs a scene file"))
+                .note("a [[dispatch]] in a scene runs a compute shader too: docs/scene.md"));
+        }
+        _ => {
+            return Err(crate::error::Error::new(
+                ErrorKind::UnsupportedModule,
+                format!("`{name}`: a resource of type {}", module.describe_type(ty)),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Image formats by their numbers in SPIR-V, from 1 on.
+const FORMATS: [&str; 41] = [
+    "rgba32f",
+    "rgba16f",
+    "r32f",
+    "rgba8",
+    "rgba8_snorm",
+    "rg32f",
+    "rg16f",
+    "r11f_g11f_b10f",
+    "r16f",
+    "rgba16",
+    "rgb10_a2",
+    "rg16",
+    "rg8",
+    "r16",
+    "r8",
+    "rgba16_snorm",
+    "rg16_snorm",
+    "rg8_snorm",
+    "r16_snorm",
+    "r8_snorm",
+    "rgba32i",
+    "rgba16i",
+    "rgba8i",
+    "r32i",
+    "rg32i",
+    "rg16i",
+    "rg8i",
+    "r16i",
+    "r8i",
+    "rgba32ui",
+    "rgba16ui",
+    "rgba8ui",
+    "r32ui",
+    "rgb10_a2ui",
+    "rg32ui",
+    "rg16ui",
+    "rg8ui",
+    "r16ui",
+    "r8ui",
+    "r64ui",
+    "r64i",
+];
+
+/// Adds the keys of an image.
+fn image_table(
+    text: &mut String,
+    module: &Module,
+    ty: ImageType,
+    name: &str,
+    given: Option<String>,
+    combined: bool,
+) -> Result<()> {
+    let storage = ty.sampled == 2;
+    let kind = match (ty.dim, storage, combined) {
+        (5, true, _) => "storage_texel_buffer",
+        (5, false, _) => "uniform_texel_buffer",
+        (_, true, _) => "storage_image",
+        (_, false, true) => "combined_image_sampler",
+        (_, false, false) => "sampled_image",
+    };
+    let _ = writeln!(text, "type = \"{kind}\"");
+    let dimension = ["1d", "2d", "3d", "cube"].get(ty.dim as usize);
+    if let Some(dimension) = dimension {
+        let arrayed = if ty.arrayed { "_array" } else { "" };
+        let _ = writeln!(text, "dimension = \"{dimension}{arrayed}\"");
+    }
+    let declared = FORMATS.get((ty.format as usize).wrapping_sub(1)).copied();
+    let by_class = match module.ty(ty.sampled_type) {
+        Type::Int { signed: true, width: 64 } => "r64i",
+        Type::Int { signed: false, width: 64 } => "r64ui",
+        Type::Int { signed: true, .. } => "rgba32i",
+        Type::Int { signed: false, .. } => "rgba32ui",
+        _ => "rgba32f",
+    };
+    let format = declared.unwrap_or(by_class);
+    let Some(given) = given else {
+        if !storage {
+            return Err(invalid(format!("`{name}` is sampled: give it with --image [SET,]BINDING=FILE")));
+        }
+        let _ = writeln!(text, "format = \"{format}\"");
+        return Ok(());
+    };
+    let (sides, own) = given.split_once(',').unwrap_or((&given, format));
+    let size: Option<Vec<u32>> = sides.split('x').map(|side| side.trim().parse().ok()).collect();
+    let _ = match size {
+        Some(size) => writeln!(text, "size = {size:?}\nformat = {}", quoted(own.trim())),
+        None => writeln!(text, "file = {}", quoted(&given)),
+    };
+    Ok(())
+}

@@ -1,0 +1,272 @@
+//! What `--dump` shows: buffers by the types of the shader that uses them, images texel by texel.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use serde_json::json;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::value::Value;
+use crate::machine::image::Image;
+use crate::machine::{Binding, Buffer, Descriptor, Resources};
+use crate::module::ty::{Type, TypeId};
+use crate::ops::pointer::storage;
+use crate::program::Program;
+use crate::scene::{Assembled, ResolvedScene};
+
+/// How something is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Typed,
+    Hex,
+    Json,
+}
+
+/// Something to show.
+#[derive(Clone, Debug)]
+pub struct Dump {
+    what: String,
+    format: Format,
+}
+
+/// A resource that was found.
+#[derive(Clone, Debug)]
+pub enum Found {
+    Buffer(Arc<Buffer>),
+    Image(Arc<Image>),
+}
+
+/// Something to show, found.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    name: String,
+    binding: Binding,
+    format: Format,
+    found: Found,
+}
+
+pub fn invalid(message: String) -> Error {
+    Error::new(ErrorKind::InvalidArgument, message)
+}
+
+impl Dump {
+    /// `WHAT[=FORMAT]`
+    pub fn parse(text: &str) -> Result<Self> {
+        let (what, format) = match text.split_once('=') {
+            None | Some((_, "typed")) => (text.split('=').next().unwrap_or(text), Format::Typed),
+            Some((what, "hex")) => (what, Format::Hex),
+            Some((what, "json")) => (what, Format::Json),
+            Some((_, other)) => {
+                return Err(invalid(format!("`--dump {text}`: `{other}` is none of typed, hex and json")));
+            }
+        };
+        Ok(Self { what: what.to_owned(), format })
+    }
+
+    /// Every storage buffer that the compute shaders use.
+    pub fn storage_buffers(assembled: &Assembled) -> Vec<Self> {
+        let mut dumps = Vec::new();
+        for program in programs(assembled) {
+            for variable in variables(program) {
+                if let (storage::STORAGE_BUFFER, Some(Binding { set, binding })) = (variable.0, variable.1) {
+                    dumps.push(Self { what: format!("{set},{binding}"), format: Format::Typed });
+                }
+            }
+        }
+        dumps
+    }
+
+    /// Finds what is to be shown.
+    pub fn find(&self, scene: &ResolvedScene, resources: &Resources) -> Result<Shown> {
+        let (binding, found, name) = {
+            let (binding, found) = descriptor(&self.what, scene, resources)?;
+            let named = scene
+                .resources
+                .iter()
+                .find(|one| one.set == binding.set && one.binding == binding.binding)
+                .map_or_else(String::new, |one| one.name.clone());
+            (binding, found, named)
+        };
+        Ok(Shown { name, binding, format: self.format, found })
+    }
+}
+
+/// The resource with a name in the scene, or at `[SET,]BINDING`.
+pub fn descriptor(what: &str, scene: &ResolvedScene, resources: &Resources) -> Result<(Binding, Found)> {
+    let named = scene.resources.iter().find(|one| one.name == what);
+    let (binding, element) = match named {
+        Some(one) => (Binding { set: one.set, binding: one.binding }, one.element),
+        None => match super::by_itself::binding(what) {
+            Some(binding) => (binding, 0),
+            None => {
+                let known: Vec<_> = scene.resources.iter().map(|one| format!("`{}`", one.name)).collect();
+                let error = invalid(format!("`{what}` is neither a resource of the scene nor a binding"));
+                return Err(error.note(format!("the scene's resources: {}", known.join(", "))));
+            }
+        },
+    };
+    let list = resources.descriptors.get(&binding);
+    let found = match list.and_then(|list| list.get(element as usize)) {
+        Some(Descriptor::Buffer(buffer)) => Found::Buffer(buffer.clone()),
+        Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => Found::Image(image.clone()),
+        _ => {
+            let Binding { set, binding } = binding;
+            return Err(invalid(format!(
+                "`{what}`: neither a buffer nor an image is bound at set {set}, binding {binding}"
+            )));
+        }
+    };
+    Ok((binding, found))
+}
+
+fn programs(assembled: &Assembled) -> impl Iterator<Item = &Program> {
+    let dispatched = assembled.dispatches.iter().map(|dispatch| &*dispatch.compute.program);
+    assembled.pipeline.programs.iter().map(|program| &**program).chain(dispatched)
+}
+
+/// Storage class, binding and type of what a program's interface binds.
+fn variables(program: &Program) -> Vec<(u32, Option<Binding>, Option<TypeId>)> {
+    let module = &*program.module;
+    let entry =
+        module.entry_points.iter().find(|entry| entry.stage == program.stage && entry.name == program.name);
+    let variables = entry.map_or_else(Vec::new, |entry| module.interface_of(entry));
+    let bound = variables.into_iter().map(|variable| {
+        let numbers = variable.descriptor_set.zip(variable.binding);
+        let ty = variable.ty;
+        let legacy = ty.is_some_and(|ty| matches!(module.ty(ty), Type::Struct { buffer_block: true, .. }));
+        let class = if legacy { storage::STORAGE_BUFFER } else { variable.storage_class };
+        (class, numbers.map(|(set, binding)| Binding { set, binding }), ty)
+    });
+    bound.collect()
+}
+
+impl Shown {
+    /// The text.
+    pub fn text(&self, assembled: &Assembled) -> Result<String> {
+        let Binding { set, binding } = self.binding;
+        let name = if self.name.is_empty() { String::new() } else { format!(" `{}`", self.name) };
+        let title = format!("set {set}, binding {binding}{name}");
+        let bytes = match &self.found {
+            Found::Buffer(buffer) => buffer.bytes(),
+            Found::Image(image) => image.bytes(),
+        };
+        if self.format == Format::Hex {
+            return Ok(format!("{title}: {} bytes\n{}", bytes.len(), hex(&bytes)));
+        }
+        let image = match &self.found {
+            Found::Image(image) => Some(image),
+            Found::Buffer(_) => None,
+        };
+        if self.format == Format::Json {
+            let value = match image {
+                Some(image) => json!(texels(image)),
+                None => self.value(assembled, &bytes).map_or_else(|| json!(bytes), |value| json_of(&value)),
+            };
+            let json = json!({ "set": set, "binding": binding, "name": self.name, "value": value });
+            let text =
+                serde_json::to_string(&json).map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;
+            return Ok(format!("{text}\n"));
+        }
+        if let Some(image) = image {
+            let [width, height, depth] = image.shape().extent;
+            let mut text = format!("{title}: image of {width} x {height} x {depth}\n");
+            for (at, texel) in texels(image).iter().enumerate() {
+                let words: Vec<_> = texel.iter().map(|number| format!("{number}")).collect();
+                // Writing to a string does not fail.
+                let _ = writeln!(text, "{at:6}  {}", words.join(" "));
+            }
+            return Ok(text);
+        }
+        Ok(match self.value(assembled, &bytes) {
+            Some(value) => format!("{title}:{}", lines(&value)),
+            None => format!("{title}: no shader tells its type: {} bytes\n{}", bytes.len(), hex(&bytes)),
+        })
+    }
+
+    /// The buffer's content by the type of the first shader that uses it.
+    fn value(&self, assembled: &Assembled, bytes: &[u8]) -> Option<Value> {
+        programs(assembled).find_map(|program| {
+            let of_binding = |one: &(u32, Option<Binding>, Option<TypeId>)| one.1 == Some(self.binding);
+            let (.., ty) = variables(program).into_iter().find(of_binding)?;
+            let mut ty = ty?;
+            while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = program.module.ty(ty)
+            {
+                ty = *element;
+            }
+            let block = matches!(program.module.ty(ty), Type::Struct { .. });
+            block.then(|| Layout::new(&program.module, ty, Rules::Explicit).read(bytes))
+        })
+    }
+}
+
+/// Sixteen bytes a line.
+fn hex(bytes: &[u8]) -> String {
+    let mut text = String::new();
+    for (at, line) in bytes.chunks(16).enumerate() {
+        let words: Vec<_> = line.iter().map(|byte| format!("{byte:02x}")).collect();
+        let _ = writeln!(text, "{:08x}  {}", at * 16, words.join(" "));
+    }
+    text
+}
+
+/// The texels of an image in the order of its memory.
+fn texels(image: &Image) -> Vec<[f64; 4]> {
+    let count = image.bytes().len() / image.format().texel_size() as usize;
+    (0..count).map(|at| image.format().decode_numbers(image.load(at))).collect()
+}
+
+/// A member a line, an element of an array of structs a line.
+fn lines(value: &Value) -> String {
+    let mut text = String::from("\n");
+    for (name, member) in value.fields() {
+        let elements = member.elements();
+        let nested = elements.iter().any(|element| element.fields().next().is_some());
+        if nested {
+            for (at, element) in elements.iter().enumerate() {
+                let _ = writeln!(text, "  {name}[{at}] = {}", words(element));
+            }
+        } else {
+            let _ = writeln!(text, "  {name} = {}", words(member));
+        }
+    }
+    text
+}
+
+/// A value on one line, all of it.
+fn words(value: &Value) -> String {
+    let fields: Vec<_> = value.fields().map(|(name, field)| format!("{name}: {}", words(field))).collect();
+    if !fields.is_empty() {
+        return format!("{{ {} }}", fields.join(", "));
+    }
+    if value.elements().is_empty() {
+        return scalar(value);
+    }
+    let elements: Vec<_> = value.elements().iter().map(words).collect();
+    format!("[{}]", elements.join(", "))
+}
+
+/// The shortest digits that say which number it is; an integer's sign shows in its type already.
+fn scalar(value: &Value) -> String {
+    let text = format!("{value:?}");
+    match text.strip_suffix('u') {
+        Some(digits) if !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()) => {
+            digits.to_owned()
+        }
+        _ if text.starts_with(value.ty()) => "[]".to_owned(),
+        _ => text,
+    }
+}
+
+fn json_of(value: &Value) -> serde_json::Value {
+    if value.fields().next().is_some() {
+        let fields = value.fields().map(|(name, field)| (name.to_owned(), json_of(field)));
+        return serde_json::Value::Object(fields.collect());
+    }
+    if !value.elements().is_empty() {
+        return value.elements().iter().map(json_of).collect();
+    }
+    let text = scalar(value);
+    // JSON has no numbers for NaN and infinity: they become strings.
+    serde_json::from_str(&text).unwrap_or(serde_json::Value::String(text))
+}
