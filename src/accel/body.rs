@@ -1,8 +1,10 @@
 //! What a BLAS is when rays reach it: active primitives in tree order, and the tree.
 
 use crate::accel::blas::Geometry;
+use crate::accel::node::Child;
 use crate::accel::primitive::Primitive;
 use crate::accel::tree::Tree;
+use crate::geometry::block::{self, BlockRay, LANES};
 use crate::geometry::{
     Bounds, Intersection, ObjectRay, Precision, aabb, linear_swept_sphere, sphere, triangle,
 };
@@ -11,15 +13,15 @@ use crate::geometry::{
 /// primitive's test cost about the same.
 const LINEAR: usize = 4;
 
-/// The most primitives of a leaf.
-const LEAF: u32 = 4;
+/// The most primitives of a leaf: a block.
+const LEAF: u32 = LANES as u32;
 
 /// The active primitives of a BLAS, and the tree over them.
 #[derive(Debug)]
 pub struct Body {
     shapes: Shapes,
-    /// Parallel to the shapes.
-    names: Vec<Name>,
+    /// By place in tree order; a leaf that is not full leaves places empty.
+    names: Vec<Option<Name>>,
     tree: Option<Tree>,
     bounds: Bounds,
 }
@@ -33,20 +35,13 @@ pub struct Name {
     pub primitive: u32,
 }
 
-/// Primitives of one kind.
+/// Primitives of one kind, four places a block.
 #[derive(Debug)]
 enum Shapes {
-    Triangles(Vec<[[f32; 3]; 3]>),
-    Aabbs(Vec<[f32; 6]>),
-    Spheres(Vec<([f32; 3], f32)>),
-    LinearSweptSpheres(Vec<LinearSweptSphere>),
-}
-
-#[derive(Clone, Copy, Debug)]
-struct LinearSweptSphere {
-    positions: [[f32; 3]; 2],
-    radii: [f32; 2],
-    caps: [bool; 2],
+    Triangles(Vec<block::Triangles>),
+    Aabbs(Vec<block::Aabbs>),
+    Spheres(Vec<block::Spheres>),
+    LinearSweptSpheres(Vec<block::LinearSweptSpheres>),
 }
 
 impl Body {
@@ -67,11 +62,14 @@ impl Body {
         }
         let around = boxes.iter().fold(Bounds::EMPTY, |all, one| all.union(one));
         if boxes.len() <= LINEAR {
-            return Self { shapes: Shapes::of(&primitives), names, tree: None, bounds: around };
+            let all: Vec<Option<Primitive>> = primitives.into_iter().map(Some).collect();
+            let names = names.into_iter().map(Some).collect();
+            return Self { shapes: Shapes::of(&all), names, tree: None, bounds: around };
         }
         let (tree, order) = Tree::build(&boxes, LEAF).expect("bug in anyhit: a tree of no boxes");
-        let ordered: Vec<Primitive> = order.iter().map(|&number| primitives[number as usize]).collect();
-        let names = order.iter().map(|&number| names[number as usize]).collect();
+        let ordered: Vec<Option<Primitive>> =
+            order.iter().map(|&number| primitives.get(number as usize).copied()).collect();
+        let names = order.iter().map(|&number| names.get(number as usize).copied()).collect();
         Self { shapes: Shapes::of(&ordered), names, tree: Some(tree), bounds: around }
     }
 
@@ -86,59 +84,90 @@ impl Body {
         self.tree.as_ref()
     }
 
-    /// How many active primitives there are.
+    /// All places, for a body without a tree.
     #[inline]
-    pub fn len(&self) -> usize {
-        self.names.len()
+    pub fn all(&self) -> Child {
+        Child { first: 0, count: self.names.len() as u32 }
     }
 
     /// Which primitive stands at a place in tree order.
     #[inline]
     pub fn name(&self, place: usize) -> Name {
-        self.names[place]
+        self.names[place].expect("bug in anyhit: a leaf holds an empty place")
+    }
+
+    /// A ray for [`Body::met`].
+    #[inline]
+    pub fn block_ray(&self, ray: &ObjectRay) -> BlockRay {
+        BlockRay::new(ray, &self.bounds)
+    }
+
+    /// A bit for each of a leaf's primitives.
+    #[inline]
+    pub fn every(&self, leaf: Child) -> u32 {
+        (1 << leaf.count) - 1
+    }
+
+    /// A bit for each of a leaf's primitives that the ray's line does not surely miss.
+    #[inline]
+    pub fn met(&self, leaf: Child, ray: &BlockRay) -> u32 {
+        let at = leaf.first as usize / LANES;
+        let met = match &self.shapes {
+            Shapes::Triangles(blocks) => blocks[at].met(ray),
+            Shapes::Aabbs(blocks) => blocks[at].met(ray),
+            Shapes::Spheres(blocks) => blocks[at].met(ray),
+            Shapes::LinearSweptSpheres(blocks) => blocks[at].met(ray),
+        };
+        met & self.every(leaf)
     }
 
     /// Where a ray meets the primitive at a place in tree order, within the ray's whole interval.
     #[inline]
     pub fn intersect(&self, place: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
+        let (at, lane) = (place / LANES, place % LANES);
         match &self.shapes {
-            Shapes::Triangles(all) => triangle::intersect(ray, all[place], precision),
-            Shapes::Aabbs(all) => {
-                let (min, max) = corners(all[place]);
-                aabb::intersect(ray, min, max, precision)
-            }
-            Shapes::Spheres(all) => sphere::intersect(ray, all[place].0, all[place].1, precision),
-            Shapes::LinearSweptSpheres(all) => {
-                let one = &all[place];
-                linear_swept_sphere::intersect(ray, one.positions, one.radii, one.caps, precision)
-            }
+            Shapes::Triangles(blocks) => blocks[at].intersect(lane, ray, precision),
+            Shapes::Aabbs(blocks) => blocks[at].intersect(lane, ray, precision),
+            Shapes::Spheres(blocks) => blocks[at].intersect(lane, ray, precision),
+            Shapes::LinearSweptSpheres(blocks) => blocks[at].intersect(lane, ray, precision),
         }
     }
 }
 
 impl Shapes {
-    fn of(primitives: &[Primitive]) -> Self {
-        let mut triangles = Vec::new();
-        let mut aabbs = Vec::new();
-        let mut spheres = Vec::new();
-        let mut swept = Vec::new();
-        for primitive in primitives {
-            match *primitive {
-                Primitive::Triangle(vertices) => triangles.push(vertices),
-                Primitive::Aabb(corners) => aabbs.push(corners),
-                Primitive::Sphere { position, radius } => spheres.push((position, radius)),
-                Primitive::LinearSweptSphere { positions, radii, caps } => {
-                    swept.push(LinearSweptSphere { positions, radii, caps });
+    /// Takes primitives of one kind by place; some places are empty.
+    fn of(places: &[Option<Primitive>]) -> Self {
+        let count = places.len().div_ceil(LANES);
+        let mut shapes = match places.iter().flatten().next() {
+            Some(Primitive::Aabb(_)) => Self::Aabbs(vec![block::Aabbs::EMPTY; count]),
+            Some(Primitive::Sphere { .. }) => Self::Spheres(vec![block::Spheres::EMPTY; count]),
+            Some(Primitive::LinearSweptSphere { .. }) => {
+                Self::LinearSweptSpheres(vec![block::LinearSweptSpheres::EMPTY; count])
+            }
+            Some(Primitive::Triangle(_)) | None => Self::Triangles(vec![block::Triangles::EMPTY; count]),
+        };
+        for (place, primitive) in places.iter().enumerate() {
+            let (at, lane) = (place / LANES, place % LANES);
+            match (&mut shapes, *primitive) {
+                (_, None) => {}
+                (Self::Triangles(blocks), Some(Primitive::Triangle(vertices))) => {
+                    blocks[at].set(lane, vertices);
                 }
+                (Self::Aabbs(blocks), Some(Primitive::Aabb(minimum_maximum))) => {
+                    let (min, max) = corners(minimum_maximum);
+                    blocks[at].set(lane, min, max);
+                }
+                (Self::Spheres(blocks), Some(Primitive::Sphere { position, radius })) => {
+                    blocks[at].set(lane, position, radius);
+                }
+                (
+                    Self::LinearSweptSpheres(blocks),
+                    Some(Primitive::LinearSweptSphere { positions, radii, caps }),
+                ) => blocks[at].set(lane, positions, radii, caps),
+                _ => unreachable!("bug in anyhit: a BLAS of two kinds of primitive"),
             }
         }
-        // A BLAS holds one kind.
-        match primitives.first() {
-            Some(Primitive::Aabb(_)) => Self::Aabbs(aabbs),
-            Some(Primitive::Sphere { .. }) => Self::Spheres(spheres),
-            Some(Primitive::LinearSweptSphere { .. }) => Self::LinearSweptSpheres(swept),
-            Some(Primitive::Triangle(_)) | None => Self::Triangles(triangles),
-        }
+        shapes
     }
 }
 

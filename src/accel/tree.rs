@@ -19,6 +19,9 @@ use crate::geometry::Bounds;
 /// clustering. Trees over scenes stay far above it.
 const CLUSTERED_DEPTH: usize = 32;
 
+/// What stands in tree order behind a leaf that is not full.
+pub const EMPTY_PLACE: u32 = u32::MAX;
+
 /// A tree over boxes that were given by number.
 #[derive(Debug)]
 pub struct Tree {
@@ -30,7 +33,7 @@ pub struct Tree {
 
 impl Tree {
     /// Builds a tree, and says in which order its leaves name the boxes: place in tree order ->
-    /// number. Boxes must hold no NaN and have min <= max; sides may be infinite. `None` for no
+    /// number. Leaves start at multiples of `leaf_size`; the places between are [`EMPTY_PLACE`]. Boxes must hold no NaN and have min <= max; sides may be infinite. `None` for no
     /// boxes.
     pub fn build(boxes: &[Bounds], leaf_size: u32) -> Option<(Self, Vec<u32>)> {
         Self::build_clustered(boxes, leaf_size, CLUSTERED_DEPTH)
@@ -44,7 +47,7 @@ impl Tree {
         let scale = scale_of(boxes);
         let scaled: Vec<Scaled> = boxes.iter().map(|one| Scaled::new(one, scale)).collect();
         let binary = build_binary(&scaled, leaf_size);
-        let (nodes, root, order) = widen(&binary, &scaled, depth);
+        let (nodes, root, order) = widen(&binary, &scaled, leaf_size, depth);
         Some((Self { nodes, root, bounds, scale }, order))
     }
 
@@ -165,7 +168,12 @@ fn build_binary(boxes: &[Scaled], leaf_size: u32) -> Bvh2 {
 
 /// Makes four-wide nodes of a binary tree: an inner child gives way to its own two children, the
 /// largest first, until there are four.
-fn widen(binary: &Bvh2, boxes: &[Scaled], clustered_depth: usize) -> (Vec<Node>, Child, Vec<u32>) {
+fn widen(
+    binary: &Bvh2,
+    boxes: &[Scaled],
+    leaf_size: u32,
+    clustered_depth: usize,
+) -> (Vec<Node>, Child, Vec<u32>) {
     let node_boxes = node_boxes(binary, boxes);
     let is_leaf = |index: usize| binary.nodes[index].prim_count > 0;
     let mut order = Vec::with_capacity(boxes.len());
@@ -174,9 +182,7 @@ fn widen(binary: &Bvh2, boxes: &[Scaled], clustered_depth: usize) -> (Vec<Node>,
     let leaf = |index: usize, order: &mut Vec<u32>| {
         let node = &binary.nodes[index];
         let run = node.first_index as usize..(node.first_index + node.prim_count) as usize;
-        let first = order.len() as u32;
-        order.extend_from_slice(&binary.primitive_indices[run]);
-        Child { first, count: node.prim_count }
+        leaf_of(&binary.primitive_indices[run], leaf_size, order)
     };
     if is_leaf(0) {
         let root = leaf(0, &mut order);
@@ -186,7 +192,7 @@ fn widen(binary: &Bvh2, boxes: &[Scaled], clustered_depth: usize) -> (Vec<Node>,
     while let Some((index, depth, parent)) = open.pop() {
         if depth >= clustered_depth {
             let mut numbers = numbers_below(binary, index);
-            let child = halve(&mut numbers, boxes, &mut nodes, &mut order);
+            let child = halve(&mut numbers, boxes, leaf_size, &mut nodes, &mut order);
             let (parent, slot) = parent.expect("bug in anyhit: a root below the root");
             nodes[parent].set_child(slot, child);
             continue;
@@ -223,6 +229,14 @@ fn widen(binary: &Bvh2, boxes: &[Scaled], clustered_depth: usize) -> (Vec<Node>,
     (nodes, Child { first: 0, count: 0 }, order)
 }
 
+/// Gives a leaf's boxes their places, from the next multiple of the leaf size on.
+fn leaf_of(numbers: &[u32], leaf_size: u32, order: &mut Vec<u32>) -> Child {
+    order.resize(order.len().next_multiple_of(leaf_size as usize), EMPTY_PLACE);
+    let first = order.len() as u32;
+    order.extend_from_slice(numbers);
+    Child { first, count: numbers.len() as u32 }
+}
+
 /// The numbers of all boxes below a node of a binary tree.
 fn numbers_below(binary: &Bvh2, index: usize) -> Vec<u32> {
     let mut numbers = Vec::new();
@@ -240,11 +254,15 @@ fn numbers_below(binary: &Bvh2, index: usize) -> Vec<u32> {
 }
 
 /// A balanced subtree: quarters by the middle along the longest side, whatever lies there.
-fn halve(numbers: &mut [u32], boxes: &[Scaled], nodes: &mut Vec<Node>, order: &mut Vec<u32>) -> Child {
+fn halve(
+    numbers: &mut [u32],
+    boxes: &[Scaled],
+    leaf_size: u32,
+    nodes: &mut Vec<Node>,
+    order: &mut Vec<u32>,
+) -> Child {
     if numbers.len() <= WIDTH {
-        let first = order.len() as u32;
-        order.extend_from_slice(numbers);
-        return Child { first, count: numbers.len() as u32 };
+        return leaf_of(numbers, leaf_size, order);
     }
     let around = |numbers: &[u32]| {
         numbers.iter().fold(Scaled::EMPTY, |all, &number| all.union(boxes[number as usize]))
@@ -269,7 +287,7 @@ fn halve(numbers: &mut [u32], boxes: &[Scaled], nodes: &mut Vec<Node>, order: &m
     let place = nodes.len();
     nodes.push(Node::new(&[&*a, &*b, &*c, &*d].map(|quarter| (Child::default(), around(quarter).corners))));
     for (slot, quarter) in [a, b, c, d].into_iter().enumerate() {
-        let child = halve(quarter, boxes, nodes, order);
+        let child = halve(quarter, boxes, leaf_size, nodes, order);
         nodes[place].set_child(slot, child);
     }
     Child { first: place as u32, count: 0 }

@@ -20,6 +20,9 @@ pub trait Visit {
     /// A primitive was tested.
     fn primitive(&mut self, _place: Place, _verdict: PrimitiveVerdict) {}
 
+    /// So many primitives were tested together and missed; told only where no reasons are wanted.
+    fn missed(&mut self, _count: u32) {}
+
     /// A candidate is handed to the shaders.
     fn present(&mut self, _candidate: &Candidate) {}
 
@@ -103,6 +106,10 @@ impl Visit for Counters {
 
     fn primitive(&mut self, _: Place, _: PrimitiveVerdict) {
         self.primitives += 1;
+    }
+
+    fn missed(&mut self, count: u32) {
+        self.primitives += u64::from(count);
     }
 
     fn present(&mut self, _: &Candidate) {

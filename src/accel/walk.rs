@@ -9,6 +9,7 @@ use crate::accel::rules::{
 };
 use crate::accel::tlas::Tlas;
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
+use crate::geometry::block::BlockRay;
 use crate::geometry::{Intersection, ObjectRay};
 
 /// A part of a tree that is still to be visited.
@@ -29,6 +30,7 @@ pub struct Level {
     base: usize,
     object_ray: ObjectRay,
     node_ray: NodeRay,
+    block_ray: BlockRay,
 }
 
 impl Cursor {
@@ -67,7 +69,7 @@ impl Cursor {
         };
         let body = tlas.instances()[level.instance as usize].blas.body();
         if child.count > 0 {
-            self.test(tlas, level.instance, body, child, &level.object_ray, visit);
+            self.test(tlas, level.instance, body, child, &level.object_ray, &level.block_ray, visit);
         } else if let Some(tree) = body.tree() {
             visit.node(Some(level.instance));
             push_children(&mut self.open, self.cull_t, tree.node(child.first), &level.node_ray);
@@ -112,15 +114,18 @@ impl Cursor {
         };
         let body = instance.blas.body();
         let Some(tree) = body.tree() else {
-            let all = Child { first: 0, count: body.len() as u32 };
-            self.test(tlas, number, body, all, &object_ray, visit);
+            let all = body.all();
+            if all.count > 0 {
+                self.test(tlas, number, body, all, &object_ray, &body.block_ray(&object_ray), visit);
+            }
             return InstanceVerdict::Entered;
         };
         let Some(node_ray) = NodeRay::new(&object_ray, self.cull_t, tree.bounds(), tree.scale()) else {
             return InstanceVerdict::Missed;
         };
         let entry = node_ray.root_entry();
-        let level = Level { instance: number, base: self.open.len(), object_ray, node_ray };
+        let block_ray = body.block_ray(&object_ray);
+        let level = Level { instance: number, base: self.open.len(), object_ray, node_ray, block_ray };
         self.level = Some(match self.spare_level.take() {
             Some(mut spare) => {
                 *spare = level;
@@ -132,19 +137,28 @@ impl Cursor {
         InstanceVerdict::Entered
     }
 
-    /// Tests a run of primitives of an instance.
+    /// Tests a leaf of an instance.
+    #[allow(clippy::too_many_arguments)]
     fn test<V: Visit>(
         &mut self,
         tlas: &Tlas,
         number: u32,
         body: &Body,
-        run: Child,
+        leaf: Child,
         ray: &ObjectRay,
+        block_ray: &BlockRay,
         visit: &mut V,
     ) {
+        let mut rest = if V::REASONS { body.every(leaf) } else { body.met(leaf, block_ray) };
+        visit.missed(leaf.count - rest.count_ones());
+        if rest == 0 {
+            return;
+        }
         let instance = &tlas.instances()[number as usize];
         let flags = self.trace.flags;
-        for at in run.first as usize..(run.first + run.count) as usize {
+        while rest != 0 {
+            let at = leaf.first as usize + rest.trailing_zeros() as usize;
+            rest &= rest - 1;
             let name = body.name(at);
             let place = Place { instance: number, geometry: name.geometry, primitive: name.primitive };
             let geometry = &instance.blas.geometries()[name.geometry as usize];

@@ -49,6 +49,11 @@ pub fn intersect(
     Some(Intersection { t, attributes: [0.0; 2], surface: Surface::Aabb })
 }
 
+/// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
+pub fn is_decided_in_f64(ray: &ObjectRay, min: [f32; 3], max: [f32; 3]) -> bool {
+    !holds_points(min, max) || approach::<f64, true>(ray, min, max) != Verdict::Undecided
+}
+
 /// The box itself; `None` where it is inactive or holds no point.
 pub fn bounds(min: [f32; 3], max: [f32; 3]) -> Option<Bounds> {
     holds_points(min, max).then_some(Bounds { min, max })

@@ -97,6 +97,18 @@ pub fn intersect(
     }
 }
 
+/// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
+pub fn is_decided_in_f64(
+    ray: &ObjectRay,
+    positions: [[f32; 3]; 2],
+    radii: [f32; 2],
+    caps: [bool; 2],
+) -> bool {
+    let whole = radii[0] >= 0.0 && radii[1] >= 0.0;
+    !is_solid(positions, radii)
+        || whole && approach::<f64, true>(ray, positions, radii, caps) != Verdict::Undecided
+}
+
 /// The box around a linear swept sphere (with both caps); `None` where it is never hit.
 pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
     is_solid(positions, radii).then(|| {

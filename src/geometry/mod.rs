@@ -4,7 +4,8 @@
 //! those inputs: whether the ray meets it, on which surface, and within the interval or not; t and
 //! the attributes are the correctly rounded values of the real numbers. An f64 attempt with a
 //! proven error bound decides nearly always; what it leaves undecided goes to exact arithmetic.
-//! [`Precision`] trades that away.
+//! [`Precision`] trades that away. Before any of that, [`block`] drops four at a time what a ray
+//! surely misses.
 //!
 //! The interval of a ray is the caller's t_min and t_max. A traversal that has found a hit compares
 //! the *rounded* t of later ones itself: shrinking `t_max` to a rounded t would make ties depend on
@@ -14,6 +15,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 pub mod aabb;
+pub mod block;
 mod bounds;
 pub mod linear_swept_sphere;
 mod object_ray;

@@ -60,6 +60,11 @@ pub fn intersect(
     Some(Intersection { t, attributes: [0.0; 2], surface: Surface::Sphere })
 }
 
+/// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
+pub fn is_decided_in_f64(ray: &ObjectRay, center: [f32; 3], radius: f32) -> bool {
+    !is_solid(center, radius) || approach::<f64, true>(ray, center, radius) != Verdict::Undecided
+}
+
 /// The box around a sphere; `None` where it is never hit.
 pub fn bounds(center: [f32; 3], radius: f32) -> Option<Bounds> {
     is_solid(center, radius).then(|| Bounds::around(center, radius))

@@ -53,6 +53,11 @@ pub fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3], precision: Precision)
     }
 }
 
+/// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
+pub fn is_decided_in_f64(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> bool {
+    approach::<f64, true>(ray, vertices) != Verdict::Undecided
+}
+
 /// The box around a triangle; `None` where it is inactive (a NaN in the X of a vertex, SEMANTICS
 /// 2.6) or, with another component not finite, can't be hit.
 pub fn bounds(vertices: [[f32; 3]; 3]) -> Option<Bounds> {

@@ -4,6 +4,7 @@
 pub mod error_bound;
 pub mod exact;
 pub mod float;
+pub mod four;
 pub mod real;
 pub mod srgb;
 pub mod surd;

@@ -8,6 +8,7 @@
 mod draw;
 mod reference;
 
+use anyhit::geometry::block::{self, BlockRay, LANES};
 use anyhit::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
     world_to_object,
@@ -59,6 +60,11 @@ fn agree(
     }
 }
 
+/// What the block test must keep: all lanes, where the line meets the primitive that is in each.
+fn assert_kept(met: u32, expected: bool, ray: &Ray, case: &dyn std::fmt::Debug) {
+    assert!(!expected || met == (1 << LANES) - 1, "{met:#b} of {case:?} {ray:?}");
+}
+
 #[test]
 fn spheres() {
     let mut draw = Draw::new(1);
@@ -71,8 +77,15 @@ fn spheres() {
             let line = LineOf::new(&ray, matrix.as_ref());
             let object = ObjectRay::new(&ray, matrix.as_ref());
             assert_eq!(object.is_some(), line.is_some(), "{case:?} {ray:?}");
-            let found = sphere::intersect(&object?, center, radius, Precision::Exact);
-            agree(found, line?.sphere(center, radius), &ray, false, &case)
+            let (object, expected) = (object?, line?.sphere(center, radius));
+            if let Some(bounds) = sphere::bounds(center, radius) {
+                let mut block = block::Spheres::EMPTY;
+                (0..LANES).for_each(|lane| block.set(lane, center, radius));
+                let met = block.met(&BlockRay::new(&object, &bounds));
+                assert_kept(met, expected.is_some(), &ray, &case);
+            }
+            let found = sphere::intersect(&object, center, radius, Precision::Exact);
+            agree(found, expected, &ray, false, &case)
         }));
     }
     assert!(hits > 1000, "only {hits} hits");
@@ -91,6 +104,12 @@ fn linear_swept_spheres() {
             let object = ObjectRay::new(&ray, matrix.as_ref())?;
             let found = linear_swept_sphere::intersect(&object, positions, radii, caps, Precision::Exact);
             let expected = line.linear_swept_sphere(positions, radii, caps);
+            if let Some(bounds) = linear_swept_sphere::bounds(positions, radii) {
+                let mut block = block::LinearSweptSpheres::EMPTY;
+                (0..LANES).for_each(|lane| block.set(lane, positions, radii, caps));
+                let met = block.met(&BlockRay::new(&object, &bounds));
+                assert_kept(met, expected.is_some(), &ray, &case);
+            }
             let found = agree(found, expected, &ray, false, &case)?;
             surfaces[match found.surface {
                 Surface::Cap0 => 0,
@@ -117,7 +136,14 @@ fn triangles() {
             let line = LineOf::new(&ray, matrix.as_ref())?;
             let object = ObjectRay::new(&ray, matrix.as_ref())?;
             let found = triangle::intersect(&object, vertices, Precision::Exact);
-            let found = agree(found, line.triangle(vertices), &ray, true, &case)?;
+            let expected = line.triangle(vertices);
+            if let Some(bounds) = triangle::bounds(vertices) {
+                let mut block = block::Triangles::EMPTY;
+                (0..LANES).for_each(|lane| block.set(lane, vertices));
+                let met = block.met(&BlockRay::new(&object, &bounds));
+                assert_kept(met, expected.is_some(), &ray, &case);
+            }
+            let found = agree(found, expected, &ray, true, &case)?;
             let [b, c] = found.attributes;
             ties += usize::from(b == 0.0 || c == 0.0 || b + c == 1.0);
             Some(found)
@@ -139,6 +165,12 @@ fn boxes() {
             let object = ObjectRay::new(&ray, matrix.as_ref())?;
             let found = aabb::intersect(&object, min, max, Precision::Exact);
             let expected = line.aabb(min, max, ray.t_min, ray.t_max);
+            if let Some(bounds) = aabb::bounds(min, max) {
+                let mut block = block::Aabbs::EMPTY;
+                (0..LANES).for_each(|lane| block.set(lane, min, max));
+                let met = block.met(&BlockRay::new(&object, &bounds));
+                assert_kept(met, expected.is_some(), &ray, &case);
+            }
             match (found, expected) {
                 (None, None) => None,
                 (Some(found), Some(t)) => {

@@ -1,0 +1,128 @@
+//! Four boxes.
+//!
+//! On one axis let the moved origin lie in [o-, o+] and the direction D in [d-, d+], d- > 0, and let s count
+//! along D from o'. As boxes lie ahead of the moved origin or the ray starts there, only s >= 0
+//! matters, and a point with lo <= o + s D <= hi has
+//!
+//! ```text
+//! (lo - o+) / d+  <=  s  <=  (hi - o-) / d-
+//! ```
+//!
+//! (mirrored for d+ < 0). A difference rounds by u without changing its sign, a product by u; the
+//! reciprocals are widened by 2^-20. A lane is missed where one axis' lower bound is above another's
+//! upper one, or an upper one is below 0. An axis whose direction may be 0 does not confine, unless
+//! it is exactly 0: then reciprocals are infinite and only the side of the origin counts; a NaN (0
+//! times infinity) confines nothing.
+
+use super::{ALL, BlockRay, LANES, Row};
+use crate::geometry::{Intersection, ObjectRay, Precision, aabb};
+use crate::math::error_bound::{round_down, round_up};
+use crate::math::four::Four;
+
+/// Up to four boxes.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(16))]
+pub struct Aabbs {
+    /// The least coordinates, then the greatest.
+    sides: [[Row; 3]; 2],
+}
+
+/// The ray's part of the test.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slabs {
+    near_origin: [f32; 3],
+    far_origin: [f32; 3],
+    near_reciprocal: [f32; 3],
+    far_reciprocal: [f32; 3],
+    /// Per axis which side is entered first.
+    near_side: [usize; 3],
+}
+
+impl Slabs {
+    /// Confines nothing.
+    pub const OPEN: Self = Self {
+        near_origin: [f32::NAN; 3],
+        far_origin: [f32::NAN; 3],
+        near_reciprocal: [0.0; 3],
+        far_reciprocal: [0.0; 3],
+        near_side: [0; 3],
+    };
+
+    #[inline(always)]
+    pub fn new(
+        ray: &BlockRay,
+        origin_error: [f64; 3],
+        direction_error: [f64; 3],
+        object_ray: &ObjectRay,
+        t0: f64,
+    ) -> Self {
+        let mut out = Self::OPEN;
+        // Points behind the moved origin would need the bounds mirrored.
+        if f64::from(object_ray.t_min()) < 0.0 && t0 == 0.0 {
+            return out;
+        }
+        for i in 0..3 {
+            let (o, d) = (f64::from(ray.origin[i]), f64::from(ray.direction[i]));
+            let (least, most) = (d.abs() - direction_error[i], d.abs() + direction_error[i]);
+            let (near, far) = if most == 0.0 {
+                (f32::INFINITY, f32::INFINITY)
+            } else if least > 0.0 {
+                (round_down(SHRINK / most), round_up(WIDEN / least))
+            } else {
+                continue;
+            };
+            let below = round_down(o - origin_error[i] * WIDEN);
+            let above = round_up(o + origin_error[i] * WIDEN);
+            let upwards = d >= 0.0;
+            out.near_side[i] = usize::from(!upwards);
+            (out.near_origin[i], out.far_origin[i]) = if upwards { (above, below) } else { (below, above) };
+            (out.near_reciprocal[i], out.far_reciprocal[i]) =
+                if upwards { (near, far) } else { (-near, -far) };
+        }
+        out
+    }
+}
+
+const SHRINK: f64 = 1.0 - 1.0 / 1_048_576.0;
+const WIDEN: f64 = 1.0 + 1.0 / 1_048_576.0;
+
+impl Aabbs {
+    /// None; a lane that is not set means nothing.
+    pub const EMPTY: Self = Self { sides: [[[0.0; LANES]; 3]; 2] };
+
+    /// Puts a box into a lane.
+    pub fn set(&mut self, lane: usize, min: [f32; 3], max: [f32; 3]) {
+        for (rows, corner) in self.sides.iter_mut().zip([min, max]) {
+            for (row, x) in rows.iter_mut().zip(corner) {
+                row[lane] = x;
+            }
+        }
+    }
+
+    /// A bit for each lane that the ray's line does not surely miss.
+    #[inline]
+    pub fn met(&self, ray: &BlockRay) -> u32 {
+        let slabs = &ray.slabs;
+        let mut near = Four::splat(0.0);
+        let mut far = Four::splat(f32::INFINITY);
+        for i in 0..3 {
+            let side = slabs.near_side[i];
+            let reach = |side: usize, origin: [f32; 3], reciprocal: [f32; 3]| {
+                (Four::new(self.sides[side][i]) - Four::splat(origin[i])) * Four::splat(reciprocal[i])
+            };
+            let enter = reach(side, slabs.near_origin, slabs.near_reciprocal);
+            let leave = reach(side ^ 1, slabs.far_origin, slabs.far_reciprocal);
+            // Written so that a NaN keeps the old bound.
+            near = enter.if_above(near);
+            far = leave.if_below(far);
+        }
+        ALL & !(near.above(far))
+    }
+
+    /// Where a ray enters the box in a lane: [`aabb::intersect`].
+    #[inline]
+    pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
+        let [min, max] = self.sides.map(|rows| rows.map(|row| row[lane]));
+        aabb::intersect(ray, min, max, precision)
+    }
+}
