@@ -257,6 +257,13 @@ impl Cursor {
         self.start(tlas);
     }
 
+    /// Takes the memory of this one for a traversal that is over already, with this outcome.
+    pub fn settle(&mut self, trace: TraceRay, committed: Option<Committed>) {
+        self.trace = trace;
+        self.terminate();
+        self.committed = committed;
+    }
+
     /// Lets the traversal end at *any* opaque hit, the first that it comes upon. For rays that only
     /// ask whether something is hit: the caller must see to it that nobody can observe which hit
     /// was committed, or which candidates were handed out before.

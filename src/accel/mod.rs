@@ -25,5 +25,5 @@ pub use blas::{Blas, Geometry, GeometryFlags};
 pub use cursor::{Candidate, Committed, Cursor, HitKind, RayFlags, TraceRay};
 pub use geometry_data::{EndCaps, GeometryData, GeometryKind, Indexing};
 pub use primitive::Primitive;
-pub use tlas::{Instance, InstanceFlags, Tlas};
+pub use tlas::{Instance, InstanceFlags, Tlas, hit_record_index};
 pub use visit::{Counters, InstanceVerdict, Place, PrimitiveVerdict, Visit};

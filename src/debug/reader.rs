@@ -17,7 +17,7 @@ use crate::geometry::{Intersection, Surface};
 use crate::machine::Exit;
 use crate::module::ty::TypeId;
 use crate::ops::pointer::storage;
-use crate::pipeline::{Caller, Event, Pipeline, Sbt, Shader};
+use crate::pipeline::{Caller, Event, Pipeline, Shader};
 use crate::program::Program;
 
 const SKIP_CLOSEST_HIT: u32 = 8;
@@ -152,7 +152,7 @@ impl<'a> Reader<'a> {
                         shader,
                     });
                 }
-                Event::Traversed { committed, record, shader } => {
+                Event::Traversed { committed, record, shader, kept } => {
                     trace.hit = committed.map(|committed| self.hit(&tlas, &operands, &committed));
                     trace.record = Some(match &committed {
                         Some(committed) => self.hit_record(&tlas, &committed.candidate, sbt, record),
@@ -160,6 +160,7 @@ impl<'a> Reader<'a> {
                     });
                     trace.no_shader = match shader {
                         Some(_) => None,
+                        None if kept => Some("the hit object keeps it to be executed later".into()),
                         None => Some(self.no_shader(&trace)),
                     };
                     ran = shader;
@@ -238,7 +239,7 @@ impl<'a> Reader<'a> {
             offset: sbt[0] & 0xF,
         };
         debug_assert_eq!(
-            Sbt::hit_index(instance.sbt_record_offset, candidate.geometry, sbt[1], sbt[0]),
+            accel::hit_record_index(instance.sbt_record_offset, candidate.geometry, sbt[1], sbt[0]),
             index
         );
         let records = &self.pipeline.sbt.hit;

@@ -73,7 +73,8 @@ pub struct TrapReport {
 pub enum Step {
     /// `OpTraceRayKHR`
     Trace(Box<Trace>),
-    /// A shader that it called: a callable one, or any-hit for a report.
+    /// A shader that it called: a callable one, any-hit for a report, closest-hit or miss of a hit
+    /// object.
     Shader(Box<ShaderRun>),
     /// `OpReportIntersectionKHR`
     Report {

@@ -77,6 +77,7 @@ impl Value {
         let (ty, content) = match builtin.shape {
             Shape::Bool => ("bool", Content::Bool(words.first().is_some_and(|&word| word != 0))),
             Shape::Int => ("uint", Content::Uint(words.first().copied().unwrap_or(0).into())),
+            Shape::Int2 => ("uvec2", uints(words)),
             Shape::Int3 => ("uvec3", uints(words)),
             Shape::Int4 => ("uvec4", uints(words)),
             Shape::Float => ("float", Content::f32(words.first().map_or(0.0, |&word| f32::from_bits(word)))),

@@ -66,7 +66,7 @@ pub(super) fn words_of(name: &str, value: &impl BuiltinValue) -> Result<(&'stati
     };
     let kind = match builtin.shape {
         Shape::Bool => ScalarKind::Bool,
-        Shape::Int | Shape::Int3 | Shape::Int4 => ScalarKind::Int,
+        Shape::Int | Shape::Int2 | Shape::Int3 | Shape::Int4 => ScalarKind::Int,
         _ => ScalarKind::Float,
     };
     let count = builtin.shape.words() as usize;

@@ -233,6 +233,7 @@ fn difference(one: &Observed, other: &Observed) -> Option<String> {
         Some((
             stats.rays,
             stats.ray_queries,
+            stats.reorders,
             stats.shaders.values().map(|stage| stage.invocations).collect::<Vec<_>>(),
         ))
     };

@@ -194,6 +194,11 @@ impl Named for TrapName {
         ("ray_query_not_triangle", Self(TrapCode::RayQueryNotTriangle)),
         ("ray_query_not_aabb", Self(TrapCode::RayQueryNotAabb)),
         ("ray_query_outside_interval", Self(TrapCode::RayQueryOutsideInterval)),
+        ("invalid_hit_object", Self(TrapCode::InvalidHitObject)),
+        ("hit_object_no_primitive", Self(TrapCode::HitObjectNoPrimitive)),
+        ("hit_object_unrecorded", Self(TrapCode::HitObjectUnrecorded)),
+        ("hit_object_empty", Self(TrapCode::HitObjectEmpty)),
+        ("hit_object_not_hit", Self(TrapCode::HitObjectNotHit)),
         ("not_triangle", Self(TrapCode::NotTriangle)),
         ("not_sphere", Self(TrapCode::NotSphere)),
         ("not_linear_swept_sphere", Self(TrapCode::NotLinearSweptSphere)),
@@ -427,7 +432,11 @@ pub struct StatsExpectation {
 /// A count of the whole launch.
 type Total = fn(&Stats) -> u64;
 
-const TOTALS: [(&str, Total); 2] = [("rays", |stats| stats.rays), ("ray_queries", |stats| stats.ray_queries)];
+const TOTALS: [(&str, Total); 3] = [
+    ("rays", |stats| stats.rays),
+    ("ray_queries", |stats| stats.ray_queries),
+    ("reorders", |stats| stats.reorders),
+];
 
 const STAGES: [(&str, Stage); 7] = [
     ("ray_generation", Stage::RayGeneration),

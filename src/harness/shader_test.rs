@@ -293,6 +293,10 @@ impl ShaderTest {
                     reports.push(report);
                 }
                 Stop::TraceRay { .. } => return Err(self.calls("traces a ray")),
+                Stop::HitObjectTrace { .. } => return Err(self.calls("traces a ray")),
+                Stop::HitObjectExecute { .. } | Stop::HitObjectRecordHandle { .. } => {
+                    return Err(self.calls("uses shader records through a hit object"));
+                }
                 Stop::ExecuteCallable { .. } => return Err(self.calls("calls a callable shader")),
             }
         }

@@ -5,6 +5,7 @@
 //! (a merge block after everything that it merges, a loop's merge after the loop), lanes meet again
 //! at the merge block, and no stack of masks is needed.
 
+use crate::machine::hit_object::HitObjects;
 use crate::machine::invocation::Invocation;
 use crate::machine::lanes::{Mask, Registers};
 use crate::machine::ray_query::RayQueries;
@@ -50,6 +51,10 @@ pub struct Batch<const W: usize> {
     pub asked: [u64; W],
     /// The ray queries that variables hold.
     pub queries: RayQueries,
+    /// The hit objects that variables hold.
+    pub hit_objects: HitObjects,
+    /// How many instructions that reorder were executed, counted by lanes.
+    pub reorders: u64,
     /// The lanes that have not been stopped.
     live: Mask<W>,
     /// Operations that each lane may still spend at back edges and calls.
@@ -72,6 +77,8 @@ impl<const W: usize> Batch<W> {
             exits: [Exit::Returned; W],
             asked: [0; W],
             queries: RayQueries::default(),
+            hit_objects: HitObjects::default(),
+            reorders: 0,
             live: Mask::NONE,
             budget: [0; W],
             waiting: Vec::new(),
@@ -91,6 +98,8 @@ impl<const W: usize> Batch<W> {
         self.waiting.clear();
         self.frames.clear();
         self.queries.clear();
+        self.hit_objects.clear();
+        self.reorders = 0;
     }
 
     /// The lanes that have not ended.

@@ -8,6 +8,7 @@
 pub mod batch;
 pub mod device_memory;
 pub mod format;
+pub mod hit_object;
 pub mod image;
 pub mod invocation;
 pub mod lanes;
@@ -23,6 +24,7 @@ pub mod workgroup;
 
 pub use batch::{Batch, Frame};
 pub use device_memory::DeviceMemory;
+pub use hit_object::{HitObject, HitObjects};
 pub use invocation::{Hit, Invocation, ShaderRecord};
 pub use lanes::{Lanes, Mask, Reg, Registers, Scalar};
 pub use observe::Observer;

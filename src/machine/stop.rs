@@ -1,6 +1,7 @@
 //! Why the interpreter handed a batch back.
 
 use crate::machine::lanes::{Mask, Reg};
+use crate::machine::object::ObjectRef;
 
 /// Why the interpreter stopped; the mask holds the lanes that wait.
 ///
@@ -45,6 +46,36 @@ pub enum Stop<const W: usize> {
     Barrier {
         /// The lanes that have come to it.
         mask: Mask<W>,
+    },
+    /// `OpHitObjectTraceRayEXT`: as `TraceRay`, but no closest-hit or miss shader runs, what was found
+    /// is recorded in a hit object.
+    HitObjectTrace {
+        /// The lanes that trace.
+        mask: Mask<W>,
+        /// The hit objects.
+        object: ObjectRef,
+        /// As of `TraceRay`.
+        operands: Reg,
+        /// The rows of the payload variable.
+        payload: Rows,
+    },
+    /// `OpHitObjectExecuteShaderEXT`
+    HitObjectExecute {
+        /// The lanes that execute.
+        mask: Mask<W>,
+        /// The hit objects.
+        object: ObjectRef,
+        /// The rows of the payload variable.
+        payload: Rows,
+    },
+    /// `OpHitObjectGetShaderRecordBufferHandleEXT`
+    HitObjectRecordHandle {
+        /// The lanes that ask.
+        mask: Mask<W>,
+        /// The hit objects.
+        object: ObjectRef,
+        /// The two rows that take the device address.
+        to: Reg,
     },
     /// The observer asked for a pause before the operation that runs next.
     Paused,

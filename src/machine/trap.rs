@@ -66,6 +66,16 @@ pub enum TrapCode {
     RayQueryOutsideInterval,
     /// `OpControlBarrier` that some invocations of the workgroup do not come to.
     BarrierDivergence,
+    /// The operands of an instruction that records a hit object break a rule.
+    InvalidHitObject,
+    /// A recorded hit names a primitive that its acceleration structure does not have.
+    HitObjectNoPrimitive,
+    /// A hit object is used before anything was recorded in it.
+    HitObjectUnrecorded,
+    /// The ray or the record of an empty hit object is asked for.
+    HitObjectEmpty,
+    /// What only a hit has is asked of a hit object that is none.
+    HitObjectNotHit,
     /// A shader that this one called trapped.
     Callee,
 }
@@ -139,6 +149,22 @@ impl TrapCode {
             Self::BarrierDivergence => {
                 "a barrier that not every invocation of the workgroup comes to \
                  (SPIR-V, OpControlBarrier: only in uniform control flow)"
+            }
+            Self::InvalidHitObject => {
+                "the ray of a recorded hit object breaks a rule: origin and direction are finite, \
+                 0 <= t_min <= t_max, ray flags do not exclude each other"
+            }
+            Self::HitObjectNoPrimitive => {
+                "a recorded hit names an instance, geometry or primitive that its acceleration structure does not have"
+            }
+            Self::HitObjectUnrecorded => {
+                "a hit object is used before anything was recorded in it (SPV_EXT_shader_invocation_reorder)"
+            }
+            Self::HitObjectEmpty => {
+                "an empty hit object has no ray and no shader record (SPV_EXT_shader_invocation_reorder)"
+            }
+            Self::HitObjectNotHit => {
+                "what only a hit has is asked of a hit object that encodes none (SPV_EXT_shader_invocation_reorder)"
             }
             Self::Callee => "a called shader trapped",
         }

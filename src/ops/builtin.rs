@@ -47,6 +47,8 @@ pub enum Shape {
     Bool,
     /// A 32-bit integer of either signedness.
     Int,
+    /// A vector of two 32-bit integers.
+    Int2,
     /// A vector of three 32-bit integers.
     Int3,
     /// A vector of four 32-bit integers.
@@ -73,6 +75,7 @@ impl Shape {
         match self {
             Self::Bool => "a bool",
             Self::Int => "a 32-bit integer",
+            Self::Int2 => "a vector of two 32-bit integers",
             Self::Int3 => "a vector of three 32-bit integers",
             Self::Int4 => "a vector of four 32-bit integers",
             Self::Float => "a 32-bit float",
@@ -89,7 +92,7 @@ impl Shape {
     pub fn words(self) -> u32 {
         match self {
             Self::Bool | Self::Int | Self::Float => 1,
-            Self::Float2 | Self::FloatArray2 => 2,
+            Self::Int2 | Self::Float2 | Self::FloatArray2 => 2,
             Self::Int3 | Self::Float3 => 3,
             Self::Int4 => 4,
             Self::Float3Array2 => 6,
@@ -258,6 +261,7 @@ pub fn matches(decoder: &Decoder<'_>, shape: Shape, ty: TypeId) -> bool {
     match shape {
         Shape::Bool => matches!(module.ty(ty), Type::Bool),
         Shape::Int => is_int(ty),
+        Shape::Int2 => matches!(*module.ty(ty), Type::Vector { component, count: 2 } if is_int(component)),
         Shape::Int4 => matches!(*module.ty(ty), Type::Vector { component, count: 4 } if is_int(component)),
         Shape::Int3 => matches!(*module.ty(ty), Type::Vector { component, count: 3 } if is_int(component)),
         Shape::Float => is_float(ty),

@@ -512,7 +512,7 @@ impl<'m> Decoder<'m> {
         let too_big = |decoder: &Self| decoder.unsupported("a value of this type is too big for registers");
         Ok(match self.module.ty(ty).clone() {
             Type::Void => 0,
-            Type::Bool | Type::Image(_) | Type::Sampler | Type::RayQuery => 1,
+            Type::Bool | Type::Image(_) | Type::Sampler | Type::RayQuery | Type::HitObject { .. } => 1,
             Type::Int { width, .. } | Type::Float { width, .. } => width.div_ceil(32),
             Type::SampledImage(_) | Type::AccelerationStructure => 2,
             Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {

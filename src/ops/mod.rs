@@ -17,6 +17,7 @@ pub mod debug_printf;
 pub mod decode;
 pub mod dot_product;
 pub mod glsl;
+pub mod hit_object;
 pub mod image;
 pub mod irregular;
 pub mod linear_algebra;
@@ -87,6 +88,7 @@ pub fn decode_instruction(
         || irregular::decode(decoder, opcode, instruction)?
         || ray_tracing::decode(decoder, opcode, instruction)?
         || ray_query::decode(decoder, opcode, instruction)?
+        || hit_object::decode(decoder, opcode, instruction)?
         || image::decode(decoder, opcode, instruction)?;
     if done {
         return Ok(());

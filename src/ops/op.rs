@@ -2,7 +2,7 @@
 
 use crate::machine::{Batch, Bindings, Reg};
 use crate::ops::row::{Row, Width};
-use crate::ops::{atomic, debug_printf, image, memory, ray_query, ray_tracing, subgroup};
+use crate::ops::{atomic, debug_printf, hit_object, image, memory, ray_query, ray_tracing, subgroup};
 
 /// One operation on rows.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +28,8 @@ pub enum Op {
     Image(image::Op),
     /// Ray query instructions.
     RayQuery(ray_query::Op),
+    /// Hit object instructions.
+    HitObject(hit_object::Op),
     /// `OpControlBarrier` of scope Workgroup, which hands the batch to the pipeline.
     Barrier,
     /// Instructions that hand the batch to the pipeline.
@@ -61,6 +63,7 @@ impl Op {
             Self::Print(op) => op.accesses(&mut visit),
             Self::Image(op) => op.accesses(&mut visit),
             Self::RayQuery(op) => op.accesses(&mut visit),
+            Self::HitObject(op) => op.accesses(&mut visit),
             Self::Barrier => visit(Access::Effect),
             Self::Stop(op) => op.accesses(&mut visit),
         }
@@ -81,6 +84,7 @@ impl Op {
             Self::Print(op) => op.eval(batch, bindings),
             Self::Image(op) => op.eval(batch, bindings),
             Self::RayQuery(op) => op.eval(batch, bindings),
+            Self::HitObject(op) => op.eval(batch, bindings),
             Self::Barrier | Self::Stop(_) => unreachable!("bug in anyhit: a stop is not evaluated"),
         }
     }

@@ -34,6 +34,8 @@ pub mod storage {
     pub const INCOMING_RAY_PAYLOAD: u32 = 5342;
     pub const SHADER_RECORD_BUFFER: u32 = 5343;
     pub const PHYSICAL_STORAGE_BUFFER: u32 = 5349;
+    pub const HIT_OBJECT_ATTRIBUTE_NV: u32 = 5385;
+    pub const HIT_OBJECT_ATTRIBUTE_EXT: u32 = 5411;
 }
 
 /// Where a pointer leads.
@@ -120,6 +122,8 @@ pub const STORAGE_CLASSES: &[u32] = &[
     storage::INCOMING_RAY_PAYLOAD,
     storage::SHADER_RECORD_BUFFER,
     storage::PHYSICAL_STORAGE_BUFFER,
+    storage::HIT_OBJECT_ATTRIBUTE_NV,
+    storage::HIT_OBJECT_ATTRIBUTE_EXT,
 ];
 
 /// How many words a pointer takes as a value.
@@ -171,7 +175,9 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
         | storage::INCOMING_CALLABLE_DATA
         | storage::RAY_PAYLOAD
         | storage::HIT_ATTRIBUTE
-        | storage::INCOMING_RAY_PAYLOAD => {
+        | storage::INCOMING_RAY_PAYLOAD
+        | storage::HIT_OBJECT_ATTRIBUTE_NV
+        | storage::HIT_OBJECT_ATTRIBUTE_EXT => {
             let count = decoder.word_count(pointee)?;
             let first = decoder.fresh(count)?;
             let rows = InterfaceRows {

@@ -4,11 +4,13 @@ use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::error::Result;
+use crate::machine::object::ObjectRef;
 use crate::machine::stop::Rows;
 use crate::machine::{Batch, Reg, Stop};
 use crate::module::{Id, Instruction};
 use crate::ops::decode::Decoder;
 use crate::ops::memory::{self, Place};
+use crate::ops::object;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::storage;
 
@@ -35,6 +37,12 @@ pub enum Op {
     ExecuteCallable { index: Reg, data: Rows },
     /// `OpReportIntersectionKHR`
     ReportIntersection { t: Reg, hit_kind: Reg, accepted: Reg },
+    /// `OpHitObjectTraceRayEXT`
+    HitObjectTrace { object: ObjectRef, operands: Reg, payload: Rows },
+    /// `OpHitObjectExecuteShaderEXT`
+    HitObjectExecute { object: ObjectRef, payload: Rows },
+    /// `OpHitObjectGetShaderRecordBufferHandleEXT`
+    HitObjectRecordHandle { object: ObjectRef, to: Reg },
 }
 
 impl Op {
@@ -57,6 +65,21 @@ impl Op {
                 visit(Access::Read(hit_kind, 1));
                 visit(Access::Write(accepted, 1));
             }
+            Self::HitObjectTrace { object, operands, payload } => {
+                object::records(object, visit);
+                visit(Access::Read(operands, TRACE_OPERANDS));
+                visit(Access::Read(payload.first, payload.count));
+                visit(Access::Write(payload.first, payload.count));
+            }
+            Self::HitObjectExecute { object, payload } => {
+                object::accesses(object, visit);
+                visit(Access::Read(payload.first, payload.count));
+                visit(Access::Write(payload.first, payload.count));
+            }
+            Self::HitObjectRecordHandle { object, to } => {
+                object::accesses(object, visit);
+                visit(Access::Write(to, 2));
+            }
         }
     }
 
@@ -69,6 +92,11 @@ impl Op {
             Self::ReportIntersection { t, hit_kind, accepted } => {
                 Stop::ReportIntersection { mask, t, hit_kind, accepted }
             }
+            Self::HitObjectTrace { object, operands, payload } => {
+                Stop::HitObjectTrace { mask, object, operands, payload }
+            }
+            Self::HitObjectExecute { object, payload } => Stop::HitObjectExecute { mask, object, payload },
+            Self::HitObjectRecordHandle { object, to } => Stop::HitObjectRecordHandle { mask, object, to },
         }
     }
 }
@@ -86,14 +114,14 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             }
             let operands = decoder.consecutive(&words)?;
             let classes = &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD];
-            let payload = variable_rows(decoder, opcode, instruction, 10, classes)?;
+            let payload = named_variable(decoder, opcode, instruction, 10, classes)?;
             decoder.emit(Operation::Stop(Op::TraceRay { operands, payload }));
             decoder.forget();
         }
         Opcode::ExecuteCallableKHR | Opcode::ExecuteCallableNV => {
             let index = decoder.operand(instruction, 0)?;
             let classes = &[storage::CALLABLE_DATA, storage::INCOMING_CALLABLE_DATA];
-            let data = variable_rows(decoder, opcode, instruction, 1, classes)?;
+            let data = named_variable(decoder, opcode, instruction, 1, classes)?;
             let Some(&index) = index.first() else {
                 return Err(decoder.invalid("an SBT index without a value"));
             };
@@ -136,8 +164,8 @@ fn variable_at(decoder: &mut Decoder<'_>, location: Id, classes: &[u32]) -> Resu
     found.ok_or_else(|| decoder.invalid(format!("no payload variable has location {location}")))
 }
 
-/// The rows of a payload or callable data variable.
-fn variable_rows(
+/// The rows of the payload or callable data variable that an operand names.
+fn named_variable(
     decoder: &mut Decoder<'_>,
     opcode: Opcode,
     instruction: &Instruction,
@@ -148,10 +176,18 @@ fn variable_rows(
     if matches!(opcode, Opcode::TraceNV | Opcode::ExecuteCallableNV) {
         id = variable_at(decoder, id, classes)?;
     }
+    variable_rows(decoder, id, classes)
+}
+
+/// The rows of a whole variable of one of some storage classes.
+pub(super) fn variable_rows(decoder: &mut Decoder<'_>, id: Id, classes: &[u32]) -> Result<Rows> {
     let pointer = decoder.pointer(id)?;
     if !classes.contains(&pointer.storage_class) {
-        let found = crate::module::names::storage_class_name(pointer.storage_class);
-        return Err(decoder.invalid(format!("a payload variable in storage class {found}")));
+        let name = crate::module::names::storage_class_name;
+        let wanted: Vec<_> = classes.iter().map(|&class| name(class)).collect();
+        let found = name(pointer.storage_class);
+        let wanted = wanted.join(" or ");
+        return Err(decoder.invalid(format!("a variable in storage class {found}: {wanted} is needed here")));
     }
     match pointer {
         memory::Pointer { place: Place::Rows { first, .. }, index: None, offset, pointee, .. } => {

@@ -16,8 +16,8 @@ use crate::module::names::{builtin_name, ext_inst_name, opcode_name, storage_cla
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::row::{Set, family};
 use crate::ops::{
-    address, atomic, barrier, builtin, composite, dot_product, image, irregular, linear_algebra, pointer,
-    ray_query, ray_tracing, subgroup,
+    address, atomic, barrier, builtin, composite, dot_product, hit_object, image, irregular, linear_algebra,
+    pointer, ray_query, ray_tracing, subgroup,
 };
 
 /// Whether something of SPIR-V runs.
@@ -207,6 +207,7 @@ fn section_of(op: Opcode) -> Option<&'static str> {
         ("images", image::OPCODES),
         ("ray tracing", ray_tracing::OPCODES),
         ("ray queries", ray_query::OPCODES),
+        ("hit objects", hit_object::OPCODES),
         ("conversion, carries, bit fields", irregular::OPCODES),
     ];
     let listed = decoded.iter().find(|(_, opcodes)| opcodes.contains(&op)).map(|&(group, _)| group);

@@ -25,6 +25,8 @@ pub struct Stats {
     pub rays: u64,
     /// Ray queries initialised.
     pub ray_queries: u64,
+    /// Instructions that reorder invocations, which changes nothing here, counted by invocations.
+    pub reorders: u64,
     /// Invocations and batches by stage.
     pub shaders: BTreeMap<Stage, ShaderStats>,
 }
@@ -44,6 +46,7 @@ impl Stats {
     pub fn plus(mut self, other: &Self) -> Self {
         self.rays += other.rays;
         self.ray_queries += other.ray_queries;
+        self.reorders += other.reorders;
         for (&stage, stats) in &other.shaders {
             let sum = self.shaders.entry(stage).or_default();
             sum.invocations += stats.invocations;

@@ -8,6 +8,7 @@
 mod alone;
 pub mod compute;
 pub mod group;
+mod hit_object;
 pub mod launch;
 mod report;
 pub mod sbt;

@@ -84,21 +84,4 @@ impl Sbt {
         }
         Ok(())
     }
-
-    /// The index of a hit record (Vulkan, "Hit Group Shader Binding Table").
-    pub fn hit_index(instance_offset: u32, geometry: u32, stride: u32, offset: u32) -> u64 {
-        u64::from(instance_offset) + u64::from(geometry) * u64::from(stride & 0xF) + u64::from(offset & 0xF)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_hit_index_masks_offset_and_stride_to_four_bits() {
-        assert_eq!(Sbt::hit_index(10, 2, 3, 1), 17);
-        assert_eq!(Sbt::hit_index(10, 2, 0x13, 0x21), 17);
-        assert_eq!(Sbt::hit_index(0xFF_FFFF, 0xFF_FFFF, 15, 15), 0xFF_FFFF + 0xFF_FFFF * 15 + 15);
-    }
 }

@@ -6,11 +6,13 @@ use crate::accel::{RayFlags, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Place};
 use crate::geometry::Ray;
 use crate::interp;
+use crate::machine::object::ObjectRef;
 use crate::machine::stop::Rows;
 use crate::machine::{
     Batch, Bindings, Exit, Invocation, Mask, Observer, Reg, Resources, Stop, Trap, TrapCode,
 };
 use crate::module::interface::Stage;
+use crate::ops::hit_object;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::TRACE_OPERANDS;
 use crate::ops::row::{Row, Width};
@@ -56,10 +58,10 @@ impl Called {
 
 /// A shader that runs or waits.
 #[derive(Clone, Debug)]
-struct Running<const W: usize> {
-    shader: Shader,
+pub(super) struct Running<const W: usize> {
+    pub shader: Shader,
     role: Role,
-    batch: Batch<W>,
+    pub batch: Batch<W>,
     /// The caller's lane for each lane.
     callers: Vec<usize>,
     /// Where a witness sees the payload.
@@ -68,7 +70,7 @@ struct Running<const W: usize> {
 
 /// `OpExecuteCallableKHR` in progress.
 #[derive(Clone, Debug)]
-struct Call {
+pub(super) struct Call {
     data: Rows,
     waiting: Vec<Callable>,
 }
@@ -81,9 +83,14 @@ struct Callable {
 }
 
 #[derive(Clone, Debug)]
-enum Level<const W: usize> {
+pub(super) enum Level<const W: usize> {
     Shader(Box<Running<W>>),
-    Trace { trace: Box<Trace>, payload: Option<Rows> },
+    /// `object` where the hit objects there take what is found.
+    Trace {
+        trace: Box<Trace>,
+        payload: Option<Rows>,
+        object: Option<ObjectRef>,
+    },
     Call(Call),
     Report(Box<Report>),
 }
@@ -114,7 +121,7 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
     pub stats: Stats,
     /// The trap of the lowest launch index.
     pub trapped: Option<Trapped>,
-    levels: Vec<Level<W>>,
+    pub levels: Vec<Level<W>>,
     /// Batches that can be used again, by shader.
     spare: Vec<Vec<Box<Running<W>>>>,
     /// Traces whose memory can be used again.
@@ -124,7 +131,19 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
 
 /// The bindings of each program of a pipeline.
 pub(super) fn bindings(pipeline: &Pipeline, resources: &Resources) -> Vec<Bindings> {
-    pipeline.programs.iter().map(|program| resources.bindings(program.bindings())).collect()
+    let mut memory = resources.memory.clone();
+    if pipeline.programs.iter().any(|program| program.addresses_records) {
+        let records = pipeline.sbt.hit.iter().chain(&pipeline.sbt.miss).flatten();
+        for data in records.filter_map(|record| record.data.as_ref()) {
+            memory.add_buffer(data);
+        }
+    }
+    let of = |program: &Arc<Program>| {
+        let mut bindings = resources.bindings(program.bindings());
+        bindings.memory = memory.clone();
+        bindings
+    };
+    pipeline.programs.iter().map(of).collect()
 }
 
 impl<'a, const W: usize, T: Witness, O: Observer<W>> Stack<'a, W, T, O>
@@ -182,9 +201,9 @@ where
     /// Traces one ray without a ray generation shader; the ray's state afterwards.
     pub fn trace(&mut self, query: Query) -> Option<RayState> {
         self.stats.rays += 1;
-        let mut trace = self.spare_trace();
+        let mut trace = self.spare_trace(true);
         trace.push(0, query, None, self.witness);
-        self.levels.push(Level::Trace { trace, payload: None });
+        self.levels.push(Level::Trace { trace, payload: None, object: None });
         self.run()
     }
 
@@ -198,7 +217,16 @@ where
                     match interp::run(&mut running.batch, program, bindings, self.observer) {
                         Stop::Done => self.leave(),
                         Stop::TraceRay { mask, operands, payload } => {
-                            self.begin_trace(mask, operands, payload)
+                            self.begin_trace(mask, operands, payload, None);
+                        }
+                        Stop::HitObjectTrace { mask, object, operands, payload } => {
+                            self.begin_trace(mask, operands, payload, Some(object));
+                        }
+                        Stop::HitObjectExecute { mask, object, payload } => {
+                            self.begin_execute(mask, object, payload);
+                        }
+                        Stop::HitObjectRecordHandle { mask, object, to } => {
+                            self.record_handle(mask, object, to);
                         }
                         Stop::ExecuteCallable { mask, index, data } => self.begin_call(mask, index, data),
                         Stop::ReportIntersection { mask, t, hit_kind, accepted } => {
@@ -288,6 +316,7 @@ where
         };
         let program = &*pipeline.programs[running.shader.0 as usize];
         self.stats.ray_queries += running.batch.queries.initialized;
+        self.stats.reorders += running.batch.reorders;
         for (lane, &caller) in running.callers.iter().enumerate() {
             let exit = running.batch.exits[lane];
             if let Exit::Trapped(trap) = exit {
@@ -327,14 +356,14 @@ where
         self.spare[running.shader.0 as usize].push(running);
     }
 
-    fn spare_trace(&mut self) -> Box<Trace> {
+    pub(super) fn spare_trace(&mut self, shades: bool) -> Box<Trace> {
         let mut trace = self.spare_traces.pop().unwrap_or_default();
-        trace.clear();
+        trace.clear(shades);
         trace
     }
 
-    fn begin_trace(&mut self, mask: Mask<W>, operands: Reg, payload: Rows) {
-        let mut trace = self.spare_trace();
+    fn begin_trace(&mut self, mask: Mask<W>, operands: Reg, payload: Rows, object: Option<ObjectRef>) {
+        let mut trace = self.spare_trace(object.is_none());
         let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
         let bindings = &self.bindings[running.shader.0 as usize];
         let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
@@ -345,7 +374,9 @@ where
             words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
             let invocation = &batch.invocations[lane];
             let depth = invocation.depth + 1;
+            let place = object.map_or(Ok(Reg(0)), |object| object.row(&batch.registers, lane));
             let query = match bindings.acceleration_structure([words[0], words[1]]) {
+                _ if let Err(code) = place => Err(code),
                 None => Err(TrapCode::AccelerationStructureMissing),
                 Some(_) if depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
                 Some(tlas) => {
@@ -363,14 +394,14 @@ where
             }
         }
         self.stats.rays += trace.lanes().len() as u64;
-        self.levels.push(Level::Trace { trace, payload: Some(payload) });
+        self.levels.push(Level::Trace { trace, payload: Some(payload), object });
     }
 
     /// Takes a trace whose rays are done from the stack; its ray where nothing called it.
     fn end_trace(&mut self) -> Option<RayState> {
-        let Some(Level::Trace { trace, payload }) = self.levels.pop() else { return None };
+        let Some(Level::Trace { trace, payload, object }) = self.levels.pop() else { return None };
         if T::ACTIVE {
-            for &lane in trace.lanes() {
+            for &lane in trace.lanes().iter().filter(|&&lane| !trace.ray(lane).is_settled()) {
                 let payload = trace.ray(lane).query.payload.to_vec();
                 self.witness.event(Event::Traced { payload });
             }
@@ -384,6 +415,9 @@ where
             if ray.trapped {
                 let op = below.batch.op - 1;
                 below.batch.trap(Mask::lane(lane), TrapCode::Callee, op);
+            } else if let Some(object) = object {
+                hit_object::store(&mut below.batch, object, lane, ray.hit_object())
+                    .expect("bug in anyhit: a hit object has moved");
             }
         }
         self.spare_traces.push(trace);

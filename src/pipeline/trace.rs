@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Candidate, Committed, Cursor, Tlas, TraceRay};
+use crate::accel::{Candidate, Committed, Cursor, Tlas, TraceRay, hit_record_index};
+use crate::machine::hit_object::HitEncoded;
 use crate::machine::{Batch, Exit, Hit, Invocation, ShaderRecord};
 use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
 use crate::pipeline::launch::RayOperands;
-use crate::pipeline::sbt::{Record, Sbt};
+use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Called, Role};
 use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
 use crate::program::Program;
@@ -60,6 +61,8 @@ pub(super) struct RayState {
     pub cursor: Cursor,
     /// Attributes of the committed hit.
     attributes: Data,
+    /// The shader record, and with it the attributes, where a hit object says which.
+    pub(super) record: Option<u64>,
     traversing: bool,
     /// Whether a shader that this ray called trapped.
     pub trapped: bool,
@@ -84,11 +87,15 @@ pub(super) struct Trace {
     traversing: bool,
     /// The instruction that traces.
     caller: Option<Caller>,
+    /// Whether closest-hit and miss shaders run at the end.
+    shades: bool,
 }
 
 impl Trace {
-    /// Makes it ready for the rays of another instruction.
-    pub fn clear(&mut self) {
+    /// Makes it ready for the rays of another instruction, which runs closest-hit and miss shaders or
+    /// does not.
+    pub fn clear(&mut self, shades: bool) {
+        self.shades = shades;
         self.lanes.clear();
         self.waiting.clear();
         self.traversing = true;
@@ -116,20 +123,35 @@ impl Trace {
             Some(ray) => {
                 ray.cursor.reset(&query.tlas, query.trace);
                 ray.query = query;
+                ray.record = None;
                 ray.traversing = true;
                 ray.trapped = false;
             }
-            idle => {
-                let cursor = Cursor::new(&query.tlas, query.trace);
-                *idle = Some(RayState {
-                    query,
-                    cursor,
-                    attributes: Data::new(),
-                    traversing: true,
-                    trapped: false,
-                });
-            }
+            idle => *idle = Some(RayState::new(query)),
         }
+    }
+
+    /// Adds a ray that a hit object knows the end of; lanes come in ascending order.
+    pub fn push_settled(
+        &mut self,
+        lane: usize,
+        query: Query,
+        caller: Caller,
+        (record, hit): (u64, Option<&HitEncoded>),
+    ) {
+        if self.rays.len() <= lane {
+            self.rays.resize_with(lane + 1, || None);
+        }
+        self.lanes.push(lane);
+        self.caller = Some(caller);
+        let trace = query.trace;
+        let ray = self.rays[lane].get_or_insert_with(|| RayState::new(query.clone()));
+        ray.cursor.settle(trace, hit.map(|hit| hit.committed));
+        ray.attributes = hit.map_or_else(Data::new, |hit| hit.attributes.iter().copied().collect());
+        ray.query = query;
+        ray.record = Some(record);
+        ray.traversing = false;
+        ray.trapped = false;
     }
 
     /// The lanes that trace.
@@ -196,37 +218,34 @@ impl Trace {
 
     /// Chooses closest-hit or miss for each ray.
     fn finish<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
-        for at in 0..self.lanes.len() {
-            let lane = self.lanes[at];
+        for place in 0..self.lanes.len() {
+            let lane = self.lanes[place];
             let Some(ray) = self.rays[lane].as_ref().filter(|ray| !ray.trapped) else { continue };
             let committed = ray.cursor.committed().copied();
             let mut skipped = false;
             let (index, record, shader, role) = match &committed {
                 Some(committed) => {
-                    let (index, record, group) = hit_group(pipeline, &ray.query, &committed.candidate);
+                    let index = ray.record.unwrap_or_else(|| hit_index(&ray.query, &committed.candidate));
+                    let (record, group) = hit_group_at(pipeline, index);
                     skipped = ray.query.trace.flags.0 & SKIP_CLOSEST_HIT != 0;
                     (index, record, group.closest_hit.filter(|_| !skipped), Role::ClosestHit)
                 }
                 None => {
-                    let index = ray.query.miss_index & 0xFFFF;
-                    let record = pipeline.sbt.miss.get(index as usize).and_then(Option::as_ref);
-                    (
-                        u64::from(index),
-                        record,
-                        record.and_then(|record| general(pipeline, record)),
-                        Role::Miss,
-                    )
+                    let index = ray.record.unwrap_or_else(|| ray.query.miss_record());
+                    let record = at(&pipeline.sbt.miss, index);
+                    (index, record, record.and_then(|record| general(pipeline, record)), Role::Miss)
                 }
             };
-            if T::ACTIVE {
-                witness.event(Event::Traversed { committed, record: index, shader });
+            let shader = shader.filter(|_| self.shades);
+            if T::ACTIVE && ray.record.is_none() {
+                witness.event(Event::Traversed { committed, record: index, shader, kept: !self.shades });
             }
             match (shader, self.caller) {
                 (Some(shader), _) => {
                     let record = record.and_then(Record::shader_record);
                     wait(&mut self.waiting, shader, role, lane, record);
                 }
-                (None, Some(caller)) if !skipped => {
+                (None, Some(caller)) if self.shades && !skipped => {
                     witness.absent(caller, &mut self.ray_mut(lane).query.payload);
                 }
                 (None, _) => {}
@@ -296,7 +315,19 @@ impl Trace {
     }
 }
 
+impl Query {
+    /// The index of the record of the miss shader.
+    pub fn miss_record(&self) -> u64 {
+        u64::from(self.miss_index & 0xFFFF)
+    }
+}
+
 impl RayState {
+    fn new(query: Query) -> Self {
+        let cursor = Cursor::new(&query.tlas, query.trace);
+        Self { query, cursor, attributes: Data::new(), record: None, traversing: true, trapped: false }
+    }
+
     /// Takes the payload as a lane of a shader that this ray called leaves it.
     pub fn take_payload<const W: usize>(&mut self, program: &Program, batch: &Batch<W>, lane: usize) {
         if let Some(rows) = program.interface_rows(storage::INCOMING_RAY_PAYLOAD) {
@@ -310,9 +341,12 @@ impl RayState {
         self.attributes = attributes;
     }
 
-    fn committed_attributes(&self) -> Data {
+    /// The attributes of the hit.
+    pub fn committed_attributes(&self) -> Data {
         match self.cursor.committed() {
-            Some(committed) if !committed.candidate.is_box() => candidate_attributes(&committed.candidate),
+            Some(committed) if self.record.is_none() && !committed.candidate.is_box() => {
+                candidate_attributes(&committed.candidate)
+            }
             _ => self.attributes.clone(),
         }
     }
@@ -373,15 +407,29 @@ pub(super) fn hit_group<'a>(
     query: &Query,
     candidate: &Candidate,
 ) -> (u64, Option<&'a Record>, HitGroup) {
-    let instance = &query.tlas.instances()[candidate.instance as usize];
-    let index =
-        Sbt::hit_index(instance.sbt_record_offset, candidate.geometry, query.sbt_stride, query.sbt_offset);
-    let record = usize::try_from(index).ok().and_then(|at| pipeline.sbt.hit.get(at)).and_then(Option::as_ref);
+    let index = hit_index(query, candidate);
+    let (record, group) = hit_group_at(pipeline, index);
+    (index, record, group)
+}
+
+/// The index of the hit record of a candidate.
+pub(super) fn hit_index(query: &Query, candidate: &Candidate) -> u64 {
+    let instance = candidate.instance_in(&query.tlas);
+    hit_record_index(instance.sbt_record_offset, candidate.geometry, query.sbt_stride, query.sbt_offset)
+}
+
+fn hit_group_at(pipeline: &Pipeline, index: u64) -> (Option<&Record>, HitGroup) {
+    let record = at(&pipeline.sbt.hit, index);
     let group = match record.map(|record| pipeline.groups[record.group as usize]) {
         Some(Group::Hit(group)) => group,
         _ => HitGroup::default(),
     };
-    (index, record, group)
+    (record, group)
+}
+
+/// The record of a table at an index; `None` for a hole and beyond the end.
+pub(super) fn at(table: &[Option<Record>], index: u64) -> Option<&Record> {
+    usize::try_from(index).ok().and_then(|at| table.get(at)).and_then(Option::as_ref)
 }
 
 /// The shader of a general record.

@@ -227,7 +227,12 @@ where
                     batch.op = program.blocks[batch.block as usize].first;
                 }
                 Stop::Paused => {}
-                Stop::TraceRay { .. } | Stop::ExecuteCallable { .. } | Stop::ReportIntersection { .. } => {
+                Stop::TraceRay { .. }
+                | Stop::ExecuteCallable { .. }
+                | Stop::ReportIntersection { .. }
+                | Stop::HitObjectTrace { .. }
+                | Stop::HitObjectExecute { .. }
+                | Stop::HitObjectRecordHandle { .. } => {
                     unreachable!("bug in anyhit: a compute shader asks for a ray-tracing pipeline")
                 }
             }

@@ -639,6 +639,7 @@ impl<'m> Lowering<'m> {
             order_dependent: false,
             uses_subgroups: false,
             workgroup,
+            addresses_records: false,
         };
         prune(&mut program, &self.decoder.addressed);
         program

@@ -123,6 +123,8 @@ pub struct Program {
     pub uses_subgroups: bool,
     /// The workgroups of a compute entry point.
     pub workgroup: Option<WorkgroupLayout>,
+    /// Whether it asks for device addresses of shader records.
+    pub addresses_records: bool,
 }
 
 impl Program {

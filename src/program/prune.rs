@@ -4,8 +4,8 @@
 //! also means that an index which is out of bounds but never followed does not trap.
 
 use crate::machine::Reg;
-use crate::ops::memory;
 use crate::ops::op::{Access, Op};
+use crate::ops::{memory, ray_tracing};
 use crate::program::{Program, Terminator};
 
 /// Removes operations whose results are not read; `addressed` are rows that computed row numbers
@@ -70,9 +70,10 @@ pub fn prune(program: &mut Program, addressed: &[(Reg, u32)]) {
         Op::Atomic(op) if kept => op.order_dependent(live[op.to.0 as usize]),
         _ => false,
     });
-    let kept = program.ops.iter().zip(&visited).filter(|&(_, &kept)| kept);
-    program.uses_subgroups = kept.map(|(op, _)| op).any(|op| matches!(op, Op::Subgroup(_)));
     remove(program, &visited);
+    program.uses_subgroups = program.ops.iter().any(|op| matches!(op, Op::Subgroup(_)));
+    let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::Op::HitObjectRecordHandle { .. }));
+    program.addresses_records = program.ops.iter().any(addresses);
 }
 
 /// Removes the operations that are not needed and moves the blocks' borders.

@@ -82,6 +82,8 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
             Op::TypeFunction,
             Op::TypeAccelerationStructureKHR,
             Op::TypeRayQueryKHR,
+            Op::TypeHitObjectNV,
+            Op::TypeHitObjectEXT,
             Op::ConstantTrue,
             Op::ConstantFalse,
             Op::Constant,
@@ -160,7 +162,6 @@ pub(super) const OUT_OF_SCOPE_OPCODES: Groups<Op> = &[(GRAPHICS, &[Op::Kill, Op:
 /// What needs one of these is to come.
 pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
     ("ray queries", &[Capability::RayQueryKHR, Capability::RayQueryPositionFetchKHR]),
-    ("hit objects", &[Capability::ShaderInvocationReorderNV, Capability::ShaderInvocationReorderEXT]),
     (
         "spheres and swept spheres in ray queries and hit objects",
         &[Capability::RayTracingSpheresGeometryNV, Capability::RayTracingLinearSweptSpheresGeometryNV],
@@ -406,11 +407,8 @@ pub(super) const OUT_OF_SCOPE_BUILTINS: Groups<BuiltIn> = &[
 ];
 
 /// Storage classes to come.
-pub(super) const UNSUPPORTED_STORAGE: Groups<StorageClass> = &[
-    ("atomics and barriers", &[StorageClass::Image]),
-    ("hit objects", &[StorageClass::HitObjectAttributeNV, StorageClass::HitObjectAttributeEXT]),
-    ("work graphs", &[StorageClass::NodePayloadAMDX]),
-];
+pub(super) const UNSUPPORTED_STORAGE: Groups<StorageClass> =
+    &[("atomics and barriers", &[StorageClass::Image]), ("work graphs", &[StorageClass::NodePayloadAMDX])];
 
 /// Storage classes out of scope.
 pub(super) const OUT_OF_SCOPE_STORAGE: Groups<StorageClass> = &[

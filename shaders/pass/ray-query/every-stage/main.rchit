@@ -1,0 +1,13 @@
+#version 460
+#extension GL_EXT_ray_tracing : require
+#extension GL_EXT_ray_query : require
+#extension GL_GOOGLE_include_directive : require
+
+layout(set = 0, binding = 0) uniform accelerationStructureEXT scene;
+layout(set = 0, binding = 1, std430) buffer Outputs { vec2 outputs[]; };
+
+#include "../query.glsl"
+
+void main() {
+    outputs[gl_HitKindEXT == 5u ? 3 : 2] = count_down(0.0);
+}
