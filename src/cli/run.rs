@@ -12,6 +12,7 @@ use clap::Args;
 use crate::cli::output;
 use crate::cli::stats;
 use crate::error::{Error, Result};
+use crate::machine::MemoryPolicy;
 use crate::scene::image::Picture;
 use crate::scene::{self, DiskFiles, Options};
 
@@ -33,6 +34,10 @@ pub struct RunArgs {
     /// Save an image afterwards: its name in the scene, or its binding
     #[arg(long, value_name = "WHAT=FILE.png")]
     save: Vec<String>,
+    /// What becomes of accesses outside their buffer or image: a trap, or Vulkan's robust results;
+    /// without it what the scene says
+    #[arg(long, value_name = "POLICY", value_parser = ["trap", "robust"])]
+    memory: Option<String>,
     /// Lanes that run together; results do not depend on it
     #[arg(long, value_name = "N", default_value = "32", value_parser = ["1", "8", "32"])]
     lanes: String,
@@ -57,6 +62,11 @@ pub fn run(args: RunArgs) -> Result<()> {
         false => args.by_itself.scene(&args.file)?,
     };
     let mut assembled = scene::assemble(&scene)?;
+    match args.memory.as_deref() {
+        Some("robust") => assembled.resources.policy = MemoryPolicy::Robust,
+        Some(_) => assembled.resources.policy = MemoryPolicy::Trap,
+        None => {}
+    }
     let printed = Arc::default();
     assembled.resources.printed = Some(Arc::clone(&printed));
     let mut shown: Vec<_> = args.dump.iter().map(|text| dump::Dump::parse(text)).collect::<Result<_>>()?;

@@ -28,7 +28,8 @@ pub fn copied(resources: &Resources) -> Resources {
     }
     let memory = resources.memory.with_buffers(buffer);
     let printed = resources.printed.as_ref().map(|_| Arc::default());
-    Resources { descriptors, push_constants: resources.push_constants.clone(), memory, printed }
+    let (push_constants, policy) = (resources.push_constants.clone(), resources.policy);
+    Resources { descriptors, push_constants, memory, printed, policy }
 }
 
 /// The copy of an original, made at its first appearance.

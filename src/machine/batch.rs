@@ -9,7 +9,7 @@ use crate::machine::hit_object::HitObjects;
 use crate::machine::invocation::Invocation;
 use crate::machine::lanes::{Mask, Registers};
 use crate::machine::ray_query::RayQueries;
-use crate::machine::trap::{Exit, Trap, TrapCode};
+use crate::machine::trap::{Accessed, Exit, Trap, TrapCode};
 
 /// Lanes that wait at the beginning of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +55,8 @@ pub struct Batch<const W: usize> {
     pub hit_objects: HitObjects,
     /// How many instructions that reorder were executed, counted by lanes.
     pub reorders: u64,
+    /// What accesses that trapped meant, by lane; see [`Batch::accessed`].
+    accessed: Vec<(usize, Accessed)>,
     /// The lanes that have not been stopped.
     live: Mask<W>,
     /// Operations that each lane may still spend at back edges and calls.
@@ -76,6 +78,7 @@ impl<const W: usize> Batch<W> {
             paused: false,
             exits: [Exit::Returned; W],
             asked: [0; W],
+            accessed: Vec::new(),
             queries: RayQueries::default(),
             hit_objects: HitObjects::default(),
             reorders: 0,
@@ -93,6 +96,7 @@ impl<const W: usize> Batch<W> {
         self.block = block;
         self.op = op;
         self.paused = false;
+        self.accessed.clear();
         self.exits = [Exit::Returned; W];
         self.budget = [budget; W];
         self.waiting.clear();
@@ -157,6 +161,17 @@ impl<const W: usize> Batch<W> {
     #[cold]
     pub fn trap(&mut self, mask: Mask<W>, code: TrapCode, op: u32) {
         self.exit(mask & self.mask, Exit::Trapped(Trap { code, op }));
+    }
+
+    /// Remembers what the access meant that a lane traps at, as its registers may change later.
+    #[cold]
+    pub fn remember_access(&mut self, lane: usize, accessed: Accessed) {
+        self.accessed.push((lane, accessed));
+    }
+
+    /// What the access meant that a lane trapped at.
+    pub fn accessed(&self, lane: usize) -> Option<&Accessed> {
+        self.accessed.iter().find(|(of, _)| *of == lane).map(|(_, accessed)| accessed)
     }
 
     /// Charges lanes; those that cannot pay are stopped.

@@ -148,6 +148,20 @@ impl Buffer {
     }
 }
 
+/// What becomes of an access outside its buffer or image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MemoryPolicy {
+    /// It stops the invocation.
+    #[default]
+    Trap,
+    /// `robustBufferAccess2` and `robustImageAccess2`: of what is loaded, scalars that lie outside a
+    /// buffer are 0, and so are texels outside an image, but for 1 where the format has no A; what is
+    /// stored there is dropped, atomic instructions do nothing and return 0. Device addresses,
+    /// workgroup memory, arrays of variables and missing descriptors still trap: Vulkan's robustness
+    /// does not reach them.
+    Robust,
+}
+
 /// All that descriptor sets and push constants give to a launch.
 #[derive(Clone, Debug, Default)]
 pub struct Resources {
@@ -159,6 +173,8 @@ pub struct Resources {
     pub memory: DeviceMemory,
     /// Takes what shaders print; without it printing does nothing.
     pub printed: Option<Arc<Printed>>,
+    /// What becomes of an access outside its buffer or image.
+    pub policy: MemoryPolicy,
 }
 
 impl Resources {
@@ -205,6 +221,7 @@ impl Resources {
             push_constants: self.push_constants.clone(),
             memory: self.memory.clone(),
             printed: self.printed.clone(),
+            policy: self.policy,
         }
     }
 }
@@ -227,9 +244,16 @@ pub struct Bindings {
     pub memory: DeviceMemory,
     /// Takes what shaders print.
     pub printed: Option<Arc<Printed>>,
+    /// What becomes of an access outside its buffer or image.
+    pub policy: MemoryPolicy,
 }
 
 impl Bindings {
+    /// Whether accesses outside their buffer or image go on.
+    pub fn is_robust(&self) -> bool {
+        self.policy == MemoryPolicy::Robust
+    }
+
     /// The handle of a slot's array element.
     pub fn handle(slot: u32, element: u32) -> u32 {
         slot << ELEMENT_BITS | element.min((1 << ELEMENT_BITS) - 1)

@@ -177,6 +177,36 @@ impl fmt::Display for TrapCode {
     }
 }
 
+/// What an access that trapped meant, for its report.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Accessed {
+    /// A descriptor that is not bound, or of another kind.
+    Descriptor {
+        /// Slot and array element; see [`Bindings::handle`](crate::machine::Bindings::handle).
+        handle: u32,
+    },
+    /// Bytes of a buffer.
+    Buffer {
+        /// Slot and array element, where a descriptor leads to it.
+        handle: Option<u32>,
+        /// The buffer's size.
+        size: u64,
+    },
+    /// A texel of an image.
+    Texel {
+        /// Slot and array element.
+        handle: u32,
+        /// Column, row and slice, then the layer of an array or cube.
+        coordinate: Vec<i64>,
+        /// Columns, rows and slices of the level, then the layers.
+        extent: Vec<u32>,
+        /// The level, and how many the image has.
+        level: [u32; 2],
+        /// The sample, and how many a texel has.
+        sample: [u32; 2],
+    },
+}
+
 /// A trap with the place in the program where it happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trap {

@@ -162,7 +162,13 @@ impl Op {
                             let old = image.update(index, change);
                             self.write(batch, self.to, lane, old);
                         }
-                        Err(code) => trap(batch, Mask::lane(lane), code),
+                        Err(TrapCode::ImageOutOfBounds) if bindings.is_robust() => {
+                            self.write(batch, self.to, lane, 0);
+                        }
+                        Err(code) => {
+                            place.remember(batch, lane, bindings);
+                            trap(batch, Mask::lane(lane), code);
+                        }
                     }
                 }
             }
@@ -190,42 +196,53 @@ impl Op {
     fn on_buffer<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings, chunk: &Chunk) {
         let mut misaligned = Mask::NONE;
         let (to, value, comparator) = (self.to, self.value, self.comparator);
-        let wide = self.width == 64;
+        let (width, wide) = (self.width, self.width == 64);
         // Workgroup memory without a layout of its own is an array of words, and one thread's.
         let alignment = match chunk.buffer {
             BufferRef::Workgroup => u64::from(self.width / 8).min(4),
             _ => u64::from(self.width / 8),
         };
-        each_access(batch, bindings, chunk, |registers, lane, buffer, offset| {
-            if !offset.is_multiple_of(alignment) {
-                misaligned = misaligned | Mask::lane(lane);
-                return Some(());
-            }
-            let scalar = |reg: Reg| {
-                let high = if wide { registers[reg.plus(1)].0[lane] } else { 0 };
-                u64::from(registers[reg].0[lane]) | u64::from(high) << 32
-            };
-            let (value, comparator) = (scalar(value), scalar(comparator));
-            let change = |old| apply(self.kind, self.width, old, value, comparator);
-            let old = match self.width {
-                64 => buffer.update_wide(offset, change)?,
-                width => {
-                    let shift = (offset % 4) as u32 * 8;
-                    let mask = u32::MAX >> (32 - width);
-                    let word = buffer.word(offset - offset % 4)?;
-                    let part = |word: u32| u64::from(word >> shift & mask);
-                    let merge = |word: u32| {
-                        change(part(word)).map(|new| word & !(mask << shift) | (new as u32 & mask) << shift)
-                    };
-                    part(word.fetch_update(Relaxed, Relaxed, merge).unwrap_or_else(|word| word))
+        each_access(
+            batch,
+            bindings,
+            chunk,
+            |registers, lane, buffer, offset| {
+                if !offset.is_multiple_of(alignment) {
+                    misaligned = misaligned | Mask::lane(lane);
+                    return Some(());
                 }
-            };
-            registers[to].0[lane] = old as u32;
-            if wide {
-                registers[to.plus(1)].0[lane] = (old >> 32) as u32;
-            }
-            Some(())
-        });
+                let scalar = |reg: Reg| {
+                    let high = if wide { registers[reg.plus(1)].0[lane] } else { 0 };
+                    u64::from(registers[reg].0[lane]) | u64::from(high) << 32
+                };
+                let (value, comparator) = (scalar(value), scalar(comparator));
+                let change = |old| apply(self.kind, self.width, old, value, comparator);
+                let old = match self.width {
+                    64 => buffer.update_wide(offset, change)?,
+                    width => {
+                        let shift = (offset % 4) as u32 * 8;
+                        let mask = u32::MAX >> (32 - width);
+                        let word = buffer.word(offset - offset % 4)?;
+                        let part = |word: u32| u64::from(word >> shift & mask);
+                        let merge = |word: u32| {
+                            change(part(word))
+                                .map(|new| word & !(mask << shift) | (new as u32 & mask) << shift)
+                        };
+                        part(word.fetch_update(Relaxed, Relaxed, merge).unwrap_or_else(|word| word))
+                    }
+                };
+                registers[to].0[lane] = old as u32;
+                if wide {
+                    registers[to.plus(1)].0[lane] = (old >> 32) as u32;
+                }
+                Some(())
+            },
+            |registers, lane, _| {
+                for word in 0..width.div_ceil(32) {
+                    registers[to.plus(word)].0[lane] = 0;
+                }
+            },
+        );
         trap(batch, misaligned, TrapCode::AtomicMisaligned);
     }
 

@@ -6,7 +6,7 @@
 
 use smallvec::SmallVec;
 
-use crate::machine::{Batch, Bindings, Buffer, Invocation, Mask, Reg, Registers, TrapCode};
+use crate::machine::{Accessed, Batch, Bindings, Buffer, Invocation, Mask, Reg, Registers, TrapCode};
 use crate::ops::op::Access;
 
 pub use crate::ops::pointer::{
@@ -175,22 +175,34 @@ impl Op {
                 });
             }
             Self::BufferLoad { to, chunk } => {
-                each_access(batch, bindings, &chunk, |registers, lane, buffer, offset| {
-                    for scalar in 0..chunk.count {
-                        let at = offset + u64::from(scalar * (chunk.width / 8));
-                        registers[to.plus(scalar)].0[lane] = buffer.load(at, chunk.width)?;
-                    }
-                    Some(())
-                });
+                each_access(
+                    batch,
+                    bindings,
+                    &chunk,
+                    |registers, lane, buffer, offset| {
+                        for scalar in 0..chunk.count {
+                            let at = offset + u64::from(scalar * (chunk.width / 8));
+                            registers[to.plus(scalar)].0[lane] = buffer.load(at, chunk.width)?;
+                        }
+                        Some(())
+                    },
+                    |registers, lane, outside| outside.load(registers, lane, to, &chunk),
+                );
             }
             Self::BufferStore { from, chunk } => {
-                each_access(batch, bindings, &chunk, |registers, lane, buffer, offset| {
-                    for scalar in 0..chunk.count {
-                        let at = offset + u64::from(scalar * (chunk.width / 8));
-                        buffer.store(at, chunk.width, registers[from.plus(scalar)].0[lane])?;
-                    }
-                    Some(())
-                });
+                each_access(
+                    batch,
+                    bindings,
+                    &chunk,
+                    |registers, lane, buffer, offset| {
+                        for scalar in 0..chunk.count {
+                            let at = offset + u64::from(scalar * (chunk.width / 8));
+                            buffer.store(at, chunk.width, registers[from.plus(scalar)].0[lane])?;
+                        }
+                        Some(())
+                    },
+                    |registers, lane, outside| outside.store(registers, lane, from, &chunk),
+                );
             }
             Self::ArrayLength { to, buffer, offset, stride } => {
                 for lane in batch.mask.lanes() {
@@ -336,13 +348,15 @@ fn locate<'a, const W: usize>(
 }
 
 /// Calls a function for each running lane, in ascending order, with the buffer and the byte offset
-/// of its access; lanes whose access is outside are stopped.
+/// of its access; lanes whose access is outside are stopped, or given to `outside` where the policy
+/// is [`MemoryPolicy::Robust`](crate::machine::MemoryPolicy::Robust).
 #[inline(always)]
 pub fn each_access<const W: usize>(
     batch: &mut Batch<W>,
     bindings: &Bindings,
     chunk: &Chunk,
     mut access: impl FnMut(&mut Registers<W>, usize, &Buffer, u64) -> Option<()>,
+    mut outside: impl FnMut(&mut Registers<W>, usize, Outside<'_>),
 ) {
     let mut failed = SmallVec::<[(usize, TrapCode, u64); 1]>::new();
     for lane in batch.mask.lanes() {
@@ -356,7 +370,73 @@ pub fn each_access<const W: usize>(
         }
     }
     for (lane, code, asked) in failed {
+        let found = find((&batch.registers, lane), &batch.invocations[lane], bindings, chunk.buffer);
+        let bounds = matches!(code, TrapCode::BufferOutOfBounds | TrapCode::IndexOutOfBounds);
+        if let (true, true, Ok((buffer, start, size))) = (bindings.is_robust(), bounds, &found)
+            && !is_workgroup(&batch.registers, lane, chunk.buffer)
+        {
+            let offset = if code == TrapCode::IndexOutOfBounds { u64::MAX } else { asked };
+            let place = Outside { buffer, start: *start, size: *size, offset };
+            outside(&mut batch.registers, lane, place);
+            continue;
+        }
+        let handle = match chunk.buffer {
+            BufferRef::Handle(handle) => Some(handle),
+            BufferRef::Computed(reg) => Some(batch.registers[reg].0[lane]),
+            _ => None,
+        };
+        match (found, handle) {
+            (Ok((_, _, size)), handle) => batch.remember_access(lane, Accessed::Buffer { handle, size }),
+            (Err(_), Some(handle)) => batch.remember_access(lane, Accessed::Descriptor { handle }),
+            (Err(_), None) => {}
+        }
         batch.asked[lane] = asked;
         stop(batch, Mask::lane(lane), code);
+    }
+}
+
+fn is_workgroup<const W: usize>(registers: &Registers<W>, lane: usize, buffer: BufferRef) -> bool {
+    match buffer {
+        BufferRef::Workgroup => true,
+        BufferRef::Computed(reg) => registers[reg].0[lane] == WORKGROUP_HANDLE,
+        _ => false,
+    }
+}
+
+/// An access that lies outside its buffer, at least in part.
+#[derive(Clone, Copy, Debug)]
+pub struct Outside<'a> {
+    buffer: &'a Buffer,
+    start: u64,
+    size: u64,
+    /// `u64::MAX` where an index was outside its array: then no scalar lies inside.
+    offset: u64,
+}
+
+impl Outside<'_> {
+    /// The buffer and the offset there of a scalar that lies inside, `at` bytes into the access.
+    fn inside(&self, at: u64, width: u32) -> Option<(&Buffer, u64)> {
+        let offset = self.offset.checked_add(at)?;
+        let end = offset.checked_add(u64::from(width / 8))?;
+        (end <= self.size).then_some((self.buffer, self.start + offset))
+    }
+
+    /// The scalars of a load: each that lies outside is 0.
+    fn load<const W: usize>(self, registers: &mut Registers<W>, lane: usize, to: Reg, chunk: &Chunk) {
+        for scalar in 0..chunk.count {
+            let inside = self.inside(u64::from(scalar * (chunk.width / 8)), chunk.width);
+            let word = inside.and_then(|(buffer, offset)| buffer.load(offset, chunk.width));
+            registers[to.plus(scalar)].0[lane] = word.unwrap_or(0);
+        }
+    }
+
+    /// The scalars of a store: each that lies outside is dropped.
+    fn store<const W: usize>(self, registers: &Registers<W>, lane: usize, from: Reg, chunk: &Chunk) {
+        for scalar in 0..chunk.count {
+            let inside = self.inside(u64::from(scalar * (chunk.width / 8)), chunk.width);
+            if let Some((buffer, offset)) = inside {
+                buffer.store(offset, chunk.width, registers[from.plus(scalar)].0[lane]);
+            }
+        }
     }
 }

@@ -592,7 +592,7 @@ pub(crate) fn trap_error<const W: usize>(
     trap: Trap,
 ) -> Error {
     let error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
-    match program.describe_access(trap, batch.asked[lane]) {
+    match program.describe_access(trap, batch.asked[lane], batch.accessed(lane)) {
         Some(access) => error.note(access),
         None => error,
     }

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::resource::ELEMENT_BITS;
-use crate::machine::{Batch, Binding, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode};
+use crate::machine::{Accessed, Batch, Binding, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode};
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
 use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
@@ -198,31 +198,68 @@ impl Program {
         self.interface.iter().find(|rows| rows.storage_class == storage_class)
     }
 
-    /// What an access that trapped asked for: where, and in which buffer.
-    pub fn describe_access(&self, trap: Trap, asked: u64) -> Option<String> {
-        let chunk = match self.ops.get(trap.op as usize)? {
+    /// What an access that trapped asked for: where, and of which buffer or image.
+    pub fn describe_access(&self, trap: Trap, asked: u64, accessed: Option<&Accessed>) -> Option<String> {
+        let op = self.ops.get(trap.op as usize)?;
+        let chunk = match op {
             Op::Memory(memory::Op::BufferLoad { chunk, .. } | memory::Op::BufferStore { chunk, .. }) => chunk,
             Op::Atomic(atomic::Op { target: atomic::Target::Buffer(chunk), .. }) => chunk,
-            _ => return None,
+            _ => return self.describe_texel(accessed?),
         };
         let bytes = chunk.width / 8 * chunk.count;
         let stretch = match trap.code {
             TrapCode::IndexOutOfBounds => String::new(),
             _ => format!("{bytes} bytes at offset {asked} of "),
         };
-        Some(match chunk.buffer {
-            BufferRef::Address(_) => format!("{bytes} bytes at address {asked:#x}"),
-            BufferRef::PushConstants => format!("{stretch}the push constants"),
-            BufferRef::ShaderRecord => format!("{stretch}the shader record"),
-            BufferRef::Workgroup => format!("{stretch}the workgroup's memory"),
-            BufferRef::Computed(_) => format!("{stretch}a buffer chosen while running"),
-            BufferRef::Handle(handle) => {
-                let slot = self.slots.get((handle >> ELEMENT_BITS) as usize)?;
-                let Binding { set, binding } = slot.binding;
-                let element = handle & ((1 << ELEMENT_BITS) - 1);
-                format!("{stretch}`{}` (set {set}, binding {binding}, element {element})", slot.name)
+        let (handle, size) = match accessed {
+            Some(&Accessed::Buffer { handle, size }) => (handle, format!(", which has {size} bytes")),
+            Some(&Accessed::Descriptor { handle }) => (Some(handle), String::new()),
+            _ => (None, String::new()),
+        };
+        let name = match chunk.buffer {
+            BufferRef::Address(_) => return Some(format!("{bytes} bytes at address {asked:#x}{size}")),
+            BufferRef::PushConstants => "the push constants".to_owned(),
+            BufferRef::ShaderRecord => "the shader record".to_owned(),
+            BufferRef::Workgroup => "the workgroup's memory".to_owned(),
+            BufferRef::Computed(_) => self
+                .describe_descriptor(handle.unwrap_or(u32::MAX))
+                .unwrap_or_else(|| "a buffer chosen while running".to_owned()),
+            BufferRef::Handle(handle) => self.describe_descriptor(handle)?,
+        };
+        Some(format!("{stretch}{name}{size}"))
+    }
+
+    fn describe_texel(&self, accessed: &Accessed) -> Option<String> {
+        let words = |numbers: &mut dyn Iterator<Item = String>, between: &str| {
+            numbers.collect::<Vec<_>>().join(between)
+        };
+        match accessed {
+            Accessed::Texel { handle, coordinate, extent, level, sample } => {
+                let name = self.describe_descriptor(*handle)?;
+                let at = words(&mut coordinate.iter().map(i64::to_string), ", ");
+                let sides = words(&mut extent.iter().map(u32::to_string), " x ");
+                let mut text = format!("texel ({at}) of {name}, which has {sides}");
+                if level[1] > 1 || level[0] > 0 {
+                    text += &format!("; level {} of {}", level[0], level[1]);
+                }
+                if sample[1] > 1 || sample[0] > 0 {
+                    text += &format!("; sample {} of {}", sample[0], sample[1]);
+                }
+                Some(text)
             }
-        })
+            Accessed::Descriptor { handle } | Accessed::Buffer { handle: Some(handle), .. } => {
+                self.describe_descriptor(*handle)
+            }
+            Accessed::Buffer { handle: None, .. } => None,
+        }
+    }
+
+    /// Name, set, binding and array element of a handle.
+    fn describe_descriptor(&self, handle: u32) -> Option<String> {
+        let slot = self.slots.get((handle >> ELEMENT_BITS) as usize)?;
+        let Binding { set, binding } = slot.binding;
+        let element = handle & ((1 << ELEMENT_BITS) - 1);
+        Some(format!("`{}` (set {set}, binding {binding}, element {element})", slot.name))
     }
 
     /// The bindings of the slots, for [`Resources::bindings`](crate::machine::Resources::bindings).

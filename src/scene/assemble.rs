@@ -250,7 +250,7 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
 }
 
 fn resources(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Resources {
-    let mut resources = Resources::default();
+    let mut resources = Resources { policy: scene.memory, ..Resources::default() };
     for binding in &scene.resources {
         let descriptor = match &binding.resource {
             Resource::StorageBuffer(bytes) | Resource::UniformBuffer(bytes) => {

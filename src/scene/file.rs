@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
 use crate::scene::data::{Data, SpecializationValue};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
@@ -253,6 +254,8 @@ pub struct PipelineEntry {
     pub subgroup_size: Option<u32>,
     /// Operations that an invocation may spend.
     pub budget: Option<u64>,
+    /// What becomes of an access outside its buffer or image.
+    pub memory: Option<MemoryPolicy>,
 }
 
 impl Parse for PipelineEntry {
@@ -273,10 +276,16 @@ impl Parse for PipelineEntry {
             max_recursion_depth: table.optional("max_recursion_depth"),
             subgroup_size: subgroup_size.map(|size| size.value),
             budget: table.optional("budget"),
+            memory: table.optional("memory"),
         };
         table.finish();
         Some(pipeline)
     }
+}
+
+impl Named for MemoryPolicy {
+    const WHAT: &'static str = "memory policy";
+    const NAMES: &'static [(&'static str, Self)] = &[("trap", Self::Trap), ("robust", Self::Robust)];
 }
 
 /// A shader record of a raygen, miss or callable shader: `"name"` or a table.

@@ -209,6 +209,7 @@ impl<'a> Resolver<'a> {
             max_recursion_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_recursion_depth),
             subgroup_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.subgroup_size),
             budget: self.pipeline.as_ref().and_then(|pipeline| pipeline.budget),
+            memory: self.pipeline.as_ref().and_then(|pipeline| pipeline.memory).unwrap_or_default(),
             launch: self.launch,
             rays: self.rays,
             document: self.own,

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::Place;
+use crate::machine::MemoryPolicy;
 use crate::scene::file::RayEntry;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
@@ -36,6 +37,8 @@ pub struct ResolvedScene {
     pub subgroup_size: Option<u32>,
     /// Operations that an invocation may spend, where the scene says.
     pub budget: Option<u64>,
+    /// What becomes of an access outside its buffer or image.
+    pub memory: MemoryPolicy,
     /// Width, height and depth of the launch.
     pub launch: [u32; 3],
     /// The rays that `trace-one-ray` offers.

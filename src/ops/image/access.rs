@@ -8,7 +8,7 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::Result;
 use crate::machine::format::Class;
 use crate::machine::image::{Image, Position};
-use crate::machine::{Bindings, Reg, Registers, TrapCode};
+use crate::machine::{Accessed, Batch, Bindings, Reg, Registers, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, Value, Words};
@@ -96,6 +96,39 @@ impl TexelPlace {
         Ok((image, index))
     }
 
+    /// Remembers what the lane asked for, for the report of its trap.
+    #[cold]
+    pub fn remember<const W: usize>(&self, batch: &mut Batch<W>, lane: usize, bindings: &Bindings) {
+        let word = |reg: Reg| batch.registers[reg].0[lane];
+        let handle = word(self.image);
+        let axes = self.view.dimension.axes();
+        let accessed = match self.view.image(bindings, handle) {
+            Err(_) => Accessed::Descriptor { handle },
+            Ok(image) => {
+                let shape = image.shape();
+                let level = self.level.map_or(0, word);
+                let layer = self.coordinate.len() > axes;
+                let offset = |axis: usize| {
+                    let offset =
+                        self.offset.as_ref().and_then(|offset| offset.get(axis)).filter(|_| axis < axes);
+                    offset.map_or(0, |&reg| i64::from(word(reg) as i32))
+                };
+                let coordinate = self.coordinate.iter().enumerate();
+                let sides = shape.level_extent(level.min(shape.levels - 1));
+                Accessed::Texel {
+                    handle,
+                    coordinate: coordinate
+                        .map(|(axis, &reg)| i64::from(word(reg) as i32) + offset(axis))
+                        .collect(),
+                    extent: sides[..axes].iter().copied().chain(layer.then_some(shape.layers)).collect(),
+                    level: [level, shape.levels],
+                    sample: [self.sample.map_or(0, word), shape.samples],
+                }
+            }
+        };
+        batch.remember_access(lane, accessed);
+    }
+
     /// The place as atomic instructions need it: its texel has the size of the scalar that the
     /// pointer points to.
     ///
@@ -138,8 +171,15 @@ impl Read {
         lane: usize,
         bindings: &Bindings,
     ) -> Result<(), TrapCode> {
-        let (image, index) = self.place.find(registers, lane, bindings)?;
-        self.to.write(registers, lane, image.format().decode(image.load(index)));
+        let texel = match self.place.find(registers, lane, bindings) {
+            Ok((image, index)) => image.format().decode(image.load(index)),
+            // Zeros, with what the format lacks added (Vulkan, robustImageAccess2).
+            Err(TrapCode::ImageOutOfBounds) if bindings.is_robust() => {
+                self.place.view.image(bindings, registers[self.place.image].0[lane])?.format().decode(0)
+            }
+            Err(code) => return Err(code),
+        };
+        self.to.write(registers, lane, texel);
         Ok(())
     }
 }
@@ -171,7 +211,10 @@ impl Write {
         lane: usize,
         bindings: &Bindings,
     ) -> Result<(), TrapCode> {
-        let (image, index) = self.place.find(registers, lane, bindings)?;
+        let (image, index) = match self.place.find(registers, lane, bindings) {
+            Err(TrapCode::ImageOutOfBounds) if bindings.is_robust() => return Ok(()),
+            found => found?,
+        };
         let texel = self.from.map(|reg| {
             let low = registers[reg].0[lane];
             match (self.place.view.wide, self.class) {

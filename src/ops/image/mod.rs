@@ -24,7 +24,7 @@ use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::error::Result;
-use crate::machine::{Batch, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::machine::{Accessed, Batch, Bindings, Mask, Reg, Registers, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, Words};
@@ -95,10 +95,26 @@ impl Op {
     /// Runs the operation for the running lanes.
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         match self {
-            Self::Sample(op) => each_lane(batch, |registers, lane| op.eval(registers, lane, bindings)),
-            Self::Read(op) => each_lane(batch, |registers, lane| op.eval(registers, lane, bindings)),
-            Self::Write(op) => each_lane(batch, |registers, lane| op.eval(registers, lane, bindings)),
-            Self::Query(op) => each_lane(batch, |registers, lane| op.eval(registers, lane, bindings)),
+            Self::Sample(op) => each_lane(
+                batch,
+                |registers, lane| op.eval(registers, lane, bindings),
+                |batch, lane| remember_descriptor(batch, lane, op.image),
+            ),
+            Self::Read(op) => each_lane(
+                batch,
+                |registers, lane| op.eval(registers, lane, bindings),
+                |batch, lane| op.place.remember(batch, lane, bindings),
+            ),
+            Self::Write(op) => each_lane(
+                batch,
+                |registers, lane| op.eval(registers, lane, bindings),
+                |batch, lane| op.place.remember(batch, lane, bindings),
+            ),
+            Self::Query(op) => each_lane(
+                batch,
+                |registers, lane| op.eval(registers, lane, bindings),
+                |batch, lane| remember_descriptor(batch, lane, op.image),
+            ),
         }
     }
 }
@@ -107,13 +123,22 @@ impl Op {
 fn each_lane<const W: usize>(
     batch: &mut Batch<W>,
     mut run: impl FnMut(&mut Registers<W>, usize) -> Result<(), TrapCode>,
+    remember: impl Fn(&mut Batch<W>, usize),
 ) {
     let op = batch.op;
     for lane in batch.mask.lanes() {
         if let Err(code) = run(&mut batch.registers, lane) {
+            remember(batch, lane);
             batch.trap(Mask::lane(lane), code, op);
         }
     }
+}
+
+/// Remembers which descriptor a lane meant, for the report of its trap.
+#[cold]
+fn remember_descriptor<const W: usize>(batch: &mut Batch<W>, lane: usize, handle: Reg) {
+    let handle = batch.registers[handle].0[lane];
+    batch.remember_access(lane, Accessed::Descriptor { handle });
 }
 
 /// Rows that an instruction's texel is written to.
