@@ -4,8 +4,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its results")]
 
-use anyhit::harness::scene::Instance;
-use anyhit::{Module, Pipeline, Program, Ray, Result, Scene};
+use anyhit::{Explain, Instance, Module, Pipeline, Program, Ray, Result, Scene};
 
 fn main() -> Result<()> {
     let fixtures = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/pass/slang/hit");
@@ -26,16 +25,19 @@ fn main() -> Result<()> {
 
     let through = |x: f32| pipeline.trace(&scene, Ray::new([x, 0.0, 4.0], [0.0, 0.0, -1.0]));
     let spheres = through(0.0)?;
-    let hit = spheres.committed.expect("the second sphere is ignored, the first is not");
-    assert_eq!((hit.candidate.primitive, hit.t), (0, 5.5));
+    // The second sphere is ignored, the first is not.
+    assert_eq!((spheres.hit().primitive, spheres.hit().t), (0, 5.5));
     assert_eq!(spheres.payload["any_hits"].u32(), 2);
 
     let swept = through(2.0)?;
     println!("{:#?}", swept.payload);
+    assert_eq!((swept.hit().instance, swept.hit().custom_index), (1, 7));
     assert_eq!(swept.payload["normal"].vec3(), [0.0, 0.0, 1.0]);
+    // What `anyhit trace-one-ray` would tell of it.
+    println!("{}", swept.explain());
 
     let missed = through(4.0)?;
-    assert!(missed.committed.is_none());
+    assert!(missed.missed());
     assert_eq!(missed.payload["primitive"].i32(), -1);
     Ok(())
 }

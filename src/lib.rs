@@ -44,8 +44,7 @@
 //! One sphere, a closest-hit and a miss shader, one ray; no ray generation shader is needed:
 //!
 //! ```
-//! use anyhit::harness::scene::Instance;
-//! use anyhit::{Module, Pipeline, Program, Ray, Scene};
+//! use anyhit::{Instance, Module, Pipeline, Program, Ray, Scene};
 //!
 //! # fn main() -> anyhit::Result<()> {
 //! # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/pass/sphere/closest-hit");
@@ -57,7 +56,7 @@
 //!
 //! let traced = pipeline.trace(&scene, Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
 //! // The ray starts at z = 4 and the sphere's surface is at z = 1/2.
-//! assert_eq!(traced.committed.expect("a hit").t, 3.5);
+//! assert_eq!(traced.hit().t, 3.5);
 //! assert_eq!(traced.payload["normal"].vec3(), [0.0, 0.0, 1.0]);
 //! # Ok(())
 //! # }
@@ -67,7 +66,7 @@
 //!
 //! # Layers
 //!
-//! Imports go one way, and a test enforces it: `cli -> debug, harness, recording -> scene ->
+//! Imports go one way, and a test enforces it: `cli -> harness -> debug, recording -> scene ->
 //! {pipeline, compile} -> interp -> program -> ops -> {module, machine -> accel} -> geometry ->
 //! math -> error`.
 
@@ -93,8 +92,10 @@ pub mod scene;
 pub use error::{Error, ErrorKind, Result};
 pub use geometry::Ray;
 pub use harness::hit::Hit;
+pub use harness::instance::Instance;
 pub use harness::scene::Scene;
 pub use harness::shader_test::ShaderTest;
+pub use harness::told::Explain;
 pub use module::Module;
 pub use pipeline::Pipeline;
 pub use program::Program;

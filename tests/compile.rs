@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhit::ErrorKind;
-use anyhit::compile::{DebugInfo, Language, Optimize, Options, Source, Stage, compile, tool};
+use anyhit::compile::{DebugInfo, Language, Optimize, Options, Source, compile, tool};
 use anyhit::error::Place;
 
 const GLSL_MISS: &str = "#version 460\n#extension GL_EXT_ray_tracing : require\n\
@@ -129,14 +129,56 @@ fn a_missing_include_is_an_error() {
     assert!(error.render().contains("x.glsl"), "{error:?}");
 }
 
+/// Compiled by the tool that the environment names, whether or not glslang is built in. The variable
+/// belongs to a process, so the test asks one of its own.
 #[test]
-#[cfg_attr(feature = "glsl", ignore = "is about a build without the feature `glsl`")]
-fn a_build_without_glslang_says_how_to_get_it() {
-    let source = Source::from_text("a.rgen", "").unwrap();
-    let error = compile(&source, &Options::default()).unwrap_err();
-    assert_eq!(error.kind(), ErrorKind::UnsupportedTool);
-    assert!(error.render().contains("--features glsl"), "{error:?}");
-    assert!(tool(Language::Glsl(Stage::Miss)).is_err());
+fn a_named_glslang_is_used_and_must_exist() {
+    let folder = Folder::new("named");
+    folder.write("a.rmiss", GLSL_MISS);
+    let run = |tool: &str| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
+        command.args(["compile", "a.rmiss"]).current_dir(&folder.0).env("GLSLANG", tool);
+        command.output().unwrap()
+    };
+    let output = run("no-such-glslang");
+    assert_eq!(output.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("GLSLANG names no program: `no-such-glslang`"), "{said}");
+    let installed = std::process::Command::new("glslangValidator").arg("--version").output();
+    if !installed.is_ok_and(|output| output.status.success()) {
+        let _ = writeln!(std::io::stderr(), "SKIPPED a_named_glslang: glslangValidator is not installed");
+        return;
+    }
+    assert_eq!(run("glslangValidator").status.code(), Some(0));
+    assert_eq!(std::fs::read(folder.0.join("a.rmiss.spv")).unwrap()[..8], SPIRV_1_6);
+    folder.write("a.rmiss", &GLSL_MISS.replace("vec4(1.0)", "blue"));
+    let said = String::from_utf8_lossy(&run("glslangValidator").stderr).into_owned();
+    assert!(said.contains("'blue': undeclared identifier") && said.contains("a.rmiss:4:"), "{said}");
+    let unknown = GLSL_MISS.replace("GL_EXT_ray_tracing :", "GL_NV_no_such_extension :");
+    folder.write("a.rmiss", &unknown);
+    let said = String::from_utf8_lossy(&run("glslangValidator").stderr).into_owned();
+    assert!(said.contains("extension not supported: GL_NV_no_such_extension"), "{said}");
+    assert!(said.contains("this build or machine lacks"), "{said}");
+}
+
+/// Whether an installed glslang serves; where there is none, a line says so.
+#[cfg(not(feature = "glsl"))]
+#[test]
+fn a_build_without_glslang_calls_an_installed_one_or_says_how_to_get_it() {
+    let source = Source::from_text("a.rmiss", GLSL_MISS).unwrap();
+    if tool(Language::Glsl(anyhit::compile::Stage::Miss)).is_ok() {
+        assert_eq!(compile(&source, &Options::default()).unwrap()[..8], SPIRV_1_6);
+        let text = GLSL_MISS.replace("vec4(1.0)", "blue");
+        let report =
+            compile(&Source::from_text("a.rmiss", text).unwrap(), &Options::default()).unwrap_err().render();
+        assert!(report.contains("'blue': undeclared identifier"), "{report}");
+        assert!(report.contains("a.rmiss:4:"), "{report}");
+    } else {
+        let _ = writeln!(std::io::stderr(), "no glslang is installed: only its absence is tested");
+        let error = compile(&source, &Options::default()).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::UnsupportedTool);
+        assert!(error.render().contains("--features glsl"), "{error:?}");
+    }
 }
 
 /// Whether `slangc` is there. Where it is not, a line past the test harness's capture says so.
@@ -159,6 +201,29 @@ fn slang_keeps_the_names_of_entry_points() {
         assert_eq!(spirv[..4], SPIRV_1_6[..4]);
         assert!(spirv.windows(4).any(|bytes| bytes == b"sky\0"));
     }
+}
+
+#[test]
+fn hlsl_compiles_with_the_names_of_entry_points() {
+    if !slangc_installed("hlsl_compiles_with_the_names_of_entry_points") {
+        return;
+    }
+    let text = "struct Payload { float3 at; float t; };\n\
+        struct Attributes { float2 barycentrics; };\n\
+        [shader(\"closesthit\")]\n\
+        void triangle_hit(inout Payload payload, in Attributes attributes) {\n\
+            payload.at = float3(attributes.barycentrics, PrimitiveIndex());\n\
+            payload.t = RayTCurrent();\n\
+        }\n";
+    let module = anyhit::Module::from_source("a.hlsl", text).unwrap();
+    // The point (1/4, 1/2, 0) of the triangle, from 2 above: its barycentrics are its coordinates.
+    let hit = anyhit::Hit::triangle([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        .ray(anyhit::Ray::new([0.25, 0.5, 2.0], [0.0, 0.0, -1.0]));
+    let outcome = anyhit::ShaderTest::new(&module, "triangle_hit").unwrap().hit(hit).run().unwrap();
+    assert_eq!(outcome.payload["at"].vec3(), [0.25, 0.5, 0.0]);
+    assert_eq!(outcome.payload["t"].f32(), 2.0);
+    let error = anyhit::Module::from_source("a.hlsl", &text.replace("RayTCurrent()", "blue")).unwrap_err();
+    assert!(error.render().contains("a.hlsl:6:"), "{error:?}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The modules of `src/` import one way only.
 //!
-//! `cli -> debug, harness, recording -> scene -> {pipeline, compile} -> interp -> program -> ops ->
+//! `cli -> harness -> debug, recording -> scene -> {pipeline, compile} -> interp -> program -> ops ->
 //! {module, machine -> accel} -> geometry -> math -> error`: a folder may import what stands to
 //! its right. A few crates are named in one place only, and only the command line prints.
 
@@ -13,7 +13,8 @@ mod files;
 /// Left to right; folders of one row do not import each other.
 const LAYERS: &[&[&str]] = &[
     &["cli"],
-    &["debug", "harness", "recording"],
+    &["harness"],
+    &["debug", "recording"],
     &["scene"],
     &["pipeline", "compile"],
     &["interp"],

@@ -1,7 +1,6 @@
 //! The unit test that the README shows.
 
-use anyhit::harness::scene::Instance;
-use anyhit::{Hit, Module, Pipeline, Program, Ray, Result, Scene, ShaderTest};
+use anyhit::{Hit, Instance, Module, Pipeline, Program, Ray, Result, Scene, ShaderTest};
 
 const FOLDER: &str = "spirv-fixtures/pass/sphere/closest-hit";
 

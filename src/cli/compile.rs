@@ -8,11 +8,11 @@ use crate::cli::output;
 use crate::compile::{DebugInfo, Optimize, Options, Source, compile, fixtures};
 use crate::error::{Error, ErrorKind, Result};
 
-/// Compiles GLSL, WGSL or Slang to SPIR-V.
+/// Compiles GLSL, WGSL, Slang or HLSL to SPIR-V.
 #[derive(Args, Clone, Debug)]
 pub struct CompileArgs {
     /// Shader sources; the extension tells language and stage (.rgen .rint .rahit .rchit .rmiss
-    /// .rcall .comp .wgsl .slang)
+    /// .rcall .comp, also with .glsl behind; .wgsl .slang .hlsl)
     #[arg(value_name = "SOURCE", required_unless_present = "fixtures", conflicts_with = "fixtures")]
     sources: Vec<PathBuf>,
     /// Where to write the module, or with several sources the folder [default: SOURCE.spv]

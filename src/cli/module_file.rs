@@ -42,6 +42,7 @@ fn source_text(path: &Path, bytes: &[u8]) -> Option<Error> {
                 Language::Glsl(_) => "GLSL",
                 Language::Wgsl => "WGSL",
                 Language::Slang => "Slang",
+                Language::Hlsl => "HLSL",
             };
             (name, format!("compile it first: anyhit compile {shown}"))
         }

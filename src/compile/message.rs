@@ -52,7 +52,6 @@ pub(super) fn error(source: &Source, complaints: Vec<Complaint>, output: &str) -
 }
 
 /// The complaints in a log of glslang: `ERROR: FILE:LINE: TEXT`, where `0` is the source itself.
-#[cfg(any(feature = "glsl", test))]
 pub(super) fn glslang(log: &str) -> Vec<Complaint> {
     let errors = log.lines().filter_map(|line| line.trim().strip_prefix("ERROR: "));
     let complaints = errors.filter_map(|line| {
@@ -73,8 +72,19 @@ pub(super) fn glslang(log: &str) -> Vec<Complaint> {
         if tidy(text) == "compilation terminated" {
             return None;
         }
-        let file = if file == "0" { String::new() } else { file };
+        let file = if file == "0" { String::new() } else { file.trim_start_matches("./").to_owned() };
         Some(Complaint { file, line, column, width: 0, text: tidy(text) })
+    });
+    complaints.collect()
+}
+
+/// The complaints in the output of `glslc`: `FILE:LINE: error: TEXT`.
+pub(super) fn glslc(output: &str) -> Vec<Complaint> {
+    let complaints = output.lines().filter_map(|line| {
+        let (place, text) = line.split_once(": error: ")?;
+        let (file, line) = place.rsplit_once(':').unwrap_or((place, "0"));
+        let line = line.parse().unwrap_or(0);
+        Some(Complaint { file: file.to_owned(), line, column: 0, width: 0, text: tidy(text) })
     });
     complaints.collect()
 }
@@ -119,7 +129,6 @@ pub(super) fn slangc(output: &str) -> Vec<Complaint> {
 }
 
 /// glslang writes `'name' :  what is wrong` with holes where a part is empty.
-#[cfg(any(feature = "glsl", test))]
 fn tidy(text: &str) -> String {
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     words.trim_start_matches("'' : ").replace(" : ", ": ")
@@ -168,6 +177,17 @@ mod tests {
                 ("", 7, 5, "'y': redefinition"),
             ]
         );
+    }
+
+    #[test]
+    fn glslc_output() {
+        let output = "a.rmiss:4: error: 'blue' : undeclared identifier\na.rmiss:9: warning: odd\n\
+                      1 error generated.\nglslc: error: 'b.frag': failed to read\n";
+        let complaints = glslc(output);
+        assert_eq!(complaints.len(), 2);
+        assert_eq!((complaints[0].file.as_str(), complaints[0].line), ("a.rmiss", 4));
+        assert_eq!(complaints[0].text, "'blue': undeclared identifier");
+        assert_eq!(complaints[1].line, 0);
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! Front ends: shader source to SPIR-V.
 //!
-//! Nothing else of the crate needs a compiler: scenes and tests name `.spv` files. This folder makes
-//! those from GLSL (feature `glsl`), WGSL (feature `wgsl`, on by default) and Slang (the tool
-//! `slangc`, where it is installed), and keeps `spirv-fixtures/` in step with `shaders/`.
+//! Scenes and tests name `.spv` files, or sources: GLSL (through glslang, built in with the feature
+//! `glsl`, else through an installed `glslang`, `glslangValidator` or `glslc`), WGSL (through naga,
+//! feature `wgsl`, on by default), Slang and HLSL (through `slangc`, where it is installed). Sources
+//! are compiled once and kept in a [`cache`]. This folder also keeps `spirv-fixtures/` in step with
+//! `shaders/`.
 //!
 //! ```
 //! use anyhit::compile::{Options, Source, compile};
@@ -16,8 +18,12 @@
 //! # Ok::<(), anyhit::Error>(())
 //! ```
 
+pub mod cache;
 pub mod fixtures;
+mod glslang_tool;
 mod message;
+mod open;
+mod outside;
 mod slang;
 mod source;
 
@@ -28,6 +34,7 @@ mod glslang_debug;
 #[cfg(feature = "wgsl")]
 mod wgsl;
 
+pub use cache::compile_once;
 pub use source::{Language, Source, Stage, content_hash};
 
 use crate::error::{Error, ErrorKind, Result};
@@ -93,8 +100,8 @@ impl Options {
 
 /// Compiles one source to a SPIR-V module, as the bytes of a `.spv` file.
 ///
-/// GLSL gives SPIR-V 1.6 for Vulkan 1.3 with the entry point `main`; WGSL and Slang give one module
-/// with all the entry points of the source under their own names.
+/// GLSL gives SPIR-V 1.6 for Vulkan 1.3 with the entry point `main`; WGSL, Slang and HLSL give one
+/// module with all the entry points of the source under their own names.
 ///
 /// # Errors
 /// [`ErrorKind::InvalidSource`] with the places that the compiler named;
@@ -103,12 +110,13 @@ impl Options {
 pub fn compile(source: &Source, options: &Options) -> Result<Vec<u8>> {
     match source.language() {
         #[cfg(feature = "glsl")]
-        Language::Glsl(stage) => glsl::compile(source, stage, options),
+        Language::Glsl(stage) if !glslang_tool::asked_for() => glsl::compile(source, stage, options),
+        Language::Glsl(stage) => glslang_tool::compile(source, stage, options),
         #[cfg(feature = "wgsl")]
         Language::Wgsl => wgsl::compile(source, options),
-        Language::Slang => slang::compile(source, options),
-        #[allow(unreachable_patterns)]
-        language => Err(missing_feature(language)),
+        #[cfg(not(feature = "wgsl"))]
+        Language::Wgsl => Err(missing_wgsl()),
+        Language::Slang | Language::Hlsl => slang::compile(source, options),
     }
 }
 
@@ -119,23 +127,20 @@ pub fn compile(source: &Source, options: &Options) -> Result<Vec<u8>> {
 pub fn tool(language: Language) -> Result<String> {
     match language {
         #[cfg(feature = "glsl")]
-        Language::Glsl(_) => Ok(glslang_debug::version()),
+        Language::Glsl(_) if !glslang_tool::asked_for() => Ok(glslang_debug::version()),
+        Language::Glsl(_) => glslang_tool::version(),
         #[cfg(feature = "wgsl")]
         Language::Wgsl => Ok(format!("naga {}", wgsl::NAGA_VERSION)),
-        Language::Slang => slang::version(),
-        #[allow(unreachable_patterns)]
-        language => Err(missing_feature(language)),
+        #[cfg(not(feature = "wgsl"))]
+        Language::Wgsl => Err(missing_wgsl()),
+        Language::Slang | Language::Hlsl => slang::version(),
     }
 }
 
-fn missing_feature(language: Language) -> Error {
-    let (name, feature) = match language {
-        Language::Glsl(_) => ("GLSL", "glsl"),
-        Language::Wgsl => ("WGSL", "wgsl"),
-        Language::Slang => ("Slang", "slang"),
-    };
-    Error::new(ErrorKind::UnsupportedTool, format!("this build of anyhit cannot compile {name}"))
-        .note(format!("build it with `cargo build --features {feature}`"))
+#[cfg(not(feature = "wgsl"))]
+fn missing_wgsl() -> Error {
+    Error::new(ErrorKind::UnsupportedTool, "this build of anyhit cannot compile WGSL")
+        .note("build it with `cargo build --features wgsl`")
 }
 
 /// SPIR-V words as the bytes of a `.spv` file: little endian on every machine.

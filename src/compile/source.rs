@@ -9,6 +9,9 @@ use sha2::{Digest, Sha256};
 
 use crate::error::{Error, ErrorKind, Result};
 
+/// The extensions that are known.
+pub(super) const EXTENSIONS: &str = "GLSL: .rgen .rint .rahit .rchit .rmiss .rcall .comp, also with .glsl behind; WGSL: .wgsl; Slang: .slang; HLSL: .hlsl";
+
 /// A pipeline stage, named by the file extension that glslang knows it by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Stage {
@@ -28,6 +31,31 @@ pub enum Stage {
     Compute,
 }
 
+impl Stage {
+    const ALL: [Self; 7] = [
+        Self::RayGeneration,
+        Self::Intersection,
+        Self::AnyHit,
+        Self::ClosestHit,
+        Self::Miss,
+        Self::Callable,
+        Self::Compute,
+    ];
+
+    /// The file extension, without a dot.
+    pub(super) fn extension(self) -> &'static str {
+        match self {
+            Self::RayGeneration => "rgen",
+            Self::Intersection => "rint",
+            Self::AnyHit => "rahit",
+            Self::ClosestHit => "rchit",
+            Self::Miss => "rmiss",
+            Self::Callable => "rcall",
+            Self::Compute => "comp",
+        }
+    }
+}
+
 /// The language of a source, known by its file extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Language {
@@ -37,22 +65,22 @@ pub enum Language {
     Wgsl,
     /// Slang (`.slang`).
     Slang,
+    /// HLSL (`.hlsl`).
+    Hlsl,
 }
 
 impl Language {
     /// The language of a file name, by its extension; `None` for headers and everything else.
     pub fn of(path: &Path) -> Option<Self> {
-        Some(match path.extension()?.to_str()? {
-            "rgen" => Self::Glsl(Stage::RayGeneration),
-            "rint" => Self::Glsl(Stage::Intersection),
-            "rahit" => Self::Glsl(Stage::AnyHit),
-            "rchit" => Self::Glsl(Stage::ClosestHit),
-            "rmiss" => Self::Glsl(Stage::Miss),
-            "rcall" => Self::Glsl(Stage::Callable),
-            "comp" => Self::Glsl(Stage::Compute),
+        let extension = path.extension()?.to_str()?;
+        let stage = |name: &str| Stage::ALL.into_iter().find(|stage| stage.extension() == name);
+        Some(match extension {
             "wgsl" => Self::Wgsl,
             "slang" => Self::Slang,
-            _ => return None,
+            "hlsl" => Self::Hlsl,
+            // `a.rchit.glsl`; a plain `.glsl` is a header.
+            "glsl" => Self::Glsl(stage(Path::new(path.file_stem()?).extension()?.to_str()?)?),
+            extension => Self::Glsl(stage(extension)?),
         })
     }
 }
@@ -232,12 +260,22 @@ fn read_text(path: &Path) -> Result<String> {
 
 fn unknown_language(name: &str) -> Error {
     Error::new(ErrorKind::InvalidArgument, format!("`{name}`: the extension is of no shader language"))
-        .note("GLSL: .rgen .rint .rahit .rchit .rmiss .rcall .comp; WGSL: .wgsl; Slang: .slang")
+        .note(EXTENSIONS)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn extensions_tell_language_and_stage() {
+        let of = |name: &str| Language::of(Path::new(name));
+        assert_eq!(of("a.rchit"), Some(Language::Glsl(Stage::ClosestHit)));
+        assert_eq!(of("a.rmiss.glsl"), Some(Language::Glsl(Stage::Miss)));
+        assert_eq!(of("a.hlsl"), Some(Language::Hlsl));
+        assert_eq!(of("common.glsl"), None);
+        assert_eq!(of("a.rchit.spv"), None);
+    }
 
     #[test]
     fn lines_that_include() {

@@ -10,7 +10,7 @@ mod layout;
 mod memory;
 pub mod names;
 mod page;
-mod reader;
+pub mod reader;
 pub mod render;
 pub mod session;
 pub mod story;

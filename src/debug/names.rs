@@ -94,21 +94,27 @@ pub fn source_line(program: &Program, op: u32) -> Option<SourceLine> {
 /// Looks names of a scene up.
 #[derive(Clone, Copy, Debug)]
 pub struct Names<'a> {
-    scene: &'a ResolvedScene,
+    scene: Option<&'a ResolvedScene>,
     pipeline: &'a Pipeline,
 }
 
 impl<'a> Names<'a> {
     /// For a scene and the pipeline that was assembled from it.
     pub fn new(scene: &'a ResolvedScene, pipeline: &'a Pipeline) -> Self {
-        Self { scene, pipeline }
+        Self { scene: Some(scene), pipeline }
+    }
+
+    /// For a pipeline without a scene file: nothing but entry points has a name.
+    pub fn unnamed(pipeline: &'a Pipeline) -> Self {
+        Self { scene: None, pipeline }
     }
 
     /// A shader.
     pub fn shader(&self, shader: Shader) -> ShaderLabel {
         let program = &self.pipeline.programs[shader.0 as usize];
         // The pipeline's groups are the scene's, in the same order.
-        let found = self.pipeline.groups.iter().zip(&self.scene.groups).find_map(|pair| match pair {
+        let scene_groups = self.scene.map_or(&[][..], |scene| &scene.groups);
+        let found = self.pipeline.groups.iter().zip(scene_groups).find_map(|pair| match pair {
             (Group::General(one), resolved::Group::RayGeneration(named))
             | (Group::General(one), resolved::Group::Miss(named))
             | (Group::General(one), resolved::Group::Callable(named)) => (*one == shader).then_some(named),
@@ -121,7 +127,7 @@ impl<'a> Names<'a> {
             .find_map(|(one, named)| named.as_ref().filter(|_| one == Some(shader))),
             _ => None,
         });
-        let module = found.map(|found| &self.scene.shaders[found.module]);
+        let module = found.zip(self.scene).map(|(found, scene)| &scene.shaders[found.module]);
         let file = module.and_then(|module| module.path.file_name());
         ShaderLabel {
             stage: program.stage.name(),
@@ -133,23 +139,24 @@ impl<'a> Names<'a> {
 
     /// A record of the miss table.
     pub fn miss_record(&self, index: u64) -> Option<String> {
-        name_of(&self.scene.sbt.miss, index)
+        name_of(&self.scene?.sbt.miss, index)
     }
 
     /// A record of the hit table.
     pub fn hit_record(&self, index: u64) -> Option<String> {
-        name_of(&self.scene.sbt.hit, index)
+        name_of(&self.scene?.sbt.hit, index)
     }
 
     /// An acceleration structure: its name, and where it stands among the scene's.
     pub fn structure(&self, tlas: &Arc<Tlas>) -> Option<(usize, &'a str)> {
-        let at = self.scene.tlas.iter().position(|(_, known)| Arc::ptr_eq(known, tlas))?;
-        Some((at, &self.scene.tlas[at].0))
+        let structures = &self.scene?.tlas;
+        let at = structures.iter().position(|(_, known)| Arc::ptr_eq(known, tlas))?;
+        Some((at, &structures[at].0))
     }
 
     /// The names of an instance's geometries.
     pub fn geometry(&self, tlas: &Arc<Tlas>, instance: u32) -> &'a [String] {
-        let names = self.structure(tlas).and_then(|(at, _)| self.scene.geometry_names.get(at));
+        let names = self.structure(tlas).and_then(|(at, _)| self.scene?.geometry_names.get(at));
         names.and_then(|names| names.get(instance as usize)).map_or(&[], Vec::as_slice)
     }
 }

@@ -35,6 +35,15 @@ pub fn text(story: &Story, look: Look) -> String {
     writer.page.finish()
 }
 
+/// One step and all within it as text, under a title.
+pub fn step(title: &str, step: &Step, look: Look) -> String {
+    let mut writer = Writer { page: Page::new(look.colour), all: look.all };
+    writer.page.line(title);
+    writer.page.gap();
+    writer.step(step);
+    writer.page.finish()
+}
+
 struct Writer {
     page: Page,
     all: bool,

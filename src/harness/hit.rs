@@ -1,30 +1,31 @@
-//! A hit made by hand: one primitive, one ray, really intersected.
+//! A hit made by hand: one instance, one ray, really intersected.
 
 use std::sync::Arc;
 
-use crate::accel::{
-    Blas, Candidate, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing, Instance,
-    InstanceFlags, RayFlags, Tlas, TraceRay,
-};
+use crate::accel::{Candidate, Cursor, GeometryData, HitKind, RayFlags, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
+use crate::harness::instance::Instance;
 use crate::machine;
 
 /// A primitive and the ray that hits it, from which every builtin of a hit shader follows.
 ///
 /// ```
-/// use anyhit::{Hit, Ray};
+/// use anyhit::{Hit, Instance, Ray};
 ///
 /// // A cone-like segment from (0, 0, 0) to (0, 1, 0), met from the front.
 /// let hit = Hit::lss([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [0.5, 0.25])
 ///     .ray(Ray::new([0.0, 0.5, 4.0], [0.0, 0.0, -1.0]));
+///
+/// // The same as an instance with a transform and an index.
+/// let instance = Instance::lss([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [0.5, 0.25])
+///     .translate([0.0, 0.0, -2.0])
+///     .custom_index(7);
+/// let hit = Hit::of(instance).ray(Ray::new([0.0, 0.5, 4.0], [0.0, 0.0, -1.0]));
 /// ```
 #[derive(Clone, Debug)]
 pub struct Hit {
-    geometry: GeometryData,
-    transform: [[f32; 4]; 3],
-    custom_index: u32,
-    flags: InstanceFlags,
+    instance: Instance,
     ray: Option<Ray>,
     ray_flags: RayFlags,
     cull_mask: u32,
@@ -41,67 +42,34 @@ pub(super) struct Resolved {
 impl Hit {
     /// A hit of a linear swept sphere with both end caps: centres and radii of its ends.
     pub fn lss(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Self {
-        Self::of(GeometryData::LinearSweptSpheres {
-            positions: positions.to_vec(),
-            radii: radii.to_vec(),
-            indices: None,
-            indexing: Indexing::List,
-            end_caps: EndCaps::Chained,
-        })
+        Self::of(Instance::lss(positions, radii))
     }
 
     /// A hit of a sphere.
     pub fn sphere(position: [f32; 3], radius: f32) -> Self {
-        Self::of(GeometryData::Spheres { positions: vec![position], radii: vec![radius], indices: None })
+        Self::of(Instance::sphere(position, radius))
     }
 
     /// A hit of a triangle.
     pub fn triangle(vertices: [[f32; 3]; 3]) -> Self {
-        Self::of(GeometryData::Triangles { vertices: vertices.to_vec(), indices: None, transform: None })
+        Self::of(Instance::triangle(vertices))
     }
 
     /// A box for an intersection shader: minimum and maximum.
     pub fn aabb(minimum: [f32; 3], maximum: [f32; 3]) -> Self {
-        let [a, b, c] = minimum;
-        let [d, e, f] = maximum;
-        Self::of(GeometryData::Aabbs(vec![[a, b, c, d, e, f]]))
+        Self::of(Instance::aabb(minimum, maximum))
     }
 
-    /// A hit of the first primitive of any geometry.
-    pub fn of(geometry: GeometryData) -> Self {
-        Self {
-            geometry,
-            transform: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            custom_index: 0,
-            flags: InstanceFlags::default(),
-            ray: None,
-            ray_flags: RayFlags(0),
-            cull_mask: 0xFF,
-        }
+    /// A hit of an instance, with its transform, index, flags and however many geometries: of what
+    /// the ray meets first.
+    pub fn of(instance: impl Into<Instance>) -> Self {
+        Self { instance: instance.into(), ray: None, ray_flags: RayFlags(0), cull_mask: 0xFF }
     }
 
     /// The ray that hits it, in world space.
     #[must_use]
     pub fn ray(self, ray: Ray) -> Self {
         Self { ray: Some(ray), ..self }
-    }
-
-    /// The instance's transform: object to world, row-major 3x4 (`VkTransformMatrixKHR`).
-    #[must_use]
-    pub fn transform(self, transform: [[f32; 4]; 3]) -> Self {
-        Self { transform, ..self }
-    }
-
-    /// `InstanceCustomIndexKHR`
-    #[must_use]
-    pub fn custom_index(self, custom_index: u32) -> Self {
-        Self { custom_index, ..self }
-    }
-
-    /// The instance's flags.
-    #[must_use]
-    pub fn instance_flags(self, flags: InstanceFlags) -> Self {
-        Self { flags, ..self }
     }
 
     /// `IncomingRayFlagsKHR`
@@ -116,7 +84,7 @@ impl Hit {
         Self { cull_mask, ..self }
     }
 
-    /// Traces the ray at the primitive alone.
+    /// Traces the ray at the instance alone.
     ///
     /// # Errors
     /// `InvalidScene` for numbers that no geometry may have, `InvalidArgument` without a ray and
@@ -128,17 +96,8 @@ impl Hit {
                 "a hit needs its ray: `Hit::sphere(...).ray(Ray::new(origin, direction))`".into(),
             ));
         };
-        let what = format!("{:?}", self.geometry);
-        let blas = Blas::new(vec![Geometry { data: self.geometry, flags: GeometryFlags::default() }])?;
-        let instance = Instance {
-            blas,
-            transform: self.transform,
-            custom_index: self.custom_index,
-            mask: 0xFF,
-            sbt_record_offset: 0,
-            flags: self.flags,
-        };
-        let tlas = Tlas::new(vec![instance])?;
+        let what = self.instance.describe();
+        let tlas = Tlas::new(vec![self.instance.make()?])?;
         let trace = TraceRay { ray, flags: self.ray_flags, cull_mask: self.cull_mask };
         match nearest(&tlas, trace) {
             Some((candidate, kind, t)) => {
@@ -149,6 +108,12 @@ impl Hit {
                 .note("spheres and linear swept spheres have no hit from inside, and flags may cull a hit")
                 .note("to give a shader what no ray sees, set builtins by name: `.builtin(\"RayTmaxKHR\", 2.0)`")),
         }
+    }
+}
+
+impl From<GeometryData> for Instance {
+    fn from(data: GeometryData) -> Self {
+        Self::of(data)
     }
 }
 

@@ -8,6 +8,7 @@
 //! `{ vec3 normal; float t; uint hits; }`.
 
 use crate::error::{Error, ErrorKind};
+use crate::harness::rust_layout::RustLayout;
 use crate::harness::value::Value;
 use crate::module::Module;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
@@ -209,43 +210,182 @@ impl<'a> Layout<'a> {
         }
     }
 
+    /// Offset and type of every scalar in order, matrices column by column; a runtime array has none.
+    pub(super) fn scalars(self) -> Vec<(usize, Self)> {
+        let mut found = Vec::new();
+        self.each_scalar(0, &mut found);
+        found
+    }
+
+    fn each_scalar(self, offset: usize, found: &mut Vec<(usize, Self)>) {
+        match self.module.ty(self.ty) {
+            Type::Bool | Type::Int { .. } | Type::Float { .. } => found.push((offset, self)),
+            Type::Struct { members, .. } => {
+                for index in 0..members.len() {
+                    let (at, member) = self.member(index);
+                    member.each_scalar(offset + at, found);
+                }
+            }
+            Type::RuntimeArray { .. } => {}
+            _ => {
+                for (at, part) in self.parts() {
+                    part.each_scalar(offset + at, found);
+                }
+            }
+        }
+    }
+
+    /// Offsets and layouts of the elements of an array, the columns of a matrix, the components of a
+    /// vector. A column of a row-major matrix is no stretch of bytes: its components stand for it.
+    fn parts(self) -> Vec<(usize, Self)> {
+        let row = |count: usize, stride: usize, part: Self| {
+            (0..count).map(|index| (index * stride, part)).collect::<Vec<_>>()
+        };
+        match self.module.ty(self.ty) {
+            Type::Vector { component, count } => {
+                let part = self.part(*component);
+                row(*count as usize, part.size(), part)
+            }
+            Type::Matrix { column, count } => match self.matrix.filter(|_| self.explicit()) {
+                Some(layout) if layout.row_major => {
+                    let (part, rows) = (self.scalar(*column), self.lanes(*column));
+                    let place =
+                        |index: usize| index / rows * part.size() + index % rows * layout.stride as usize;
+                    (0..*count as usize * rows).map(|index| (place(index), part)).collect()
+                }
+                Some(layout) => row(*count as usize, layout.stride as usize, self.part(*column)),
+                None => row(*count as usize, self.part(*column).size(), self.part(*column)),
+            },
+            Type::Array { element, length, stride } => {
+                let part = Self { ty: *element, ..self };
+                let length = self.module.scalar_value(*length).unwrap_or(0) as usize;
+                let stride = stride.filter(|_| self.explicit()).map_or(part.size(), |stride| stride as usize);
+                row(length, stride, part)
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// Offset and layout of the part at a path: `path[1].weight`; the whole at an empty one.
+    ///
+    /// # Errors
+    /// What does not exist, in words.
+    pub(super) fn locate(self, path: &str) -> Result<(usize, Self), String> {
+        let (mut offset, mut at, mut walked) = (0, self, 0);
+        while walked < path.len() {
+            let rest = &path[walked..];
+            let (found, length) = if let Some(index) = rest.strip_prefix('[') {
+                let (index, _) = index.split_once(']').ok_or_else(|| format!("`{path}` lacks a `]`"))?;
+                let number = index.parse::<usize>().map_err(|_| format!("`[{index}]` is no index"))?;
+                let part = at.parts().get(number).copied();
+                (part.ok_or_else(|| format!("there is no `{}[{number}]`", &path[..walked]))?, index.len() + 2)
+            } else {
+                let name = rest.trim_start_matches('.');
+                let skipped = rest.len() - name.len();
+                let name = &name[..name.find(['.', '[']).unwrap_or(name.len())];
+                let members = match self.module.ty(at.ty) {
+                    Type::Struct { members, .. } => &members[..],
+                    _ => &[],
+                };
+                let index = members.iter().position(|member| member.name == name);
+                (
+                    at.member(index.ok_or_else(|| format!("there is no member `{name}`"))?),
+                    skipped + name.len(),
+                )
+            };
+            offset += found.0;
+            at = found.1;
+            walked += length;
+        }
+        Ok((offset, at))
+    }
+
     /// The layout as lines: offset, type and path of each part that is no struct.
     pub fn describe(self) -> Vec<String> {
-        let mut lines = Vec::new();
-        self.lines("", 0, &mut lines);
-        if lines.len() > SHOWN {
-            let more = lines.len() - SHOWN;
-            lines.truncate(SHOWN);
-            lines.push(format!("and {more} more"));
-        }
+        let mut lines: Vec<_> =
+            self.lines().into_iter().map(|(offset, text)| format!("{offset:5}  {text}")).collect();
+        shorten(&mut lines);
         lines
     }
 
-    fn lines(self, path: &str, offset: usize, lines: &mut Vec<String>) {
+    fn lines(self) -> Vec<(usize, String)> {
+        let mut lines = Vec::new();
+        self.collect_lines("", 0, &mut lines);
+        lines
+    }
+
+    fn collect_lines(self, path: &str, offset: usize, lines: &mut Vec<(usize, String)>) {
         match self.module.ty(self.ty) {
-            Type::Struct { members, .. } if lines.len() <= SHOWN => {
+            Type::Struct { members, .. } => {
                 for (index, member) in members.iter().enumerate() {
                     let (at, layout) = self.member(index);
                     let dot = if path.is_empty() { "" } else { "." };
-                    layout.lines(&format!("{path}{dot}{}", member.name), offset + at, lines);
+                    layout.collect_lines(&format!("{path}{dot}{}", member.name), offset + at, lines);
                 }
             }
-            _ => lines.push(format!("{offset:5}  {} {path}", self.module.describe_type(self.ty))),
+            _ => lines.push((offset, format!("{} {path}", self.module.describe_type(self.ty)))),
         }
     }
 
-    /// An error about bytes of a Rust type that do not fit; it shows both layouts.
-    pub fn mismatch(self, what: &str, rust: &str, size: usize) -> Error {
+    /// An error about a Rust type that does not fit; it shows both layouts side by side.
+    pub(super) fn mismatch(self, what: &str, rust: &RustLayout) -> Error {
         let stride = self.runtime_stride();
         let wanted = match stride {
             None => format!("{} bytes", self.size()),
             Some((offset, stride)) => format!("{offset} bytes and {stride} for each element"),
         };
         let name = self.module.describe_type(self.ty);
-        let message = format!("{what}: `{rust}` has {size} bytes, the shader's {name} {wanted}");
-        let mut error = Error::new(ErrorKind::InvalidArgument, message);
-        error = error.note(format!("{rust} in Rust: {size} bytes"));
-        error.note(format!("{name} in the shader:\n{}", self.describe().join("\n")))
+        let message = if stride.is_none() && rust.size == self.size() {
+            format!("{what}: the scalars of `{}` are not those of the shader's {name}", rust.name)
+        } else {
+            format!("{what}: `{}` has {} bytes, the shader's {name} {wanted}", rust.name, rust.size)
+        };
+        let heads = [
+            format!("{name} in the shader: {wanted}"),
+            format!("{} in Rust: {} bytes", rust.name, rust.size),
+        ];
+        Error::new(ErrorKind::InvalidArgument, message).note(self.beside(rust, heads).join("\n"))
+    }
+
+    /// The lines of both layouts, those of one offset in one line.
+    fn beside(self, rust: &RustLayout, heads: [String; 2]) -> Vec<String> {
+        let mut rows: Vec<(usize, [String; 2])> =
+            self.lines().into_iter().map(|(offset, text)| (offset, [text, String::new()])).collect();
+        for (at, (offset, text)) in rust.lines().into_iter().enumerate() {
+            // Without offsets the fields just stand in their order.
+            let found = match offset {
+                Some(offset) => rows.iter().position(|row| row.0 == offset),
+                None => Some(at).filter(|at| *at < rows.len()),
+            };
+            match (found, offset) {
+                (Some(found), _) => rows[found].1[1] = text,
+                (None, Some(offset)) => rows.push((offset, [String::new(), text])),
+                (None, None) => rows.push((usize::MAX, [String::new(), text])),
+            }
+        }
+        rows.sort_by_key(|row| row.0);
+        let width = rows.iter().map(|row| row.1[0].chars().count()).chain([heads[0].chars().count()]).max();
+        let width = width.unwrap_or(0);
+        let line = |offset: String, [left, right]: [String; 2]| {
+            format!("{offset:>6}  {left:width$}  {right}").trim_end().to_owned()
+        };
+        let mut lines: Vec<String> = rows
+            .into_iter()
+            .map(|(offset, cells)| {
+                line(if offset == usize::MAX { String::new() } else { offset.to_string() }, cells)
+            })
+            .collect();
+        shorten(&mut lines);
+        lines.insert(0, line("offset".into(), heads));
+        lines
+    }
+}
+
+fn shorten(lines: &mut Vec<String>) {
+    if lines.len() > SHOWN {
+        let more = lines.len() - SHOWN;
+        lines.truncate(SHOWN);
+        lines.push(format!("and {more} more"));
     }
 }
 

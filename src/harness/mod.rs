@@ -4,23 +4,37 @@
 //!   [`Hit`](hit::Hit), any builtin, a payload, buffers, and reads back what it left.
 //! * One ray through a [`Scene`](scene::Scene) of a few instances, with
 //!   [`Pipeline::trace`](crate::Pipeline::trace).
-//! * A whole launch: a [`Launch`](crate::pipeline::Launch) over buffers and images, or a
-//!   [`case`]: a `scene.toml` whose `[expect]` says what must come out.
+//! * A whole launch, with [`Pipeline::launch`](crate::Pipeline::launch), or a [`case`]: a
+//!   `scene.toml` whose `[expect]` says what must come out.
 //!
 //! [`smoke`] runs whatever a module holds on made-up inputs, to see that it runs at all.
 //!
 //! `docs/testing.md` shows each.
 
-pub mod builtin_value;
+pub mod assertions;
+mod bound;
 pub mod case;
+pub mod data;
 pub mod expect;
 pub mod hit;
+pub mod instance;
 pub mod layout;
 mod memory;
+pub mod mock;
 pub mod number;
+pub mod rust_layout;
+pub mod scalars;
 pub mod scene;
+pub mod shader_outcome;
 pub mod shader_test;
+#[cfg(test)]
+mod shader_test_tests;
 pub mod smoke;
+#[cfg(feature = "proptest")]
+pub mod strategies;
+pub mod texels;
+pub mod told;
+pub mod trace;
 pub mod value;
 
 /// Compiles what `docs/testing.md` shows.

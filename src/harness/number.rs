@@ -61,7 +61,7 @@ impl Scalar {
     }
 
     /// The value of its bits; exact for all but large 64-bit integers.
-    fn value(self, bits: u64) -> f64 {
+    pub(super) fn value(self, bits: u64) -> f64 {
         match self {
             Self::F16 => f64::from(f16::from_bits(bits as u16)),
             Self::F32 => f64::from(f32::from_bits(bits as u32)),

@@ -1,31 +1,38 @@
 //! One shader, run by itself: no scene, no pipeline, no ray generation shader.
 
+use std::fmt::Debug;
 use std::sync::Arc;
 
-use bytemuck::{AnyBitPattern, NoUninit};
+use bytemuck::NoUninit;
 
 use crate::accel::{RayFlags, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
-use crate::harness::builtin_value::{BuiltinValue, words_of};
+use crate::harness::bound::{Bound, blocks};
+use crate::harness::data::{Bytes, Data};
 use crate::harness::hit::Hit;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::memory;
+use crate::harness::mock::{Answer, CallableCall, TraceCall, in_turn};
+use crate::harness::rust_layout::RustLayout;
+use crate::harness::scalars::{Scalar, Scalars, builtin_words};
+use crate::harness::shader_outcome::{Report, ShaderOutcome};
+use crate::harness::told::{Told, What};
 use crate::harness::value::Value;
 use crate::interp;
 use crate::machine::image::Image;
 use crate::machine::sampler::Sampler;
-use crate::machine::stop::Stop;
+use crate::machine::stop::{Rows, Stop};
 use crate::machine::{
     Batch, Binding, Buffer, Descriptor, Exit, Invocation, Mask, Reg, Resources, ShaderRecord, TrapCode,
 };
 use crate::module::Module;
 use crate::module::interface::Stage;
-use crate::module::ty::{Type, TypeId};
 use crate::ops::builtin::Builtin;
 use crate::ops::decode::InterfaceRows;
 use crate::ops::pointer::storage;
-use crate::pipeline::{DEFAULT_BUDGET, trap_error};
+use crate::ops::ray_tracing::TRACE_OPERANDS;
+use crate::pipeline::{DEFAULT_BUDGET, Event, Pipeline, Shader, trace_operands, trap_error};
 use crate::program::Program;
 use crate::scene::read::nearest;
 
@@ -55,55 +62,17 @@ pub struct ShaderTest {
     launch: [[u32; 3]; 2],
     builtins: Vec<(&'static Builtin, Vec<u32>)>,
     payload: Option<Bytes>,
+    members: Vec<(String, Vec<Scalar>)>,
     attributes: Option<Bytes>,
     record: Option<Bytes>,
     push_constants: Option<Bytes>,
     resources: Resources,
-    accepts: bool,
+    traces: Option<Answer<TraceCall>>,
+    calls: Option<Answer<CallableCall>>,
+    reports: Option<Answer<Report>>,
     budget: u64,
     /// The first mistake, told by [`ShaderTest::run`].
     mistake: Option<Error>,
-}
-
-/// Bytes of a Rust value with its type's name.
-#[derive(Clone, Debug)]
-struct Bytes {
-    rust: &'static str,
-    bytes: Vec<u8>,
-}
-
-impl Bytes {
-    fn of<T: NoUninit>(value: &T) -> Self {
-        Self { rust: std::any::type_name::<T>(), bytes: bytemuck::bytes_of(value).to_vec() }
-    }
-}
-
-/// A report of an intersection shader.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Report {
-    /// The hit distance.
-    pub t: f32,
-    /// The hit kind.
-    pub kind: u32,
-    /// The hit attributes.
-    pub attributes: Value,
-    /// The answer: whether t lies in the ray's interval, unless told otherwise.
-    pub accepted: bool,
-}
-
-/// What one invocation left.
-#[derive(Clone, Debug)]
-pub struct ShaderOutcome {
-    /// How it ended: returned, ignored the intersection, terminated the ray.
-    pub exit: Exit,
-    /// The payload, or the callable data, by the names of its members.
-    pub payload: Value,
-    /// The hit attributes.
-    pub attributes: Value,
-    /// The reports of an intersection shader, in order.
-    pub reports: Vec<Report>,
-    program: Arc<Program>,
-    resources: Resources,
 }
 
 impl ShaderTest {
@@ -146,11 +115,14 @@ impl ShaderTest {
             launch: [[0; 3], [1; 3]],
             builtins: Vec::new(),
             payload: None,
+            members: Vec::new(),
             attributes: None,
             record: None,
             push_constants: None,
             resources: Resources::default(),
-            accepts: true,
+            traces: None,
+            calls: None,
+            reports: None,
             budget: DEFAULT_BUDGET,
             mistake: None,
         })
@@ -177,8 +149,8 @@ impl ShaderTest {
     /// Sets a builtin by its name in SPIR-V, consistent with the rest or not: `"HitKindKHR"`,
     /// `"PrimitiveId"`, `"RayTmaxKHR"`. The suffix may be left out.
     #[must_use]
-    pub fn builtin(mut self, name: &str, value: impl BuiltinValue) -> Self {
-        match words_of(name, &value) {
+    pub fn builtin(mut self, name: &str, value: impl Scalars) -> Self {
+        match builtin_words(name, &value) {
             Ok((builtin, words)) => {
                 self.builtins.retain(|(known, _)| known.number != builtin.number);
                 self.builtins.push((builtin, words));
@@ -188,27 +160,35 @@ impl ShaderTest {
         }
     }
 
-    /// The payload that the shader is given, or the callable data.
+    /// The payload that the shader is given, or the callable data; zeros unless set.
     #[must_use]
-    pub fn payload<T: NoUninit>(self, payload: &T) -> Self {
+    pub fn payload<T: NoUninit + Debug>(self, payload: &T) -> Self {
         Self { payload: Some(Bytes::of(payload)), ..self }
+    }
+
+    /// Sets a member of the payload, or of the callable data, by its path:
+    /// `.payload_member("path[1].weight", 0.5f32)`.
+    #[must_use]
+    pub fn payload_member(mut self, path: &str, value: impl Scalars) -> Self {
+        self.members.push((path.to_owned(), value.scalars()));
+        self
     }
 
     /// The hit attributes, in place of those of the [`Hit`].
     #[must_use]
-    pub fn attributes<T: NoUninit>(self, attributes: &T) -> Self {
+    pub fn attributes<T: NoUninit + Debug>(self, attributes: &T) -> Self {
         Self { attributes: Some(Bytes::of(attributes)), ..self }
     }
 
     /// The data of the shader record behind its handle (`shaderRecordEXT`).
     #[must_use]
-    pub fn shader_record<T: NoUninit>(self, record: &T) -> Self {
+    pub fn shader_record<T: NoUninit + Debug>(self, record: &T) -> Self {
         Self { record: Some(Bytes::of(record)), ..self }
     }
 
     /// The push constants.
     #[must_use]
-    pub fn push_constants<T: NoUninit>(self, constants: &T) -> Self {
+    pub fn push_constants<T: NoUninit + Debug>(self, constants: &T) -> Self {
         Self { push_constants: Some(Bytes::of(constants)), ..self }
     }
 
@@ -216,14 +196,14 @@ impl ShaderTest {
     #[must_use]
     pub fn buffer<T: NoUninit>(mut self, set: u32, binding: u32, elements: &[T]) -> Self {
         let bytes: &[u8] = bytemuck::cast_slice(elements);
-        if let Some(error) = self.misfit(set, binding, std::any::type_name::<[T]>(), bytes.len()) {
+        if let Some(error) = self.misfit(set, binding, &RustLayout::opaque::<[T]>(bytes.len())) {
             return self.mistaken(error);
         }
         self.resources = self.resources.bind(set, binding, Descriptor::Buffer(Buffer::new(bytes)));
         self
     }
 
-    /// An image; its texels are read back from the same `Arc`.
+    /// An image. A run works on a copy: [`ShaderOutcome::image`] reads it.
     #[must_use]
     pub fn image(self, set: u32, binding: u32, image: Arc<Image>) -> Self {
         self.descriptor(set, binding, Descriptor::Image(image))
@@ -242,10 +222,62 @@ impl ShaderTest {
         self
     }
 
+    /// Answers the traces that the shader makes, in place of a scene: the closure sees ray and
+    /// operands, and leaves the payload that the shader goes on with.
+    ///
+    /// ```
+    /// # use anyhit::{Hit, Module, Ray, ShaderTest};
+    /// # let module = Module::open("spirv-fixtures/pass/payload/structs/main.rchit.spv")?;
+    /// # let hit = Hit::sphere([0.0; 3], 0.5).ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
+    /// # let test = ShaderTest::new(&module, "main")?.hit(hit);
+    /// let outcome = test
+    ///     .on_trace(|trace| {
+    ///         assert_eq!(trace.trace.ray.direction, [1.0, 0.0, 0.0]);
+    ///         trace.payload.set("counts", [0, 1])
+    ///     })
+    ///     .run()?;
+    /// assert_eq!(outcome.traces.len(), 1);
+    /// # Ok::<(), anyhit::Error>(())
+    /// ```
+    #[must_use]
+    pub fn on_trace(self, answer: impl Fn(&mut TraceCall) -> Result<()> + Send + Sync + 'static) -> Self {
+        Self { traces: Some(Answer::new(answer)), ..self }
+    }
+
+    /// Answers the shader's traces with these payloads, one after the other.
+    #[must_use]
+    pub fn trace_answers<T: NoUninit + Debug>(self, payloads: &[T]) -> Self {
+        Self { traces: Some(in_turn(payloads, "trace", TraceCall::parts)), ..self }
+    }
+
+    /// Answers the callable shaders that the shader calls: the closure sees index and data, and
+    /// leaves the data that the shader goes on with.
+    #[must_use]
+    pub fn on_call(self, answer: impl Fn(&mut CallableCall) -> Result<()> + Send + Sync + 'static) -> Self {
+        Self { calls: Some(Answer::new(answer)), ..self }
+    }
+
+    /// Answers the shader's calls with these data, one after the other.
+    #[must_use]
+    pub fn call_answers<T: NoUninit + Debug>(self, data: &[T]) -> Self {
+        Self { calls: Some(in_turn(data, "call", CallableCall::parts)), ..self }
+    }
+
+    /// Decides on the reports of an intersection shader, as an any-hit shader would: `true` accepts.
+    /// Reports outside the ray's interval are not asked about.
+    #[must_use]
+    pub fn on_report(self, decide: impl Fn(&Report) -> bool + Send + Sync + 'static) -> Self {
+        let answer = Answer::new(move |report: &mut Report| {
+            report.accepted = decide(report);
+            Ok(())
+        });
+        Self { reports: Some(answer), ..self }
+    }
+
     /// Answers every report of an intersection shader with "rejected".
     #[must_use]
     pub fn reject_reports(self) -> Self {
-        Self { accepts: false, ..self }
+        self.on_report(|_| false)
     }
 
     /// How many operations the shader may spend at back edges and calls.
@@ -254,12 +286,12 @@ impl ShaderTest {
         Self { budget: operations, ..self }
     }
 
-    /// Runs the shader once. Buffers are copied first: a test can be run again.
+    /// Runs the shader once. Buffers and images are copied first: a test can be run again.
     ///
     /// # Errors
     /// `Trap` where the shader misbehaves, with its source line; `InvalidArgument` for a builtin or a
     /// layout that does not fit, with both layouts, where the ray misses, and where the shader traces
-    /// or calls: such a shader is tested in a [`Scene`](crate::Scene).
+    /// or calls and nothing answers; what an answer returns.
     pub fn run(&self) -> Result<ShaderOutcome> {
         if let Some(mistake) = &self.mistake {
             return Err(mistake.clone());
@@ -267,19 +299,21 @@ impl ShaderTest {
         let program = &*self.program;
         let mut resources = memory::copied(&self.resources);
         resources.push_constants = self.constants()?;
+        resources.printed = Some(Arc::default());
         let bindings = resources.bindings(program.bindings());
         let (invocation, attributes) = self.invocation()?;
         let mut batch: Batch<1> = program.batch();
         batch.invocations[0] = invocation;
         program.begin(&mut batch, Mask::ALL, self.budget);
         self.override_builtins(&mut batch);
-        self.fill(&mut batch, self.payload_rows(), self.payload.as_ref(), "the payload")?;
+        self.fill_payload(&mut batch)?;
         let attribute_rows = program.interface_rows(storage::HIT_ATTRIBUTE);
         if let (Some(rows), Some(words)) = (attribute_rows, attributes) {
             batch.registers.set_lane_words(rows.first, 0, words.into_iter().take(rows.count as usize));
         }
-        self.fill(&mut batch, attribute_rows, self.attributes.as_ref(), "the hit attributes")?;
-        let mut reports = Vec::new();
+        self.fill_attributes(&mut batch)?;
+        let mut events = vec![self.enter(&batch)];
+        let (mut traces, mut calls, mut reports) = (Vec::new(), Vec::new(), Vec::new());
         loop {
             match interp::run(&mut batch, program, &bindings, &mut ()) {
                 Stop::Done => break,
@@ -288,29 +322,45 @@ impl ShaderTest {
                     unreachable!("bug in anyhit: a barrier of a workgroup outside compute")
                 }
                 Stop::ReportIntersection { t, hit_kind, accepted, .. } => {
-                    let report = self.report(&mut batch, t, hit_kind);
+                    let report = self.report(&mut batch, t, hit_kind)?;
                     batch.registers[accepted].0[0] = u32::from(report.accepted);
+                    let hit_kind = crate::accel::HitKind(report.kind);
+                    events.push(Event::Report { t: report.t, hit_kind, accepted: report.accepted });
                     reports.push(report);
                 }
-                Stop::TraceRay { .. } => return Err(self.calls("traces a ray")),
-                Stop::HitObjectTrace { .. } => return Err(self.calls("traces a ray")),
-                Stop::HitObjectExecute { .. } | Stop::HitObjectRecordHandle { .. } => {
-                    return Err(self.calls("uses shader records through a hit object"));
+                Stop::TraceRay { operands, payload, .. } => {
+                    traces.extend(self.trace(&mut batch, operands, payload, traces.len())?);
                 }
-                Stop::ExecuteCallable { .. } => return Err(self.calls("calls a callable shader")),
+                Stop::ExecuteCallable { index, data, .. } => {
+                    calls.push(self.call(&mut batch, index, data, calls.len())?);
+                }
+                Stop::HitObjectTrace { .. } => return Err(self.calls_out("traces a ray", "")),
+                Stop::HitObjectExecute { .. } | Stop::HitObjectRecordHandle { .. } => {
+                    return Err(self.calls_out("uses shader records through a hit object", ""));
+                }
             }
         }
         let exit = batch.exits[0];
         if let Exit::Trapped(trap) = exit {
             return Err(trap_error(program, &batch, 0, trap));
         }
+        let words = self.payload_rows().map_or_else(Vec::new, |rows| words(&batch, rows));
+        events.push(Event::Leave { shader: Shader(0), stage: program.stage, exit, payload: words });
+        let told = Arc::new(Told { pipeline: self.pipeline(), what: What::shader(events, &traces, &calls) });
+        let mut payload = self.read(&batch, self.payload_rows());
+        payload.explained_by(&told);
+        let printed = resources.printed.take().map_or_else(Vec::new, |printed| printed.take());
         Ok(ShaderOutcome {
             exit,
-            payload: self.read(&batch, self.payload_rows()),
+            payload,
             attributes: self.read(&batch, attribute_rows),
             reports,
-            program: self.program.clone(),
-            resources,
+            traces,
+            calls,
+            printed: printed.into_iter().map(|line| line.text).collect(),
+            data: self.payload_rows().map(|rows| self.data(&batch, rows, "the payload")),
+            bound: Bound { programs: vec![self.program.clone()], resources },
+            told,
         })
     }
 
@@ -320,9 +370,90 @@ impl ShaderTest {
         self
     }
 
-    fn calls(&self, what: &str) -> Error {
+    fn calls_out(&self, what: &str, answer: &str) -> Error {
         let message = format!("{} `{}` {what}", self.program.stage.name(), self.program.name);
-        invalid(message).note("test it with others in a pipeline: `pipeline.trace(&scene, ray)`")
+        let error = invalid(message).note("test it with others in a pipeline: `pipeline.trace(&scene, ray)`");
+        if answer.is_empty() { error } else { error.note(answer) }
+    }
+
+    /// A pipeline of this shader alone, to explain its run.
+    fn pipeline(&self) -> Pipeline {
+        let mut builder = Pipeline::builder();
+        builder.shader(self.program.clone());
+        builder.build().expect("bug in anyhit: a pipeline without groups is refused")
+    }
+
+    fn enter(&self, batch: &Batch<1>) -> Event {
+        let read = |first: Reg, count| batch.registers.lane_words(first, count, 0).collect();
+        let inputs = self.program.inputs.iter();
+        let rows = |rows: Option<&InterfaceRows>| rows.map_or_else(Vec::new, |rows| words(batch, rows));
+        Event::Enter {
+            shader: Shader(0),
+            stage: self.program.stage,
+            builtins: inputs.map(|rows| (rows.builtin, read(rows.first, rows.count))).collect(),
+            payload: rows(self.payload_rows()),
+            attributes: rows(self.program.interface_rows(storage::HIT_ATTRIBUTE)),
+        }
+    }
+
+    /// The variable of the interface whose rows an instruction names.
+    fn data_at(&self, batch: &Batch<1>, at: Rows, what: &'static str) -> Data {
+        let rows = self.program.interface.iter().find(|rows| rows.first == at.first);
+        let rows = rows.expect("bug in anyhit: a payload that is no variable of the interface");
+        self.data(batch, rows, what)
+    }
+
+    fn data(&self, batch: &Batch<1>, rows: &InterfaceRows, what: &'static str) -> Data {
+        let words = batch.registers.lane_words(rows.first, rows.count, 0);
+        Data::new(&self.program.module, rows.ty, what, words)
+    }
+
+    /// Serves a trace; `None` where the shader traps at it.
+    fn trace(
+        &self,
+        batch: &mut Batch<1>,
+        at: Reg,
+        payload: Rows,
+        number: usize,
+    ) -> Result<Option<TraceCall>> {
+        let answer = self.traces.as_ref().ok_or_else(|| {
+            let how = "or answer it: `.on_trace(|trace| trace.payload.set(\"colour\", [1.0f32, 0.0, 0.0]))`";
+            self.calls_out("traces a ray", how)
+        })?;
+        let mut operands = [0; TRACE_OPERANDS as usize];
+        let read = batch.registers.lane_words(at, TRACE_OPERANDS, 0);
+        operands.iter_mut().zip(read).for_each(|(to, word)| *to = word);
+        let Ok(trace) = trace_operands(&operands) else {
+            let op = batch.op - 1;
+            batch.trap(Mask::ALL, TrapCode::InvalidTrace, op);
+            return Ok(None);
+        };
+        let data = self.data_at(batch, payload, "the payload");
+        let mut call = TraceCall {
+            number,
+            trace,
+            sbt_offset: operands[4],
+            sbt_stride: operands[5],
+            miss_index: operands[6],
+            given: data.value(),
+            payload: data,
+        };
+        answer.give(&mut call).map_err(|error| error.context(format!("trace {}", number + 1)))?;
+        batch.registers.set_lane_words(payload.first, 0, call.payload.words().take(payload.count as usize));
+        Ok(Some(call))
+    }
+
+    fn call(&self, batch: &mut Batch<1>, index: Reg, rows: Rows, number: usize) -> Result<CallableCall> {
+        let answer = self.calls.as_ref().ok_or_else(|| {
+            let how = "or answer it: `.on_call(|call| call.data.set(\"\", 1.0f32))`";
+            self.calls_out("calls a callable shader", how)
+        })?;
+        let index = batch.registers[index].0[0];
+        let data = self.data_at(batch, rows, "the callable data");
+        let mut call = CallableCall { number, index, given: data.value(), data };
+        answer.give(&mut call).map_err(|error| error.context(format!("call {}", number + 1)))?;
+        batch.registers.set_lane_words(rows.first, 0, call.data.words().take(rows.count as usize));
+        Ok(call)
     }
 
     fn invocation(&self) -> Result<(Invocation, Option<[u32; 2]>)> {
@@ -352,21 +483,25 @@ impl ShaderTest {
         }
     }
 
-    fn report(&self, batch: &mut Batch<1>, t: Reg, kind: Reg) -> Report {
+    fn report(&self, batch: &mut Batch<1>, t: Reg, kind: Reg) -> Result<Report> {
         let (t, kind) = (f32::from_bits(batch.registers[t].0[0]), batch.registers[kind].0[0]);
         let attributes = self.read(batch, self.program.interface_rows(storage::HIT_ATTRIBUTE));
         let invocation = &batch.invocations[0];
         let t_min = invocation.trace.map_or(0.0, |trace| trace.ray.t_min);
-        let accepted = self.accepts && kind < 128 && (t_min..=invocation.t_max).contains(&t);
+        let accepted = kind < 128 && (t_min..=invocation.t_max).contains(&t);
+        let mut report = Report { t, kind, attributes, accepted };
+        if let Some(answer) = self.reports.as_ref().filter(|_| accepted) {
+            answer.give(&mut report)?;
+        }
         if kind > 127 {
             let op = batch.op - 1;
             batch.trap(Mask::ALL, TrapCode::InvalidHitKind, op);
-        } else if accepted {
+        } else if report.accepted {
             batch.invocations[0].t_max = t;
             self.program.refresh_inputs(batch, Mask::ALL, true);
             self.override_builtins(batch);
         }
-        Report { t, kind, attributes, accepted }
+        Ok(report)
     }
 
     fn payload_rows(&self) -> Option<&InterfaceRows> {
@@ -377,35 +512,42 @@ impl ShaderTest {
         self.program.interface_rows(class)
     }
 
-    /// Puts the bytes of a Rust value into rows.
-    fn fill(
-        &self,
-        batch: &mut Batch<1>,
-        rows: Option<&InterfaceRows>,
-        given: Option<&Bytes>,
-        what: &str,
-    ) -> Result<()> {
-        let Some(given) = given else { return Ok(()) };
-        let Some(rows) = rows else {
+    fn fill_payload(&self, batch: &mut Batch<1>) -> Result<()> {
+        if self.payload.is_none() && self.members.is_empty() {
+            return Ok(());
+        }
+        let Some(rows) = self.payload_rows() else {
+            let given = self.payload.as_ref().map_or("members", |given| &given.rust.name);
+            return Err(invalid(format!("the shader does not use the payload that it is given: `{given}`")));
+        };
+        let mut data = self.data(batch, rows, "the payload");
+        if let Some(given) = &self.payload {
+            data.take(given)?;
+        }
+        for (path, scalars) in &self.members {
+            data.set(path, &scalars[..])?;
+        }
+        batch.registers.set_lane_words(rows.first, 0, data.words());
+        Ok(())
+    }
+
+    fn fill_attributes(&self, batch: &mut Batch<1>) -> Result<()> {
+        let Some(given) = &self.attributes else { return Ok(()) };
+        let Some(rows) = self.program.interface_rows(storage::HIT_ATTRIBUTE) else {
+            let given = &given.rust.name;
             return Err(invalid(format!(
-                "the shader does not use {what} that it is given: `{}`",
-                given.rust
+                "the shader does not use the hit attributes that it is given: `{given}`"
             )));
         };
-        let layout = Layout::new(&self.program.module, rows.ty, Rules::Packed);
-        if given.bytes.len() != rows.count as usize * 4 {
-            return Err(layout.mismatch(what, given.rust, given.bytes.len()));
-        }
-        let words = given.bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>);
-        batch.registers.set_lane_words(rows.first, 0, words);
+        let mut data = self.data(batch, rows, "the hit attributes");
+        data.take(given)?;
+        batch.registers.set_lane_words(rows.first, 0, data.words());
         Ok(())
     }
 
     fn read(&self, batch: &Batch<1>, rows: Option<&InterfaceRows>) -> Value {
         let Some(rows) = rows else { return Value::nothing() };
-        let words = batch.registers.lane_words(rows.first, rows.count, 0);
-        let bytes: Vec<u8> = words.flat_map(u32::to_le_bytes).collect();
-        Layout::new(&self.program.module, rows.ty, Rules::Packed).read(&bytes)
+        self.data(batch, rows, "").value()
     }
 
     fn constants(&self) -> Result<Option<Arc<Buffer>>> {
@@ -425,207 +567,31 @@ impl ShaderTest {
         if let Some((ty, ..)) = block {
             let layout = Layout::new(&self.program.module, ty, Rules::Explicit);
             if given.bytes.len() < layout.size() {
-                return Err(layout.mismatch(what, given.rust, given.bytes.len()));
+                return Err(layout.mismatch(what, &given.rust));
             }
         }
         Ok(Some(Buffer::new(&given.bytes)))
     }
 
     /// Why bytes cannot be the content of a buffer of the shader.
-    fn misfit(&self, set: u32, binding: u32, rust: &str, size: usize) -> Option<Error> {
+    fn misfit(&self, set: u32, binding: u32, rust: &RustLayout) -> Option<Error> {
         let (ty, ..) = blocks(&self.program).find(|block| block.2 == Some(Binding { set, binding }))?;
         let layout = Layout::new(&self.program.module, ty, Rules::Explicit);
         let fits = match layout.runtime_stride() {
-            Some((offset, stride)) => size >= offset && (size - offset).is_multiple_of(stride.max(1)),
-            None => size >= layout.size(),
+            Some((offset, stride)) => {
+                rust.size >= offset && (rust.size - offset).is_multiple_of(stride.max(1))
+            }
+            None => rust.size >= layout.size(),
         };
-        (!fits).then(|| layout.mismatch(&format!("buffer {binding} of set {set}"), rust, size))
+        (!fits).then(|| layout.mismatch(&format!("buffer {binding} of set {set}"), rust))
     }
 }
 
-impl ShaderOutcome {
-    /// The payload, or the callable data, as a plain Rust type: see [`layout`](crate::harness::layout)
-    /// for how its scalars lie.
-    ///
-    /// # Errors
-    /// `InvalidArgument` where the size differs; it shows both layouts.
-    pub fn payload<T: AnyBitPattern>(&self) -> Result<T> {
-        self.payload.read()
-    }
-
-    /// The bytes of a buffer, as the shader left them.
-    ///
-    /// # Errors
-    /// `InvalidArgument` where no buffer is bound there.
-    pub fn buffer_bytes(&self, set: u32, binding: u32) -> Result<Vec<u8>> {
-        match self.resources.buffer(set, binding) {
-            Some(buffer) => Ok(buffer.bytes()),
-            None => Err(invalid(format!("no buffer is bound at set {set}, binding {binding}"))),
-        }
-    }
-
-    /// A buffer by the names of its members: `outcome.buffer(0, 1)?["outputs"][2].vec4()`.
-    ///
-    /// # Errors
-    /// `InvalidArgument` where no buffer is bound there, or the shader does not use it.
-    pub fn buffer(&self, set: u32, binding: u32) -> Result<Value> {
-        let bytes = self.buffer_bytes(set, binding)?;
-        let block = blocks(&self.program).find(|block| block.2 == Some(Binding { set, binding }));
-        match block {
-            Some((ty, ..)) => Ok(Layout::new(&self.program.module, ty, Rules::Explicit).read(&bytes)),
-            None => Err(invalid(format!("the shader uses no buffer at set {set}, binding {binding}"))
-                .note("`buffer_bytes` gives its bytes nevertheless")),
-        }
-    }
+/// The words of an interface variable.
+fn words(batch: &Batch<1>, rows: &InterfaceRows) -> Vec<u32> {
+    batch.registers.lane_words(rows.first, rows.count, 0).collect()
 }
 
 fn invalid(message: String) -> Error {
     Error::new(ErrorKind::InvalidArgument, message)
-}
-
-/// The blocks of a program's module: type, storage class and binding.
-fn blocks(program: &Program) -> impl Iterator<Item = (TypeId, u32, Option<Binding>)> + '_ {
-    let module = &*program.module;
-    let entry =
-        module.entry_points.iter().find(|entry| entry.stage == program.stage && entry.name == program.name);
-    let variables = entry.map_or_else(Vec::new, |entry| module.interface_of(entry));
-    variables.into_iter().filter_map(|variable| {
-        let binding = variable.descriptor_set.zip(variable.binding);
-        let ty = variable.ty.filter(|ty| matches!(module.ty(*ty), Type::Struct { .. }))?;
-        Some((ty, variable.storage_class, binding.map(|(set, binding)| Binding { set, binding })))
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn fixture(name: &str) -> Arc<Module> {
-        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass");
-        Module::open(root.join(name)).expect("a fixture")
-    }
-
-    fn sphere() -> ShaderTest {
-        ShaderTest::new(&fixture("sphere/closest-hit/main.rchit.spv"), "main").expect("a closest-hit shader")
-    }
-
-    fn front() -> Hit {
-        Hit::sphere([0.0; 3], 0.5).ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -2.0]))
-    }
-
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-    struct Payload {
-        normal: [f32; 3],
-        t: f32,
-        hits: u32,
-    }
-
-    #[test]
-    fn a_payload_goes_in_and_out_as_a_rust_struct_and_by_name() {
-        let before = Payload { normal: [9.0; 3], t: 9.0, hits: 41 };
-        let outcome = sphere().hit(front()).payload(&before).run().unwrap();
-        // (4 - 1/2) / 2
-        let expected = Payload { normal: [0.0, 0.0, 1.0], t: 1.75, hits: 42 };
-        assert_eq!(outcome.payload::<Payload>().unwrap(), expected);
-        assert_eq!(outcome.payload["normal"].vec3(), expected.normal);
-        assert_eq!(outcome.payload["hits"].u32(), 42);
-        assert_eq!(outcome.exit, Exit::Returned);
-    }
-
-    #[test]
-    fn a_builtin_takes_any_value() {
-        let outcome = sphere().hit(front()).builtin("HitSphereRadius", 2.0f32).run().unwrap();
-        assert_eq!(outcome.payload["normal"].vec3(), [0.0, 0.0, 0.25]);
-        let outcome = sphere()
-            .builtin("ObjectRayOriginKHR", [3.0f32, 0.0, 0.0])
-            .builtin("HitSphereRadiusNV", 1.0f32)
-            .builtin("RayTmaxKHR", 7.0f32)
-            .run()
-            .unwrap();
-        assert_eq!(outcome.payload["normal"].vec3(), [3.0, 0.0, 0.0]);
-        assert_eq!(outcome.payload["t"].f32(), 7.0);
-    }
-
-    #[test]
-    fn mistakes_are_told_with_both_sides() {
-        let error = |test: ShaderTest| test.run().unwrap_err().render();
-        let text = error(sphere().hit(front()).payload(&[0.0f32; 4]));
-        assert!(text.contains("`[f32; 4]` has 16 bytes, the shader's struct Payload 20 bytes"), "{text}");
-        assert!(text.contains("12  float t"), "{text}");
-        assert!(text.contains("16  uint hits"), "{text}");
-        let text = error(sphere().builtin("HitSphereRadiusNV", 1u32));
-        assert!(text.contains("HitSphereRadiusNV is a 32-bit float"), "{text}");
-        let text = error(sphere().builtin("HitSphereRadus", 1.0f32));
-        assert!(text.contains("did you mean `HitSphereRadiusNV`?"), "{text}");
-        let text = error(sphere().hit(Hit::sphere([9.0; 3], 0.5).ray(Ray::new([0.0; 3], [1.0, 0.0, 0.0]))));
-        assert!(text.contains("the ray misses the primitive"), "{text}");
-        let text = error(sphere().hit(Hit::sphere([9.0; 3], 0.5)));
-        assert!(text.contains("a hit needs its ray"), "{text}");
-        let text = error(sphere().attributes(&1.0f32));
-        assert!(text.contains("does not use the hit attributes"), "{text}");
-        let text =
-            ShaderTest::new(&fixture("sphere/closest-hit/main.rchit.spv"), "mian").unwrap_err().render();
-        assert!(text.contains("did you mean `main`?"), "{text}");
-    }
-
-    #[test]
-    fn any_hit_shaders_ignore_and_terminate() {
-        let test =
-            |name: &str| ShaderTest::new(&fixture(&format!("any-hit/ignore-and-terminate/{name}")), "main");
-        let run = |name: &str, primitive: u32| {
-            test(name).unwrap().builtin("PrimitiveId", primitive).payload(&[5u32, 5, 0, 0]).run().unwrap()
-        };
-        let ignored = run("ignore.rahit.spv", 2);
-        assert_eq!(ignored.exit, Exit::Ignored);
-        // What the payload got before the ignore counts.
-        assert_eq!((ignored.payload["seen"].u32(), ignored.payload["ignored"].u32()), (6, 6));
-        assert_eq!(run("ignore.rahit.spv", 3).exit, Exit::Returned);
-        assert_eq!(run("terminate.rahit.spv", 3).exit, Exit::Terminated);
-        assert_eq!(run("terminate.rahit.spv", 0).exit, Exit::Ignored);
-    }
-
-    #[test]
-    fn an_intersection_shader_reports() {
-        let module = fixture("intersection/sphere-in-box/main.rint.spv");
-        let hit = Hit::aabb([-1.0; 3], [1.0; 3]).ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
-        let test = ShaderTest::new(&module, "main").unwrap().hit(hit);
-        let test = test.shader_record(&[[0.0f32, 0.0, 0.0, 1.0], [0.0; 4], [0.0; 4], [0.0; 4]]);
-        let outcome = test.run().unwrap();
-        let found: Vec<_> =
-            outcome.reports.iter().map(|report| (report.t, report.kind, report.accepted)).collect();
-        assert_eq!(found, [(5.0, 6, true), (3.0, 5, true)]);
-        assert_eq!(outcome.reports[1].attributes["normal"].vec3(), [0.0, 0.0, 1.0]);
-        // The far root lies behind the ray's end.
-        let hit = Hit::aabb([-1.0; 3], [1.0; 3])
-            .ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]).with_interval(0.0, 4.0));
-        let outcome = test.clone().hit(hit).run().unwrap();
-        assert_eq!(outcome.reports.iter().map(|report| report.accepted).collect::<Vec<_>>(), [false, true]);
-        assert!(test.reject_reports().run().unwrap().reports.iter().all(|report| !report.accepted));
-    }
-
-    #[test]
-    fn buffers_are_read_by_name_and_checked() {
-        let module = fixture("arithmetic/elementary/main.rgen.spv");
-        let test = ShaderTest::new(&module, "main").unwrap().buffer(0, 2, &[[4.0f32, 0.0, 0.0, 0.0]]);
-        let outcome = test.clone().buffer(0, 1, &[[0.0f32; 4]; 8]).run().unwrap();
-        let outputs = outcome.buffer(0, 1).unwrap();
-        // sqrt(4.5), 1 / sqrt(4.5), fract(4), floor(4)
-        assert_eq!(outputs["outputs"][0][3].vec4(), [4.5f32.sqrt(), (1.0 / 4.5f64.sqrt()) as f32, 0.0, 4.0]);
-        assert_eq!(outputs.read_all::<[f32; 4]>().unwrap()[3][3], 4.0);
-        let text = test.buffer(0, 1, &[[0.0f32; 4]; 9]).run().unwrap_err().render();
-        assert!(
-            text.contains("has 144 bytes") && text.contains("0 bytes and 128 for each element"),
-            "{text}"
-        );
-    }
-
-    #[test]
-    fn a_shader_that_traces_is_sent_to_a_scene() {
-        let module = fixture("payload/structs/main.rchit.spv");
-        let hit = Hit::triangle([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-        let hit = hit.ray(Ray::new([0.25, 0.25, 1.0], [0.0, 0.0, -1.0]));
-        let error = ShaderTest::new(&module, "main").unwrap().hit(hit).run().unwrap_err();
-        assert!(error.message().contains("traces a ray"), "{error:?}");
-    }
 }

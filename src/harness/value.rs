@@ -2,22 +2,33 @@
 
 use std::fmt;
 use std::ops::Index;
+use std::sync::Arc;
 
 use bytemuck::AnyBitPattern;
 use half::f16;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::harness::number::Scalar;
+use crate::harness::told::{Explain, Told};
 
 /// A value that a shader left: a payload, a buffer, a member or an element of one.
 ///
 /// `value["normal"]` and `value[3]` go into structs, arrays, matrices (their columns) and vectors;
 /// [`Value::f32`], [`Value::vec3`] and their kin read what is there, and panic with both types where
 /// it is something else: they are made for tests.
-#[derive(Clone, PartialEq)]
+#[derive(Clone)]
 pub struct Value {
     ty: String,
     bytes: Vec<u8>,
     content: Content,
+    /// Where it comes from, for failed assertions.
+    told: Option<Arc<Told>>,
+}
+
+impl PartialEq for Value {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.ty, &self.bytes, &self.content) == (&other.ty, &other.bytes, &other.content)
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -57,20 +68,53 @@ impl Value {
             "f64" => Content::Scalar(Number::Float(f64::from_bits(bits))),
             _ => Content::Opaque,
         };
-        Self { ty, bytes: bytes.to_vec(), content }
+        Self { ty, bytes: bytes.to_vec(), content, told: None }
     }
 
     pub(super) fn list(ty: String, bytes: &[u8], elements: Vec<Self>) -> Self {
-        Self { ty, bytes: bytes.to_vec(), content: Content::List(elements) }
+        Self { ty, bytes: bytes.to_vec(), content: Content::List(elements), told: None }
     }
 
     pub(super) fn structure(ty: String, bytes: &[u8], fields: Vec<(String, Self)>) -> Self {
-        Self { ty, bytes: bytes.to_vec(), content: Content::Struct(fields) }
+        Self { ty, bytes: bytes.to_vec(), content: Content::Struct(fields), told: None }
     }
 
     /// A value of no type: what a shader without a payload leaves.
     pub(super) fn nothing() -> Self {
-        Self { ty: "nothing".into(), bytes: Vec::new(), content: Content::Opaque }
+        Self { ty: "nothing".into(), bytes: Vec::new(), content: Content::Opaque, told: None }
+    }
+
+    /// Tells it and its parts where they come from.
+    pub(super) fn explained_by(&mut self, told: &Arc<Told>) {
+        self.told = Some(told.clone());
+        match &mut self.content {
+            Content::List(elements) => elements.iter_mut().for_each(|element| element.explained_by(told)),
+            Content::Struct(fields) => fields.iter_mut().for_each(|(_, value)| value.explained_by(told)),
+            Content::Scalar(_) | Content::Opaque => {}
+        }
+    }
+
+    /// Every scalar in it that is a number, with its bytes' kind: `f32`, `u16`, ...
+    pub(super) fn numbers(&self) -> Vec<(Scalar, u64)> {
+        match &self.content {
+            Content::Scalar(number) => {
+                let mut word = [0; 8];
+                let count = self.bytes.len().min(8);
+                word[..count].copy_from_slice(&self.bytes[..count]);
+                let bits = u64::from_le_bytes(word);
+                let scalar = match (number, self.ty.as_str()) {
+                    (Number::Float(_), "double") => Scalar::F64,
+                    (Number::Float(_), "float") => Scalar::F32,
+                    (Number::Float(_), _) => Scalar::F16,
+                    (Number::Int(_), _) => Scalar::I32,
+                    (Number::Uint(_) | Number::Bool(_), _) => Scalar::U32,
+                };
+                vec![(scalar, bits)]
+            }
+            Content::List(elements) => elements.iter().flat_map(Self::numbers).collect(),
+            Content::Struct(fields) => fields.iter().flat_map(|(_, value)| value.numbers()).collect(),
+            Content::Opaque => Vec::new(),
+        }
     }
 
     /// Its type in GLSL's words.
@@ -111,9 +155,12 @@ impl Value {
         error.note(format!("{name} in Rust: {size} bytes")).note(format!("in the shader: {self:?}"))
     }
 
-    /// A member of a struct by name.
+    /// A member of a struct by name; of a vector also `x`, `y`, `z` and `w`.
     pub fn field(&self, name: &str) -> Option<&Self> {
         match &self.content {
+            Content::List(elements) if elements.iter().all(|element| element.number().is_some()) => {
+                elements.get(["x", "y", "z", "w"].iter().position(|known| *known == name)?)
+            }
             Content::Struct(fields) => fields.iter().find(|(known, _)| known == name).map(|(_, value)| value),
             _ => None,
         }
@@ -308,6 +355,13 @@ impl Index<usize> for Value {
     #[track_caller]
     fn index(&self, index: usize) -> &Value {
         self.elements().get(index).unwrap_or_else(|| panic!("no element {index} in {self:?}"))
+    }
+}
+
+/// What the ray or the shader did that left it; nothing for a value of a buffer.
+impl Explain for Value {
+    fn explain(&self) -> String {
+        self.told.as_ref().map_or_else(String::new, |told| told.text())
     }
 }
 

@@ -31,17 +31,13 @@ mod load_tests;
 #[cfg(test)]
 mod refuse_tests;
 
-use std::ops::Range;
-use std::path::Path;
-use std::sync::Arc;
-
-use crate::error::{Error, Place, Result};
 use crate::module::constant::Constant;
 use crate::module::debug_info::DebugInfo;
 use crate::module::decoration::Decorations;
 use crate::module::definitions::Definitions;
 use crate::module::interface::EntryPoint;
 use crate::module::ty::{Type, TypeId};
+use std::ops::Range;
 
 pub use load::load;
 
@@ -172,17 +168,6 @@ pub struct Module {
 }
 
 impl Module {
-    /// Reads and loads the `.spv` file at a path.
-    ///
-    /// # Errors
-    /// `Io` where the file cannot be read, and those of [`load()`], with the file named.
-    pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
-        let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;
-        let module = load(&bytes).map_err(|error| error.at(Place::File(path.to_path_buf())))?;
-        Ok(Arc::new(module))
-    }
-
     /// The operand words of an instruction (after result type and result id).
     pub fn operands(&self, instruction: &Instruction) -> &[u32] {
         &self.words[instruction.operands.start as usize..instruction.operands.end as usize]

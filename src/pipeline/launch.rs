@@ -152,7 +152,11 @@ impl Launch<'_> {
                 done(range.end - range.start);
                 result
             };
-            results = tasks.into_par_iter().map(run).collect();
+            // One task needs no threads: starting them would take longer.
+            results = match tasks.end {
+                0 | 1 => tasks.map(run).collect(),
+                _ => tasks.into_par_iter().map(run).collect(),
+            };
         }
         let mut stats = Stats::default();
         for (task, trapped) in results {

@@ -29,7 +29,7 @@ pub use group::{Group, HitGroup, Shader};
 pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Stats};
 pub use sbt::{Record, Sbt};
 pub use stack::Trapped;
-pub(crate) use stack::trap_error;
+pub(crate) use stack::{trace_operands, trap_error};
 pub use witness::{Caller, Event, Witness};
 
 /// Operations that an invocation may spend at back edges and calls, unless set otherwise.

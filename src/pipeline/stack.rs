@@ -552,14 +552,30 @@ where
 /// Callables may nest this deep: Vulkan sets no limit but the stack's size.
 const CALL_LIMIT: u64 = 1024;
 
-/// Checks the operands of a trace (Vulkan, VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359).
+/// A trace as the operands of its instruction say.
 fn query(
     tlas: &Arc<Tlas>,
-    words: &[u32],
+    words: &[u32; TRACE_OPERANDS as usize],
     payload: Data,
     invocation: &Invocation,
     depth: u32,
 ) -> Result<Query, TrapCode> {
+    Ok(Query {
+        tlas: tlas.clone(),
+        trace: trace_operands(words)?,
+        sbt_offset: words[4],
+        sbt_stride: words[5],
+        miss_index: words[6],
+        payload,
+        launch_id: invocation.launch_id,
+        launch_size: invocation.launch_size,
+        depth,
+    })
+}
+
+/// Ray, flags and cull mask of a trace's operands, checked (Vulkan,
+/// VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359).
+pub(crate) fn trace_operands(words: &[u32; TRACE_OPERANDS as usize]) -> Result<TraceRay, TrapCode> {
     let float = |at: usize| f32::from_bits(words[at]);
     let ray = Ray {
         origin: [float(7), float(8), float(9)],
@@ -571,17 +587,7 @@ fn query(
     if !trace.is_legal() {
         return Err(TrapCode::InvalidTrace);
     }
-    Ok(Query {
-        tlas: tlas.clone(),
-        trace,
-        sbt_offset: words[4],
-        sbt_stride: words[5],
-        miss_index: words[6],
-        payload,
-        launch_id: invocation.launch_id,
-        launch_size: invocation.launch_size,
-        depth,
-    })
+    Ok(trace)
 }
 
 /// The report of a trap by itself: what, where in the source, and which access.

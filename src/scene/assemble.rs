@@ -166,7 +166,7 @@ fn read(shader: &ShaderModule) -> Result<Module> {
             };
             let options = compile::Options { debug: compile::DebugInfo::Lines, ..Default::default() };
             let spirv =
-                compile::compile(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
+                compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
             module::load(&spirv).map_err(context)
         }
     }

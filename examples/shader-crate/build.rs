@@ -1,0 +1,43 @@
+//! Compiles the GLSL of shaders/ into `OUT_DIR`, for the crate to include.
+//!
+//! Where no compiler is at hand that knows it, the module in spirv/ is taken, which was compiled from
+//! the same text: its hash is compared, so that it cannot be stale. `UPDATE_SPIRV=1 cargo build
+//! --features glsl` writes both anew.
+
+use std::error::Error;
+use std::path::Path;
+use std::{env, fs};
+
+use anyhit::ErrorKind;
+use anyhit::compile::{DebugInfo, Options, Source, compile, content_hash};
+
+const SHADERS: &[&str] = &["lss.rchit"];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo:rerun-if-changed=shaders");
+    println!("cargo:rerun-if-changed=spirv");
+    println!("cargo:rerun-if-env-changed=UPDATE_SPIRV");
+    let out = env::var("OUT_DIR")?;
+    for name in SHADERS {
+        let source = Source::read_in(Path::new("shaders"), name)?;
+        let (kept, hash) = (format!("spirv/{name}.spv"), format!("spirv/{name}.hash"));
+        let options = Options { debug: DebugInfo::Lines, ..Options::default() };
+        let module = match compile(&source, &options) {
+            Ok(module) => module,
+            Err(error) if error.kind() == ErrorKind::UnsupportedTool => {
+                println!("cargo:warning={}: {kept} is used", error.message());
+                if fs::read_to_string(&hash)?.trim() != content_hash(&source) {
+                    return Err(format!("{kept} was made from another shaders/{name}\n{}", error.render()).into());
+                }
+                fs::read(&kept)?
+            }
+            Err(error) => return Err(error.render().into()),
+        };
+        if env::var_os("UPDATE_SPIRV").is_some() {
+            fs::write(&kept, &module)?;
+            fs::write(&hash, content_hash(&source) + "\n")?;
+        }
+        fs::write(Path::new(&out).join(format!("{name}.spv")), module)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,23 @@
+#version 460
+#extension GL_EXT_ray_tracing : require
+#extension GL_NV_linear_swept_spheres : require
+
+// The normal of a linear swept sphere: from the centre of the generating sphere to the hit.
+
+struct Payload {
+    vec3 normal;
+    float u;
+    float t;
+};
+
+layout(location = 0) rayPayloadInEXT Payload payload;
+hitAttributeEXT float u;
+
+void main() {
+    vec3 hit = gl_ObjectRayOriginEXT + gl_HitTEXT * gl_ObjectRayDirectionEXT;
+    vec3 centre = mix(gl_HitLSSPositionsNV[0], gl_HitLSSPositionsNV[1], u);
+    // To world space by the inverse transpose: a normal is a row vector times world-to-object.
+    payload.normal = normalize((hit - centre) * mat3(gl_WorldToObjectEXT));
+    payload.u = u;
+    payload.t = gl_HitTEXT;
+}

@@ -1,0 +1,4 @@
+//! Shaders of an application, compiled when it is built.
+
+/// The closest-hit shader of linear swept spheres (`shaders/lss.rchit`), as SPIR-V.
+pub const LSS_CLOSEST_HIT: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/lss.rchit.spv"));

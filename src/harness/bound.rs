@@ -1,0 +1,123 @@
+//! Buffers and images as shaders left them, by binding.
+
+use std::sync::Arc;
+
+use bytemuck::AnyBitPattern;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::texels::Texels;
+use crate::harness::value::Value;
+use crate::machine::{Binding, Resources};
+use crate::module::ty::{Type, TypeId};
+use crate::program::Program;
+
+/// What was bound for some shaders, and so how it is laid out.
+#[derive(Clone, Debug)]
+pub(super) struct Bound {
+    pub programs: Vec<Arc<Program>>,
+    pub resources: Resources,
+}
+
+impl Bound {
+    pub fn buffer_bytes(&self, set: u32, binding: u32) -> Result<Vec<u8>> {
+        match self.resources.buffer(set, binding) {
+            Some(buffer) => Ok(buffer.bytes()),
+            None => Err(invalid(format!("no buffer is bound at set {set}, binding {binding}"))),
+        }
+    }
+
+    pub fn buffer(&self, set: u32, binding: u32) -> Result<Value> {
+        let bytes = self.buffer_bytes(set, binding)?;
+        let place = Some(Binding { set, binding });
+        let block = self.programs.iter().find_map(|program| {
+            let block = blocks(program).find(|block| block.2 == place);
+            block.map(|(ty, ..)| Layout::new(&program.module, ty, Rules::Explicit).read(&bytes))
+        });
+        block.ok_or_else(|| {
+            invalid(format!("no shader here uses a buffer at set {set}, binding {binding}"))
+                .note("`buffer_bytes` gives its bytes nevertheless")
+        })
+    }
+
+    pub fn read_buffer<T: AnyBitPattern>(&self, set: u32, binding: u32) -> Result<Vec<T>> {
+        rows(&self.buffer_bytes(set, binding)?)
+    }
+
+    pub fn image(&self, set: u32, binding: u32) -> Result<Texels> {
+        texels(&self.resources, set, binding)
+    }
+}
+
+/// The methods of an outcome that read what its shaders had bound.
+macro_rules! reads_what_is_bound {
+    ($outcome:ty) => {
+        impl $outcome {
+            /// A buffer by the names of its members: `outcome.buffer(0, 1)?["outputs"][2].vec4()`.
+            ///
+            /// # Errors
+            /// `InvalidArgument` where no buffer is bound there, or no shader uses it.
+            pub fn buffer(&self, set: u32, binding: u32) -> Result<crate::harness::value::Value> {
+                self.bound.buffer(set, binding)
+            }
+
+            /// A buffer as a row of a plain Rust type.
+            ///
+            /// # Errors
+            /// `InvalidArgument` where no buffer is bound there, or its size is no multiple.
+            pub fn read_buffer<T: bytemuck::AnyBitPattern>(&self, set: u32, binding: u32) -> Result<Vec<T>> {
+                self.bound.read_buffer(set, binding)
+            }
+
+            /// The bytes of a buffer.
+            ///
+            /// # Errors
+            /// `InvalidArgument` where no buffer is bound there.
+            pub fn buffer_bytes(&self, set: u32, binding: u32) -> Result<Vec<u8>> {
+                self.bound.buffer_bytes(set, binding)
+            }
+
+            /// The texels of an image.
+            ///
+            /// # Errors
+            /// `InvalidArgument` where no image is bound there.
+            pub fn image(&self, set: u32, binding: u32) -> Result<crate::harness::texels::Texels> {
+                self.bound.image(set, binding)
+            }
+        }
+    };
+}
+pub(super) use reads_what_is_bound;
+
+pub(super) fn texels(resources: &Resources, set: u32, binding: u32) -> Result<Texels> {
+    let image = resources.image(set, binding).cloned().map(Texels::new);
+    image.ok_or_else(|| invalid(format!("no image is bound at set {set}, binding {binding}")))
+}
+
+/// Bytes as a row of a plain Rust type.
+pub(super) fn rows<T: AnyBitPattern>(bytes: &[u8]) -> Result<Vec<T>> {
+    let size = size_of::<T>();
+    if size == 0 || !bytes.len().is_multiple_of(size) {
+        let name = std::any::type_name::<T>();
+        let message = format!("a buffer of {} bytes is no row of `{name}`, of {size}", bytes.len());
+        return Err(invalid(message));
+    }
+    Ok(bytes.chunks_exact(size).map(bytemuck::pod_read_unaligned).collect())
+}
+
+/// The blocks of a program's module: type, storage class and binding.
+pub(super) fn blocks(program: &Program) -> impl Iterator<Item = (TypeId, u32, Option<Binding>)> + '_ {
+    let module = &*program.module;
+    let entry =
+        module.entry_points.iter().find(|entry| entry.stage == program.stage && entry.name == program.name);
+    let variables = entry.map_or_else(Vec::new, |entry| module.interface_of(entry));
+    variables.into_iter().filter_map(|variable| {
+        let binding = variable.descriptor_set.zip(variable.binding);
+        let ty = variable.ty.filter(|ty| matches!(module.ty(*ty), Type::Struct { .. }))?;
+        Some((ty, variable.storage_class, binding.map(|(set, binding)| Binding { set, binding })))
+    })
+}
+
+fn invalid(message: String) -> Error {
+    Error::new(ErrorKind::InvalidArgument, message)
+}

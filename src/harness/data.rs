@@ -1,0 +1,112 @@
+//! A shader's value that can be read and written, by Rust types and by the names of its members.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use bytemuck::{AnyBitPattern, NoUninit};
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::rust_layout::RustLayout;
+use crate::harness::scalars::{self, Scalars};
+use crate::harness::value::Value;
+use crate::module::Module;
+use crate::module::ty::TypeId;
+
+/// A payload or callable data: bytes with the type that the shader gives them.
+#[derive(Clone, Debug)]
+pub struct Data {
+    module: Arc<Module>,
+    ty: TypeId,
+    /// What it is, for errors: "the payload".
+    what: &'static str,
+    bytes: Vec<u8>,
+}
+
+impl Data {
+    /// Words of the registers that hold a value of a type.
+    pub(super) fn new(
+        module: &Arc<Module>,
+        ty: TypeId,
+        what: &'static str,
+        words: impl Iterator<Item = u32>,
+    ) -> Self {
+        Self { module: module.clone(), ty, what, bytes: words.flat_map(u32::to_le_bytes).collect() }
+    }
+
+    fn layout(&self) -> Layout<'_> {
+        Layout::new(&self.module, self.ty, Rules::Packed)
+    }
+
+    /// The words for the registers.
+    pub(super) fn words(&self) -> impl Iterator<Item = u32> + '_ {
+        self.bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned)
+    }
+
+    /// The value by the names of its members: `data.value()["normal"].vec3()`.
+    pub fn value(&self) -> Value {
+        self.layout().read(&self.bytes)
+    }
+
+    /// The value as a plain Rust type: see [`layout`](crate::harness::layout) for how scalars lie.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where size or types differ; it shows both layouts.
+    pub fn read<T: AnyBitPattern + Debug>(&self) -> Result<T> {
+        let misfit = |rust: &RustLayout| self.layout().mismatch(self.what, rust);
+        if self.bytes.len() != size_of::<T>() {
+            return Err(misfit(&RustLayout::of(&bytemuck::Zeroable::zeroed() as &T)));
+        }
+        let value = bytemuck::pod_read_unaligned(&self.bytes);
+        let rust = RustLayout::of::<T>(&value);
+        if rust.contradicts(self.layout()) { Err(misfit(&rust)) } else { Ok(value) }
+    }
+
+    /// Overwrites it with a plain Rust value.
+    ///
+    /// # Errors
+    /// As [`Data::read`].
+    pub fn write<T: NoUninit + Debug>(&mut self, value: &T) -> Result<()> {
+        self.take(&Bytes::of(value))
+    }
+
+    /// Overwrites a member, or all of it where the path is empty: `data.set("path[1].weight", 0.5f32)`.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where there is no such member, or it has another type.
+    pub fn set(&mut self, path: &str, value: impl Scalars) -> Result<()> {
+        let layout = Layout::new(&self.module, self.ty, Rules::Packed);
+        let (offset, member) = layout.locate(path).map_err(|wrong| {
+            Error::new(ErrorKind::InvalidArgument, format!("{}: {wrong}", self.what)).note(format!(
+                "{} in the shader:\n{}",
+                self.module.describe_type(self.ty),
+                layout.describe().join("\n")
+            ))
+        })?;
+        let size = member.size();
+        let bytes = self.bytes.get_mut(offset..offset + size).unwrap_or_default();
+        scalars::write(member, bytes, &format!("`{path}` of {}", self.what), &value)
+    }
+
+    /// Overwrites it with bytes of a Rust value.
+    pub(super) fn take(&mut self, given: &Bytes) -> Result<()> {
+        if given.bytes.len() != self.bytes.len() || given.rust.contradicts(self.layout()) {
+            return Err(self.layout().mismatch(self.what, &given.rust));
+        }
+        self.bytes.copy_from_slice(&given.bytes);
+        Ok(())
+    }
+}
+
+/// Bytes of a Rust value with what is known of their layout.
+#[derive(Clone, Debug)]
+pub(super) struct Bytes {
+    pub rust: RustLayout,
+    pub bytes: Vec<u8>,
+}
+
+impl Bytes {
+    pub fn of<T: NoUninit + Debug>(value: &T) -> Self {
+        Self { rust: RustLayout::of(value), bytes: bytemuck::bytes_of(value).to_vec() }
+    }
+}

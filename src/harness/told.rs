@@ -1,0 +1,80 @@
+//! The explanation beneath a failed assertion: what `anyhit trace-one-ray` tells, for a ray or a
+//! shader run from Rust. It is made only when it is asked for.
+
+use std::sync::Arc;
+
+use crate::accel::Tlas;
+use crate::debug::names::Names;
+use crate::debug::reader::Reader;
+use crate::debug::render::{self, Look};
+use crate::harness::memory;
+use crate::harness::mock::{CallableCall, TraceCall};
+use crate::machine::Resources;
+use crate::pipeline::{Event, Launch, Pipeline, RayOperands};
+
+/// What can be explained.
+pub trait Explain {
+    /// What happened, as text for people.
+    fn explain(&self) -> String;
+}
+
+/// A ray or a shader run, kept so that it can be told.
+#[derive(Debug)]
+pub(super) struct Told {
+    pub pipeline: Pipeline,
+    pub what: What,
+}
+
+#[derive(Debug)]
+pub(super) enum What {
+    /// A ray; it is traced again, on a copy of the resources as they are then.
+    Ray { tlas: Arc<Tlas>, operands: RayOperands, resources: Resources },
+    /// A shader by itself: its events, and what answered its calls.
+    Shader { events: Vec<Event>, calls: Vec<String> },
+}
+
+impl What {
+    /// A shader's run, and a line for each call that was answered.
+    pub fn shader(events: Vec<Event>, traces: &[TraceCall], calls: &[CallableCall]) -> Self {
+        let trace = |call: &TraceCall| {
+            let (ray, number) = (call.trace.ray, call.number + 1);
+            let answer = call.payload.value();
+            format!("trace {number}: from {:?} towards {:?}, answered {answer:?}", ray.origin, ray.direction)
+        };
+        let call = |call: &CallableCall| {
+            let answer = call.data.value();
+            format!(
+                "call {}: index {}, given {:?}, answered {answer:?}",
+                call.number + 1,
+                call.index,
+                call.given
+            )
+        };
+        Self::Shader { events, calls: traces.iter().map(trace).chain(calls.iter().map(call)).collect() }
+    }
+}
+
+impl Told {
+    /// The text.
+    pub fn text(&self) -> String {
+        let (title, events, calls) = match &self.what {
+            What::Ray { tlas, operands, resources } => {
+                let resources = memory::copied(resources);
+                let launch = Launch { pipeline: &self.pipeline, resources: &resources };
+                let mut events: Vec<Event> = Vec::new();
+                // A trap is among the events, too.
+                let _ = launch.trace(tlas, operands.clone(), &mut events);
+                ("the ray, traced again", events, &[][..])
+            }
+            What::Shader { events, calls } => ("the shader by itself", events.clone(), &calls[..]),
+        };
+        let names = Names::unnamed(&self.pipeline);
+        let Some(root) = Reader::new(&self.pipeline, names, events).root() else { return String::new() };
+        let mut text = render::step(title, &root, Look::default());
+        for call in calls {
+            text.push_str(call);
+            text.push('\n');
+        }
+        text
+    }
+}

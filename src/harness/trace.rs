@@ -1,0 +1,359 @@
+//! One ray, or a launch, through a scene made in Rust.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use bytemuck::{AnyBitPattern, NoUninit};
+
+use crate::accel::{Committed, HitKind, RayFlags, TraceRay};
+use crate::error::{Error, ErrorKind, Result};
+use crate::geometry::Ray;
+use crate::harness::bound::{Bound, reads_what_is_bound};
+use crate::harness::data::{Bytes, Data};
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::memory;
+use crate::harness::rust_layout::RustLayout;
+use crate::harness::scene::Scene;
+use crate::harness::told::{Explain, Told, What};
+use crate::harness::value::Value;
+use crate::machine::printed::Line;
+use crate::ops::decode::InterfaceRows;
+use crate::ops::pointer::storage;
+use crate::pipeline::{Event, Launch, Pipeline, RayOperands, Stats, Witness};
+use crate::program::Program;
+
+/// A ray without flags, seen by all masks, with SBT offset 0, SBT stride 1 and miss index 0; its
+/// payload begins as zeros.
+impl From<Ray> for RayOperands {
+    fn from(ray: Ray) -> Self {
+        Self {
+            trace: TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF },
+            sbt_offset: 0,
+            sbt_stride: 1,
+            miss_index: 0,
+            payload: Vec::new(),
+        }
+    }
+}
+
+impl RayOperands {
+    /// Sets the ray's flags.
+    #[must_use]
+    pub fn flags(mut self, flags: RayFlags) -> Self {
+        self.trace.flags = flags;
+        self
+    }
+
+    /// Sets the cull mask.
+    #[must_use]
+    pub fn cull_mask(mut self, cull_mask: u32) -> Self {
+        self.trace.cull_mask = cull_mask;
+        self
+    }
+
+    /// Sets SBT offset and stride.
+    #[must_use]
+    pub fn sbt(self, sbt_offset: u32, sbt_stride: u32) -> Self {
+        Self { sbt_offset, sbt_stride, ..self }
+    }
+
+    /// Sets the miss index.
+    #[must_use]
+    pub fn miss(self, miss_index: u32) -> Self {
+        Self { miss_index, ..self }
+    }
+
+    /// Sets the payload from a plain Rust type, whose size is a multiple of four bytes: see
+    /// [`layout`](crate::harness::layout) for how its scalars lie.
+    #[must_use]
+    pub fn payload<T: NoUninit + Debug>(self, payload: &T) -> Self {
+        let word = |chunk: &[u8]| {
+            let mut word = [0; 4];
+            word[..chunk.len()].copy_from_slice(chunk);
+            u32::from_le_bytes(word)
+        };
+        Self { payload: Bytes::of(payload).bytes.chunks(4).map(word).collect(), ..self }
+    }
+}
+
+/// The closest hit of a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HitRecord {
+    /// `InstanceId`
+    pub instance: u32,
+    /// `InstanceCustomIndexKHR`
+    pub custom_index: u32,
+    /// `RayGeometryIndexKHR`
+    pub geometry: u32,
+    /// `PrimitiveId`
+    pub primitive: u32,
+    /// `RayTmaxKHR` of the closest-hit shader; of a box, what its intersection shader reported.
+    pub t: f32,
+    /// `HitKindKHR`
+    pub kind: HitKind,
+    /// The barycentrics of a triangle's second and third vertex; u of a linear swept sphere, then 0.
+    pub attributes: [f32; 2],
+    /// Whether no any-hit shader was asked.
+    pub opaque: bool,
+}
+
+/// What one ray brought back.
+#[derive(Clone, Debug)]
+pub struct Traced {
+    /// The closest hit as the traversal keeps it; `None` for a miss. See [`Traced::hit`].
+    pub committed: Option<Committed>,
+    /// The payload, by the names of its members.
+    pub payload: Value,
+    /// How many shaders ran.
+    pub stats: Stats,
+    /// What its shaders printed (`debugPrintfEXT`).
+    pub printed: Vec<String>,
+    custom_index: u32,
+    pub(super) data: Option<Data>,
+    bound: Bound,
+    told: Arc<Told>,
+}
+
+impl Traced {
+    /// The payload as a plain Rust type: see [`layout`](crate::harness::layout).
+    ///
+    /// # Errors
+    /// `InvalidArgument` where size or types differ; it shows both layouts.
+    pub fn payload<T: AnyBitPattern + Debug>(&self) -> Result<T> {
+        match &self.data {
+            Some(data) => data.read(),
+            None => self.payload.read(),
+        }
+    }
+
+    /// Whether the ray hit nothing.
+    pub fn missed(&self) -> bool {
+        self.committed.is_none()
+    }
+
+    /// The closest hit.
+    ///
+    /// # Panics
+    /// Where the ray missed; the message tells what became of it.
+    #[track_caller]
+    pub fn hit(&self) -> HitRecord {
+        let Some(Committed { candidate, t, hit_kind }) = self.committed else {
+            panic!("the ray hit nothing\n\n{}", self.explain());
+        };
+        HitRecord {
+            instance: candidate.instance,
+            custom_index: self.custom_index,
+            geometry: candidate.geometry,
+            primitive: candidate.primitive,
+            t,
+            kind: hit_kind,
+            attributes: candidate.intersection.attributes,
+            opaque: candidate.opaque,
+        }
+    }
+}
+
+reads_what_is_bound!(Traced);
+
+impl Explain for Traced {
+    fn explain(&self) -> String {
+        self.told.text()
+    }
+}
+
+/// What a launch left behind.
+#[derive(Clone, Debug)]
+pub struct Launched {
+    /// How many rays were traced and shaders run.
+    pub stats: Stats,
+    /// What shaders printed (`debugPrintfEXT`), in launch order.
+    pub printed: Vec<Line>,
+    bound: Bound,
+}
+
+reads_what_is_bound!(Launched);
+
+impl Pipeline {
+    /// Runs the ray generation shader over a grid of (width, height, depth). Buffers and images are
+    /// those of the scene: what shaders write is seen there afterwards, and in what is returned.
+    ///
+    /// ```
+    /// use anyhit::{Module, Pipeline, Program, Scene};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// let module = Module::open("spirv-fixtures/pass/arithmetic/elementary/main.rgen.spv")?;
+    /// let mut builder = Pipeline::builder();
+    /// builder.ray_generation(Program::of(&module, "main")?)?;
+    /// let inputs = [[4.0f32, 0.0, 0.0, 0.0], [9.0, 0.0, 0.0, 0.0]];
+    /// let scene = Scene::new([])?.buffer(0, 2, &inputs).buffer(0, 1, &[[0.0f32; 4]; 16]);
+    ///
+    /// let launched = builder.build()?.launch(&scene, [2, 1, 1])?;
+    /// let outputs = launched.buffer(0, 1)?;
+    /// assert_eq!(outputs["outputs"][1][3]["w"].f32(), 9.0);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// `Trap`, that of the lowest launch index, where a shader misbehaves; `InvalidScene` without a ray
+    /// generation shader; `InvalidArgument` for a grid without or with too many invocations.
+    pub fn launch(&self, scene: &Scene, size: [u32; 3]) -> Result<Launched> {
+        if size.contains(&0) {
+            let message = format!("a launch of {} x {} x {} has no invocations", size[0], size[1], size[2]);
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+        let resources = scene.resources();
+        let launch = Launch { pipeline: self, resources };
+        let stats = launch.run::<32>(size, &|_| ())?;
+        let printed = resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
+        Ok(Launched { stats, printed, bound: self.bound(scene) })
+    }
+
+    /// Traces one ray through a scene, without a ray generation shader. Buffers are those of the
+    /// scene: what shaders write is seen there afterwards.
+    ///
+    /// # Errors
+    /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload whose size fits no shader,
+    /// with both layouts.
+    pub fn trace(&self, scene: &Scene, ray: impl Into<RayOperands>) -> Result<Traced> {
+        self.trace_watched(scene, ray, &mut ())
+    }
+
+    /// The same, with the events that explain it.
+    ///
+    /// # Errors
+    /// As [`Pipeline::trace`].
+    pub fn trace_explained(
+        &self,
+        scene: &Scene,
+        ray: impl Into<RayOperands>,
+    ) -> Result<(Traced, Vec<Event>)> {
+        let mut events = Vec::new();
+        let traced = self.trace_watched(scene, ray, &mut events)?;
+        Ok((traced, events))
+    }
+
+    fn trace_watched(
+        &self,
+        scene: &Scene,
+        ray: impl Into<RayOperands>,
+        witness: &mut impl Witness,
+    ) -> Result<Traced> {
+        let mut operands = ray.into();
+        let payload = self
+            .programs
+            .iter()
+            .filter_map(|program| Some((program, program.interface_rows(storage::INCOMING_RAY_PAYLOAD)?)));
+        let largest = payload.max_by_key(|(_, rows)| rows.count);
+        let words = memory::payload_words(self);
+        if operands.payload.is_empty() {
+            operands.payload = vec![0; words];
+        } else if let Some((program, rows)) = largest
+            && operands.payload.len() != words
+        {
+            let given = RustLayout::untold("the payload given".into(), operands.payload.len() * 4);
+            return Err(layout(program, rows).mismatch("the payload", &given));
+        }
+        let resources = scene.resources();
+        let launch = Launch { pipeline: self, resources };
+        let outcome = launch.trace(scene.tlas(), operands.clone(), witness)?;
+        let data = largest.map(|(program, rows)| {
+            let words = outcome.payload.iter().copied();
+            Data::new(&program.module, rows.ty, "the payload", words)
+        });
+        let what = What::Ray { tlas: scene.tlas().clone(), operands, resources: resources.clone() };
+        let told = Arc::new(Told { pipeline: self.clone(), what });
+        let mut payload = data.as_ref().map_or_else(Value::nothing, Data::value);
+        payload.explained_by(&told);
+        let custom_index = outcome.committed.map_or(0, |hit| scene.custom_index(hit.candidate.instance));
+        let printed = resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
+        Ok(Traced {
+            committed: outcome.committed,
+            payload,
+            stats: outcome.stats,
+            printed: printed.into_iter().map(|line| line.text).collect(),
+            custom_index,
+            data,
+            bound: self.bound(scene),
+            told,
+        })
+    }
+
+    fn bound(&self, scene: &Scene) -> Bound {
+        Bound { programs: self.programs.clone(), resources: scene.resources().clone() }
+    }
+}
+
+fn layout<'a>(program: &'a Program, rows: &InterfaceRows) -> Layout<'a> {
+    Layout::new(&program.module, rows.ty, Rules::Packed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::harness::instance::Instance;
+    use crate::module::Module;
+    use crate::module::interface::Stage;
+
+    fn shader(name: &str) -> Program {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass");
+        Program::of(&Module::open(root.join(name)).expect("a fixture"), "main").expect("a supported shader")
+    }
+
+    fn structs() -> Pipeline {
+        let mut builder = Pipeline::builder();
+        builder.hit([shader("payload/structs/main.rchit.spv")]).unwrap();
+        builder.miss(shader("payload/structs/main.rmiss.spv")).unwrap();
+        builder.build().unwrap()
+    }
+
+    /// A floor z = 0 for x < 2.5 and a wall x = 8.
+    fn room() -> Scene {
+        let floor = [[2.5, -10.0, 0.0], [2.5, 10.0, 0.0], [-20.0, 0.0, 0.0]];
+        let wall = [[8.0, -1.0, -1.0], [8.0, 1.0, -1.0], [8.0, 0.0, 2.0]];
+        Scene::new([Instance::triangles(floor), Instance::triangles(wall)]).unwrap().bind(0, 0)
+    }
+
+    #[test]
+    fn a_ray_bounces_and_brings_back_its_payload() {
+        let ray = Ray::new([1.0, 0.0, 4.0], [0.0, 0.0, -1.0]);
+        let (traced, events) = structs().trace_explained(&room(), ray).unwrap();
+        assert_eq!(traced.committed.unwrap().t, 4.0);
+        let payload = &traced.payload;
+        assert_eq!(payload["depth"].u32(), 2);
+        assert_eq!(payload["counts"].ivec::<2>(), [2, 0]);
+        assert_eq!(payload["bounces"][1]["at"].vec3(), [8.0, 0.0, 0.0]);
+        assert_eq!(payload["bounces"][2]["primitive"].i32(), 0);
+        assert_eq!(payload["path"].vec4(), [4.0, 7.0, 0.0, 2.0]);
+        // Zeros turned stay zeros.
+        assert_eq!(payload["turned"].matrix::<2, 2>(), [[0.0; 2]; 2]);
+        assert_eq!(traced.stats.shaders[&Stage::ClosestHit].invocations, 2);
+        let traces = events.iter().filter(|event| matches!(event, Event::Trace { .. })).count();
+        assert_eq!(traces, 2);
+    }
+
+    #[test]
+    fn a_payload_of_another_size_is_refused_with_its_layout() {
+        let ray = RayOperands::from(Ray::new([1.0, 0.0, 4.0], [0.0, 0.0, -1.0])).payload(&[0u32; 3]);
+        let text = structs().trace(&room(), ray).unwrap_err().render();
+        // depth 4, three bounces of 16, mat2 16, ivec2 8, four floats 16
+        assert!(text.contains("has 12 bytes, the shader's struct Payload 92 bytes"), "{text}");
+        assert!(text.contains("68  ivec2 counts"), "{text}");
+    }
+
+    #[test]
+    fn instances_choose_masks_records_and_order() {
+        let near = Instance::sphere([0.0; 3], 0.5).translate([0.0, 0.0, 2.0]).mask(1);
+        let scene = Scene::new([Instance::sphere([0.0; 3], 0.5).custom_index(9), near]).unwrap();
+        let mut builder = Pipeline::builder();
+        builder.hit([shader("sphere/closest-hit/main.rchit.spv")]).unwrap();
+        let pipeline = builder.build().unwrap();
+        let ray = RayOperands::from(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
+        let hit = |ray: RayOperands| pipeline.trace(&scene, ray).unwrap().committed.map(|hit| hit.candidate);
+        assert_eq!(hit(ray.clone()).unwrap().instance, 1);
+        assert_eq!(hit(ray.clone().cull_mask(2)).unwrap().instance, 0);
+        // No hit record 5: nothing runs, but the hit counts.
+        let traced = pipeline.trace(&scene, ray.sbt(5, 1)).unwrap();
+        assert!(traced.committed.is_some() && traced.stats.shaders.is_empty());
+    }
+}
