@@ -19,6 +19,7 @@ pub mod dot_product;
 pub mod glsl;
 pub mod hit_object;
 pub mod image;
+pub mod interface_check;
 pub mod irregular;
 pub mod linear_algebra;
 pub mod load_store;

@@ -164,7 +164,6 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
             let builtin = builtin::find(number).ok_or_else(|| {
                 decoder.unsupported(format!("the builtin {}", crate::module::names::builtin_name(number)))
             })?;
-            builtin::check(decoder, builtin, pointee)?;
             let count = decoder.word_count(pointee)?;
             let first = decoder.fresh(count)?;
             decoder.inputs.push(InputRows { builtin, first, count });

@@ -111,10 +111,14 @@ impl Launch<'_> {
             )
         })?;
         let count = size.iter().try_fold(1u64, |count, &side| count.checked_mul(side.into()));
-        let count = count.filter(|&count| count < 1 << 40).ok_or_else(|| {
+        let most = self.pipeline.max_invocations;
+        let count = count.filter(|&count| count <= most).ok_or_else(|| {
             Error::new(
                 ErrorKind::InvalidArgument,
-                format!("a launch of {} x {} x {}", size[0], size[1], size[2]),
+                format!(
+                    "a launch of {} x {} x {}: {most} invocations are the most (maxRayDispatchInvocationCount)",
+                    size[0], size[1], size[2]
+                ),
             )
         })?;
         let bindings = bindings(self.pipeline, self.resources);

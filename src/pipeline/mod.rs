@@ -7,6 +7,7 @@
 
 mod alone;
 pub mod compute;
+pub mod device;
 pub mod group;
 mod hit_object;
 pub mod launch;
@@ -22,9 +23,11 @@ use std::sync::Arc;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
 use crate::module::interface::Stage;
+use crate::ops::pointer::storage;
 use crate::program::Program;
 
 pub use compute::Compute;
+pub use device::{DeviceProfile, Features, Limits, PipelineFlags};
 pub use group::{Group, HitGroup, Shader};
 pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Stats};
 pub use sbt::{Record, Sbt};
@@ -52,6 +55,10 @@ pub struct Pipeline {
     pub budget: u64,
     /// `SubgroupSize`
     pub subgroup_size: u32,
+    /// What changes for every ray.
+    pub flags: PipelineFlags,
+    /// `maxRayDispatchInvocationCount`
+    pub max_invocations: u64,
 }
 
 impl Pipeline {
@@ -81,6 +88,8 @@ pub struct Builder {
     max_recursion: Option<u32>,
     budget: Option<u64>,
     subgroup_size: Option<u32>,
+    flags: PipelineFlags,
+    device: DeviceProfile,
 }
 
 impl Builder {
@@ -201,22 +210,67 @@ impl Builder {
         self
     }
 
+    /// Sets the pipeline's flags.
+    pub fn flags(&mut self, flags: PipelineFlags) -> &mut Self {
+        self.flags = flags;
+        self
+    }
+
+    /// Sets the device that the pipeline is for: [`Builder::build`] refuses what it does not offer.
+    pub fn device(&mut self, device: DeviceProfile) -> &mut Self {
+        self.device = device;
+        self
+    }
+
     /// The pipeline.
     ///
     /// # Errors
-    /// `InvalidScene` where a record names a group that does not exist or does not fit its table.
+    /// `InvalidScene` where a record names a group that does not exist or does not fit its table;
+    /// `InvalidModule` and `InvalidScene` for what the device does not offer.
     pub fn build(&self) -> Result<Pipeline> {
         self.sbt.check(&self.programs, &self.groups)?;
         let size = self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE);
         check_subgroup_size(size, &self.programs)?;
+        let limit = u32::try_from(self.device.limits.max_ray_recursion_depth).unwrap_or(u32::MAX);
+        let max_recursion = self.max_recursion.unwrap_or(DEFAULT_RECURSION.min(limit));
+        self.check_device(max_recursion)?;
         Ok(Pipeline {
             programs: self.programs.clone(),
             groups: self.groups.clone(),
             sbt: self.sbt.clone(),
-            max_recursion: self.max_recursion.unwrap_or(DEFAULT_RECURSION),
+            max_recursion,
             budget: self.budget.unwrap_or(DEFAULT_BUDGET),
             subgroup_size: self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE),
+            flags: self.flags,
+            max_invocations: self.device.limits.max_ray_dispatch_invocation_count,
         })
+    }
+
+    fn check_device(&self, max_recursion: u32) -> Result<()> {
+        let device = &self.device;
+        device.check_pipeline(max_recursion, self.flags)?;
+        for (at, program) in self.programs.iter().enumerate() {
+            let known = self.programs[..at].iter().any(|other| Arc::ptr_eq(&other.module, &program.module));
+            if !known {
+                let context = |error: Error| error.context(format!("shader `{}`", program.name));
+                device.check_module(&program.module).map_err(context)?;
+            }
+            if let Some(rows) = program.interface_rows(storage::HIT_ATTRIBUTE) {
+                device.check_attributes(&program.name, u64::from(rows.count) * 4)?;
+            }
+        }
+        for (table, records) in [
+            ("ray generation", std::slice::from_ref(&self.sbt.ray_generation)),
+            ("miss", &self.sbt.miss[..]),
+            ("hit", &self.sbt.hit[..]),
+            ("callable", &self.sbt.callable[..]),
+        ] {
+            for (at, record) in records.iter().enumerate() {
+                let data = record.as_ref().and_then(|record| record.data.as_ref());
+                device.check_record(table, at, data.map_or(0, |data| data.size()))?;
+            }
+        }
+        Ok(())
     }
 }
 

@@ -359,6 +359,7 @@ where
     pub(super) fn spare_trace(&mut self, shades: bool) -> Box<Trace> {
         let mut trace = self.spare_traces.pop().unwrap_or_default();
         trace.clear(shades);
+        trace.pipeline_flags = self.pipeline.flags.ray_flags();
         trace
     }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Candidate, Committed, Cursor, Tlas, TraceRay, hit_record_index};
+use crate::accel::{Candidate, Committed, Cursor, RayFlags, Tlas, TraceRay, hit_record_index};
 use crate::machine::hit_object::HitEncoded;
 use crate::machine::{Batch, Exit, Hit, Invocation, ShaderRecord};
 use crate::ops::pointer::storage;
@@ -89,6 +89,8 @@ pub(super) struct Trace {
     caller: Option<Caller>,
     /// Whether closest-hit and miss shaders run at the end.
     shades: bool,
+    /// Ray flags that every ray has besides its own, and no shader sees.
+    pub pipeline_flags: u32,
 }
 
 impl Trace {
@@ -114,6 +116,8 @@ impl Trace {
                 payload: query.payload.to_vec(),
             });
         }
+        let mut traversal = query.trace;
+        traversal.flags = traversal.flags | RayFlags(self.pipeline_flags);
         if self.rays.len() <= lane {
             self.rays.resize_with(lane + 1, || None);
         }
@@ -121,13 +125,13 @@ impl Trace {
         self.caller = caller;
         match &mut self.rays[lane] {
             Some(ray) => {
-                ray.cursor.reset(&query.tlas, query.trace);
+                ray.cursor.reset(&query.tlas, traversal);
                 ray.query = query;
                 ray.record = None;
                 ray.traversing = true;
                 ray.trapped = false;
             }
-            idle => *idle = Some(RayState::new(query)),
+            idle => *idle = Some(RayState::new(query, traversal)),
         }
     }
 
@@ -145,7 +149,7 @@ impl Trace {
         self.lanes.push(lane);
         self.caller = Some(caller);
         let trace = query.trace;
-        let ray = self.rays[lane].get_or_insert_with(|| RayState::new(query.clone()));
+        let ray = self.rays[lane].get_or_insert_with(|| RayState::new(query.clone(), query.trace));
         ray.cursor.settle(trace, hit.map(|hit| hit.committed));
         ray.attributes = hit.map_or_else(Data::new, |hit| hit.attributes.iter().copied().collect());
         ray.query = query;
@@ -323,8 +327,9 @@ impl Query {
 }
 
 impl RayState {
-    fn new(query: Query) -> Self {
-        let cursor = Cursor::new(&query.tlas, query.trace);
+    /// `traversal` is the ray with the flags that the pipeline adds.
+    fn new(query: Query, traversal: TraceRay) -> Self {
+        let cursor = Cursor::new(&query.tlas, traversal);
         Self { query, cursor, attributes: Data::new(), record: None, traversing: true, trapped: false }
     }
 

@@ -15,6 +15,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
 use crate::ops::decode::{Decoder, Origin, Value, Words};
 use crate::ops::decode_number;
+use crate::ops::interface_check;
 use crate::ops::load_store;
 use crate::ops::memory;
 use crate::ops::op::Op;
@@ -83,6 +84,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         standing: HashMap::new(),
         queue: VecDeque::new(),
     };
+    interface_check::check(&mut lowering.decoder, entry)?;
     let start = lowering.label();
     lowering.begin(start);
     lowering.initialize_globals(entry)?;

@@ -91,10 +91,23 @@ pub fn assemble(scene: &ResolvedScene) -> Result<Assembled> {
     let pipeline = pipeline(&mut shaders, &mut errors);
     let dispatches = dispatches(&mut shaders, &mut errors);
     let resources = resources(scene, &mut errors);
-    if !errors.is_empty() {
-        return Err(Error::several(errors));
+    let pipeline = match pipeline {
+        // One that lacks a shader fails for that reason alone, which is told already.
+        Err(error) if errors.is_empty() => {
+            errors.push(error);
+            None
+        }
+        other => other.ok(),
+    };
+    for (name, tlas) in &scene.tlas {
+        let checks = [scene.device.check_structure(tlas), scene.pipeline_flags.check_structure(tlas)];
+        let context = |error: Error| error.context(format!("acceleration structure `{name}`"));
+        errors.extend(checks.into_iter().filter_map(|check| check.err().map(context)));
     }
-    Ok(Assembled { pipeline: pipeline?, resources, size: scene.launch, dispatches })
+    let own = |dispatch: &Dispatch| scene.device.check_module(&dispatch.compute.program.module).err();
+    errors.extend(dispatches.iter().filter_map(own));
+    let (Some(pipeline), true) = (pipeline, errors.is_empty()) else { return Err(Error::several(errors)) };
+    Ok(Assembled { pipeline, resources, size: scene.launch, dispatches })
 }
 
 /// Shaders of a scene, each module read and each entry point lowered once.
@@ -237,6 +250,7 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
         hit: scene.sbt.hit.iter().map(record).collect(),
         callable: scene.sbt.callable.iter().map(record).collect(),
     };
+    builder.device(scene.device.clone()).flags(scene.pipeline_flags);
     if let Some(depth) = scene.max_recursion_depth {
         builder.max_recursion(depth);
     }

@@ -9,7 +9,9 @@ use std::sync::Arc;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
+use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::data::{Data, SpecializationValue};
+use crate::scene::device;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::read::{At, Document, Named, OneOrMore, Parse, Report, Source, Span, Table, Value};
 use crate::scene::resources::ResourceEntry;
@@ -30,6 +32,8 @@ pub struct SceneFile {
     pub instances: Vec<InstanceEntry>,
     /// `[shaders.NAME]`
     pub shaders: Vec<Entry<ShaderEntry>>,
+    /// `[device]`
+    pub device: Option<DeviceProfile>,
     /// `[pipeline]`
     pub pipeline: Option<PipelineEntry>,
     /// `[samplers.NAME]`
@@ -76,6 +80,7 @@ impl SceneFile {
             geometry: entries(&root, "geometry"),
             instances: root.or("instance", Vec::new()),
             shaders: entries(&root, "shaders"),
+            device: root.optional("device"),
             pipeline: root.optional("pipeline"),
             samplers: entries(&root, "samplers"),
             resources: entries(&root, "resources"),
@@ -256,6 +261,8 @@ pub struct PipelineEntry {
     pub budget: Option<u64>,
     /// What becomes of an access outside its buffer or image.
     pub memory: Option<MemoryPolicy>,
+    /// The pipeline's flags.
+    pub flags: PipelineFlags,
 }
 
 impl Parse for PipelineEntry {
@@ -277,6 +284,7 @@ impl Parse for PipelineEntry {
             subgroup_size: subgroup_size.map(|size| size.value),
             budget: table.optional("budget"),
             memory: table.optional("memory"),
+            flags: device::flags(&table),
         };
         table.finish();
         Some(pipeline)

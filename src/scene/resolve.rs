@@ -7,6 +7,7 @@ use std::sync::Arc;
 use crate::accel::{Blas, Geometry, Instance, Tlas};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::machine::sampler::Sampler;
+use crate::pipeline::DeviceProfile;
 use crate::scene::data::{Data, read};
 use crate::scene::file::{
     DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
@@ -113,6 +114,7 @@ struct Resolver<'a> {
     shader_entries: Vec<Entry<ShaderEntry>>,
     samplers: Vec<Entry<Sampler>>,
     resource_entries: Vec<Entry<ResourceEntry>>,
+    device: Option<DeviceProfile>,
     pipeline: Option<PipelineEntry>,
     push_constants: Option<Data>,
     dispatches: Vec<DispatchEntry>,
@@ -135,6 +137,7 @@ impl<'a> Resolver<'a> {
             shader_entries: Vec::new(),
             samplers: Vec::new(),
             resource_entries: Vec::new(),
+            device: None,
             pipeline: None,
             push_constants: None,
             dispatches: Vec::new(),
@@ -153,6 +156,7 @@ impl<'a> Resolver<'a> {
             merge(&mut all.samplers, part.samplers);
             merge(&mut all.resource_entries, part.resources);
             all.instances.extend(part.instances);
+            all.device = part.device.or(all.device);
             all.pipeline = part.pipeline.or(all.pipeline);
             all.push_constants = part.push_constants.or(all.push_constants);
             all.launch = part.launch.map_or(all.launch, |launch| launch.value);
@@ -206,6 +210,8 @@ impl<'a> Resolver<'a> {
             resources,
             dispatches,
             push_constants,
+            device: self.device.unwrap_or_default(),
+            pipeline_flags: self.pipeline.as_ref().map_or_else(Default::default, |pipeline| pipeline.flags),
             max_recursion_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_recursion_depth),
             subgroup_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.subgroup_size),
             budget: self.pipeline.as_ref().and_then(|pipeline| pipeline.budget),

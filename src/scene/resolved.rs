@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::error::Place;
 use crate::machine::MemoryPolicy;
+use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::file::RayEntry;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
@@ -31,6 +32,10 @@ pub struct ResolvedScene {
     pub dispatches: Vec<Dispatch>,
     /// The push constants' bytes.
     pub push_constants: Vec<u8>,
+    /// The device that the scene is for.
+    pub device: DeviceProfile,
+    /// The pipeline's flags.
+    pub pipeline_flags: PipelineFlags,
     /// `maxPipelineRayRecursionDepth`, where the scene says.
     pub max_recursion_depth: Option<u32>,
     /// Invocations a subgroup, where the scene says.

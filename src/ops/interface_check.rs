@@ -1,0 +1,351 @@
+//! What an entry point declares, held against the rules on stages, storage classes and types, before
+//! anything is lowered.
+//!
+//! Only what the entry point's call tree uses counts: compilers list variables that other entry points
+//! of the module use. Validators leave part of this out (the builtins of `SPV_NV_linear_swept_spheres`,
+//! the writes to hit attributes).
+
+use rspirv::spirv::Op as Opcode;
+
+use crate::error::Result;
+use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
+use crate::module::names::storage_class_name;
+use crate::module::{Definition, Id, Instruction, Module};
+use crate::ops::builtin;
+use crate::ops::decode::Decoder;
+use crate::ops::pointer::storage;
+
+/// What Vulkan says of a storage class of ray tracing.
+struct StorageRule {
+    class: u32,
+    /// The stages that may use it, by letter as in `builtin`.
+    stages: &'static str,
+    /// The rule on stages.
+    vuid: &'static str,
+    /// The rule that an entry point uses at most one variable of it.
+    single: Option<&'static str>,
+}
+
+const STORAGE_RULES: &[StorageRule] = &[
+    StorageRule {
+        class: storage::RAY_PAYLOAD,
+        stages: "RCM",
+        vuid: "VUID-StandaloneSpirv-RayPayloadKHR-04698",
+        single: None,
+    },
+    StorageRule {
+        class: storage::INCOMING_RAY_PAYLOAD,
+        stages: "ACM",
+        vuid: "VUID-StandaloneSpirv-IncomingRayPayloadKHR-04699",
+        single: Some("VUID-StandaloneSpirv-IncomingRayPayloadKHR-04700"),
+    },
+    StorageRule {
+        class: storage::HIT_ATTRIBUTE,
+        stages: "IAC",
+        vuid: "VUID-StandaloneSpirv-HitAttributeKHR-04701",
+        single: Some("VUID-StandaloneSpirv-HitAttributeKHR-04702"),
+    },
+    StorageRule {
+        class: storage::CALLABLE_DATA,
+        stages: "RCMK",
+        vuid: "VUID-StandaloneSpirv-CallableDataKHR-04704",
+        single: None,
+    },
+    StorageRule {
+        class: storage::INCOMING_CALLABLE_DATA,
+        stages: "K",
+        vuid: "VUID-StandaloneSpirv-IncomingCallableDataKHR-04705",
+        single: Some("VUID-StandaloneSpirv-IncomingCallableDataKHR-04706"),
+    },
+    StorageRule {
+        class: storage::SHADER_RECORD_BUFFER,
+        stages: "RIACMK",
+        vuid: "VUID-StandaloneSpirv-ShaderRecordBufferKHR-07119",
+        single: None,
+    },
+];
+
+/// Instructions that only some stages may hold (`SPV_KHR_ray_tracing`, each instruction's section).
+const INSTRUCTION_STAGES: &[(Opcode, &str)] = &[
+    (Opcode::TraceRayKHR, "RCM"),
+    (Opcode::TraceNV, "RCM"),
+    (Opcode::ExecuteCallableKHR, "RCMK"),
+    (Opcode::ExecuteCallableNV, "RCMK"),
+    (Opcode::ReportIntersectionKHR, "I"),
+    (Opcode::IgnoreIntersectionKHR, "A"),
+    (Opcode::IgnoreIntersectionNV, "A"),
+    (Opcode::TerminateRayKHR, "A"),
+    (Opcode::TerminateRayNV, "A"),
+];
+
+/// Checks the variables and instructions of an entry point.
+///
+/// # Errors
+/// `InvalidModule` with the rule: a builtin in another stage, storage class or type than its own, a
+/// ray-tracing storage class in another stage, two incoming variables, a write to hit attributes
+/// outside an intersection shader, an instruction of another stage.
+pub fn check(decoder: &mut Decoder<'_>, entry: &EntryPoint) -> Result<()> {
+    let before = decoder.origin;
+    let module = decoder.module;
+    let variables = module.interface_of(entry);
+    for variable in &variables {
+        decoder.origin.offset = offset(module, variable.id);
+        check_builtin(decoder, variable)?;
+        check_storage(decoder, variable)?;
+    }
+    for rule in STORAGE_RULES {
+        let mut all = variables.iter().filter(|variable| variable.storage_class == rule.class);
+        if let (Some(vuid), Some(first), Some(second)) = (rule.single, all.next(), all.next()) {
+            decoder.origin.offset = offset(module, second.id);
+            let message = format!(
+                "%{} and %{} are both {} variables of `{}`: one is allowed",
+                first.id.0,
+                second.id.0,
+                storage_class_name(rule.class),
+                entry.name
+            );
+            return Err(decoder.invalid(message).note(vuid));
+        }
+    }
+    let attributes: Vec<Id> = variables
+        .iter()
+        .filter(|variable| variable.storage_class == storage::HIT_ATTRIBUTE)
+        .map(|variable| variable.id)
+        .collect();
+    check_instructions(decoder, entry, &attributes)?;
+    decoder.origin = before;
+    Ok(())
+}
+
+fn check_builtin(decoder: &Decoder<'_>, variable: &InterfaceVariable) -> Result<()> {
+    let (Some(number), Some(ty)) = (variable.builtin, variable.ty) else { return Ok(()) };
+    let Some(builtin) = builtin::find(number) else { return Ok(()) };
+    if variable.storage_class != storage::INPUT {
+        let found = storage_class_name(variable.storage_class);
+        let message = format!("the builtin {} is in storage class {found}, not Input", builtin.name);
+        return Err(decoder.invalid(message).note(format!("VUID-{}", builtin.vuids[1])));
+    }
+    builtin::check(decoder, builtin, ty)
+}
+
+fn check_storage(decoder: &Decoder<'_>, variable: &InterfaceVariable) -> Result<()> {
+    let rule = STORAGE_RULES.iter().find(|rule| rule.class == variable.storage_class);
+    let Some(rule) = rule.filter(|rule| !rule.stages.contains(builtin::letter(decoder.stage))) else {
+        return Ok(());
+    };
+    let (class, stage) = (storage_class_name(rule.class), decoder.stage.name());
+    let message = format!("a {class} variable cannot be used in {stage}");
+    Err(decoder.invalid(message).note(rule.vuid))
+}
+
+fn check_instructions(decoder: &mut Decoder<'_>, entry: &EntryPoint, attributes: &[Id]) -> Result<()> {
+    let module = decoder.module;
+    let letter = builtin::letter(decoder.stage);
+    for function in module.call_tree(entry.function) {
+        for instruction in module.functions[function as usize].blocks.iter().flat_map(|b| &b.instructions) {
+            decoder.origin.offset = instruction.offset;
+            let limited = INSTRUCTION_STAGES.iter().find(|(opcode, _)| *opcode as u16 == instruction.opcode);
+            if let Some((opcode, _)) = limited.filter(|(_, stages)| !stages.contains(letter)) {
+                let message = format!("Op{opcode:?} cannot stand in {}", decoder.stage.name());
+                return Err(decoder.invalid(message).note("SPV_KHR_ray_tracing"));
+            }
+            let writes = || {
+                let pointer = module.operands(instruction).first().copied();
+                pointer.and_then(|pointer| root(module, Id(pointer)))
+            };
+            let stores = instruction.opcode == Opcode::Store as u16;
+            if stores
+                && decoder.stage != Stage::Intersection
+                && !attributes.is_empty()
+                && writes().is_some_and(|variable| attributes.contains(&variable))
+            {
+                let message = format!("hit attributes are written in {}", decoder.stage.name());
+                return Err(decoder.invalid(message).note("VUID-StandaloneSpirv-HitAttributeKHR-04703"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The variable of module scope that a chain of access chains begins at.
+fn root(module: &Module, mut pointer: Id) -> Option<Id> {
+    loop {
+        match module.definition(pointer)? {
+            Definition::Variable(_) => return Some(pointer),
+            Definition::Result(function, block, position) => {
+                let instruction: &Instruction = module.functions[function as usize]
+                    .blocks
+                    .get(block as usize)?
+                    .instructions
+                    .get(position as usize)?;
+                let through = [Opcode::AccessChain, Opcode::InBoundsAccessChain, Opcode::CopyObject];
+                through.iter().find(|opcode| **opcode as u16 == instruction.opcode)?;
+                pointer = Id(*module.operands(instruction).first()?);
+            }
+            _ => return None,
+        }
+    }
+}
+
+/// Where a variable stands, in words.
+fn offset(module: &Module, variable: Id) -> u32 {
+    module.variables.iter().find(|one| one.id == variable).map_or(0, |one| one.offset)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::error::{Error, ErrorKind};
+    use crate::module::assemble::Assembler;
+    use crate::ops::builtin::{BUILTINS, Shape};
+
+    const STAGES: [(u32, char); 6] =
+        [(5313, 'R'), (5314, 'I'), (5315, 'A'), (5316, 'C'), (5317, 'M'), (5318, 'K')];
+
+    /// A module with one variable that its entry point reads.
+    fn reading(model: u32, class: u32, builtin: u32, shape: Shape) -> Result<()> {
+        let mut a = Assembler::new();
+        a.with_string(Opcode::EntryPoint, &[model, 40], "main", &[30]);
+        a.op(Opcode::Decorate, &[30, 11, builtin]);
+        a.types();
+        a.op(Opcode::TypeVector, &[63, 5, 3]);
+        a.op(Opcode::TypeVector, &[64, 5, 4]);
+        a.op(Opcode::TypeVector, &[72, 6, 2]);
+        a.op(Opcode::TypeVector, &[73, 5, 2]);
+        a.op(Opcode::TypeMatrix, &[66, 7, 4]);
+        a.op(Opcode::Constant, &[5, 70, 2]);
+        a.op(Opcode::TypeArray, &[67, 6, 70]);
+        a.op(Opcode::TypeArray, &[68, 7, 70]);
+        a.op(Opcode::TypeArray, &[69, 7, 8]);
+        let ty = match shape {
+            Shape::Bool => 3,
+            Shape::Int => 5,
+            Shape::Float => 6,
+            Shape::Int2 => 73,
+            Shape::Int3 => 63,
+            Shape::Int4 => 64,
+            Shape::Float2 => 72,
+            Shape::Float3 => 7,
+            Shape::Matrix4x3 => 66,
+            Shape::FloatArray2 => 67,
+            Shape::Float3Array2 => 68,
+            Shape::Float3Array3 => 69,
+        };
+        a.op(Opcode::TypePointer, &[80, class, ty]);
+        a.op(Opcode::Variable, &[80, 30, class]);
+        a.function(40, 41, |a| {
+            a.op(Opcode::Load, &[ty, 42, 30]);
+            a.op(Opcode::Return, &[]);
+        });
+        check_first(&Arc::new(a.loaded()))
+    }
+
+    fn check_first(module: &Arc<Module>) -> Result<()> {
+        let entry = &module.entry_points[0];
+        check(&mut Decoder::new(module, entry.stage), entry)
+    }
+
+    fn rule(result: Result<()>) -> Option<String> {
+        let error: Error = result.err()?;
+        assert_eq!(error.kind(), ErrorKind::InvalidModule);
+        error.notes().first().cloned()
+    }
+
+    /// Every builtin in every ray-tracing stage, in another storage class, and of another type.
+    #[test]
+    fn every_builtin_obeys_its_three_rules() {
+        for builtin in BUILTINS {
+            let [stage_rule, storage_rule, type_rule] = builtin.vuids.map(|vuid| format!("VUID-{vuid}"));
+            let mut allowed = None;
+            for (model, letter) in STAGES {
+                let found = rule(reading(model, storage::INPUT, builtin.number, builtin.shape));
+                if builtin.stages.contains(letter) {
+                    assert_eq!(found, None, "{} in {letter}", builtin.name);
+                    allowed = Some(model);
+                } else {
+                    assert_eq!(found, Some(stage_rule.clone()), "{} in {letter}", builtin.name);
+                }
+            }
+            let Some(model) = allowed else { continue };
+            let private = rule(reading(model, storage::PRIVATE, builtin.number, builtin.shape));
+            assert_eq!(private, Some(storage_rule), "{}", builtin.name);
+            let other = if builtin.shape == Shape::Bool { Shape::Int } else { Shape::Bool };
+            let mistyped = rule(reading(model, storage::INPUT, builtin.number, other));
+            assert_eq!(mistyped, Some(type_rule), "{}", builtin.name);
+        }
+    }
+
+    /// A module whose entry point loads one variable of each class named, and stores to the first.
+    fn using(model: u32, classes: &[u32], stores: bool) -> Result<()> {
+        let mut a = Assembler::new();
+        a.with_string(Opcode::EntryPoint, &[model, 40], "main", &[]);
+        a.types();
+        for (at, &class) in classes.iter().enumerate() {
+            a.op(Opcode::TypePointer, &[80 + at as u32, class, 6]);
+            a.op(Opcode::Variable, &[80 + at as u32, 90 + at as u32, class]);
+        }
+        a.function(40, 41, |a| {
+            for at in 0..classes.len() as u32 {
+                a.op(Opcode::Load, &[6, 100 + at, 90 + at]);
+            }
+            if stores {
+                a.op(Opcode::Store, &[90, 100]);
+            }
+            a.op(Opcode::Return, &[]);
+        });
+        check_first(&Arc::new(a.loaded()))
+    }
+
+    #[test]
+    fn storage_classes_keep_to_their_stages() {
+        for one in STORAGE_RULES {
+            for (model, letter) in STAGES {
+                let found = rule(using(model, &[one.class], false));
+                let wanted = (!one.stages.contains(letter)).then(|| one.vuid.to_owned());
+                assert_eq!(found, wanted, "{} in {letter}", storage_class_name(one.class));
+            }
+        }
+        for (model, class) in [
+            (5316, storage::INCOMING_RAY_PAYLOAD),
+            (5314, storage::HIT_ATTRIBUTE),
+            (5318, storage::INCOMING_CALLABLE_DATA),
+        ] {
+            let single = STORAGE_RULES.iter().find(|rule| rule.class == class).and_then(|rule| rule.single);
+            assert_eq!(rule(using(model, &[class, class], false)).as_deref(), single);
+        }
+        assert_eq!(rule(using(5313, &[storage::RAY_PAYLOAD; 3], false)), None);
+    }
+
+    #[test]
+    fn only_intersection_shaders_write_hit_attributes() {
+        let written = Some("VUID-StandaloneSpirv-HitAttributeKHR-04703".to_owned());
+        assert_eq!(rule(using(5314, &[storage::HIT_ATTRIBUTE], true)), None);
+        assert_eq!(rule(using(5315, &[storage::HIT_ATTRIBUTE], true)), written);
+        assert_eq!(rule(using(5316, &[storage::HIT_ATTRIBUTE], true)), written);
+        assert_eq!(rule(using(5316, &[storage::INCOMING_RAY_PAYLOAD, storage::HIT_ATTRIBUTE], true)), None);
+    }
+
+    #[test]
+    fn instructions_keep_to_their_stages() {
+        let with = |model: u32, opcode: Opcode| {
+            let mut a = Assembler::new();
+            a.with_string(Opcode::EntryPoint, &[model, 40], "main", &[]);
+            a.types();
+            a.function(40, 41, |a| {
+                a.op(opcode, &[]);
+            });
+            check_first(&Arc::new(a.loaded()))
+        };
+        for opcode in [Opcode::IgnoreIntersectionKHR, Opcode::TerminateRayKHR] {
+            for (model, letter) in STAGES {
+                let found = with(model, opcode).err().map(|error| error.message().to_owned());
+                match letter {
+                    'A' => assert_eq!(found, None),
+                    _ => assert!(found.is_some_and(|text| text.starts_with(&format!("Op{opcode:?} cannot")))),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,420 @@
+//! What a device offers: features, limits and, for a pipeline, its flags.
+//!
+//! A [`DeviceProfile`] lets a test ask what happens on a device without a feature or with a smaller
+//! limit. The default offers everything; presets and single switches take away.
+
+use crate::accel::{GeometryKind, Tlas};
+use crate::error::{Error, ErrorKind, Result};
+use crate::module::Module;
+use crate::module::names::capability_name;
+
+/// Bytes of a shader group's handle (`shaderGroupHandleSize`), the same on every device.
+const HANDLE_SIZE: u64 = 32;
+
+macro_rules! features {
+    ($($(#[$doc:meta])* $name:ident $vulkan:literal [$($capability:literal)*];)*) => {
+        /// Features of a device that ray-tracing shaders and scenes need, all on by default.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Features {
+            $($(#[$doc])* pub $name: bool,)*
+        }
+
+        impl Features {
+            /// Every feature.
+            pub const ALL: Self = Self { $($name: true,)* };
+            /// No feature but what ray-tracing pipelines themselves need.
+            pub const NONE: Self = Self { $($name: false,)* };
+            /// The names, as scenes write them.
+            pub const NAMES: &'static [&'static str] = &[$(stringify!($name)),*];
+
+            /// Switches a feature by its name in scenes; `false` for a name that nothing has.
+            pub fn set(&mut self, name: &str, on: bool) -> bool {
+                match name {
+                    $(stringify!($name) => self.$name = on,)*
+                    _ => return false,
+                }
+                true
+            }
+
+            /// The feature that a capability needs and that is off, by Vulkan's name.
+            fn lacking(&self, capability: u32) -> Option<&'static str> {
+                $(if !self.$name && [$($capability),*].contains(&capability) {
+                    return Some($vulkan);
+                })*
+                None
+            }
+        }
+    };
+}
+
+features! {
+    /// `VkPhysicalDeviceRayQueryFeaturesKHR::rayQuery`
+    ray_query "rayQuery" [4471u32 4472];
+    /// `VkPhysicalDeviceRayTracingPipelineFeaturesKHR::rayTraversalPrimitiveCulling`: the flags that skip
+    /// triangles or boxes, of rays and of pipelines.
+    ray_traversal_primitive_culling "rayTraversalPrimitiveCulling" [4478u32];
+    /// `VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR::rayTracingMaintenance1`: `CullMaskKHR`.
+    ray_tracing_maintenance1 "rayTracingMaintenance1" [6020u32];
+    /// `VkPhysicalDeviceRayTracingPositionFetchFeaturesKHR::rayTracingPositionFetch`
+    ray_tracing_position_fetch "rayTracingPositionFetch" [5336u32 5391];
+    /// `VkPhysicalDeviceRayTracingInvocationReorderFeatures*::rayTracingInvocationReorder`: hit objects.
+    ray_tracing_invocation_reorder "rayTracingInvocationReorder" [5383u32 5388];
+    /// `VkPhysicalDeviceRayTracingMotionBlurFeaturesNV::rayTracingMotionBlur`
+    ray_tracing_motion_blur "rayTracingMotionBlur" [5341u32];
+    /// `VkPhysicalDeviceOpacityMicromapFeatures*::micromap`
+    opacity_micromap "micromap" [5381u32 6032];
+    /// `VkPhysicalDeviceClusterAccelerationStructureFeaturesNV::clusterAccelerationStructure`
+    cluster_acceleration_structure "clusterAccelerationStructure" [5437u32];
+    /// `VkPhysicalDeviceRayTracingLinearSweptSpheresFeaturesNV::spheres`
+    spheres "spheres" [5418u32];
+    /// `VkPhysicalDeviceRayTracingLinearSweptSpheresFeaturesNV::linearSweptSpheres`
+    linear_swept_spheres "linearSweptSpheres" [5419u32];
+    /// `VkPhysicalDeviceShaderFloat16Int8Features::shaderFloat16`
+    shader_float16 "shaderFloat16" [9u32];
+    /// `VkPhysicalDeviceFeatures::shaderFloat64`
+    shader_float64 "shaderFloat64" [10u32];
+    /// `VkPhysicalDeviceShaderFloat16Int8Features::shaderInt8`
+    shader_int8 "shaderInt8" [39u32];
+    /// `VkPhysicalDeviceFeatures::shaderInt16`
+    shader_int16 "shaderInt16" [22u32];
+    /// `VkPhysicalDeviceFeatures::shaderInt64`
+    shader_int64 "shaderInt64" [11u32];
+    /// `VkPhysicalDeviceShaderAtomicInt64Features::shaderBufferInt64Atomics`
+    shader_buffer_int64_atomics "shaderBufferInt64Atomics" [12u32];
+    /// `VkPhysicalDeviceBufferDeviceAddressFeatures::bufferDeviceAddress`
+    buffer_device_address "bufferDeviceAddress" [5347u32];
+    /// `VkPhysicalDeviceDescriptorIndexingFeatures::runtimeDescriptorArray`
+    runtime_descriptor_array "runtimeDescriptorArray" [5302u32];
+    /// `VkPhysicalDeviceShaderClockFeaturesKHR::shaderSubgroupClock`
+    shader_clock "shaderSubgroupClock" [5055u32];
+}
+
+impl Default for Features {
+    fn default() -> Self {
+        Self::ALL
+    }
+}
+
+macro_rules! limits {
+    ($($(#[$doc:meta])* $name:ident $greatest:expr, $least:expr;)*) => {
+        /// Limits of a device.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Limits {
+            $($(#[$doc])* pub $name: u64,)*
+        }
+
+        impl Limits {
+            /// The greatest that this crate runs.
+            pub const GREATEST: Self = Self { $($name: $greatest,)* };
+            /// The least that Vulkan allows (chapter "Limits").
+            pub const LEAST: Self = Self { $($name: $least,)* };
+            /// The names, as scenes write them.
+            pub const NAMES: &'static [&'static str] = &[$(stringify!($name)),*];
+
+            /// Sets a limit by its name in scenes; `false` for a name that nothing has.
+            pub fn set(&mut self, name: &str, limit: u64) -> bool {
+                match name {
+                    $(stringify!($name) => self.$name = limit,)*
+                    _ => return false,
+                }
+                true
+            }
+        }
+    };
+}
+
+limits! {
+    /// `maxRayRecursionDepth`
+    max_ray_recursion_depth u32::MAX as u64, 1;
+    /// `maxRayHitAttributeSize`, in bytes.
+    max_ray_hit_attribute_size u64::MAX, 32;
+    /// `maxShaderGroupStride`, in bytes.
+    max_shader_group_stride u64::MAX, 4096;
+    /// `maxRayDispatchInvocationCount`
+    max_ray_dispatch_invocation_count 1 << 40, 1 << 30;
+    /// `maxGeometryCount`, of one BLAS.
+    max_geometry_count (1 << 24) - 1, (1 << 24) - 1;
+    /// `maxInstanceCount`, of one TLAS.
+    max_instance_count (1 << 24) - 1, (1 << 24) - 1;
+    /// `maxPrimitiveCount`, of one geometry.
+    max_primitive_count (1 << 29) - 1, (1 << 29) - 1;
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self::GREATEST
+    }
+}
+
+/// A device, as far as pipelines and scenes depend on it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeviceProfile {
+    /// What errors call it.
+    pub name: String,
+    /// Its features.
+    pub features: Features,
+    /// Its limits.
+    pub limits: Limits,
+}
+
+impl Default for DeviceProfile {
+    /// Everything that this crate runs.
+    fn default() -> Self {
+        Self { name: "permissive".into(), features: Features::ALL, limits: Limits::GREATEST }
+    }
+}
+
+impl DeviceProfile {
+    /// The names of the presets.
+    pub const PRESETS: &'static [&'static str] =
+        &["permissive", "vulkan_minimum", "nvidia_blackwell", "nvidia_ada", "amd_rdna3"];
+
+    /// A device by name; `None` for a name that nothing has.
+    ///
+    /// * `permissive`: all features, the greatest limits.
+    /// * `vulkan_minimum`: ray-tracing pipelines with the least limits and no optional feature.
+    /// * `nvidia_blackwell`: all features; recursion depth 31, attributes of 32 bytes.
+    /// * `nvidia_ada`: the same without spheres, linear swept spheres and clusters.
+    /// * `amd_rdna3`: recursion depth 1, no hit objects, motion blur, micromaps, clusters, spheres or
+    ///   linear swept spheres.
+    ///
+    /// The devices' values are those that their drivers have reported; a later driver may report
+    /// others.
+    pub fn preset(name: &str) -> Option<Self> {
+        let device = Limits { max_ray_recursion_depth: 31, ..Limits::LEAST };
+        let ada = Features {
+            spheres: false,
+            linear_swept_spheres: false,
+            cluster_acceleration_structure: false,
+            ..Features::ALL
+        };
+        let rdna3 = Features {
+            ray_tracing_invocation_reorder: false,
+            ray_tracing_motion_blur: false,
+            opacity_micromap: false,
+            ..ada
+        };
+        let (features, limits) = match name {
+            "permissive" => (Features::ALL, Limits::GREATEST),
+            "vulkan_minimum" => (Features::NONE, Limits::LEAST),
+            "nvidia_blackwell" => (Features::ALL, device),
+            "nvidia_ada" => (ada, device),
+            "amd_rdna3" => (rdna3, Limits::LEAST),
+            _ => return None,
+        };
+        Some(Self { name: name.to_owned(), features, limits })
+    }
+
+    /// Checks the capabilities that a module declares.
+    ///
+    /// # Errors
+    /// `InvalidModule`, naming capability and feature, for each that the device does not offer.
+    pub fn check_module(&self, module: &Module) -> Result<()> {
+        let lacking = module.capabilities.iter().filter_map(|&capability| {
+            let feature = self.features.lacking(capability)?;
+            let message = format!(
+                "{} needs the feature `{feature}`, which the device `{}` does not have",
+                capability_name(capability),
+                self.name
+            );
+            let error = Error::new(ErrorKind::InvalidModule, message);
+            Some(error.note("VUID-VkShaderModuleCreateInfo-pCode-08740"))
+        });
+        let errors: Vec<Error> = lacking.collect();
+        if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
+    }
+
+    /// Checks the geometries and counts of an acceleration structure.
+    ///
+    /// # Errors
+    /// `InvalidScene` for spheres or linear swept spheres on a device without them, and for counts
+    /// above its limits.
+    pub fn check_structure(&self, tlas: &Tlas) -> Result<()> {
+        let invalid = |message: String| Error::new(ErrorKind::InvalidScene, message);
+        let mut errors = Vec::new();
+        let mut count = |what: String, count: usize, limit: u64, name: &str| {
+            if count as u64 > limit {
+                errors.push(invalid(format!("{what}: {limit} is the most on `{}` ({name})", self.name)));
+            }
+        };
+        let instances = tlas.instances();
+        let number = instances.len();
+        count(format!("{number} instances"), number, self.limits.max_instance_count, "maxInstanceCount");
+        for (at, instance) in instances.iter().enumerate() {
+            let geometries = instance.blas.geometries();
+            let (number, limits) = (geometries.len(), &self.limits);
+            let what = format!("instance {at}: {number} geometries");
+            count(what, number, limits.max_geometry_count, "maxGeometryCount");
+            for (index, geometry) in geometries.iter().enumerate() {
+                let number = geometry.data.primitive_count();
+                let what = format!("instance {at}, geometry {index}: {number} primitives");
+                count(what, number, limits.max_primitive_count, "maxPrimitiveCount");
+            }
+        }
+        for (kind, on, feature, vuid) in [
+            (
+                GeometryKind::Spheres,
+                self.features.spheres,
+                "spheres",
+                "VUID-VkAccelerationStructureGeometrySpheresDataNV-None-10429",
+            ),
+            (
+                GeometryKind::LinearSweptSpheres,
+                self.features.linear_swept_spheres,
+                "linearSweptSpheres",
+                "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-None-10419",
+            ),
+        ] {
+            let first = instances.iter().position(|instance| instance.blas.kind() == Some(kind));
+            if let Some(at) = first.filter(|_| !on) {
+                let message = format!(
+                    "instance {at} holds {kind}: they need the feature `{feature}`, \
+                     which the device `{}` does not have",
+                    self.name
+                );
+                errors.push(invalid(message).note(vuid));
+            }
+        }
+        if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
+    }
+
+    /// Checks the size of the hit attributes that a shader declares, in bytes.
+    pub(super) fn check_attributes(&self, shader: &str, size: u64) -> Result<()> {
+        let limit = self.limits.max_ray_hit_attribute_size;
+        if size <= limit {
+            return Ok(());
+        }
+        let message =
+            format!("`{shader}` has hit attributes of {size} bytes: {limit} is the most on `{}`", self.name);
+        Err(Error::new(ErrorKind::InvalidModule, message).note("maxRayHitAttributeSize"))
+    }
+
+    /// Checks the data behind a record's handle, in bytes.
+    pub(super) fn check_record(&self, table: &str, at: usize, size: u64) -> Result<()> {
+        let (stride, limit) = (HANDLE_SIZE + size, self.limits.max_shader_group_stride);
+        if stride <= limit {
+            return Ok(());
+        }
+        let message =
+            format!("{table} record {at} takes {stride} bytes: {limit} is the most on `{}`", self.name);
+        Err(Error::new(ErrorKind::InvalidScene, message).note("maxShaderGroupStride"))
+    }
+
+    /// Checks `maxPipelineRayRecursionDepth` and the flags of a pipeline.
+    pub(super) fn check_pipeline(&self, recursion: u32, flags: PipelineFlags) -> Result<()> {
+        let invalid = |message: String| Error::new(ErrorKind::InvalidScene, message);
+        let limit = self.limits.max_ray_recursion_depth;
+        if u64::from(recursion) > limit {
+            let message = format!("a recursion depth of {recursion}: {limit} is the most on `{}`", self.name);
+            let rule = "VUID-VkRayTracingPipelineCreateInfoKHR-maxPipelineRayRecursionDepth-03589";
+            return Err(invalid(message).note(rule));
+        }
+        if flags.skip_triangles && flags.skip_aabbs {
+            return Err(invalid("a pipeline skips triangles and boxes, and so everything".into())
+                .note("VUID-VkRayTracingPipelineCreateInfoKHR-flags-06546"));
+        }
+        if (flags.skip_triangles || flags.skip_aabbs) && !self.features.ray_traversal_primitive_culling {
+            let message = format!(
+                "the pipeline's flags need the feature `rayTraversalPrimitiveCulling`, \
+                 which the device `{}` does not have",
+                self.name
+            );
+            let rule = "VUID-VkRayTracingPipelineCreateInfoKHR-rayTraversalPrimitiveCulling-03596 and 03597";
+            return Err(invalid(message).note(rule));
+        }
+        Ok(())
+    }
+}
+
+/// `VkPipelineCreateFlags2` that change what rays meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PipelineFlags {
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR`, alias
+    /// `..._SKIP_BUILT_IN_PRIMITIVES_BIT_KHR`: no ray meets triangles, spheres or linear swept spheres.
+    pub skip_triangles: bool,
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_SKIP_AABBS_BIT_KHR`: no ray meets boxes.
+    pub skip_aabbs: bool,
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES_BIT_NV`. Vulkan asks for
+    /// it; on by default, so that only a test which takes it away meets the difference.
+    pub allow_spheres_and_linear_swept_spheres: bool,
+}
+
+impl Default for PipelineFlags {
+    fn default() -> Self {
+        Self { skip_triangles: false, skip_aabbs: false, allow_spheres_and_linear_swept_spheres: true }
+    }
+}
+
+impl PipelineFlags {
+    /// The ray flags that every ray of the pipeline has besides its own. No shader sees them.
+    pub(super) fn ray_flags(self) -> u32 {
+        let skip_triangles = if self.skip_triangles { 0x100 } else { 0 };
+        skip_triangles | if self.skip_aabbs { 0x200 } else { 0 }
+    }
+
+    /// Checks that what a pipeline will meet is allowed.
+    ///
+    /// # Errors
+    /// `InvalidScene` where a structure holds spheres or linear swept spheres and the pipeline does not
+    /// allow them.
+    pub fn check_structure(self, tlas: &Tlas) -> Result<()> {
+        let swept = |kind| matches!(kind, GeometryKind::Spheres | GeometryKind::LinearSweptSpheres);
+        let kinds = tlas.instances().iter().filter_map(|instance| instance.blas.kind());
+        match kinds.enumerate().find(|(_, kind)| swept(*kind)) {
+            Some((at, kind)) if !self.allow_spheres_and_linear_swept_spheres => {
+                let message = format!("instance {at} holds {kind}, which the pipeline does not allow");
+                let flag = "VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES_BIT_NV is missing";
+                Err(Error::new(ErrorKind::InvalidScene, message).note(flag))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn features_and_limits_are_switched_by_name() {
+        let mut features = Features::ALL;
+        for name in Features::NAMES {
+            assert!(features.set(name, false), "{name}");
+        }
+        assert_eq!(features, Features::NONE);
+        assert!(!features.set("rayQuery", true), "scenes write ray_query");
+        let mut limits = Limits::GREATEST;
+        assert!(limits.set("max_ray_recursion_depth", 3) && limits.max_ray_recursion_depth == 3);
+        assert!(!limits.set("depth", 1));
+    }
+
+    #[test]
+    fn presets_exist_and_the_default_refuses_nothing() {
+        for name in DeviceProfile::PRESETS {
+            assert_eq!(DeviceProfile::preset(name).unwrap().name, *name);
+        }
+        assert!(DeviceProfile::preset("voodoo").is_none());
+        let default = DeviceProfile::default();
+        assert_eq!(default, DeviceProfile::preset("permissive").unwrap());
+        assert!(default.check_pipeline(31, PipelineFlags::default()).is_ok());
+        assert!((0..=u16::MAX).all(|capability| default.features.lacking(capability.into()).is_none()));
+    }
+
+    #[test]
+    fn pipelines_are_held_against_the_device() {
+        let least = DeviceProfile::preset("vulkan_minimum").unwrap();
+        let none = PipelineFlags::default();
+        let rule = |result: Result<()>| result.unwrap_err().notes()[0].clone();
+        assert!(least.check_pipeline(1, none).is_ok());
+        assert!(rule(least.check_pipeline(2, none)).ends_with("maxPipelineRayRecursionDepth-03589"));
+        let skips = PipelineFlags { skip_aabbs: true, ..none };
+        assert!(rule(least.check_pipeline(1, skips)).contains("rayTraversalPrimitiveCulling"));
+        let both = PipelineFlags { skip_triangles: true, ..skips };
+        assert!(rule(DeviceProfile::default().check_pipeline(1, both)).ends_with("flags-06546"));
+        assert_eq!(rule(least.check_attributes("a", 33)), "maxRayHitAttributeSize");
+        assert!(least.check_attributes("a", 32).is_ok());
+        assert_eq!(rule(least.check_record("hit", 0, 4096 - 31)), "maxShaderGroupStride");
+        assert!(least.check_record("hit", 0, 4096 - 32).is_ok());
+        assert_eq!((none.ray_flags(), skips.ray_flags()), (0, 0x200));
+    }
+}

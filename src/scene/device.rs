@@ -1,0 +1,82 @@
+//! `[device]` and the flags of `[pipeline]`: what a scene's device offers.
+
+use crate::pipeline::{DeviceProfile, Features, Limits, PipelineFlags};
+use crate::scene::read::{Named, OneOrMore, Parse, Table, Value};
+
+/// The name of a preset.
+#[derive(Clone, Copy)]
+pub(crate) struct Preset(&'static str);
+
+impl Named for Preset {
+    const WHAT: &'static str = "device";
+    const NAMES: &'static [(&'static str, Self)] = &[
+        ("permissive", Self("permissive")),
+        ("vulkan_minimum", Self("vulkan_minimum")),
+        ("nvidia_blackwell", Self("nvidia_blackwell")),
+        ("nvidia_ada", Self("nvidia_ada")),
+        ("amd_rdna3", Self("amd_rdna3")),
+    ];
+}
+
+impl Parse for DeviceProfile {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let preset = table.optional::<Preset>("preset");
+        let mut device = preset.and_then(|preset| Self::preset(preset.0)).unwrap_or_else(Self::default);
+        if let Some(features) = table.value("features").and_then(Table::new) {
+            for &name in Features::NAMES {
+                if let Some(on) = features.optional(name) {
+                    device.features.set(name, on);
+                }
+            }
+            features.finish();
+        }
+        if let Some(limits) = table.value("limits").and_then(Table::new) {
+            for &name in Limits::NAMES {
+                if let Some(limit) = limits.optional(name) {
+                    device.limits.set(name, limit);
+                }
+            }
+            limits.finish();
+        }
+        table.finish();
+        Some(device)
+    }
+}
+
+#[derive(Clone, Copy)]
+pub(crate) enum PipelineFlag {
+    SkipTriangles,
+    SkipAabbs,
+    AllowSpheresAndLinearSweptSpheres,
+}
+
+/// `VkPipelineCreateFlagBits2`
+impl Named for PipelineFlag {
+    const WHAT: &'static str = "flag of a pipeline";
+    const NAMES: &'static [(&'static str, Self)] = &[
+        ("skip_triangles", Self::SkipTriangles),
+        ("skip_built_in_primitives", Self::SkipTriangles),
+        ("skip_aabbs", Self::SkipAabbs),
+        ("allow_spheres_and_linear_swept_spheres", Self::AllowSpheresAndLinearSweptSpheres),
+    ];
+}
+
+/// A list means these flags and no other; no list means the default ones.
+pub(super) fn flags(table: &Table<'_>) -> PipelineFlags {
+    let Some(OneOrMore(list)) = table.optional::<OneOrMore<PipelineFlag>>("flags") else {
+        return PipelineFlags::default();
+    };
+    let mut flags =
+        PipelineFlags { allow_spheres_and_linear_swept_spheres: false, ..PipelineFlags::default() };
+    for flag in list {
+        match flag {
+            PipelineFlag::SkipTriangles => flags.skip_triangles = true,
+            PipelineFlag::SkipAabbs => flags.skip_aabbs = true,
+            PipelineFlag::AllowSpheresAndLinearSweptSpheres => {
+                flags.allow_spheres_and_linear_swept_spheres = true;
+            }
+        }
+    }
+    flags
+}

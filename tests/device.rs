@@ -1,0 +1,100 @@
+//! Device profiles and pipeline flags, from scene files to what is refused.
+
+use std::path::Path;
+
+use anyhit::error::Error;
+use anyhit::scene::{DiskFiles, Options, assemble, load_text};
+
+/// A ball and a capsule seen by the probe of `shaders/pass/conformance`, with more lines.
+fn scene(before: &str, pipeline: &str) -> String {
+    format!(
+        "version = 1\nlaunch = [1]\n{before}\n[shaders]\nraygen = 'probe/main.rgen.spv'\nmiss = 'probe/main.rmiss.spv'\n\
+         swept = 'probe/swept.rchit.spv'\n[pipeline]\nraygen = 'raygen'\nmiss = 'miss'\nhit = [{{ closest_hit = 'swept' }}]\n{pipeline}\n\
+         [geometry.ball]\ntype = 'spheres'\npositions = [[0, 0, 0]]\nradii = 1\n[[instance]]\ngeometry = 'ball'\n\
+         [geometry.capsule]\ntype = 'lss'\npositions = [[0, 0, 0], [1, 0, 0]]\nradii = 1\n[[instance]]\ngeometry = 'capsule'\n"
+    )
+}
+
+/// Everything that is wrong with it, as one text.
+fn refused(before: &str, pipeline: &str) -> Option<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass/conformance/scene.toml");
+    let text = scene(before, pipeline);
+    let found = load_text(&root, &text, &DiskFiles, &Options::default()).and_then(|scene| assemble(&scene));
+    let render =
+        |error: Error| error.render() + &error.others().iter().map(Error::render).collect::<String>();
+    found.err().map(render)
+}
+
+fn device(features: &str, limits: &str) -> String {
+    format!("[device]\nfeatures = {{ {features} }}\nlimits = {{ {limits} }}")
+}
+
+#[test]
+fn the_default_device_and_pipeline_refuse_nothing() {
+    assert_eq!(refused("", ""), None);
+    assert_eq!(refused("[device]\npreset = 'nvidia_blackwell'", ""), None);
+}
+
+#[test]
+fn a_feature_that_is_off_is_named() {
+    for (features, limits, pipeline, wanted) in [
+        ("spheres = false", "", "", &["holds spheres", "`spheres`", "None-10429"][..]),
+        ("linear_swept_spheres = false", "", "", &["holds linear swept spheres", "None-10419"]),
+        (
+            "spheres = false",
+            "",
+            "",
+            &["RayTracingSpheresGeometryNV needs the feature `spheres`", "pCode-08740"],
+        ),
+        ("ray_tracing_maintenance1 = false", "", "", &["RayCullMaskKHR", "`rayTracingMaintenance1`"]),
+        (
+            "ray_traversal_primitive_culling = false",
+            "",
+            "flags = ['skip_aabbs', 'allow_spheres_and_linear_swept_spheres']",
+            &["`rayTraversalPrimitiveCulling`", "03596"],
+        ),
+        ("", "max_ray_recursion_depth = 1", "max_recursion_depth = 2", &["recursion depth of 2", "03589"]),
+        ("", "max_instance_count = 1", "", &["2 instances: 1 is the most", "maxInstanceCount"]),
+        ("", "max_primitive_count = 0", "", &["1 primitives: 0 is the most", "maxPrimitiveCount"]),
+        (
+            "",
+            "",
+            "flags = []",
+            &["which the pipeline does not allow", "ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES"],
+        ),
+        ("", "", "flags = ['skip_aabbs', 'skip_triangles']", &["flags-06546"]),
+    ] {
+        let found = refused(&device(features, limits), pipeline).unwrap_or_default();
+        for words in wanted {
+            assert!(found.contains(words), "{features} {limits} {pipeline}: no `{words}` in:\n{found}");
+        }
+    }
+}
+
+#[test]
+fn mistakes_in_the_table_have_their_place() {
+    for (before, wanted) in [
+        ("[device]\npreset = 'vulkan_minmum'", "did you mean `vulkan_minimum`?"),
+        ("[device]\nfeatures = { sphers = false }", "did you mean `spheres`?"),
+        ("[device]\nlimits = { max_ray_recursion = 1 }", "did you mean `max_ray_recursion_depth`?"),
+        ("[device]\nfeatures = { spheres = 1 }", "expected true or false"),
+    ] {
+        let found = refused(before, "").unwrap_or_default();
+        assert!(found.contains(wanted) && found.contains("scene.toml:4:"), "{before}: {found}");
+    }
+    let found = refused("", "flags = ['skip_aabb']").unwrap_or_default();
+    assert!(found.contains("did you mean `skip_aabbs`?"), "{found}");
+}
+
+/// Recursion: without a depth of its own a pipeline takes what the device has.
+#[test]
+fn presets_limit_what_a_pipeline_takes_by_itself() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass/conformance/scene.toml");
+    let depth = |before: &str| {
+        let text = scene(before, "");
+        let scene = load_text(&root, &text, &DiskFiles, &Options::default()).expect("a scene");
+        assemble(&scene).expect("a pipeline").pipeline.max_recursion
+    };
+    assert_eq!(depth(""), 31);
+    assert_eq!(depth("[device]\nlimits = { max_ray_recursion_depth = 3 }"), 3);
+}
