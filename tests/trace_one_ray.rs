@@ -82,6 +82,39 @@ fn renderings() {
     renders("any-hit", &[&scene("any-hit")]);
     renders("capsule-side", &[&scene("capsule")]);
     renders("box", &[&scene("box")]);
+    renders("ray-query-box", &[&scene("ray-query"), "--pixel", "1,1"]);
+    renders("ray-query-opaque", &[&scene("ray-query"), "--pixel", "3,0"]);
+    renders("hit-object", &[&scene("hit-object"), "--pixel", "0,0"]);
+}
+
+#[test]
+fn a_ray_query_tells_what_was_shown_and_decided() {
+    // From z = 4 to the box at z = 0; the shader generates 4.5 in it.
+    let query = told("ray-query", &["--pixel", "1,1"])["root"]["steps"][0].clone();
+    assert_eq!(query["kind"], "ray_query");
+    let candidate = &query["candidates"][0];
+    assert_eq!(
+        (&candidate["is_box"], &candidate["opaque"], &candidate["t"], &candidate["generated"]),
+        (&json!(true), &json!(false), &json!(4.0), &json!([4.5]))
+    );
+    assert_eq!((&query["hit"]["t"], &query["end"]), (&json!(4.5), &json!("complete")));
+    let mut tested = query["instances"][0]["tested"].as_array().expect("a list").iter();
+    assert!(tested.any(|one| one["geometry"] == 1 && one["verdict"] == "candidate"));
+    // The triangle at z = -1 is passed over, the opaque one is not shown.
+    let passed = told("ray-query", &["--pixel", "2,0"])["root"]["steps"][0].clone();
+    assert_eq!(passed["candidates"][0]["confirmed"], false);
+    assert_eq!(passed["hit"], Value::Null);
+    let unseen = told("ray-query", &["--pixel", "3,0"])["root"]["steps"][0].clone();
+    assert_eq!((&unseen["candidates"], &unseen["hit"]["t"]), (&json!([]), &json!(5.0)));
+}
+
+#[test]
+fn a_hit_object_is_traced_and_then_executed() {
+    let steps = told("hit-object", &["--pixel", "2,0"])["root"]["steps"].clone();
+    assert_eq!((&steps[0]["kind"], &steps[0]["shader"]), (&json!("trace"), &Value::Null));
+    assert!(steps[0]["no_shader"].as_str().is_some_and(|why| why.contains("hit object")));
+    // Nothing is at x = 4: the miss shader of record 1 runs when the object is executed.
+    assert_eq!((&steps[1]["kind"], &steps[1]["shader"]["stage"]), (&json!("shader"), &json!("MissKHR")));
 }
 
 #[test]
@@ -107,7 +140,8 @@ fn a_sphere_is_hit_where_algebra_says() {
     assert_eq!(member(&shader["payload_after"], "hits"), 1);
     assert_eq!(member(&ray["payload_after"], "normal"), &json!([0.0, 0.0, 1.0]));
     assert_eq!(member(&ray["payload_after"], "t"), 3.0);
-    assert_eq!(story["counts"], json!({ "rays": 1, "shaders": { "ClosestHitKHR": 1 } }));
+    let counts = json!({ "rays": 1, "ray_queries": 0, "shaders": { "ClosestHitKHR": 1 } });
+    assert_eq!(story["counts"], counts);
 }
 
 #[test]

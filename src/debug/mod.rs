@@ -10,6 +10,7 @@ mod layout;
 mod memory;
 pub mod names;
 mod page;
+mod query_reader;
 pub mod reader;
 pub mod render;
 pub mod session;

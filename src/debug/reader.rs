@@ -5,12 +5,13 @@ use std::sync::Arc;
 use std::vec::IntoIter;
 
 use crate::accel::{
-    self, Candidate, Committed, InstanceVerdict as Seen, PrimitiveVerdict as Tested, Tlas, TraceRay,
+    self, Candidate, Committed, InstanceVerdict as Seen, Place, PrimitiveVerdict as Tested, Tlas, TraceRay,
 };
 use crate::debug::names::{self, Names};
+use crate::debug::query_reader::Queries;
 use crate::debug::story::{
     Arithmetic, Decision, Ending, Hit, How, Instance, InstanceVerdict, NamedValue, Primitive,
-    PrimitiveVerdict, RecordChoice, ShaderRun, Step, Trace,
+    PrimitiveVerdict, RecordChoice, ShaderRun, SourceLine, Step, Trace, Traversal,
 };
 use crate::debug::values::{Content, Float, Value};
 use crate::geometry::{Intersection, Surface};
@@ -37,16 +38,22 @@ impl<'a> Reader<'a> {
 
     /// What the events begin with: a shader or a ray. `None` where there are none.
     pub fn root(&mut self) -> Option<Step> {
-        self.steps().into_iter().next()
+        self.steps(None).into_iter().next()
     }
 
     /// What stands before the end of the shader that is being read.
-    fn steps(&mut self) -> Vec<Step> {
+    fn steps(&mut self, program: Option<&'a Program>) -> Vec<Step> {
         let mut steps = Vec::new();
+        let mut queries = Queries::new(program);
         loop {
             match self.events.peek() {
                 Some(Event::Enter { .. }) => steps.extend(self.shader().map(Box::new).map(Step::Shader)),
                 Some(Event::Trace { .. }) => steps.extend(self.trace().map(Box::new).map(Step::Trace)),
+                Some(Event::RayQuery(_)) => {
+                    if let Some(Event::RayQuery(event)) = self.events.next() {
+                        queries.take(event, &mut steps, self);
+                    }
+                }
                 Some(&Event::Report { t, hit_kind, accepted }) => {
                     self.events.next();
                     steps.push(Step::Report { t: Float::F32(t), hit_kind: hit_kind.0, accepted });
@@ -67,7 +74,7 @@ impl<'a> Reader<'a> {
             .map(|rows| rows.ty);
         let attribute = program.interface_rows(storage::HIT_ATTRIBUTE).map(|rows| rows.ty);
         let of = |ty: Option<TypeId>, words: &[u32]| Some(Value::of_type(&program.module, ty?, words));
-        let steps = self.steps();
+        let steps = self.steps(Some(program));
         let (exit, after) = match self.events.next() {
             Some(Event::Leave { exit, payload, .. }) => (exit, payload),
             _ => (Exit::Returned, payload.clone()),
@@ -97,26 +104,14 @@ impl<'a> Reader<'a> {
         let called_at = caller.and_then(|caller| {
             names::source_line(&self.pipeline.programs[caller.shader.0 as usize], caller.op)
         });
-        let ray = operands.ray;
-        let length = ray.direction.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
         let mut trace = Trace {
             depth,
-            structure: self.names.structure(&tlas).map(|(_, name)| name.to_owned()),
-            called_at,
-            origin: ray.origin.map(Float::F32),
-            direction: ray.direction.map(Float::F32),
-            direction_length: Float::F32(length as f32),
-            t_min: Float::F32(ray.t_min),
-            t_max: Float::F32(ray.t_max),
-            flags: names::flags(operands.flags.0),
-            cull_mask: operands.cull_mask,
+            traversal: self.traversal(called_at, &tlas, &operands),
             sbt_offset: sbt[0],
             sbt_stride: sbt[1],
             miss_index: sbt[2],
             payload_before: None,
             payload_after: None,
-            nodes: 0,
-            instances: self.instances(&tlas),
             decisions: Vec::new(),
             hit: None,
             record: None,
@@ -128,15 +123,9 @@ impl<'a> Reader<'a> {
         let mut ran = None;
         while let Some(event) = self.events.next() {
             match event {
-                Event::Node(None) => trace.nodes += 1,
-                Event::Node(Some(instance)) => trace.instances[instance as usize].nodes += 1,
-                Event::Instance(instance, verdict) => {
-                    trace.instances[instance as usize].verdict = instance_verdict(verdict);
-                }
-                Event::Primitive(place, verdict) => {
-                    let tested = primitive(place, verdict, &mut known);
-                    trace.instances[place.instance as usize].tested.push(tested);
-                }
+                Event::Node(instance) => trace.traversal.open(instance),
+                Event::Instance(instance, verdict) => trace.traversal.reach(instance, verdict),
+                Event::Primitive(place, verdict) => trace.traversal.test(place, verdict, &mut known),
                 Event::Candidate { candidate, record, shader, .. } => {
                     let shader = shader.and_then(|_| self.entered());
                     if let Some(t) = confirmed(&candidate, shader.as_ref()) {
@@ -213,6 +202,30 @@ impl<'a> Reader<'a> {
         .map(|(program, rows)| (program, rows.ty))
     }
 
+    /// A ray before its way.
+    pub(super) fn traversal(
+        &self,
+        called_at: Option<SourceLine>,
+        tlas: &Arc<Tlas>,
+        operands: &TraceRay,
+    ) -> Traversal {
+        let ray = operands.ray;
+        let length = ray.direction.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
+        Traversal {
+            structure: self.names.structure(tlas).map(|(_, name)| name.to_owned()),
+            called_at,
+            origin: ray.origin.map(Float::F32),
+            direction: ray.direction.map(Float::F32),
+            direction_length: Float::F32(length as f32),
+            t_min: Float::F32(ray.t_min),
+            t_max: Float::F32(ray.t_max),
+            flags: names::flags(operands.flags.0),
+            cull_mask: operands.cull_mask,
+            nodes: 0,
+            instances: self.instances(tlas),
+        }
+    }
+
     fn instances(&self, tlas: &Arc<Tlas>) -> Vec<Instance> {
         let one = |(number, instance): (usize, &accel::Instance)| Instance {
             instance: number as u32,
@@ -277,13 +290,13 @@ impl<'a> Reader<'a> {
         if record.group.is_none() {
             return "the record is a null handle".into();
         }
-        if trace.hit.is_some() && trace.flags.bits & SKIP_CLOSEST_HIT != 0 {
+        if trace.hit.is_some() && trace.traversal.flags.bits & SKIP_CLOSEST_HIT != 0 {
             return "the ray's flag SkipClosestHitShaderKHR".into();
         }
         "the group has no closest-hit shader".into()
     }
 
-    fn hit(&self, tlas: &Arc<Tlas>, operands: &TraceRay, committed: &Committed) -> Hit {
+    pub(super) fn hit(&self, tlas: &Arc<Tlas>, operands: &TraceRay, committed: &Committed) -> Hit {
         let Committed { candidate, t, hit_kind } = *committed;
         let instance = &tlas.instances()[candidate.instance as usize];
         let ray = operands.ray;
@@ -315,6 +328,27 @@ impl<'a> Reader<'a> {
             object_ray_direction: direction.map(Float::F32),
             data: data.map_or_else(Vec::new, numbers),
         }
+    }
+}
+
+impl Traversal {
+    /// A node was opened.
+    pub(super) fn open(&mut self, instance: Option<u32>) {
+        match instance {
+            None => self.nodes += 1,
+            Some(instance) => self.instances[instance as usize].nodes += 1,
+        }
+    }
+
+    /// An instance was reached.
+    pub(super) fn reach(&mut self, instance: u32, verdict: Seen) {
+        self.instances[instance as usize].verdict = instance_verdict(verdict);
+    }
+
+    /// A primitive was tested; `known` is the t of the closest hit known so far.
+    pub(super) fn test(&mut self, place: Place, verdict: Tested, known: &mut Option<f32>) {
+        let tested = primitive(place, verdict, known);
+        self.instances[place.instance as usize].tested.push(tested);
     }
 }
 
@@ -354,7 +388,7 @@ fn instance_verdict(verdict: Seen) -> InstanceVerdict {
     }
 }
 
-fn primitive(place: accel::Place, verdict: Tested, known: &mut Option<f32>) -> Primitive {
+fn primitive(place: Place, verdict: Tested, known: &mut Option<f32>) -> Primitive {
     let (verdict, found) = match verdict {
         Tested::Missed => (PrimitiveVerdict::Missed, None),
         Tested::OutsideInterval(found) => (PrimitiveVerdict::OutsideInterval, Some(found)),

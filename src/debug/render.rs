@@ -1,11 +1,13 @@
 //! A story as text for people.
 
+mod query;
+
 use std::collections::BTreeMap;
 
 use crate::debug::page::{Ink, Page, grouped};
 use crate::debug::story::{
     Decision, Hit, How, Instance, InstanceVerdict, NamedValue, Primitive, PrimitiveVerdict, RecordChoice,
-    ShaderLabel, ShaderRun, SourceLine, Step, Story, Target, Trace, Write,
+    ShaderLabel, ShaderRun, SourceLine, Step, Story, Target, Trace, Traversal, Write,
 };
 use crate::debug::values::{Content, Float, Value};
 
@@ -49,6 +51,14 @@ struct Writer {
     all: bool,
 }
 
+/// A ray's way with what came of it.
+struct Way<'a> {
+    traversal: &'a Traversal,
+    hit: Option<&'a Hit>,
+    /// Instance, geometry and primitive of the candidates that were shown.
+    shown: Vec<[u32; 3]>,
+}
+
 impl Writer {
     fn story(&mut self, story: &Story) {
         let mut title = vec![story.scene.clone()];
@@ -79,6 +89,7 @@ impl Writer {
     fn step(&mut self, step: &Step) {
         match step {
             Step::Trace(trace) => self.trace(trace),
+            Step::RayQuery(query) => self.query(query),
             Step::Shader(run) => self.shader(run),
             Step::Report { t, hit_kind, accepted } => {
                 let answer = if *accepted {
@@ -96,7 +107,7 @@ impl Writer {
 
     fn trace(&mut self, trace: &Trace) {
         let head = self.page.ink(Ink::Head, format_args!("ray at depth {}", trace.depth));
-        self.page.line(format_args!("{head}{}", called_at(trace.called_at.as_ref(), "traced")));
+        self.page.line(format_args!("{head}{}", called_at(trace.traversal.called_at.as_ref(), "traced")));
         self.page.nested("│ ", |page| {
             let mut inner = Writer { page: std::mem::replace(page, Page::new(false)), all: self.all };
             inner.trace_body(trace);
@@ -105,26 +116,13 @@ impl Writer {
     }
 
     fn trace_body(&mut self, trace: &Trace) {
-        let mut rows: Vec<(String, String)> = [
-            ("origin", vector(&trace.origin)),
-            ("direction", format!("{}, length {}", vector(&trace.direction), trace.direction_length)),
-            ("interval", format!("t from {} to {}", trace.t_min, trace.t_max)),
-            (
-                "flags",
-                match &trace.flags.names[..] {
-                    [] => "none".to_owned(),
-                    names => format!("{} ({:#x})", names.join(" | "), trace.flags.bits),
-                },
-            ),
-            ("cull mask", format!("{:#04x}", trace.cull_mask)),
-        ]
-        .map(|(label, text)| (label.to_owned(), text))
-        .into();
-        rows.extend(trace.structure.iter().map(|name| ("structure".to_owned(), format!("`{name}`"))));
+        let mut rows = ray(&trace.traversal);
         rows.extend(trace.payload_before.iter().flat_map(|value| spread("payload", value)));
         self.page.rows(rows);
         self.page.gap();
-        self.instances(trace);
+        let shown = trace.decisions.iter().map(|one| [one.instance, one.geometry, one.primitive]);
+        let way = Way { traversal: &trace.traversal, hit: trace.hit.as_ref(), shown: shown.collect() };
+        self.instances(&way);
         for decision in &trace.decisions {
             self.page.gap();
             self.decision(decision);
@@ -136,7 +134,10 @@ impl Writer {
                 self.page.line(text);
                 return;
             }
-            (Some(hit), Some(record)) => self.hit(hit, record, trace.shader.as_deref()),
+            (Some(hit), Some(record)) => {
+                self.hit(hit);
+                self.record(record, trace.shader.as_deref());
+            }
             (None, Some(record)) => {
                 let head = self.page.ink(Ink::Head, "miss");
                 self.page.line(head);
@@ -157,22 +158,23 @@ impl Writer {
         }
     }
 
-    fn instances(&mut self, trace: &Trace) {
-        if trace.nodes > 0 {
-            let nodes = counted(trace.nodes, "node");
+    fn instances(&mut self, way: &Way<'_>) {
+        let Traversal { nodes, instances, .. } = way.traversal;
+        if *nodes > 0 {
+            let nodes = counted(*nodes, "node");
             self.page.line(format_args!("{nodes} of the tree over the instances opened"));
         }
         // The interesting ones first where not all are shown: those that have something to tell.
-        let mut shown: Vec<&Instance> = trace.instances.iter().collect();
+        let mut shown: Vec<&Instance> = instances.iter().collect();
         if !self.all && shown.len() > INSTANCES {
             shown.retain(|one| one.verdict == InstanceVerdict::Entered);
             shown.truncate(INSTANCES);
         }
         for instance in &shown {
-            self.instance(instance, trace);
+            self.instance(instance, way);
         }
         let mut rest: BTreeMap<&'static str, u64> = BTreeMap::new();
-        for instance in &trace.instances {
+        for instance in instances {
             if !shown.iter().any(|one| one.instance == instance.instance) {
                 *rest.entry(instance_word(instance.verdict)).or_default() += 1;
             }
@@ -184,7 +186,7 @@ impl Writer {
         }
     }
 
-    fn instance(&mut self, instance: &Instance, trace: &Trace) {
+    fn instance(&mut self, instance: &Instance, way: &Way<'_>) {
         let names = match &instance.geometry[..] {
             [] => String::new(),
             names => format!(" `{}`", names.join("`, `")),
@@ -215,13 +217,14 @@ impl Writer {
             ),
         };
         let head = format!("instance {}{names}: {of}", instance.instance);
-        self.page.line(format_args!("{head}; mask {}: {verdict}", masks(instance.mask, trace.cull_mask)));
+        self.page
+            .line(format_args!("{head}; mask {}: {verdict}", masks(instance.mask, way.traversal.cull_mask)));
         if instance.verdict == InstanceVerdict::Entered {
-            self.tested(instance, trace);
+            self.tested(instance, way);
         }
     }
 
-    fn tested(&mut self, instance: &Instance, trace: &Trace) {
+    fn tested(&mut self, instance: &Instance, way: &Way<'_>) {
         let tested = &instance.tested;
         let mut counts: BTreeMap<PrimitiveVerdict, u64> = BTreeMap::new();
         for one in tested {
@@ -241,10 +244,9 @@ impl Writer {
         let left = if self.all { 0 } else { shown.len().saturating_sub(NEAREST) };
         shown.truncate(shown.len() - left);
         for one in shown {
-            let place = (instance.instance, one.geometry, one.primitive);
-            let hit = trace.hit.as_ref().map(|hit| (hit.instance, hit.geometry, hit.primitive));
-            let mut decisions = trace.decisions.iter();
-            let is_decided = decisions.any(|one| (one.instance, one.geometry, one.primitive) == place);
+            let place = [instance.instance, one.geometry, one.primitive];
+            let hit = way.hit.map(|hit| [hit.instance, hit.geometry, hit.primitive]);
+            let is_decided = way.shown.contains(&place);
             self.primitive(one, hit == Some(place), is_decided);
         }
         if left > 0 {
@@ -299,7 +301,7 @@ impl Writer {
         }
     }
 
-    fn hit(&mut self, hit: &Hit, record: &RecordChoice, run: Option<&ShaderRun>) {
+    fn hit(&mut self, hit: &Hit) {
         let head = self.page.ink(Ink::Head, "hit");
         let name = hit.geometry_name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
         self.page.line(format_args!(
@@ -323,7 +325,6 @@ impl Writer {
         ));
         rows.extend(hit.data.iter().map(|one| (one.name, one.value.to_string())));
         self.page.nested("  ", |page| page.rows(rows));
-        self.record(record, run);
     }
 
     fn record(&mut self, record: &RecordChoice, run: Option<&ShaderRun>) {
@@ -415,8 +416,13 @@ impl Writer {
         let shaders: Vec<String> =
             story.counts.shaders.iter().map(|(stage, count)| format!("{count} {stage}")).collect();
         self.page.line(format_args!(
-            "  {} traced, shaders run: {}",
+            "  {} traced,{} shaders run: {}",
             counted(story.counts.rays, "ray"),
+            match story.counts.ray_queries {
+                0 => String::new(),
+                1 => " 1 ray query,".to_owned(),
+                count => format!(" {} ray queries,", grouped(count)),
+            },
             if shaders.is_empty() { "none".to_owned() } else { shaders.join(", ") }
         ));
         if let Some(trap) = &story.trap {
@@ -450,6 +456,23 @@ impl Writer {
             *page = inner.page;
         });
     }
+}
+
+/// The operands of a ray.
+fn ray(ray: &Traversal) -> Vec<(String, String)> {
+    let flags = match &ray.flags.names[..] {
+        [] => "none".to_owned(),
+        names => format!("{} ({:#x})", names.join(" | "), ray.flags.bits),
+    };
+    let rows = [
+        ("origin", vector(&ray.origin)),
+        ("direction", format!("{}, length {}", vector(&ray.direction), ray.direction_length)),
+        ("interval", format!("t from {} to {}", ray.t_min, ray.t_max)),
+        ("flags", flags),
+        ("cull mask", format!("{:#04x}", ray.cull_mask)),
+    ];
+    let structure = ray.structure.iter().map(|name| ("structure", format!("`{name}`")));
+    rows.into_iter().chain(structure).map(|(label, text)| (label.to_owned(), text)).collect()
 }
 
 /// ` traced at a.rgen:19: the line's text`

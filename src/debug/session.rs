@@ -9,6 +9,7 @@ use crate::debug::reader::Reader;
 use crate::debug::story::{Counts, LaunchIndex, Story, TrapReport, VERSION};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
+use crate::machine::{RayQueryEvent, RayQueryStep};
 use crate::ops::pointer::storage;
 use crate::pipeline::{Event, RayOperands, Stats};
 use crate::scene::file::{GivenRay, RayEntry};
@@ -229,6 +230,9 @@ fn counted(events: &[Event]) -> Stats {
     for event in events {
         match event {
             Event::Trace { .. } => stats.rays += 1,
+            Event::RayQuery(RayQueryEvent { what: RayQueryStep::Initialize(..), .. }) => {
+                stats.ray_queries += 1;
+            }
             Event::Enter { stage, .. } => {
                 let entry = stats.shaders.entry(*stage).or_default();
                 entry.invocations += 1;
@@ -243,6 +247,7 @@ fn counted(events: &[Event]) -> Stats {
 fn counts(stats: &Stats) -> Counts {
     Counts {
         rays: stats.rays,
+        ray_queries: stats.ray_queries,
         shaders: stats.shaders.iter().map(|(stage, stats)| (stage.name(), stats.invocations)).collect(),
     }
 }

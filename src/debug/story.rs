@@ -52,6 +52,8 @@ pub struct LaunchIndex {
 pub struct Counts {
     /// Rays traced.
     pub rays: u64,
+    /// Ray queries initialised.
+    pub ray_queries: u64,
     /// Shader runs by execution model.
     pub shaders: BTreeMap<&'static str, u64>,
 }
@@ -73,6 +75,9 @@ pub struct TrapReport {
 pub enum Step {
     /// `OpTraceRayKHR`
     Trace(Box<Trace>),
+    /// A ray query, from `OpRayQueryInitializeKHR` on: all that it did until the shader ended or
+    /// initialised it again.
+    RayQuery(Box<RayQuery>),
     /// A shader that it called: a callable one, any-hit for a report, closest-hit or miss of a hit
     /// object.
     Shader(Box<ShaderRun>),
@@ -170,6 +175,81 @@ pub struct SourceLine {
 pub struct Trace {
     /// 1 for a ray of ray generation, or that no shader traced.
     pub depth: u32,
+    /// The ray and what it met.
+    #[serde(flatten)]
+    pub traversal: Traversal,
+    /// SBT offset.
+    pub sbt_offset: u32,
+    /// SBT stride.
+    pub sbt_stride: u32,
+    /// Miss index.
+    pub miss_index: u32,
+    /// The caller's payload before.
+    pub payload_before: Option<Value>,
+    /// The same after.
+    pub payload_after: Option<Value>,
+    /// What shaders decided, in order.
+    pub decisions: Vec<Decision>,
+    /// The closest hit; `None` for a miss.
+    pub hit: Option<Hit>,
+    /// The record of the hit or miss table; `None` where a trap came first.
+    pub record: Option<RecordChoice>,
+    /// The closest-hit or miss shader.
+    pub shader: Option<Box<ShaderRun>>,
+    /// Why none ran.
+    pub no_shader: Option<String>,
+}
+
+/// One ray query.
+#[derive(Clone, Debug, Serialize)]
+pub struct RayQuery {
+    /// The ray and what it met.
+    #[serde(flatten)]
+    pub traversal: Traversal,
+    /// What `OpRayQueryProceedKHR` showed, in order.
+    pub candidates: Vec<QueryCandidate>,
+    /// The committed hit; `None` where nothing was committed.
+    pub hit: Option<Hit>,
+    /// How far it came.
+    pub end: QueryEnd,
+}
+
+/// A candidate of a ray query and what the shader did with it.
+#[derive(Clone, Debug, Serialize)]
+pub struct QueryCandidate {
+    /// `InstanceId`
+    pub instance: u32,
+    /// `RayGeometryIndexKHR`
+    pub geometry: u32,
+    /// `PrimitiveId`
+    pub primitive: u32,
+    /// Where; for a box its entry.
+    pub t: Float,
+    /// Whether it is a box.
+    pub is_box: bool,
+    /// Whether a hit of it is opaque.
+    pub opaque: bool,
+    /// Whether it was confirmed.
+    pub confirmed: bool,
+    /// The hits that were generated in it.
+    pub generated: Vec<Float>,
+}
+
+/// How far a ray query came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum QueryEnd {
+    /// The shader left it before its end.
+    Underway,
+    /// `OpRayQueryTerminateKHR`
+    Terminated,
+    /// `OpRayQueryProceedKHR` returned false.
+    Complete,
+}
+
+/// A ray and what traversal saw of its way.
+#[derive(Clone, Debug, Serialize)]
+pub struct Traversal {
     /// The acceleration structure's name.
     pub structure: Option<String>,
     /// Where a shader traced it.
@@ -188,30 +268,10 @@ pub struct Trace {
     pub flags: Flags,
     /// The cull mask.
     pub cull_mask: u32,
-    /// SBT offset.
-    pub sbt_offset: u32,
-    /// SBT stride.
-    pub sbt_stride: u32,
-    /// Miss index.
-    pub miss_index: u32,
-    /// The caller's payload before.
-    pub payload_before: Option<Value>,
-    /// The same after.
-    pub payload_after: Option<Value>,
     /// Nodes opened of the tree over the instances.
     pub nodes: u64,
     /// Every instance: what became of it.
     pub instances: Vec<Instance>,
-    /// What shaders decided, in order.
-    pub decisions: Vec<Decision>,
-    /// The closest hit; `None` for a miss.
-    pub hit: Option<Hit>,
-    /// The record of the hit or miss table; `None` where a trap came first.
-    pub record: Option<RecordChoice>,
-    /// The closest-hit or miss shader.
-    pub shader: Option<Box<ShaderRun>>,
-    /// Why none ran.
-    pub no_shader: Option<String>,
 }
 
 /// Ray flags by number and name.

@@ -29,7 +29,7 @@ pub use invocation::{Hit, Invocation, ShaderRecord};
 pub use lanes::{Lanes, Mask, Reg, Registers, Scalar};
 pub use observe::Observer;
 pub use printed::Printed;
-pub use ray_query::RayQuery;
+pub use ray_query::{RayQuery, RayQueryEvent, RayQueryStep};
 pub use resource::{Binding, Bindings, Buffer, Descriptor, MemoryPolicy, Resources};
 pub use stop::Stop;
 pub use trap::{Accessed, Exit, Trap, TrapCode};

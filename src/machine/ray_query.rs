@@ -6,7 +6,10 @@
 
 use std::sync::Arc;
 
-use crate::accel::{Candidate, Committed, Cursor, HitKind, RayFlags, Tlas, TraceRay, Visit};
+use crate::accel::{
+    Candidate, Committed, Cursor, HitKind, InstanceVerdict, Place, PrimitiveVerdict, RayFlags, Tlas,
+    TraceRay, Visit,
+};
 use crate::geometry::Ray;
 use crate::machine::object::Objects;
 use crate::machine::trap::TrapCode;
@@ -138,12 +141,81 @@ impl RayQuery {
     }
 }
 
+/// What a ray query did: which one, by which operation, and what.
+#[derive(Clone, Debug)]
+pub struct RayQueryEvent {
+    /// The query's handle.
+    pub query: u32,
+    /// The operation of the program.
+    pub op: u32,
+    /// What it did.
+    pub what: RayQueryStep,
+}
+
+/// See [`RayQueryEvent`]. What traversal tells comes before what it led to.
+#[derive(Clone, Debug)]
+pub enum RayQueryStep {
+    /// `OpRayQueryInitializeKHR`
+    Initialize(Arc<Tlas>, TraceRay),
+    /// A node was opened: of an instance's tree, or (`None`) of the tree over the instances.
+    Node(Option<u32>),
+    /// Traversal reached an instance.
+    Instance(u32, InstanceVerdict),
+    /// Traversal tested a primitive.
+    Primitive(Place, PrimitiveVerdict),
+    /// `OpRayQueryProceedKHR` came to a candidate, or (`None`) returned false.
+    Proceed(Option<Candidate>),
+    /// `OpRayQueryConfirmIntersectionKHR`
+    Confirm,
+    /// `OpRayQueryGenerateIntersectionKHR` at this t.
+    Generate(f32),
+    /// `OpRayQueryTerminateKHR`
+    Terminate,
+    /// What is committed from now on.
+    Commit(Committed),
+}
+
+/// Writes down what traversal tells.
+struct Told<'a> {
+    query: u32,
+    op: u32,
+    events: &'a mut Vec<RayQueryEvent>,
+}
+
+impl Told<'_> {
+    fn tell(&mut self, what: RayQueryStep) {
+        self.events.push(RayQueryEvent { query: self.query, op: self.op, what });
+    }
+}
+
+impl Visit for Told<'_> {
+    const REASONS: bool = true;
+
+    fn node(&mut self, instance: Option<u32>) {
+        self.tell(RayQueryStep::Node(instance));
+    }
+
+    fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
+        self.tell(RayQueryStep::Instance(instance, verdict));
+    }
+
+    fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {
+        self.tell(RayQueryStep::Primitive(place, verdict));
+    }
+
+    fn commit(&mut self, committed: &Committed) {
+        self.tell(RayQueryStep::Commit(*committed));
+    }
+}
+
 /// The ray queries of a batch.
 #[derive(Clone, Debug, Default)]
 pub struct RayQueries {
     all: Objects<RayQuery>,
     /// How many `OpRayQueryInitializeKHR` were executed, counted by lanes.
     pub initialized: u64,
+    /// Where it is written down what the queries do, if somebody wants to know.
+    pub told: Option<Vec<RayQueryEvent>>,
 }
 
 impl RayQueries {
@@ -153,12 +225,15 @@ impl RayQueries {
         self.initialized = 0;
     }
 
-    /// Initialises the query with a handle, or another where that is 0; the handle.
-    pub fn initialize(&mut self, handle: u32, tlas: &Arc<Tlas>, trace: TraceRay) -> u32 {
+    /// `OpRayQueryInitializeKHR` of the query with a handle, or another where that is 0; the handle.
+    pub fn initialize(&mut self, handle: u32, op: u32, tlas: &Arc<Tlas>, trace: TraceRay) -> u32 {
         self.initialized += 1;
-        let (handle, query) = self.all.claim(handle);
-        query.initialize(tlas, trace);
-        handle
+        let (query, object) = self.all.claim(handle);
+        object.initialize(tlas, trace);
+        if let Some(events) = &mut self.told {
+            events.push(RayQueryEvent { query, op, what: RayQueryStep::Initialize(tlas.clone(), trace) });
+        }
+        query
     }
 
     /// The query's variable begins anew.
@@ -176,5 +251,61 @@ impl RayQueries {
     pub fn query(&mut self, handle: u32) -> Result<&mut RayQuery, TrapCode> {
         let query = self.all.get_mut(handle).filter(|query| query.phase != Phase::Uninitialized);
         query.ok_or(TrapCode::RayQueryUninitialized)
+    }
+
+    /// [`RayQuery::proceed`]
+    ///
+    /// # Errors
+    /// As there.
+    #[inline]
+    pub fn proceed(&mut self, handle: u32, op: u32) -> Result<bool, TrapCode> {
+        let Some(mut events) = self.told.take() else { return self.query(handle)?.proceed(&mut ()) };
+        let mut told = Told { query: handle, op, events: &mut events };
+        let done = self.query(handle).and_then(|query| {
+            let more = query.proceed(&mut told)?;
+            told.tell(RayQueryStep::Proceed(query.candidate));
+            Ok(more)
+        });
+        self.told = Some(events);
+        done
+    }
+
+    /// [`RayQuery::terminate`]
+    ///
+    /// # Errors
+    /// `RayQueryUninitialized`
+    pub fn terminate(&mut self, handle: u32, op: u32) -> Result<(), TrapCode> {
+        self.query(handle)?.terminate();
+        self.tell(handle, op, RayQueryStep::Terminate);
+        Ok(())
+    }
+
+    /// [`RayQuery::confirm`]
+    ///
+    /// # Errors
+    /// As there.
+    pub fn confirm(&mut self, handle: u32, op: u32) -> Result<(), TrapCode> {
+        self.query(handle)?.confirm()?;
+        self.tell(handle, op, RayQueryStep::Confirm);
+        Ok(())
+    }
+
+    /// [`RayQuery::generate`]
+    ///
+    /// # Errors
+    /// As there.
+    pub fn generate(&mut self, handle: u32, op: u32, t: f32) -> Result<(), TrapCode> {
+        self.query(handle)?.generate(t)?;
+        self.tell(handle, op, RayQueryStep::Generate(t));
+        Ok(())
+    }
+
+    /// Writes down a decision, and what is committed after it.
+    fn tell(&mut self, query: u32, op: u32, what: RayQueryStep) {
+        let committed = self.all.get(query).and_then(|query| query.committed().copied());
+        if let Some(events) = &mut self.told {
+            events.push(RayQueryEvent { query, op, what });
+            events.extend(committed.map(|hit| RayQueryEvent { query, op, what: RayQueryStep::Commit(hit) }));
+        }
     }
 }

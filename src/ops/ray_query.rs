@@ -13,7 +13,7 @@ use crate::accel::{RayFlags, TraceRay};
 use crate::error::Result;
 use crate::geometry::{ObjectRay, Ray};
 use crate::machine::object::ObjectRef;
-use crate::machine::{Batch, Bindings, Mask, RayQuery, Reg, Registers, TrapCode};
+use crate::machine::{Batch, Bindings, Mask, RayQuery, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::builtin::{Shape, floats};
@@ -189,34 +189,39 @@ impl Op {
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         match *self {
             Self::Initialize { query, operands } => initialize(batch, bindings, query, operands),
-            Self::Proceed { query, to } => each(batch, query, |query, registers, lane| {
-                registers[to].0[lane] = u32::from(query.proceed(&mut ())?);
+            Self::Proceed { query, to } => each(batch, query, |batch, handle, lane| {
+                batch.registers[to].0[lane] = u32::from(batch.queries.proceed(handle, batch.op)?);
                 Ok(())
             }),
-            Self::Terminate { query } => each(batch, query, |query, _, _| {
-                query.terminate();
+            Self::Terminate { query } => {
+                each(batch, query, |batch, handle, _| batch.queries.terminate(handle, batch.op));
+            }
+            Self::Confirm { query } => {
+                each(batch, query, |batch, handle, _| batch.queries.confirm(handle, batch.op));
+            }
+            Self::Generate { query, t } => each(batch, query, |batch, handle, lane| {
+                let t = f32::from_bits(batch.registers[t].0[lane]);
+                batch.queries.generate(handle, batch.op, t)
+            }),
+            Self::Type { query, committed, to } => each(batch, query, |batch, handle, lane| {
+                let query = batch.queries.query(handle)?;
+                batch.registers[to].0[lane] = intersection_type(query, committed)?;
                 Ok(())
             }),
-            Self::Confirm { query } => each(batch, query, |query, _, _| query.confirm()),
-            Self::Generate { query, t } => each(batch, query, |query, registers, lane| {
-                query.generate(f32::from_bits(registers[t].0[lane]))
-            }),
-            Self::Type { query, committed, to } => each(batch, query, |query, registers, lane| {
-                registers[to].0[lane] = intersection_type(query, committed)?;
-                Ok(())
-            }),
-            Self::GetRay { query, getter, to } => each(batch, query, |query, registers, lane| {
+            Self::GetRay { query, getter, to } => each(batch, query, |batch, handle, lane| {
+                let query = batch.queries.query(handle)?;
                 let mut words = [0; 3];
                 let words = &mut words[..getter.shape.words() as usize];
                 (getter.read)(query.trace(), words);
-                registers.set_lane_words(to, lane, words.iter().copied());
+                batch.registers.set_lane_words(to, lane, words.iter().copied());
                 Ok(())
             }),
-            Self::Get { query, committed, getter, to } => each(batch, query, |query, registers, lane| {
+            Self::Get { query, committed, getter, to } => each(batch, query, |batch, handle, lane| {
+                let query = batch.queries.query(handle)?;
                 let mut words = [0; 12];
                 let words = &mut words[..getter.shape.words() as usize];
                 (getter.read)(seen(query, committed)?, words)?;
-                registers.set_lane_words(to, lane, words.iter().copied());
+                batch.registers.set_lane_words(to, lane, words.iter().copied());
                 Ok(())
             }),
             Self::Forget { first, count } => {
@@ -230,18 +235,17 @@ impl Op {
     }
 }
 
-/// Calls a function for the query of each running lane; lanes that it fails for are stopped.
+/// Calls a function for each running lane with the handle of its query; lanes that it fails for are
+/// stopped.
 #[inline(always)]
 fn each<const W: usize>(
     batch: &mut Batch<W>,
     query: ObjectRef,
-    mut access: impl FnMut(&mut RayQuery, &mut Registers<W>, usize) -> Result<(), TrapCode>,
+    mut access: impl FnMut(&mut Batch<W>, u32, usize) -> Result<(), TrapCode>,
 ) {
     for lane in batch.mask.lanes() {
-        let done = query.row(&batch.registers, lane).and_then(|row| {
-            let handle = batch.registers[row].0[lane];
-            access(batch.queries.query(handle)?, &mut batch.registers, lane)
-        });
+        let row = query.row(&batch.registers, lane);
+        let done = row.and_then(|row| access(batch, batch.registers[row].0[lane], lane));
         if let Err(code) = done {
             memory::trap(batch, Mask::lane(lane), code);
         }
@@ -264,7 +268,7 @@ fn initialize<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, query: 
                 return Err(TrapCode::InvalidRayQuery);
             }
             let handle = batch.registers[row].0[lane];
-            batch.registers[row].0[lane] = batch.queries.initialize(handle, tlas, trace);
+            batch.registers[row].0[lane] = batch.queries.initialize(handle, batch.op, tlas, trace);
             Ok(())
         });
         if let Err(code) = done {

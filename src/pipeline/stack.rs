@@ -214,7 +214,13 @@ where
                 Level::Shader(running) => {
                     let program = &self.pipeline.programs[running.shader.0 as usize];
                     let bindings = &self.bindings[running.shader.0 as usize];
-                    match interp::run(&mut running.batch, program, bindings, self.observer) {
+                    let stop = interp::run(&mut running.batch, program, bindings, self.observer);
+                    if T::QUERIES
+                        && let Some(told) = &mut running.batch.queries.told
+                    {
+                        told.drain(..).for_each(|event| self.witness.event(Event::RayQuery(event)));
+                    }
+                    match stop {
                         Stop::Done => self.leave(),
                         Stop::TraceRay { mask, operands, payload } => {
                             self.begin_trace(mask, operands, payload, None);
@@ -289,6 +295,7 @@ where
         }
         self.stats.count(program.stage, mask.count());
         if T::ACTIVE {
+            running.batch.queries.told = T::QUERIES.then(Vec::new);
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();

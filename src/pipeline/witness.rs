@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict};
 use crate::accel::{Candidate, Committed, HitKind, Tlas, TraceRay, Visit};
-use crate::machine::{Exit, Reg};
+use crate::machine::{Exit, RayQueryEvent, Reg};
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
 use crate::pipeline::group::Shader;
@@ -13,6 +13,9 @@ use crate::pipeline::group::Shader;
 pub trait Witness {
     /// Whether events are made at all.
     const ACTIVE: bool;
+
+    /// Whether ray queries are to be told, too: every node and primitive that they look at.
+    const QUERIES: bool = false;
 
     /// Something happened.
     fn event(&mut self, event: Event);
@@ -31,6 +34,7 @@ impl Witness for () {
 /// Collects events.
 impl Witness for Vec<Event> {
     const ACTIVE: bool = true;
+    const QUERIES: bool = true;
 
     fn event(&mut self, event: Event) {
         self.push(event);
@@ -125,6 +129,8 @@ pub enum Event {
         /// The answer.
         accepted: bool,
     },
+    /// A ray query of the shader that runs did something.
+    RayQuery(RayQueryEvent),
     /// A trace is over, but for its closest-hit or miss shader.
     Traversed {
         /// The closest hit.

@@ -1,0 +1,85 @@
+//! What the ray queries of one run of a shader did, read into steps of its story.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use crate::accel::{Tlas, TraceRay};
+use crate::debug::names;
+use crate::debug::reader::Reader;
+use crate::debug::story::{QueryCandidate, QueryEnd, RayQuery, Step};
+use crate::debug::values::Float;
+use crate::machine::{RayQueryEvent, RayQueryStep};
+use crate::program::Program;
+
+/// The queries of a shader that were initialised so far.
+pub(super) struct Queries<'a> {
+    program: Option<&'a Program>,
+    /// By handle.
+    known: HashMap<u32, Known>,
+}
+
+struct Known {
+    /// Which step tells of it.
+    step: usize,
+    tlas: Arc<Tlas>,
+    trace: TraceRay,
+    /// The t of the closest hit that traversal knows of.
+    closest: Option<f32>,
+}
+
+impl<'a> Queries<'a> {
+    pub(super) fn new(program: Option<&'a Program>) -> Self {
+        Self { program, known: HashMap::new() }
+    }
+
+    /// Takes an event: a query that begins is a step of its own, all else belongs to the step of
+    /// its query.
+    pub(super) fn take(&mut self, event: RayQueryEvent, steps: &mut Vec<Step>, reader: &Reader<'_>) {
+        let RayQueryEvent { query, op, what } = event;
+        if let RayQueryStep::Initialize(tlas, trace) = what {
+            let called_at = self.program.and_then(|program| names::source_line(program, op));
+            let traversal = reader.traversal(called_at, &tlas, &trace);
+            let story = RayQuery { traversal, candidates: Vec::new(), hit: None, end: QueryEnd::Underway };
+            self.known.insert(query, Known { step: steps.len(), tlas, trace, closest: None });
+            steps.push(Step::RayQuery(Box::new(story)));
+            return;
+        }
+        let Some(known) = self.known.get_mut(&query) else { return };
+        let Some(Step::RayQuery(story)) = steps.get_mut(known.step) else { return };
+        match what {
+            RayQueryStep::Initialize(..) => {}
+            RayQueryStep::Node(instance) => story.traversal.open(instance),
+            RayQueryStep::Instance(instance, verdict) => story.traversal.reach(instance, verdict),
+            RayQueryStep::Primitive(place, verdict) => {
+                story.traversal.test(place, verdict, &mut known.closest);
+            }
+            RayQueryStep::Proceed(None) if story.end == QueryEnd::Terminated => {}
+            RayQueryStep::Proceed(None) => story.end = QueryEnd::Complete,
+            RayQueryStep::Proceed(Some(candidate)) => story.candidates.push(QueryCandidate {
+                instance: candidate.instance,
+                geometry: candidate.geometry,
+                primitive: candidate.primitive,
+                t: Float::F32(candidate.intersection.t),
+                is_box: candidate.is_box(),
+                opaque: candidate.opaque,
+                confirmed: false,
+                generated: Vec::new(),
+            }),
+            RayQueryStep::Confirm => {
+                if let Some(candidate) = story.candidates.last_mut() {
+                    candidate.confirmed = true;
+                }
+            }
+            RayQueryStep::Generate(t) => {
+                if let Some(candidate) = story.candidates.last_mut() {
+                    candidate.generated.push(Float::F32(t));
+                }
+            }
+            RayQueryStep::Terminate => story.end = QueryEnd::Terminated,
+            RayQueryStep::Commit(hit) => {
+                known.closest = Some(known.closest.map_or(hit.t, |closest| closest.min(hit.t)));
+                story.hit = Some(reader.hit(&known.tlas, &known.trace, &hit));
+            }
+        }
+    }
+}
