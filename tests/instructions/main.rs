@@ -9,5 +9,6 @@ mod float_controls;
 mod integers;
 mod memory;
 mod messages;
+mod ray_queries;
 mod run;
 mod subgroups;
