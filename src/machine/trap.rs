@@ -41,7 +41,8 @@ pub enum TrapCode {
     ShaderRecordMissing,
     /// The hit kind of a report is above 127 (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998).
     InvalidHitKind,
-    /// A ray query breaks a rule of SEMANTICS 4.1 (VUID-RuntimeSpirv-OpRayQueryInitializeKHR-06348 and others).
+    /// The operands of a ray query break a rule (VUID-RuntimeSpirv-OpRayQueryInitializeKHR-06348 and
+    /// others).
     InvalidRayQuery,
     /// A ray query is used before `OpRayQueryInitializeKHR`.
     RayQueryUninitialized,

@@ -206,8 +206,7 @@ impl Op {
             }
             Self::RecordMiss { object, operands } => each(batch, |batch, lane| {
                 let words = words(batch, operands, MISS_OPERANDS, lane);
-                let trace =
-                    TraceRay { ray: ray(&words[2..]), flags: RayFlags(words[0]), cull_mask: u32::MAX };
+                let trace = TraceRay { ray: ray(&words[2..]), flags: RayFlags(words[0]), cull_mask: 0xFF };
                 legal(&trace)?;
                 let record = u64::from(words[1] & 0xFFFF);
                 store(batch, object, lane, HitObject::Miss(Encoded { trace, record }))
@@ -351,7 +350,7 @@ fn hit(
             (record, &words[8..])
         }
     };
-    let trace = TraceRay { ray: ray(rest), flags: RayFlags(0), cull_mask: u32::MAX };
+    let trace = TraceRay { ray: ray(rest), flags: RayFlags(0), cull_mask: 0xFF };
     legal(&trace)?;
     let [a, b] = [0, 1].map(|at| attributes.get(at).map_or(0.0, |&word| f32::from_bits(word)));
     let surface = surface(place.blas.kind(), HitKind(kind));
