@@ -24,7 +24,7 @@ where
     anyhit::ops::row::Row: anyhit::ops::row::Width<W>,
 {
     let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![0.5], indices: None };
-    let blas = Blas::new(vec![Geometry { data, flags: GeometryFlags::OPAQUE }]).expect("a valid geometry");
+    let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("a valid geometry");
     let instance = Instance {
         blas,
         transform: IDENTITY,

@@ -13,7 +13,7 @@ use anyhit::geometry::{Ray, Surface};
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 fn scene(data: GeometryData) -> Arc<Tlas> {
-    let blas = Blas::new(vec![Geometry { data, flags: GeometryFlags::OPAQUE }]).unwrap();
+    let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).unwrap();
     Tlas::new(vec![Instance {
         blas,
         transform: IDENTITY,

@@ -157,7 +157,7 @@ fn meet_all(tlas: &Tlas, trace: TraceRay) -> Vec<Candidate> {
             continue;
         }
         let Some(ray) = ObjectRay::new(&trace.ray, Some(&instance.transform)) else { continue };
-        for (geometry, Geometry { data, flags: geometry_flags }) in
+        for (geometry, Geometry { data, flags: geometry_flags, .. }) in
             instance.blas.geometries().iter().enumerate()
         {
             let is_boxes = matches!(data, GeometryData::Aabbs(_));
@@ -303,7 +303,7 @@ impl Draw {
         let geometries = (0..1 + self.below(3))
             .map(|_| {
                 let count = [0, 1, 3, 9, 40, 150][self.below(6) as usize];
-                Geometry { data: self.data(kind, scale, count), flags: GeometryFlags(self.below(4) as u32) }
+                Geometry::new(self.data(kind, scale, count), GeometryFlags(self.below(4) as u32))
             })
             .collect();
         Blas::new(geometries).unwrap()

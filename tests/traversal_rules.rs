@@ -23,12 +23,12 @@ fn triangle(z: f32) -> Vec<[f32; 3]> {
 
 fn triangles(at: &[f32], flags: GeometryFlags) -> Geometry {
     let vertices = at.iter().flat_map(|&z| triangle(z)).collect();
-    Geometry { data: GeometryData::Triangles { vertices, indices: None, transform: None }, flags }
+    Geometry::new(GeometryData::Triangles { vertices, indices: None, transform: None }, flags)
 }
 
 fn boxes(at: &[(f32, f32)], flags: GeometryFlags) -> Geometry {
     let corners = at.iter().map(|&(near, far)| [-1.0, -1.0, near, 1.0, 1.0, far]).collect();
-    Geometry { data: GeometryData::Aabbs(corners), flags }
+    Geometry::new(GeometryData::Aabbs(corners), flags)
 }
 
 fn instance(geometries: Vec<Geometry>) -> Instance {
@@ -189,7 +189,7 @@ fn facing_follows_the_winding_the_flip_and_the_geometry_transform_but_no_mirror(
         let scene = tlas(vec![Instance {
             transform,
             flags: InstanceFlags(flags),
-            ..instance(vec![Geometry { data, flags: OPAQUE }])
+            ..instance(vec![Geometry::new(data, OPAQUE)])
         }]);
         let mut cursor = Cursor::new(&scene, along_z(0));
         assert_eq!(cursor.proceed(&scene), None);
@@ -284,14 +284,14 @@ fn an_onlooker_learns_why_each_was_kept_or_dropped() {
 
 #[test]
 fn mistakes_are_named_with_their_rule() {
-    let aabb = |corners| vec![Geometry { data: GeometryData::Aabbs(vec![corners]), flags: OPAQUE }];
+    let aabb = |corners| vec![Geometry::new(GeometryData::Aabbs(vec![corners]), OPAQUE)];
     let spheres = |radii: Vec<f32>, indices| {
         let positions = vec![[0.0; 3]; 2];
-        vec![Geometry { data: GeometryData::Spheres { positions, radii, indices }, flags: OPAQUE }]
+        vec![Geometry::new(GeometryData::Spheres { positions, radii, indices }, OPAQUE)]
     };
     let mesh = |vertices: usize, indices, transform| {
         let vertices = vec![[0.0; 3]; vertices];
-        vec![Geometry { data: GeometryData::Triangles { vertices, indices, transform }, flags: OPAQUE }]
+        vec![Geometry::new(GeometryData::Triangles { vertices, indices, transform }, OPAQUE)]
     };
     let singular = [[1.0, 2.0, 3.0, 0.0], [2.0, 4.0, 6.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     let mixed = vec![triangles(&[1.0], OPAQUE), boxes(&[(1.0, 2.0)], OPAQUE)];

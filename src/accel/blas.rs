@@ -4,6 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use crate::accel::body::Body;
 use crate::accel::geometry_data::{GeometryData, GeometryKind};
+use crate::accel::micromap::OpacityMicromap;
 use crate::accel::primitive::Primitive;
 use crate::accel::validate;
 use crate::error::{Error, Result};
@@ -33,6 +34,17 @@ pub struct Geometry {
     pub data: GeometryData,
     /// Its flags.
     pub flags: GeometryFlags,
+    /// Opacity of the triangles' parts, which then stands in place of [`GeometryFlags::OPAQUE`].
+    pub opacity_micromap: Option<Arc<OpacityMicromap>>,
+    /// `ClusterIDNV` of its triangles; without it they belong to no cluster.
+    pub cluster_id: Option<u32>,
+}
+
+impl Geometry {
+    /// Primitives without micromap or cluster.
+    pub fn new(data: GeometryData, flags: GeometryFlags) -> Self {
+        Self { data, flags, opacity_micromap: None, cluster_id: None }
+    }
 }
 
 /// A bottom-level acceleration structure: geometries of one kind over one tree.

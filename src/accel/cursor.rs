@@ -130,6 +130,15 @@ impl Candidate {
         self.instance_in(tlas).blas.primitive(self.geometry, self.primitive)
     }
 
+    /// `ClusterIDNV`: -1 where the primitive belongs to no cluster.
+    ///
+    /// # Panics
+    /// As [`Candidate::instance_in`].
+    pub fn cluster_id(&self, tlas: &Tlas) -> u32 {
+        let geometries = self.instance_in(tlas).blas.geometries();
+        geometries[self.geometry as usize].cluster_id.unwrap_or(u32::MAX)
+    }
+
     /// What orders hits: see the head of this file.
     #[inline]
     fn key(&self, t: f32) -> Key {

@@ -26,6 +26,10 @@ impl InstanceFlags {
     pub const FORCE_OPAQUE: Self = Self(4);
     /// `VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR`
     pub const FORCE_NO_OPAQUE: Self = Self(8);
+    /// `VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_BIT_KHR`
+    pub const FORCE_OPACITY_MICROMAP_2_STATE: Self = Self(16);
+    /// `VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_BIT_KHR`
+    pub const DISABLE_OPACITY_MICROMAPS: Self = Self(32);
 
     /// Whether all of the given bits are set.
     pub fn contains(self, bits: Self) -> bool {

@@ -1,7 +1,7 @@
 //! What Vulkan's valid usage demands of geometries and instances.
 
 use crate::accel::blas::Geometry;
-use crate::accel::geometry_data::{GeometryData, Indexing};
+use crate::accel::geometry_data::{GeometryData, GeometryKind, Indexing};
 use crate::accel::primitive::Primitive;
 use crate::accel::tlas::{Instance, InstanceFlags};
 use crate::error::{Error, ErrorKind};
@@ -69,6 +69,13 @@ pub fn geometries(geometries: &[Geometry]) -> Vec<Error> {
             }
         }
         let primitives = geometry.data.primitive_count();
+        if let Some(micromap) = &geometry.opacity_micromap {
+            if kind != GeometryKind::Triangles {
+                found(format!("an opacity micromap on {kind}: only triangles have one"));
+            } else if let Some(mistake) = micromap.mistake(primitives) {
+                found(mistake);
+            }
+        }
         if primitives > MAX_PRIMITIVES {
             found(format!("{primitives} primitives: 2^29 - 1 is the most (maxPrimitiveCount)"));
         }

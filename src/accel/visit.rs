@@ -68,6 +68,8 @@ pub enum PrimitiveVerdict {
     Missed,
     /// The ray meets it before t_min or after t_max.
     OutsideInterval(Intersection),
+    /// The opacity micromap is transparent there.
+    Transparent(Intersection),
     /// The ray's flags cull its opacity.
     CulledByOpacity(Intersection),
     /// The ray's flags cull the side that it shows.

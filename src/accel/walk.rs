@@ -1,13 +1,15 @@
 //! One step of a traversal through the trees of a TLAS and its BLASes.
 
+use crate::accel::blas::GeometryFlags;
 use crate::accel::body::Body;
 use crate::accel::cursor::{Candidate, Cursor};
+use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Child, Node, WIDTH};
 use crate::accel::node_ray::NodeRay;
 use crate::accel::rules::{
     is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible, presented,
 };
-use crate::accel::tlas::Tlas;
+use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
 use crate::geometry::block::BlockRay;
 use crate::geometry::{Intersection, ObjectRay};
@@ -162,9 +164,13 @@ impl Cursor {
             let name = body.name(at);
             let place = Place { instance: number, geometry: name.geometry, primitive: name.primitive };
             let geometry = &instance.blas.geometries()[name.geometry as usize];
-            let opaque = is_opaque(flags, instance.flags, geometry.flags);
-            let culled = is_culled_by_opacity(flags, opaque);
-            if culled && !V::REASONS {
+            let micromap = geometry
+                .opacity_micromap
+                .as_deref()
+                .filter(|_| !instance.flags.contains(InstanceFlags::DISABLE_OPACITY_MICROMAPS));
+            let mut opaque = is_opaque(flags, instance.flags, geometry.flags);
+            let mut culled = is_culled_by_opacity(flags, opaque);
+            if culled && micromap.is_none() && !V::REASONS {
                 continue;
             }
             let Some(found) = body.intersect(at, ray, tlas.precision()) else {
@@ -177,6 +183,16 @@ impl Cursor {
                 continue;
             };
             let found = Intersection { surface: presented(found.surface, instance.flags), ..found };
+            if let Some(micromap) = micromap {
+                let opacity = micromap.opacity(name.primitive, found.attributes);
+                let Some(of_part) = opacity.is_opaque(is_two_state(flags, instance.flags)) else {
+                    visit.primitive(place, PrimitiveVerdict::Transparent(found));
+                    continue;
+                };
+                let of_part = if of_part { GeometryFlags::OPAQUE } else { GeometryFlags::default() };
+                opaque = is_opaque(flags, instance.flags, of_part);
+                culled = is_culled_by_opacity(flags, opaque);
+            }
             let verdict = if culled {
                 PrimitiveVerdict::CulledByOpacity(found)
             } else if is_culled_by_face(flags, instance.flags, found.surface) {

@@ -392,6 +392,7 @@ fn primitive(place: Place, verdict: Tested, known: &mut Option<f32>) -> Primitiv
     let (verdict, found) = match verdict {
         Tested::Missed => (PrimitiveVerdict::Missed, None),
         Tested::OutsideInterval(found) => (PrimitiveVerdict::OutsideInterval, Some(found)),
+        Tested::Transparent(found) => (PrimitiveVerdict::Transparent, Some(found)),
         Tested::CulledByOpacity(found) => (PrimitiveVerdict::CulledByOpacity, Some(found)),
         Tested::CulledByFace(found) => (PrimitiveVerdict::CulledByFace, Some(found)),
         Tested::Behind(found) => (PrimitiveVerdict::Behind, Some(found)),

@@ -273,6 +273,9 @@ impl Writer {
                 self.page.ink(Ink::Dim, format_args!("dropped: behind a known hit{behind}"))
             }
             PrimitiveVerdict::OutsideInterval => self.page.ink(Ink::Dim, "dropped: outside the interval"),
+            PrimitiveVerdict::Transparent => {
+                self.page.ink(Ink::Dim, "passed through: its opacity micromap is transparent there")
+            }
             PrimitiveVerdict::CulledByOpacity => {
                 self.page.ink(Ink::Dim, "dropped: the ray's flags cull its opacity")
             }
@@ -551,6 +554,7 @@ fn short(verdict: PrimitiveVerdict, count: u64) -> String {
         PrimitiveVerdict::Candidate => return counted(count, "candidate"),
         PrimitiveVerdict::Behind => "behind a known hit",
         PrimitiveVerdict::OutsideInterval => "outside the interval",
+        PrimitiveVerdict::Transparent => "transparent",
         PrimitiveVerdict::CulledByOpacity => "culled by opacity",
         PrimitiveVerdict::CulledByFace => "culled by face",
         PrimitiveVerdict::Missed => "missed",

@@ -354,6 +354,8 @@ pub enum PrimitiveVerdict {
     Behind,
     /// The ray meets it before t_min or after t_max.
     OutsideInterval,
+    /// The opacity micromap is transparent there.
+    Transparent,
     /// The ray's flags cull its opacity.
     CulledByOpacity,
     /// The ray's flags cull the side that it shows.

@@ -88,7 +88,7 @@ impl Instance {
     /// Any geometry.
     pub fn of(data: GeometryData) -> Self {
         Self {
-            geometries: vec![Geometry { data, flags: GeometryFlags::default() }],
+            geometries: vec![Geometry::new(data, GeometryFlags::default())],
             transform: IDENTITY,
             custom_index: 0,
             mask: 0xFF,

@@ -198,6 +198,8 @@ builtins! {
         |from, to| if let Some((_, radius)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &[radius]) };
     HitLSSRadiiNV 5421 FloatArray2 "AC" ["HitLSSRadiiNV-HitLSSRadiiNV-10528" "HitLSSRadiiNV-HitLSSRadiiNV-10529" "HitLSSRadiiNV-HitLSSRadiiNV-10530"]
         |from, to| if let Some((_, radii)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, &radii) };
+    ClusterIDNV 5436 Int "AC" ["ClusterIDNV-ClusterIDNV-10531" "ClusterIDNV-ClusterIDNV-10532" "ClusterIDNV-ClusterIDNV-10533"]
+        |from, to| to[0] = hit(from).map_or(u32::MAX, |hit| hit.candidate.cluster_id(&hit.tlas));
     CullMaskKHR 6021 Int "IACM" ["CullMaskKHR-CullMaskKHR-06735" "CullMaskKHR-CullMaskKHR-06736" "CullMaskKHR-CullMaskKHR-06737"]
         |from, to| to[0] = from.trace.map_or(0, |trace| trace.cull_mask);
 }

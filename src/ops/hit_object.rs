@@ -129,8 +129,8 @@ getters! {
         |from, to| seen(from)?.world_to_object(to);
     GetIntersectionTriangleVertexPositions [HitObjectGetIntersectionTriangleVertexPositionsEXT] Float3Array3
         |from, to| seen(from)?.vertex_positions(to);
-    // No geometry here is made of clusters.
-    GetClusterId [HitObjectGetClusterIdNV] Int |from, to| from.hit().and_then(|_| word(to, u32::MAX));
+    GetClusterId [HitObjectGetClusterIdNV] Int
+        |from, to| from.hit().and_then(|(_, hit)| word(to, hit.committed.candidate.cluster_id(&hit.tlas)));
     IsSphereHit [HitObjectIsSphereHitNV] Bool |from, to| word(to, seen_or_none(from)?.is_some_and(Seen::is_sphere).into());
     IsLSSHit [HitObjectIsLSSHitNV] Bool |from, to| word(to, seen_or_none(from)?.is_some_and(Seen::is_lss).into());
     GetSpherePosition [HitObjectGetSpherePositionNV] Float3 |from, to| put(to, &seen(from)?.sphere()?.0);

@@ -121,8 +121,7 @@ getters! { GETTERS Getter
     RayQueryGetIntersectionObjectToWorldKHR Matrix4x3 |from, to| from.object_to_world(to);
     RayQueryGetIntersectionWorldToObjectKHR Matrix4x3 |from, to| from.world_to_object(to);
     RayQueryGetIntersectionTriangleVertexPositionsKHR Float3Array3 |from, to| from.vertex_positions(to);
-    // No geometry here is made of clusters.
-    RayQueryGetIntersectionClusterIdNV Int |_from, to| word(to, u32::MAX);
+    RayQueryGetIntersectionClusterIdNV Int |from, to| word(to, from.candidate.cluster_id(from.tlas));
     RayQueryIsSphereHitNV Bool |from, to| word(to, from.is_sphere().into());
     RayQueryIsLSSHitNV Bool |from, to| word(to, from.is_lss().into());
     RayQueryGetIntersectionSpherePositionNV Float3 |from, to| put(to, &from.sphere()?.0);

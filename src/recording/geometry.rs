@@ -43,7 +43,7 @@ fn geometry(tensors: &Tensors<'_>, index: usize) -> Result<Option<Geometry>> {
     };
     let flags = flag("opaque", GeometryFlags::OPAQUE, false)?
         | flag("no_duplicate_any_hit", GeometryFlags::NO_DUPLICATE_ANY_HIT, true)?;
-    Ok(Some(Geometry { data, flags: GeometryFlags(flags) }))
+    Ok(Some(Geometry::new(data, GeometryFlags(flags))))
 }
 
 /// Spheres or linear swept spheres: what the metadata's `kind` says, otherwise indices make it the

@@ -2,13 +2,16 @@
 
 use std::sync::Arc;
 
-use crate::accel::{Blas, EndCaps, GeometryData, GeometryFlags, Indexing, Instance, InstanceFlags};
+use crate::accel::{
+    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, InstanceFlags, OpacityMicromap,
+};
 use crate::error::Result;
 use crate::scene::build_input::BuildEntry;
 use crate::scene::data::read;
 use crate::scene::files::Files;
 use crate::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter};
 use crate::scene::mesh::{Mesh, gltf, obj};
+use crate::scene::micromap::opacity_micromap;
 use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, Value};
 use crate::scene::tree::Toml;
 
@@ -19,6 +22,8 @@ pub struct GeometryEntry {
     pub span: Span,
     /// Its flags.
     pub flags: GeometryFlags,
+    opacity_micromap: Option<Arc<OpacityMicromap>>,
+    cluster_id: Option<u32>,
     shape: Shape,
 }
 
@@ -94,6 +99,8 @@ impl Parse for GeometryEntry {
         {
             flags |= if table.or(key, false) { flag.0 } else { 0 };
         }
+        let opacity_micromap = opacity_micromap(&table);
+        let cluster_id = table.optional("cluster_id");
         let shape = match kind {
             Kind::Triangles => triangles(&table),
             Kind::Aabbs => aabbs(&table),
@@ -115,16 +122,25 @@ impl Parse for GeometryEntry {
             Kind::Heightfield => Ground::parse_heightfield(&table).map(Shape::Ground),
         };
         table.finish();
-        Some(Self { span: value.span(), flags: GeometryFlags(flags), shape: shape? })
+        let (span, flags) = (value.span(), GeometryFlags(flags));
+        Some(Self { span, flags, opacity_micromap, cluster_id, shape: shape? })
     }
 }
 
 impl GeometryEntry {
-    /// Loads or generates the primitives.
+    /// Loads or generates it.
     ///
     /// # Errors
     /// `Io` or `InvalidMesh` about its file.
-    pub fn load(&self, files: &dyn Files) -> Result<GeometryData> {
+    pub fn load(&self, files: &dyn Files) -> Result<Geometry> {
+        Ok(Geometry {
+            opacity_micromap: self.opacity_micromap.clone(),
+            cluster_id: self.cluster_id,
+            ..Geometry::new(self.data(files)?, self.flags)
+        })
+    }
+
+    fn data(&self, files: &dyn Files) -> Result<GeometryData> {
         let triangles = |mesh: Mesh, transform: Option<[[f32; 4]; 3]>| GeometryData::Triangles {
             vertices: mesh.vertices,
             indices: Some(mesh.indices),

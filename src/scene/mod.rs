@@ -19,6 +19,7 @@ pub mod geometry;
 pub mod image;
 pub mod image_entry;
 pub mod mesh;
+mod micromap;
 pub mod mip;
 pub mod random;
 pub mod read;

@@ -288,8 +288,7 @@ impl<'a> Resolver<'a> {
         for name in &entry.geometry {
             let geometry = loaded.entry(name.value.as_str()).or_insert_with(|| {
                 let found = self.find(&self.geometry, name, "geometry")?;
-                let data = self.report.keep(found.load(self.files))?;
-                Some(Geometry { data, flags: found.flags })
+                self.report.keep(found.load(self.files))
             });
             geometries.push(geometry.clone());
         }

@@ -168,7 +168,6 @@ pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
     ),
     ("NV_ray_tracing", &[Capability::RayTracingNV]),
     ("motion blur", &[Capability::RayTracingMotionBlurNV]),
-    ("cluster acceleration structures", &[Capability::RayTracingClusterAccelerationStructureNV]),
     (
         "subgroups",
         &[
@@ -290,7 +289,6 @@ pub(super) const OUT_OF_SCOPE_CAPABILITIES: Groups<Capability> = &[
 /// Builtins to come.
 pub(super) const UNSUPPORTED_BUILTINS: Groups<BuiltIn> = &[
     ("motion blur", &[BuiltIn::CurrentRayTimeNV]),
-    ("cluster acceleration structures", &[BuiltIn::ClusterIDNV]),
     (
         "the machine's own numbers",
         &[
