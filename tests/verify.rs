@@ -222,6 +222,8 @@ fn a_mistake_names_its_tensor() {
         triangle().without("geometry0.vertices").f32("geometry0.aabb", &[1, 6], &[0., 0., 0., 1., 1., 1.]);
     one(&boxes, "there is no tensor `procedural.sphere`");
     one(&boxes.f32("procedural.sphere", &[2, 4], &[0.0; 8]), "`procedural.sphere` has 2 rows for 1 boxes");
+    let apart = triangle().f32("geometry2.vertices", &[3, 3], &[0.0; 9]);
+    one(&apart, "tensor `geometry2.vertices`, but there is no geometry 1");
     let bytes = triangle().bytes();
     for cut in [0, 7, 40, bytes.len() - 1] {
         let error = Recording::of(&bytes[..cut]).expect_err("a mistake");

@@ -16,13 +16,13 @@ use crate::ops::hit_object;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::TRACE_OPERANDS;
 use crate::ops::row::{Row, Width};
-use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::Stats;
 use crate::pipeline::report::Report;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::trace::{Data, Query, RayState, Trace, general};
 use crate::pipeline::witness::{Caller, Event, Witness};
+use crate::pipeline::{Pipeline, PipelineFlags};
 use crate::program::Program;
 
 /// Why a shader runs.
@@ -389,7 +389,7 @@ where
                 Some(_) if depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
                 Some(tlas) => {
                     let payload = batch.registers.lane_words(payload.first, payload.count, lane).collect();
-                    query(tlas, &words, payload, invocation, depth)
+                    query(tlas, &words, payload, invocation, depth, self.pipeline.flags)
                 }
             };
             match query {
@@ -560,17 +560,26 @@ where
 /// Callables may nest this deep: Vulkan sets no limit but the stack's size.
 const CALL_LIMIT: u64 = 1024;
 
-/// A trace as the operands of its instruction say.
+/// `SkipTrianglesKHR` and `SkipAABBsKHR`
+const SKIPS: u32 = 0x300;
+
+/// A trace as the operands of its instruction say. Where the pipeline skips one kind of primitive the
+/// ray must not skip the other (VUID-RuntimeSpirv-OpTraceRayKHR-06553 and 06554).
 fn query(
     tlas: &Arc<Tlas>,
     words: &[u32; TRACE_OPERANDS as usize],
     payload: Data,
     invocation: &Invocation,
     depth: u32,
+    flags: PipelineFlags,
 ) -> Result<Query, TrapCode> {
+    let trace = trace_operands(words)?;
+    if (trace.flags.0 | flags.ray_flags()) & SKIPS == SKIPS {
+        return Err(TrapCode::InvalidTrace);
+    }
     Ok(Query {
         tlas: tlas.clone(),
-        trace: trace_operands(words)?,
+        trace,
         sbt_offset: words[4],
         sbt_stride: words[5],
         miss_index: words[6],

@@ -16,6 +16,10 @@ pub(super) fn read(tensors: &Tensors<'_>) -> Result<Vec<Geometry>> {
              or `geometryG.positions` with `geometryG.radii` (spheres, linear swept spheres)",
         ));
     }
+    if let Some(name) = tensors.geometry_from(geometries.len()) {
+        let message = format!("tensor `{name}`, but there is no geometry {}", geometries.len());
+        return Err(Error::new(ErrorKind::InvalidRecording, message));
+    }
     Ok(geometries)
 }
 

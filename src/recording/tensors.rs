@@ -65,6 +65,13 @@ impl<'a> Tensors<'a> {
         names
     }
 
+    /// A tensor of a geometry of this number or beyond.
+    pub fn geometry_from(&self, count: usize) -> Option<&str> {
+        let number = |name: &str| name.strip_prefix("geometry")?.split_once('.')?.0.parse::<usize>().ok();
+        let names = self.tensors.names().into_iter();
+        names.filter(|name| number(name).is_some_and(|number| number >= count)).min()
+    }
+
     /// The error about a tensor that must be there.
     pub fn missing(&self, name: &str) -> Error {
         let error = Error::new(ErrorKind::InvalidRecording, format!("there is no tensor `{name}`"));

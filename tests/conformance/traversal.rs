@@ -1,6 +1,7 @@
 //! Ray flags, pipeline flags, masks, intervals, any-hit and intersection control.
 
 use anyhit::accel::InstanceFlags;
+use anyhit::error::ErrorKind;
 use anyhit::harness::scene::Instance;
 use anyhit::pipeline::PipelineFlags;
 
@@ -128,6 +129,24 @@ fn pipeline_flags() {
             assert_eq!((probe.stage, probe.any_hits), target.expected(0, bit), "{target:?}");
             assert_eq!(probe.flags, 0);
         }
+    }
+}
+
+/// A ray may not skip what the pipeline leaves (VUID-RuntimeSpirv-OpTraceRayKHR-06553 and 06554).
+#[test]
+fn a_ray_and_its_pipeline_cannot_skip_everything() {
+    for (pipeline, flags) in [
+        (PipelineFlags { skip_triangles: true, ..PipelineFlags::default() }, SKIP_AABBS),
+        (PipelineFlags { skip_aabbs: true, ..PipelineFlags::default() }, SKIP_TRIANGLES),
+    ] {
+        let scene = || [Instance::triangles(facing([0.0; 3], 1.0, true))];
+        let launch = |flags| {
+            let shot = Shot { flags, ..Shot::down([0.0, 0.0, 1.0]) };
+            Rig::of(Kind::Triangle).flags(pipeline).launch(scene(), &[shot], [1, 1, 1])
+        };
+        assert_eq!(launch(flags).expect_err("a trap").kind(), ErrorKind::Trap);
+        // What the pipeline skips anyway a ray may skip, too.
+        assert!(launch(flags ^ (SKIP_TRIANGLES | SKIP_AABBS)).is_ok());
     }
 }
 
