@@ -65,6 +65,8 @@ impl Session {
             Settled::Ray(ray) => (None, self.trace(&ray, &mut events)),
         };
         let (stats, trap) = match outcome {
+            // What the others of a subgroup did is not part of the story.
+            Ok(_) if self.assembled.pipeline.uses_subgroups() => (counted(&events), None),
             Ok(stats) => (stats, None),
             Err(error) if error.kind() == ErrorKind::Trap => (counted(&events), Some(error)),
             Err(error) => return Err(error),

@@ -21,6 +21,8 @@ pub struct Invocation {
     pub hit: Option<Hit>,
     /// The shader record's data after the handle.
     pub record: Option<ShaderRecord>,
+    /// The index of the shader record that this was called through, in its table.
+    pub called_through: u64,
     /// How deep in the tree of traces this runs: 0 in ray generation.
     pub depth: u32,
     /// `SubgroupSize`; 0 stands for [`DEFAULT_SUBGROUP_SIZE`].

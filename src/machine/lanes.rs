@@ -28,91 +28,114 @@ impl<const W: usize> Lanes<W> {
     }
 }
 
-/// A set of lanes; W is at most 64.
+/// A set of lanes; W is at most 128. The upper half is looked at for W above 64 only, so that it
+/// costs nothing where it is not needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Mask<const W: usize>(u64);
+pub struct Mask<const W: usize> {
+    low: u64,
+    high: u64,
+}
+
+/// The lowest `count` bits of a word.
+const fn ones(count: usize) -> u64 {
+    if count >= 64 { u64::MAX } else { (1 << count) - 1 }
+}
 
 impl<const W: usize> Mask<W> {
     /// No lane.
-    pub const NONE: Self = Self(0);
+    pub const NONE: Self = Self { low: 0, high: 0 };
     /// Every lane.
-    pub const ALL: Self = Self(if W == 64 { u64::MAX } else { (1 << W) - 1 });
+    pub const ALL: Self = Self { low: ones(W), high: ones(W.saturating_sub(64)) };
+    /// Whether the upper half counts.
+    const WIDE: bool = W > 64;
 
     /// The first `count` lanes.
     pub fn first(count: usize) -> Self {
-        if count >= W { Self::ALL } else { Self((1 << count) - 1) }
+        let count = if count > W { W } else { count };
+        Self { low: ones(count), high: ones(count.saturating_sub(64)) }
     }
 
     /// One lane alone.
+    #[inline]
     pub fn lane(lane: usize) -> Self {
-        Self(1 << lane)
+        if Self::WIDE && lane >= 64 {
+            return Self { low: 0, high: 1 << (lane - 64) };
+        }
+        Self { low: 1 << lane, high: 0 }
     }
 
     /// The lanes whose word is not zero.
     #[inline]
     pub fn of(words: &Lanes<W>) -> Self {
-        let mut bits = 0;
-        for lane in 0..W {
-            bits |= u64::from(words.0[lane] != 0) << lane;
-        }
-        Self(bits)
+        Self::from_fn(|lane| words.0[lane] != 0)
     }
 
     /// The lanes for which a condition holds.
     #[inline]
     pub fn from_fn(mut condition: impl FnMut(usize) -> bool) -> Self {
-        let mut bits = 0;
-        for lane in 0..W {
-            bits |= u64::from(condition(lane)) << lane;
+        let mut mask = Self::NONE;
+        for lane in 0..W.min(64) {
+            mask.low |= u64::from(condition(lane)) << lane;
         }
-        Self(bits)
+        for lane in 64..W {
+            mask.high |= u64::from(condition(lane)) << (lane - 64);
+        }
+        mask
     }
 
     /// Whether no lane is in it.
     #[inline]
     pub fn is_empty(self) -> bool {
-        self.0 == 0
+        self.low == 0 && (!Self::WIDE || self.high == 0)
     }
 
     /// Whether every lane is in it.
     #[inline]
     pub fn is_all(self) -> bool {
-        self == Self::ALL
+        self.low == Self::ALL.low && (!Self::WIDE || self.high == Self::ALL.high)
     }
 
     /// Whether a lane is in it.
     #[inline]
     pub fn contains(self, lane: usize) -> bool {
-        self.0 >> lane & 1 != 0
+        if Self::WIDE && lane >= 64 {
+            return self.high >> (lane - 64) & 1 != 0;
+        }
+        self.low >> lane & 1 != 0
     }
 
     /// How many lanes are in it.
     pub fn count(self) -> u32 {
-        self.0.count_ones()
+        self.low.count_ones() + self.high.count_ones()
     }
 
     /// The lanes of this set that are not in another.
     #[inline]
     #[must_use]
     pub fn without(self, other: Self) -> Self {
-        Self(self.0 & !other.0)
+        Self { low: self.low & !other.low, high: if Self::WIDE { self.high & !other.high } else { 0 } }
     }
 
     /// The lowest lane, where there is one.
     pub fn lowest(self) -> Option<usize> {
-        (self.0 != 0).then(|| self.0.trailing_zeros() as usize)
+        self.lanes().next()
     }
 
     /// The lanes in ascending order.
     #[inline]
     pub fn lanes(self) -> impl Iterator<Item = usize> {
-        let mut bits = self.0;
+        let (mut low, mut high) = (self.low, self.high);
         std::iter::from_fn(move || {
-            if bits == 0 {
+            if low != 0 {
+                let lane = low.trailing_zeros() as usize;
+                low &= low - 1;
+                return Some(lane);
+            }
+            if !Self::WIDE || high == 0 {
                 return None;
             }
-            let lane = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
+            let lane = 64 + high.trailing_zeros() as usize;
+            high &= high - 1;
             Some(lane)
         })
     }
@@ -120,22 +143,25 @@ impl<const W: usize> Mask<W> {
 
 impl<const W: usize> BitAnd for Mask<W> {
     type Output = Self;
+    #[inline]
     fn bitand(self, other: Self) -> Self {
-        Self(self.0 & other.0)
+        Self { low: self.low & other.low, high: if Self::WIDE { self.high & other.high } else { 0 } }
     }
 }
 
 impl<const W: usize> BitOr for Mask<W> {
     type Output = Self;
+    #[inline]
     fn bitor(self, other: Self) -> Self {
-        Self(self.0 | other.0)
+        Self { low: self.low | other.low, high: if Self::WIDE { self.high | other.high } else { 0 } }
     }
 }
 
 impl<const W: usize> Not for Mask<W> {
     type Output = Self;
+    #[inline]
     fn not(self) -> Self {
-        Self(!self.0 & Self::ALL.0)
+        Self::ALL.without(self)
     }
 }
 
@@ -336,6 +362,16 @@ mod tests {
         assert_eq!(Mask::<32>::first(5).lanes().collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
         assert_eq!((!Mask::<8>::first(6)).lanes().collect::<Vec<_>>(), [6, 7]);
         assert_eq!(Mask::<8>::NONE.lowest(), None);
+        let wide = Mask::<128>::from_fn(|lane| lane % 63 == 0);
+        assert_eq!(wide.lanes().collect::<Vec<_>>(), [0, 63, 126]);
+        assert_eq!(
+            (wide.count(), wide.lowest(), wide.contains(126), wide.contains(62)),
+            (3, Some(0), true, false)
+        );
+        assert_eq!((!wide).count(), 125);
+        assert_eq!((wide & Mask::lane(126)) | Mask::lane(64), wide.without(Mask::first(64)) | Mask::lane(64));
+        assert!(Mask::<128>::first(128).is_all() && Mask::<128>::ALL.without(Mask::first(128)).is_empty());
+        assert!(!Mask::<128>::first(127).is_all() && !Mask::<128>::lane(127).is_empty());
     }
 
     #[test]

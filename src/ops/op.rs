@@ -77,7 +77,7 @@ impl Op {
         Row: Width<W>,
     {
         match self {
-            Self::Row { row, to, from } => Width::<W>::eval(*row)(&mut batch.registers, *to, from),
+            Self::Row { row, to, from } => Width::<W>::run(*row, &mut batch.registers, *to, from),
             Self::Memory(op) => op.eval(batch, bindings),
             Self::Atomic(op) => op.eval(batch, bindings),
             Self::Subgroup(op) => op.eval(batch),

@@ -53,30 +53,55 @@ impl PartialEq for Row {
     }
 }
 
-/// Chooses a row's function for a batch width.
+/// Runs a row in batches of a width.
 pub trait Width<const W: usize> {
-    /// The function.
-    fn eval(&self) -> Eval<W>;
+    /// Writes the result's rows for every lane.
+    fn run(&self, registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
 }
 
 impl Width<1> for Row {
     #[inline]
-    fn eval(&self) -> Eval<1> {
-        self.one
+    fn run(&self, registers: &mut Registers<1>, to: Reg, from: &[Reg; 3]) {
+        (self.one)(registers, to, from);
     }
 }
 
 impl Width<8> for Row {
     #[inline]
-    fn eval(&self) -> Eval<8> {
-        self.eight
+    fn run(&self, registers: &mut Registers<8>, to: Reg, from: &[Reg; 3]) {
+        (self.eight)(registers, to, from);
     }
 }
 
 impl Width<32> for Row {
     #[inline]
-    fn eval(&self) -> Eval<32> {
-        self.full
+    fn run(&self, registers: &mut Registers<32>, to: Reg, from: &[Reg; 3]) {
+        (self.full)(registers, to, from);
+    }
+}
+
+/// For subgroups of 64 and 128, which are rare: four stretches of 32 lanes, so that no row is
+/// compiled once more.
+impl Width<128> for Row {
+    fn run(&self, registers: &mut Registers<128>, to: Reg, from: &[Reg; 3]) {
+        const OPERANDS: [Reg; 3] = [Reg(2), Reg(4), Reg(6)];
+        let mut part = Registers::<32>::new(8);
+        let mut results = [[0; 128]; 2];
+        for stretch in 0..4 {
+            let lanes = stretch * 32..(stretch + 1) * 32;
+            for ((&operand, &words), &place) in from.iter().zip(&self.operands).zip(&OPERANDS) {
+                for word in 0..words {
+                    part[place.plus(word)].0.copy_from_slice(&registers[operand.plus(word)].0[lanes.clone()]);
+                }
+            }
+            (self.full)(&mut part, Reg(0), &OPERANDS);
+            for (word, row) in results.iter_mut().enumerate() {
+                row[lanes.clone()].copy_from_slice(&part[Reg(word as u32)].0);
+            }
+        }
+        for word in 0..self.words {
+            registers[to.plus(word)].0 = results[word as usize];
+        }
     }
 }
 
@@ -231,7 +256,7 @@ pub(crate) mod tests {
             }
             next += words;
         }
-        row.eval()(&mut registers, Reg(0), &from);
+        row.run(&mut registers, Reg(0), &from);
         let value = |lane: usize| {
             let high = if row.words == 2 { u64::from(registers[Reg(1)].0[lane]) << 32 } else { 0 };
             u64::from(registers[Reg(0)].0[lane]) | high
@@ -241,7 +266,8 @@ pub(crate) mod tests {
 
     /// Runs a row at every width of a batch and compares every lane.
     pub(crate) fn check_row(row: &Row, inputs: &[u64], expected: u64) {
-        let results = [run::<1>(row, inputs), run::<8>(row, inputs), run::<32>(row, inputs)];
+        let results =
+            [run::<1>(row, inputs), run::<8>(row, inputs), run::<32>(row, inputs), run::<128>(row, inputs)];
         for lanes in results {
             for value in lanes {
                 assert_eq!(value, expected, "{row:?} of {inputs:x?}: {value:#x}, expected {expected:#x}");

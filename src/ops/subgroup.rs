@@ -2,7 +2,7 @@
 //! `SPV_EXT_shader_subgroup_partitioned`).
 //!
 //! A subgroup is a run of consecutive launch indices, x fastest; in a called shader, those of the
-//! caller's subgroup that reached the same shader record. A launch of a pipeline that has these
+//! caller's subgroup that reached the same shader record, by its index. A launch of a pipeline that has these
 //! instructions holds each subgroup in one batch, whatever width was asked for. What the
 //! specification leaves undefined (reading an invocation that does not take part) gives 0; sums
 //! go from the lowest invocation to the highest, each step rounded.
@@ -188,9 +188,8 @@ impl Op {
         let mut groups: SmallVec<[([u64; 3], Members); 4]> = SmallVec::new();
         for lane in batch.mask.lanes() {
             let invocation = &batch.invocations[lane];
-            let record = invocation.record.as_ref().map_or(u64::MAX, |record| record.offset);
             let workgroup = invocation.workgroup.as_ref().map_or(0, |group| group.index());
-            let key = [workgroup, invocation.subgroup_id(), record];
+            let key = [workgroup, invocation.subgroup_id(), invocation.called_through];
             let member = (lane, invocation.subgroup_local_invocation_id());
             match groups.iter_mut().find(|(found, _)| *found == key) {
                 Some((_, members)) => members.push(member),

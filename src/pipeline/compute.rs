@@ -74,7 +74,7 @@ impl Compute {
     /// # Errors
     /// `InvalidArgument` for any other size.
     pub fn subgroup_size(self, size: u32) -> Result<Self> {
-        check_subgroup_size(size, std::slice::from_ref(&self.program))?;
+        check_subgroup_size(size)?;
         Ok(Self { subgroup_size: size, ..self })
     }
 
@@ -132,13 +132,17 @@ impl Compute {
         let task = |task: u64| {
             let range = range(task);
             let invocations = (range.end - range.start) * each;
-            let group = |index: u64| self.group(index, groups);
-            let result = match (self.program.uses_subgroups, self.program.order_dependent) {
-                // A batch must hold whole subgroups, and their size divides 32.
-                (true, _) => Gang::<32>::new(self, &bindings, self.layout).run(range.map(group)),
+            let groups = range.map(|index| self.group(index, groups));
+            let whole = self.program.uses_subgroups.then_some(self.subgroup_size);
+            let result = match whole {
+                // A batch must hold whole subgroups, and their size divides the batch's.
+                Some(..=32) => Gang::<32>::new(self, &bindings, self.layout).run(groups),
+                Some(_) => Gang::<128>::new(self, &bindings, self.layout).run(groups),
                 // One invocation after the other, so that every width gives the same.
-                (false, true) => Gang::<1>::new(self, &bindings, self.layout).run(range.map(group)),
-                (false, false) => Gang::<W>::new(self, &bindings, self.layout).run(range.map(group)),
+                None if self.program.order_dependent => {
+                    Gang::<1>::new(self, &bindings, self.layout).run(groups)
+                }
+                None => Gang::<W>::new(self, &bindings, self.layout).run(groups),
             };
             done(invocations);
             result

@@ -16,7 +16,7 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, Trapped, bindings};
 use crate::pipeline::trace::Query;
-use crate::pipeline::witness::Witness;
+use crate::pipeline::witness::{Only, Witness};
 
 /// What a launch did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -128,9 +128,10 @@ impl Launch<'_> {
         if self.pipeline.order_dependent() {
             // One after the other, so that every width of a batch gives the same.
             for task in tasks {
-                results.push(match self.pipeline.uses_subgroups() {
-                    true => self.task::<32>(&bindings, record, range(task), size),
-                    false => self.task::<1>(&bindings, record, range(task), size),
+                results.push(match self.pipeline.whole_subgroups() {
+                    Some(..=32) => self.task::<32>(&bindings, record, range(task), size),
+                    Some(_) => self.task::<128>(&bindings, record, range(task), size),
+                    None => self.task::<1>(&bindings, record, range(task), size),
                 });
                 done(range(task).end - range(task).start);
                 if results.last().is_some_and(|(_, trapped)| trapped.is_some()) {
@@ -145,10 +146,10 @@ impl Launch<'_> {
                 if trapped_at.load(Relaxed) < range.start {
                     return (Stats::default(), None);
                 }
-                // A batch must hold whole subgroups, and their size divides 32.
-                let result = match self.pipeline.uses_subgroups() {
-                    true => self.task::<32>(&bindings, record, range.clone(), size),
-                    false => self.task::<W>(&bindings, record, range.clone(), size),
+                let result = match self.pipeline.whole_subgroups() {
+                    Some(..=32) => self.task::<32>(&bindings, record, range.clone(), size),
+                    Some(_) => self.task::<128>(&bindings, record, range.clone(), size),
+                    None => self.task::<W>(&bindings, record, range.clone(), size),
                 };
                 if result.1.is_some() {
                     trapped_at.fetch_min(range.start, Relaxed);
@@ -194,7 +195,9 @@ impl Launch<'_> {
         (stack.stats, stack.trapped)
     }
 
-    /// Runs the ray generation shader for one launch index at one lane, watched.
+    /// Runs the ray generation shader for one launch index at one lane, watched; with all of its
+    /// subgroup, of which the witness sees that index alone, where a shader has subgroup instructions
+    /// (nothing is observed then).
     ///
     /// # Errors
     /// The trap, if there is one.
@@ -212,13 +215,41 @@ impl Launch<'_> {
             )
         })?;
         if self.pipeline.uses_subgroups() && self.pipeline.subgroup_size > 1 {
-            let message = "one invocation alone of a pipeline with subgroup instructions";
-            return Err(Error::new(ErrorKind::UnsupportedModule, message)
-                .note("set the subgroup size to 1 to run it without the others of its subgroup"));
+            return match self.pipeline.subgroup_size {
+                ..=32 => self.run_subgroup::<32, T>(record, id, size, witness),
+                _ => self.run_subgroup::<128, T>(record, id, size, witness),
+            };
         }
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, witness, observer);
         stack.launch(record, &[id], size);
+        match stack.trapped {
+            Some(trapped) => Err(trapped.error),
+            None => Ok(stack.stats),
+        }
+    }
+
+    /// Runs the subgroup of a launch index, and shows a witness that index alone.
+    fn run_subgroup<const W: usize, T: Witness>(
+        &self,
+        record: &Record,
+        id: [u32; 3],
+        size: [u32; 3],
+        witness: &mut T,
+    ) -> Result<Stats>
+    where
+        Row: Width<W>,
+    {
+        let bindings = bindings(self.pipeline, self.resources);
+        let (mut only, mut observer) = (Only::new(id, witness), ());
+        let mut stack = Stack::<W, _, _>::new(self.pipeline, &bindings, &mut only, &mut observer);
+        let [x, y, z] = id.map(u64::from);
+        let [width, height, depth] = size.map(u64::from);
+        let subgroup = u64::from(self.pipeline.subgroup_size);
+        let first = ((z * height + y) * width + x) / subgroup * subgroup;
+        let end = (width * height * depth).min(first + subgroup);
+        let ids: Vec<_> = (first..end).map(|index| launch_id(index, size)).collect();
+        stack.launch(record, &ids, size);
         match stack.trapped {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),

@@ -77,6 +77,11 @@ impl Pipeline {
     pub fn uses_subgroups(&self) -> bool {
         self.programs.iter().any(|program| program.uses_subgroups)
     }
+
+    /// The size of subgroups, where a batch must hold whole ones.
+    fn whole_subgroups(&self) -> Option<u32> {
+        self.uses_subgroups().then_some(self.subgroup_size)
+    }
 }
 
 /// Collects shaders, groups and records.
@@ -230,7 +235,7 @@ impl Builder {
     pub fn build(&self) -> Result<Pipeline> {
         self.sbt.check(&self.programs, &self.groups)?;
         let size = self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE);
-        check_subgroup_size(size, &self.programs)?;
+        check_subgroup_size(size)?;
         let limit = u32::try_from(self.device.limits.max_ray_recursion_depth).unwrap_or(u32::MAX);
         let max_recursion = self.max_recursion.unwrap_or(DEFAULT_RECURSION.min(limit));
         self.check_device(max_recursion)?;
@@ -274,15 +279,11 @@ impl Builder {
     }
 }
 
-/// Checks `SubgroupSize` for the programs that are to run with it.
-fn check_subgroup_size(size: u32, programs: &[Arc<Program>]) -> Result<()> {
+/// Checks `SubgroupSize`.
+fn check_subgroup_size(size: u32) -> Result<()> {
     if !size.is_power_of_two() || size > 128 {
         let message = format!("a subgroup of {size} invocations: it has 1, 2, 4, ... or 128");
         return Err(Error::new(ErrorKind::InvalidArgument, message));
-    }
-    if let Some(program) = programs.iter().find(|program| program.uses_subgroups && size > 32) {
-        let message = format!("`{}`: subgroup instructions in subgroups of more than 32", program.name);
-        return Err(Error::new(ErrorKind::UnsupportedModule, message));
     }
     Ok(())
 }

@@ -92,8 +92,10 @@ impl Report {
             let Some(reported) = &self.reports[lane] else { continue };
             let ray = trace.ray_mut(reported.ray);
             let candidate = ray.cursor.candidate().copied();
-            let record = candidate.and_then(|candidate| hit_group(pipeline, &ray.query, &candidate).1);
-            let mut invocation = ray.candidate_invocation(program, record.and_then(Record::shader_record));
+            let record = candidate.map(|candidate| hit_group(pipeline, &ray.query, &candidate));
+            let data = record.and_then(|(_, record, _)| record).and_then(Record::shader_record);
+            let mut invocation = ray.candidate_invocation(program, data);
+            invocation.called_through = record.map_or(0, |(index, ..)| index);
             invocation.t_max = reported.t;
             if let Some(hit) = &mut invocation.hit {
                 hit.kind = reported.kind;
@@ -152,6 +154,7 @@ impl Report {
             batch.invocations[lane].t_max = reported.t;
         }
         if T::ACTIVE {
+            witness.invocation(batch.invocations[lane].launch_id);
             witness.event(Event::Report { t: reported.t, hit_kind: reported.kind, accepted });
         }
     }

@@ -79,7 +79,7 @@ pub(super) struct Call {
 #[derive(Clone, Debug)]
 struct Callable {
     shader: Shader,
-    lanes: Vec<(usize, Option<Record>)>,
+    lanes: Vec<(usize, Option<Record>, u32)>,
 }
 
 #[derive(Clone, Debug)]
@@ -299,6 +299,7 @@ where
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
+                self.witness.invocation(running.batch.invocations[lane].launch_id);
                 self.witness.event(Event::Enter {
                     shader: called.shader,
                     stage: program.stage,
@@ -334,6 +335,7 @@ where
                     running.batch.registers.lane_words(rows.first, rows.count, lane).collect()
                 });
                 let (shader, stage) = (running.shader, program.stage);
+                self.witness.invocation(running.batch.invocations[lane].launch_id);
                 self.witness.event(Event::Leave { shader, stage, exit, payload });
             }
             match &mut self.levels[..] {
@@ -411,6 +413,7 @@ where
         if T::ACTIVE {
             for &lane in trace.lanes().iter().filter(|&&lane| !trace.ray(lane).is_settled()) {
                 let payload = trace.ray(lane).query.payload.to_vec();
+                self.witness.invocation(trace.ray(lane).query.launch_id);
                 self.witness.event(Event::Traced { payload });
             }
         }
@@ -454,8 +457,8 @@ where
                 continue;
             };
             match waiting.iter_mut().find(|group| group.shader == shader) {
-                Some(group) => group.lanes.push((lane, record.clone())),
-                None => waiting.push(Callable { shader, lanes: vec![(lane, record.clone())] }),
+                Some(group) => group.lanes.push((lane, record.clone(), index)),
+                None => waiting.push(Callable { shader, lanes: vec![(lane, record.clone(), index)] }),
             }
         }
         waiting.reverse();
@@ -472,12 +475,13 @@ where
         };
         let mut called = Called::new(shader, Role::Callable);
         let depth = below.batch.invocations.iter().map(|invocation| invocation.depth).max().unwrap_or(0);
-        for (lane, record) in lanes {
+        for (lane, record, index) in lanes {
             let from = &below.batch.invocations[lane];
             let invocation = Invocation {
                 launch_id: from.launch_id,
                 launch_size: from.launch_size,
                 record: record.as_ref().and_then(Record::shader_record),
+                called_through: index.into(),
                 depth,
                 ..Invocation::default()
             };

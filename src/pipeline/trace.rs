@@ -68,12 +68,16 @@ pub(super) struct RayState {
     pub trapped: bool,
 }
 
+/// A lane that waits for a shader, the data of the record that it calls it through, and the record's
+/// index.
+type WaitingLane = (usize, Option<ShaderRecord>, u64);
+
 /// Lanes that wait for a shader.
 #[derive(Clone, Debug)]
 struct Waiting {
     shader: Shader,
     role: Role,
-    lanes: SmallVec<[(usize, Option<ShaderRecord>); 4]>,
+    lanes: SmallVec<[WaitingLane; 4]>,
 }
 
 /// The rays of one `OpTraceRayKHR`; its memory is used again for the next.
@@ -106,6 +110,7 @@ impl Trace {
     /// Adds the ray of a lane; lanes come in ascending order.
     pub fn push<T: Witness>(&mut self, lane: usize, query: Query, caller: Option<Caller>, witness: &mut T) {
         if T::ACTIVE {
+            witness.invocation(query.launch_id);
             witness.event(Event::Trace {
                 caller,
                 tlas: query.tlas.clone(),
@@ -186,6 +191,7 @@ impl Trace {
     fn traverse<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
         for &lane in &self.lanes {
             let Some(ray) = self.rays[lane].as_mut().filter(|ray| ray.traversing) else { continue };
+            witness.invocation(ray.query.launch_id);
             loop {
                 let candidate = ray.cursor.proceed_with(&ray.query.tlas, &mut Traversal(witness));
                 let Some(candidate) = candidate else {
@@ -208,7 +214,7 @@ impl Trace {
                     Some(shader) => {
                         let role = if candidate.is_box() { Role::Intersection } else { Role::AnyHit };
                         let record = record.and_then(Record::shader_record);
-                        wait(&mut self.waiting, shader, role, lane, record);
+                        wait(&mut self.waiting, shader, role, (lane, record, index));
                         break;
                     }
                     None if candidate.is_box() => {}
@@ -242,12 +248,13 @@ impl Trace {
             };
             let shader = shader.filter(|_| self.shades);
             if T::ACTIVE && ray.record.is_none() {
+                witness.invocation(ray.query.launch_id);
                 witness.event(Event::Traversed { committed, record: index, shader, kept: !self.shades });
             }
             match (shader, self.caller) {
                 (Some(shader), _) => {
                     let record = record.and_then(Record::shader_record);
-                    wait(&mut self.waiting, shader, role, lane, record);
+                    wait(&mut self.waiting, shader, role, (lane, record, index));
                 }
                 (None, Some(caller)) if self.shades && !skipped => {
                     witness.absent(caller, &mut self.ray_mut(lane).query.payload);
@@ -260,13 +267,14 @@ impl Trace {
     fn call(&self, pipeline: &Pipeline, waiting: Waiting) -> Called {
         let program = &pipeline.programs[waiting.shader.0 as usize];
         let mut called = Called::new(waiting.shader, waiting.role);
-        for (lane, record) in waiting.lanes {
+        for (lane, record, called_through) in waiting.lanes {
             let ray = self.ray(lane);
-            let invocation = match waiting.role {
+            let mut invocation = match waiting.role {
                 Role::AnyHit | Role::Intersection => ray.candidate_invocation(program, record),
                 Role::ClosestHit => ray.hit_invocation(program, record),
                 _ => ray.invocation(ray.query.trace.ray.t_max, record),
             };
+            invocation.called_through = called_through;
             let attributes = match waiting.role {
                 Role::AnyHit => ray.cursor.candidate().map_or_else(Data::new, candidate_attributes),
                 Role::ClosestHit => ray.committed_attributes(),
@@ -399,10 +407,10 @@ fn candidate_attributes(candidate: &Candidate) -> Data {
     candidate.intersection.attributes.iter().map(|attribute| attribute.to_bits()).collect()
 }
 
-fn wait(waiting: &mut Vec<Waiting>, shader: Shader, role: Role, lane: usize, record: Option<ShaderRecord>) {
+fn wait(waiting: &mut Vec<Waiting>, shader: Shader, role: Role, lane: WaitingLane) {
     match waiting.iter_mut().find(|group| group.shader == shader && group.role == role) {
-        Some(group) => group.lanes.push((lane, record)),
-        None => waiting.push(Waiting { shader, role, lanes: SmallVec::from_iter([(lane, record)]) }),
+        Some(group) => group.lanes.push(lane),
+        None => waiting.push(Waiting { shader, role, lanes: SmallVec::from_iter([lane]) }),
     }
 }
 

@@ -17,6 +17,9 @@ pub trait Witness {
     /// Whether ray queries are to be told, too: every node and primitive that they look at.
     const QUERIES: bool = false;
 
+    /// The events that follow are about the invocation with this launch index.
+    fn invocation(&mut self, _launch_id: [u32; 3]) {}
+
     /// Something happened.
     fn event(&mut self, event: Event);
 
@@ -38,6 +41,37 @@ impl Witness for Vec<Event> {
 
     fn event(&mut self, event: Event) {
         self.push(event);
+    }
+}
+
+/// Lets another witness see the events of one invocation among several.
+pub(super) struct Only<'a, T> {
+    pub witness: &'a mut T,
+    pub launch_id: [u32; 3],
+    seen: bool,
+}
+
+impl<'a, T: Witness> Only<'a, T> {
+    pub fn new(launch_id: [u32; 3], witness: &'a mut T) -> Self {
+        Self { witness, launch_id, seen: true }
+    }
+}
+
+impl<T: Witness> Witness for Only<'_, T> {
+    const ACTIVE: bool = T::ACTIVE;
+
+    fn invocation(&mut self, launch_id: [u32; 3]) {
+        self.seen = launch_id == self.launch_id;
+    }
+
+    fn event(&mut self, event: Event) {
+        if self.seen {
+            self.witness.event(event);
+        }
+    }
+
+    fn absent(&mut self, caller: Caller, words: &mut [u32]) {
+        self.witness.absent(caller, words);
     }
 }
 
