@@ -27,7 +27,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             Err(error) if error.kind() == ErrorKind::UnsupportedTool => {
                 println!("cargo:warning={}: {kept} is used", error.message());
                 if fs::read_to_string(&hash)?.trim() != content_hash(&source) {
-                    return Err(format!("{kept} was made from another shaders/{name}\n{}", error.render()).into());
+                    return Err(
+                        format!("{kept} was made from another shaders/{name}\n{}", error.render()).into()
+                    );
                 }
                 fs::read(&kept)?
             }

@@ -90,8 +90,9 @@ macro_rules! assert_near {
     };
 }
 
-/// Asserts that the payload of an outcome is what is expected, bit for bit: as a plain Rust type, or
-/// by the paths of members, others than which may be anything.
+/// Asserts that the payload of an outcome equals what is expected: as a plain Rust type, or by the
+/// paths of members, others than which may be anything. Zeros of both signs are equal, and so are
+/// equal bits, a NaN's too.
 ///
 /// ```
 /// use anyhit::{Hit, Module, Ray, ShaderTest, assert_payload_eq};
@@ -103,7 +104,7 @@ macro_rules! assert_near {
 /// assert_payload_eq!(outcome, { "normal": [0.0f32, 0.0, 1.0], "t": 3.5f32 });
 ///
 /// #[repr(C)]
-/// #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+/// #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 /// struct Payload {
 ///     normal: [f32; 3],
 ///     t: f32,
@@ -267,12 +268,15 @@ has_payload!(ShaderOutcome, Traced);
 /// # Panics
 /// Where the payload differs, or does not fit the type.
 #[track_caller]
-pub fn payload_eq<T: AnyBitPattern + NoUninit + Debug>(outcome: &impl HasPayload, expected: &T) {
+pub fn payload_eq<T>(outcome: &impl HasPayload, expected: &T)
+where
+    T: AnyBitPattern + NoUninit + Debug + PartialEq,
+{
     let found: T = match outcome.read_payload() {
         Ok(found) => found,
         Err(error) => panic!("{}", error.render()),
     };
-    if bytemuck::bytes_of(&found) != bytemuck::bytes_of(expected) {
+    if found != *expected && bytemuck::bytes_of(&found) != bytemuck::bytes_of(expected) {
         differ(&format!("{found:#?}"), &format!("{expected:#?}"), outcome);
     }
 }
@@ -290,9 +294,17 @@ pub fn members_eq(outcome: &impl HasPayload, expect: impl FnOnce(&mut Data) -> R
     if let Err(error) = expect(&mut expected) {
         panic!("{}", error.render());
     }
-    if found.value() != expected.value() {
+    if !same(&found.value(), &expected.value()) {
         differ(&format!("{:#?}", found.value()), &format!("{:#?}", expected.value()), outcome);
     }
+}
+
+/// Whether all numbers have the same bits or are equal floats.
+fn same(found: &Value, expected: &Value) -> bool {
+    let (found, expected) = (found.numbers(), expected.numbers());
+    found.iter().zip(&expected).all(|(&(scalar, bits), &(_, other))| {
+        bits == other || scalar.is_float() && scalar.value(bits) == scalar.value(other)
+    })
 }
 
 #[track_caller]
@@ -362,6 +374,8 @@ mod tests {
         let outcome = outcome();
         assert_payload_eq!(outcome, { "normal": [0.0f32, 0.0, 1.0], "hits": 1 });
         assert_payload_eq!(outcome, [0.0, 0.0, 1.0, 1.75, f32::from_bits(1)]);
+        assert_payload_eq!(outcome, { "normal": [0.0f32, -0.0, 1.0] });
+        assert_payload_eq!(outcome, [-0.0, 0.0, 1.0, 1.75, f32::from_bits(1)]);
         let text = message(|| assert_payload_eq!(outcome, { "normal": [0.0f32, 0.0, 1.0], "hits": 2 }));
         assert!(text.contains("<    hits: 1u") && text.contains(">    hits: 2u"), "{text}");
         assert!(!text.contains("<    t:"), "{text}");

@@ -51,8 +51,11 @@ fn of_unequal_radii_it_leans_towards_the_thin_end() -> Result<()> {
 #[test]
 fn an_instance_turns_it_with_its_surface() -> Result<()> {
     // Twice as long along x, a quarter turn about z: x becomes y.
-    let instance = Instance::lss([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [0.5, 0.5])
-        .transform([[0.0, -1.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
+    let instance = Instance::lss([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [0.5, 0.5]).transform([
+        [0.0, -1.0, 0.0, 0.0],
+        [2.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+    ]);
     // At x = 0.3 the circle of radius 0.5 has z = 0.4 and the normal (0.6, 0, 0.8).
     let hit = Hit::of(instance).ray(Ray::new([0.3, 0.5, 4.0], [0.0, 0.0, -1.0]));
     let outcome = glsl()?.hit(hit).run()?;

@@ -5,7 +5,7 @@ use anyhit::{Hit, Instance, Module, Pipeline, Program, Ray, Result, Scene, Shade
 const CORNERS: [[f32; 3]; 3] = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
 
 #[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 struct Payload {
     normal: [f32; 3],
     t: f32,

@@ -1,0 +1,157 @@
+//! What tests wait for: a thousand unit tests of one ray each, the parts that one is made of, and
+//! the program from its start to its end.
+//!
+//! `cargo bench --bench startup` prints a table; `docs/testing.md` has figures. Everything runs on one
+//! thread. Each row is the median of several runs, beside the fastest: on a busy machine look at that.
+//! Without `--bench` (`cargo test --benches`) every row runs once.
+
+#![allow(clippy::print_stdout, reason = "a table is printed")]
+
+use std::hint::black_box;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhit::harness::case::Case;
+use anyhit::module::load;
+use anyhit::{Hit, Instance, Module, Pipeline, Program, Ray, Scene, ShaderTest};
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const TESTS: usize = 1000;
+
+fn main() {
+    let full = std::env::args().any(|argument| argument == "--bench");
+    let table = Table { full };
+    table.heading("a thousand tests");
+    a_thousand_tests(&table);
+    table.heading("parts of a test");
+    parts(&table);
+    table.heading("the program");
+    program(&table);
+}
+
+/// Measures and prints.
+struct Table {
+    full: bool,
+}
+
+impl Table {
+    fn heading(&self, text: &str) {
+        println!("\n{text:44} {:>12} {:>12}", "median", "fastest");
+    }
+
+    /// A row of `runs` runs.
+    fn row<T>(&self, name: &str, runs: usize, mut work: impl FnMut() -> T) {
+        let mut once = || {
+            let begin = Instant::now();
+            black_box(work());
+            begin.elapsed()
+        };
+        let mut times: Vec<Duration> = (0..if self.full { runs } else { 1 }).map(|_| once()).collect();
+        times.sort();
+        println!("  {name:42} {:>12} {:>12}", shown(times[times.len() / 2]), shown(times[0]));
+    }
+}
+
+fn shown(time: Duration) -> String {
+    match time.as_secs_f64() {
+        seconds if seconds >= 1.0 => format!("{seconds:.2} s"),
+        seconds if seconds >= 1e-3 => format!("{:.2} ms", seconds * 1e3),
+        seconds => format!("{:.1} us", seconds * 1e6),
+    }
+}
+
+fn path(file: &str) -> String {
+    format!("{ROOT}/spirv-fixtures/pass/{file}")
+}
+
+fn module() -> Arc<Module> {
+    Module::open(path("lss/normal-angle/main.rchit.spv")).expect("a fixture")
+}
+
+fn hit() -> Hit {
+    Hit::lss([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [0.5, 0.25])
+        .ray(Ray::new([0.25, 0.0, 4.0], [0.0, 0.0, -1.0]))
+}
+
+fn ray() -> Ray {
+    Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0])
+}
+
+fn sphere_pipeline() -> Pipeline {
+    let shader = |file: &str| {
+        let module = Module::open(path(&format!("sphere/closest-hit/{file}"))).expect("a fixture");
+        Program::of(&module, "main").expect("a supported shader")
+    };
+    let mut builder = Pipeline::builder();
+    builder.hit([shader("main.rchit.spv")]).expect("a hit group");
+    builder.miss(shader("main.rmiss.spv")).expect("a miss shader");
+    builder.build().expect("a pipeline")
+}
+
+/// As `cargo test` of a user runs them.
+fn a_thousand_tests(table: &Table) {
+    let test = ShaderTest::new(&module(), "main").expect("a supported shader");
+    table.row("one shader", 11, || {
+        for _ in 0..TESTS {
+            black_box(test.clone().hit(hit()).run().expect("it runs"));
+        }
+    });
+    table.row("one shader, each opens its module", 5, || {
+        for _ in 0..TESTS {
+            let test = ShaderTest::new(&module(), "main").expect("a supported shader");
+            black_box(test.hit(hit()).run().expect("it runs"));
+        }
+    });
+    let pipeline = sphere_pipeline();
+    table.row("one ray, each makes its scene", 11, || {
+        for _ in 0..TESTS {
+            let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)]).expect("a scene");
+            black_box(pipeline.trace(&scene, ray()).expect("it runs"));
+        }
+    });
+    table.row("one ray, each makes scene and pipeline", 5, || {
+        for _ in 0..TESTS {
+            let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)]).expect("a scene");
+            black_box(sphere_pipeline().trace(&scene, ray()).expect("it runs"));
+        }
+    });
+}
+
+fn parts(table: &Table) {
+    let bytes = std::fs::read(path("lss/normal-angle/main.rchit.spv")).expect("a fixture");
+    let module = module();
+    let test = ShaderTest::new(&module, "main").expect("a supported shader").hit(hit());
+    let pipeline = sphere_pipeline();
+    let scene = || Scene::new([Instance::sphere([0.0; 3], 0.5)]).expect("a scene");
+    let made = scene();
+    table.row("read the file", 101, || {
+        std::fs::read(path("lss/normal-angle/main.rchit.spv")).expect("a fixture")
+    });
+    table.row("load the module", 101, || load(&bytes).expect("a module"));
+    table.row("lower the shader", 101, || Program::of(&module, "main").expect("a supported shader"));
+    table.row("run the shader", 101, || test.run().expect("it runs"));
+    table.row("make a scene", 101, scene);
+    table.row("trace a ray", 101, || pipeline.trace(&made, ray()).expect("it runs"));
+    let file = format!("{ROOT}/shaders/pass/sphere/closest-hit/scene.toml");
+    table.row("check a case, at three widths", 51, || {
+        let case = Case::of(file.as_ref()).expect("a scene").remove(0);
+        case.check().expect("it holds")
+    });
+}
+
+/// From start to end; `true` is what the operating system takes.
+fn program(table: &Table) {
+    let run = |program: &str, arguments: &[&str]| {
+        let mut command = Command::new(program);
+        command.current_dir(ROOT).args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
+        assert!(command.status().expect("a program").success());
+    };
+    let anyhit = env!("CARGO_BIN_EXE_anyhit");
+    let scene = "shaders/pass/sphere/closest-hit/scene.toml";
+    if cfg!(unix) {
+        table.row("true", 51, || run("true", &[]));
+    }
+    table.row("anyhit --version", 51, || run(anyhit, &["--version"]));
+    table.row("anyhit trace-one-ray", 51, || run(anyhit, &["trace-one-ray", scene]));
+}
