@@ -14,6 +14,7 @@ const VARIABLE: &str = "GLSLANG";
 const UNKNOWN: &str = "extension not supported";
 
 /// Whether the user names a tool.
+#[cfg(feature = "glsl")]
 pub(super) fn asked_for() -> bool {
     env::var_os(VARIABLE).is_some_and(|given| !given.is_empty())
 }
