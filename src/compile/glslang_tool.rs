@@ -1,6 +1,5 @@
 //! GLSL through an installed `glslang`, `glslangValidator` or `glslc`.
 
-use std::env;
 use std::process::Command;
 
 use super::outside::{Desk, Tool, said};
@@ -16,7 +15,7 @@ const UNKNOWN: &str = "extension not supported";
 /// Whether the user names a tool.
 #[cfg(feature = "glsl")]
 pub(super) fn asked_for() -> bool {
-    env::var_os(VARIABLE).is_some_and(|given| !given.is_empty())
+    std::env::var_os(VARIABLE).is_some_and(|given| !given.is_empty())
 }
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
