@@ -45,8 +45,14 @@ fn check(case: &Case, root: &Path) -> Result<(), Failed> {
     let run = case.check().map_err(|error| Failed::from(error.render()))?;
     if case.scene.starts_with(root.join("shaders")) {
         let expectations = scene(case).and_then(|scene| Expectations::read(&scene.document));
-        if expectations.is_ok_and(|expectations| expectations.is_empty()) {
-            return Err("the case expects nothing: it cannot fail".into());
+        if let Ok(expectations) = expectations {
+            if expectations.is_empty() && case.rays.is_empty() {
+                return Err("the case expects nothing: it cannot fail".into());
+            }
+            if let Some(span) = expectations.without_reason().first() {
+                let error = span.error("the values of this repository are derived: `because` is missing");
+                return Err(error.render().into());
+            }
         }
     }
     let path = case.scene.with_file_name("expect.stderr");

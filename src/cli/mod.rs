@@ -12,6 +12,7 @@ pub mod render;
 pub mod run;
 pub mod smoke;
 mod stats;
+pub mod test;
 pub mod trace_one_ray;
 pub mod verify;
 
@@ -48,6 +49,7 @@ commands! {
     smoke Smoke(SmokeArgs),
     verify Verify(VerifyArgs),
     compile Compile(CompileArgs),
+    test Test(TestArgs),
 }
 
 /// Runs ray-tracing shaders on the CPU, exactly.

@@ -103,6 +103,7 @@ impl TraceOneRayArgs {
             sbt_offset: self.sbt_offset.unwrap_or(0),
             sbt_stride: self.sbt_stride.unwrap_or(1),
             miss_index: self.miss_index.unwrap_or(0),
+            payload: Vec::new(),
         }))
     }
 }

@@ -109,9 +109,8 @@ impl<'a> Names<'a> {
         Self { scene: None, pipeline }
     }
 
-    /// A shader.
-    pub fn shader(&self, shader: Shader) -> ShaderLabel {
-        let program = &self.pipeline.programs[shader.0 as usize];
+    /// The file that a shader comes from.
+    pub fn module(&self, shader: Shader) -> Option<&'a resolved::ShaderModule> {
         // The pipeline's groups are the scene's, in the same order.
         let scene_groups = self.scene.map_or(&[][..], |scene| &scene.groups);
         let found = self.pipeline.groups.iter().zip(scene_groups).find_map(|pair| match pair {
@@ -127,7 +126,13 @@ impl<'a> Names<'a> {
             .find_map(|(one, named)| named.as_ref().filter(|_| one == Some(shader))),
             _ => None,
         });
-        let module = found.zip(self.scene).map(|(found, scene)| &scene.shaders[found.module]);
+        found.zip(self.scene).map(|(found, scene)| &scene.shaders[found.module])
+    }
+
+    /// A shader.
+    pub fn shader(&self, shader: Shader) -> ShaderLabel {
+        let program = &self.pipeline.programs[shader.0 as usize];
+        let module = self.module(shader);
         let file = module.and_then(|module| module.path.file_name());
         ShaderLabel {
             stage: program.stage.name(),

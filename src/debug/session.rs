@@ -174,16 +174,24 @@ impl Session {
             sbt_offset: ray.sbt_offset,
             sbt_stride: ray.sbt_stride,
             miss_index: ray.miss_index,
-            payload: vec![0; self.payload_words()],
+            payload: self.payload(ray)?,
         };
         self.assembled.launch().trace(tlas, operands, events).map(|outcome| outcome.stats)
     }
 
-    /// The size of the largest payload that a shader declares, in words.
-    fn payload_words(&self) -> usize {
+    /// A ray's payload, as large as the largest that a shader declares.
+    fn payload(&self, ray: &GivenRay) -> Result<Vec<u32>> {
         let programs = self.assembled.pipeline.programs.iter();
         let rows = programs.filter_map(|program| program.interface_rows(storage::INCOMING_RAY_PAYLOAD));
-        rows.map(|rows| rows.count as usize).max().unwrap_or(0)
+        let words = rows.map(|rows| rows.count as usize).max().unwrap_or(0);
+        if ray.payload.len() > words {
+            let given = 4 * ray.payload.len();
+            let message = format!("the payload has {given} bytes, and the shaders declare {}", 4 * words);
+            return Err(invalid(message));
+        }
+        let mut payload = ray.payload.clone();
+        payload.resize(words, 0);
+        Ok(payload)
     }
 }
 
@@ -193,7 +201,7 @@ enum Settled {
 }
 
 /// Holds a ray against the rules of a trace (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359).
-fn check(ray: &GivenRay) -> Result<GivenRay> {
+pub(crate) fn check(ray: &GivenRay) -> Result<GivenRay> {
     let finite = |what: &str, values: &[f32; 3]| match values.iter().position(|value| !value.is_finite()) {
         Some(at) => {
             let axis = ["x", "y", "z"][at];

@@ -2,19 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::accel::{RayFlags, TraceRay};
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::geometry::Ray;
-use crate::harness::expect::{Bytes, Expectations, Observed};
-use crate::harness::memory;
-use crate::machine::Descriptor;
-use crate::ops::row::{Row, Width};
-use crate::pipeline::{Event, Launch, RayOperands};
-use crate::scene::file::{GivenRay, RayEntry, SceneFile};
-use crate::scene::read::Report;
+use crate::harness::expect::{Difference, Expectations, Observed, OneRay};
+use crate::harness::run::{Watch, one_ray, run};
+use crate::scene::file::SceneFile;
+use crate::scene::read::{Document, Parse, Report, Table};
 use crate::scene::{Assembled, DiskFiles, Files, Options, ResolvedScene, assemble, load};
 
-/// A scene, or one of its variants, that is to meet its `[expect]`.
+/// A scene, or one of its variants, that is to meet its expectations.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Case {
     /// The scene file.
@@ -23,6 +18,25 @@ pub struct Case {
     pub variant: Option<(usize, String)>,
     /// The size of the launch, where it is not the scene's.
     pub size: Option<[u32; 2]>,
+    /// Whether the launch is a test: that of a `scene.toml` is, that of a `*.test.toml` where it has
+    /// an `[expect]`.
+    pub launch: bool,
+    /// The rays that are tests of their own, because they have a `[ray.expect]`: their places in
+    /// the file and their names.
+    pub rays: Vec<(usize, String)>,
+}
+
+/// A case with everything that it names.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The scene.
+    pub scene: ResolvedScene,
+    /// Its pipeline and resources.
+    pub assembled: Assembled,
+    /// `[expect]`
+    pub expectations: Expectations,
+    /// `[ray.expect]` of the file's own rays.
+    pub rays: Vec<Option<OneRay>>,
 }
 
 /// What running a case at one width left behind.
@@ -34,19 +48,29 @@ pub struct Run {
     pub modules: Vec<PathBuf>,
 }
 
-/// The cases beneath a folder, in the order of their paths: every `scene.toml` with its variants.
+/// The cases beneath a folder, in the order of their paths: every `scene.toml` and `*.test.toml` with
+/// its variants. Folders whose names begin with a dot and those that a `CACHEDIR.TAG` marks are
+/// passed by.
 ///
 /// # Errors
 /// `Io` where a folder cannot be read, and the mistakes of scene files that are no TOML.
 pub fn discover(folder: &Path) -> Result<Vec<Case>> {
-    let mut scenes = Vec::new();
-    collect(folder, &mut scenes)?;
-    scenes.sort();
     let mut cases = Vec::new();
-    for scene in scenes {
+    for scene in scenes(folder)? {
         cases.extend(Case::of(&scene)?);
     }
     Ok(cases)
+}
+
+/// The files beneath a folder that hold cases, in the order of their paths.
+///
+/// # Errors
+/// `Io` where a folder cannot be read.
+pub fn scenes(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut scenes = Vec::new();
+    collect(folder, &mut scenes)?;
+    scenes.sort();
+    Ok(scenes)
 }
 
 fn collect(folder: &Path, scenes: &mut Vec<PathBuf>) -> Result<()> {
@@ -54,13 +78,21 @@ fn collect(folder: &Path, scenes: &mut Vec<PathBuf>) -> Result<()> {
     for entry in entries {
         let entry = entry.map_err(|error| Error::io(folder, error))?;
         let kind = entry.file_type().map_err(|error| Error::io(entry.path(), error))?;
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
         if kind.is_dir() {
-            collect(&entry.path(), scenes)?;
-        } else if entry.file_name() == "scene.toml" {
+            if !name.starts_with('.') && !entry.path().join("CACHEDIR.TAG").exists() {
+                collect(&entry.path(), scenes)?;
+            }
+        } else if name == "scene.toml" || is_test_file(&entry.path()) {
             scenes.push(entry.path());
         }
     }
     Ok(())
+}
+
+fn is_test_file(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(".test.toml"))
 }
 
 impl Case {
@@ -73,9 +105,20 @@ impl Case {
         // Other mistakes than of syntax are told when the case is run.
         let report = Report::default();
         let file = SceneFile::parse(scene, &text, &report)?;
+        let root = file.document.root(&report);
+        let rays = each_ray(&file.document, &report, |at, table| {
+            let name = table.value("name").and_then(|name| Some(name.text()?.to_owned()));
+            table.has("expect").then(|| (at, name.unwrap_or_else(|| format!("ray {at}"))))
+        });
+        let launch = !is_test_file(scene) || root.has("expect");
+        drop(root);
         let variants = file.variants.into_iter().enumerate();
         let variants = variants.map(|(at, variant)| Some((at, variant.name.value)));
-        let case = |variant| Self { scene: scene.to_path_buf(), variant, size: None };
+        let rays: Vec<_> = rays.into_iter().flatten().collect();
+        let case = |variant| {
+            let rays = rays.clone();
+            Self { scene: scene.to_path_buf(), variant, size: None, launch, rays }
+        };
         Ok(std::iter::once(None).chain(variants).map(case).collect())
     }
 
@@ -84,121 +127,95 @@ impl Case {
         let folder = self.scene.parent().filter(|_| self.scene.ends_with("scene.toml"));
         let path = folder.map_or_else(|| self.scene.with_extension(""), Path::to_path_buf);
         let path = path.strip_prefix(root).unwrap_or(&path).display().to_string().replace('\\', "/");
+        let path = path.strip_suffix(".test").unwrap_or(&path);
         match &self.variant {
             Some((_, variant)) => format!("{path} ({variant})"),
-            None => path,
+            None => path.to_owned(),
         }
     }
 
     /// Loads the scene, runs it at 1, 8 and 32 lanes, and compares: the widths with each other bit
-    /// for bit, then the result with `[expect]`. Gives the run at 32 lanes.
+    /// for bit, then the result with `[expect]`, and each ray with its own. Gives the run at 32 lanes.
     ///
     /// # Errors
     /// The mistakes of scene and shaders; `Expectation` for each difference.
     pub fn check(&self) -> Result<Run> {
-        let (scene, assembled) = self.load()?;
-        let expectations = Expectations::read(&scene.document)?;
-        let one = run::<1>(&scene, &assembled);
-        let many = run::<32>(&scene, &assembled);
-        for (lanes, other) in [(8, &run::<8>(&scene, &assembled)), (32, &many)] {
-            if let Some(difference) = difference(&one, other) {
-                let message = format!("1 and {lanes} lanes disagree: {difference}");
-                return Err(Error::new(ErrorKind::Expectation, message)
-                    .at(Place::File(self.scene.clone()))
-                    .note("results must not depend on how many invocations run side by side"));
-            }
+        let loaded = self.load()?;
+        let observed = loaded.widths()?;
+        let mut differences = loaded.expectations.differences(&observed);
+        for (at, expect) in loaded.rays.iter().enumerate() {
+            let Some(expect) = expect else { continue };
+            let mut watch = Watch { costs: expect.rest.wants_costs(), ..Watch::default() };
+            differences.extend(expect.differences(&one_ray(
+                &loaded.scene,
+                &loaded.assembled,
+                at,
+                &mut watch,
+            )));
         }
-        expectations.check(&many)?;
-        let modules = scene.shaders.iter().map(|module| module.path.clone()).collect();
-        Ok(Run { observed: many, modules })
+        if !differences.is_empty() {
+            return Err(Difference::as_error(differences));
+        }
+        let modules = loaded.scene.shaders.iter().map(|module| module.path.clone()).collect();
+        Ok(Run { observed, modules })
     }
 
-    fn load(&self) -> Result<(ResolvedScene, Assembled)> {
+    /// Loads scene, shaders and expectations.
+    ///
+    /// # Errors
+    /// All their mistakes.
+    pub fn load(&self) -> Result<Loaded> {
         let variant = self.variant.as_ref().map(|(at, _)| *at);
         let scene = load(&self.scene, &DiskFiles, &Options { size: self.size, variant })?;
         let assembled = assemble(&scene)?;
-        Ok((scene, assembled))
+        let expectations = Expectations::read(&scene.document)?;
+        let report = Report::default();
+        let rays = each_ray(&scene.document, &report, |_, table| {
+            table.has("expect").then(|| OneRay::parse(table.value("expect")?))
+        });
+        report.finish()?;
+        Ok(Loaded { scene, assembled, expectations, rays: rays.into_iter().map(Option::flatten).collect() })
     }
 }
 
-/// Launches a scene on a copy of its resources, and traces its rays.
-pub fn run<const W: usize>(scene: &ResolvedScene, assembled: &Assembled) -> Observed
-where
-    Row: Width<W>,
-{
-    let resources = memory::copied(&assembled.resources);
-    let mut observed = Observed::default();
-    if assembled.pipeline.sbt.ray_generation.is_some() || !assembled.dispatches.is_empty() {
-        match assembled.run::<W>(&resources, &|_| ()) {
-            Ok(stats) => observed.stats = Some(stats),
-            Err(trap) => observed.trap = Some(trap),
-        }
-    }
-    for binding in &scene.resources {
-        let key = crate::machine::Binding { set: binding.set, binding: binding.binding };
-        let found = resources.descriptors.get(&key).and_then(|list| list.get(binding.element as usize));
-        let bytes = |row, bytes| Bytes {
-            name: binding.name.clone(),
-            binding: [binding.set, binding.binding, binding.element],
-            row,
-            bytes,
-        };
-        match found {
-            Some(Descriptor::Buffer(buffer)) => observed.buffers.push(bytes(None, buffer.bytes())),
-            Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => {
-                let row = [image.shape().extent[0] as usize, image.format().texel_size() as usize];
-                observed.images.push(bytes(Some(row), image.bytes()));
+/// Reads something of each `[[ray]]` of a document.
+fn each_ray<T>(document: &Document, report: &Report, read: impl Fn(usize, &Table<'_>) -> T) -> Vec<T> {
+    let root = document.root(report);
+    let rays = root.value("ray").and_then(|rays| rays.elements());
+    let tables = rays.into_iter().flatten().filter_map(Table::new).enumerate();
+    tables.map(|(at, table)| read(at, &table)).collect()
+}
+
+impl Loaded {
+    /// Runs it at 1, 8 and 32 lanes: all three must agree bit for bit. Gives the run at 32 lanes.
+    ///
+    /// # Errors
+    /// `Expectation` where they do not agree; what [`run::costs`](crate::harness::run::costs) says.
+    pub fn widths(&self) -> Result<Observed> {
+        let (scene, assembled) = (&self.scene, &self.assembled);
+        let one = run::<1>(scene, assembled);
+        let mut many = run::<32>(scene, assembled);
+        for (lanes, other) in [(8, &run::<8>(scene, assembled)), (32, &many)] {
+            if let Some(difference) = difference(&one, other) {
+                let message = format!("1 and {lanes} lanes disagree: {difference}");
+                return Err(Error::new(ErrorKind::Expectation, message)
+                    .at(Place::File(scene.path.clone()))
+                    .note("results must not depend on how many invocations run side by side"));
             }
-            _ => {}
         }
+        self.add_costs(&mut many)?;
+        Ok(many)
     }
-    for ray in &scene.rays {
-        // What a ray's shaders write must not be seen by the expectations of buffers.
-        let resources = memory::copied(&assembled.resources);
-        let launch = Launch { pipeline: &assembled.pipeline, resources: &resources };
-        observed.rays.push(trace(scene, &launch, assembled.size, ray));
-    }
-    observed
-}
 
-type Traced = (Option<String>, Result<Option<crate::accel::Committed>>);
-
-fn trace(scene: &ResolvedScene, launch: &Launch<'_>, size: [u32; 3], ray: &RayEntry) -> Traced {
-    match ray {
-        RayEntry::Pixel { name, pixel } => {
-            let mut events: Vec<Event> = Vec::new();
-            let id = [pixel.value[0], pixel.value[1], 0];
-            let run = launch.run_one(id, size, &mut events, &mut ());
-            // Traversal ends before a closest-hit shader traces on: the first to end is the ray.
-            let committed = events.iter().find_map(|event| match event {
-                Event::Traversed { committed, .. } => Some(*committed),
-                _ => None,
-            });
-            (name.clone(), run.map(|_| committed.flatten()))
+    /// Counts what rays cost, where an expectation asks.
+    ///
+    /// # Errors
+    /// As [`run::costs`](crate::harness::run::costs).
+    pub fn add_costs(&self, observed: &mut Observed) -> Result<()> {
+        if self.expectations.wants_costs() && observed.trap.is_none() {
+            observed.costs = Some(crate::harness::run::costs(&self.assembled)?);
         }
-        RayEntry::Given(given) => {
-            let Some((_, tlas)) = scene.tlas.first() else {
-                let message = "a ray needs a scene with instances";
-                return (given.name.clone(), Err(Error::new(ErrorKind::InvalidScene, message)));
-            };
-            let outcome = launch.trace(tlas, operands(launch, given), &mut ());
-            (given.name.clone(), outcome.map(|outcome| outcome.committed))
-        }
-    }
-}
-
-/// The operands of a given ray, with a payload of zeros that is large enough for every shader.
-fn operands(launch: &Launch<'_>, ray: &GivenRay) -> RayOperands {
-    RayOperands {
-        trace: TraceRay {
-            ray: Ray { origin: ray.origin, direction: ray.direction, t_min: ray.t_min, t_max: ray.t_max },
-            flags: RayFlags(ray.flags),
-            cull_mask: ray.cull_mask,
-        },
-        sbt_offset: ray.sbt_offset,
-        sbt_stride: ray.sbt_stride,
-        miss_index: ray.miss_index,
-        payload: vec![0; memory::payload_words(launch.pipeline)],
+        Ok(())
     }
 }
 

@@ -12,16 +12,23 @@
 //! `docs/testing.md` shows each.
 
 pub mod assertions;
+pub mod blame;
+pub mod bless;
 mod bound;
 pub mod case;
+pub mod cost;
+pub mod coverage;
 pub mod data;
 pub mod expect;
 pub mod hit;
+pub mod init;
 pub mod instance;
 pub mod layout;
 mod memory;
 pub mod mock;
 pub mod number;
+pub mod rendering;
+pub mod run;
 pub mod rust_layout;
 pub mod scalars;
 pub mod scene;
@@ -32,6 +39,7 @@ mod shader_test_tests;
 pub mod smoke;
 #[cfg(feature = "proptest")]
 pub mod strategies;
+pub mod suite;
 pub mod texels;
 pub mod told;
 pub mod trace;

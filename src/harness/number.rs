@@ -92,6 +92,19 @@ impl Scalar {
         }
     }
 
+    /// Its bits as a scene file writes the number: read back they are the same.
+    pub fn literal(self, bits: u64) -> String {
+        if self.is_nan(bits) {
+            return "nan".into();
+        }
+        match self {
+            Self::F16 => format!("{:?}", f32::from(f16::from_bits(bits as u16))),
+            Self::F32 => format!("{:?}", f32::from_bits(bits as u32)),
+            Self::F64 => format!("{:?}", f64::from_bits(bits)),
+            _ => self.describe(bits),
+        }
+    }
+
     fn read(self, value: Value<'_>) -> Option<(u64, f64)> {
         // The unrounded value counts where a tolerance is given.
         let exact = if self.is_float() { f64::parse(value) } else { Some(0.0) };

@@ -19,8 +19,12 @@ where
 {
     loop {
         let block = &program.blocks[batch.block as usize];
+        // Behind a stop a block goes on, it is not entered.
+        if O::active() && batch.op == block.first && !batch.paused {
+            observer.block(batch);
+        }
         while batch.op < block.end {
-            if O::ACTIVE && !std::mem::take(&mut batch.paused) && observer.before(batch, batch.op) {
+            if O::active() && !std::mem::take(&mut batch.paused) && observer.before(batch, batch.op) {
                 batch.paused = true;
                 return Stop::Paused;
             }
@@ -39,14 +43,19 @@ where
             }
             batch.op += 1;
         }
-        if !leave(batch, program, &block.terminator) {
+        if !leave(batch, program, &block.terminator, observer) {
             return Stop::Done;
         }
     }
 }
 
 /// Leaves a block; `false` when nothing is left to run.
-fn leave<const W: usize>(batch: &mut Batch<W>, program: &Program, terminator: &Terminator) -> bool {
+fn leave<const W: usize, O: Observer<W>>(
+    batch: &mut Batch<W>,
+    program: &Program,
+    terminator: &Terminator,
+    observer: &mut O,
+) -> bool {
     let mask = batch.mask;
     let from = batch.block;
     let going = if mask.is_empty() {
@@ -56,6 +65,10 @@ fn leave<const W: usize>(batch: &mut Batch<W>, program: &Program, terminator: &T
             Terminator::Branch(target) => go(batch, program, *target),
             Terminator::BranchConditional { condition, then, other } => {
                 let taken = Mask::of(&batch.registers[*condition]) & mask;
+                if O::active() {
+                    observer.edge(from, 0, taken.count());
+                    observer.edge(from, 1, mask.without(taken).count());
+                }
                 if taken == mask {
                     go(batch, program, *then)
                 } else if taken.is_empty() {
@@ -70,7 +83,11 @@ fn leave<const W: usize>(batch: &mut Batch<W>, program: &Program, terminator: &T
                 let mut edges: SmallVec<[(u32, Mask<W>); 4]> = SmallVec::new();
                 for lane in mask.lanes() {
                     let value = u64::from(low.0[lane]) | u64::from(high.0[lane]) << 32;
-                    let target = cases.iter().find(|case| case.0 == value).map_or(*default, |case| case.1);
+                    let case = cases.iter().position(|case| case.0 == value);
+                    let target = case.map_or(*default, |case| cases[case].1);
+                    if O::active() {
+                        observer.edge(from, case.unwrap_or(cases.len()) as u32, 1);
+                    }
                     match edges.iter_mut().find(|edge| edge.0 == target) {
                         Some(edge) => edge.1 = edge.1 | Mask::lane(lane),
                         None => edges.push((target, Mask::lane(lane))),

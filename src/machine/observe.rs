@@ -4,23 +4,68 @@ use crate::machine::batch::Batch;
 
 /// Is told what a batch does; the unit type watches nothing and costs nothing.
 pub trait Observer<const W: usize> {
-    /// Whether [`Observer::before`] is called at all; a constant, so that an idle observer's code
-    /// compiles away.
-    const ACTIVE: bool = true;
+    /// Whether an observer of this type is told anything at all; a constant, so that an idle
+    /// observer's code compiles away.
+    fn active() -> bool
+    where
+        Self: Sized,
+    {
+        true
+    }
+
+    /// A batch of a pipeline's shader (its index) begins to run, or goes on.
+    fn resumed(&mut self, shader: u32, batch: &Batch<W>) {
+        let _ = (shader, batch);
+    }
+
+    /// The same batch was handed back: it is done, or waits.
+    fn stopped(&mut self, shader: u32, batch: &Batch<W>) {
+        let _ = (shader, batch);
+    }
+
+    /// The running lanes enter the batch's block.
+    fn block(&mut self, batch: &Batch<W>) {
+        let _ = batch;
+    }
 
     /// Called before each operation; `true` pauses the batch there.
     fn before(&mut self, batch: &Batch<W>, op: u32) -> bool {
         let _ = (batch, op);
         false
     }
+
+    /// So many lanes take an edge of the conditional branch or switch that ends a block: 0 where
+    /// the condition holds and 1 where not, or the case's place, the default behind all cases.
+    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
+        let _ = (block, edge, lanes);
+    }
 }
 
 impl<const W: usize> Observer<W> for () {
-    const ACTIVE: bool = false;
+    fn active() -> bool {
+        false
+    }
 }
 
-impl<const W: usize> Observer<W> for &mut dyn FnMut(&Batch<W>, u32) -> bool {
+/// Any observer: the interpreter is compiled for this one only.
+impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
+    fn resumed(&mut self, shader: u32, batch: &Batch<W>) {
+        (**self).resumed(shader, batch);
+    }
+
+    fn stopped(&mut self, shader: u32, batch: &Batch<W>) {
+        (**self).stopped(shader, batch);
+    }
+
+    fn block(&mut self, batch: &Batch<W>) {
+        (**self).block(batch);
+    }
+
     fn before(&mut self, batch: &Batch<W>, op: u32) -> bool {
-        self(batch, op)
+        (**self).before(batch, op)
+    }
+
+    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
+        (**self).edge(block, edge, lanes);
     }
 }

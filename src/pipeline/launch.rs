@@ -16,7 +16,7 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, Trapped, bindings};
 use crate::pipeline::trace::Query;
-use crate::pipeline::witness::{Only, Witness};
+use crate::pipeline::witness::{Event, Only, Witness};
 
 /// What a launch did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -104,23 +104,8 @@ impl Launch<'_> {
     where
         Row: Width<W>,
     {
-        let record = self.pipeline.sbt.ray_generation.as_ref().ok_or_else(|| {
-            Error::new(
-                ErrorKind::InvalidScene,
-                "the pipeline has no ray generation shader: there is nothing to launch",
-            )
-        })?;
-        let count = size.iter().try_fold(1u64, |count, &side| count.checked_mul(side.into()));
-        let most = self.pipeline.max_invocations;
-        let count = count.filter(|&count| count <= most).ok_or_else(|| {
-            Error::new(
-                ErrorKind::InvalidArgument,
-                format!(
-                    "a launch of {} x {} x {}: {most} invocations are the most (maxRayDispatchInvocationCount)",
-                    size[0], size[1], size[2]
-                ),
-            )
-        })?;
+        let record = self.ray_generation()?;
+        let count = self.count(size)?;
         let bindings = bindings(self.pipeline, self.resources);
         let tasks = 0..count.div_ceil(TASK);
         let range = |task: u64| task * TASK..count.min((task + 1) * TASK);
@@ -184,8 +169,21 @@ impl Launch<'_> {
     where
         Row: Width<W>,
     {
-        let (mut witness, mut observer) = ((), ());
-        let mut stack = Stack::<W, _, _>::new(self.pipeline, bindings, &mut witness, &mut observer);
+        self.watched_task::<W, _, _>(bindings, record, range, size, (&mut (), &mut ()))
+    }
+
+    fn watched_task<const W: usize, T: Witness, O: Observer<W>>(
+        &self,
+        bindings: &[Bindings],
+        record: &Record,
+        range: Range<u64>,
+        size: [u32; 3],
+        (witness, observer): (&mut T, &mut O),
+    ) -> (Stats, Option<Trapped>)
+    where
+        Row: Width<W>,
+    {
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, witness, observer);
         let mut ids = Vec::with_capacity(W);
         for start in range.clone().step_by(W) {
             ids.clear();
@@ -193,6 +191,71 @@ impl Launch<'_> {
             stack.launch(record, &ids, size);
         }
         (stack.stats, stack.trapped)
+    }
+
+    /// How many invocations a launch has.
+    fn count(&self, size: [u32; 3]) -> Result<u64> {
+        let count = size.iter().try_fold(1u64, |count, &side| count.checked_mul(side.into()));
+        let most = self.pipeline.max_invocations;
+        count.filter(|&count| count <= most).ok_or_else(|| {
+            Error::new(
+                ErrorKind::InvalidArgument,
+                format!(
+                    "a launch of {} x {} x {}: {most} invocations are the most (maxRayDispatchInvocationCount)",
+                    size[0], size[1], size[2]
+                ),
+            )
+        })
+    }
+
+    fn ray_generation(&self) -> Result<&Record> {
+        self.pipeline.sbt.ray_generation.as_ref().ok_or_else(|| {
+            Error::new(
+                ErrorKind::InvalidScene,
+                "the pipeline has no ray generation shader: there is nothing to launch",
+            )
+        })
+    }
+
+    /// Runs the ray generation shader over a grid, watched: in launch order, on one thread, with the
+    /// same results as [`Launch::run`]. Events of the lanes of a batch are mixed. A launch that needs
+    /// subgroups of more than 32 is not watched.
+    ///
+    /// # Errors
+    /// As [`Launch::run`].
+    pub fn run_watched(
+        &self,
+        size: [u32; 3],
+        mut witness: &mut dyn FnMut(Event),
+        observer: &mut (impl Observer<1> + Observer<32>),
+    ) -> Result<Stats> {
+        let record = self.ray_generation()?;
+        let count = self.count(size)?;
+        let bindings = bindings(self.pipeline, self.resources);
+        let subgroups = self.pipeline.whole_subgroups();
+        if subgroups.is_some_and(|size| size > 32) {
+            return self.run::<32>(size, &|_| ());
+        }
+        let one = self.pipeline.order_dependent() && subgroups.is_none();
+        let mut stats = Stats::default();
+        for task in 0..count.div_ceil(TASK) {
+            let range = task * TASK..count.min((task + 1) * TASK);
+            let (done, trapped) = match one {
+                true => {
+                    let mut observer: &mut dyn Observer<1> = &mut *observer;
+                    self.watched_task(&bindings, record, range, size, (&mut witness, &mut observer))
+                }
+                false => {
+                    let mut observer: &mut dyn Observer<32> = &mut *observer;
+                    self.watched_task(&bindings, record, range, size, (&mut witness, &mut observer))
+                }
+            };
+            if let Some(trapped) = trapped {
+                return Err(trapped.error);
+            }
+            stats = stats.plus(&done);
+        }
+        Ok(stats)
     }
 
     /// Runs the ray generation shader for one launch index at one lane, watched; with all of its
@@ -208,12 +271,7 @@ impl Launch<'_> {
         witness: &mut T,
         observer: &mut O,
     ) -> Result<Stats> {
-        let record = self.pipeline.sbt.ray_generation.as_ref().ok_or_else(|| {
-            Error::new(
-                ErrorKind::InvalidScene,
-                "the pipeline has no ray generation shader: there is nothing to launch",
-            )
-        })?;
+        let record = self.ray_generation()?;
         if self.pipeline.uses_subgroups() && self.pipeline.subgroup_size > 1 {
             return match self.pipeline.subgroup_size {
                 ..=32 => self.run_subgroup::<32, T>(record, id, size, witness),
@@ -266,9 +324,22 @@ impl Launch<'_> {
         operands: RayOperands,
         witness: &mut T,
     ) -> Result<RayOutcome> {
+        self.trace_observed(tlas, operands, witness, &mut ())
+    }
+
+    /// The same with an observer of the shaders' operations.
+    ///
+    /// # Errors
+    /// As [`Launch::trace`].
+    pub fn trace_observed<T: Witness, O: Observer<1>>(
+        &self,
+        tlas: &Arc<Tlas>,
+        operands: RayOperands,
+        witness: &mut T,
+        observer: &mut O,
+    ) -> Result<RayOutcome> {
         let bindings = bindings(self.pipeline, self.resources);
-        let mut observer = ();
-        let mut stack = Stack::<1, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
+        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, witness, observer);
         let ray = stack.trace(Query::by_nobody(tlas, operands));
         match (stack.trapped, ray) {
             (Some(trapped), _) => Err(trapped.error),

@@ -214,7 +214,13 @@ where
                 Level::Shader(running) => {
                     let program = &self.pipeline.programs[running.shader.0 as usize];
                     let bindings = &self.bindings[running.shader.0 as usize];
+                    if O::active() {
+                        self.observer.resumed(running.shader.0, &running.batch);
+                    }
                     let stop = interp::run(&mut running.batch, program, bindings, self.observer);
+                    if O::active() {
+                        self.observer.stopped(running.shader.0, &running.batch);
+                    }
                     if T::QUERIES
                         && let Some(told) = &mut running.batch.queries.told
                     {

@@ -86,6 +86,15 @@ pub struct Caller {
     pub payload: Reg,
 }
 
+/// Hands events to a closure.
+impl Witness for &mut dyn FnMut(Event) {
+    const ACTIVE: bool = true;
+
+    fn event(&mut self, event: Event) {
+        self(event);
+    }
+}
+
 /// Something that happened. Words are 32-bit words in the order of a value's scalars.
 ///
 /// At one lane events nest: between `Enter` and its `Leave` stands what the shader did, between

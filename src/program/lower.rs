@@ -25,7 +25,7 @@ use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::prune::prune;
 use crate::program::workgroup::WorkgroupLayout;
-use crate::program::{Block, Program, Scope, Terminator};
+use crate::program::{Block, Program, Scope, Stretch, Terminator};
 
 /// Functions of at most this many instructions, callees included, are inlined at every call.
 const INLINE_SIZE: u64 = 2_000;
@@ -76,6 +76,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         labels: 0,
         placed: HashMap::new(),
         blocks: Vec::new(),
+        stretches: Vec::new(),
         first: 0,
         scopes: vec![Scope { parent: 0, call: 0, function: entry.function }],
         depth: 0,
@@ -163,6 +164,7 @@ struct Lowering<'m> {
     /// Where each label was placed.
     placed: HashMap<u32, u32>,
     blocks: Vec<Block>,
+    stretches: Vec<Stretch>,
     /// The first operation of the open block.
     first: u32,
     scopes: Vec<Scope>,
@@ -305,6 +307,7 @@ impl<'m> Lowering<'m> {
 
     fn instruction(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
         self.decoder.tick();
+        self.note(instruction);
         match instruction.opcode {
             opcode::PHI | opcode::LOOP_MERGE | opcode::SELECTION_MERGE => Ok(()),
             opcode::VARIABLE => self.variable(instruction),
@@ -316,6 +319,19 @@ impl<'m> Lowering<'m> {
             opcode::IGNORE_INTERSECTION_NV => self.exit(Exit::Ignored),
             opcode::TERMINATE_RAY_NV => self.exit(Exit::Terminated),
             number => decode_number(&mut self.decoder, number, instruction),
+        }
+    }
+
+    /// Notes that the open block runs an instruction.
+    fn note(&mut self, instruction: &Instruction) {
+        let (block, scope) = (self.blocks.len() as u32, self.decoder.origin.scope);
+        let offset = instruction.offset;
+        match self.stretches.last_mut() {
+            Some(open) if (open.block, open.scope) == (block, scope) && open.last < offset => {
+                open.last = offset;
+                open.count += 1;
+            }
+            _ => self.stretches.push(Stretch { block, scope, first: offset, last: offset, count: 1 }),
         }
     }
 
@@ -632,6 +648,7 @@ impl<'m> Lowering<'m> {
             origins: self.decoder.origins,
             scopes: self.scopes,
             blocks,
+            stretches: self.stretches,
             rows,
             constants,
             slots: self.decoder.slots,

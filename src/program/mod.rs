@@ -76,6 +76,22 @@ pub struct Block {
     pub terminator: Terminator,
 }
 
+/// Instructions of the module that follow each other and run in one block of a program. What was
+/// dropped as unused counts among them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stretch {
+    /// The program's block.
+    pub block: u32,
+    /// The inlined call that they belong to; see [`Program::scopes`].
+    pub scope: u32,
+    /// The word offset of the first.
+    pub first: u32,
+    /// The word offset of the last.
+    pub last: u32,
+    /// How many.
+    pub count: u32,
+}
+
 /// A call that was inlined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scope {
@@ -104,6 +120,8 @@ pub struct Program {
     pub scopes: Vec<Scope>,
     /// All blocks in structured order; the entry point begins at 0.
     pub blocks: Vec<Block>,
+    /// What the blocks run of the module, in the order in which they run it.
+    pub stretches: Vec<Stretch>,
     /// How many rows a batch needs.
     pub rows: u32,
     /// Rows that hold constants.

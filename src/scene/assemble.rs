@@ -69,6 +69,22 @@ impl Assembled {
             let launch = Launch { pipeline: &self.pipeline, resources };
             stats = launch.run::<W>(self.size, done)?;
         }
+        Ok(stats.plus(&self.dispatch::<W>(resources, done)?))
+    }
+
+    /// Runs the dispatches alone.
+    ///
+    /// # Errors
+    /// As [`Compute::run`] reports the first trap.
+    pub fn dispatch<const W: usize>(
+        &self,
+        resources: &Resources,
+        done: &(impl Fn(u64) + Sync),
+    ) -> Result<Stats>
+    where
+        Row: Width<W>,
+    {
+        let mut stats = Stats::default();
         for dispatch in &self.dispatches {
             let own = dispatch
                 .push_constants

@@ -12,6 +12,7 @@ use crate::machine::sampler::Sampler;
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::data::{Data, SpecializationValue};
 use crate::scene::device;
+use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::read::{At, Document, Named, OneOrMore, Parse, Report, Source, Span, Table, Value};
 use crate::scene::resources::ResourceEntry;
@@ -390,6 +391,8 @@ pub struct GivenRay {
     pub sbt_stride: u32,
     /// Index of the miss record.
     pub miss_index: u32,
+    /// The payload's first words; the rest is zeros.
+    pub payload: Vec<u32>,
 }
 
 #[derive(Clone, Copy)]
@@ -417,6 +420,8 @@ impl Parse for RayEntry {
     fn parse(value: Value<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let name = table.optional("name");
+        // The harness reads this table.
+        let _ = table.value("expect");
         if table.has("pixel") {
             let pixel = table.required("pixel");
             table.finish();
@@ -428,6 +433,7 @@ impl Parse for RayEntry {
         let flags = flags.map_or(0, |flags| flags.0.iter().fold(0, |all, flag| all | flag.0));
         let (cull_mask, miss_index) = (table.or("cull_mask", 0xff), table.or("miss_index", 0));
         let (sbt_offset, sbt_stride) = (table.or("sbt_offset", 0), table.or("sbt_stride", 1));
+        let payload = table.value("payload").map_or(Some(Vec::new()), payload);
         table.finish();
         let (origin, direction) = (origin?, direction?);
         Some(Self::Given(GivenRay {
@@ -441,6 +447,21 @@ impl Parse for RayEntry {
             sbt_offset,
             sbt_stride,
             miss_index,
+            payload: payload?,
         }))
     }
+}
+
+/// A ray's payload: data in whole words.
+fn payload(value: Value<'_>) -> Option<Vec<u32>> {
+    let data = Data::parse(value)?;
+    let bytes = match data.encode(&EmbeddedFiles(&[]), 1.0) {
+        Ok(bytes) => bytes,
+        Err(_) => return value.wrong("the payload of a ray is given in place: `{ f32 = [1, 2] }`"),
+    };
+    let words = bytes.chunks_exact(4);
+    if !words.remainder().is_empty() {
+        return value.wrong(format!("{} bytes: a payload is made of words of 4 bytes", bytes.len()));
+    }
+    Some(words.map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect())
 }

@@ -182,13 +182,13 @@ impl Picture {
         Self { format, extent: [width, height], texels: texels.collect() }
     }
 
-    /// Writes an 8-bit RGBA PNG. With `to_srgb`, linear colours are encoded as sRGB, which is what
+    /// The pixels as 8-bit RGBA. With `to_srgb`, linear colours are encoded as sRGB, which is what
     /// picture viewers expect; without, numbers are stored as they are. Texels that are stored
     /// sRGB-encoded are kept.
     ///
     /// # Errors
     /// `InvalidImage` for integer texels wider than 8 bits or a size that does not match.
-    pub fn encode_png(&self, to_srgb: bool) -> Result<Vec<u8>> {
+    pub fn rgba8(&self, to_srgb: bool) -> Result<Vec<u8>> {
         let invalid = |message: String| Error::new(ErrorKind::InvalidImage, message);
         let size = self.format.texel_size() as usize;
         let count = self.extent[0] as usize * self.extent[1] as usize;
@@ -212,14 +212,44 @@ impl Picture {
             }
             pixels.extend(texel_bytes(target, color));
         }
+        Ok(pixels)
+    }
+
+    /// Four numbers for every texel.
+    pub fn numbers(&self) -> Vec<f64> {
+        let texels = self.texels.chunks_exact(self.format.texel_size() as usize);
+        texels.flat_map(|texel| texel_numbers(self.format, texel)).collect()
+    }
+
+    /// Writes an 8-bit RGBA PNG of [`Picture::rgba8`].
+    ///
+    /// # Errors
+    /// As [`Picture::rgba8`].
+    pub fn encode_png(&self, to_srgb: bool) -> Result<Vec<u8>> {
+        let pixels = self.rgba8(to_srgb)?;
         let picture = image::RgbaImage::from_raw(self.extent[0], self.extent[1], pixels)
             .expect("bug in anyhit: four bytes for every pixel");
-        let mut png = Vec::new();
-        picture
-            .write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png)
-            .map_err(|error| invalid(error.to_string()))?;
-        Ok(png)
+        encode(&picture.into(), image::ImageFormat::Png)
     }
+
+    /// Writes an OpenEXR file of the numbers, as 32-bit floats.
+    ///
+    /// # Errors
+    /// `InvalidImage` where the file cannot be made.
+    pub fn encode_exr(&self) -> Result<Vec<u8>> {
+        let numbers = self.numbers().into_iter().map(|number| number as f32).collect();
+        let picture = image::Rgba32FImage::from_raw(self.extent[0], self.extent[1], numbers)
+            .expect("bug in anyhit: four numbers for every pixel");
+        encode(&picture.into(), image::ImageFormat::OpenExr)
+    }
+}
+
+fn encode(picture: &DynamicImage, format: image::ImageFormat) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    picture
+        .write_to(&mut Cursor::new(&mut bytes), format)
+        .map_err(|error| Error::new(ErrorKind::InvalidImage, error.to_string()))?;
+    Ok(bytes)
 }
 
 #[cfg(test)]

@@ -208,6 +208,30 @@ impl<'a> Value<'a> {
     pub fn report(&self) -> &'a Report {
         self.report
     }
+
+    /// A copy for later.
+    pub fn kept(&self) -> Kept {
+        Kept { node: self.node.clone(), source: self.source.clone() }
+    }
+}
+
+/// A value that owns its text, to be read later.
+#[derive(Clone, Debug)]
+pub struct Kept {
+    node: Node,
+    source: Arc<Source>,
+}
+
+impl Kept {
+    /// Where it stands.
+    pub fn span(&self) -> Span {
+        Span { source: self.source.clone(), range: self.node.range.clone() }
+    }
+
+    /// The value; mistakes go to a report.
+    pub fn value<'a>(&'a self, report: &'a Report) -> Value<'a> {
+        Value { node: &self.node, source: &self.source, report }
+    }
 }
 
 /// A TOML table that remembers which keys were asked for.

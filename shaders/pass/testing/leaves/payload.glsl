@@ -1,0 +1,5 @@
+struct Payload {
+    vec3 colour;
+    float t;
+    uint seen;
+};

@@ -1,0 +1,197 @@
+//! `anyhit test`: runs the test cases of folders and files.
+
+use std::io::{IsTerminal, stdout};
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+
+use crate::cli::output;
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::init;
+use crate::harness::suite::{Options, Outcome, Report, Shard, Suite, junit, tell};
+
+/// Runs test cases: scenes with `[expect]` and `*.test.toml` files of rays.
+///
+/// Exit codes: 0 all pass, 1 an expectation failed, 2 a test could not run.
+#[derive(Debug, clap::Args)]
+pub struct TestArgs {
+    /// Folders (searched for `scene.toml` and `*.test.toml`) and scene files
+    #[arg(value_name = "PATH", default_value = ".")]
+    paths: Vec<PathBuf>,
+    /// Run the tests whose names contain TEXT; several times for one or the other
+    #[arg(long, value_name = "TEXT")]
+    filter: Vec<String>,
+    /// Print the names of the tests and run none
+    #[arg(long)]
+    list: bool,
+    /// Write recorded values and renderings anew; values with `because` are derived and stay
+    #[arg(long)]
+    bless: bool,
+    /// Stop behind the first test that does not pass
+    #[arg(long)]
+    fail_fast: bool,
+    /// Run N cases side by side [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: Option<u16>,
+    /// Run the Kth of N parts of the tests: all parts together run each test once
+    #[arg(long, value_name = "K/N")]
+    shard: Option<Shard>,
+    /// Run launches at 1, 8 and 32 lanes, whose results must be the same
+    #[arg(long)]
+    all_widths: bool,
+    /// How results are printed
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+    /// Write the results as JUnit XML, too
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// Write the coverage of the shaders' lines and branches as an lcov tracefile, and sum it up
+    #[arg(long, value_name = "FILE")]
+    coverage: Option<PathBuf>,
+    /// Where pictures that differ are saved [default: a folder among the system's temporary files]
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+    /// Leave out the explanations of rays beneath failures
+    #[arg(long)]
+    no_explanation: bool,
+    /// Write a first case for modules: PATH... are their files, and last the folder to make
+    #[arg(long, conflicts_with_all = ["filter", "list", "bless", "shard", "junit", "coverage"])]
+    init: bool,
+}
+
+/// How results are printed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Text for people
+    #[default]
+    Plain,
+    /// The same, with an annotation for each failure that GitHub shows at the shader's line
+    Github,
+    /// One JSON object
+    Json,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// `Expectation` where tests fail, another kind where one could not run; their reports are printed
+/// before.
+pub fn run(args: TestArgs) -> Result<()> {
+    if args.init {
+        return begin(&args.paths);
+    }
+    let mut suite = Suite::find(&args.paths)?;
+    let found = suite.tests().len();
+    suite.filter(&args.filter);
+    if suite.tests().is_empty() {
+        return Err(nothing(&args, found));
+    }
+    if let Some(shard) = args.shard {
+        suite.shard(shard);
+    }
+    if args.list {
+        let names: String = suite.tests().iter().map(|test| format!("{}\n", test.name)).collect();
+        return output::print(names);
+    }
+    let report = execute(&args, &suite)?;
+    if let Some(path) = &args.junit {
+        write(path, &junit(&report))?;
+    }
+    if let Some(path) = &args.coverage {
+        write(path, &report.coverage.lcov())?;
+    }
+    match args.format {
+        Format::Json => output::print(format_args!("{:#}\n", tell::json(&report, args.coverage.is_some())))?,
+        Format::Plain | Format::Github => {
+            if args.coverage.is_some() {
+                output::print(tell::coverage(&report.coverage))?;
+            }
+            output::print(tell::summary(&report))?;
+        }
+    }
+    verdict(&report)
+}
+
+fn execute(args: &TestArgs, suite: &Suite) -> Result<Report> {
+    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let colour = !plain && args.format == Format::Plain && stdout().is_terminal();
+    let options = Options {
+        jobs: args.jobs.map_or(0, usize::from),
+        all_widths: args.all_widths,
+        bless: args.bless,
+        fail_fast: args.fail_fast,
+        coverage: args.coverage.is_some(),
+        no_explanation: args.no_explanation,
+        colour,
+        pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
+    };
+    suite.run(&options, &mut |finished| match args.format {
+        Format::Json => Ok(()),
+        Format::Plain => output::print(tell::text(finished, colour)),
+        Format::Github => {
+            output::print(format_args!("{}{}", tell::text(finished, false), tell::github(finished)))
+        }
+    })
+}
+
+/// The error that becomes the exit code; everything about it is printed already.
+fn verdict(report: &Report) -> Result<()> {
+    let mut failed = 0;
+    for finished in &report.finished {
+        match &finished.outcome {
+            Outcome::Broken(error) => {
+                let message = "a test could not run";
+                return Err(Error::new(error.kind(), message));
+            }
+            Outcome::Failed(_) => failed += 1,
+            _ => {}
+        }
+    }
+    if failed == 0 {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Expectation, format!("{failed} tests failed")))
+}
+
+fn nothing(args: &TestArgs, found: usize) -> Error {
+    let paths: Vec<String> = args.paths.iter().map(|path| path.display().to_string()).collect();
+    let message = match found {
+        0 => format!("no tests in {}", paths.join(", ")),
+        found => format!("none of the {found} tests has \"{}\" in its name", args.filter.join("\" or \"")),
+    };
+    let error = Error::new(ErrorKind::InvalidArgument, message);
+    match found {
+        0 => error
+            .note("a test is a `scene.toml`, or a ray with `[ray.expect]` in a `*.test.toml`")
+            .note("`anyhit test --init MODULE... DIR` writes a first one for compiled shaders"),
+        _ => error.note("`anyhit test --list` prints all names"),
+    }
+}
+
+/// `--init`
+fn begin(paths: &[PathBuf]) -> Result<()> {
+    let is_module = |path: &&PathBuf| path.is_file();
+    let modules: Vec<PathBuf> = paths.iter().take_while(is_module).cloned().collect();
+    let folder = match &paths[modules.len()..] {
+        [] => modules.first().and_then(|module| module.parent()).map(|parent| parent.join("case")),
+        [folder] => Some(folder.clone()),
+        [missing, ..] => {
+            let error = std::io::Error::from(std::io::ErrorKind::NotFound);
+            return Err(Error::io(missing, error));
+        }
+    };
+    let (Some(folder), false) = (folder, modules.is_empty()) else {
+        let message = "`--init` needs a module: `anyhit test --init shader.rchit.spv my-case`";
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    };
+    let written = init::case(&modules, &folder)?;
+    output::print(format_args!(
+        "{}: written; it passes, because its values are recorded from a first run\nrun it: anyhit test {}\n",
+        written.display(),
+        folder.display()
+    ))
+}
+
+fn write(path: &Path, text: &str) -> Result<()> {
+    std::fs::write(path, text).map_err(|error| Error::io(path, error))
+}

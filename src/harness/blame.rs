@@ -1,0 +1,176 @@
+//! Which source line wrote a wrong number: the run again, with an eye on one word.
+
+use std::sync::Arc;
+
+use crate::debug::names;
+use crate::debug::story::SourceLine;
+use crate::harness::case::Loaded;
+use crate::harness::expect::Subject;
+use crate::harness::run::{fresh, trace};
+use crate::machine::image::Image;
+use crate::machine::{Batch, Binding, Buffer, Descriptor, Observer, Reg, Resources};
+use crate::ops::pointer::storage;
+use crate::pipeline::{Launch, Pipeline};
+use crate::scene::file::RayEntry;
+
+/// Beyond this many invocations nobody looks for the one that wrote.
+const INVOCATIONS: u64 = 4096;
+
+/// Who wrote.
+#[derive(Clone, Debug)]
+pub struct Writer {
+    /// The invocation of ray generation, where the launch was looked at.
+    pub launch_id: Option<[u32; 3]>,
+    /// The line.
+    pub line: Option<SourceLine>,
+}
+
+impl Writer {
+    /// Where it is, as a note of an error.
+    pub fn note(&self) -> Option<String> {
+        let line = self.line.as_ref()?;
+        let text = line.text.as_ref().map_or_else(String::new, |text| format!(": {text}"));
+        Some(format!("last written at {}:{}{text}", line.file, line.line))
+    }
+}
+
+/// Finds who wrote the word that a difference is about; `ray` is the place of the ray that was
+/// tested by itself.
+pub fn writer(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Option<Writer> {
+    let resources = fresh(&loaded.assembled.resources);
+    let target = match subject {
+        Subject::Payload(word) | Subject::Ray(_, Some(word)) => Target::Payload(*word as u32),
+        Subject::Buffer(at, byte) => match descriptor(&resources, *at)? {
+            Descriptor::Buffer(buffer) => Target::Buffer(buffer.clone(), *byte as u64 & !3),
+            _ => return None,
+        },
+        Subject::Texel(at, [x, y]) => match descriptor(&resources, *at)? {
+            Descriptor::Image(image) | Descriptor::ImageSampler(image, _) => {
+                let texel = *y as usize * image.shape().extent[0] as usize + *x as usize;
+                Target::Image(image.clone(), texel)
+            }
+            _ => return None,
+        },
+        _ => return None,
+    };
+    let pipeline = &loaded.assembled.pipeline;
+    let launch = Launch { pipeline, resources: &resources };
+    let mut watcher = Watcher::new(pipeline, target);
+    let named = |name: &String| loaded.scene.rays.iter().position(|ray| name_of(ray) == Some(name));
+    let ray = match subject {
+        Subject::Ray(name, _) => Some(named(name)?),
+        _ => ray,
+    };
+    if let Some(ray) = ray {
+        let mut observer: &mut dyn Observer<1> = &mut watcher;
+        let mut ignore = |_| ();
+        let mut witness: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
+        let ray = &loaded.scene.rays[ray];
+        let _ = trace(&loaded.scene, &launch, loaded.assembled.size, ray, &mut witness, &mut observer);
+        return Some(Writer { launch_id: None, line: watcher.line() });
+    }
+    let [width, height, depth] = loaded.assembled.size;
+    let alone = !pipeline.uses_subgroups() && pipeline.sbt.ray_generation.is_some();
+    if !alone || u64::from(width) * u64::from(height) * u64::from(depth) > INVOCATIONS {
+        return None;
+    }
+    let mut launch_id = None;
+    for index in 0..width * height * depth {
+        let id = [index % width, index / width % height, index / width / height];
+        let before = watcher.writes;
+        let mut observer: &mut dyn Observer<1> = &mut watcher;
+        let mut ignore = |_| ();
+        let mut witness: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
+        let run = launch.run_one(id, loaded.assembled.size, &mut witness, &mut observer);
+        if watcher.writes > before {
+            launch_id = Some(id);
+        }
+        if run.is_err() {
+            break;
+        }
+    }
+    launch_id.map(|id| Writer { launch_id: Some(id), line: watcher.line() })
+}
+
+fn name_of(ray: &RayEntry) -> Option<&String> {
+    match ray {
+        RayEntry::Pixel { name, .. } => name.as_ref(),
+        RayEntry::Given(given) => given.name.as_ref(),
+    }
+}
+
+fn descriptor(resources: &Resources, [set, binding, element]: [u32; 3]) -> Option<&Descriptor> {
+    resources.descriptors.get(&Binding { set, binding })?.get(element as usize)
+}
+
+/// What is watched.
+enum Target {
+    /// A word of the payload of the first ray.
+    Payload(u32),
+    Buffer(Arc<Buffer>, u64),
+    Image(Arc<Image>, usize),
+}
+
+/// Compares before each operation what the one before has left.
+struct Watcher<'a> {
+    pipeline: &'a Pipeline,
+    target: Target,
+    shader: u32,
+    last: Option<u128>,
+    op: u32,
+    writes: u64,
+    /// Shader and operation of the last write.
+    written: Option<(u32, u32)>,
+}
+
+impl<'a> Watcher<'a> {
+    fn new(pipeline: &'a Pipeline, target: Target) -> Self {
+        Self { pipeline, target, shader: 0, last: None, op: 0, writes: 0, written: None }
+    }
+
+    fn value(&self, batch: &Batch<1>) -> Option<u128> {
+        match &self.target {
+            Target::Payload(word) => {
+                // The shaders of the ray itself stand at depth 1, those of rays that they trace deeper.
+                let program = &self.pipeline.programs[self.shader as usize];
+                let rows = program.interface_rows(storage::INCOMING_RAY_PAYLOAD);
+                let rows = rows.filter(|rows| *word < rows.count && batch.invocations[0].depth == 1)?;
+                Some(u128::from(batch.registers[Reg(rows.first.0 + word)].0[0]))
+            }
+            Target::Buffer(buffer, byte) => buffer.load(*byte, 32).map(u128::from),
+            Target::Image(image, texel) => Some(image.load(*texel)),
+        }
+    }
+
+    fn look(&mut self, batch: &Batch<1>) {
+        let value = self.value(batch);
+        if value != self.last && value.is_some() {
+            self.writes += 1;
+            self.written = Some((self.shader, self.op));
+            self.last = value;
+        }
+    }
+
+    fn line(&self) -> Option<SourceLine> {
+        let (shader, op) = self.written?;
+        names::source_line(&self.pipeline.programs[shader as usize], op)
+    }
+}
+
+impl Observer<1> for Watcher<'_> {
+    fn resumed(&mut self, shader: u32, batch: &Batch<1>) {
+        self.shader = shader;
+        self.op = batch.op;
+        self.last = self.value(batch);
+    }
+
+    fn before(&mut self, batch: &Batch<1>, op: u32) -> bool {
+        self.look(batch);
+        self.op = op;
+        false
+    }
+
+    fn stopped(&mut self, _: u32, batch: &Batch<1>) {
+        self.look(batch);
+    }
+}

@@ -1,0 +1,84 @@
+//! Coverage: which lines and branches of the shaders' sources ran, and which ways rays went.
+//!
+//! Nothing is instrumented. A [`Recorder`] watches a launch or a ray as an
+//! [`Observer`](crate::machine::Observer): how many lanes entered each block of a program, and took
+//! each edge of a branch. What a block runs of its module is known from lowering
+//! ([`Program::stretches`](crate::program::Program)), and its lines from debug information. A line
+//! that only a dropped instruction stands on has run where its block has.
+
+mod lcov;
+mod rays;
+mod recorder;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+pub use rays::{RayCounts, Use};
+pub use recorder::{Counts, Recorder};
+
+/// What a suite has covered.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Coverage {
+    /// By source file, named as it is found from the current folder.
+    pub files: BTreeMap<String, FileCoverage>,
+    /// Modules that know no lines: nothing is known of them.
+    pub without_lines: BTreeSet<String>,
+    /// Which ways rays went.
+    pub rays: RayCounts,
+}
+
+/// What is covered of a source file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FileCoverage {
+    /// How often a line ran, by its number from 1.
+    pub lines: BTreeMap<u32, u64>,
+    /// How often each way of a branch was taken; `None` where the branch was never reached.
+    pub branches: BTreeMap<Edge, Option<u64>>,
+    /// How often a function was entered, by its first line and its name.
+    pub functions: BTreeMap<(u32, String), u64>,
+}
+
+/// One way of a branch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Edge {
+    /// The line that the branch stands on.
+    pub line: u32,
+    /// Which branch of the line, from 0.
+    pub branch: u32,
+    /// Which way: 0 where the condition holds and 1 where not, or the case's place, the default
+    /// last.
+    pub way: u32,
+}
+
+impl Coverage {
+    /// Adds what another part of the suite has covered.
+    pub fn add(&mut self, other: Self) {
+        for (name, file) in other.files {
+            let sum = self.files.entry(name).or_default();
+            for (line, count) in file.lines {
+                *sum.lines.entry(line).or_default() += count;
+            }
+            for (edge, taken) in file.branches {
+                let known = sum.branches.entry(edge).or_default();
+                *known = match (*known, taken) {
+                    (Some(one), Some(other)) => Some(one + other),
+                    (one, other) => one.or(other),
+                };
+            }
+            for (function, count) in file.functions {
+                *sum.functions.entry(function).or_default() += count;
+            }
+        }
+        self.without_lines.extend(other.without_lines);
+        self.rays.add(other.rays);
+    }
+
+    /// Lines that ran, and all; ways of branches that were taken, and all.
+    pub fn totals(&self) -> [[usize; 2]; 2] {
+        let lines = self.files.values().flat_map(|file| file.lines.values());
+        let ways = self.files.values().flat_map(|file| file.branches.values());
+        [
+            [lines.clone().filter(|count| **count > 0).count(), lines.count()],
+            [ways.clone().filter(|taken| taken.is_some_and(|taken| taken > 0)).count(), ways.count()],
+        ]
+    }
+}

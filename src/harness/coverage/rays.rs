@@ -1,0 +1,174 @@
+//! Ray-tracing coverage: which hit groups and shaders, outcomes, flags and surfaces rays came to.
+
+use std::collections::BTreeMap;
+
+use crate::accel::GeometryKind;
+use crate::debug::names::{Names, flags};
+use crate::geometry::Surface;
+use crate::machine::Exit;
+use crate::module::interface::Stage;
+use crate::pipeline::{Event, Group, Pipeline, Shader};
+use crate::scene::ResolvedScene;
+
+/// What rays used of a pipeline, and how often; 0 where they could have and never did.
+pub type Use = BTreeMap<String, u64>;
+
+/// How often rays came to what.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RayCounts {
+    /// Hit groups by the names of their shaders: candidates and closest hits that chose them.
+    pub hit_groups: Use,
+    /// Miss shaders.
+    pub miss: Use,
+    /// Callable shaders.
+    pub callable: Use,
+    /// How any-hit shaders ended; empty where there are none.
+    pub any_hit: Use,
+    /// What intersection shaders' reports came to; empty where there are none.
+    pub reports: Use,
+    /// Ray flags, and `none`.
+    pub flags: Use,
+    /// Closest hits by surface; those that the scenes hold and nothing hit are 0.
+    pub surfaces: Use,
+    /// By record, until they get their names.
+    hit_records: BTreeMap<u64, u64>,
+    miss_records: BTreeMap<u64, u64>,
+    callables: BTreeMap<u32, u64>,
+}
+
+impl RayCounts {
+    pub(super) fn event(&mut self, event: &Event) {
+        let count = |of: &mut Use, what: &str| *of.entry(what.to_owned()).or_default() += 1;
+        match event {
+            Event::Trace { trace, .. } => {
+                let names = flags(trace.flags.0).names;
+                if names.is_empty() {
+                    count(&mut self.flags, "none");
+                }
+                names.iter().for_each(|name| count(&mut self.flags, name));
+            }
+            Event::Candidate { record, .. } => *self.hit_records.entry(*record).or_default() += 1,
+            Event::Traversed { committed: Some(hit), record, .. } => {
+                *self.hit_records.entry(*record).or_default() += 1;
+                count(&mut self.surfaces, surface(hit.candidate.intersection.surface));
+            }
+            Event::Traversed { committed: None, record, .. } => {
+                *self.miss_records.entry(*record).or_default() += 1;
+            }
+            Event::Enter { shader, stage: Stage::Callable, .. } => {
+                *self.callables.entry(shader.0).or_default() += 1;
+            }
+            Event::Leave { stage: Stage::AnyHit, exit, .. } => {
+                let how = match exit {
+                    Exit::Returned => "accepted",
+                    Exit::Ignored => "ignored",
+                    Exit::Terminated => "terminated",
+                    Exit::Trapped(_) => "trapped",
+                };
+                count(&mut self.any_hit, how);
+            }
+            Event::Report { accepted, .. } => {
+                count(&mut self.reports, if *accepted { "accepted" } else { "rejected" });
+            }
+            _ => {}
+        }
+    }
+
+    /// Gives what was counted its names, and what was never used a zero.
+    pub(super) fn name(&mut self, scene: &ResolvedScene, pipeline: &Pipeline) {
+        let names = Names::new(scene, pipeline);
+        let label = |shader: Shader| {
+            let label = names.shader(shader);
+            let path = names.module(shader).map(|module| module.path.display().to_string());
+            let path = path.unwrap_or_default();
+            if label.entry == "main" { path } else { format!("{path}:{}", label.entry) }
+        };
+        let records = std::mem::take(&mut self.hit_records);
+        for (at, record) in pipeline.sbt.hit.iter().enumerate() {
+            let Some(record) = record else { continue };
+            let Group::Hit(group) = pipeline.groups[record.group as usize] else { continue };
+            let shaders = [group.closest_hit, group.any_hit, group.intersection];
+            let shaders: Vec<_> = shaders.into_iter().flatten().map(label).collect();
+            let count = records.get(&(at as u64)).copied().unwrap_or(0);
+            *self.hit_groups.entry(shaders.join(" + ")).or_default() += count;
+        }
+        let records = std::mem::take(&mut self.miss_records);
+        for (at, record) in pipeline.sbt.miss.iter().enumerate() {
+            let Some(record) = record else { continue };
+            let Group::General(shader) = pipeline.groups[record.group as usize] else { continue };
+            *self.miss.entry(label(shader)).or_default() += records.get(&(at as u64)).copied().unwrap_or(0);
+        }
+        let callables = std::mem::take(&mut self.callables);
+        for (at, program) in pipeline.programs.iter().enumerate() {
+            let outcomes: &[&str] = match program.stage {
+                Stage::Callable => {
+                    let shader = Shader(at as u32);
+                    *self.callable.entry(label(shader)).or_default() +=
+                        callables.get(&(at as u32)).copied().unwrap_or(0);
+                    continue;
+                }
+                Stage::AnyHit => &["accepted", "ignored", "terminated"],
+                Stage::Intersection => &["accepted", "rejected"],
+                _ => continue,
+            };
+            let of = if program.stage == Stage::AnyHit { &mut self.any_hit } else { &mut self.reports };
+            for &outcome in outcomes {
+                of.entry(outcome.to_owned()).or_default();
+            }
+        }
+        let instances = scene.tlas.iter().flat_map(|(_, tlas)| tlas.instances());
+        for kind in instances.filter_map(|instance| instance.blas.kind()) {
+            let surfaces: &[Surface] = match kind {
+                GeometryKind::Triangles => &[Surface::TriangleFront, Surface::TriangleBack],
+                GeometryKind::Aabbs => &[Surface::Aabb],
+                GeometryKind::Spheres => &[Surface::Sphere],
+                GeometryKind::LinearSweptSpheres => &[Surface::Side, Surface::Cap0, Surface::Cap1],
+            };
+            for &one in surfaces {
+                self.surfaces.entry(surface(one).to_owned()).or_default();
+            }
+        }
+    }
+
+    pub(super) fn add(&mut self, other: Self) {
+        let sums = [
+            (&mut self.hit_groups, other.hit_groups),
+            (&mut self.miss, other.miss),
+            (&mut self.callable, other.callable),
+            (&mut self.any_hit, other.any_hit),
+            (&mut self.reports, other.reports),
+            (&mut self.flags, other.flags),
+            (&mut self.surfaces, other.surfaces),
+        ];
+        for (sum, other) in sums {
+            for (what, count) in other {
+                *sum.entry(what).or_default() += count;
+            }
+        }
+    }
+
+    /// All that is counted, with a word for each kind.
+    pub fn kinds(&self) -> [(&'static str, &Use); 7] {
+        [
+            ("hit groups", &self.hit_groups),
+            ("miss shaders", &self.miss),
+            ("callable shaders", &self.callable),
+            ("any-hit outcomes", &self.any_hit),
+            ("reports", &self.reports),
+            ("ray flags", &self.flags),
+            ("surfaces", &self.surfaces),
+        ]
+    }
+}
+
+fn surface(surface: Surface) -> &'static str {
+    match surface {
+        Surface::TriangleFront => "triangle, front",
+        Surface::TriangleBack => "triangle, back",
+        Surface::Aabb => "box",
+        Surface::Sphere => "sphere",
+        Surface::Side => "linear swept sphere, side",
+        Surface::Cap0 => "linear swept sphere, cap 0",
+        Surface::Cap1 => "linear swept sphere, cap 1",
+    }
+}

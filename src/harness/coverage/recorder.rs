@@ -1,0 +1,238 @@
+//! Counting while shaders run, and from the counts to lines.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::debug::names::Names;
+use crate::harness::coverage::{Coverage, Edge, RayCounts};
+use crate::machine::{Batch, Observer};
+use crate::module::debug_info::Line;
+use crate::module::{Id, Module};
+use crate::pipeline::{Event, Pipeline, Shader};
+use crate::program::{Program, Terminator};
+use crate::scene::ResolvedScene;
+
+/// Collects what the shaders of one scene run.
+#[derive(Clone, Debug, Default)]
+pub struct Recorder {
+    counts: Counts,
+    rays: RayCounts,
+}
+
+/// How many lanes came by, by shader: the observer.
+#[derive(Clone, Debug, Default)]
+pub struct Counts {
+    shader: usize,
+    /// By shader and block.
+    blocks: Vec<Vec<u64>>,
+    /// By shader, block and way.
+    edges: Vec<HashMap<(u32, u32), u64>>,
+}
+
+/// Takes the events for a [`Recorder`].
+#[derive(Debug)]
+pub struct Sink<'a>(&'a mut RayCounts);
+
+impl Sink<'_> {
+    /// Takes an event.
+    pub fn event(&mut self, event: &Event) {
+        self.0.event(event);
+    }
+}
+
+impl Recorder {
+    /// The parts that events and the interpreter are handed to.
+    pub fn parts(&mut self) -> (Sink<'_>, &mut Counts) {
+        (Sink(&mut self.rays), &mut self.counts)
+    }
+
+    /// What was covered of a scene, whose pipeline everything was recorded of.
+    pub fn coverage(mut self, scene: &ResolvedScene, pipeline: &Pipeline) -> Coverage {
+        self.rays.name(scene, pipeline);
+        let mut lines =
+            Lines { coverage: Coverage { rays: self.rays, ..Coverage::default() }, modules: Vec::new() };
+        let names = Names::new(scene, pipeline);
+        for (shader, program) in pipeline.programs.iter().enumerate() {
+            let ran = Ran {
+                blocks: self.counts.blocks.get(shader).map_or(&[], Vec::as_slice),
+                edges: self.counts.edges.get(shader),
+            };
+            let path = names.module(Shader(shader as u32)).map_or(&scene.path, |module| &module.path);
+            lines.program(program, &ran, path);
+        }
+        lines.coverage
+    }
+}
+
+impl Counts {
+    fn count(&mut self, block: u32, lanes: u32) {
+        if self.blocks.len() <= self.shader {
+            self.blocks.resize(self.shader + 1, Vec::new());
+        }
+        let blocks = &mut self.blocks[self.shader];
+        if blocks.len() <= block as usize {
+            blocks.resize(block as usize + 1, 0);
+        }
+        blocks[block as usize] += u64::from(lanes);
+    }
+
+    fn take(&mut self, edge: (u32, u32), lanes: u32) {
+        if self.edges.len() <= self.shader {
+            self.edges.resize(self.shader + 1, HashMap::new());
+        }
+        *self.edges[self.shader].entry(edge).or_default() += u64::from(lanes);
+    }
+}
+
+impl<const W: usize> Observer<W> for Counts {
+    fn resumed(&mut self, shader: u32, _: &Batch<W>) {
+        self.shader = shader as usize;
+    }
+
+    fn block(&mut self, batch: &Batch<W>) {
+        self.count(batch.block, batch.mask.count());
+    }
+
+    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
+        self.take((block, edge), lanes);
+    }
+}
+
+/// From blocks and edges of programs to lines, branches and functions of sources.
+struct Lines {
+    coverage: Coverage,
+    /// Modules that have been listed.
+    modules: Vec<Listed>,
+}
+
+/// A module's instructions.
+struct Listed {
+    module: Arc<Module>,
+    /// Word offsets and opcodes, ascending.
+    instructions: Arc<Vec<(u32, u16)>>,
+}
+
+/// How often blocks and edges of one program ran.
+struct Ran<'a> {
+    blocks: &'a [u64],
+    edges: Option<&'a HashMap<(u32, u32), u64>>,
+}
+
+impl Ran<'_> {
+    fn block(&self, block: u32) -> u64 {
+        self.blocks.get(block as usize).copied().unwrap_or(0)
+    }
+
+    fn edge(&self, block: u32, way: usize) -> u64 {
+        self.edges.and_then(|edges| edges.get(&(block, way as u32))).copied().unwrap_or(0)
+    }
+}
+
+/// Instructions that do nothing by themselves: `OpVariable`, `OpPhi`, `OpLoopMerge`,
+/// `OpSelectionMerge`, `OpBranch`, `OpUnreachable`.
+const SILENT: [u16; 6] = [59, 245, 246, 247, 249, 255];
+
+impl Lines {
+    /// Adds a program, whose module lies at a path.
+    fn program(&mut self, program: &Program, ran: &Ran<'_>, path: &Path) {
+        let debug = &program.module.debug_info;
+        if debug.lines.iter().all(|(_, line)| line.is_none()) {
+            self.coverage.without_lines.insert(path.display().to_string());
+            return;
+        }
+        let names: Vec<String> = debug.files.iter().map(|file| from_here(&file.name, path)).collect();
+        let instructions = self.instructions(&program.module);
+        // A line runs as often as the busiest of its blocks, in each inlined copy by itself.
+        let mut lines: BTreeMap<(u32, u32, u32), u64> = BTreeMap::new();
+        let mut entered: BTreeSet<u32> = BTreeSet::new();
+        for stretch in &program.stretches {
+            let count = ran.block(stretch.block);
+            let first = instructions.partition_point(|(offset, _)| *offset < stretch.first);
+            let all = instructions[first..].iter().take_while(|(offset, _)| *offset <= stretch.last);
+            for (offset, _) in all.filter(|(_, opcode)| !SILENT.contains(opcode)) {
+                let Some(Line { file, line, .. }) = debug.line_at(*offset) else { continue };
+                let known = lines.entry((stretch.scope, file, line)).or_default();
+                *known = count.max(*known);
+                if entered.insert(stretch.scope) {
+                    let function = program.scopes.get(stretch.scope as usize).map(|scope| scope.function);
+                    let name = function.and_then(|id| function_name(&program.module, id));
+                    if let (Some(name), Some(file)) = (name, names.get(file as usize)) {
+                        let file = self.coverage.files.entry(file.clone()).or_default();
+                        *file.functions.entry((line, name)).or_default() += count;
+                    }
+                }
+            }
+        }
+        for ((_, file, line), count) in lines {
+            let Some(name) = names.get(file as usize) else { continue };
+            *self.coverage.files.entry(name.clone()).or_default().lines.entry(line).or_default() += count;
+        }
+        self.branches(program, ran, &names);
+    }
+
+    fn branches(&mut self, program: &Program, ran: &Ran<'_>, names: &[String]) {
+        // The last instruction of a block is its branch.
+        let last: BTreeMap<u32, u32> =
+            program.stretches.iter().map(|stretch| (stretch.block, stretch.last)).collect();
+        // By that instruction: inlined copies are one branch of the source.
+        let mut branches: BTreeMap<u32, (u64, Vec<u64>)> = BTreeMap::new();
+        for (block, offset) in last {
+            let ways = match program.blocks.get(block as usize).map(|block| &block.terminator) {
+                Some(Terminator::BranchConditional { then, other, .. }) if then != other => 2,
+                Some(Terminator::Switch { cases, .. }) => cases.len() + 1,
+                _ => continue,
+            };
+            let (count, taken) = branches.entry(offset).or_insert((0, vec![0; ways]));
+            *count += ran.block(block);
+            for (way, taken) in taken.iter_mut().enumerate() {
+                *taken += ran.edge(block, way);
+            }
+        }
+        let mut ordinals: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+        for (offset, (count, taken)) in branches {
+            let Some(Line { file, line, .. }) = program.module.debug_info.line_at(offset) else { continue };
+            let Some(name) = names.get(file as usize) else { continue };
+            let ordinal = ordinals.entry((file, line)).or_default();
+            let branch = *ordinal;
+            *ordinal += 1;
+            let file = self.coverage.files.entry(name.clone()).or_default();
+            for (way, taken) in taken.into_iter().enumerate() {
+                let sum = file.branches.entry(Edge { line, branch, way: way as u32 }).or_default();
+                if count > 0 {
+                    *sum = Some(sum.unwrap_or(0) + taken);
+                }
+            }
+        }
+    }
+
+    fn instructions(&mut self, module: &Arc<Module>) -> Arc<Vec<(u32, u16)>> {
+        if let Some(known) = self.modules.iter().find(|known| Arc::ptr_eq(&known.module, module)) {
+            return known.instructions.clone();
+        }
+        let blocks = module.functions.iter().flat_map(|function| &function.blocks);
+        let all = blocks.flat_map(|block| &block.instructions).map(|one| (one.offset, one.opcode));
+        let instructions: Arc<Vec<_>> = Arc::new(all.collect());
+        self.modules.push(Listed { module: module.clone(), instructions: instructions.clone() });
+        instructions
+    }
+}
+
+/// A source file's name as it is found from the current folder: as the compiler wrote it, or beside
+/// the module; else as it is.
+fn from_here(name: &str, module: &Path) -> String {
+    let written = Path::new(name);
+    let folder = module.parent().unwrap_or(Path::new(""));
+    let beside = [folder.join(written), folder.join(written.file_name().unwrap_or_default())];
+    let found = std::iter::once(written.to_path_buf()).chain(beside).find(|path| path.is_file());
+    found.map_or_else(|| name.to_owned(), |path| path.display().to_string())
+}
+
+/// A function's name in the source, without the types of its parameters that glslang appends.
+fn function_name(module: &Module, function: Id) -> Option<String> {
+    let debug = &module.debug_info;
+    let name = debug.function_names.get(&function).map(|name| &**name);
+    let name = name.or_else(|| debug.names.get(&function).map(String::as_str))?;
+    let name = name.split(['(', ',']).next().unwrap_or(name);
+    (!name.is_empty()).then(|| name.to_owned())
+}

@@ -1,0 +1,130 @@
+//! `[[expect.buffer]]`, and `[[expect.image]]` by numbers.
+
+use std::sync::Arc;
+
+use crate::harness::expect::{Difference, SHOWN, Subject};
+use crate::harness::number::{Numbers, Tolerance};
+use crate::machine::image::Image;
+use crate::scene::read::{At, Parse, Table, Value};
+
+/// A resource's memory after the launch.
+#[derive(Clone, Debug)]
+pub struct Bytes {
+    /// The name in the scene.
+    pub name: String,
+    /// Set, binding, array element.
+    pub binding: [u32; 3],
+    /// An image's width, and the bytes of a texel.
+    pub row: Option<[usize; 2]>,
+    /// The content.
+    pub bytes: Vec<u8>,
+    /// The image, and whether a saved picture of it is encoded as sRGB.
+    pub image: Option<(Arc<Image>, bool)>,
+}
+
+/// Numbers at a place of a buffer or an image.
+#[derive(Clone, Debug)]
+pub struct BytesExpectation {
+    /// The resource's name in the scene.
+    pub name: At<String>,
+    /// Where the first number lies, in bytes.
+    pub offset: usize,
+    /// Bytes from one outermost element to the next; without it they follow each other.
+    pub stride: Option<usize>,
+    /// An image's first texel, x and y.
+    pub at: [usize; 2],
+    /// The numbers, by outermost element.
+    pub numbers: Numbers,
+    /// How exact.
+    pub tolerance: Tolerance,
+    /// Why.
+    pub because: Option<String>,
+}
+
+impl Parse for BytesExpectation {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let name = table.required("name");
+        let offset = table.or("offset", 0_u32) as usize;
+        let stride = table.optional::<u32>("stride").map(|stride| stride as usize);
+        let at = table.or("at", [0_u32; 2]).map(|side| side as usize);
+        let tolerance = Tolerance::of(&table);
+        let numbers = Numbers::of(&table);
+        let because = table.optional("because");
+        table.finish();
+        let (tolerance, numbers) = (tolerance?, numbers?);
+        Some(Self { name: name?, offset, stride, at, numbers, tolerance, because })
+    }
+}
+
+impl BytesExpectation {
+    pub(super) fn check(&self, memory: &[Bytes], differences: &mut Vec<Difference>) {
+        let because = self.because.as_ref();
+        let Some(found) = memory.iter().find(|bytes| bytes.name == self.name.value) else {
+            let message = format!("there is no resource `{}` of this kind", self.name.value);
+            let error = self.name.span.error(message);
+            let names: Vec<_> = memory.iter().map(|bytes| format!("`{}`", bytes.name)).collect();
+            let known = if names.is_empty() { "none".into() } else { names.join(", ") };
+            differences.push(Difference::of(error.note(format!("there are: {known}"))));
+            return;
+        };
+        let [width, texel] = found.row.unwrap_or_default();
+        let start = self.offset + (self.at[1] * width + self.at[0]) * texel;
+        let scalar = self.numbers.scalar;
+        let mut all: Vec<Difference> = Vec::new();
+        for (index, element) in self.numbers.elements.iter().enumerate() {
+            let packed = self.numbers.elements[..index].iter().map(|one| one.len() * scalar.size()).sum();
+            let first = start + self.stride.map_or(packed, |stride| index * stride);
+            for (position, expected) in element.iter().enumerate() {
+                let offset = first + position * scalar.size();
+                let Some(bits) = scalar.load(&found.bytes, offset) else {
+                    let message =
+                        format!("byte {offset} of `{}`, which has {}", found.name, found.bytes.len());
+                    all.push(Difference::new(&expected.span, message, because));
+                    differences.extend(all);
+                    return;
+                };
+                if let Some(message) = self.tolerance.difference(scalar, &expected.value, bits) {
+                    let place = found.describe(offset);
+                    let message = format!("{place}: {message}");
+                    let difference = Difference::new(&expected.span, message, because)
+                        .mended(&expected.span, scalar.literal(bits), because)
+                        .about(found.subject(offset));
+                    all.push(difference);
+                }
+            }
+        }
+        // All are kept, because all can be renewed; those beyond the first few are only counted.
+        let more = all.len().saturating_sub(SHOWN);
+        if more > 0 {
+            let last = &mut all[SHOWN - 1];
+            last.error = last.error.clone().note(format!("{more} more differences in this table"));
+            for hidden in &mut all[SHOWN..] {
+                hidden.counted = true;
+            }
+        }
+        differences.extend(all);
+    }
+}
+
+impl Bytes {
+    fn describe(&self, offset: usize) -> String {
+        match self.row {
+            None => format!("`{}` at byte {offset}", self.name),
+            Some([width, texel]) => {
+                let (index, rest) = (offset / texel, offset % texel);
+                format!("`{}` at texel ({}, {}) byte {rest}", self.name, index % width, index / width)
+            }
+        }
+    }
+
+    pub(super) fn subject(&self, offset: usize) -> Subject {
+        match self.row {
+            None => Subject::Buffer(self.binding, offset),
+            Some([width, texel]) => {
+                let index = offset / texel;
+                Subject::Texel(self.binding, [(index % width) as u32, (index / width) as u32])
+            }
+        }
+    }
+}

@@ -1,0 +1,293 @@
+//! `[expect]`: what a scene's launch must leave behind, and the comparison.
+//!
+//! A table may name its reason (`because`: a section of a specification, a VUID, arithmetic): then
+//! its values are derived, and nothing ever rewrites them. Every number knows its place in the file,
+//! so that a difference is shown with line and caret, and so that a recorded one can be renewed.
+
+mod bytes;
+mod hit;
+mod payload;
+mod picture;
+mod printed;
+mod ray;
+mod stats;
+mod trap;
+
+pub use bytes::{Bytes, BytesExpectation};
+pub use hit::{HitExpectation, RayFound};
+pub use payload::PayloadExpectation;
+pub use picture::{Measure, PictureDifference, PictureExpectation};
+pub use printed::PrintedExpectation;
+pub(crate) use printed::diff as printed_diff;
+pub use ray::{FoundExpectation, OneRay, RayExpectation};
+pub use stats::StatsExpectation;
+pub use trap::{TrapExpectation, TrapName};
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::cost::Costs;
+use crate::pipeline::Stats;
+use crate::scene::read::{At, Document, Parse, Report, Span, Table, Value};
+
+/// How many differences of one table are shown.
+const SHOWN: usize = 6;
+
+/// All that `[expect]` says, or that `[ray.expect]` says beside the hit and the payload.
+#[derive(Clone, Debug, Default)]
+pub struct Expectations {
+    /// Why the case is known to fail; it must fail then.
+    pub known_failure: Option<At<String>>,
+    /// `[expect.trap]`
+    pub trap: Option<TrapExpectation>,
+    /// `[[expect.buffer]]`
+    pub buffers: Vec<BytesExpectation>,
+    /// `[[expect.image]]` with numbers.
+    pub images: Vec<BytesExpectation>,
+    /// `[[expect.image]]` with a file.
+    pub pictures: Vec<PictureExpectation>,
+    /// `[[expect.ray]]`
+    pub rays: Vec<RayExpectation>,
+    /// `[expect.stats]`
+    pub stats: Option<StatsExpectation>,
+    /// `stdout`
+    pub printed: Option<PrintedExpectation>,
+}
+
+/// What a launch left behind, or a ray.
+#[derive(Clone, Debug, Default)]
+pub struct Observed {
+    /// The trap of the lowest launch index.
+    pub trap: Option<Error>,
+    /// The content of every buffer.
+    pub buffers: Vec<Bytes>,
+    /// The texels of every image, row by row.
+    pub images: Vec<Bytes>,
+    /// What became of each `[[ray]]`: its name and what it found, or its trap.
+    pub rays: Vec<(Option<String>, Result<RayFound>)>,
+    /// What was done; `None` where the launch trapped.
+    pub stats: Option<Stats>,
+    /// What shaders printed, a line each, in launch order.
+    pub printed: String,
+    /// What rays cost, where an expectation asks.
+    pub costs: Option<Costs>,
+}
+
+/// Something that is not as expected.
+#[derive(Clone, Debug)]
+pub struct Difference {
+    /// What differs, at its place in the scene file.
+    pub error: Error,
+    /// What makes the expectation hold; not there where the value is derived.
+    pub fix: Option<Fix>,
+    /// Which result differs.
+    pub subject: Subject,
+    /// Both pictures, where pictures differ.
+    pub picture: Option<Box<PictureDifference>>,
+    /// Whether it is counted by the difference before and need not be shown.
+    pub counted: bool,
+}
+
+/// A change of a scene file, or another file to write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fix {
+    /// Another text for a stretch of the file.
+    Text(Span, String),
+    /// A file, written as a whole.
+    File(std::path::PathBuf, Vec<u8>),
+}
+
+/// The result that differs from an expectation.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Subject {
+    /// Nothing in particular.
+    #[default]
+    Launch,
+    /// Bytes of the buffer at set, binding and array element.
+    Buffer([u32; 3], usize),
+    /// A texel of the image at set, binding and array element.
+    Texel([u32; 3], [u32; 2]),
+    /// A named ray, and the word of its payload where it is one.
+    Ray(String, Option<usize>),
+    /// A word of the payload of the ray at hand.
+    Payload(usize),
+    /// A launch index.
+    Invocation([u32; 3]),
+}
+
+impl Difference {
+    /// A difference at a place of the scene file.
+    pub fn new(span: &Span, message: impl Into<String>, because: Option<&String>) -> Self {
+        let error = Error::new(ErrorKind::Expectation, message).at_with(span.place(), "");
+        Self::of(match because {
+            Some(because) => error.note(format!("because: {because}")),
+            None => error,
+        })
+    }
+
+    /// An error as a difference.
+    pub fn of(error: Error) -> Self {
+        Self { error, fix: None, subject: Subject::default(), picture: None, counted: false }
+    }
+
+    /// Differences as one error; there must be some.
+    pub fn as_error(differences: Vec<Self>) -> Error {
+        let shown = differences.into_iter().filter(|difference| !difference.counted);
+        Error::several(shown.map(|difference| difference.error).collect())
+    }
+
+    /// With what makes it hold, unless the value is derived.
+    #[must_use]
+    fn mended(self, span: &Span, text: impl Into<String>, because: Option<&String>) -> Self {
+        let fix = because.is_none().then(|| Fix::Text(span.clone(), text.into()));
+        Self { fix, ..self }
+    }
+
+    #[must_use]
+    fn about(self, subject: Subject) -> Self {
+        Self { subject, ..self }
+    }
+}
+
+impl Expectations {
+    /// Reads `[expect]`; a scene without it expects nothing but to run without a trap.
+    ///
+    /// # Errors
+    /// All mistakes of the table as one error.
+    pub fn read(document: &Document) -> Result<Self> {
+        let report = Report::default();
+        let root = document.root(&report);
+        let read = root.value("expect").map_or(Some(Self::default()), Self::parse);
+        drop(root);
+        report.finish()?;
+        Ok(read.expect("bug in anyhit: expectations failed without a mistake"))
+    }
+
+    /// Whether nothing is expected beside a launch without a trap.
+    pub fn is_empty(&self) -> bool {
+        self.trap.is_none()
+            && self.stats.is_none()
+            && self.buffers.is_empty()
+            && self.images.is_empty()
+            && self.pictures.is_empty()
+            && self.rays.is_empty()
+            && self.printed.is_none()
+    }
+
+    /// Whether what rays cost must be counted.
+    pub fn wants_costs(&self) -> bool {
+        self.stats.as_ref().is_some_and(StatsExpectation::wants_costs)
+    }
+
+    /// The tables that give no reason, for suites that record nothing.
+    pub fn without_reason(&self) -> Vec<Span> {
+        let bytes = self.buffers.iter().chain(&self.images);
+        let tables = bytes.map(|one| (&one.name.span, one.because.is_some()));
+        let tables = tables.chain(self.rays.iter().map(|ray| (&ray.name.span, ray.check.because.is_some())));
+        let tables = tables.chain(self.trap.iter().map(|trap| (&trap.code.span, trap.because.is_some())));
+        let stats = self.stats.iter().map(|stats| (&stats.span, stats.because.is_some()));
+        let tables = tables.chain(stats);
+        tables.filter(|(_, reason)| !reason).map(|(span, _)| span.clone()).collect()
+    }
+
+    /// Compares; no error where everything holds, or where a known failure still fails.
+    ///
+    /// # Errors
+    /// `Expectation` with every difference at its place in the scene file.
+    pub fn check(&self, observed: &Observed) -> Result<()> {
+        let differences = self.differences(observed);
+        if differences.is_empty() {
+            return Ok(());
+        }
+        Err(Difference::as_error(differences))
+    }
+
+    /// Compares; nothing where everything holds, or where a known failure still fails.
+    pub fn differences(&self, observed: &Observed) -> Vec<Difference> {
+        let found = self.all_differences(observed);
+        match &self.known_failure {
+            Some(_) if !found.is_empty() => Vec::new(),
+            Some(reason) => {
+                let message = "this known failure passes: take it out";
+                vec![Difference::new(&reason.span, message, Some(&reason.value))]
+            }
+            None => found,
+        }
+    }
+
+    /// Compares, whether failures are known or not.
+    pub fn all_differences(&self, observed: &Observed) -> Vec<Difference> {
+        let mut found = Vec::new();
+        self.check_trap(observed, &mut found);
+        // What the launch did up to a trap that nobody expected is not looked at.
+        if self.trap.is_none() && observed.trap.is_some() {
+            return found;
+        }
+        for (list, memory) in [(&self.buffers, &observed.buffers), (&self.images, &observed.images)] {
+            for expectation in list {
+                expectation.check(memory, &mut found);
+            }
+        }
+        for picture in &self.pictures {
+            picture.check(&observed.images, &mut found);
+        }
+        for ray in &self.rays {
+            ray.check(observed, &mut found);
+        }
+        if let Some(stats) = &self.stats {
+            stats.check(observed, &mut found);
+        }
+        if let Some(printed) = &self.printed {
+            printed.check(&observed.printed, &mut found);
+        }
+        found
+    }
+
+    fn check_trap(&self, observed: &Observed, found: &mut Vec<Difference>) {
+        match (&self.trap, &observed.trap) {
+            (None, None) => {}
+            (None, Some(trap)) => {
+                let subject = trap::launch_id(trap).map_or(Subject::Launch, Subject::Invocation);
+                found.push(Difference::of(trap.clone().context("a shader trapped")).about(subject));
+            }
+            (Some(expected), None) => {
+                let message = format!("no trap; expected: {}", expected.code.value.0.message());
+                found.push(Difference::new(&expected.code.span, message, expected.because.as_ref()));
+            }
+            (Some(expected), Some(trap)) => expected.check(trap, found),
+        }
+    }
+
+    /// The keys that launches and rays have in common.
+    fn of(table: &Table<'_>) -> Option<Self> {
+        let known_failure = table.optional("known_failure");
+        let trap = table.optional("trap");
+        let buffers = table.or("buffer", Vec::new());
+        let mut images = Vec::new();
+        let mut pictures = Vec::new();
+        if let Some(list) = table.value("image") {
+            let Some(elements) = list.elements() else { return list.expected("an array") };
+            for element in elements {
+                let is_file = Table::new(element).is_some_and(|table| table.has("file"));
+                match is_file {
+                    true => pictures.extend(PictureExpectation::parse(element)),
+                    false => images.extend(BytesExpectation::parse(element)),
+                }
+            }
+        }
+        let stats = table.optional("stats");
+        let printed = table.optional("stdout");
+        Some(Self { known_failure, trap, buffers, images, pictures, rays: Vec::new(), stats, printed })
+    }
+}
+
+impl Parse for Expectations {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let common = Self::of(&table);
+        let rays = table.or("ray", Vec::new());
+        table.finish();
+        Some(Self { rays, ..common? })
+    }
+}
+
+#[cfg(test)]
+mod tests;

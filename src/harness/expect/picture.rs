@@ -1,0 +1,313 @@
+//! `[[expect.image]]` with a file: an image as a whole.
+
+use std::path::{Path, PathBuf};
+
+use image::RgbaImage;
+
+use crate::error::Result;
+use crate::harness::expect::{Bytes, Difference, Fix, Subject};
+use crate::harness::number::{Expected, Scalar, Tolerance};
+use crate::machine::format::Component;
+use crate::scene::image::Picture;
+use crate::scene::read::{At, Parse, Table, Value};
+use crate::scene::{DiskFiles, Files};
+
+/// A picture file that an image must be like.
+///
+/// A file of 8 bits is compared with the image as `render` would save it; one of floats (EXR, HDR)
+/// with the image's own numbers. Numbers go from 0 to 1 in files of 8 bits, too.
+#[derive(Clone, Debug)]
+pub struct PictureExpectation {
+    /// The resource's name in the scene.
+    pub name: At<String>,
+    /// The file, relative to the scene.
+    pub file: At<String>,
+    /// How it is measured.
+    pub measure: Measure,
+    /// Why.
+    pub because: Option<String>,
+}
+
+/// How pictures are compared.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Measure {
+    /// Every channel of every texel by itself.
+    Each(Tolerance),
+    /// The root of the mean of all channels' squared differences is at most this.
+    Rmse(At<f64>),
+}
+
+/// Two pictures, both as 8-bit RGBA.
+#[derive(Clone, Debug)]
+pub struct PictureDifference {
+    /// The image's name.
+    pub name: String,
+    /// The expected picture.
+    pub expected: RgbaImage,
+    /// What was found.
+    pub found: RgbaImage,
+}
+
+impl PictureDifference {
+    /// Of the bytes of two pictures of one size; `None` where they are not.
+    pub fn new(name: &str, [width, height]: [u32; 2], expected: Vec<u8>, found: Vec<u8>) -> Option<Self> {
+        let expected = RgbaImage::from_raw(width, height, expected)?;
+        Some(Self { name: name.into(), expected, found: RgbaImage::from_raw(width, height, found)? })
+    }
+
+    /// Where they differ, and how much: black where they are equal, else from dark to bright by the
+    /// difference of each channel as a part of the greatest.
+    pub fn difference(&self) -> RgbaImage {
+        let distance = |x, y| {
+            let (expected, found) = (self.expected.get_pixel(x, y).0, self.found.get_pixel(x, y).0);
+            std::array::from_fn::<u8, 4, _>(|channel| expected[channel].abs_diff(found[channel]))
+        };
+        let (width, height) = self.expected.dimensions();
+        let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let most = all.flat_map(|(x, y)| distance(x, y)).max().unwrap_or(0).max(1);
+        RgbaImage::from_fn(width, height, |x, y| {
+            let [r, g, b, a] = distance(x, y);
+            // A difference of alpha alone is shown, too.
+            let shown = [r.max(a), g.max(a), b.max(a)].map(|one| match one {
+                0 => 0,
+                one => (48 + u32::from(one) * 207 / u32::from(most)) as u8,
+            });
+            image::Rgba([shown[0], shown[1], shown[2], 255])
+        })
+    }
+}
+
+impl Parse for PictureExpectation {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let (name, file) = (table.required("name"), table.required("file"));
+        let tolerance = Tolerance::of(&table);
+        let rmse: Option<At<f64>> = table.optional("rmse");
+        let because = table.optional("because");
+        table.finish();
+        let measure = match (tolerance?, rmse) {
+            (Tolerance::Exact, Some(rmse)) => Measure::Rmse(rmse),
+            (tolerance, None) => Measure::Each(tolerance),
+            (_, Some(rmse)) => {
+                let message = "one of `ulp`, `absolute`, `relative` and `rmse`";
+                table.report().push(rmse.span.error(message));
+                return None;
+            }
+        };
+        Some(Self { name: name?, file: file?, measure, because })
+    }
+}
+
+impl PictureExpectation {
+    pub(super) fn check(&self, images: &[Bytes], differences: &mut Vec<Difference>) {
+        let found = images.iter().find(|bytes| bytes.name == self.name.value);
+        let Some((bytes, (image, linear))) = found.and_then(|bytes| Some((bytes, bytes.image.as_ref()?)))
+        else {
+            let message = format!("there is no image `{}`", self.name.value);
+            differences.push(Difference::of(self.name.span.error(message)));
+            return;
+        };
+        let path = self.file.span.source.sibling(&self.file.value);
+        let found = Picture::of(image);
+        match self.compare(&path, &found, *linear, bytes) {
+            Ok(None) => {}
+            Ok(Some(difference)) => differences.push(difference),
+            Err(error) => {
+                let mut difference = Difference::of(error.at_with(self.file.span.place(), ""));
+                difference.fix = self.renewed(&path, &found, *linear);
+                differences.push(difference);
+            }
+        }
+    }
+
+    fn compare(
+        &self,
+        path: &Path,
+        found: &Picture,
+        linear: bool,
+        bytes: &Bytes,
+    ) -> Result<Option<Difference>> {
+        let file = DiskFiles.read(path)?;
+        let expected = Picture::decode(path, &file, None)?;
+        let because = self.because.as_ref();
+        let difference = |message: String| {
+            let mut difference = Difference::new(&self.file.span, message, because);
+            difference.fix = self.renewed(path, found, linear);
+            difference
+        };
+        if expected.extent != found.extent {
+            let [[a, b], [c, d]] = [expected.extent, found.extent];
+            return Ok(Some(difference(format!("`{}` is {c} x {d}, the file {a} x {b}", bytes.name))));
+        }
+        let is_float = expected.format.component == Component::Float32;
+        let numbers = Numbers::of(&expected, found, linear)?;
+        let (message, texel) = match &self.measure {
+            Measure::Each(tolerance) => match numbers.each(*tolerance) {
+                None => return Ok(None),
+                Some((count, texel, words)) => {
+                    let [x, y] = texel;
+                    let all = expected.extent[0] * expected.extent[1];
+                    let message = format!(
+                        "`{}`: {count} of {all} texels differ, most the one at ({x}, {y}): {words}",
+                        bytes.name
+                    );
+                    (message, texel)
+                }
+            },
+            Measure::Rmse(limit) => {
+                let rmse = numbers.rmse();
+                if rmse <= limit.value {
+                    return Ok(None);
+                }
+                let message =
+                    format!("`{}`: the RMSE is {rmse:.6}, and {} is allowed", bytes.name, limit.value);
+                (message, numbers.worst())
+            }
+        };
+        let mut difference = difference(message).about(Subject::Texel(bytes.binding, texel));
+        difference.picture = Some(Box::new(PictureDifference {
+            name: bytes.name.clone(),
+            expected: rgba8(&expected, is_float)?,
+            found: rgba8(found, linear || is_float)?,
+        }));
+        Ok(Some(difference))
+    }
+
+    /// The file as it would have to be.
+    fn renewed(&self, path: &Path, found: &Picture, linear: bool) -> Option<Fix> {
+        if self.because.is_some() {
+            return None;
+        }
+        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or("");
+        let bytes = match extension.to_ascii_lowercase().as_str() {
+            "exr" => found.encode_exr().ok()?,
+            "png" => found.encode_png(linear).ok()?,
+            _ => return None,
+        };
+        Some(Fix::File(PathBuf::from(path), bytes))
+    }
+}
+
+/// The channels of two pictures of one size, side by side.
+struct Numbers {
+    width: usize,
+    /// The distance of neighbouring numbers; none for floats.
+    step: Option<f64>,
+    /// Four channels a texel: expected and found.
+    channels: Vec<[f64; 2]>,
+}
+
+impl Numbers {
+    fn of(expected: &Picture, found: &Picture, linear: bool) -> Result<Self> {
+        // What is stored as sRGB stays so: both sides are compared as a file stores them.
+        let stored = |bytes: Vec<u8>| bytes.into_iter().map(|byte| f64::from(byte) / 255.0).collect();
+        let (step, [expected_numbers, found_numbers]): (_, [Vec<f64>; 2]) = match expected.format.component {
+            Component::Unorm8 => {
+                (Some(1.0 / 255.0), [stored(expected.rgba8(false)?), stored(found.rgba8(linear)?)])
+            }
+            Component::Unorm16 => (Some(1.0 / 65_535.0), [expected.numbers(), found.numbers()]),
+            _ => (None, [expected.numbers(), found.numbers()]),
+        };
+        let pairs = expected_numbers.into_iter().zip(found_numbers);
+        let channels = pairs.map(|(expected, found)| [expected, found]).collect();
+        Ok(Self { width: expected.extent[0] as usize, step, channels })
+    }
+
+    fn differs(&self, tolerance: Tolerance, [expected, found]: [f64; 2]) -> bool {
+        let distance = (expected - found).abs();
+        match (tolerance, self.step) {
+            (_, None) => {
+                let bits = |number: f64| u64::from((number as f32).to_bits());
+                let wanted = Expected::Number(bits(expected), expected);
+                tolerance.difference(Scalar::F32, &wanted, bits(found)).is_some()
+            }
+            (Tolerance::Exact, Some(step)) => distance > step / 2.0,
+            (Tolerance::Ulp(bound), Some(step)) => distance > (bound + 1e-6) * step,
+            (Tolerance::Absolute(bound), _) => distance > bound,
+            (Tolerance::Relative(bound), _) => distance > bound * expected.abs(),
+        }
+    }
+
+    /// How many texels differ, the one that differs most, and its numbers in words.
+    fn each(&self, tolerance: Tolerance) -> Option<(usize, [u32; 2], String)> {
+        let texels = self.channels.chunks_exact(4);
+        let count = texels.filter(|texel| texel.iter().any(|&pair| self.differs(tolerance, pair))).count();
+        if count == 0 {
+            return None;
+        }
+        let texel = self.worst();
+        let at = 4 * (texel[1] as usize * self.width + texel[0] as usize);
+        let words = |side: usize| {
+            let numbers = self.channels[at..at + 4].iter().map(|pair| match self.step {
+                // Steps, as an image editor shows them.
+                Some(step) => format!("{:.0}", pair[side] / step),
+                None => format!("{:?}", pair[side] as f32),
+            });
+            format!("({})", numbers.collect::<Vec<_>>().join(", "))
+        };
+        Some((count, texel, format!("expected {}, found {}", words(0), words(1))))
+    }
+
+    /// The texel that differs most.
+    fn worst(&self) -> [u32; 2] {
+        let distance = |texel: &[[f64; 2]]| {
+            let channels = texel.iter().map(|[expected, found]| (expected - found).abs());
+            // NaN on one side only is as far away as can be.
+            channels.fold(0.0, |most: f64, one| if one.is_nan() { f64::INFINITY } else { most.max(one) })
+        };
+        let texels = self.channels.chunks_exact(4).map(distance).enumerate();
+        let most = texels.fold((0, -1.0), |most, one| if one.1 > most.1 { one } else { most });
+        [(most.0 % self.width.max(1)) as u32, (most.0 / self.width.max(1)) as u32]
+    }
+
+    /// The root of the mean squared difference of all channels.
+    fn rmse(&self) -> f64 {
+        let squares = self.channels.iter().map(|[expected, found]| (expected - found).powi(2));
+        (squares.sum::<f64>() / self.channels.len().max(1) as f64).sqrt()
+    }
+}
+
+fn rgba8(picture: &Picture, linear: bool) -> Result<RgbaImage> {
+    let [width, height] = picture.extent;
+    let pixels = picture.rgba8(linear)?;
+    Ok(RgbaImage::from_raw(width, height, pixels).expect("bug in anyhit: four bytes for every pixel"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn numbers(step: Option<f64>, pairs: &[[f64; 2]]) -> Numbers {
+        Numbers { width: 1, step, channels: pairs.to_vec() }
+    }
+
+    #[test]
+    fn the_rmse_is_the_root_of_the_mean_square() {
+        // sqrt((3^2 + 4^2 + 0 + 0) / 4) = 5/2
+        let four = numbers(None, &[[3.0, 0.0], [0.0, 4.0], [1.0, 1.0], [0.0, 0.0]]);
+        assert_eq!(four.rmse(), 2.5);
+    }
+
+    #[test]
+    fn steps_of_8_bits_are_its_ulps() {
+        let step = Some(1.0 / 255.0);
+        let pair = [[10.0 / 255.0, 12.0 / 255.0], [0.0, 0.0], [0.0, 0.0], [1.0, 1.0]];
+        let numbers = numbers(step, &pair);
+        assert!(numbers.each(Tolerance::Exact).is_some());
+        assert!(numbers.each(Tolerance::Ulp(1.0)).is_some());
+        assert!(numbers.each(Tolerance::Ulp(2.0)).is_none());
+        assert!(numbers.each(Tolerance::Absolute(0.01)).is_none());
+        let (count, texel, words) = numbers.each(Tolerance::Exact).unwrap();
+        assert_eq!((count, texel), (1, [0, 0]));
+        assert_eq!(words, "expected (10, 0, 0, 255), found (12, 0, 0, 255)");
+    }
+
+    #[test]
+    fn not_a_number_differs_most() {
+        let mut pairs = vec![[0.0, 1.0]; 4];
+        pairs.extend([[0.0, f64::NAN], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]);
+        let numbers = numbers(None, &pairs);
+        assert_eq!(numbers.worst(), [0, 1]);
+        assert!(numbers.each(Tolerance::Absolute(1e30)).is_some_and(|(count, ..)| count == 1));
+    }
+}

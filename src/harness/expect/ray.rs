@@ -1,0 +1,168 @@
+//! `[[expect.ray]]` and `[ray.expect]`: what a ray of the scene must find.
+
+use crate::accel::Committed;
+use crate::harness::expect::hit::keys;
+use crate::harness::expect::payload::literal;
+use crate::harness::expect::{
+    Difference, Expectations, Fix, HitExpectation, Observed, PayloadExpectation, RayFound, Subject,
+};
+use crate::harness::number::Tolerance;
+use crate::scene::read::{At, Parse, Span, Table, Value};
+
+/// What a ray must find.
+#[derive(Clone, Debug)]
+pub struct FoundExpectation {
+    /// Hit or miss.
+    pub hit: HitExpectation,
+    /// The payload.
+    pub payload: Option<PayloadExpectation>,
+    /// How exact t, attributes and the payload's floats are.
+    pub tolerance: Tolerance,
+    /// Why.
+    pub because: Option<String>,
+}
+
+/// `[[expect.ray]]`: of a ray of the scene by its name.
+#[derive(Clone, Debug)]
+pub struct RayExpectation {
+    /// The ray's name.
+    pub name: At<String>,
+    /// What it must find.
+    pub check: FoundExpectation,
+}
+
+/// `[ray.expect]`: a test of its own.
+#[derive(Clone, Debug)]
+pub struct OneRay {
+    /// Where the table stands.
+    pub span: Span,
+    /// What the ray must find.
+    pub check: FoundExpectation,
+    /// What its shaders must leave behind.
+    pub rest: Expectations,
+}
+
+impl FoundExpectation {
+    fn of(table: &Table<'_>) -> Option<Self> {
+        let hit = HitExpectation::of(table);
+        let payload = table.value("payload").map(PayloadExpectation::of);
+        let tolerance = Tolerance::of(table);
+        let because = table.optional("because");
+        Some(Self { hit: hit?, payload, tolerance: tolerance?, because })
+    }
+
+    fn check(&self, place: &Span, found: &RayFound) -> Vec<Difference> {
+        let because = self.because.as_ref();
+        let committed: Option<(Committed, u32)> = found.committed.map(|hit| (hit, found.custom_index));
+        let mut differences = self.hit.check(place, committed.as_ref(), self.tolerance, because);
+        if let Some(payload) = &self.payload {
+            differences.extend(payload.check(&found.payload, self.tolerance, because));
+        }
+        differences
+    }
+}
+
+impl Parse for RayExpectation {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let name = table.required("name");
+        let check = FoundExpectation::of(&table);
+        table.finish();
+        let (name, check) = (name?, check?);
+        if check.hit.is_empty() && check.payload.is_none() {
+            return value.wrong("a ray either misses (`miss = true`) or hits (`primitive`, `t`, ...)");
+        }
+        Some(Self { name, check })
+    }
+}
+
+impl RayExpectation {
+    pub(super) fn check(&self, observed: &Observed, differences: &mut Vec<Difference>) {
+        let because = self.check.because.as_ref();
+        let span = &self.name.span;
+        let name = &self.name.value;
+        let about = |word| Subject::Ray(name.clone(), word);
+        let found = observed.rays.iter().find(|(known, _)| known.as_ref() == Some(name));
+        match found {
+            None => {
+                let error = span.error(format!("the scene has no ray `{name}`"));
+                let names: Vec<_> = observed.rays.iter().filter_map(|(name, _)| name.clone()).collect();
+                let known = if names.is_empty() { "none".into() } else { names.join(", ") };
+                differences.push(Difference::of(error.note(format!("rays with names: {known}"))));
+            }
+            Some((_, Err(trap))) => {
+                let message = format!("the ray trapped: {trap}");
+                differences.push(Difference::new(span, message, because).about(about(None)));
+            }
+            Some((_, Ok(found))) => {
+                let all = self.check.check(span, found);
+                differences.extend(all.into_iter().map(|one| {
+                    let word = match one.subject {
+                        Subject::Payload(word) => Some(word),
+                        _ => None,
+                    };
+                    one.about(about(word))
+                }));
+            }
+        }
+    }
+}
+
+impl Parse for OneRay {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let check = FoundExpectation::of(&table);
+        let rest = Expectations::of(&table);
+        table.finish();
+        Some(Self { span: value.span(), check: check?, rest: rest? })
+    }
+}
+
+impl OneRay {
+    /// Whether it says nothing at all yet.
+    pub fn is_empty(&self) -> bool {
+        self.check.hit.is_empty() && self.check.payload.is_none() && self.rest.is_empty()
+    }
+
+    /// Compares; nothing where everything holds, or where a known failure still fails.
+    pub fn differences(&self, observed: &Observed) -> Vec<Difference> {
+        let found = self.all_differences(observed);
+        match &self.rest.known_failure {
+            Some(_) if !found.is_empty() => Vec::new(),
+            Some(reason) => {
+                let message = "this known failure passes: take it out";
+                vec![Difference::new(&reason.span, message, Some(&reason.value))]
+            }
+            None => found,
+        }
+    }
+
+    fn all_differences(&self, observed: &Observed) -> Vec<Difference> {
+        let mut differences = self.rest.all_differences(observed);
+        let [(_, Ok(found))] = &observed.rays[..] else { return differences };
+        if self.is_empty() {
+            differences.push(self.unfilled(found));
+        }
+        differences.extend(self.check.check(&self.span, found));
+        differences
+    }
+
+    /// An empty table fails, and is what recording fills.
+    fn unfilled(&self, found: &RayFound) -> Difference {
+        let mut lines = found.committed.as_ref().map_or_else(|| vec!["miss = true".into()], keys);
+        if !found.payload.bytes().is_empty() {
+            lines.push(format!("payload = {}", literal(&found.payload)));
+        }
+        let text = &self.span.source.text[self.span.range.clone()];
+        let text = match text.starts_with('{') {
+            true => format!("{{ {} }}", lines.join(", ")),
+            false => format!("{text}\n{}", lines.join("\n")),
+        };
+        let message = "nothing is expected of this ray yet";
+        let mut difference = Difference::new(&self.span, message, None);
+        difference.fix = Some(Fix::Text(self.span.clone(), text));
+        let hint = "`--bless` writes what it finds; or write `miss = true`, `t = ...`, `payload = { ... }`";
+        difference.error = difference.error.note(hint);
+        difference
+    }
+}

@@ -1,0 +1,272 @@
+//! A first case for compiled shaders, written from what their modules declare.
+
+mod resources;
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::compile::{self, Language};
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::harness::init::resources::Resources;
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::suite::{Options, Outcome, Suite};
+use crate::module::Module;
+use crate::module::interface::{EntryPoint, Stage};
+use crate::ops::pointer::storage;
+
+/// Writes `scene.toml` into a folder, which is made where it is not there: shaders, a pipeline,
+/// resources of the right kind and size, a primitive that suits the shaders, and a ray that meets it.
+/// Then runs it once and records what came out, so that it passes.
+///
+/// # Errors
+/// `InvalidArgument` where the folder holds a scene already, or no module has a ray-tracing entry
+/// point; what loading and compiling report; what the first run reports, where it cannot run.
+pub fn case(modules: &[PathBuf], folder: &Path) -> Result<PathBuf> {
+    let scene = folder.join("scene.toml");
+    if scene.exists() {
+        let message = format!("{} is there already", scene.display());
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
+    let mut shaders = Shaders::default();
+    for path in modules {
+        shaders.add(path)?;
+    }
+    if shaders.all.is_empty() {
+        let message = "no module has an entry point of a ray-tracing stage";
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
+    std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
+    let text = shaders.scene(folder)?;
+    std::fs::write(&scene, &text).map_err(|error| Error::io(&scene, error))?;
+    record(&scene, text)?;
+    Ok(scene)
+}
+
+/// Runs the case and writes what it finds; a launch that traps is expected to.
+fn record(scene: &Path, mut text: String) -> Result<()> {
+    let suite = Suite::find(&[scene.to_path_buf()])?;
+    let options = Options { jobs: 1, bless: true, no_explanation: true, ..Options::default() };
+    let report = suite.run(&options, &mut |_| Ok(()))?;
+    for finished in &report.finished {
+        match &finished.outcome {
+            Outcome::Broken(error) => return Err(error.clone()),
+            Outcome::Failed(failure) => {
+                let Some(error) = failure.errors.first() else { continue };
+                let comment = |line: &str| format!("# {line}\n");
+                let why: String = error.render().lines().map(comment).collect();
+                text = std::fs::read_to_string(scene).unwrap_or(text);
+                let _ = write!(
+                    text,
+                    "\n# `{}` does not run yet: give buffers and payload what the shaders need.\n{why}",
+                    finished.name
+                );
+                std::fs::write(scene, &text).map_err(|error| Error::io(scene, error))?;
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// An entry point with its name in the scene.
+struct Shader {
+    module: Arc<Module>,
+    entry: EntryPoint,
+    /// `name` or `name:entry`.
+    reference: String,
+}
+
+#[derive(Default)]
+struct Shaders {
+    /// Names and files.
+    files: Vec<(String, PathBuf)>,
+    all: Vec<Shader>,
+}
+
+impl Shaders {
+    fn add(&mut self, path: &Path) -> Result<()> {
+        let module = match Language::of(path) {
+            Some(_) => {
+                let source = compile::Source::read(path)?;
+                let options = compile::Options { debug: compile::DebugInfo::Lines, ..Default::default() };
+                let spirv = compile::compile(&source, &options)?;
+                crate::module::load(&spirv).map_err(|error| error.at(Place::File(path.to_owned())))?
+            }
+            None => Arc::unwrap_or_clone(Module::open(path)?),
+        };
+        let module = Arc::new(module);
+        let entries = module.entry_points.iter().filter(|entry| is_ray_tracing(entry.stage));
+        let entries: Vec<EntryPoint> = entries.cloned().collect();
+        let mut name = match &entries[..] {
+            [] => return Ok(()),
+            [only] => key(only.stage).to_owned(),
+            _ => "shaders".to_owned(),
+        };
+        let plain = name.clone();
+        let mut number = 1;
+        while self.files.iter().any(|(known, _)| *known == name) {
+            number += 1;
+            name = format!("{plain}_{number}");
+        }
+        for entry in entries {
+            let reference = match entry.name.as_str() {
+                "main" => name.clone(),
+                other => format!("{name}:{other}"),
+            };
+            self.all.push(Shader { module: module.clone(), entry, reference });
+        }
+        self.files.push((name, path.to_path_buf()));
+        Ok(())
+    }
+
+    fn of(&self, stage: Stage) -> impl Iterator<Item = &Shader> {
+        self.all.iter().filter(move |shader| shader.entry.stage == stage)
+    }
+
+    /// The scene file.
+    fn scene(&self, folder: &Path) -> Result<String> {
+        let launches = self.of(Stage::RayGeneration).next().is_some();
+        let mut resources = Resources::default();
+        for shader in &self.all {
+            resources.add(&shader.module, &shader.entry);
+        }
+        let mut out = String::from("version = 1\ntitle = \"a first case\"\n");
+        if launches {
+            out.push_str("launch = [1, 1]\n");
+        }
+        if let Some(size) = resources.push_constants {
+            let _ = writeln!(out, "push_constants = {{ zeros = {size} }}");
+        }
+        out.push_str(&self.geometry());
+        out.push_str("\n[shaders]\n");
+        for (name, path) in &self.files {
+            let _ = writeln!(out, "{name} = {:?}", relative(path, folder)?);
+        }
+        out.push_str(&self.pipeline(&resources));
+        out.push_str(&resources.text());
+        if self.all.iter().any(|shader| !matches!(shader.entry.stage, Stage::RayGeneration | Stage::Callable))
+        {
+            out.push_str(&self.ray());
+        }
+        if launches {
+            out.push_str(
+                "\n# Recorded from a first run, not derived: is it right? Then say why, with `because`.\n",
+            );
+            out.push_str("[expect.stats]\nrays = 0\n");
+        }
+        Ok(out)
+    }
+
+    /// A primitive that suits what the shaders read, and an instance of it.
+    fn geometry(&self) -> String {
+        let reads = |word: &str| {
+            self.all.iter().any(|shader| {
+                let variables = shader.module.interface_of(&shader.entry);
+                let mut builtins = variables.iter().filter_map(|variable| variable.builtin);
+                builtins.any(|number| {
+                    crate::ops::builtin::find(number).is_some_and(|builtin| builtin.name.contains(word))
+                })
+            })
+        };
+        let shape = if self.of(Stage::Intersection).next().is_some() {
+            "type = \"aabbs\"\nboxes = [[[-1, -1, -1], [1, 1, 1]]]"
+        } else if reads("LSS") {
+            "type = \"lss\"\npositions = [[-1, 0, 0], [1, 0, 0]]\nradii = [0.5, 0.5]"
+        } else if reads("Sphere") {
+            "type = \"spheres\"\npositions = [[0, 0, 0]]\nradii = 0.5"
+        } else {
+            "type = \"triangles\"\nvertices = [[-1, -1, 0], [1, -1, 0], [0, 1, 0]]"
+        };
+        format!("\n[geometry.shape]\n{shape}\n\n[[instance]]\ngeometry = \"shape\"\n")
+    }
+
+    fn pipeline(&self, resources: &Resources) -> String {
+        let list = |stage| {
+            let names: Vec<_> = self.of(stage).map(|shader| format!("{:?}", shader.reference)).collect();
+            names.join(", ")
+        };
+        let mut out = String::from("\n[pipeline]\n");
+        for (key, stage) in
+            [("raygen", Stage::RayGeneration), ("miss", Stage::Miss), ("callable", Stage::Callable)]
+        {
+            if self.of(stage).next().is_some() {
+                let _ = writeln!(out, "{key} = [{}]", list(stage));
+            }
+        }
+        // The nth shaders of each stage make a group.
+        let stages = [
+            ("closest_hit", Stage::ClosestHit),
+            ("any_hit", Stage::AnyHit),
+            ("intersection", Stage::Intersection),
+        ];
+        let groups = stages.iter().map(|(_, stage)| self.of(*stage).count()).max().unwrap_or(0);
+        if groups == 0 {
+            return out;
+        }
+        out.push_str("hit = [\n");
+        for at in 0..groups {
+            let members = stages
+                .iter()
+                .filter_map(|(key, stage)| Some(format!("{key} = {:?}", self.of(*stage).nth(at)?.reference)));
+            let mut members: Vec<String> = members.collect();
+            if let Some(size) = resources.record {
+                members.push(format!("record = {{ zeros = {size} }}"));
+            }
+            let _ = writeln!(out, "    {{ {} }},", members.join(", "));
+        }
+        out.push_str("]\n");
+        out
+    }
+
+    /// A ray that meets the primitive, and an empty table that the first run fills.
+    fn ray(&self) -> String {
+        let mut out =
+            String::from("\n[[ray]]\nname = \"head-on\"\norigin = [0.25, 0, 4]\ndirection = [0, 0, -1]\n");
+        let payloads = self.all.iter().filter_map(|shader| {
+            let variables = shader.module.interface_of(&shader.entry);
+            let payload =
+                variables.into_iter().find(|one| one.storage_class == storage::INCOMING_RAY_PAYLOAD)?;
+            Some(Layout::new(&shader.module, payload.ty?, Rules::Packed).describe())
+        });
+        if let Some(lines) = payloads.max_by_key(Vec::len) {
+            out.push_str(
+                "# The payload begins as zeros; `payload = { f32 = [...] }` gives it other words. It is:\n",
+            );
+            for line in lines {
+                let _ = writeln!(out, "#{line}");
+            }
+        }
+        out.push_str(
+            "# Recorded from a first run, not derived: is it right? Then say why, with `because`.\n",
+        );
+        out.push_str("[ray.expect]\n");
+        out
+    }
+}
+
+fn is_ray_tracing(stage: Stage) -> bool {
+    !matches!(stage, Stage::Compute | Stage::Other(_))
+}
+
+fn key(stage: Stage) -> &'static str {
+    match stage {
+        Stage::RayGeneration => "raygen",
+        Stage::Intersection => "intersection",
+        Stage::AnyHit => "any_hit",
+        Stage::ClosestHit => "closest_hit",
+        Stage::Miss => "miss",
+        Stage::Callable => "callable",
+        _ => "shader",
+    }
+}
+
+/// A path as a file in a folder names it.
+fn relative(path: &Path, folder: &Path) -> Result<String> {
+    let whole = |path: &Path| path.canonicalize().map_err(|error| Error::io(path, error));
+    let (path, folder) = (whole(path)?, whole(folder)?);
+    let common = path.components().zip(folder.components()).take_while(|(one, other)| one == other).count();
+    let up = folder.components().skip(common).map(|_| "..".to_owned());
+    let down = path.components().skip(common).map(|part| part.as_os_str().to_string_lossy().into_owned());
+    Ok(up.chain(down).collect::<Vec<_>>().join("/"))
+}

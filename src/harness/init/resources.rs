@@ -1,0 +1,202 @@
+//! The resources that shaders declare, with contents of the right kind and size.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use crate::harness::layout::{Layout, Rules};
+use crate::module::Module;
+use crate::module::interface::{EntryPoint, InterfaceVariable};
+use crate::module::ty::{ImageType, Type, TypeId};
+use crate::ops::pointer::storage;
+
+/// Elements that a runtime array gets.
+const ELEMENTS: usize = 16;
+
+/// What all shaders of a case declare.
+#[derive(Debug, Default)]
+pub(super) struct Resources {
+    /// By set and binding: name and lines.
+    bound: BTreeMap<(u32, u32), (String, Vec<String>)>,
+    /// Bytes of the push constants.
+    pub push_constants: Option<usize>,
+    /// Bytes of the shader record.
+    pub record: Option<usize>,
+}
+
+impl Resources {
+    pub fn add(&mut self, module: &Module, entry: &EntryPoint) {
+        for variable in module.interface_of(entry) {
+            let Some(ty) = variable.ty else { continue };
+            let size = || Layout::new(module, ty, Rules::Explicit).size();
+            match variable.storage_class {
+                storage::PUSH_CONSTANT => self.push_constants = self.push_constants.max(Some(size())),
+                storage::SHADER_RECORD_BUFFER => self.record = self.record.max(Some(size())),
+                storage::UNIFORM_CONSTANT | storage::UNIFORM | storage::STORAGE_BUFFER => {
+                    self.bind(module, &variable, ty);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn bind(&mut self, module: &Module, variable: &InterfaceVariable, ty: TypeId) {
+        let (Some(set), Some(binding)) = (variable.descriptor_set, variable.binding) else { return };
+        let Some(mut lines) = content(module, ty, variable.storage_class) else { return };
+        if self.bound.contains_key(&(set, binding)) {
+            return;
+        }
+        if set > 0 {
+            lines.push(format!("set = {set}"));
+        }
+        lines.push(format!("binding = {binding}"));
+        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
+        let mut name: String = variable.name.chars().map(plain).collect();
+        if name.is_empty() || self.bound.values().any(|(known, _)| *known == name) {
+            name = format!("binding_{set}_{binding}");
+        }
+        self.bound.insert((set, binding), (name, lines));
+    }
+
+    /// The tables of the scene file.
+    pub fn text(&self) -> String {
+        let mut out = String::new();
+        for (name, lines) in self.bound.values() {
+            // Writing to a string does not fail.
+            let _ = writeln!(out, "\n[resources.{name}]\n{}", lines.join("\n"));
+        }
+        out
+    }
+}
+
+/// The lines that describe a resource of a type.
+fn content(module: &Module, ty: TypeId, class: u32) -> Option<Vec<String>> {
+    let line = |text: &str| Some(vec![text.to_owned()]);
+    match module.ty(ty) {
+        // The first element of an array of descriptors.
+        Type::Array { element, .. } | Type::RuntimeArray { element, .. } => content(module, *element, class),
+        Type::AccelerationStructure => line("type = \"acceleration_structure\""),
+        Type::Sampler => line("type = \"sampler\""),
+        Type::Image(image) => Some(self::image(module, image, false)),
+        Type::SampledImage(image) => match module.ty(*image) {
+            Type::Image(image) => Some(self::image(module, image, true)),
+            _ => None,
+        },
+        Type::Struct { buffer_block, .. } => {
+            let layout = Layout::new(module, ty, Rules::Explicit);
+            let is_uniform = class == storage::UNIFORM && !buffer_block;
+            let kind = if is_uniform { "uniform_buffer" } else { "storage_buffer" };
+            let mut lines: Vec<String> = layout.describe().iter().map(|line| format!("#{line}")).collect();
+            let size = match layout.runtime_stride() {
+                Some((offset, stride)) => offset + ELEMENTS * stride,
+                None => layout.size(),
+            };
+            lines.push(format!("type = \"{kind}\""));
+            lines.push(format!("size = {}", size.max(4)));
+            Some(lines)
+        }
+        _ => None,
+    }
+}
+
+fn image(module: &Module, image: &ImageType, with_sampler: bool) -> Vec<String> {
+    const BUFFER: u32 = 5;
+    let is_storage = image.sampled == 2;
+    let kind = match (image.dim == BUFFER, is_storage, with_sampler) {
+        (true, true, _) => "storage_texel_buffer",
+        (true, false, _) => "uniform_texel_buffer",
+        (false, true, _) => "storage_image",
+        (false, false, true) => "combined_image_sampler",
+        (false, false, false) => "sampled_image",
+    };
+    let mut lines = vec![format!("type = \"{kind}\"")];
+    lines.push(format!("format = \"{}\"", format(module, image)));
+    match image.dim {
+        BUFFER => lines.push(format!("size = {ELEMENTS}")),
+        dim => {
+            let (dimension, size): (_, &[u32]) = match dim {
+                0 => ("1d", &[4]),
+                2 => ("3d", &[4, 4, 4]),
+                3 => ("cube", &[4, 4]),
+                _ => ("2d", &[4, 4]),
+            };
+            if image.arrayed {
+                lines.push(format!("dimension = \"{dimension}_array\""));
+            } else if dimension != "2d" {
+                lines.push(format!("dimension = \"{dimension}\""));
+            }
+            if dimension == "cube" {
+                lines.push("layers = 6".into());
+            }
+            // A storage image is as large as the launch.
+            if !is_storage || dim != 1 {
+                lines.push(format!("size = {size:?}"));
+            }
+        }
+    }
+    if image.multisampled {
+        lines.push("samples = 4".into());
+    }
+    lines
+}
+
+/// The format that an image is declared with, or one of the same kind of numbers.
+fn format(module: &Module, image: &ImageType) -> &'static str {
+    // SPIR-V, "Image Format".
+    const NAMES: [&str; 42] = [
+        "",
+        "rgba32f",
+        "rgba16f",
+        "r32f",
+        "rgba8",
+        "rgba8_snorm",
+        "rg32f",
+        "rg16f",
+        "r11f_g11f_b10f",
+        "r16f",
+        "rgba16",
+        "rgb10_a2",
+        "rg16",
+        "rg8",
+        "r16",
+        "r8",
+        "rgba16_snorm",
+        "rg16_snorm",
+        "rg8_snorm",
+        "r16_snorm",
+        "r8_snorm",
+        "rgba32i",
+        "rgba16i",
+        "rgba8i",
+        "r32i",
+        "rg32i",
+        "rg16i",
+        "rg8i",
+        "r16i",
+        "r8i",
+        "rgba32ui",
+        "rgba16ui",
+        "rgba8ui",
+        "r32ui",
+        "rgb10_a2ui",
+        "rg32ui",
+        "rg16ui",
+        "rg8ui",
+        "r16ui",
+        "r8ui",
+        "r64ui",
+        "r64i",
+    ];
+    match (NAMES.get(image.format as usize), module.ty(image.sampled_type)) {
+        (Some(name), _) if !name.is_empty() => name,
+        (_, Type::Int { width: 64, signed }) => {
+            if *signed {
+                "r64i"
+            } else {
+                "r64ui"
+            }
+        }
+        (_, Type::Int { signed: true, .. }) => "rgba32i",
+        (_, Type::Int { signed: false, .. }) => "rgba32ui",
+        _ => "rgba32f",
+    }
+}

@@ -1,0 +1,97 @@
+//! `expect.stdout`, `expect.stderr` and `expect.png` beside a scene: renderings of what it leaves.
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::harness::case::Loaded;
+use crate::harness::expect::{Difference, Fix, Observed, PictureDifference, Subject, printed_diff};
+use crate::scene::image::Picture;
+
+/// Compares what a launch left with the renderings that stand beside its scene.
+///
+/// What shaders print is `expect.stdout`, the report of a trap `expect.stderr`, and the image that
+/// `render` would save `expect.png`. `is_variant` leaves the report out: variants have lines of
+/// their own.
+///
+/// # Errors
+/// `Io` where a rendering cannot be read.
+pub fn differences(loaded: &Loaded, observed: &Observed, is_variant: bool) -> Result<Vec<Difference>> {
+    let mut found = Vec::new();
+    let beside = |name: &str| Some(loaded.scene.path.with_file_name(name)).filter(|path| path.exists());
+    if !loaded.scene.path.ends_with("scene.toml") {
+        return Ok(found);
+    }
+    let report = observed.trap.as_ref().map(Error::render).unwrap_or_default();
+    for (name, what, text) in [
+        ("expect.stdout", "what the shaders print", Some(&observed.printed)),
+        ("expect.stderr", "the report of the trap", Some(&report).filter(|_| !is_variant)),
+    ] {
+        if let (Some(path), Some(text)) = (beside(name), text) {
+            found.extend(text_difference(path, what, text)?);
+        }
+    }
+    if let Some(path) = beside("expect.png") {
+        found.extend(picture_difference(loaded, observed, path)?);
+    }
+    Ok(found)
+}
+
+fn differs(path: &Path, message: String) -> Difference {
+    Difference::of(Error::new(ErrorKind::Expectation, message).at(Place::File(path.to_owned())))
+}
+
+fn text_difference(path: PathBuf, what: &str, text: &str) -> Result<Option<Difference>> {
+    let expected = std::fs::read_to_string(&path).map_err(|error| Error::io(&path, error))?;
+    let expected = expected.replace("\r\n", "\n");
+    if expected == text {
+        return Ok(None);
+    }
+    let mut difference = differs(&path, format!("{what} is another"));
+    difference.error = difference.error.note(printed_diff(&expected, text));
+    difference.fix = Some(Fix::File(path, text.as_bytes().to_vec()));
+    Ok(Some(difference))
+}
+
+fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Result<Option<Difference>> {
+    let output = loaded.scene.output();
+    let image = output.and_then(|output| {
+        let binding = [output.set, output.binding, output.element];
+        observed.images.iter().find(|image| image.binding == binding)
+    });
+    let Some((bytes, (image, linear))) = image.and_then(|bytes| Some((bytes, bytes.image.as_ref()?))) else {
+        let message = "the scene has no output image: give one storage image `output = true`";
+        return Ok(Some(differs(&path, message.into())));
+    };
+    let found = Picture::of(image);
+    let file = std::fs::read(&path).map_err(|error| Error::io(&path, error))?;
+    let renewed = Fix::File(path.clone(), found.encode_png(*linear)?);
+    let expected = Picture::decode(&path, &file, None);
+    let expected = match expected {
+        Ok(expected) if expected.extent == found.extent => expected,
+        Ok(expected) => {
+            let [[a, b], [c, d]] = [expected.extent, found.extent];
+            let mut difference = differs(&path, format!("`{}` is {c} x {d}, the file {a} x {b}", bytes.name));
+            difference.fix = Some(renewed);
+            return Ok(Some(difference));
+        }
+        // An empty file asks for its first content.
+        Err(error) => {
+            let mut difference = Difference::of(error);
+            difference.fix = Some(renewed);
+            return Ok(Some(difference));
+        }
+    };
+    let (expected, pixels) = (expected.rgba8(false)?, found.rgba8(*linear)?);
+    let [width, height] = found.extent;
+    let texels = || expected.chunks_exact(4).zip(pixels.chunks_exact(4)).enumerate();
+    let Some((first, _)) = texels().find(|(_, (one, other))| one != other) else { return Ok(None) };
+    let count = texels().filter(|(_, (one, other))| one != other).count();
+    let [x, y] = [first as u32 % width, first as u32 / width];
+    let message =
+        format!("`{}`: {count} of {} pixels differ, the first at ({x}, {y})", bytes.name, width * height);
+    let mut difference = differs(&path, message);
+    difference.subject = Subject::Texel(bytes.binding, [x, y]);
+    difference.fix = Some(renewed);
+    difference.picture = PictureDifference::new(&bytes.name, found.extent, expected, pixels).map(Box::new);
+    Ok(Some(difference))
+}

@@ -1,0 +1,334 @@
+//! Running a loaded scene: its launch, or one of its rays, on a copy of its resources.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::accel::{RayFlags, TraceRay};
+use crate::debug::session;
+use crate::error::{Error, ErrorKind, Result};
+use crate::geometry::Ray;
+use crate::harness::cost::{Costs, Counter, Meter};
+use crate::harness::coverage::{Counts, Recorder};
+use crate::harness::expect::{Bytes, Observed, RayFound};
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::memory;
+use crate::harness::value::Value;
+use crate::machine::{Batch, Binding, Descriptor, Observer, Printed, Resources};
+use crate::ops::pointer::storage;
+use crate::ops::row::{Row, Width};
+use crate::pipeline::{Event, Launch, Pipeline, RayOperands, Shader, Stats, Witness};
+use crate::program::Program;
+use crate::scene::file::{GivenRay, RayEntry};
+use crate::scene::resources::Output;
+use crate::scene::{Assembled, ResolvedScene};
+
+/// Runs a scene's launch and dispatches at a width, and traces its rays.
+pub fn run<const W: usize>(scene: &ResolvedScene, assembled: &Assembled) -> Observed
+where
+    Row: Width<W>,
+{
+    let mut observed = launch(scene, assembled, |resources| assembled.run::<W>(resources, &|_| ()));
+    observed.rays = rays(scene, assembled, &mut Watch::default());
+    observed
+}
+
+/// Runs a scene's launch and dispatches at the width that suits their size: the results are the same
+/// at each.
+pub fn run_launch(scene: &ResolvedScene, assembled: &Assembled) -> Observed {
+    launch(scene, assembled, |resources| match assembled.invocations() {
+        0..=1 => assembled.run::<1>(resources, &|_| ()),
+        2..=8 => assembled.run::<8>(resources, &|_| ()),
+        _ => assembled.run::<32>(resources, &|_| ()),
+    })
+}
+
+/// What became of each ray of a scene. Each sees the resources as the scene describes them.
+pub fn rays(
+    scene: &ResolvedScene,
+    assembled: &Assembled,
+    watch: &mut Watch<'_>,
+) -> Vec<(Option<String>, Result<RayFound>)> {
+    (0..scene.rays.len()).flat_map(|at| one_ray(scene, assembled, at, watch).rays).collect()
+}
+
+/// The same with the coverage of the launch; dispatches are not recorded.
+pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &mut Recorder) -> Observed {
+    launch(scene, assembled, |resources| {
+        let launches = assembled.pipeline.sbt.ray_generation.is_some();
+        let mut stats = Stats::default();
+        if launches {
+            let (mut sink, counts) = recorder.parts();
+            let launch = Launch { pipeline: &assembled.pipeline, resources };
+            stats = launch.run_watched(assembled.size, &mut |event| sink.event(&event), counts)?;
+        }
+        Ok(stats.plus(&assembled.dispatch::<32>(resources, &|_| ())?))
+    })
+}
+
+fn launch(
+    scene: &ResolvedScene,
+    assembled: &Assembled,
+    run: impl FnOnce(&Resources) -> Result<Stats>,
+) -> Observed {
+    let resources = fresh(&assembled.resources);
+    let mut observed = Observed::default();
+    if assembled.pipeline.sbt.ray_generation.is_some() || !assembled.dispatches.is_empty() {
+        match run(&resources) {
+            Ok(stats) => observed.stats = Some(stats),
+            Err(trap) => observed.trap = Some(trap),
+        }
+    }
+    look(scene, &resources, &mut observed);
+    observed
+}
+
+/// A copy of resources that collects what shaders print.
+pub(super) fn fresh(resources: &Resources) -> Resources {
+    Resources { printed: Some(Arc::<Printed>::default()), ..memory::copied(resources) }
+}
+
+/// Reads buffers, images and printed lines.
+fn look(scene: &ResolvedScene, resources: &Resources, observed: &mut Observed) {
+    for line in resources.printed.iter().flat_map(|printed| printed.take()) {
+        observed.printed += &line.text;
+        if !line.text.ends_with('\n') {
+            observed.printed.push('\n');
+        }
+    }
+    for binding in &scene.resources {
+        let key = Binding { set: binding.set, binding: binding.binding };
+        let found = resources.descriptors.get(&key).and_then(|list| list.get(binding.element as usize));
+        let name = binding.name.clone();
+        let place = [binding.set, binding.binding, binding.element];
+        match found {
+            Some(Descriptor::Buffer(buffer)) => {
+                let bytes = buffer.bytes();
+                observed.buffers.push(Bytes { name, binding: place, row: None, bytes, image: None });
+            }
+            Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => {
+                let row = Some([image.shape().extent[0] as usize, image.format().texel_size() as usize]);
+                let linear = binding.output == Some(Output::Linear);
+                let (bytes, image) = (image.bytes(), Some((image.clone(), linear)));
+                observed.images.push(Bytes { name, binding: place, row, bytes, image });
+            }
+            _ => {}
+        }
+    }
+}
+
+/// What costs are counted for every ray of a launch: each invocation runs by itself.
+///
+/// # Errors
+/// The trap of the first invocation that traps, and `UnsupportedModule` where invocations cannot run
+/// by themselves.
+pub fn costs(assembled: &Assembled) -> Result<Costs> {
+    let [width, height, depth] = assembled.size.map(u64::from);
+    if assembled.pipeline.uses_subgroups() && assembled.pipeline.subgroup_size > 1 {
+        let message = "what single rays cost, of a pipeline with subgroup instructions";
+        return Err(Error::new(ErrorKind::UnsupportedModule, message)
+            .note("set the subgroup size to 1 to count each invocation by itself"));
+    }
+    let resources = fresh(&assembled.resources);
+    let launch = Launch { pipeline: &assembled.pipeline, resources: &resources };
+    let run = |meter: &mut Meter, index: u64| {
+        let id = [index % width, index / width % height, index / width / height].map(|axis| axis as u32);
+        meter.begin(Some(id));
+        let meter = &*meter;
+        let mut sink = |event: Event| meter.event(&event);
+        let mut sink: &mut dyn FnMut(Event) = &mut sink;
+        let mut counter = meter.counter();
+        let mut counter: &mut dyn Observer<1> = &mut counter;
+        launch.run_one(id, assembled.size, &mut sink, &mut counter)
+    };
+    let stretch = |range: std::ops::Range<u64>| {
+        let mut meter = Meter::new(&assembled.pipeline);
+        for index in range {
+            run(&mut meter, index)?;
+        }
+        Ok(meter.costs())
+    };
+    let count = width * height * depth;
+    const STRETCH: u64 = 256;
+    if count <= STRETCH || assembled.pipeline.order_dependent() {
+        return stretch(0..count);
+    }
+    let stretches = (0..count.div_ceil(STRETCH)).into_par_iter();
+    let all: Vec<Result<Costs>> =
+        stretches.map(|at| stretch(at * STRETCH..count.min((at + 1) * STRETCH))).collect();
+    all.into_iter().try_fold(Costs::default(), |sum, one| Ok(sum.or(one?)))
+}
+
+/// What is counted while a ray runs.
+#[derive(Debug, Default)]
+pub struct Watch<'a> {
+    /// Coverage.
+    pub recorder: Option<&'a mut Recorder>,
+    /// Whether to count what it costs.
+    pub costs: bool,
+}
+
+/// One ray of a scene: what it found, as the only entry of [`Observed::rays`], and what its shaders
+/// left behind.
+pub fn one_ray(scene: &ResolvedScene, assembled: &Assembled, at: usize, watch: &mut Watch<'_>) -> Observed {
+    let entry = &scene.rays[at];
+    let resources = fresh(&assembled.resources);
+    let launch = Launch { pipeline: &assembled.pipeline, resources: &resources };
+    let mut observed = Observed::default();
+    let mut events: Vec<Event> = Vec::new();
+    let outcome = if watch.recorder.is_none() && !watch.costs {
+        trace(scene, &launch, assembled.size, entry, &mut events, &mut ())
+    } else {
+        let mut meter = Meter::new(launch.pipeline);
+        meter.begin(None);
+        let mut unused = Recorder::default();
+        let recorder = watch.recorder.as_deref_mut().unwrap_or(&mut unused);
+        let (mut sink, counts) = recorder.parts();
+        let mut both = Both(counts, meter.counter());
+        let mut sink = |event: Event| {
+            meter.event(&event);
+            sink.event(&event);
+            events.push(event);
+        };
+        let mut sink: &mut dyn FnMut(Event) = &mut sink;
+        let mut both: &mut dyn Observer<1> = &mut both;
+        let outcome = trace(scene, &launch, assembled.size, entry, &mut sink, &mut both);
+        observed.costs = Some(meter.costs());
+        outcome
+    };
+    let name = match entry {
+        RayEntry::Pixel { name, .. } => name,
+        RayEntry::Given(given) => &given.name,
+    };
+    match outcome {
+        Ok(stats) => {
+            observed.stats = Some(stats);
+            observed.rays.push((name.clone(), Ok(found(launch.pipeline, &events))));
+        }
+        Err(error) => {
+            if error.kind() == ErrorKind::Trap {
+                observed.trap = Some(error.clone());
+            }
+            observed.rays.push((name.clone(), Err(error)));
+        }
+    }
+    look(scene, &resources, &mut observed);
+    observed
+}
+
+/// Coverage and costs by one observer.
+struct Both<'a>(&'a mut Counts, Counter<'a>);
+
+impl Observer<1> for Both<'_> {
+    fn resumed(&mut self, shader: u32, batch: &Batch<1>) {
+        self.0.resumed(shader, batch);
+        self.1.resumed(shader, batch);
+    }
+
+    fn block(&mut self, batch: &Batch<1>) {
+        self.0.block(batch);
+        self.1.block(batch);
+    }
+
+    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
+        Observer::<1>::edge(self.0, block, edge, lanes);
+    }
+}
+
+/// Runs one ray, or one invocation of ray generation.
+pub(super) fn trace<T: Witness, O: Observer<1>>(
+    scene: &ResolvedScene,
+    launch: &Launch<'_>,
+    size: [u32; 3],
+    ray: &RayEntry,
+    witness: &mut T,
+    observer: &mut O,
+) -> Result<Stats> {
+    match ray {
+        RayEntry::Pixel { pixel, .. } => {
+            let [x, y] = pixel.value;
+            launch.run_one([x, y, 0], size, witness, observer)
+        }
+        RayEntry::Given(given) => {
+            let Some((_, tlas)) = scene.tlas.first() else {
+                let message = "a ray needs a scene with instances";
+                return Err(Error::new(ErrorKind::InvalidScene, message));
+            };
+            let operands = operands(launch.pipeline, &session::check(given)?)?;
+            launch.trace_observed(tlas, operands, witness, observer).map(|outcome| outcome.stats)
+        }
+    }
+}
+
+/// The operands of a given ray, with a payload that is large enough for every shader.
+fn operands(pipeline: &Pipeline, ray: &GivenRay) -> Result<RayOperands> {
+    let words = memory::payload_words(pipeline);
+    if ray.payload.len() > words {
+        let message = format!(
+            "the ray's payload has {} bytes, and the shaders declare {}",
+            4 * ray.payload.len(),
+            4 * words
+        );
+        return Err(Error::new(ErrorKind::InvalidScene, message));
+    }
+    let mut payload = ray.payload.clone();
+    payload.resize(words, 0);
+    Ok(RayOperands {
+        trace: TraceRay {
+            ray: Ray { origin: ray.origin, direction: ray.direction, t_min: ray.t_min, t_max: ray.t_max },
+            flags: RayFlags(ray.flags),
+            cull_mask: ray.cull_mask,
+        },
+        sbt_offset: ray.sbt_offset,
+        sbt_stride: ray.sbt_stride,
+        miss_index: ray.miss_index,
+        payload,
+    })
+}
+
+/// What the first ray of a run found.
+fn found(pipeline: &Pipeline, events: &[Event]) -> RayFound {
+    // Traversal ends before a closest-hit shader traces on: the first to end is the first ray.
+    let traversed = events.iter().find_map(|event| match event {
+        Event::Traversed { committed, shader, .. } => Some((*committed, *shader)),
+        _ => None,
+    });
+    let (committed, shader) = traversed.unwrap_or_default();
+    let mut depth = 0;
+    let payload = events.iter().find_map(|event| match event {
+        Event::Trace { .. } => {
+            depth += 1;
+            None
+        }
+        Event::Traced { payload } => {
+            depth -= 1;
+            (depth == 0).then_some(&payload[..])
+        }
+        _ => None,
+    });
+    let payload = payload.map_or_else(Value::nothing, |words| payload_of(pipeline, shader, words));
+    let tlas = events.iter().find_map(|event| match event {
+        Event::Trace { tlas, .. } => Some(tlas),
+        _ => None,
+    });
+    let custom_index = committed.zip(tlas).map_or(0, |(hit, tlas)| {
+        let instance = hit.candidate.instance as usize;
+        tlas.instances()[instance].custom_index
+    });
+    RayFound { committed, custom_index, payload }
+}
+
+/// A payload by the type that the shader which ran last declares, or the largest one.
+fn payload_of(pipeline: &Pipeline, shader: Option<Shader>, words: &[u32]) -> Value {
+    let rows = |program: &Arc<Program>| {
+        program
+            .interface_rows(storage::INCOMING_RAY_PAYLOAD)
+            .map(|rows| (program.clone(), rows.ty, rows.count))
+    };
+    let ran = shader.and_then(|shader| rows(&pipeline.programs[shader.0 as usize]));
+    let declared = ran.or_else(|| pipeline.programs.iter().filter_map(rows).max_by_key(|(.., count)| *count));
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    declared.map_or_else(Value::nothing, |(program, ty, _)| {
+        Layout::new(&program.module, ty, Rules::Packed).read(&bytes)
+    })
+}

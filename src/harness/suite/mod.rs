@@ -1,0 +1,248 @@
+//! Suites: the tests beneath some paths, chosen, run side by side, and told in order.
+
+mod junit;
+mod pictures;
+mod run;
+pub mod tell;
+
+pub use junit::junit;
+pub use run::{Options, Report};
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use crate::debug::story::SourceLine;
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::case::{Case, scenes};
+use crate::harness::expect::Fix;
+
+/// The tests of some paths, in order: by path, a launch before the rays of its file.
+#[derive(Clone, Debug, Default)]
+pub struct Suite {
+    cases: Vec<Source>,
+    tests: Vec<Test>,
+}
+
+/// A file's case, or why the file is none.
+#[derive(Clone, Debug)]
+enum Source {
+    Case(Box<Case>),
+    Broken(PathBuf, Error),
+}
+
+/// One test.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Test {
+    /// Its name: the scene's path, the variant in parentheses, `::` and the name of a ray.
+    pub name: String,
+    case: usize,
+    part: Part,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    Launch,
+    /// The place of the ray in its file.
+    Ray(usize),
+}
+
+/// A part of a suite: which of how many.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// From 1.
+    pub number: usize,
+    /// How many there are.
+    pub of: usize,
+}
+
+/// What became of a test.
+#[derive(Clone, Debug)]
+pub struct Finished {
+    /// Its name.
+    pub name: String,
+    /// The file that it stands in.
+    pub file: PathBuf,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// How long it took, its share of loading included.
+    pub took: Duration,
+}
+
+/// How a test ended.
+#[derive(Clone, Debug)]
+pub enum Outcome {
+    /// As expected.
+    Passed,
+    /// It fails, as is known; why.
+    KnownFailure(String),
+    /// Not as expected.
+    Failed(Box<Failure>),
+    /// It could not run.
+    Broken(Error),
+    /// Not as expected, and what was expected is written anew.
+    Renewed,
+}
+
+/// Everything that helps to see why a test failed.
+#[derive(Clone, Debug)]
+pub struct Failure {
+    /// Each difference at its place in the scene file.
+    pub errors: Vec<Error>,
+    /// The line of a shader that wrote the first wrong number, or trapped.
+    pub line: Option<SourceLine>,
+    /// The ray that the first difference is about, explained: the text of `trace-one-ray`.
+    pub explanation: Option<String>,
+    /// The command that explains it again.
+    pub command: Option<String>,
+    /// Pictures that were saved.
+    pub pictures: Vec<PathBuf>,
+    /// What would make it pass, as far as its values are recorded and not derived.
+    pub(crate) fixes: Vec<Fix>,
+    /// Whether that is all that is wrong.
+    pub(crate) mendable: bool,
+}
+
+impl Suite {
+    /// Finds the tests of files and of folders.
+    ///
+    /// # Errors
+    /// `Io` where a path is not there or a folder cannot be read. A file that is no scene is a test
+    /// that cannot run.
+    pub fn find(paths: &[PathBuf]) -> Result<Self> {
+        let mut files = Vec::new();
+        for path in paths {
+            let kind = std::fs::metadata(path).map_err(|error| Error::io(path, error))?;
+            match kind.is_dir() {
+                true => files.extend(scenes(path)?),
+                false => files.push(path.clone()),
+            }
+        }
+        let mut suite = Self::default();
+        let mut seen: Vec<PathBuf> = Vec::new();
+        for file in files {
+            let file = file.strip_prefix(".").map_or_else(|_| file.clone(), Path::to_path_buf);
+            // The same file through two paths is one.
+            let id = file.canonicalize().unwrap_or_else(|_| file.clone());
+            if !seen.contains(&id) {
+                suite.add(&file);
+                seen.push(id);
+            }
+        }
+        Ok(suite)
+    }
+
+    fn add(&mut self, file: &Path) {
+        let cases = match Case::of(file) {
+            Ok(cases) => cases,
+            Err(error) => {
+                let (case, name) = (self.cases.len(), file.display().to_string());
+                self.cases.push(Source::Broken(file.to_path_buf(), error));
+                self.tests.push(Test { name, case, part: Part::Launch });
+                return;
+            }
+        };
+        for case in cases {
+            let (at, name) = (self.cases.len(), case.name(Path::new("")));
+            let name = if name.is_empty() { ".".to_owned() } else { name };
+            if case.launch {
+                self.tests.push(Test { name: name.clone(), case: at, part: Part::Launch });
+            }
+            let ray = |(ray, of): &(usize, String)| Test {
+                name: format!("{name}::{of}"),
+                case: at,
+                part: Part::Ray(*ray),
+            };
+            self.tests.extend(case.rays.iter().map(ray));
+            self.cases.push(Source::Case(Box::new(case)));
+        }
+    }
+
+    /// Keeps the tests whose names hold one of some texts; all where there are none.
+    pub fn filter(&mut self, texts: &[String]) {
+        self.tests.retain(|test| texts.is_empty() || texts.iter().any(|text| test.name.contains(text)));
+    }
+
+    /// Keeps every so manieth test: the shards of a suite have no test in common, and hold all.
+    pub fn shard(&mut self, shard: Shard) {
+        let mut at = 0..;
+        self.tests.retain(|_| at.next().is_some_and(|at| at % shard.of == shard.number - 1));
+    }
+
+    /// The tests that are left.
+    pub fn tests(&self) -> &[Test] {
+        &self.tests
+    }
+}
+
+/// `K/N`
+impl std::str::FromStr for Shard {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let parts = text.split_once('/').map(|(number, of)| (number.trim().parse(), of.trim().parse()));
+        match parts {
+            Some((Ok(number), Ok(of))) if (1..=of).contains(&number) => Ok(Self { number, of }),
+            _ => {
+                let message = format!("`{text}` is not K/N with 1 <= K <= N, such as 2/5");
+                Err(Error::new(ErrorKind::InvalidArgument, message))
+            }
+        }
+    }
+}
+
+impl Outcome {
+    /// The word for it.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Passed => "ok",
+            Self::KnownFailure(_) => "known failure",
+            Self::Failed(_) => "FAILED",
+            Self::Broken(_) => "ERROR",
+            Self::Renewed => "renewed",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn suite(names: &[&str]) -> Suite {
+        let test = |name: &&str| Test { name: (*name).into(), case: 0, part: Part::Launch };
+        Suite { cases: Vec::new(), tests: names.iter().map(test).collect() }
+    }
+
+    #[test]
+    fn shards_are_disjoint_and_complete() {
+        let names: Vec<String> = (0..11).map(|at| format!("t{at}")).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let mut all = Vec::new();
+        for number in 1..=3 {
+            let mut suite = suite(&names);
+            suite.shard(Shard { number, of: 3 });
+            all.extend(suite.tests().iter().map(|test| test.name.clone()));
+        }
+        all.sort_by_key(|name| name[1..].parse::<u32>().unwrap());
+        assert_eq!(all, names);
+    }
+
+    #[test]
+    fn shards_are_read_or_refused() {
+        assert_eq!("2/5".parse::<Shard>().unwrap(), Shard { number: 2, of: 5 });
+        for wrong in ["", "2", "0/5", "6/5", "1/0", "a/b", "-1/3"] {
+            assert!(wrong.parse::<Shard>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn filters_are_texts_of_which_one_must_be_there() {
+        let mut suite = suite(&["lss/a", "lss/b", "sphere/a"]);
+        suite.filter(&["b".into(), "sphere".into()]);
+        assert_eq!(
+            suite.tests().iter().map(|test| test.name.as_str()).collect::<Vec<_>>(),
+            ["lss/b", "sphere/a"]
+        );
+        suite.filter(&[]);
+        assert_eq!(suite.tests().len(), 2);
+    }
+}

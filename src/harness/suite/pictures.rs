@@ -1,0 +1,27 @@
+//! Pictures of a failed comparison, saved for people.
+
+use std::path::{Path, PathBuf};
+
+use image::RgbaImage;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::expect::PictureDifference;
+
+/// Saves `expected.png`, `found.png` and `difference.png` in a folder named after test and image.
+pub(super) fn save(folder: &Path, test: &str, picture: &PictureDifference) -> Result<Vec<PathBuf>> {
+    let plain = |c: char| if c.is_alphanumeric() || "-_./()".contains(c) { c } else { '-' };
+    let name: String = test.trim_start_matches(['.', '/']).chars().map(plain).collect();
+    let folder = folder.join(name.replace("..", "-")).join(&picture.name);
+    std::fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
+    let pictures =
+        [("expected", &picture.expected), ("found", &picture.found), ("difference", &picture.difference())];
+    pictures.into_iter().map(|(name, picture)| write(folder.join(format!("{name}.png")), picture)).collect()
+}
+
+fn write(path: PathBuf, picture: &RgbaImage) -> Result<PathBuf> {
+    match picture.save(&path) {
+        Ok(()) => Ok(path),
+        Err(image::ImageError::IoError(error)) => Err(Error::io(path, error)),
+        Err(error) => Err(Error::new(ErrorKind::Io, format!("{}: {error}", path.display()))),
+    }
+}

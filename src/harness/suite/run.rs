@@ -1,0 +1,403 @@
+//! Running a suite.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+use crate::debug::render::{self, Look};
+use crate::debug::story::SourceLine;
+use crate::debug::{Request, Session};
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::harness::blame::{Writer, writer};
+use crate::harness::bless::bless;
+use crate::harness::case::Loaded;
+use crate::harness::coverage::{Coverage, Recorder};
+use crate::harness::expect::{Difference, Fix, Subject};
+use crate::harness::rendering;
+use crate::harness::run::{Watch, launch_covered, one_ray, rays, run_launch};
+use crate::harness::suite::{Failure, Finished, Outcome, Part, Source, Suite, Test, pictures};
+use crate::scene::file::RayEntry;
+
+/// How a suite is run.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// How many cases run side by side; 0 is as many as there are processors.
+    pub jobs: usize,
+    /// Whether launches run at 1, 8 and 32 lanes, which must agree bit for bit.
+    pub all_widths: bool,
+    /// Whether recorded expectations are written anew.
+    pub bless: bool,
+    /// Whether nothing is told behind the first test that does not pass.
+    pub fail_fast: bool,
+    /// Whether coverage is recorded.
+    pub coverage: bool,
+    /// Whether the explanation of the ray is left out of failures.
+    pub no_explanation: bool,
+    /// Whether explanations are in colour.
+    pub colour: bool,
+    /// Where pictures that differ are saved.
+    pub pictures: PathBuf,
+}
+
+/// A suite that has run.
+#[derive(Debug, Default)]
+pub struct Report {
+    /// Every test that was told, in order.
+    pub finished: Vec<Finished>,
+    /// Tests that did not run, because one before failed.
+    pub left_out: usize,
+    /// Coverage, where it was asked for.
+    pub coverage: Coverage,
+    /// Files that were written anew.
+    pub renewed: Vec<PathBuf>,
+}
+
+impl Suite {
+    /// Runs the tests and tells each as soon as all before it are told: the order does not depend on
+    /// how many run side by side, and nothing else does.
+    ///
+    /// # Errors
+    /// `Io` where a scene file cannot be written anew, and where telling fails.
+    pub fn run(&self, options: &Options, tell: &mut dyn FnMut(&Finished) -> Result<()>) -> Result<Report> {
+        let groups: Vec<&[Test]> = self.tests.chunk_by(|one, next| one.case == next.case).collect();
+        let jobs = match options.jobs {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            jobs => jobs,
+        };
+        let mut report = Report::default();
+        let mut fixes = Vec::new();
+        let stop = AtomicBool::new(false);
+        let mut take = |done: Done| -> Result<()> {
+            for mut finished in done.finished {
+                if stop.load(Ordering::Relaxed) {
+                    break;
+                }
+                renew(&mut finished, options, &mut fixes);
+                tell(&finished)?;
+                let fails = matches!(finished.outcome, Outcome::Failed(_) | Outcome::Broken(_));
+                report.finished.push(finished);
+                if fails && options.fail_fast {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            }
+            report.coverage.add(done.coverage);
+            Ok(())
+        };
+        if jobs == 1 || groups.len() <= 1 {
+            for group in groups {
+                take(self.group(group, options))?;
+                if stop.load(Ordering::Relaxed) {
+                    break;
+                }
+            }
+        } else {
+            self.side_by_side(&groups, jobs, options, &stop, &mut take)?;
+        }
+        report.left_out = self.tests.len() - report.finished.len();
+        report.renewed = bless(fixes)?;
+        Ok(report)
+    }
+
+    /// Runs groups on several threads, and takes what is done in order.
+    fn side_by_side(
+        &self,
+        groups: &[&[Test]],
+        jobs: usize,
+        options: &Options,
+        stop: &AtomicBool,
+        take: &mut dyn FnMut(Done) -> Result<()>,
+    ) -> Result<()> {
+        let next = AtomicUsize::new(0);
+        let (sender, receiver) = mpsc::channel();
+        std::thread::scope(|scope| {
+            for _ in 0..jobs.min(groups.len()) {
+                let (sender, next) = (sender.clone(), &next);
+                scope.spawn(move || {
+                    loop {
+                        let at = next.fetch_add(1, Ordering::Relaxed);
+                        if at >= groups.len() || stop.load(Ordering::Relaxed) {
+                            break;
+                        }
+                        // Nobody listens any more where telling has failed.
+                        if sender.send((at, self.group(groups[at], options))).is_err() {
+                            break;
+                        }
+                    }
+                });
+            }
+            drop(sender);
+            let mut waiting: Vec<Option<Done>> = groups.iter().map(|_| None).collect();
+            let mut told = 0;
+            for (at, done) in receiver {
+                waiting[at] = Some(done);
+                while let Some(done) = waiting.get_mut(told).and_then(Option::take) {
+                    told += 1;
+                    if let Err(error) = take(done) {
+                        stop.store(true, Ordering::Relaxed);
+                        return Err(error);
+                    }
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Runs the chosen tests of one case.
+    fn group(&self, tests: &[Test], options: &Options) -> Done {
+        let begin = Instant::now();
+        let (case, file) = match &self.cases[tests[0].case] {
+            Source::Case(case) => (case, case.scene.clone()),
+            Source::Broken(file, error) => return Done::broken(tests, file, error),
+        };
+        let loaded = match case.load() {
+            Ok(loaded) => loaded,
+            Err(error) => return Done::broken(tests, &file, &error),
+        };
+        let loading = begin.elapsed() / tests.len() as u32;
+        let mut recorder = options.coverage.then(Recorder::default);
+        let mut finished = Vec::new();
+        for test in tests {
+            let begin = Instant::now();
+            let tester = Tester { loaded: &loaded, test, options, is_variant: case.variant.is_some() };
+            let outcome = match test.part {
+                Part::Launch => tester.launch(&mut recorder),
+                Part::Ray(ray) => tester.ray(ray, &mut recorder),
+            };
+            let outcome = outcome.unwrap_or_else(Outcome::Broken);
+            let took = loading + begin.elapsed();
+            finished.push(Finished { name: test.name.clone(), file: file.clone(), outcome, took });
+        }
+        let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled.pipeline));
+        Done { finished, coverage: coverage.unwrap_or_default() }
+    }
+}
+
+/// The tests of a case that have run.
+struct Done {
+    finished: Vec<Finished>,
+    coverage: Coverage,
+}
+
+impl Done {
+    fn broken(tests: &[Test], file: &std::path::Path, error: &Error) -> Self {
+        let finished = tests.iter().map(|test| Finished {
+            name: test.name.clone(),
+            file: file.to_path_buf(),
+            outcome: Outcome::Broken(error.clone()),
+            took: Duration::ZERO,
+        });
+        Self { finished: finished.collect(), coverage: Coverage::default() }
+    }
+}
+
+/// With `bless`, a failure whose values are all recorded is renewed, and others keep a word on why
+/// not.
+fn renew(finished: &mut Finished, options: &Options, fixes: &mut Vec<Fix>) {
+    let Outcome::Failed(failure) = &mut finished.outcome else { return };
+    if !options.bless {
+        return;
+    }
+    if failure.mendable {
+        fixes.append(&mut failure.fixes);
+        finished.outcome = Outcome::Renewed;
+        return;
+    }
+    if let Some(error) = failure.errors.last_mut() {
+        let why =
+            "not written anew: values with `because` are derived, and some differences no value can mend";
+        *error = error.clone().note(why);
+    }
+}
+
+/// One test of a loaded case.
+struct Tester<'a> {
+    loaded: &'a Loaded,
+    test: &'a Test,
+    options: &'a Options,
+    is_variant: bool,
+}
+
+impl Tester<'_> {
+    fn launch(&self, recorder: &mut Option<Recorder>) -> Result<Outcome> {
+        let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        let expectations = &self.loaded.expectations;
+        let observed = if self.options.all_widths && recorder.is_none() {
+            match self.loaded.widths() {
+                Ok(observed) => observed,
+                Err(error) if error.kind() == ErrorKind::Expectation => {
+                    return Ok(self.failed(vec![Difference::of(error)], None));
+                }
+                Err(error) => return Err(error),
+            }
+        } else {
+            let mut observed = match recorder {
+                Some(recorder) => launch_covered(scene, assembled, recorder),
+                None => run_launch(scene, assembled),
+            };
+            if !expectations.rays.is_empty() {
+                observed.rays =
+                    rays(scene, assembled, &mut Watch { recorder: recorder.as_mut(), costs: false });
+            }
+            self.loaded.add_costs(&mut observed)?;
+            observed
+        };
+        let mut differences = expectations.differences(&observed);
+        differences.extend(rendering::differences(self.loaded, &observed, self.is_variant)?);
+        Ok(self.outcome(differences, expectations.known_failure.as_ref().map(|why| &why.value), None))
+    }
+
+    fn ray(&self, at: usize, recorder: &mut Option<Recorder>) -> Result<Outcome> {
+        let Some(expect) = self.loaded.rays.get(at).and_then(Option::as_ref) else {
+            let message = format!("the file has no ray {at} with expectations any more");
+            return Err(Error::new(ErrorKind::InvalidScene, message));
+        };
+        let mut watch = Watch { recorder: recorder.as_mut(), costs: expect.rest.wants_costs() };
+        let observed = one_ray(&self.loaded.scene, &self.loaded.assembled, at, &mut watch);
+        if let [(_, Err(error))] = &observed.rays[..]
+            && error.kind() != ErrorKind::Trap
+        {
+            return Err(error.clone().at(expect.span.place()));
+        }
+        let differences = expect.differences(&observed);
+        let known = expect.rest.known_failure.as_ref().map(|why| &why.value);
+        Ok(self.outcome(differences, known, Some(at)))
+    }
+
+    fn outcome(&self, differences: Vec<Difference>, known: Option<&String>, ray: Option<usize>) -> Outcome {
+        match (differences.is_empty(), known) {
+            (true, Some(why)) => Outcome::KnownFailure(why.clone()),
+            (true, None) => Outcome::Passed,
+            (false, _) => {
+                // A mistake in what is expected is not a failed expectation.
+                let mistake = |one: &&Difference| {
+                    !matches!(one.error.kind(), ErrorKind::Expectation | ErrorKind::Trap) && one.fix.is_none()
+                };
+                match differences.iter().find(mistake) {
+                    Some(mistake) => Outcome::Broken(mistake.error.clone()),
+                    None => self.failed(differences, ray),
+                }
+            }
+        }
+    }
+
+    fn failed(&self, differences: Vec<Difference>, ray: Option<usize>) -> Outcome {
+        // The first that is about some ray or number in particular can be explained.
+        let shown = || differences.iter().filter(|difference| !difference.counted);
+        let told = shown().position(|difference| difference.subject != Subject::Launch).unwrap_or(0);
+        let Some(first) = shown().nth(told) else { return Outcome::Passed };
+        let mendable = differences.iter().all(|difference| difference.fix.is_some());
+        let mut failure = Failure {
+            errors: Vec::new(),
+            line: None,
+            explanation: None,
+            command: None,
+            pictures: Vec::new(),
+            fixes: differences.iter().filter_map(|difference| difference.fix.clone()).collect(),
+            mendable,
+        };
+        let skip = self.options.bless && mendable;
+        let writer = if skip { None } else { writer(self.loaded, &first.subject, ray) };
+        failure.line = writer.as_ref().and_then(|writer| writer.line.clone()).or_else(|| place(&first.error));
+        if !skip {
+            self.explain(&first.subject, ray, writer.as_ref(), &mut failure);
+        }
+        let note = writer.as_ref().and_then(Writer::note);
+        for (at, difference) in shown().enumerate() {
+            let mut error = difference.error.clone();
+            if let Some(note) = note.as_ref().filter(|_| at == told) {
+                error = error.note(note);
+            }
+            failure.errors.push(error);
+        }
+        if !skip {
+            let mut saved: Vec<&str> = Vec::new();
+            for picture in differences.iter().filter_map(|difference| difference.picture.as_ref()) {
+                // Several measures of one image need its pictures once.
+                if saved.contains(&picture.name.as_str()) {
+                    continue;
+                }
+                saved.push(&picture.name);
+                match pictures::save(&self.options.pictures, &self.test.name, picture) {
+                    Ok(paths) => failure.pictures.extend(paths),
+                    Err(error) => failure.errors.push(error),
+                }
+            }
+        }
+        Outcome::Failed(Box::new(failure))
+    }
+
+    /// Tells the story of the ray that a difference is about.
+    fn explain(&self, subject: &Subject, ray: Option<usize>, writer: Option<&Writer>, failure: &mut Failure) {
+        let scene = &self.loaded.scene;
+        let by_name = |name: &String| scene.rays.iter().find(|ray| name_of(ray) == Some(name));
+        let size = self.loaded.assembled.size;
+        let wrote = writer.and_then(|writer| writer.launch_id);
+        let request = match (ray, subject) {
+            (Some(ray), _) => scene.rays.get(ray).map(request),
+            (None, Subject::Ray(name, _)) => by_name(name).map(request),
+            (None, Subject::Invocation(id)) => Some(Request::Pixel(*id)),
+            (None, _) if wrote.is_some() => wrote.map(Request::Pixel),
+            (None, Subject::Texel(_, [x, y])) if *x < size[0] && *y < size[1] => {
+                Some(Request::Pixel([*x, *y, 0]))
+            }
+            _ => None,
+        };
+        let Some(request) = request else { return };
+        failure.command = Some(command(&scene.path.display().to_string(), &request));
+        if self.options.no_explanation {
+            return;
+        }
+        // Without an explanation the difference still stands.
+        let Ok((story, _)) = Session::new(scene.clone()).and_then(|session| session.tell(&request)) else {
+            return;
+        };
+        failure.explanation = Some(render::text(&story, Look { colour: self.options.colour, all: false }));
+    }
+}
+
+fn name_of(ray: &RayEntry) -> Option<&String> {
+    match ray {
+        RayEntry::Pixel { name, .. } => name.as_ref(),
+        RayEntry::Given(given) => given.name.as_ref(),
+    }
+}
+
+fn request(ray: &RayEntry) -> Request {
+    match ray {
+        RayEntry::Pixel { pixel, .. } => Request::Pixel([pixel.value[0], pixel.value[1], 0]),
+        RayEntry::Given(given) => Request::Ray(given.clone()),
+    }
+}
+
+/// The command line that asks for the same.
+fn command(scene: &str, request: &Request) -> String {
+    let words = |values: [f32; 3]| values.map(|value| value.to_string()).join(",");
+    let what = match request {
+        Request::Pixel([x, y, 0]) => format!(" --pixel {x},{y}"),
+        Request::Pixel([x, y, z]) => format!(" --pixel {x},{y},{z}"),
+        Request::Ray(ray) => match &ray.name {
+            Some(name) => format!(" --ray \"{name}\""),
+            None => format!(" --ray \"{} {}\"", words(ray.origin), words(ray.direction)),
+        },
+        Request::Named(name) => format!(" --ray \"{name}\""),
+        Request::Default => String::new(),
+    };
+    format!("anyhit trace-one-ray {scene}{what}")
+}
+
+/// The shader's line that an error points at: of a trap, not of an expectation.
+fn place(error: &Error) -> Option<SourceLine> {
+    if error.kind() != ErrorKind::Trap {
+        return None;
+    }
+    error.places().find_map(|(place, _)| match place {
+        Place::Line { file, line, .. } => Some(SourceLine { file: file.clone(), line: *line, text: None }),
+        Place::Text { file, text, span } => Some(SourceLine {
+            file: file.clone(),
+            line: text[..span.start].matches('\n').count() as u32 + 1,
+            text: text.get(span.clone()).map(str::to_owned),
+        }),
+        _ => None,
+    })
+}

@@ -1,0 +1,510 @@
+//! `anyhit test` from the outside: what passes, what each kind of failed expectation looks like, the
+//! files that it writes, and how it answers what makes no sense.
+//!
+//! `tests/test-command/*.stdout` hold what is printed of cases that fail; `BLESS=1 cargo test --test
+//! test_command` writes them anew. They guard the form; that the cases fail, and why, is derived here.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use pretty_assertions::assert_eq;
+use serde_json::{Value, json};
+
+const CASES: &str = "tests/test-command";
+const LEAVES: &str = "shaders/pass/testing/leaves";
+
+struct Ran {
+    code: Option<i32>,
+    out: String,
+    err: String,
+}
+
+fn run(arguments: &[&str]) -> Ran {
+    run_in(Path::new(env!("CARGO_MANIFEST_DIR")), arguments)
+}
+
+fn run_in(folder: &Path, arguments: &[&str]) -> Ran {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
+    command.arg("test").args(arguments).current_dir(folder).stdin(Stdio::null());
+    let output = command.output().expect("the command starts");
+    let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+    Ran { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+}
+
+/// A folder of this test's own, empty.
+fn scratch(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a writable folder");
+    folder
+}
+
+/// Compares what is printed of a case with a file, or writes that where `BLESS` is set.
+fn prints(case: &str, code: i32) -> String {
+    let pictures = scratch(&format!("pictures-{case}"));
+    let pictures = pictures.to_str().expect("UTF-8");
+    let ran = run(&[&format!("{CASES}/{case}"), "--pictures", pictures]);
+    assert_eq!(ran.code, Some(code), "{case}: {}{}", ran.out, ran.err);
+    let out = ran.out.replace(pictures, "PICTURES").replace('\\', "/");
+    let name = case.trim_end_matches(".test.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("{CASES}/{name}.stdout"));
+    if std::env::var_os("BLESS").is_some() {
+        std::fs::write(&path, &out).expect("the folder is there");
+    }
+    let expected = std::fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(out, expected, "{case}: `BLESS=1 cargo test` if the new form is meant");
+    out
+}
+
+#[test]
+fn failed_hits_say_what_was_found_and_where_it_is_expected() {
+    let out = prints("hits.test.toml", 1);
+    assert!(out.contains("t: expected 3.5 (bits 0x40600000), found 4.0 (bits 0x40800000)"), "{out}");
+    assert!(out.contains("hits.test.toml:11:5"), "the line of `t = 3.5`: {out}");
+    assert!(out.contains("because: a mistake: 4 - 0 is 4"), "{out}");
+    assert!(out.contains("primitive: expected 1, found 2"), "{out}");
+    assert!(out.contains("expected a miss, but the ray hits instance 0, geometry 0, primitive 2"), "{out}");
+    assert!(out.contains("expected a hit, but the ray misses"), "{out}");
+    assert!(out.contains("nothing is expected of this ray yet"), "{out}");
+    assert!(out.contains("the ray, explained:") && out.contains("3 of 3 primitives tested"), "{out}");
+    assert!(out.ends_with("6 failed\n"), "{out}");
+}
+
+#[test]
+fn a_failed_payload_names_member_and_writing_line() {
+    let out = prints("payload.test.toml", 1);
+    assert!(out.contains("payload.colour[1]: expected 0.75"), "{out}");
+    assert!(out.contains("payload.seen: expected 3, found 2"), "{out}");
+    // The line of leaf.rchit that sets the colour.
+    assert!(out.contains("last written at shaders/pass/testing/leaves/leaf.rchit:13: payload.colour = vec3(0.5, 0.25, 1.0);"), "{out}");
+}
+
+#[test]
+fn mistakes_in_expectations_are_errors() {
+    let out = prints("mistakes.test.toml", 2);
+    assert!(out.contains("struct Payload has no member `color`"), "{out}");
+    assert!(out.contains("did you mean `colour`?"), "{out}");
+    assert!(out.contains("points nowhere"), "{out}");
+    assert!(out.ends_with("0 passed, 4 errors\n"), "{out}");
+}
+
+#[test]
+fn a_failed_buffer_names_the_writing_line_and_explains_its_pixel() {
+    let out = prints("buffer", 1);
+    assert!(out.contains("`outputs` at byte 4: expected 5.0"), "{out}");
+    assert!(
+        out.contains("last written at shaders/pass/testing/leaves/main.rgen:19: distances[x] = payload.t;"),
+        "{out}"
+    );
+    assert!(
+        out.contains("see also: anyhit trace-one-ray tests/test-command/buffer/scene.toml --pixel 1,0"),
+        "{out}"
+    );
+}
+
+#[test]
+fn a_failed_image_is_measured_and_saved() {
+    let out = prints("image", 1);
+    assert!(out.contains("`picture` at texel (2, 0) byte 4: expected 0.5"), "{out}");
+    // (128, 64, 255) against (0, 255, 0) in the middle of three pixels.
+    assert!(out.contains("1 of 3 texels differ, most the one at (1, 0): expected (0, 255, 0, 255), found (128, 64, 255, 255)"), "{out}");
+    // sqrt((128^2 + 191^2 + 255^2) / 12) / 255 = sqrt(117890 / 12) / 255
+    let rmse = (117_890.0f64 / 12.0).sqrt() / 255.0;
+    assert!(out.contains(&format!("the RMSE is {rmse:.6}, and 0.01 is allowed")), "{out}");
+    let folder =
+        PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("pictures-image/tests/test-command/image/picture");
+    let pixel =
+        |name: &str, x| image::open(folder.join(name)).expect("a picture").to_rgba8().get_pixel(x, 0).0;
+    assert_eq!(pixel("expected.png", 1), [0, 255, 0, 255]);
+    assert_eq!(pixel("found.png", 1), [128, 64, 255, 255]);
+    assert_eq!(pixel("difference.png", 0), [0, 0, 0, 255]);
+    // The greatest difference is the brightest.
+    assert_eq!(pixel("difference.png", 1)[2], 255);
+}
+
+#[test]
+fn failed_traps_tell_what_happened() {
+    let out = prints("trap", 1);
+    assert!(out.contains("another invocation trapped") && out.contains("trapped elsewhere"), "{out}");
+    let out = prints("no-trap", 1);
+    assert!(out.contains("another trap: a buffer is accessed outside its range"), "{out}");
+    let out = prints("unexpected-trap", 1);
+    assert!(out.contains("a shader trapped: a buffer is accessed outside its range"), "{out}");
+    assert!(out.contains("shaders/fail/memory/out-of-bounds/main.rgen:11"), "{out}");
+}
+
+#[test]
+fn failed_limits_name_the_ray() {
+    let out = prints("stats", 1);
+    assert!(out.contains("rays: expected 4, found 3"), "{out}");
+    assert!(
+        out.contains("max_any_hit_per_ray: a ray needs 2 any-hit invocations, and 1 are allowed"),
+        "{out}"
+    );
+    assert!(out.contains("ray 0 of launch id (0, 0, 0)"), "{out}");
+    // Both runs of hole.rahit, that of the hole ends early, and leaf.rchit without its branch.
+    let count = |name: &str, blocks: &[usize]| {
+        let path = format!("{}/spirv-fixtures/pass/testing/leaves/{name}.spv", env!("CARGO_MANIFEST_DIR"));
+        let module = anyhit::Module::open(path).expect("a fixture");
+        let all = &module.functions[0].blocks;
+        blocks.iter().map(|&block| all[block].instructions.len()).sum::<usize>()
+    };
+    let needed = count("hole.rahit", &[0, 1]) + count("hole.rahit", &[0, 2]) + count("leaf.rchit", &[0, 2]);
+    assert!(
+        out.contains(&format!("a ray needs {needed} instructions, and 10 are allowed")),
+        "{needed}: {out}"
+    );
+}
+
+#[test]
+fn failed_texts_are_shown_line_by_line() {
+    let out = prints("stdout", 1);
+    assert!(out.contains("- pixel 1 saw 1 leaves") && out.contains("+ pixel 0 saw 2 leaves"), "{out}");
+    let out = prints("rendering", 1);
+    assert!(out.contains("- pixel 1 saw 2 leaves"), "{out}");
+    assert!(out.contains("1 of 3 pixels differ, the first at (1, 0)"), "{out}");
+}
+
+#[test]
+fn what_passes_is_quiet_and_in_order_with_any_number_of_jobs() {
+    let one = run(&["shaders/fail", LEAVES, "--jobs", "1"]);
+    assert_eq!((one.code, one.err.as_str()), (Some(0), ""));
+    assert!(one.out.contains("ok  shaders/pass/testing/leaves::through the hole\n"), "{}", one.out);
+    for jobs in ["2", "7"] {
+        assert_eq!(run(&["shaders/fail", LEAVES, "--jobs", jobs]).out, one.out);
+    }
+    // Failures, too: here nothing but the order could differ.
+    let paths = ["buffer", "payload.test.toml", "stats"].map(|case| format!("{CASES}/{case}"));
+    let paths: Vec<&str> = paths.iter().map(String::as_str).collect();
+    let failing = |jobs| run(&[&paths[..], &["--jobs", jobs]].concat()).out;
+    assert_eq!(failing("1"), failing("3"));
+    // All widths agree.
+    assert_eq!(run(&[LEAVES, "--all-widths"]).code, Some(0));
+}
+
+#[test]
+fn tests_are_listed_filtered_and_cut_into_shards() {
+    let list = |more: &[&str]| {
+        let ran = run(&[&["shaders/fail/memory", LEAVES, "--list"], more].concat());
+        assert_eq!(ran.code, Some(0), "{}", ran.err);
+        ran.out.lines().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let all = list(&[]);
+    assert_eq!(all.len(), 5, "two folders, a launch and two rays: {all:?}");
+    assert_eq!(list(&["--filter", "leaves::"]).len(), 2);
+    assert_eq!(list(&["--filter", "leaves::", "--filter", "array-index"]).len(), 3);
+    let mut parts: Vec<String> =
+        ["1/3", "2/3", "3/3"].iter().flat_map(|shard| list(&["--shard", shard])).collect();
+    parts.sort();
+    let mut sorted = all.clone();
+    sorted.sort();
+    assert_eq!(parts, sorted);
+    let fail_fast = run(&[&format!("{CASES}/hits.test.toml"), "--fail-fast", "--no-explanation"]);
+    assert_eq!(fail_fast.code, Some(1));
+    assert!(fail_fast.out.ends_with("0 passed, 1 failed, 5 not run\n"), "{}", fail_fast.out);
+}
+
+#[test]
+fn what_makes_no_sense_is_answered_with_code_2() {
+    let empty = scratch("empty");
+    let empty = empty.to_str().expect("UTF-8");
+    let cases: [(&[&str], &str); 6] = [
+        (&["no/such/folder"], "no/such/folder"),
+        (&[empty], "no tests in"),
+        (&[LEAVES, "--filter", "nothing like it"], "none of the 3 tests has \"nothing like it\" in its name"),
+        (&[LEAVES, "--shard", "4/3"], "`4/3` is not K/N"),
+        (&[LEAVES, "--jobs", "0"], "0"),
+        (&["--init"], "`--init` needs a module"),
+    ];
+    for (arguments, words) in cases {
+        let ran = run(arguments);
+        assert_eq!(ran.code, Some(2), "{arguments:?}: {}{}", ran.out, ran.err);
+        assert!(ran.err.contains(words), "{arguments:?}: {}", ran.err);
+    }
+    // A file that is no scene is a test that cannot run; the others run.
+    let folder = scratch("broken");
+    std::fs::write(folder.join("a.test.toml"), "version = 1\n[[ray]\n").expect("a writable folder");
+    std::fs::write(folder.join("b.test.toml"), "version = 1\n[[ray]]\nname = 'x'\n")
+        .expect("a writable folder");
+    let ran = run_in(&folder, &["."]);
+    assert_eq!(ran.code, Some(2));
+    assert!(ran.out.contains("not TOML") && ran.out.contains("a.test.toml:2"), "{}", ran.out);
+}
+
+/// Copies a case into a folder of this test's own; what it includes stands where it stood.
+fn copied(name: &str, text: &str) -> PathBuf {
+    let folder = scratch(name);
+    let root = env!("CARGO_MANIFEST_DIR").replace('\\', "/");
+    let text = text.replace("../../shaders", &format!("{root}/shaders"));
+    let path = folder.join("case.test.toml");
+    std::fs::write(&path, text).expect("a writable folder");
+    path
+}
+
+#[test]
+fn bless_renews_recorded_values_and_nothing_else() {
+    let text = "# kept\nversion = 1\ninclude = \"../../shaders/pass/testing/leaves/leaves.toml\"\n\n\
+        [[ray]]  # kept, too\nname = \"a\"\norigin = [1, 0, 4]\ndirection = [0, 0, -1]\n\
+        expect = { t =   3.5, payload = { seen = 9 } } # t\n\n\
+        [[ray]]\nname = \"b\"\npixel = [2, 0]\n[ray.expect]\n\n\
+        [[ray]]\nname = \"c\"\npixel = [0, 0]\n[ray.expect]\nt = 5\nbecause = \"derived\"\n";
+    let path = copied("bless", text);
+    let ran = run(&[path.to_str().expect("UTF-8"), "--bless", "--no-explanation"]);
+    assert_eq!(ran.code, Some(1), "{}{}", ran.out, ran.err);
+    assert!(ran.out.contains("values with `because` are derived"), "{}", ran.out);
+    let root = env!("CARGO_MANIFEST_DIR").replace('\\', "/");
+    let expected = text
+        .replace("../../shaders", &format!("{root}/shaders"))
+        .replace("t =   3.5", "t =   4.0")
+        .replace("seen = 9", "seen = 1")
+        .replace(
+            "[ray.expect]\n\n",
+            "[ray.expect]\nmiss = true\npayload = { colour = [0.25, 0.25, 0.25], t = -1.0, seen = 0 }\n\n",
+        );
+    assert_eq!(std::fs::read_to_string(&path).expect("the file"), expected);
+    // What was recorded holds, and what was derived still does not.
+    let again = run(&[path.to_str().expect("UTF-8"), "--no-explanation"]);
+    assert!(again.out.ends_with("2 passed, 1 failed\n"), "{}", again.out);
+}
+
+#[test]
+fn bless_renews_files_beside_a_scene() {
+    let folder = scratch("bless-files");
+    let root = env!("CARGO_MANIFEST_DIR").replace('\\', "/");
+    let scene = format!(
+        "version = 1\ninclude = \"{root}/{LEAVES}/leaves.toml\"\n[[expect.image]]\nname = \"picture\"\nfile = \"new.exr\"\n"
+    );
+    std::fs::write(folder.join("scene.toml"), scene).expect("a writable folder");
+    std::fs::write(folder.join("expect.stdout"), "").expect("a writable folder");
+    std::fs::write(folder.join("expect.png"), "").expect("a writable folder");
+    let path = folder.to_str().expect("UTF-8");
+    assert_eq!(run(&[path]).code, Some(1));
+    let ran = run(&[path, "--bless"]);
+    assert_eq!(ran.code, Some(0), "{}{}", ran.out, ran.err);
+    assert_eq!(
+        std::fs::read_to_string(folder.join("expect.stdout")).expect("the file"),
+        "pixel 0 saw 2 leaves\n"
+    );
+    let pixel =
+        |name: &str| image::open(folder.join(name)).expect("a picture").to_rgba32f().get_pixel(0, 0).0;
+    assert_eq!(pixel("new.exr"), [0.5, 0.25, 1.0, 1.0]);
+    assert_eq!(run(&[path]).code, Some(0));
+}
+
+#[test]
+fn json_tells_everything() {
+    let ran = run(&[&format!("{CASES}/payload.test.toml"), LEAVES, "--format", "json"]);
+    assert_eq!(ran.code, Some(1));
+    let report: Value = serde_json::from_str(&ran.out).expect("JSON");
+    assert_eq!((&report["version"], &report["passed"], &report["failed"]), (&json!(1), &json!(3), &json!(1)));
+    let test = &report["tests"][0];
+    assert_eq!(test["name"], "tests/test-command/payload::colour and count");
+    assert_eq!(test["outcome"], "failed");
+    assert_eq!(
+        test["differences"][0]["at"],
+        json!({ "file": "tests/test-command/payload.test.toml", "line": 11 })
+    );
+    assert_eq!(test["line"]["line"], 13);
+    assert!(test["explanation"].as_str().is_some_and(|story| story.contains("candidate")), "{test}");
+}
+
+#[test]
+fn github_gets_an_annotation_on_the_shader_s_line() {
+    let ran = run(&[&format!("{CASES}/payload.test.toml"), "--format", "github", "--no-explanation"]);
+    let annotation = ran.out.lines().find(|line| line.starts_with("::error ")).expect("an annotation");
+    let head = "::error file=shaders/pass/testing/leaves/leaf.rchit,line=13,title=tests/test-command/payload%3A%3Acolour and count::";
+    assert!(annotation.starts_with(head), "{annotation}");
+    assert!(annotation.contains("%0A"), "lines are escaped: {annotation}");
+}
+
+/// An XML element with the text directly inside.
+#[derive(Debug, Default)]
+struct Element {
+    name: String,
+    attributes: BTreeMap<String, String>,
+    text: String,
+}
+
+/// The elements of an XML text, which must be well-formed.
+fn elements(xml: &str) -> Vec<Element> {
+    let unescaped = |text: &str| {
+        let mut out = String::new();
+        let mut rest = text;
+        while let Some((before, after)) = rest.split_once('&') {
+            let (entity, after) = after.split_once(';').expect("an entity ends");
+            out.push_str(before);
+            out.push_str(match entity {
+                "amp" => "&",
+                "lt" => "<",
+                "gt" => ">",
+                "quot" => "\"",
+                "#10" => "\n",
+                "#9" => "\t",
+                other => panic!("&{other};"),
+            });
+            rest = after;
+        }
+        assert!(!rest.contains(['<', '>']), "{rest}");
+        out + rest
+    };
+    let mut rest = xml.strip_prefix("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n").expect("the declaration");
+    let (mut all, mut open): (Vec<Element>, Vec<usize>) = Default::default();
+    while let Some((text, after)) = rest.split_once('<') {
+        if let Some(&at) = open.last() {
+            all[at].text.push_str(&unescaped(text));
+        }
+        let (tag, after) = after.split_once('>').expect("a tag ends");
+        rest = after;
+        if let Some(name) = tag.strip_prefix('/') {
+            let at = open.pop().expect("an element to end");
+            assert_eq!(all[at].name, name);
+            continue;
+        }
+        let (tag, is_empty) = tag.strip_suffix('/').map_or((tag, false), |tag| (tag, true));
+        let (name, mut attributes) = tag.split_once(' ').unwrap_or((tag, ""));
+        let mut map = BTreeMap::new();
+        while let Some((key, value)) = attributes.split_once("=\"") {
+            let (value, after) = value.split_once('"').expect("an attribute ends");
+            assert!(map.insert(key.trim().to_owned(), unescaped(value)).is_none(), "{key} stands twice");
+            attributes = after;
+        }
+        if !is_empty {
+            open.push(all.len());
+        }
+        all.push(Element { name: name.to_owned(), attributes: map, text: String::new() });
+    }
+    assert!(open.is_empty() && rest.trim().is_empty());
+    all
+}
+
+#[test]
+fn junit_counts_and_holds_every_test() {
+    let path = scratch("junit").join("report.xml");
+    let paths = ["payload.test.toml", "mistakes.test.toml"].map(|case| format!("{CASES}/{case}"));
+    let ran = run(&[&paths[0], &paths[1], LEAVES, "--junit", path.to_str().expect("UTF-8")]);
+    assert_eq!(ran.code, Some(2));
+    let all = elements(&std::fs::read_to_string(&path).expect("the report"));
+    let root = &all[0];
+    assert_eq!(root.name, "testsuites");
+    assert_eq!(["tests", "failures", "errors"].map(|key| root.attributes[key].as_str()), ["8", "1", "4"]);
+    let named = |name: &str| all.iter().filter(|one| one.name == name).collect::<Vec<_>>();
+    assert_eq!(named("testsuite").len(), 3, "one for each file");
+    assert_eq!((named("testcase").len(), named("failure").len(), named("error").len()), (8, 1, 4));
+    assert_eq!(named("testcase")[0].attributes["name"], "tests/test-command/payload::colour and count");
+    let Element { attributes, text, .. } = named("failure")[0];
+    assert!(attributes["message"].contains("payload.colour[1]: expected 0.75"), "{attributes:?}");
+    assert!(text.contains("leaf.rchit:13") && text.contains("-> group"), "{text}");
+}
+
+#[test]
+fn coverage_counts_lines_and_ways_of_branches() {
+    let path = scratch("coverage").join("out.lcov");
+    let ran = run(&[LEAVES, "--filter", "leaves", "--coverage", path.to_str().expect("UTF-8")]);
+    assert_eq!(ran.code, Some(0), "{}", ran.err);
+    let text = std::fs::read_to_string(&path).expect("the tracefile");
+    let mut file = String::new();
+    let mut lines: BTreeMap<(String, u32), u64> = BTreeMap::new();
+    let mut ways: BTreeMap<(String, u32), Vec<Option<u64>>> = BTreeMap::new();
+    let mut found: BTreeMap<&str, usize> = BTreeMap::new();
+    // `man geninfo`: a keyword, a colon, fields; each section ends with `end_of_record`.
+    for record in text.lines() {
+        let (keyword, fields) = record.split_once(':').unwrap_or((record, ""));
+        let numbers: Vec<Option<u64>> = fields.split(',').map(|field| field.parse().ok()).collect();
+        match (keyword, &numbers[..]) {
+            ("SF", _) => {
+                assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join(fields).is_file(), "{fields}");
+                file = fields.rsplit('/').next().unwrap_or_default().to_owned();
+                found.clear();
+            }
+            ("DA", [Some(line), Some(count)]) => {
+                lines.insert((file.clone(), *line as u32), *count);
+            }
+            ("BRDA", [Some(line), Some(_), Some(_), taken]) => {
+                ways.entry((file.clone(), *line as u32)).or_default().push(*taken);
+            }
+            ("LF", [Some(count)]) => assert_eq!(*count as usize, found["DA"]),
+            ("BRF", [Some(count)]) => assert_eq!(*count as usize, found.get("BRDA").copied().unwrap_or(0)),
+            ("FNF", [Some(count)]) => assert_eq!(*count as usize, found["FN"]),
+            ("TN" | "FN" | "FNDA" | "FNH" | "BRH" | "LH" | "end_of_record", _) => {}
+            _ => panic!("{record}"),
+        }
+        *found.entry(keyword).or_default() += 1;
+    }
+    assert!(text.ends_with("end_of_record\n"), "{text}");
+    let line = |name: &str, number| lines.get(&(name.to_owned(), number)).copied();
+    // The launch: three invocations, candidates 2 + 1 + 0. The first ray: two candidates, a hit. The
+    // second, pixel 2: a miss.
+    assert_eq!(line("main.rgen", 19), Some(3 + 1), "distances[x] = payload.t;");
+    assert_eq!(line("main.rgen", 22), Some(1), "debugPrintfEXT, of pixel 0 alone");
+    assert_eq!(line("hole.rahit", 12), Some(3 + 2), "payload.seen += 1u;");
+    assert_eq!(line("hole.rahit", 14), Some(1 + 1), "ignoreIntersectionEXT;");
+    assert_eq!(line("leaf.rchit", 12), Some(2 + 1), "payload.t = gl_HitTEXT;");
+    assert_eq!(line("leaf.rchit", 15), Some(0), "no leaf is far away");
+    assert_eq!(line("sky.rmiss", 12), Some(1 + 1), "payload.t = -1.0;");
+    assert_eq!(line("main.rgen", 6), None, "a comment");
+    let ways = |name: &str, number| ways.get(&(name.to_owned(), number)).cloned();
+    assert_eq!(ways("main.rgen", 21), Some(vec![Some(1), Some(3)]));
+    assert_eq!(ways("hole.rahit", 13), Some(vec![Some(2), Some(3)]));
+    assert_eq!(ways("leaf.rchit", 14), Some(vec![Some(0), Some(3)]));
+    // And what rays came to.
+    for words in [
+        "hit groups        1 of 1 (100.0 %)",
+        "miss shaders      1 of 1 (100.0 %)",
+        "any-hit outcomes  2 of 3 (66.7 %)",
+        "never: terminated",
+        "ignored: 2",
+        "surfaces          1 of 2 (50.0 %)",
+        "never: triangle, ",
+    ] {
+        assert!(ran.out.contains(words), "{words}: {}", ran.out);
+    }
+}
+
+#[test]
+fn coverage_says_what_it_cannot_know() {
+    let path = scratch("no-lines").join("out.lcov");
+    let ran = run(&["shaders/pass/sphere", "--coverage", path.to_str().expect("UTF-8")]);
+    assert!(ran.out.contains("3 modules without lines: compile with debug information (-g)"), "{}", ran.out);
+}
+
+#[test]
+fn a_first_case_is_written_and_runs() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let spv = |name: &str| root.join("spirv-fixtures").join(name).display().to_string();
+    let one = |name: &str, modules: &[String], words: &[&str]| {
+        let folder = scratch(&format!("init-{name}")).join("case");
+        let folder = folder.to_str().expect("UTF-8");
+        let modules: Vec<&str> = modules.iter().map(String::as_str).collect();
+        let ran = run(&[&["--init"], &modules[..], &[folder]].concat());
+        assert_eq!(ran.code, Some(0), "{name}: {}{}", ran.out, ran.err);
+        let text = std::fs::read_to_string(Path::new(folder).join("scene.toml")).expect("the scene");
+        let ran = run(&[folder]);
+        assert_eq!(ran.code, Some(0), "{name}: {}{}\n{text}", ran.out, ran.err);
+        for words in words {
+            assert!(text.contains(words), "{words}: {text}");
+        }
+        // It does not write over what is there.
+        let again = run(&[&["--init"], &modules[..], &[folder]].concat());
+        assert_eq!(again.code, Some(2));
+        assert!(again.err.contains("is there already"), "{}", again.err);
+    };
+    // (4 - 1/2) on a sphere around the origin, slightly less off its axis.
+    one(
+        "sphere",
+        &[spv("pass/sphere/closest-hit/main.rchit.spv"), spv("pass/sphere/closest-hit/main.rmiss.spv")],
+        &["closest_hit = \"closest_hit\"", "miss = [\"miss\"]", "primitive = 0", "normal = ["],
+    );
+    one("lss", &[spv("pass/lss/normal-angle/main.rchit.spv")], &["type = \"lss\"", "t = 3.5"]);
+    one(
+        "leaves",
+        &["hole.rahit", "leaf.rchit", "main.rgen", "sky.rmiss"]
+            .map(|name| spv(&format!("pass/testing/leaves/{name}.spv"))),
+        &[
+            "raygen = [\"raygen\"]",
+            "any_hit = \"any_hit\"",
+            "type = \"storage_image\"",
+            "[expect.stats]\nrays = 1",
+        ],
+    );
+}
