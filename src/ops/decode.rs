@@ -103,6 +103,8 @@ pub struct Decoder<'m> {
     /// Whether the variables in workgroup memory are blocks, which all begin at its first byte and
     /// have a layout (`SPV_KHR_workgroup_memory_explicit_layout`).
     pub workgroup_blocks: bool,
+    /// Whether the entry point is a compute shader with a derivative group.
+    pub derivatives: bool,
     /// Rows of variables, which begin as zeros.
     pub variables: Vec<(Reg, u32)>,
     /// The rows that count the instructions of the shader, where it reads its clock.
@@ -135,6 +137,7 @@ impl<'m> Decoder<'m> {
             addressed: Vec::new(),
             workgroup_size: 0,
             workgroup_blocks: false,
+            derivatives: false,
             variables: Vec::new(),
             clock: None,
             ticks: 0,

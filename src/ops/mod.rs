@@ -15,6 +15,7 @@ pub mod constant;
 pub mod conversion;
 pub mod debug_printf;
 pub mod decode;
+pub mod derivative;
 pub mod dot_product;
 pub mod glsl;
 pub mod hit_object;
@@ -83,6 +84,7 @@ pub fn decode_instruction(
         || address::decode(decoder, opcode, instruction)?
         || dot_product::decode(decoder, opcode, instruction)?
         || subgroup::decode(decoder, opcode, instruction)?
+        || derivative::decode(decoder, opcode, instruction)?
         || atomic::decode(decoder, opcode, instruction)?
         || barrier::decode(decoder, opcode, instruction)?
         || linear_algebra::decode(decoder, opcode, instruction)?

@@ -87,6 +87,10 @@ pub enum From {
     Rotate(u32),
     /// The operand's place in the own quad.
     Quad,
+    /// The own place with this bit set: the greater side of the quad along x (1) or y (2).
+    QuadSet(u32),
+    /// The own place with this bit cleared.
+    QuadClear(u32),
     /// Across the quad: the own place with these bits flipped.
     QuadSwap,
 }
@@ -292,6 +296,8 @@ fn source(from: From, place: u32, operand: u32, size: u32) -> Option<u32> {
             let cluster = if cluster == 0 { size } else { cluster };
             place / cluster * cluster + (place % cluster).wrapping_add(operand) % cluster
         }
+        From::QuadSet(bit) => place | bit,
+        From::QuadClear(bit) => place & !bit,
         From::Quad => place / 4 * 4 + operand % 4,
         // Horizontal, vertical, diagonal.
         From::QuadSwap => place ^ (operand % 3 + 1),
@@ -434,6 +440,22 @@ fn emit(
     Ok(())
 }
 
+/// Reads a value of some words from another invocation that the own place tells.
+pub fn read(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32) -> Result<Reg> {
+    let to = decoder.fresh(words)?;
+    let (kind, operand) = (Kind::Read(from), Reg(0));
+    decoder.emit(Operation::Subgroup(Op {
+        kind,
+        to,
+        results: words,
+        value,
+        values: words,
+        operand,
+        operands: 0,
+    }));
+    Ok(to)
+}
+
 /// Reductions and scans, component by component.
 fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
     use Opcode as O;
@@ -525,6 +547,11 @@ mod tests {
         assert_eq!(source(From::Rotate(0), 31, 2, 32), Some(1));
         assert_eq!(source(From::Rotate(4), 7, 1, 32), Some(4));
         assert_eq!(source(From::Quad, 6, 3, 32), Some(7));
+        assert_eq!([4, 5, 6, 7].map(|place| source(From::QuadSet(2), place, 0, 32)), [6, 7, 6, 7].map(Some));
+        assert_eq!(
+            [4, 5, 6, 7].map(|place| source(From::QuadClear(1), place, 0, 32)),
+            [4, 4, 6, 6].map(Some)
+        );
         assert_eq!([0, 1, 2].map(|way| source(From::QuadSwap, 4, way, 32)), [Some(5), Some(6), Some(7)]);
     }
 

@@ -16,8 +16,8 @@ use crate::module::names::{builtin_name, ext_inst_name, opcode_name, storage_cla
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::row::{Set, family};
 use crate::ops::{
-    address, atomic, barrier, builtin, composite, dot_product, hit_object, image, irregular, linear_algebra,
-    pointer, ray_query, ray_tracing, subgroup,
+    address, atomic, barrier, builtin, composite, derivative, dot_product, hit_object, image, irregular,
+    linear_algebra, pointer, ray_query, ray_tracing, subgroup,
 };
 
 /// Whether something of SPIR-V runs.
@@ -202,6 +202,7 @@ fn section_of(op: Opcode) -> Option<&'static str> {
         ("atomics and barriers", atomic::OPCODES),
         ("atomics and barriers", barrier::OPCODES),
         ("subgroups", subgroup::OPCODES),
+        ("derivatives (compute)", derivative::OPCODES),
         ("arithmetic", dot_product::OPCODES),
         ("linear algebra", linear_algebra::OPCODES),
         ("images", image::OPCODES),
@@ -323,13 +324,19 @@ mod tests {
         a.function(30, 31, |a| {
             a.op(Opcode::Load, &[5, 32, 20]);
             a.op(Opcode::Undef, &[6, 9]);
-            a.op(Opcode::DPdx, &[6, 33, 9]);
-            a.op(Opcode::DPdx, &[6, 34, 9]);
+            a.op(Opcode::DemoteToHelperInvocation, &[]);
+            a.op(Opcode::DemoteToHelperInvocation, &[]);
             a.op(Opcode::Return, &[]);
         });
         let module = a.loaded();
         let gaps = gaps(&module, &module.entry_points[0]);
         let told: Vec<_> = gaps.iter().map(|gap| (gap.message.as_str(), gap.count)).collect();
-        assert_eq!(told, [("the builtin DeviceIndex is not supported", 1), ("OpDPdx is not supported", 2)]);
+        assert_eq!(
+            told,
+            [
+                ("the builtin DeviceIndex is not supported", 1),
+                ("OpDemoteToHelperInvocation is out of scope (graphics stages)", 2)
+            ]
+        );
     }
 }

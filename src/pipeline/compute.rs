@@ -75,6 +75,10 @@ impl Compute {
     /// `InvalidArgument` for any other size.
     pub fn subgroup_size(self, size: u32) -> Result<Self> {
         check_subgroup_size(size)?;
+        if self.layout.derivatives.is_some() && size < 4 {
+            let message = format!("a subgroup of {size} invocations holds no quad, as derivatives need it");
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
         Ok(Self { subgroup_size: size, ..self })
     }
 

@@ -46,6 +46,7 @@ pub(super) struct Gang<'a, const W: usize> {
     /// Workgroups that run together.
     together: usize,
     each: usize,
+    layout: WorkgroupLayout,
     stats: Stats,
     trapped: Option<Trapped>,
 }
@@ -66,7 +67,7 @@ where
             .map(|_| Member { batch: program.batch(), waiting: SmallVec::new() })
             .collect();
         let (stats, trapped) = (Stats::default(), None);
-        Self { compute, program, bindings, members, together, each, stats, trapped }
+        Self { compute, program, bindings, members, together, each, layout, stats, trapped }
     }
 
     /// Runs workgroups; the trap of the first that has one.
@@ -96,14 +97,15 @@ where
             for lane in 0..lanes {
                 let position = at * W + lane;
                 let group = &groups[position / self.each];
-                let local_index = (position % self.each) as u32;
+                let place = (position % self.each) as u32;
+                let local_index = self.layout.index_of(place);
                 member.batch.invocations[lane] = Invocation {
                     launch_id: group.global_id(local_index),
                     launch_size: std::array::from_fn(|axis| group.count[axis] * group.size[axis]),
                     subgroup_size: self.compute.subgroup_size,
                     workgroup: Some(group.clone()),
                     local_index,
-                    place: local_index,
+                    place,
                     ..Invocation::default()
                 };
             }
@@ -147,7 +149,7 @@ where
         };
         let Some(first) = positions.clone().find(|&at| barrier(at).is_some()) else { return };
         let Some(other) = positions.clone().find(|&at| barrier(at) != barrier(first)) else { return };
-        let [x, y, z] = workgroup.local_id((other - positions.start) as u32);
+        let [x, y, z] = workgroup.local_id(self.layout.index_of((other - positions.start) as u32));
         let note = match barrier(other) {
             None => format!("local invocation ({x}, {y}, {z}) has ended without it"),
             Some(op) => {

@@ -24,7 +24,7 @@ use crate::ops::ray_query;
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::prune::prune;
-use crate::program::workgroup::WorkgroupLayout;
+use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
 use crate::program::{Block, Program, Scope, Stretch, Terminator};
 
 /// Functions of at most this many instructions, callees included, are inlined at every call.
@@ -86,6 +86,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         queue: VecDeque::new(),
     };
     interface_check::check(&mut lowering.decoder, entry)?;
+    lowering.decoder.derivatives = entry.stage == Stage::Compute && DerivativeGroup::of(entry).is_some();
     let start = lowering.label();
     lowering.begin(start);
     lowering.initialize_globals(entry)?;

@@ -23,7 +23,7 @@ use crate::ops::{atomic, memory};
 
 pub use lower::{Inlining, lower, lower_with};
 pub use obstacles::obstacles;
-pub use workgroup::WorkgroupLayout;
+pub use workgroup::{DerivativeGroup, WorkgroupLayout};
 
 /// Where a block goes when its operations are done.
 #[derive(Clone, Debug, PartialEq)]

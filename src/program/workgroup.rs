@@ -8,6 +8,8 @@ use crate::ops::decode::Decoder;
 /// Execution modes, numbers of the specification.
 const LOCAL_SIZE: u32 = 17;
 const LOCAL_SIZE_ID: u32 = 38;
+const DERIVATIVE_GROUP_QUADS: u32 = 5289;
+const DERIVATIVE_GROUP_LINEAR: u32 = 5290;
 /// The decoration `BuiltIn` and the builtin `WorkgroupSize`.
 const BUILT_IN: u32 = 11;
 const WORKGROUP_SIZE: u32 = 25;
@@ -22,6 +24,39 @@ pub struct WorkgroupLayout {
     pub size: [u32; 3],
     /// Bytes of workgroup memory.
     pub memory: u32,
+    /// How invocations form quads for derivatives, where they do.
+    pub derivatives: Option<DerivativeGroup>,
+}
+
+/// How the invocations of a workgroup form quads (`SPV_KHR_compute_shader_derivatives`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DerivativeGroup {
+    /// Two by two of `LocalInvocationId`.
+    Quads,
+    /// Four that follow each other by `LocalInvocationIndex`.
+    Linear,
+}
+
+impl DerivativeGroup {
+    /// What an entry point declares.
+    pub fn of(entry: &EntryPoint) -> Option<Self> {
+        entry.modes.iter().find_map(|(mode, _)| match *mode {
+            DERIVATIVE_GROUP_QUADS => Some(Self::Quads),
+            DERIVATIVE_GROUP_LINEAR => Some(Self::Linear),
+            _ => None,
+        })
+    }
+
+    /// The rule that a workgroup's size breaks.
+    fn broken_rule(self, [x, y, z]: [u64; 3]) -> Option<&'static str> {
+        match self {
+            Self::Quads if x % 2 != 0 || y % 2 != 0 => {
+                Some("VUID-StandaloneSpirv-DerivativeGroupQuadsKHR-02151")
+            }
+            Self::Linear if x * y * z % 4 != 0 => Some("VUID-StandaloneSpirv-DerivativeGroupLinearKHR-02152"),
+            _ => None,
+        }
+    }
 }
 
 impl WorkgroupLayout {
@@ -32,6 +67,7 @@ impl WorkgroupLayout {
     /// `InvalidModule` where nothing tells the size (VUID-StandaloneSpirv-None-10685) or it is zero;
     /// `UnsupportedModule` for sizes beyond those of any device.
     pub fn of(decoder: &mut Decoder<'_>, entry: &EntryPoint) -> Result<Self> {
+        let derivatives = DerivativeGroup::of(entry);
         decoder.origin.offset = entry.offset;
         let module = decoder.module;
         let decorated = module
@@ -60,12 +96,51 @@ impl WorkgroupLayout {
                 entry.name
             ))),
             Some(1..=MAX_INVOCATIONS) => {
-                Ok(Self { size: [x as u32, y as u32, z as u32], memory: decoder.workgroup_size })
+                if let Some(rule) = derivatives.and_then(|group| group.broken_rule([x, y, z])) {
+                    let message = format!(
+                        "entry point `{}`: a workgroup of {x} x {y} x {z} invocations does not fall into quads",
+                        entry.name
+                    );
+                    return Err(decoder.invalid(message).note(rule));
+                }
+                let (size, memory) = ([x as u32, y as u32, z as u32], decoder.workgroup_size);
+                Ok(Self { size, memory, derivatives })
             }
             _ => Err(decoder.unsupported(format!(
                 "entry point `{}`: a workgroup of {x} x {y} x {z} invocations; at most {MAX_INVOCATIONS} run here",
                 entry.name
             ))),
         }
+    }
+}
+
+impl WorkgroupLayout {
+    /// `LocalInvocationIndex` of the invocation in a place of the order that subgroups and quads are
+    /// cut from.
+    pub fn index_of(&self, place: u32) -> u32 {
+        if self.derivatives != Some(DerivativeGroup::Quads) {
+            return place;
+        }
+        let [width, height, _] = self.size;
+        let (quad, part) = (place / 4, place % 4);
+        let (across, layer) = (width / 2, width * height);
+        let (z, quad) = (quad / (layer / 4), quad % (layer / 4));
+        let (x, y) = (quad % across * 2 + part % 2, quad / across * 2 + part / 2);
+        z * layer + y * width + x
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quads_by_hand() {
+        let layout =
+            WorkgroupLayout { size: [4, 2, 2], memory: 0, derivatives: Some(DerivativeGroup::Quads) };
+        let order: Vec<u32> = (0..16).map(|place| layout.index_of(place)).collect();
+        assert_eq!(order, [0, 1, 4, 5, 2, 3, 6, 7, 8, 9, 12, 13, 10, 11, 14, 15]);
+        let linear = WorkgroupLayout { derivatives: Some(DerivativeGroup::Linear), ..layout };
+        assert_eq!(linear.index_of(5), 5);
     }
 }

@@ -5,8 +5,8 @@
 //! * [`access`]: fetches, reads, writes and texel pointers.
 //! * [`query`]: sizes, levels, samples.
 //!
-//! Instructions that need implicit derivatives are refused when a shader is lowered: ray-tracing
-//! stages have none. Sparse forms give residency code 0: every texel is resident.
+//! Instructions that need implicit derivatives run in compute shaders with a derivative group, and are
+//! refused elsewhere when a shader is lowered: ray-tracing stages have none. Sparse forms give residency code 0: every texel is resident.
 
 pub mod access;
 pub mod address;
@@ -30,11 +30,15 @@ use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::op::Access;
 
-/// Opcodes decoded here; those that need implicit derivatives are decoded to a refusal.
+/// Opcodes decoded here; see [`IMPLICIT`] too.
 pub const OPCODES: &[Opcode] = &[
     Opcode::SampledImage,
     Opcode::Image,
     Opcode::ImageTexelPointer,
+    Opcode::ImageSampleImplicitLod,
+    Opcode::ImageSampleDrefImplicitLod,
+    Opcode::ImageSparseSampleImplicitLod,
+    Opcode::ImageSparseSampleDrefImplicitLod,
     Opcode::ImageSampleExplicitLod,
     Opcode::ImageSampleDrefExplicitLod,
     Opcode::ImageSampleProjExplicitLod,
@@ -57,7 +61,7 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::ImageSparseTexelsResident,
 ];
 
-/// Opcodes that are refused by name, as they need implicit derivatives.
+/// Opcodes that need implicit derivatives, and are refused by name where there are none.
 pub const IMPLICIT: &[Opcode] = &[
     Opcode::ImageSampleImplicitLod,
     Opcode::ImageSampleDrefImplicitLod,
@@ -187,7 +191,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let resident = decoder.constant(1)?;
             decoder.result(instruction, SmallVec::from_slice(&[resident]));
         }
-        _ if IMPLICIT.contains(&opcode) => {
+        _ if IMPLICIT.contains(&opcode) && !decoder.derivatives => {
             let name = crate::module::names::opcode_name(instruction.opcode);
             return Err(decoder.invalid(format!(
                 "{name} needs implicit derivatives, which only fragment stages have, and compute with a derivative \

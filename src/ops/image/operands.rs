@@ -60,6 +60,9 @@ impl Operands {
             Some(&id) => decoder.words(Id(id)),
             None => Err(decoder.invalid("an image operand is missing")),
         };
+        if mask & BIAS != 0 && decoder.derivatives {
+            return Err(decoder.unsupported("the image operand Bias"));
+        }
         if mask & BIAS != 0 {
             return Err(decoder.invalid(
                 "the image operand Bias is only for implicit levels of detail, which ray-tracing stages lack \

@@ -1,4 +1,4 @@
-//! Sampling and gathering with an explicit level of detail.
+//! Sampling and gathering, with a level of detail that is given or follows from derivatives.
 
 use rspirv::spirv::Op as Opcode;
 
@@ -7,6 +7,7 @@ use crate::machine::image::Dimension;
 use crate::machine::{Bindings, Reg, Registers, TrapCode};
 use crate::module::Instruction;
 use crate::ops::decode::{Decoder, Words};
+use crate::ops::derivative::derivative;
 use crate::ops::image::filter::{Lod, Lookup};
 use crate::ops::image::operands::Operands;
 use crate::ops::image::view::{self, View, view_of};
@@ -134,7 +135,12 @@ fn components(dimension: Dimension) -> usize {
 /// Decodes sampling and gathering; `false` for any other instruction.
 pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     use Opcode::*;
+    let implicit = super::IMPLICIT.contains(&opcode);
     let (compared, projected, gathers, sparse) = match opcode {
+        ImageSampleImplicitLod => (false, false, false, false),
+        ImageSampleDrefImplicitLod => (true, false, false, false),
+        ImageSparseSampleImplicitLod => (false, false, false, true),
+        ImageSparseSampleDrefImplicitLod => (true, false, false, true),
         ImageSampleExplicitLod => (false, false, false, false),
         ImageSampleDrefExplicitLod => (true, false, false, false),
         ImageSampleProjExplicitLod => (false, true, false, false),
@@ -158,7 +164,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         ));
     }
     let third = if compared || gathers { Some(decoder.operand(instruction, 2)?[0]) } else { None };
-    let operands = Operands::read(decoder, instruction, 2 + usize::from(third.is_some()))?;
+    let mut operands = Operands::read(decoder, instruction, 2 + usize::from(third.is_some()))?;
     let coordinate = floats(decoder, instruction)?;
     let dimension = view.dimension;
     let count = components(dimension) + usize::from(dimension.is_arrayed());
@@ -172,6 +178,16 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         && !matches!(dimension, Dimension::D2 | Dimension::D2Array | Dimension::Cube | Dimension::CubeArray)
     {
         return Err(decoder.invalid("only planes and cubes are gathered (SPIR-V 3.3.10)"));
+    }
+    if implicit {
+        // The level of detail of the coordinates' own derivatives (Vulkan, "Implicit derivatives").
+        let mut gradients = [Words::new(), Words::new()];
+        for (axis, gradient) in gradients.iter_mut().enumerate() {
+            for &part in &coordinate[..components(dimension)] {
+                gradient.push(derivative(decoder, part, 32, axis as u32)?);
+            }
+        }
+        operands.gradients = Some(gradients);
     }
     let short = |gradient: &Words| gradient.len() < components(dimension);
     if operands.gradients.iter().flatten().any(short) {

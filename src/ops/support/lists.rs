@@ -128,18 +128,7 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
 pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[
     (
         "derivatives and implicit level of detail (compute)",
-        &[
-            Op::ImageSampleImplicitLod,
-            Op::ImageSampleDrefImplicitLod,
-            Op::ImageSampleProjImplicitLod,
-            Op::ImageSampleProjDrefImplicitLod,
-            Op::ImageSparseSampleImplicitLod,
-            Op::ImageSparseSampleDrefImplicitLod,
-            Op::ImageQueryLod,
-            Op::DPdx,
-            Op::DPdy,
-            Op::Fwidth,
-        ],
+        &[Op::ImageSampleProjImplicitLod, Op::ImageSampleProjDrefImplicitLod, Op::ImageQueryLod],
     ),
     (
         "subgroups",
@@ -220,7 +209,6 @@ pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
             Capability::TextureBlockMatch2QCOM,
         ],
     ),
-    ("derivatives and implicit level of detail (compute)", &[Capability::DerivativeControl]),
     (
         "other arithmetic",
         &[
