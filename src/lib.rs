@@ -88,6 +88,8 @@ pub mod pipeline;
 pub mod program;
 pub mod recording;
 pub mod scene;
+#[cfg(feature = "stress")]
+pub mod stress;
 
 pub use error::{Error, ErrorKind, Result};
 pub use geometry::Ray;

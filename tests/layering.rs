@@ -14,7 +14,7 @@ mod files;
 const LAYERS: &[&[&str]] = &[
     &["cli"],
     &["harness"],
-    &["debug", "recording"],
+    &["debug", "recording", "stress"],
     &["scene"],
     &["pipeline", "compile"],
     &["interp"],
@@ -35,6 +35,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("naga", &["compile"]),
     ("glslang", &["compile"]),
     ("clap", &["cli"]),
+    ("dashu_ratio", &["stress"]),
     ("safetensors", &["recording"]),
 ];
 

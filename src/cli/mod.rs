@@ -8,10 +8,13 @@ pub mod compile;
 pub mod inspect;
 mod module_file;
 mod output;
+mod precision;
 pub mod render;
 pub mod run;
 pub mod smoke;
 mod stats;
+#[cfg(feature = "stress")]
+pub mod stress;
 pub mod test;
 pub mod trace_one_ray;
 pub mod verify;
@@ -25,16 +28,16 @@ use crate::error::Result;
 /// Writes the enum of commands and its dispatch from one line a command: the file, the variant,
 /// the arguments.
 macro_rules! commands {
-    ($($file:ident $variant:ident($args:ident)),* $(,)?) => {
+    ($($(#[$when:meta])* $file:ident $variant:ident($args:ident)),* $(,)?) => {
         #[derive(clap::Subcommand)]
         enum Command {
-            $($variant($file::$args),)*
+            $($(#[$when])* $variant($file::$args),)*
         }
 
         impl Command {
             fn run(self) -> Result<()> {
                 match self {
-                    $(Self::$variant(args) => $file::run(args),)*
+                    $($(#[$when])* Self::$variant(args) => $file::run(args),)*
                 }
             }
         }
@@ -49,6 +52,8 @@ commands! {
     smoke Smoke(SmokeArgs),
     verify Verify(VerifyArgs),
     compile Compile(CompileArgs),
+    #[cfg(feature = "stress")]
+    stress Stress(StressArgs),
     test Test(TestArgs),
 }
 

@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::{output, stats};
+use crate::cli::{output, precision, stats};
 use crate::error::{Error, ErrorKind, Result};
+use crate::geometry::Precision;
 use crate::machine::Binding;
 use crate::scene::image::Picture;
 use crate::scene::resources::Output;
@@ -31,6 +32,10 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", default_value = "32", value_parser = ["1", "8", "32"])]
     lanes: String,
 
+    /// How hits are computed, instead of the scene's own choice; only `exact` is right on every ray
+    #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
+    precision: Option<Precision>,
+
     /// Prints what was done: rays, invocations, occupancy, time.
     #[arg(long)]
     stats: bool,
@@ -41,7 +46,7 @@ pub struct RenderArgs {
 /// # Errors
 /// Of the scene, of a shader that traps, or of writing the picture.
 pub fn run(args: RenderArgs) -> Result<()> {
-    let options = Options { size: args.size, ..Options::default() };
+    let options = Options { size: args.size, precision: args.precision, ..Options::default() };
     let begin = Instant::now();
     let resolved = match &args.scene {
         Some(path) => scene::load(path, &DiskFiles, &options)?,

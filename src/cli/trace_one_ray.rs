@@ -5,11 +5,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::output;
+use crate::cli::{output, precision};
 use crate::debug::command;
 use crate::debug::render::{self, Look};
 use crate::debug::session::{Request, Session};
 use crate::error::{Error, ErrorKind, Result};
+use crate::geometry::Precision;
 use crate::scene::file::GivenRay;
 use crate::scene::{DiskFiles, Options, demo, load};
 
@@ -27,6 +28,9 @@ pub struct TraceOneRayArgs {
     /// Trace this ray, without ray generation; or the scene's `[[ray]]` of this name
     #[arg(long, value_name = "OX,OY,OZ DX,DY,DZ", allow_hyphen_values = true)]
     ray: Option<String>,
+    /// How hits are computed, instead of the scene's own choice; only `exact` is right on every ray
+    #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
+    precision: Option<Precision>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -63,9 +67,10 @@ pub struct TraceOneRayArgs {
 /// before it is printed.
 pub fn run(args: TraceOneRayArgs) -> Result<()> {
     let request = args.request()?;
+    let options = Options { precision: args.precision, ..Options::default() };
     let scene = match &args.scene {
-        Some(path) => load(path, &DiskFiles, &Options::default())?,
-        None => demo::scene(&Options::default())?,
+        Some(path) => load(path, &DiskFiles, &options)?,
+        None => demo::scene(&options)?,
     };
     let (mut story, trap) = Session::new(scene)?.tell(&request)?;
     if args.scene.is_none() {

@@ -19,7 +19,7 @@
 use std::cmp::Ordering;
 
 use crate::geometry::object_ray::ObjectRay;
-use crate::geometry::verdict::{Verdict, rounded, when};
+use crate::geometry::verdict::{Verdict, representable, rounded, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
 use crate::math::error_bound::{quotient_error, two_units};
 use crate::math::exact::Dyadic;
@@ -127,7 +127,7 @@ fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [
     if !surely {
         return if BOUNDED { Verdict::Undecided } else { Verdict::Miss };
     }
-    rounded(enter.0, enter.1)
+    representable(rounded(enter.0, enter.1))
 }
 
 #[cold]
@@ -168,10 +168,11 @@ fn intersect_exactly(ray: &ObjectRay, min: [f32; 3], max: [f32; 3]) -> Option<f3
     if far.is_some_and(|f| f.surd().compare_f32(t_min).is_lt()) || t_min > t_max {
         return None;
     }
-    match near.map(|n| n.surd()) {
+    let t = match near.map(|n| n.surd()) {
         Some(n) if n.compare_f32(t_min).is_gt() => n.compare_f32(t_max).is_le().then(|| n.to_f32()),
         _ => Some(t_min + 0.0),
-    }
+    };
+    t.filter(|t| t.is_finite())
 }
 
 /// A quotient with a positive denominator.

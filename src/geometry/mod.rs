@@ -4,8 +4,9 @@
 //! those inputs: whether the ray meets it, on which surface, and within the interval or not; t and
 //! the attributes are the correctly rounded values of the real numbers. An f64 attempt with a
 //! proven error bound decides nearly always; what it leaves undecided goes to exact arithmetic.
-//! [`Precision`] trades that away. Before any of that, [`block`] drops four at a time what a ray
-//! surely misses.
+//! [`Precision`] trades that away. A t beyond the range of `f32` is no hit: no shader could be told.
+//!
+//! Before any of that, [`block`] drops four at a time what a ray surely misses.
 //!
 //! The interval of a ray is the caller's t_min and t_max. A traversal that has found a hit compares
 //! the *rounded* t of later ones itself: shrinking `t_max` to a rounded t would make ties depend on
@@ -38,4 +39,18 @@ pub enum Precision {
     /// Decisions exact, values correctly rounded.
     #[default]
     Exact,
+}
+
+impl Precision {
+    /// All of them, from the least.
+    pub const ALL: [Self; 3] = [Self::Float, Self::Double, Self::Exact];
+
+    /// Its name in scene files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Float => "float",
+            Self::Double => "double",
+            Self::Exact => "exact",
+        }
+    }
 }

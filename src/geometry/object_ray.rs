@@ -269,18 +269,20 @@ impl ObjectRay {
         ExactRay { origin: apply(&offset), direction: apply(&direction), weight }
     }
 
-    /// Where an exact parameter stands to the closed interval: `None` outside.
+    /// Where an exact parameter stands to the closed interval: `None` outside, and where it rounds to
+    /// infinity.
     pub(super) fn settle_closed(&self, t: &Surd) -> Option<f32> {
         let inside = t.compare_f32(self.world.t_min) != Ordering::Less
             && t.compare_f32(self.world.t_max) != Ordering::Greater;
-        inside.then(|| t.to_f32())
+        inside.then(|| t.to_f32()).filter(|t| t.is_finite())
     }
 
-    /// Where an exact parameter stands to the open interval: `None` outside or at its ends.
+    /// Where an exact parameter stands to the open interval: `None` outside or at its ends, and where
+    /// it rounds to infinity.
     pub(super) fn settle_open(&self, t: &Surd) -> Option<f32> {
         let inside = t.compare_f32(self.world.t_min) == Ordering::Greater
             && t.compare_f32(self.world.t_max) == Ordering::Less;
-        inside.then(|| t.to_f32())
+        inside.then(|| t.to_f32()).filter(|t| t.is_finite())
     }
 }
 

@@ -43,7 +43,7 @@ pub(super) fn settle_closed<R: Real, const BOUNDED: bool>(ray: &View<R>, t: R, e
         return Verdict::Miss;
     }
     if below >= ray.t_min && above <= ray.t_max {
-        return rounded(below, above);
+        return representable(rounded(below, above));
     }
     if BOUNDED { Verdict::Undecided } else { Verdict::Miss }
 }
@@ -60,9 +60,18 @@ pub(super) fn settle_open<R: Real, const BOUNDED: bool>(ray: &View<R>, t: R, err
         return Verdict::Miss;
     }
     if below > ray.t_min && above < ray.t_max {
-        return rounded(below, above);
+        return representable(rounded(below, above));
     }
     if BOUNDED { Verdict::Undecided } else { Verdict::Miss }
+}
+
+/// A t that rounds to infinity is none that a shader could be told: no hit.
+#[inline(always)]
+pub(super) fn representable(t: Verdict<f32>) -> Verdict<f32> {
+    match t {
+        Verdict::Hit(t) if !t.is_finite() => Verdict::Miss,
+        other => other,
+    }
 }
 
 /// The one `f32` to which all of an interval rounds; undecided where there are two.

@@ -166,7 +166,8 @@ impl Case {
     /// All their mistakes.
     pub fn load(&self) -> Result<Loaded> {
         let variant = self.variant.as_ref().map(|(at, _)| *at);
-        let scene = load(&self.scene, &DiskFiles, &Options { size: self.size, variant })?;
+        let scene =
+            load(&self.scene, &DiskFiles, &Options { size: self.size, variant, ..Options::default() })?;
         let assembled = assemble(&scene)?;
         let expectations = Expectations::read(&scene.document)?;
         let report = Report::default();

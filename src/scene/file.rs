@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::geometry::Precision;
 use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
 use crate::pipeline::{DeviceProfile, PipelineFlags};
@@ -45,6 +46,8 @@ pub struct SceneFile {
     pub push_constants: Option<Data>,
     /// `[[dispatch]]`
     pub dispatches: Vec<DispatchEntry>,
+    /// `precision`
+    pub precision: Option<Precision>,
     /// `launch`
     pub launch: Option<At<[u32; 3]>>,
     /// `[[ray]]`
@@ -87,6 +90,7 @@ impl SceneFile {
             resources: entries(&root, "resources"),
             push_constants: root.optional("push_constants"),
             dispatches: root.or("dispatch", Vec::new()),
+            precision: root.optional("precision"),
             launch: launch(&root),
             rays: root.or("ray", Vec::new()),
             variants: root.or("variant", Vec::new()),
@@ -397,6 +401,15 @@ pub struct GivenRay {
 
 #[derive(Clone, Copy)]
 pub(crate) struct RayFlag(u32);
+
+impl Named for Precision {
+    const WHAT: &'static str = "precision";
+    const NAMES: &'static [(&'static str, Self)] = &[
+        (Self::Float.name(), Self::Float),
+        (Self::Double.name(), Self::Double),
+        (Self::Exact.name(), Self::Exact),
+    ];
+}
 
 /// SPIR-V, "Ray Flags"
 impl Named for RayFlag {

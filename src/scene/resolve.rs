@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::accel::{Blas, Geometry, Instance, Tlas};
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::geometry::Precision;
 use crate::machine::sampler::Sampler;
 use crate::pipeline::DeviceProfile;
 use crate::scene::data::{Data, read};
@@ -30,6 +31,8 @@ const MAX_FILES: usize = 64;
 pub struct Options {
     /// The launch's width and height (`--size`); images without a size and cameras follow.
     pub size: Option<[u32; 2]>,
+    /// How intersections are computed (`--precision`), instead of the scene's own choice.
+    pub precision: Option<Precision>,
     /// The `[[variant]]` of the scene's own file to take, by its place in the list.
     pub variant: Option<usize>,
 }
@@ -118,6 +121,7 @@ struct Resolver<'a> {
     pipeline: Option<PipelineEntry>,
     push_constants: Option<Data>,
     dispatches: Vec<DispatchEntry>,
+    precision: Precision,
     launch: [u32; 3],
     rays: Vec<RayEntry>,
     own: Document,
@@ -141,6 +145,7 @@ impl<'a> Resolver<'a> {
             pipeline: None,
             push_constants: None,
             dispatches: Vec::new(),
+            precision: Precision::default(),
             launch: [1; 3],
             rays: Vec::new(),
             own,
@@ -159,6 +164,7 @@ impl<'a> Resolver<'a> {
             all.device = part.device.or(all.device);
             all.pipeline = part.pipeline.or(all.pipeline);
             all.push_constants = part.push_constants.or(all.push_constants);
+            all.precision = part.precision.unwrap_or(all.precision);
             all.launch = part.launch.map_or(all.launch, |launch| launch.value);
             if !part.dispatches.is_empty() {
                 all.dispatches = part.dispatches;
@@ -177,6 +183,7 @@ impl<'a> Resolver<'a> {
             }
             merge(&mut all.shader_entries, variant.shaders);
         }
+        all.precision = options.precision.unwrap_or(all.precision);
         if let Some([width, height]) = options.size {
             all.launch = [width, height, all.launch[2]];
         }
@@ -261,7 +268,8 @@ impl<'a> Resolver<'a> {
     }
 
     fn tlas(&self, list: &[Placed<'_>]) -> Option<Arc<Tlas>> {
-        let error = match Tlas::new(list.iter().map(|placed| placed.instance.clone()).collect()) {
+        let instances = list.iter().map(|placed| placed.instance.clone()).collect();
+        let error = match Tlas::with_precision(instances, self.precision) {
             Ok(tlas) => return Some(tlas),
             Err(error) => error,
         };

@@ -1,20 +1,17 @@
 //! Exact intersections against an independent reference in rational numbers, over drawn rays and
 //! shapes that lie on, or within a hair of, every edge that a decision has.
 //!
-//! The reference (`reference.rs`) has its own formulation: the object-space ray comes from Gaussian
+//! The reference (`anyhit::stress::reference`) has its own formulation: the object-space ray comes from Gaussian
 //! elimination, a swept sphere's entry is the least point of the union of its three pieces, a
-//! triangle is a linear system. The draws (`draw.rs`) are seeded; a failure prints its case.
-
-mod draw;
-mod reference;
+//! triangle is a linear system. The draws (`anyhit::stress::draw`) are seeded; a failure prints its case.
 
 use anyhit::geometry::block::{self, BlockRay, LANES};
 use anyhit::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
     world_to_object,
 };
-use draw::Draw;
-use reference::{Expected, LineOf, Root};
+use anyhit::stress::draw::Draw;
+use anyhit::stress::reference::{self, Expected, LineOf, Root};
 
 /// How many cases to draw: that many, times the environment's `ANYHIT_CASES`.
 fn cases(count: usize) -> usize {

@@ -3,14 +3,18 @@
 
 use std::cmp::Ordering;
 
-use anyhit::geometry::{Bounds, Ray, Surface};
-use dashu::rational::RBig;
+use dashu_ratio::RBig;
+
+use crate::geometry::{Bounds, Ray, Surface};
 
 /// What a ray meets, before any interval is considered.
 #[derive(Debug)]
 pub struct Expected {
+    /// The parameter.
     pub t: Root,
+    /// As in `Intersection`, those that the surface has.
     pub attributes: Vec<Root>,
+    /// Which surface is entered.
     pub surface: Surface,
 }
 
@@ -34,7 +38,8 @@ impl Root {
         Self { p: a + b * &self.p, s: self.s * sign(b), r: &self.r * b * b }
     }
 
-    fn compare(&self, other: &Self) -> Ordering {
+    /// How it compares with another.
+    pub fn compare(&self, other: &Self) -> Ordering {
         let a = &self.p - &other.p;
         let (s1, s2) = (self.s * sign(&self.r), -other.s * sign(&other.r));
         // The sign of the two roots' sum S, then of a + S.
@@ -57,11 +62,24 @@ impl Root {
         sign_with_root(&(&self.p - other), self.s, &self.r).cmp(&0)
     }
 
-    /// Whether it lies in the interval of a ray.
+    /// Whether it lies in the interval of a ray, and within the range of f32.
     pub fn is_within(&self, t_min: f32, t_max: f32, is_open: bool) -> bool {
         let low = self.compare_rational(&rational(t_min));
         let high = if t_max.is_infinite() { Ordering::Less } else { self.compare_rational(&rational(t_max)) };
-        if is_open { low.is_gt() && high.is_lt() } else { low.is_ge() && high.is_le() }
+        let inside = if is_open { low.is_gt() && high.is_lt() } else { low.is_ge() && high.is_le() };
+        inside && !self.rounds_to(f32::INFINITY)
+    }
+
+    /// Its value to a relative error of about 2^-50; only for showing how far off another is.
+    pub fn to_f64(&self) -> f64 {
+        let p = self.p.to_f64().value();
+        let root = f64::from(self.s) * self.r.to_f64().value().sqrt();
+        if p * root >= 0.0 {
+            return p + root;
+        }
+        // p + q = (p^2 - q^2) / (p - q), without cancellation.
+        let product = (&self.p * &self.p - &self.r).to_f64().value();
+        product / (p - root)
     }
 
     /// Whether `value` is its nearest f32, the even one of two.
@@ -152,7 +170,9 @@ fn roots(a: &RBig, b: &RBig, c: &RBig) -> Vec<Root> {
 
 /// A ray's line in object space.
 pub struct LineOf {
+    /// Where t is 0.
     pub origin: [RBig; 3],
+    /// The way per unit of t.
     pub direction: [RBig; 3],
 }
 
@@ -173,6 +193,12 @@ impl LineOf {
         })
     }
 
+    /// Origin and direction in f64: only for leaving out what is far away.
+    pub fn to_f64(&self) -> ([f64; 3], [f64; 3]) {
+        let near = |v: &[RBig; 3]| std::array::from_fn(|i| v[i].to_f64().value());
+        (near(&self.origin), near(&self.direction))
+    }
+
     fn stands_still(&self) -> bool {
         self.direction.iter().all(|x| sign(x) == 0)
     }
@@ -184,6 +210,7 @@ impl LineOf {
         roots(&a, &b, &(dot(&m, &m) - radius * radius)).into_iter().next()
     }
 
+    /// Where the line enters a sphere.
     pub fn sphere(&self, center: [f32; 3], radius: f32) -> Option<Expected> {
         if self.stands_still() || radius <= 0.0 {
             return None;
@@ -347,7 +374,8 @@ impl LineOf {
                 end = Some(end.map_or(high.clone(), |end| end.min(high)));
             }
         }
-        end.is_none_or(|end| start <= end).then(|| start.into())
+        let start = end.is_none_or(|end| start <= end).then(|| Root::from(start))?;
+        (!start.rounds_to(f32::INFINITY)).then_some(start)
     }
 }
 

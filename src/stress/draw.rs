@@ -1,6 +1,6 @@
 //! Seeded draws of rays and shapes near the edges of their decisions.
 
-use anyhit::geometry::Ray;
+use crate::geometry::Ray;
 
 type Matrix = [[f32; 4]; 3];
 
@@ -10,6 +10,7 @@ pub struct Draw {
 }
 
 impl Draw {
+    /// The stream of a seed.
     pub fn new(seed: u64) -> Self {
         Self { state: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) }
     }
@@ -23,12 +24,18 @@ impl Draw {
         z ^ (z >> 31)
     }
 
+    /// 32 random bits.
+    pub fn word(&mut self) -> u32 {
+        (self.bits() >> 32) as u32
+    }
+
     /// An integer in 0..n.
     pub fn below(&mut self, n: usize) -> usize {
         (self.bits() % n as u64) as usize
     }
 
-    fn one_in(&mut self, n: usize) -> bool {
+    /// True once in n.
+    pub fn one_in(&mut self, n: usize) -> bool {
         self.below(n) == 0
     }
 
@@ -38,12 +45,12 @@ impl Draw {
     }
 
     /// An integer in -4..=4.
-    fn small(&mut self) -> f32 {
+    pub fn small(&mut self) -> f32 {
         self.below(9) as f32 - 4.0
     }
 
     /// A power of two: mostly near 1, else between 1e-42 (subnormal) and 1e30.
-    fn scale(&mut self) -> f32 {
+    pub fn scale(&mut self) -> f32 {
         let (least, most) = [(0, 0), (0, 0), (-4, 4), (-100, 100), (-140, 100)][self.below(5)];
         2f32.powi(least + self.below((most - least + 1) as usize) as i32)
     }
@@ -54,14 +61,17 @@ impl Draw {
         if self.one_in(2) { self.lattice(s) } else { self.anywhere(s) }
     }
 
-    fn lattice(&mut self, s: f32) -> [f32; 3] {
+    /// A point of the integer lattice times s.
+    pub fn lattice(&mut self, s: f32) -> [f32; 3] {
         std::array::from_fn(|_| self.small() * s)
     }
 
-    fn anywhere(&mut self, s: f32) -> [f32; 3] {
+    /// A point of the cube from -s to s.
+    pub fn anywhere(&mut self, s: f32) -> [f32; 3] {
         std::array::from_fn(|_| self.unit() * s)
     }
 
+    /// Centre and radius; the radius may be 0 or negative.
     pub fn sphere(&mut self) -> ([f32; 3], f32) {
         let center = self.point();
         let s = 2f32.powi((self.size(center)).log2().round() as i32);
@@ -74,7 +84,8 @@ impl Draw {
         (center, radius)
     }
 
-    fn size(&self, v: [f32; 3]) -> f32 {
+    /// The greatest magnitude, or 1.
+    pub fn size(&self, v: [f32; 3]) -> f32 {
         let size = v.iter().fold(0f32, |a, x| a.max(x.abs()));
         if size > 0.0 { size } else { 1.0 }
     }
@@ -118,6 +129,7 @@ impl Draw {
         (positions, radii, caps)
     }
 
+    /// A triangle, often a lattice's, sometimes a needle.
     pub fn triangle(&mut self) -> [[f32; 3]; 3] {
         let s = self.scale();
         match self.below(4) {
@@ -132,6 +144,7 @@ impl Draw {
         }
     }
 
+    /// A box with min <= max, sometimes flat, sometimes with infinite sides.
     pub fn aabb(&mut self) -> ([f32; 3], [f32; 3]) {
         let s = self.scale();
         let (a, b) = if self.one_in(2) {
@@ -177,13 +190,17 @@ impl Draw {
     }
 
     /// The ray with, in one case of three, a matrix under which it was drawn (see `place`).
-    fn placed(&mut self, origin: [f32; 3], direction: [f32; 3]) -> (Ray, Option<Matrix>) {
+    pub fn placed(&mut self, origin: [f32; 3], direction: [f32; 3]) -> (Ray, Option<Matrix>) {
         if !self.one_in(3) {
             return (Ray::new(origin, direction), None);
         }
-        // The image of the object-space ray, rounded: near the same edges, but on none exactly
-        // unless the matrix is of small integers.
         let m = self.matrix();
+        self.image(m, origin, direction)
+    }
+
+    /// The image of an object-space ray under a matrix, rounded: near the same edges, but on none
+    /// exactly unless the matrix is of small integers. Without the matrix where it leaves f32.
+    pub fn image(&mut self, m: Matrix, origin: [f32; 3], direction: [f32; 3]) -> (Ray, Option<Matrix>) {
         let apply = |v: [f32; 3], w: f32| -> [f32; 3] {
             std::array::from_fn(|i| m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3] * w)
         };
@@ -222,7 +239,8 @@ impl Draw {
         self.placed(origin, direction.map(|x| x * long))
     }
 
-    fn direction(&mut self) -> [f32; 3] {
+    /// A unit vector or so, or an axis.
+    pub fn direction(&mut self) -> [f32; 3] {
         if self.one_in(5) {
             let mut axis = [0.0; 3];
             axis[self.below(3)] = if self.one_in(2) { 1.0 } else { -1.0 };

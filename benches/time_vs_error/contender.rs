@@ -1,0 +1,88 @@
+//! What is compared: this crate in its three precisions, and formulas as they are published, in
+//! plain f32. Every contender has a test of a block of four  and a test of one
+//! lane that passed it.
+
+use anyhit::geometry::block::{self, BlockRay};
+use anyhit::geometry::{Bounds, ObjectRay, Precision, Ray, Transform};
+
+use crate::shape::Shape;
+
+/// An instance: for this crate its exact transform, for the others the inverse in f32.
+pub struct Placed {
+    pub transform: Option<Transform>,
+    pub inverse: [[f32; 4]; 3],
+}
+
+/// One way to intersect.
+pub trait Contender {
+    /// Four primitives.
+    type Block;
+    /// The ray in object space.
+    type Ray: Copy;
+
+    fn block(shapes: &[Shape]) -> Self::Block;
+    fn ray(ray: &Ray, placed: &Placed, around: &Bounds) -> Self::Ray;
+    /// A bit for each lane that may be hit.
+    fn met(block: &Self::Block, ray: &Self::Ray) -> u32;
+    /// The t of a lane.
+    fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32>;
+}
+
+/// This crate.
+pub struct Ours<K, const PRECISION: u8>(std::marker::PhantomData<K>);
+
+pub const FLOAT: u8 = 0;
+pub const DOUBLE: u8 = 1;
+pub const EXACT: u8 = 2;
+
+const fn precision(number: u8) -> Precision {
+    match number {
+        FLOAT => Precision::Float,
+        DOUBLE => Precision::Double,
+        _ => Precision::Exact,
+    }
+}
+
+macro_rules! ours {
+    ($block:ty, $shape:pat => $block_name:ident, $lane:ident, $set:expr) => {
+        impl<const P: u8> Contender for Ours<$block, P> {
+            type Block = $block;
+            type Ray = (ObjectRay, BlockRay);
+
+            fn block(shapes: &[Shape]) -> Self::Block {
+                let mut $block_name = <$block>::EMPTY;
+                for ($lane, shape) in shapes.iter().enumerate() {
+                    let $shape = *shape else { panic!("a BLAS of two kinds") };
+                    $set;
+                }
+                $block_name
+            }
+
+            #[inline(always)]
+            fn ray(ray: &Ray, placed: &Placed, around: &Bounds) -> Self::Ray {
+                let object = match &placed.transform {
+                    Some(transform) => ObjectRay::in_instance(ray, transform),
+                    None => ObjectRay::in_world(ray),
+                };
+                let object = object.expect("a finite ray");
+                (object, BlockRay::new(&object, around))
+            }
+
+            #[inline(always)]
+            fn met(block: &Self::Block, ray: &Self::Ray) -> u32 {
+                block.met(&ray.1)
+            }
+
+            #[inline(always)]
+            fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
+                block.intersect(lane, &ray.0, precision(P)).map(|hit| hit.t)
+            }
+        }
+    };
+}
+
+ours!(block::Spheres, Shape::Sphere(center, radius) => block, lane, block.set(lane, center, radius));
+ours!(block::LinearSweptSpheres, Shape::Swept(positions, radii) => block, lane,
+    block.set(lane, positions, radii, [true; 2]));
+ours!(block::Triangles, Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));
+ours!(block::Aabbs, Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));

@@ -1,0 +1,324 @@
+//! Time against error: each primitive and each scene under each precision and under formulas as they
+//! are published.
+//!
+//! ```sh
+//! cargo bench --bench time_vs_error              # all; writes docs/time-vs-error.svg
+//! cargo bench --bench time_vs_error -- --quick   # a look; writes target/time-vs-error.svg
+//! ```
+//!
+//! All contenders share rays, tree, leaf loop and the four-wide test of a leaf (their own formula in
+//! it). They take turns, several rounds in one run; times are processor time of one thread, medians
+//! over the rounds. "engine" is the traversal that shaders get ([`anyhit::accel::Cursor`]).
+//! Errors are judged by rational arithmetic on a part of the rays.
+
+mod contender;
+mod judge;
+mod plot;
+mod scene;
+mod shape;
+mod textbook;
+mod tree;
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhit::accel::{Blas, Cursor, Instance, InstanceFlags, RayFlags, Tlas, TraceRay};
+use anyhit::geometry::block::{self, BlockRay};
+use anyhit::geometry::{ObjectRay, Precision, Ray, linear_swept_sphere, sphere, triangle};
+
+use contender::{Contender, DOUBLE, EXACT, FLOAT, Ours};
+use judge::Errors;
+use plot::{Panel, Point};
+use scene::Scene;
+use shape::Shape;
+use textbook::{CapsuleByDistance, MoellerTrumbore, NaiveSphere, RecentredSphere, RoundCone, Slabs, Woop};
+use tree::{NodeRay, Tree};
+
+/// t, instance, primitive.
+type Hit = Option<(f32, u32, u32)>;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let quick = std::env::args().any(|argument| argument == "--quick");
+    let rounds = if quick { 3 } else { 15 };
+    let judged = if quick { 60 } else { 1000 };
+    let mut panels = Vec::new();
+    let mut names: Vec<&'static str> = Vec::new();
+    for scene in scene::scenes(quick) {
+        let truth = judge::truth(&scene, judged);
+        let mut contenders = contenders(&scene);
+        let mut times = vec![Vec::new(); contenders.len()];
+        let mut hits: Vec<Vec<Hit>> = vec![Vec::new(); contenders.len()];
+        for _ in 0..rounds {
+            for (place, (_, run)) in contenders.iter_mut().enumerate() {
+                hits[place].clear();
+                let begin = thread_time();
+                run(&scene.rays, &mut hits[place]);
+                times[place].push((thread_time() - begin).as_nanos() as f64 / scene.rays.len() as f64);
+            }
+        }
+        let met = truth.iter().filter(|truth| truth.hit.is_some()).count();
+        println!(
+            "\n{}: {} primitives, {} instances, {} rays, {} of {} judged hit; {}",
+            scene.name,
+            scene.shapes.len(),
+            scene.matrices.len(),
+            scene.rays.len(),
+            met,
+            truth.len(),
+            steps(&scene)
+        );
+        println!(
+            "  {:<22} {:>8} {:>6} {:>9} {:>9} {:>9} {:>11} {:>7} {:>6} {:>6}",
+            "", "ns/ray", "exact=1", "p50 ulp", "p99", "p99.9", "max", "missed", "extra", "other"
+        );
+        let medians: Vec<f64> = times.iter_mut().map(|times| median(times)).collect();
+        let exact = contenders.iter().position(|(name, _)| *name == "Exact").expect("one is exact");
+        let mut points = Vec::new();
+        for (place, (name, _)) in contenders.iter().enumerate() {
+            let errors = Errors::of(&truth, &hits[place]);
+            println!(
+                "  {name:<22} {:>8.1} {:>6.2} {:>9.3} {:>9.3} {:>9.3} {:>11.3} {:>7} {:>6} {:>6}",
+                medians[place],
+                medians[place] / medians[exact],
+                errors.at(0.5),
+                errors.at(0.99),
+                errors.at(0.999),
+                errors.at(1.0),
+                errors.missed,
+                errors.extra,
+                errors.other
+            );
+            if !names.contains(name) {
+                names.push(name);
+            }
+            if !name.starts_with("engine") {
+                points.push(Point {
+                    name,
+                    nanoseconds: medians[place],
+                    p99: errors.at(0.99),
+                    wrong: errors.wrong() as f64 / errors.rays as f64,
+                });
+            }
+            if *name == "Exact" || *name == "engine, Exact" {
+                assert!(errors.wrong() == 0 && errors.at(1.0) <= 0.5, "the exact mode is wrong: {errors:?}");
+            }
+        }
+        panels.push(Panel { scene: scene.name, points });
+    }
+    names.retain(|name| !name.starts_with("engine"));
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(if quick { "target" } else { "docs" });
+    let path = folder.join("time-vs-error.svg");
+    plot::draw(&path, &panels, &names)?;
+    println!("\n{}", path.display());
+    Ok(())
+}
+
+fn thread_time() -> Duration {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::new(now.tv_sec as u64, now.tv_nsec as u32)
+}
+
+fn median(times: &mut [f64]) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+type Run<'a> = Box<dyn FnMut(&[Ray], &mut Vec<Hit>) + 'a>;
+
+/// The contenders for a scene's kind of primitive.
+fn contenders(scene: &Scene) -> Vec<(&'static str, Run<'_>)> {
+    let mut out: Vec<(&'static str, Run<'_>)> = match scene.shapes[0] {
+        Shape::Sphere(..) => vec![
+            ("Exact", runner::<Ours<block::Spheres, EXACT>>(scene)),
+            ("Double", runner::<Ours<block::Spheres, DOUBLE>>(scene)),
+            ("Float", runner::<Ours<block::Spheres, FLOAT>>(scene)),
+            ("recentred f32", runner::<RecentredSphere>(scene)),
+            ("naive f32", runner::<NaiveSphere>(scene)),
+        ],
+        Shape::Swept(..) => vec![
+            ("Exact", runner::<Ours<block::LinearSweptSpheres, EXACT>>(scene)),
+            ("Double", runner::<Ours<block::LinearSweptSpheres, DOUBLE>>(scene)),
+            ("Float", runner::<Ours<block::LinearSweptSpheres, FLOAT>>(scene)),
+            ("recentred f32", runner::<RoundCone<true>>(scene)),
+            ("naive f32", runner::<RoundCone<false>>(scene)),
+            ("capsule by distance", runner::<CapsuleByDistance>(scene)),
+        ],
+        Shape::Triangle(_) => vec![
+            ("Exact", runner::<Ours<block::Triangles, EXACT>>(scene)),
+            ("Double", runner::<Ours<block::Triangles, DOUBLE>>(scene)),
+            ("Float", runner::<Ours<block::Triangles, FLOAT>>(scene)),
+            ("Möller-Trumbore", runner::<MoellerTrumbore>(scene)),
+            ("Woop", runner::<Woop>(scene)),
+        ],
+        Shape::Aabb(_) => vec![
+            ("Exact", runner::<Ours<block::Aabbs, EXACT>>(scene)),
+            ("Double", runner::<Ours<block::Aabbs, DOUBLE>>(scene)),
+            ("Float", runner::<Ours<block::Aabbs, FLOAT>>(scene)),
+            ("slabs f32", runner::<Slabs>(scene)),
+        ],
+    };
+    if !matches!(scene.shapes[0], Shape::Aabb(_)) && has_all_caps(scene) {
+        out.push(("engine, Exact", engine(scene, Precision::Exact)));
+        out.push(("engine, Double", engine(scene, Precision::Double)));
+        out.push(("engine, Float", engine(scene, Precision::Float)));
+    }
+    out
+}
+
+/// The contenders have both caps on every segment; a strand in the engine has not.
+fn has_all_caps(scene: &Scene) -> bool {
+    !matches!(scene.name, "chains" | "hair")
+}
+
+fn runner<C: Contender + 'static>(scene: &Scene) -> Run<'_> {
+    let corners: Vec<_> = scene.shapes.iter().map(Shape::corners).collect();
+    let tree = Tree::build(&corners);
+    let blocks: Vec<C::Block> = tree
+        .blocks
+        .iter()
+        .map(|numbers| C::block(&numbers.iter().map(|&n| scene.shapes[n as usize]).collect::<Vec<_>>()))
+        .collect();
+    let placed = scene.placed();
+    let around: Vec<_> = placed.iter().map(|(_, corners)| *corners).collect();
+    let instances = (placed.len() > 1).then(|| Tree::build(&around));
+    Box::new(move |rays, hits| {
+        for ray in rays {
+            let mut best: Hit = None;
+            let mut enter = |instance: u32, limit: f32| {
+                let placed = &placed[instance as usize].0;
+                let prepared = C::ray(ray, placed, &scene.bounds);
+                let nodes = object_node_ray(ray, placed);
+                let mut limit = limit;
+                tree.traverse(&nodes, limit, |at, _| {
+                    let block = &blocks[at];
+                    let numbers = &tree.blocks[at];
+                    let mut met = C::met(block, &prepared) & ((1 << numbers.len()) - 1);
+                    while met != 0 {
+                        let lane = met.trailing_zeros() as usize;
+                        met &= met - 1;
+                        if let Some(t) = C::hit(block, lane, &prepared) {
+                            let key = (t, instance, numbers[lane]);
+                            if best.is_none_or(|best| key < best) {
+                                best = Some(key);
+                                limit = t;
+                            }
+                        }
+                    }
+                    limit
+                });
+                limit
+            };
+            match &instances {
+                None => {
+                    enter(0, ray.t_max);
+                }
+                Some(instances) => {
+                    let nodes = NodeRay::new(ray.origin, ray.direction);
+                    instances.traverse(&nodes, ray.t_max, |at, mut limit| {
+                        for &instance in &instances.blocks[at] {
+                            limit = enter(instance, limit);
+                        }
+                        limit
+                    });
+                }
+            }
+            hits.push(best);
+        }
+    })
+}
+
+fn object_node_ray(ray: &Ray, placed: &contender::Placed) -> NodeRay {
+    if placed.transform.is_none() {
+        return NodeRay::new(ray.origin, ray.direction);
+    }
+    let m = &placed.inverse;
+    let apply = |v: [f32; 3], w: f32| m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2] + row[3] * w);
+    NodeRay::new(apply(ray.origin, 1.0), apply(ray.direction, 0.0))
+}
+
+fn engine(scene: &Scene, precision: Precision) -> Run<'static> {
+    let blas = Blas::new(vec![shape::opaque(scene.data.clone())]).expect("a valid BLAS");
+    let instances = scene.matrices.iter().map(|matrix| Instance {
+        blas: blas.clone(),
+        transform: *matrix,
+        custom_index: 0,
+        mask: 0xFF,
+        sbt_record_offset: 0,
+        flags: InstanceFlags::default(),
+    });
+    let tlas = Tlas::with_precision(instances.collect(), precision).expect("a valid TLAS");
+    let trace = |ray| TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF };
+    let mut cursor = Cursor::new(&tlas, trace(scene.rays[0]));
+    Box::new(move |rays, hits| {
+        for ray in rays {
+            cursor.reset(&tlas, trace(*ray));
+            while cursor.proceed(&tlas).is_some() {}
+            hits.push(cursor.committed().map(|hit| (hit.t, hit.candidate.instance, hit.candidate.primitive)));
+        }
+    })
+}
+
+/// At which step the tests of the exact mode end, over all leaves that rays reach.
+fn steps(scene: &Scene) -> String {
+    let corners: Vec<_> = scene.shapes.iter().map(Shape::corners).collect();
+    let tree = Tree::build(&corners);
+    let mut counts = [0u64; 3];
+    let placed = scene.placed();
+    for ray in &scene.rays {
+        for (placed, _) in &placed {
+            let object = match &placed.transform {
+                Some(transform) => ObjectRay::in_instance(ray, transform),
+                None => ObjectRay::in_world(ray),
+            };
+            let object = object.expect("a finite ray");
+            let block_ray = BlockRay::new(&object, &scene.bounds);
+            tree.traverse(&object_node_ray(ray, placed), f32::INFINITY, |at, limit| {
+                for &number in &tree.blocks[at] {
+                    counts[step(&scene.shapes[number as usize], &object, &block_ray)] += 1;
+                }
+                limit
+            });
+        }
+    }
+    let total = counts.iter().sum::<u64>().max(1) as f64;
+    let share = |count: u64| 100.0 * count as f64 / total;
+    format!(
+        "of {} tests {:.2} % end in f32, {:.2} % in f64, {:.4} % exactly",
+        counts.iter().sum::<u64>(),
+        share(counts[0]),
+        share(counts[1]),
+        share(counts[2])
+    )
+}
+
+fn step(shape: &Shape, ray: &ObjectRay, block_ray: &BlockRay) -> usize {
+    let (met, in_f64) = match *shape {
+        Shape::Sphere(center, radius) => {
+            let mut block = block::Spheres::EMPTY;
+            block.set(0, center, radius);
+            (block.met(block_ray), sphere::is_decided_in_f64(ray, center, radius))
+        }
+        Shape::Swept(positions, radii) => {
+            let mut block = block::LinearSweptSpheres::EMPTY;
+            block.set(0, positions, radii, [true; 2]);
+            (block.met(block_ray), linear_swept_sphere::is_decided_in_f64(ray, positions, radii, [true; 2]))
+        }
+        Shape::Triangle(vertices) => {
+            let mut block = block::Triangles::EMPTY;
+            block.set(0, vertices);
+            (block.met(block_ray), triangle::is_decided_in_f64(ray, vertices))
+        }
+        Shape::Aabb([min, max]) => {
+            let mut block = block::Aabbs::EMPTY;
+            block.set(0, min, max);
+            (block.met(block_ray), anyhit::geometry::aabb::is_decided_in_f64(ray, min, max))
+        }
+    };
+    if met & 1 == 0 {
+        0
+    } else if in_f64 {
+        1
+    } else {
+        2
+    }
+}

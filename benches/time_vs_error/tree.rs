@@ -1,0 +1,174 @@
+//! The tree and the leaf loop that all contenders share: four-wide nodes over leaves of one block.
+
+use anyhit::math::four::Four;
+
+/// Least and greatest corner.
+pub type Corners = [[f32; 3]; 2];
+
+struct Node {
+    planes: [[[f32; 4]; 3]; 2],
+    /// A node's index, or a leaf's block (as its complement), or none.
+    children: [Option<i32>; 4],
+}
+
+/// A tree over boxes.
+pub struct Tree {
+    nodes: Vec<Node>,
+    /// Which boxes stand in each block.
+    pub blocks: Vec<Vec<u32>>,
+}
+
+/// A ray for nodes; plain f32, and the boxes are padded instead.
+#[derive(Clone, Copy)]
+pub struct NodeRay {
+    origin: [f32; 3],
+    inverse: [f32; 3],
+}
+
+impl NodeRay {
+    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
+        Self { origin, inverse: direction.map(|x| 1.0 / x) }
+    }
+}
+
+impl Tree {
+    /// Splits by the surface area heuristic along the longest side.
+    pub fn build(boxes: &[Corners]) -> Self {
+        let size = boxes.iter().flatten().flatten().fold(0f32, |a, x| a.max(x.abs()));
+        // More than what rounding the ray and the test can lose.
+        let pad = size * 4e-6;
+        let padded: Vec<Corners> =
+            boxes.iter().map(|[low, high]| [low.map(|x| x - pad), high.map(|x| x + pad)]).collect();
+        let mut tree = Self { nodes: Vec::new(), blocks: Vec::new() };
+        let mut all: Vec<u32> = (0..boxes.len() as u32).collect();
+        tree.node(&padded, &mut all);
+        tree
+    }
+
+    fn node(&mut self, boxes: &[Corners], numbers: &mut [u32]) -> i32 {
+        if numbers.len() <= 4 {
+            self.blocks.push(numbers.to_vec());
+            return !(self.blocks.len() as i32 - 1);
+        }
+        let place = self.nodes.len();
+        self.nodes.push(Node {
+            planes: [[[f32::INFINITY; 4]; 3], [[f32::NEG_INFINITY; 4]; 3]],
+            children: [None; 4],
+        });
+        let mut parts = vec![numbers];
+        while parts.len() < 4 {
+            let most = (0..parts.len()).max_by_key(|&i| parts[i].len()).expect("parts");
+            if parts[most].len() <= 4 {
+                break;
+            }
+            let part = parts.swap_remove(most);
+            let (a, b) = split(boxes, part);
+            parts.extend([a, b]);
+        }
+        for (slot, part) in parts.into_iter().enumerate() {
+            let [low, high] = around(boxes, part);
+            for axis in 0..3 {
+                self.nodes[place].planes[0][axis][slot] = low[axis];
+                self.nodes[place].planes[1][axis][slot] = high[axis];
+            }
+            let child = self.node(boxes, part);
+            self.nodes[place].children[slot] = Some(child);
+        }
+        place as i32
+    }
+
+    /// Visits the blocks that a ray may meet before `limit`, the nearest first; `leaf` returns the
+    /// new limit.
+    #[inline(always)]
+    pub fn traverse(&self, ray: &NodeRay, limit: f32, mut leaf: impl FnMut(usize, f32) -> f32) {
+        let mut limit = limit;
+        let mut stack = [(0f32, 0i32); 96];
+        let mut top = 0;
+        if self.nodes.is_empty() {
+            leaf(0, limit);
+            return;
+        }
+        stack[0] = (0.0, 0);
+        top += 1;
+        while top > 0 {
+            top -= 1;
+            let (entry, index) = stack[top];
+            if entry > limit {
+                continue;
+            }
+            if index < 0 {
+                limit = leaf(!index as usize, limit);
+                continue;
+            }
+            let node = &self.nodes[index as usize];
+            let mut near = Four::splat(0.0);
+            let mut far = Four::splat(limit);
+            for axis in 0..3 {
+                let origin = Four::splat(ray.origin[axis]);
+                let inverse = Four::splat(ray.inverse[axis]);
+                let side = usize::from(ray.inverse[axis] < 0.0);
+                near = ((Four::new(node.planes[side][axis]) - origin) * inverse).greater(near);
+                far = ((Four::new(node.planes[side ^ 1][axis]) - origin) * inverse).lesser(far);
+            }
+            let mut met = far.at_least(near);
+            let near = near.to_array();
+            let first = top;
+            while met != 0 {
+                let slot = met.trailing_zeros() as usize;
+                met &= met - 1;
+                let Some(child) = node.children[slot] else { continue };
+                let mut at = top;
+                while at > first && stack[at - 1].0 < near[slot] {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
+                }
+                stack[at] = (near[slot], child);
+                top += 1;
+            }
+        }
+    }
+}
+
+fn around(boxes: &[Corners], numbers: &[u32]) -> Corners {
+    numbers.iter().fold([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], |[low, high], &number| {
+        let [a, b] = boxes[number as usize];
+        [std::array::from_fn(|i| low[i].min(a[i])), std::array::from_fn(|i| high[i].max(b[i]))]
+    })
+}
+
+fn half_area([low, high]: Corners) -> f32 {
+    let [x, y, z]: [f32; 3] = std::array::from_fn(|i| high[i] - low[i]);
+    x * y + y * z + z * x
+}
+
+fn split<'a>(boxes: &[Corners], numbers: &'a mut [u32]) -> (&'a mut [u32], &'a mut [u32]) {
+    let middle = |number: u32, axis: usize| boxes[number as usize][0][axis] + boxes[number as usize][1][axis];
+    let mut best = (f32::INFINITY, 0, numbers.len() / 2);
+    for axis in 0..3 {
+        numbers.sort_unstable_by(|&a, &b| middle(a, axis).total_cmp(&middle(b, axis)).then(a.cmp(&b)));
+        let mut right = vec![0f32; numbers.len()];
+        let mut all = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+        let grow = |all: &mut Corners, number: u32| {
+            let [a, b] = boxes[number as usize];
+            for i in 0..3 {
+                all[0][i] = all[0][i].min(a[i]);
+                all[1][i] = all[1][i].max(b[i]);
+            }
+        };
+        for place in (1..numbers.len()).rev() {
+            grow(&mut all, numbers[place]);
+            right[place] = half_area(all) * (numbers.len() - place).div_ceil(4) as f32;
+        }
+        let mut all = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+        for place in 1..numbers.len() {
+            grow(&mut all, numbers[place - 1]);
+            let cost = half_area(all) * place.div_ceil(4) as f32 + right[place];
+            if cost < best.0 {
+                best = (cost, axis, place);
+            }
+        }
+    }
+    let (_, axis, place) = best;
+    numbers.sort_unstable_by(|&a, &b| middle(a, axis).total_cmp(&middle(b, axis)).then(a.cmp(&b)));
+    numbers.split_at_mut(place)
+}

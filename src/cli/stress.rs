@@ -1,0 +1,119 @@
+//! `anyhit stress`: adversarial rays without end, judged by arbitrary precision.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use crate::cli::{output, precision};
+use crate::error::{Error, ErrorKind, Result};
+use crate::geometry::Precision;
+use crate::stress::family::FAMILIES;
+use crate::stress::{self, Found, Report, Settings};
+
+/// Draws adversarial rays and shapes and compares every answer with arbitrary precision.
+///
+/// Runs until --rays or --minutes is reached, or ten answers were wrong; without either until it is
+/// interrupted. A wrong answer is made smaller, printed, and saved as a file that the tests replay.
+#[derive(Debug, clap::Args)]
+pub struct StressArgs {
+    /// Chooses the cases; the same seed draws the same ones on every machine.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// Ends after at least so many rays.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    rays: Option<u64>,
+
+    /// Ends after so many minutes, fractions allowed.
+    #[arg(long, value_name = "M", value_parser = minutes)]
+    minutes: Option<Duration>,
+
+    /// What to test; below `exact` wrong answers are the rule.
+    #[arg(long, value_name = "PRECISION", value_parser = precision::parser(), default_value = "exact")]
+    precision: Precision,
+
+    /// The folder into which wrong cases are saved.
+    #[arg(long, value_name = "FOLDER", default_value = "tests/stress-regressions")]
+    save: PathBuf,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// `Expectation` where an answer was wrong; `Io` where its case cannot be saved.
+pub fn run(args: StressArgs) -> Result<()> {
+    let settings =
+        Settings { seed: args.seed, rays: args.rays, time: args.minutes, precision: args.precision };
+    output::print(format_args!("seed {}, {} families\n", args.seed, FAMILIES.len()))?;
+    let mut told = Instant::now();
+    let report = stress::run(&settings, |report| {
+        if told.elapsed() >= Duration::from_secs(10) {
+            told = Instant::now();
+            // Standard output going away is told at the end.
+            let _ = output::print(line(report));
+        }
+    });
+    output::print(table(&report))?;
+    if report.found.is_empty() {
+        return Ok(());
+    }
+    for found in &report.found {
+        let path = save(&args.save, &settings, found)?;
+        output::print(format_args!(
+            "\ncase {} of seed {}, family {}: {}\n\n{}\nsaved as {}\n",
+            found.number,
+            args.seed,
+            found.case.family,
+            found.failure,
+            found.case.to_toml(),
+            path.display()
+        ))?;
+    }
+    let message = format!("{} wrong answers", report.found.len());
+    Err(Error::new(ErrorKind::Expectation, message))
+}
+
+fn minutes(text: &str) -> std::result::Result<Duration, String> {
+    text.parse::<f64>()
+        .ok()
+        .filter(|&minutes| minutes > 0.0)
+        .and_then(|minutes| Duration::try_from_secs_f64(minutes * 60.0).ok())
+        .ok_or_else(|| format!("`{text}` is not a positive number of minutes"))
+}
+
+fn line(report: &Report) -> String {
+    let total = report.total();
+    format!("{:>6} s  {:>12} rays  {} wrong\n", report.time.as_secs(), total.rays, report.found.len())
+}
+
+fn table(report: &Report) -> String {
+    let mut out = format!("\n{:<14} {:>12} {:>12} {:>12}  what\n", "family", "lines", "rays", "hits");
+    for (family, tally) in FAMILIES.iter().zip(&report.families) {
+        out += &format!(
+            "{:<14} {:>12} {:>12} {:>12}  {}\n",
+            family.name, tally.lines, tally.rays, tally.hits, family.about
+        );
+    }
+    let total = report.total();
+    out += &format!("{:<14} {:>12} {:>12} {:>12}\n\n", "all", total.lines, total.rays, total.hits);
+    out += &format!(
+        "{} rays in {:.1} s: {} wrong decisions; t, u and barycentrics correctly rounded in the others\n",
+        total.rays,
+        report.time.as_secs_f64(),
+        report.found.len()
+    );
+    out
+}
+
+fn save(folder: &Path, settings: &Settings, found: &Found) -> Result<PathBuf> {
+    std::fs::create_dir_all(folder).map_err(|error| Error::io(folder.display().to_string(), error))?;
+    let path = folder.join(format!("{}-{}-{}.toml", found.case.family, settings.seed, found.number));
+    let text = format!(
+        "# {}\n# Found by `anyhit stress --seed {}`, case {}.\n{}",
+        found.failure,
+        settings.seed,
+        found.number,
+        found.case.to_toml()
+    );
+    std::fs::write(&path, text).map_err(|error| Error::io(path.display().to_string(), error))?;
+    Ok(path)
+}

@@ -1,0 +1,159 @@
+//! Adversarial rays without end, judged by arbitrary precision: `anyhit stress`.
+//!
+//! A [`Case`] is a ray, a few primitives of one kind and perhaps an instance's matrix. The
+//! [`family`] module draws cases where intersectors break, [`judge`] compares every answer with
+//! [`reference`], which computes in rational numbers and shares no code with `geometry`, and
+//! [`minimise`] makes a failure small enough to read. Case number n of a seed is the same on every
+//! machine, whatever the number of threads.
+
+pub mod case;
+pub mod draw;
+pub mod family;
+pub mod judge;
+pub mod minimise;
+pub mod reference;
+
+pub use case::{Case, Shape};
+pub use judge::{Failure, Tally, check};
+
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use crate::geometry::Precision;
+use crate::stress::draw::Draw;
+use crate::stress::family::FAMILIES;
+
+/// How many cases run between two looks at the clock.
+const ROUND: u64 = 1000;
+
+/// After so many failures a run ends: there is enough to mend.
+const ENOUGH: usize = 10;
+
+/// What to run.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Chooses the cases.
+    pub seed: u64,
+    /// Ends the run after at least so many rays.
+    pub rays: Option<u64>,
+    /// Ends the run after so long.
+    pub time: Option<Duration>,
+    /// What is tested; below `Exact` failures are the rule.
+    pub precision: Precision,
+}
+
+/// A wrong answer.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The number of its case under the seed.
+    pub number: u64,
+    /// What is wrong with the smaller case.
+    pub failure: Failure,
+    /// The case, made smaller.
+    pub case: Case,
+}
+
+/// What a run did.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// Cases drawn.
+    pub cases: u64,
+    /// Per family of [`FAMILIES`], what was checked.
+    pub families: Vec<Tally>,
+    /// The first failures.
+    pub found: Vec<Found>,
+    /// How long it took.
+    pub time: Duration,
+}
+
+impl Report {
+    /// All families together.
+    pub fn total(&self) -> Tally {
+        self.families.iter().fold(Tally::default(), |sum, one| sum.plus(one))
+    }
+}
+
+/// The case with a number.
+pub fn case(seed: u64, number: u64) -> Case {
+    let family = &FAMILIES[(number % FAMILIES.len() as u64) as usize];
+    // Seeds of draws must differ in more than a few bits: SplitMix64 scatters them.
+    let mut draw = Draw::new(seed.wrapping_mul(0xD134_2543_DE82_EF95).wrapping_add(number));
+    (family.draw)(&mut draw).named(family.name)
+}
+
+/// Runs until the settings or ten failures end it; `progress` is told from time to time.
+pub fn run(settings: &Settings, mut progress: impl FnMut(&Report)) -> Report {
+    let begin = Instant::now();
+    let mut report = Report {
+        cases: 0,
+        families: vec![Tally::default(); FAMILIES.len()],
+        found: Vec::new(),
+        time: Duration::ZERO,
+    };
+    loop {
+        let results: Vec<(u64, Result<Tally, Failure>)> = (report.cases..report.cases + ROUND)
+            .into_par_iter()
+            .map(|number| (number, judge::check_caught(&case(settings.seed, number), settings.precision)))
+            .collect();
+        for (number, result) in results {
+            match result {
+                Ok(tally) => {
+                    let family = &mut report.families[(number % FAMILIES.len() as u64) as usize];
+                    *family = family.plus(&tally);
+                }
+                Err(_) if report.found.len() < ENOUGH => {
+                    let (case, failure) =
+                        minimise::minimise(&case(settings.seed, number), settings.precision);
+                    report.found.push(Found { number, failure, case });
+                }
+                Err(_) => {}
+            }
+        }
+        report.cases += ROUND;
+        report.time = begin.elapsed();
+        progress(&report);
+        let over = settings.rays.is_some_and(|rays| report.total().rays >= rays)
+            || settings.time.is_some_and(|time| report.time >= time)
+            || report.found.len() >= ENOUGH;
+        if over {
+            return report;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_case_depends_on_its_number_alone() {
+        for number in 0..2 * FAMILIES.len() as u64 {
+            assert_eq!(format!("{:?}", case(7, number)), format!("{:?}", case(7, number)));
+        }
+        assert_ne!(case(7, 0), case(8, 0));
+    }
+
+    /// The judge must not be blind: plain f32 arithmetic is wrong in every run.
+    #[test]
+    fn plain_floats_are_found_wrong_and_the_case_is_made_small() {
+        let settings = Settings { seed: 1, rays: Some(1), time: None, precision: Precision::Float };
+        let report = run(&settings, |_| ());
+        assert_eq!(report.found.len(), ENOUGH);
+        for found in &report.found {
+            let again = check(&found.case, Precision::Float).expect_err("the smaller case fails, too");
+            assert_eq!(again.to_string(), found.failure.to_string());
+        }
+    }
+
+    #[test]
+    fn exact_answers_are_found_right() {
+        let settings = Settings { seed: 2, rays: Some(1), time: None, precision: Precision::Exact };
+        let report = run(&settings, |_| ());
+        assert!(report.found.is_empty(), "{:#?}", report.found);
+        for (family, tally) in FAMILIES.iter().zip(&report.families) {
+            assert!(tally.rays > 0, "{}: {tally:?}", family.name);
+            assert!(tally.hits > 0 || family.name == "bits", "{}: {tally:?}", family.name);
+        }
+    }
+}
