@@ -44,7 +44,7 @@ const fn precision(number: u8) -> Precision {
 }
 
 macro_rules! ours {
-    ($block:ty, $shape:pat => $block_name:ident, $lane:ident, $set:expr) => {
+    ($block:ty, $block_ray:ident, $shape:pat => $block_name:ident, $lane:ident, $set:expr) => {
         impl<const P: u8> Contender for Ours<$block, P> {
             type Block = $block;
             type Ray = (ObjectRay, BlockRay);
@@ -65,7 +65,7 @@ macro_rules! ours {
                     None => ObjectRay::in_world(ray),
                 };
                 let object = object.expect("a finite ray");
-                (object, BlockRay::new(&object, around))
+                (object, BlockRay::$block_ray(&object, around))
             }
 
             #[inline(always)]
@@ -81,8 +81,8 @@ macro_rules! ours {
     };
 }
 
-ours!(block::Spheres, Shape::Sphere(center, radius) => block, lane, block.set(lane, center, radius));
-ours!(block::LinearSweptSpheres, Shape::Swept(positions, radii) => block, lane,
+ours!(block::Spheres, new, Shape::Sphere(center, radius) => block, lane, block.set(lane, center, radius));
+ours!(block::LinearSweptSpheres, new, Shape::Swept(positions, radii) => block, lane,
     block.set(lane, positions, radii, [true; 2]));
-ours!(block::Triangles, Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));
-ours!(block::Aabbs, Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));
+ours!(block::Triangles, new, Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));
+ours!(block::Aabbs, for_boxes, Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));

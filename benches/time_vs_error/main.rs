@@ -271,7 +271,7 @@ fn steps(scene: &Scene) -> String {
                 None => ObjectRay::in_world(ray),
             };
             let object = object.expect("a finite ray");
-            let block_ray = BlockRay::new(&object, &scene.bounds);
+            let block_ray = BlockRay::for_boxes(&object, &scene.bounds);
             tree.traverse(&object_node_ray(ray, placed), f32::INFINITY, |at, limit| {
                 for &number in &tree.blocks[at] {
                     counts[step(&scene.shapes[number as usize], &object, &block_ray)] += 1;

@@ -99,7 +99,10 @@ impl Body {
     /// A ray for [`Body::met`].
     #[inline]
     pub fn block_ray(&self, ray: &ObjectRay) -> BlockRay {
-        BlockRay::new(ray, &self.bounds)
+        match &self.shapes {
+            Shapes::Aabbs(_) => BlockRay::for_boxes(ray, &self.bounds),
+            _ => BlockRay::new(ray, &self.bounds),
+        }
     }
 
     /// A bit for each of a leaf's primitives.

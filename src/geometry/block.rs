@@ -75,9 +75,21 @@ pub struct BlockRay {
 }
 
 impl BlockRay {
-    /// Makes a ray ready for primitives that lie within the given box (object space).
+    /// Makes a ray ready for primitives that lie within the given box (object space). For blocks of
+    /// boxes see [`BlockRay::for_boxes`].
     #[inline]
     pub fn new(ray: &ObjectRay, around: &Bounds) -> Self {
+        Self::prepare::<false>(ray, around)
+    }
+
+    /// The same for boxes, which need reciprocals.
+    #[inline]
+    pub fn for_boxes(ray: &ObjectRay, around: &Bounds) -> Self {
+        Self::prepare::<true>(ray, around)
+    }
+
+    #[inline(always)]
+    fn prepare<const BOXES: bool>(ray: &ObjectRay, around: &Bounds) -> Self {
         let (o, o_error) = ray.origin_bounded();
         let (d, d_error) = ray.direction_bounded();
         let size = around.min.iter().chain(&around.max).fold(0.0f32, |a, x| a.max(x.abs()));
@@ -126,7 +138,9 @@ impl BlockRay {
         out.fixed = (norm * e * MARGIN) as f32;
         out.growing = ((kappa + norm * (12.0 * UNIT)) * MARGIN) as f32;
         out.length = ((square.sqrt() + kappa) * MARGIN) as f32;
-        out.slabs = aabb::Slabs::new(&out, origin_error, direction_error, ray, t0);
+        if BOXES {
+            out.slabs = aabb::Slabs::new(&out, origin_error, direction_error, ray, t0);
+        }
         out
     }
 
@@ -205,7 +219,7 @@ mod tests {
         let thirds = [[3.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]];
         let placed = Ray::new([3.0 * x, 0.0, 12.0], [0.0, 0.0, -1.0]);
         [(near, None), (far, None), (placed, Some(&thirds))]
-            .map(|(ray, matrix)| BlockRay::new(&ObjectRay::new(&ray, matrix).unwrap(), &UNIT_BOX))
+            .map(|(ray, matrix)| BlockRay::for_boxes(&ObjectRay::new(&ray, matrix).unwrap(), &UNIT_BOX))
             .into()
     }
 

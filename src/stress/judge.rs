@@ -153,7 +153,7 @@ impl One<'_> {
                 let mut block = block::Aabbs::EMPTY;
                 block.set(lane, min, max);
                 let is_met = self.line.aabb(min, max, ray.t_min(), ray.t_max()).is_some();
-                (block.met(&BlockRay::new(ray, &bounds)), is_met)
+                (block.met(&BlockRay::for_boxes(ray, &bounds)), is_met)
             }
             Shape::Sphere { center, radius } => {
                 let Some(bounds) = sphere::bounds(center, radius) else { return Ok(()) };

@@ -165,7 +165,7 @@ fn boxes() {
             if let Some(bounds) = aabb::bounds(min, max) {
                 let mut block = block::Aabbs::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, min, max));
-                let met = block.met(&BlockRay::new(&object, &bounds));
+                let met = block.met(&BlockRay::for_boxes(&object, &bounds));
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             match (found, expected) {
