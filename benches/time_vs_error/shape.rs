@@ -41,5 +41,5 @@ impl Shape {
 
 /// Opaque geometry.
 pub fn opaque(data: GeometryData) -> Geometry {
-    Geometry { data, flags: GeometryFlags::OPAQUE }
+    Geometry::new(data, GeometryFlags::OPAQUE)
 }

@@ -239,7 +239,7 @@ fn check_traversal(
 ) -> Result<(), Failure> {
     let Some(data) = case.geometry() else { return Ok(()) };
     // Validation refuses negative radii and boxes that are inside out.
-    let Ok(blas) = Blas::new(vec![Geometry { data, flags: GeometryFlags::OPAQUE }]) else { return Ok(()) };
+    let Ok(blas) = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]) else { return Ok(()) };
     let transform =
         case.transform.unwrap_or([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
     // Above four instances there is a tree over them, too; the others are far away or masked out.
