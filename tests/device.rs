@@ -32,7 +32,7 @@ fn device(features: &str, limits: &str) -> String {
 #[test]
 fn the_default_device_and_pipeline_refuse_nothing() {
     assert_eq!(refused("", ""), None);
-    assert_eq!(refused("[device]\npreset = 'nvidia_blackwell'", ""), None);
+    assert_eq!(refused("[device]\npreset = 'permissive'", ""), None);
 }
 
 #[test]

@@ -167,39 +167,35 @@ impl Default for DeviceProfile {
 impl DeviceProfile {
     /// The names of the presets.
     pub const PRESETS: &'static [&'static str] =
-        &["permissive", "vulkan_minimum", "nvidia_blackwell", "nvidia_ada", "amd_rdna3"];
+        &["permissive", "without_swept_spheres", "khr_only", "vulkan_minimum"];
 
     /// A device by name; `None` for a name that nothing has.
     ///
     /// * `permissive`: all features, the greatest limits.
     /// * `vulkan_minimum`: ray-tracing pipelines with the least limits and no optional feature.
-    /// * `nvidia_blackwell`: all features; recursion depth 31, attributes of 32 bytes.
-    /// * `nvidia_ada`: the same without spheres, linear swept spheres and clusters.
-    /// * `amd_rdna3`: recursion depth 1, no hit objects, motion blur, micromaps, clusters, spheres or
-    ///   linear swept spheres.
+    /// * `without_swept_spheres`: all features but `VK_NV_ray_tracing_linear_swept_spheres` and
+    ///   clusters, with the least limits.
+    /// * `khr_only`: what KHR extensions offer, with the least limits.
     ///
-    /// The devices' values are those that their drivers have reported; a later driver may report
-    /// others.
+    /// What a device of a certain make offers changes with its driver: write it down from the
+    /// driver's own report.
     pub fn preset(name: &str) -> Option<Self> {
-        let device = Limits { max_ray_recursion_depth: 31, ..Limits::LEAST };
-        let ada = Features {
+        let without_swept_spheres = Features {
             spheres: false,
             linear_swept_spheres: false,
             cluster_acceleration_structure: false,
             ..Features::ALL
         };
-        let rdna3 = Features {
+        let khr_only = Features {
             ray_tracing_invocation_reorder: false,
             ray_tracing_motion_blur: false,
-            opacity_micromap: false,
-            ..ada
+            ..without_swept_spheres
         };
         let (features, limits) = match name {
             "permissive" => (Features::ALL, Limits::GREATEST),
             "vulkan_minimum" => (Features::NONE, Limits::LEAST),
-            "nvidia_blackwell" => (Features::ALL, device),
-            "nvidia_ada" => (ada, device),
-            "amd_rdna3" => (rdna3, Limits::LEAST),
+            "without_swept_spheres" => (without_swept_spheres, Limits::LEAST),
+            "khr_only" => (khr_only, Limits::LEAST),
             _ => return None,
         };
         Some(Self { name: name.to_owned(), features, limits })

@@ -11,10 +11,9 @@ impl Named for Preset {
     const WHAT: &'static str = "device";
     const NAMES: &'static [(&'static str, Self)] = &[
         ("permissive", Self("permissive")),
+        ("without_swept_spheres", Self("without_swept_spheres")),
+        ("khr_only", Self("khr_only")),
         ("vulkan_minimum", Self("vulkan_minimum")),
-        ("nvidia_blackwell", Self("nvidia_blackwell")),
-        ("nvidia_ada", Self("nvidia_ada")),
-        ("amd_rdna3", Self("amd_rdna3")),
     ];
 }
 

@@ -47,7 +47,7 @@ error: unknown key `hieght`
 5 │ hieght = [0.2, 0.5]
   │ ^^^^^^ did you mean `height`?
   │
-  = the keys here are: area, count, height, lean, no_duplicate_any_hit, opaque, radius, seed, taper, type
+  = the keys here are: area, cluster_id, count, height, lean, no_duplicate_any_hit, opacity_micromap, opaque, radius, seed, taper, type
   = help: the scene breaks a rule: mend the scene
 
 ";
