@@ -76,8 +76,8 @@ fn inspect_lists_what_a_module_declares() {
 
 #[test]
 fn inspect_tells_everything_that_would_not_run() {
-    let module = derivative_module();
-    let path = scratch("derivatives.spv", &module);
+    let module = refused_module();
+    let path = scratch("refused.spv", &module);
     let (code, out, _) = run(&["inspect", "--json", path.to_str().expect("UTF-8")]);
     assert_eq!(code, Some(0), "what is not supported is a finding, not an error");
     let report: Value = serde_json::from_str(&out).expect("JSON");
@@ -87,8 +87,8 @@ fn inspect_tells_everything_that_would_not_run() {
     assert_eq!(
         entry["reasons"],
         json!([
-            "the builtin DeviceIndex is not supported (at word 39)",
-            "OpDPdx is not supported (2 times, first at word 54)",
+            "the builtin RemainingRecursionLevelsAMDX is not supported (at word 39)",
+            "OpDemoteToHelperInvocation is out of scope (graphics stages) (2 times, first at word 54)",
         ])
     );
 }
@@ -103,7 +103,7 @@ fn source_text_is_answered_with_the_command_that_compiles_it() {
 
 #[test]
 fn garbled_modules_are_refused_with_a_place() {
-    let path = scratch("cut.spv", &derivative_module()[..100]);
+    let path = scratch("cut.spv", &refused_module()[..100]);
     let (code, _, err) = run(&["inspect", path.to_str().expect("UTF-8")]);
     assert_eq!(code, Some(2));
     assert!(err.contains("at word ") && err.contains("cut.spv"), "{err}");
@@ -119,8 +119,8 @@ fn a_reader_that_has_left_causes_no_error() {
     assert_eq!((status.code(), String::from_utf8_lossy(&stderr).as_ref()), (Some(0), ""));
 }
 
-/// A closest-hit shader that reads `DeviceIndex` and takes two derivatives.
-fn derivative_module() -> Vec<u8> {
+/// A closest-hit shader that reads `RemainingRecursionLevelsAMDX` and demotes itself twice.
+fn refused_module() -> Vec<u8> {
     let mut words = vec![0x0723_0203, 0x0001_0600, 0, 100, 0];
     let mut op = |opcode: u32, operands: &[u32]| {
         words.push((operands.len() as u32 + 1) << 16 | opcode);
@@ -129,7 +129,7 @@ fn derivative_module() -> Vec<u8> {
     op(17, &[4479]); // OpCapability RayTracingKHR
     op(14, &[0, 1]); // OpMemoryModel Logical GLSL450
     op(15, &[5316, 30, u32::from_le_bytes(*b"hit\0"), 20]); // OpEntryPoint ClosestHitKHR
-    op(71, &[20, 11, 4438]); // OpDecorate %20 BuiltIn DeviceIndex
+    op(71, &[20, 11, 5021]); // OpDecorate %20 BuiltIn RemainingRecursionLevelsAMDX
     op(19, &[1]); // OpTypeVoid
     op(33, &[2, 1]); // OpTypeFunction
     op(21, &[5, 32, 0]); // OpTypeInt
@@ -140,8 +140,8 @@ fn derivative_module() -> Vec<u8> {
     op(54, &[1, 30, 0, 2]); // OpFunction
     op(248, &[31]); // OpLabel
     op(61, &[5, 32, 20]); // OpLoad
-    op(207, &[6, 33, 7]); // OpDPdx
-    op(207, &[6, 34, 7]); // OpDPdx
+    op(5380, &[]); // OpDemoteToHelperInvocation
+    op(5380, &[]); // OpDemoteToHelperInvocation
     op(253, &[]); // OpReturn
     op(56, &[]); // OpFunctionEnd
     words.iter().flat_map(|word| word.to_le_bytes()).collect()

@@ -10,8 +10,10 @@
 use crate::error::{Error, ErrorKind};
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::value::Value;
-use crate::module::Module;
+use crate::module::interface::Stage;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
+use crate::module::{Id, Module};
+use crate::ops::decode::Decoder;
 
 /// Fields of a layout that an error shows.
 const SHOWN: usize = 24;
@@ -68,7 +70,7 @@ impl<'a> Layout<'a> {
                 None => self.part(*column).size() * *count as usize,
             },
             Type::Array { element, length, stride } => {
-                let length = self.module.scalar_value(*length).unwrap_or(0) as usize;
+                let length = array_length(self.module, *length);
                 let element = self.part(*element).size();
                 match stride.filter(|_| self.explicit()) {
                     Some(stride) => {
@@ -176,7 +178,7 @@ impl<'a> Layout<'a> {
             }
             Type::Array { element, length, .. } => {
                 let part = Self { ty: *element, ..self };
-                let length = self.module.scalar_value(*length).unwrap_or(0) as usize;
+                let length = array_length(self.module, *length);
                 Value::list(name, whole, list(length, self.stride(), part))
             }
             Type::RuntimeArray { element, .. } => {
@@ -387,6 +389,14 @@ fn shorten(lines: &mut Vec<String>) {
         lines.truncate(SHOWN);
         lines.push(format!("and {more} more"));
     }
+}
+
+/// The length of an array type, from the constant that it names, computed ones included; 0 where
+/// that is no number.
+pub(super) fn array_length(module: &Module, length: Id) -> usize {
+    let known = module.scalar_value(length);
+    let computed = || Decoder::new(module, Stage::RayGeneration).array_length(length).ok().map(u64::from);
+    known.or_else(computed).and_then(|length| length.try_into().ok()).unwrap_or(0)
 }
 
 fn scalar_size(width: u32, rules: Rules) -> usize {

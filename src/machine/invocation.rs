@@ -15,6 +15,8 @@ pub struct Invocation {
     pub launch_size: [u32; 3],
     /// The trace that called this shader, where one did.
     pub trace: Option<TraceRay>,
+    /// `CurrentRayTimeNV`: 0 for a trace without motion.
+    pub time: f32,
     /// `RayTmaxKHR` as this stage sees it.
     pub t_max: f32,
     /// What was hit, in any-hit, closest-hit and intersection shaders.

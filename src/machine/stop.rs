@@ -17,7 +17,7 @@ pub enum Stop<const W: usize> {
         mask: Mask<W>,
         /// Operand rows in the order of the instruction: acceleration structure (2 words), ray
         /// flags, cull mask, SBT offset, SBT stride, miss index, origin (3), t min, direction (3),
-        /// t max.
+        /// t max, time (0 for a trace without motion).
         operands: Reg,
         /// The rows of the payload variable.
         payload: Rows,

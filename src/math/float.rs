@@ -257,11 +257,25 @@ native!(
     log2 = pxfm::f_log2,
 );
 
+/// The f16 nearest to a f64, ties to even, rounded once.
+///
+/// (`f16::from_f64` rounds twice, or looks at the upper half of the number only.)
+pub fn half_of(value: f64) -> f16 {
+    let near = value as f32;
+    let back = f64::from(near);
+    if back == value || !near.is_finite() {
+        return f16::from_f32(near);
+    }
+    // Rounded to odd: the last bit tells that something was lost, and 24 bits are enough for 11.
+    let towards_zero = near.to_bits() - u32::from(back.abs() > value.abs());
+    f16::from_f32(f32::from_bits(towards_zero | 1))
+}
+
 macro_rules! through_f64 {
     ($($method:ident),*) => {$(
         #[inline(never)]
         fn $method(self) -> Self {
-            f16::from_f64(Float::$method(self.to_f64()))
+            half_of(Float::$method(self.to_f64()))
         }
     )*};
 }
@@ -270,7 +284,7 @@ impl Float for f16 {
     const ZERO: Self = f16::ZERO;
     const ONE: Self = f16::ONE;
     fn of(value: f64) -> Self {
-        f16::from_f64(value)
+        half_of(value)
     }
     fn is_nan(self) -> bool {
         f16::is_nan(self)
@@ -286,20 +300,20 @@ impl Float for f16 {
     }
     fn mul_add(self, factor: Self, summand: Self) -> Self {
         // The product of two f16 is exact in f64, and so is its sum with a third.
-        f16::from_f64(self.to_f64() * factor.to_f64() + summand.to_f64())
+        half_of(self.to_f64() * factor.to_f64() + summand.to_f64())
     }
     fn frexp(self) -> (Self, i32) {
         let (mantissa, exponent) = Float::frexp(self.to_f64());
-        (f16::from_f64(mantissa), exponent)
+        (half_of(mantissa), exponent)
     }
     fn ldexp(self, exponent: i32) -> Self {
-        f16::from_f64(Float::ldexp(self.to_f64(), exponent))
+        half_of(Float::ldexp(self.to_f64(), exponent))
     }
     fn atan2(self, x: Self) -> Self {
-        f16::from_f64(Float::atan2(self.to_f64(), x.to_f64()))
+        half_of(Float::atan2(self.to_f64(), x.to_f64()))
     }
     fn pow(self, exponent: Self) -> Self {
-        f16::from_f64(Float::pow(self.to_f64(), exponent.to_f64()))
+        half_of(Float::pow(self.to_f64(), exponent.to_f64()))
     }
     through_f64!(
         floor,
@@ -340,6 +354,20 @@ mod tests {
         assert_eq!(Float::frexp(f64::from_bits(1)), (0.5, -1073));
         assert_eq!(Float::frexp(-0.0f32).0.to_bits(), 0x8000_0000);
         assert_eq!(Float::frexp(f16::from_bits(1)), (f16::from_f32(0.5), -23));
+    }
+
+    #[test]
+    fn a_half_is_rounded_once() {
+        let half = |value: f64| half_of(value).to_bits();
+        // 1 + 2^-11 is a tie, to the even neighbour 1; a little more is none, whatever the distance.
+        assert_eq!(half(1.0 + 2f64.powi(-11)), 0x3C00);
+        assert_eq!(half(1.0 + 2f64.powi(-11) + 2f64.powi(-30)), 0x3C01);
+        assert_eq!(half(1.0 + 2f64.powi(-11) + 2f64.powi(-52)), 0x3C01);
+        assert_eq!(half(-1.0 - 3.0 * 2f64.powi(-11) + 2f64.powi(-52)), 0xBC01);
+        // Half of the smallest denormal, and a little more.
+        assert_eq!([half(2f64.powi(-25)), half(2f64.powi(-25) * (1.0 + 2f64.powi(-52)))], [0, 1]);
+        assert_eq!([half(65_520.0), half(65_519.999_999_999), half(1e300)], [0x7C00, 0x7BFF, 0x7C00]);
+        assert_eq!([half(-1e-300), half(f64::NEG_INFINITY)], [0x8000, 0xFC00]);
     }
 
     #[test]

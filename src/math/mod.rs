@@ -8,6 +8,7 @@ pub mod four;
 pub mod real;
 pub mod srgb;
 pub mod surd;
+pub mod toward_zero;
 pub mod ulp;
 
 pub use ulp::{ulp_error, ulps};

@@ -144,6 +144,16 @@ builtins! {
         |from, to| to[0] = from.subgroup_id() as u32;
     SubgroupLocalInvocationId 41 Int "RIACMKG" ["SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04381"]
         |from, to| to[0] = from.subgroup_local_invocation_id();
+    CoreIDARM 4160 Int "RIACMKG" ["CoreIDARM-CoreIDARM-07599" "CoreIDARM-CoreIDARM-07599" "CoreIDARM-CoreIDARM-07600"]
+        |_from, to| to[0] = 0;
+    CoreCountARM 4161 Int "RIACMKG" ["CoreCountARM-CoreCountARM-07595" "CoreCountARM-CoreCountARM-07595" "CoreCountARM-CoreCountARM-07596"]
+        |_from, to| to[0] = 1;
+    CoreMaxIDARM 4162 Int "RIACMKG" ["CoreMaxIDARM-CoreMaxIDARM-07597" "CoreMaxIDARM-CoreMaxIDARM-07597" "CoreMaxIDARM-CoreMaxIDARM-07598"]
+        |_from, to| to[0] = 0;
+    WarpIDARM 4163 Int "RIACMKG" ["WarpIDARM-WarpIDARM-07603" "WarpIDARM-WarpIDARM-07603" "WarpIDARM-WarpIDARM-07604"]
+        |_from, to| to[0] = 0;
+    WarpMaxIDARM 4164 Int "RIACMKG" ["WarpMaxIDARM-WarpMaxIDARM-07601" "WarpMaxIDARM-WarpMaxIDARM-07601" "WarpMaxIDARM-WarpMaxIDARM-07602"]
+        |_from, to| to[0] = 0;
     SubgroupEqMask 4416 Int4 "RIACMKG" ["SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04371"]
         |from, to| places(from, to, |own, place| place == own);
     SubgroupGeMask 4417 Int4 "RIACMKG" ["SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04373"]
@@ -154,6 +164,8 @@ builtins! {
         |from, to| places(from, to, |own, place| place <= own);
     SubgroupLtMask 4420 Int4 "RIACMKG" ["SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04379"]
         |from, to| places(from, to, |own, place| place < own);
+    DeviceIndex 4438 Int "RIACMKG" ["DeviceIndex-DeviceIndex-04205" "DeviceIndex-DeviceIndex-04205" "DeviceIndex-DeviceIndex-04206"]
+        |_from, to| to[0] = 0;
     LaunchIdKHR 5319 Int3 "RIACMK" ["LaunchIdKHR-LaunchIdKHR-04266" "LaunchIdKHR-LaunchIdKHR-04267" "LaunchIdKHR-LaunchIdKHR-04268"]
         |from, to| to.copy_from_slice(&from.launch_id);
     LaunchSizeKHR 5320 Int3 "RIACMK" ["LaunchSizeKHR-LaunchSizeKHR-04269" "LaunchSizeKHR-LaunchSizeKHR-04270" "LaunchSizeKHR-LaunchSizeKHR-04271"]
@@ -180,6 +192,8 @@ builtins! {
         |from, to| floats(to, &[from.t_max]);
     HitKindKHR 5333 Int "AC" ["HitKindKHR-HitKindKHR-04242" "HitKindKHR-HitKindKHR-04243" "HitKindKHR-HitKindKHR-04244"]
         |from, to| to[0] = hit(from).map_or(0, |hit| hit.kind.0);
+    CurrentRayTimeNV 5334 Float "IACM" ["CurrentRayTimeNV-CurrentRayTimeNV-04942" "CurrentRayTimeNV-CurrentRayTimeNV-04943" "CurrentRayTimeNV-CurrentRayTimeNV-04944"]
+        |from, to| floats(to, &[from.time]);
     HitTriangleVertexPositionsKHR 5335 Float3Array3 "AC" ["HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08747" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08748" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08749"]
         |from, to| if let Some(positions) = hit(from).and_then(|hit| hit.triangle()) { floats(to, positions.as_flattened()) };
     IncomingRayFlagsKHR 5351 Int "IACM" ["IncomingRayFlagsKHR-IncomingRayFlagsKHR-04248" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04249" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04250"]
@@ -192,6 +206,14 @@ builtins! {
         |from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::LINEAR_SWEPT_SPHERE));
     HitSpherePositionNV 5361 Float3 "AC" ["HitSpherePositionNV-HitSpherePositionNV-10519" "HitSpherePositionNV-HitSpherePositionNV-10520" "HitSpherePositionNV-HitSpherePositionNV-10521"]
         |from, to| if let Some((position, _)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &position) };
+    WarpsPerSMNV 5374 Int "RIACMKG" ["WarpsPerSMNV-WarpsPerSMNV-04418" "WarpsPerSMNV-WarpsPerSMNV-04418" "WarpsPerSMNV-WarpsPerSMNV-04419"]
+        |_from, to| to[0] = 1;
+    SMCountNV 5375 Int "RIACMKG" ["SMCountNV-SMCountNV-04363" "SMCountNV-SMCountNV-04363" "SMCountNV-SMCountNV-04364"]
+        |_from, to| to[0] = 1;
+    WarpIDNV 5376 Int "RIACMKG" ["WarpIDNV-WarpIDNV-04420" "WarpIDNV-WarpIDNV-04420" "WarpIDNV-WarpIDNV-04421"]
+        |_from, to| to[0] = 0;
+    SMIDNV 5377 Int "RIACMKG" ["SMIDNV-SMIDNV-04365" "SMIDNV-SMIDNV-04365" "SMIDNV-SMIDNV-04366"]
+        |_from, to| to[0] = 0;
     HitLSSPositionsNV 5396 Float3Array2 "AC" ["HitLSSPositionsNV-HitLSSPositionsNV-10525" "HitLSSPositionsNV-HitLSSPositionsNV-10526" "HitLSSPositionsNV-HitLSSPositionsNV-10527"]
         |from, to| if let Some((positions, _)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, positions.as_flattened()) };
     HitSphereRadiusNV 5420 Float "AC" ["HitSphereRadiusNV-HitSphereRadiusNV-10522" "HitSphereRadiusNV-HitSphereRadiusNV-10523" "HitSphereRadiusNV-HitSphereRadiusNV-10524"]

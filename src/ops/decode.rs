@@ -14,6 +14,7 @@ use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::builtin::Builtin;
+use crate::ops::float_controls::{self, FloatControls};
 use crate::ops::memory::{self, Pointer};
 use crate::ops::op::Op;
 use crate::ops::row::{Family, Row};
@@ -90,6 +91,8 @@ pub struct Decoder<'m> {
     pub origins: Vec<Origin>,
     /// Where the current instruction comes from.
     pub origin: Origin,
+    /// How the entry point wants floats to be computed.
+    pub float_controls: FloatControls,
     /// The descriptor bindings used.
     pub slots: Vec<Slot>,
     /// The builtins read.
@@ -131,6 +134,7 @@ impl<'m> Decoder<'m> {
             ops: Vec::new(),
             origins: Vec::new(),
             origin: Origin { offset: 0, scope: 0 },
+            float_controls: FloatControls::default(),
             slots: Vec::new(),
             inputs: Vec::new(),
             interface: Vec::new(),
@@ -281,6 +285,14 @@ impl<'m> Decoder<'m> {
 
     /// Appends a row's operation and gives its result's first row; folds constants.
     pub fn row(&mut self, row: &'static Row, from: &[Reg]) -> Result<Reg> {
+        if self.float_controls.concern(row) {
+            return float_controls::controlled(self, row, from);
+        }
+        self.plain_row(row, from)
+    }
+
+    /// As [`Decoder::row`], whatever the float controls.
+    pub fn plain_row(&mut self, row: &'static Row, from: &[Reg]) -> Result<Reg> {
         let mut operands = [from.first().copied().unwrap_or(Reg(0)); 3];
         operands[..from.len()].copy_from_slice(from);
         if let Some(bits) = self.fold(row, from) {

@@ -464,7 +464,13 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         Opcode::HitObjectTraceRayEXT
         | Opcode::HitObjectTraceRayNV
         | Opcode::HitObjectTraceReorderExecuteEXT => {
-            let operands = operands(decoder, instruction, 1..11, TRACE_OPERANDS)?;
+            let mut words: SmallVec<[Reg; 16]> = SmallVec::new();
+            for at in 1..11 {
+                words.extend(decoder.operand(instruction, at)?);
+            }
+            // The time of a trace without motion.
+            words.push(decoder.constant(0)?);
+            let operands = whole(decoder, instruction, &words, TRACE_OPERANDS)?;
             let payload = payload(decoder, instruction, 11)?;
             decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectTrace { object, operands, payload }));
             decoder.forget();

@@ -65,7 +65,7 @@ impl Scalars<'_, '_> {
     /// A float constant of this width.
     fn number(&mut self, value: f64) -> Result<Reg> {
         match self.width {
-            16 => self.decoder.constant(half::f16::from_f64(value).to_bits().into()),
+            16 => self.decoder.constant(crate::math::float::half_of(value).to_bits().into()),
             32 => self.decoder.constant((value as f32).to_bits()),
             _ => self.decoder.wide_constant(value.to_bits()),
         }

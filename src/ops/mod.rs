@@ -17,9 +17,11 @@ pub mod debug_printf;
 pub mod decode;
 pub mod derivative;
 pub mod dot_product;
+pub mod float_controls;
 pub mod glsl;
 pub mod hit_object;
 pub mod image;
+pub mod integer_functions;
 pub mod interface_check;
 pub mod irregular;
 pub mod linear_algebra;
@@ -49,6 +51,7 @@ pub static SECTIONS: &[&[&Family]] = &[
     bit::FAMILIES,
     conversion::FAMILIES,
     glsl::FAMILIES,
+    integer_functions::FAMILIES,
     relational_logical::FAMILIES,
 ];
 

@@ -272,6 +272,7 @@ fn initialize<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, query: 
         });
         if let Err(code) = done {
             batch.asked[lane] = u64::from(words[0]) | u64::from(words[1]) << 32;
+            batch.asked[lane] = u64::from(words[0]) | u64::from(words[1]) << 32;
             memory::trap(batch, Mask::lane(lane), code);
         }
     }

@@ -21,17 +21,19 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::ReportIntersectionKHR,
     Opcode::ConvertUToAccelerationStructureKHR,
     Opcode::TraceNV,
+    Opcode::TraceRayMotionNV,
+    Opcode::TraceMotionNV,
     Opcode::ExecuteCallableNV,
 ];
 
 /// Words of the operands of a trace: see [`Stop::TraceRay`].
-pub const TRACE_OPERANDS: u32 = 15;
+pub const TRACE_OPERANDS: u32 = 16;
 
 /// An operation that stops the interpreter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum Op {
-    /// `OpTraceRayKHR`
+    /// `OpTraceRayKHR`, `OpTraceRayMotionNV`
     TraceRay { operands: Reg, payload: Rows },
     /// `OpExecuteCallableKHR`
     ExecuteCallable { index: Reg, data: Rows },
@@ -104,17 +106,23 @@ impl Op {
 /// Decodes ray-tracing instructions; `false` for an instruction of another section.
 pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
-        Opcode::TraceRayKHR | Opcode::TraceNV => {
+        Opcode::TraceRayKHR | Opcode::TraceNV | Opcode::TraceRayMotionNV | Opcode::TraceMotionNV => {
+            let moves = matches!(opcode, Opcode::TraceRayMotionNV | Opcode::TraceMotionNV);
+            let count = if moves { 11 } else { 10 };
             let mut words: SmallVec<[Reg; 16]> = SmallVec::new();
-            for at in 0..10 {
+            for at in 0..count {
                 words.extend(decoder.operand(instruction, at)?);
             }
+            if !moves {
+                words.push(decoder.constant(0)?);
+            }
             if words.len() != TRACE_OPERANDS as usize {
-                return Err(decoder.invalid("the operands of OpTraceRayKHR have wrong types"));
+                let name = crate::module::names::opcode_name(instruction.opcode);
+                return Err(decoder.invalid(format!("the operands of {name} have wrong types")));
             }
             let operands = decoder.consecutive(&words)?;
             let classes = &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD];
-            let payload = named_variable(decoder, opcode, instruction, 10, classes)?;
+            let payload = named_variable(decoder, opcode, instruction, count, classes)?;
             decoder.emit(Operation::Stop(Op::TraceRay { operands, payload }));
             decoder.forget();
         }
@@ -173,7 +181,7 @@ fn named_variable(
     classes: &[u32],
 ) -> Result<Rows> {
     let mut id = decoder.id(instruction, at)?;
-    if matches!(opcode, Opcode::TraceNV | Opcode::ExecuteCallableNV) {
+    if matches!(opcode, Opcode::TraceNV | Opcode::TraceMotionNV | Opcode::ExecuteCallableNV) {
         id = variable_at(decoder, id, classes)?;
     }
     variable_rows(decoder, id, classes)

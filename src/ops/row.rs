@@ -33,6 +33,12 @@ pub struct Row {
     pub words: u32,
     /// Words of each operand; the rest is zero.
     pub operands: [u32; 3],
+    /// Bits of each operand that is a float; else 0.
+    pub float_operands: [u32; 3],
+    /// Bits of the result where it is a float; else 0.
+    pub float_result: u32,
+    /// Whether the operand that chooses the row is a signed integer.
+    pub signed: bool,
     /// For batches of one lane.
     pub one: Eval<1>,
     /// For batches of eight lanes.
@@ -203,6 +209,9 @@ macro_rules! row {
             width: <$ty as $crate::ops::row::Bits>::BITS,
             words: <$result as $crate::machine::Scalar>::WORDS,
             operands: $crate::ops::row::operands(&[$(<$at as $crate::machine::Scalar>::WORDS),*]),
+            float_operands: $crate::ops::row::operands(&[$(<$at as $crate::ops::row::Bits>::FLOAT),*]),
+            float_result: <$result as $crate::ops::row::Bits>::FLOAT,
+            signed: <$ty as $crate::ops::row::Bits>::SIGNED,
             one: eval::<1>,
             eight: eval::<8>,
             full: eval::<32>,
@@ -214,19 +223,28 @@ macro_rules! row {
 pub trait Bits {
     /// Bits, 0 for a bool.
     const BITS: u32;
+    /// Bits of a float, else 0.
+    const FLOAT: u32;
+    /// Whether it is a signed integer.
+    const SIGNED: bool;
 }
 
 macro_rules! bits {
-    ($($ty:ty: $bits:literal)*) => {$(
+    ($($ty:ty: $bits:literal $float:literal $signed:literal)*) => {$(
         impl Bits for $ty {
             const BITS: u32 = $bits;
+            const FLOAT: u32 = $float;
+            const SIGNED: bool = $signed;
         }
     )*};
 }
 
-bits! { bool: 0 u8: 8 i8: 8 u16: 16 i16: 16 half::f16: 16 u32: 32 i32: 32 f32: 32 u64: 64 i64: 64 f64: 64 }
+bits! {
+    bool: 0 0 false u8: 8 0 false i8: 8 0 true u16: 16 0 false i16: 16 0 true u32: 32 0 false i32: 32 0 true
+    u64: 64 0 false i64: 64 0 true half::f16: 16 16 false f32: 32 32 false f64: 64 64 false
+}
 
-/// Pads the operands' words.
+/// Pads a list of an operand's numbers.
 #[doc(hidden)]
 pub const fn operands(words: &[u32]) -> [u32; 3] {
     let mut padded = [0; 3];

@@ -526,7 +526,7 @@ fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
 
 fn float(width: u32, value: f64) -> u64 {
     match width {
-        16 => half::f16::from_f64(value).to_bits().into(),
+        16 => crate::math::float::half_of(value).to_bits().into(),
         32 => (value as f32).to_bits().into(),
         _ => value.to_bits(),
     }

@@ -317,7 +317,7 @@ mod tests {
     fn gaps_are_counted_and_named_once() {
         let mut a = Assembler::new();
         a.with_string(Opcode::EntryPoint, &[5316, 30], "hit", &[]);
-        a.op(Opcode::Decorate, &[20, 11, 4438]);
+        a.op(Opcode::Decorate, &[20, 11, 5021]);
         a.types();
         a.op(Opcode::TypePointer, &[10, 1, 5]);
         a.op(Opcode::Variable, &[10, 20, 1]);
@@ -334,7 +334,7 @@ mod tests {
         assert_eq!(
             told,
             [
-                ("the builtin DeviceIndex is not supported", 1),
+                ("the builtin RemainingRecursionLevelsAMDX is not supported", 1),
                 ("OpDemoteToHelperInvocation is out of scope (graphics stages)", 2)
             ]
         );

@@ -590,6 +590,7 @@ fn query(
     Ok(Query {
         tlas: tlas.clone(),
         trace,
+        time: f32::from_bits(words[15]),
         sbt_offset: words[4],
         sbt_stride: words[5],
         miss_index: words[6],
@@ -601,7 +602,8 @@ fn query(
 }
 
 /// Ray, flags and cull mask of a trace's operands, checked (Vulkan,
-/// VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359).
+/// VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359; VUID-RuntimeSpirv-OpTraceRayMotionNV-06361 to
+/// 06366).
 pub(crate) fn trace_operands(words: &[u32; TRACE_OPERANDS as usize]) -> Result<TraceRay, TrapCode> {
     let float = |at: usize| f32::from_bits(words[at]);
     let ray = Ray {
@@ -611,7 +613,8 @@ pub(crate) fn trace_operands(words: &[u32; TRACE_OPERANDS as usize]) -> Result<T
         t_max: float(14),
     };
     let trace = TraceRay { ray, flags: RayFlags(words[2]), cull_mask: words[3] };
-    if !trace.is_legal() {
+    let time = float(15);
+    if !trace.is_legal() || !(0.0..=1.0).contains(&time) {
         return Err(TrapCode::InvalidTrace);
     }
     Ok(trace)

@@ -27,6 +27,8 @@ const SKIP_CLOSEST_HIT: u32 = 8;
 pub(super) struct Query {
     pub tlas: Arc<Tlas>,
     pub trace: TraceRay,
+    /// `CurrentRayTimeNV`
+    pub time: f32,
     pub sbt_offset: u32,
     pub sbt_stride: u32,
     pub miss_index: u32,
@@ -43,6 +45,7 @@ impl Query {
         Self {
             tlas: tlas.clone(),
             trace: operands.trace,
+            time: 0.0,
             sbt_offset: operands.sbt_offset,
             sbt_stride: operands.sbt_stride,
             miss_index: operands.miss_index,
@@ -393,6 +396,7 @@ impl RayState {
             launch_id: self.query.launch_id,
             launch_size: self.query.launch_size,
             trace: Some(self.query.trace),
+            time: self.query.time,
             t_max,
             hit: None,
             record,

@@ -15,6 +15,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
 use crate::ops::decode::{Decoder, Origin, Value, Words};
 use crate::ops::decode_number;
+use crate::ops::float_controls::FloatControls;
 use crate::ops::interface_check;
 use crate::ops::load_store;
 use crate::ops::memory;
@@ -65,7 +66,6 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         );
         return Err(Error::new(ErrorKind::UnsupportedModule, message).at(Place::Word(entry.offset as usize)));
     }
-    check_float_controls(entry)?;
     let Some(Definition::Function(function)) = module.definition(entry.function) else {
         let message = format!("entry point `{}` names no function", entry.name);
         return Err(Error::new(ErrorKind::InvalidModule, message).at(Place::Word(entry.offset as usize)));
@@ -85,6 +85,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         standing: HashMap::new(),
         queue: VecDeque::new(),
     };
+    lowering.decoder.float_controls = FloatControls::of(entry);
     interface_check::check(&mut lowering.decoder, entry)?;
     lowering.decoder.derivatives = entry.stage == Stage::Compute && DerivativeGroup::of(entry).is_some();
     let start = lowering.label();
@@ -102,25 +103,6 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         _ => None,
     };
     Ok(lowering.finish(module, entry, workgroup))
-}
-
-/// Refuses the float controls that would change results: denormals are kept here, and results are
-/// rounded to nearest even, whether a module asks for it or not.
-fn check_float_controls(entry: &EntryPoint) -> Result<()> {
-    const DENORM_FLUSH_TO_ZERO: u32 = 4460;
-    const ROUNDING_MODE_RTZ: u32 = 4463;
-    for (mode, operands) in &entry.modes {
-        let name = match *mode {
-            DENORM_FLUSH_TO_ZERO => "DenormFlushToZero",
-            ROUNDING_MODE_RTZ => "RoundingModeRTZ",
-            _ => continue,
-        };
-        let width = operands.first().copied().unwrap_or(0);
-        let message =
-            format!("entry point `{}`: the execution mode {name} {width} is not supported", entry.name);
-        return Err(Error::new(ErrorKind::UnsupportedModule, message).at(Place::Word(entry.offset as usize)));
-    }
-    Ok(())
 }
 
 /// Refuses what only a ray-tracing pipeline can serve.

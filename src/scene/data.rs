@@ -226,7 +226,7 @@ impl Scalar {
 /// changes nothing unless the decimal lies within 2^-53 of a tie without being one.
 fn half_from(value: Value<'_>) -> Option<f16> {
     let wide = f64::parse(value)?;
-    let half = f16::from_f64(wide);
+    let half = crate::math::float::half_of(wide);
     if half.is_infinite() && wide.is_finite() {
         return value.wrong(format!("`{wide}` is beyond the range of f16"));
     }

@@ -1,28 +1,73 @@
-//! Float controls (`SPV_KHR_float_controls`): what holds anyway is accepted, the rest is refused.
-
-use anyhit::error::ErrorKind;
+//! Float controls (`SPV_KHR_float_controls`): denormals and rounding as an entry point asks for them.
 
 use crate::run::Shader;
 
-fn with_mode(mode: &str) -> Shader<'_> {
-    Shader { annotations: mode, body: "out 0 %id", ..Shader::default() }
+fn run(mode: &str, body: &str) -> [u32; 16] {
+    Shader {
+        annotations: mode,
+        // Nothing here folds: every operand is an input.
+        declarations: "
+            %tiny = OpConstant %uint 1
+            %one = OpConstant %uint 0x3f800000
+            %three_quarters = OpConstant %uint 0x33c00000
+            %large = OpConstant %uint 0xffffffff
+            %nothing = OpConstant %float 0",
+        body,
+        ..Shader::default()
+    }
+    .run()[7]
+}
+
+const ARITHMETIC: &str = "
+    %zero = OpIMul %uint %id %u0
+    %a = OpIAdd %uint %tiny %zero
+    %b = OpIAdd %uint %one %zero
+    %c = OpIAdd %uint %three_quarters %zero
+    %d = OpIAdd %uint %large %zero
+    %x = OpBitcast %float %a
+    %y = OpBitcast %float %b
+    %z = OpBitcast %float %c
+    %product = OpFMul %float %x %y
+    %equal = OpFOrdEqual %bool %x %nothing
+    %sum = OpFAdd %float %y %z
+    %converted = OpConvertUToF %float %d
+    %product_bits = OpBitcast %uint %product
+    %equal_bits = OpSelect %uint %equal %u1 %u0
+    %sum_bits = OpBitcast %uint %sum
+    %converted_bits = OpBitcast %uint %converted
+    out 0 %product_bits
+    out 1 %equal_bits
+    out 2 %sum_bits
+    out 3 %converted_bits";
+
+/// 2^-149 * 1, 2^-149 == 0, 1 + 0.75 * 2^-23, float(2^32 - 1).
+fn results(mode: &str) -> [u32; 4] {
+    std::array::from_fn(|at| run(mode, ARITHMETIC)[at])
 }
 
 #[test]
-fn modes_that_hold_anyway_are_accepted() {
+fn what_holds_anyway_changes_nothing() {
+    // Denormals are kept; 0.75 ulp rounds up; 2^32 - 1 rounds to 2^32.
+    let plain = [1, 0, 0x3F80_0001, 0x4F80_0000];
+    assert_eq!(results(""), plain);
     for mode in ["DenormPreserve", "RoundingModeRTE", "SignedZeroInfNanPreserve"] {
-        assert_eq!(with_mode(&format!("OpExecutionMode %main {mode} 32")).run()[39][0], 39);
+        assert_eq!(results(&format!("OpExecutionMode %main {mode} 32")), plain, "{mode}");
     }
+    // Another width.
+    assert_eq!(results("OpExecutionMode %main DenormFlushToZero 16"), plain);
+    assert_eq!(results("OpExecutionMode %main RoundingModeRTZ 64"), plain);
 }
 
 #[test]
-fn modes_that_would_change_results_are_refused_by_name() {
-    for mode in ["DenormFlushToZero", "RoundingModeRTZ"] {
-        let error = with_mode(&format!("OpExecutionMode %main {mode} 16")).refused();
-        assert_eq!(error.kind(), ErrorKind::UnsupportedModule);
-        assert_eq!(
-            error.message(),
-            format!("entry point `main`: the execution mode {mode} 16 is not supported")
-        );
-    }
+fn denormals_are_flushed() {
+    // The product is 0, and the operand of the comparison counts as 0.
+    let flushed = [0, 1, 0x3F80_0001, 0x4F80_0000];
+    assert_eq!(results("OpExecutionMode %main DenormFlushToZero 32"), flushed);
+}
+
+#[test]
+fn results_are_cut_off() {
+    // 1 + 0.75 ulp is cut off to 1, 2^32 - 1 to 2^32 - 2^8.
+    let cut = [1, 0, 0x3F80_0000, 0x4F7F_FFFF];
+    assert_eq!(results("OpExecutionMode %main RoundingModeRTZ 32"), cut);
 }

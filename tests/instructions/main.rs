@@ -9,6 +9,7 @@ mod float_controls;
 mod integers;
 mod memory;
 mod messages;
+mod motion;
 mod ray_queries;
 mod run;
 mod subgroups;

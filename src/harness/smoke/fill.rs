@@ -7,14 +7,14 @@ use half::f16;
 
 use crate::accel::Tlas;
 use crate::error::Result;
-use crate::harness::layout::{Layout, Rules};
+use crate::harness::layout::{Layout, Rules, array_length};
 use crate::machine::{Buffer, DeviceMemory};
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::scene::random::Random;
 
 /// Elements that a runtime array, or memory behind an address, is given.
-const ELEMENTS: usize = 64;
+const ELEMENTS: usize = 1024;
 /// Bytes that one filled buffer may have at most beyond what its type fixes.
 const MOST_BYTES: usize = 1 << 20;
 /// Scalars of one buffer that are given values; those beyond are zero.
@@ -153,15 +153,15 @@ impl<'a> Filler<'a> {
         bytes
     }
 
-    /// Makes the device memory that the addresses given so far lead to, and the places whose
-    /// addresses these are, by region.
+    /// Makes the device memory that the addresses given so far lead to, and by region the places
+    /// whose addresses lead nowhere yet.
     ///
     /// # Errors
     /// None but what a structure may report.
     pub fn device_memory(
         mut self,
         tlas: &dyn Fn() -> Result<Arc<Tlas>>,
-    ) -> Result<(DeviceMemory, Vec<Place>)> {
+    ) -> Result<(DeviceMemory, Vec<Option<Place>>)> {
         let mut memory = DeviceMemory::default();
         let mut next = 0;
         while let Some(region) = self.regions.get(next).cloned() {
@@ -176,7 +176,8 @@ impl<'a> Filler<'a> {
             assert_eq!(address, address_of(next), "bug in anyhit: an address of another region");
             next += 1;
         }
-        Ok((memory, self.regions.iter().map(|region| region.place).collect()))
+        let unknown = |region: &Region| (region.content == Content::Unknown).then_some(region.place);
+        Ok((memory, self.regions.iter().map(unknown).collect()))
     }
 
     /// What a pointer points to, several times one behind the other.
@@ -230,7 +231,7 @@ impl<'a> Filler<'a> {
             }
             Type::Matrix { column, count } => self.identity(layout, (*column, *count as usize), offset, out),
             Type::Array { element, length, .. } => {
-                let length = module.scalar_value(*length).unwrap_or(0) as usize;
+                let length = array_length(module, *length);
                 self.array(layout.part(*element), length, layout.stride(), offset, place, out);
             }
             Type::RuntimeArray { element, .. } => {

@@ -1,12 +1,13 @@
 //! Smoke tests: every entry point of a module, run once on made-up inputs.
 //!
 //! What a shader would find bound is made up from what it declares, from one seed: integers are 0 to
-//! 3, floats lie in [0, 1), matrices are the identity; runtime arrays have 64 elements, arrays of
+//! 3, floats lie in [0, 1), matrices are the identity; runtime arrays have 1024 elements, arrays of
 //! descriptors 16, images 16 texels a side and all their levels. Pointers lead to memory of what
 //! they point to. A 64-bit integer or a pair of 32-bit ones becomes an address where the shader is
 //! seen to go to memory through it: the run is repeated until every address leads somewhere.
 //!
-//! A ray generation shader is launched over 8 x 4 invocations. Closest-hit and any-hit shaders see a
+//! A ray generation shader is launched over 8 x 4 invocations, a compute shader dispatched in 2 x 2
+//! workgroups. Closest-hit and any-hit shaders see a
 //! hit of each kind of geometry that they may be called for, intersection shaders a box, miss
 //! shaders a ray. Where a shader traces, the ray really is traced through a scene with all kinds of
 //! primitives; in the place of the shaders that are not there, the payload is filled like all else,
@@ -37,13 +38,17 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::pointer::storage;
 use crate::pipeline::group::{Group, HitGroup};
-use crate::pipeline::{Caller, Event, Launch, Pipeline, RayOperands, Record, Shader, Trapped, Witness};
+use crate::pipeline::{
+    Caller, Compute, Event, Launch, Pipeline, RayOperands, Record, Shader, Trapped, Witness,
+};
 use crate::program::{self, Program, obstacles};
 
 pub use report::{EntryReport, Report, Run, TrapReport, Verdict};
 
 /// Invocations of a ray generation shader.
 const LAUNCH: [u32; 3] = [8, 4, 1];
+/// Workgroups of a compute shader.
+const GROUPS: [u32; 3] = [2, 2, 1];
 /// Lanes: as many as a subgroup has.
 const LANES: usize = 32;
 /// Null records of each shader binding table.
@@ -163,6 +168,8 @@ enum Way {
     Miss,
     /// A call.
     Call,
+    /// A dispatch of a compute shader.
+    Dispatch,
 }
 
 impl Way {
@@ -173,6 +180,7 @@ impl Way {
             Self::Box => Kind::Aabb.name(),
             Self::Miss => "ray",
             Self::Call => "call",
+            Self::Dispatch => "dispatch",
         }
     }
 }
@@ -199,6 +207,7 @@ impl Subject {
             Stage::Intersection => vec![Way::Box],
             Stage::Miss => vec![Way::Miss],
             Stage::Callable => vec![Way::Call],
+            Stage::Compute => vec![Way::Dispatch],
             _ => vec![Way::Launch],
         }
     }
@@ -249,12 +258,10 @@ impl Subject {
                 _ => false,
             };
             let content = lost.then(|| self.content(&trapped)).flatten();
-            let place = region_of(trapped.asked).and_then(|region| given.places.get(region));
+            let place = region_of(trapped.asked).and_then(|region| *given.places.get(region)?);
             match (content, place) {
-                (Some(content), Some(place))
-                    if !known.contains_key(place) && known.len() < MOST_ADDRESSES =>
-                {
-                    known.insert(*place, content);
+                (Some(content), Some(place)) if known.len() < MOST_ADDRESSES => {
+                    known.insert(place, content);
                 }
                 (Some(_), None) if wide == Wide::Numbers => wide = Wide::Addresses,
                 // What is no address must not be as large as one: a count, say.
@@ -292,6 +299,12 @@ impl Subject {
     }
 
     fn once(&self, way: Way, given: &Given, values: Values) -> Result<End> {
+        if let Way::Dispatch = way {
+            let compute = Compute::new(self.program.clone())?.budget(self.options.budget);
+            let groups = if values.launch_size == LAUNCH { GROUPS } else { [1; 3] };
+            let ended = compute.run_alone::<LANES>(&given.resources, groups, &|_| ());
+            return Ok(ended.map_or_else(End::Trapped, |_| End::Done));
+        }
         let mut builder = Pipeline::builder();
         builder.budget(self.options.budget);
         let shader = builder.shader(self.program.clone());
@@ -345,7 +358,9 @@ impl Subject {
                 (invocation.trace, invocation.t_max) = (Some(trace), ray.t_max);
                 launch.invoke::<LANES, _>(shader, invocation, &given.payload, &[], &mut stand_in)
             }
-            Way::Call => launch.invoke::<LANES, _>(shader, invocation, &given.payload, &[], &mut stand_in),
+            Way::Call | Way::Dispatch => {
+                launch.invoke::<LANES, _>(shader, invocation, &given.payload, &[], &mut stand_in)
+            }
         };
         Ok(ended.map_or_else(End::Trapped, |_| End::Done))
     }

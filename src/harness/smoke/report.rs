@@ -51,7 +51,7 @@ pub struct EntryReport {
 /// One run of an entry point.
 #[derive(Clone, Debug, Serialize)]
 pub struct Run {
-    /// What it was called for: `launch`, `ray`, `call`, or the kind of geometry.
+    /// What it was called for: `launch`, `dispatch`, `ray`, `call`, or the kind of geometry.
     pub with: &'static str,
     /// What became of it.
     pub result: Verdict,

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::Result;
+use crate::harness::layout::array_length;
 use crate::harness::smoke::fill::{Content, Filler, Integers, Numbers, Place, Wide};
 use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::{Dimension, Image, Shape};
@@ -47,8 +48,8 @@ pub struct Given {
     pub payload: Vec<u32>,
     /// Words of the hit attributes.
     pub attributes: Vec<u32>,
-    /// The places that the regions of device memory have their addresses in.
-    pub places: Vec<Place>,
+    /// By region of device memory, the place whose address leads nowhere yet.
+    pub places: Vec<Option<Place>>,
 }
 
 /// Makes up what a program needs.
@@ -158,7 +159,7 @@ fn answer_words(module: &Module, ty: TypeId, missed: bool, numbers: &mut Numbers
             (0..*count).for_each(|_| answer_words(module, *part, missed, numbers, words));
         }
         Type::Array { element, length, .. } => {
-            let length = module.scalar_value(*length).unwrap_or(0);
+            let length = array_length(module, *length);
             (0..length).for_each(|_| answer_words(module, *element, missed, numbers, words));
         }
         Type::Struct { members, .. } => {
@@ -188,7 +189,7 @@ fn descriptor_array(module: &Module, ty: TypeId) -> (TypeId, u32) {
     loop {
         match *module.ty(ty) {
             Type::Array { element, length, .. } => {
-                let length = module.scalar_value(length).unwrap_or(1);
+                let length = array_length(module, length);
                 count = count.saturating_mul(length.try_into().unwrap_or(u32::MAX));
                 ty = element;
             }

@@ -3,7 +3,7 @@
 use rspirv::spirv::{BuiltIn, Capability, Op, StorageClass};
 
 use crate::ops::row::Family;
-use crate::ops::{arithmetic, bit, conversion, relational_logical};
+use crate::ops::{arithmetic, bit, conversion, integer_functions, relational_logical};
 
 /// Reasons to be out of scope.
 pub(super) const GRAPHICS: &str = "graphics stages";
@@ -28,6 +28,7 @@ pub(super) fn group_of<T: PartialEq>(
 /// Sections that are families of rows.
 pub(super) static SECTIONS: &[(&str, &[&Family])] = &[
     ("arithmetic", arithmetic::FAMILIES),
+    ("arithmetic", integer_functions::FAMILIES),
     ("bits", bit::FAMILIES),
     ("conversion, carries, bit fields", conversion::FAMILIES),
     ("relations and logic", relational_logical::FAMILIES),
@@ -275,25 +276,8 @@ pub(super) const OUT_OF_SCOPE_CAPABILITIES: Groups<Capability> = &[
 ];
 
 /// Builtins to come.
-pub(super) const UNSUPPORTED_BUILTINS: Groups<BuiltIn> = &[
-    ("motion blur", &[BuiltIn::CurrentRayTimeNV]),
-    (
-        "the machine's own numbers",
-        &[
-            BuiltIn::DeviceIndex,
-            BuiltIn::WarpsPerSMNV,
-            BuiltIn::SMCountNV,
-            BuiltIn::WarpIDNV,
-            BuiltIn::SMIDNV,
-            BuiltIn::CoreIDARM,
-            BuiltIn::CoreCountARM,
-            BuiltIn::CoreMaxIDARM,
-            BuiltIn::WarpIDARM,
-            BuiltIn::WarpMaxIDARM,
-        ],
-    ),
-    ("work graphs", &[BuiltIn::RemainingRecursionLevelsAMDX, BuiltIn::ShaderIndexAMDX]),
-];
+pub(super) const UNSUPPORTED_BUILTINS: Groups<BuiltIn> =
+    &[("work graphs", &[BuiltIn::RemainingRecursionLevelsAMDX, BuiltIn::ShaderIndexAMDX])];
 
 /// Builtins out of scope.
 pub(super) const OUT_OF_SCOPE_BUILTINS: Groups<BuiltIn> = &[

@@ -1,0 +1,262 @@
+//! Float arithmetic that rounds towards zero, by integers: exact results, cut off.
+
+use half::f16;
+
+/// A float format: its precision and the exponent of its smallest denormal's bit.
+pub trait Format: Copy {
+    /// Bits of the significand.
+    const PRECISION: i32;
+    /// The exponent of the last bit of denormals.
+    const LEAST: i32;
+    /// Bits in all.
+    const WIDTH: i32;
+    /// The bits.
+    fn to_word(self) -> u64;
+    /// From the bits.
+    fn from_word(bits: u64) -> Self;
+
+    /// Whether it is a denormal: smaller than every normal number, and not zero.
+    fn is_denormal(self) -> bool {
+        let magnitude = self.to_word() & ((1 << (Self::WIDTH - 1)) - 1);
+        magnitude != 0 && magnitude < 1 << (Self::PRECISION - 1)
+    }
+}
+
+macro_rules! formats {
+    ($($ty:ty, $word:ty, $width:literal, $precision:literal, $least:literal;)*) => {$(
+        impl Format for $ty {
+            const PRECISION: i32 = $precision;
+            const LEAST: i32 = $least;
+            const WIDTH: i32 = $width;
+            fn to_word(self) -> u64 {
+                self.to_bits().into()
+            }
+            fn from_word(bits: u64) -> Self {
+                Self::from_bits(bits as $word)
+            }
+        }
+    )*};
+}
+
+formats! {
+    f16, u16, 16, 11, -24;
+    f32, u32, 32, 24, -149;
+    f64, u64, 64, 53, -1074;
+}
+
+/// A number `±significand * 2^exponent`, plus a little more of the same sign where `more`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Number {
+    negative: bool,
+    significand: u128,
+    exponent: i32,
+    more: bool,
+}
+
+/// The greatest difference of exponents at which a sum is made without `more`.
+const REACH: i32 = 70;
+
+impl Number {
+    /// An integer.
+    pub fn integer(negative: bool, magnitude: u64) -> Self {
+        Self { negative, significand: magnitude.into(), exponent: 0, more: false }
+    }
+
+    /// A float; `None` for infinities and NaN.
+    pub fn of<T: Format>(value: T) -> Option<Self> {
+        let bits = value.to_word();
+        let fraction = bits & ((1 << (T::PRECISION - 1)) - 1);
+        let biased = (bits >> (T::PRECISION - 1)) & ((1 << (T::WIDTH - T::PRECISION)) - 1);
+        let negative = bits >> (T::WIDTH - 1) != 0;
+        if biased == (1 << (T::WIDTH - T::PRECISION)) - 1 {
+            return None;
+        }
+        let (hidden, exponent) = match biased {
+            0 => (0, T::LEAST),
+            _ => (1 << (T::PRECISION - 1), T::LEAST + biased as i32 - 1),
+        };
+        Some(Self { negative, significand: u128::from(fraction | hidden), exponent, more: false })
+    }
+
+    fn negated(self) -> Self {
+        Self { negative: !self.negative, ..self }
+    }
+
+    /// The sum. A zero sum of numbers of unlike sign is +0.
+    fn plus(self, other: Self) -> Self {
+        if self.significand == 0 && other.significand == 0 {
+            return Self { negative: self.negative && other.negative, ..self };
+        }
+        if other.significand == 0 {
+            return self;
+        }
+        if self.significand == 0 {
+            return other;
+        }
+        let (high, low) = if self.exponent >= other.exponent { (self, other) } else { (other, self) };
+        let same = high.negative == low.negative;
+        // Products have 106 bits: leave them where they are, and shift by what there is room for.
+        let room = (high.significand.leading_zeros() as i32 - 2).min(REACH);
+        let distance = high.exponent - low.exponent;
+        if distance > room && low_top(low) < high.exponent - room {
+            let significand = high.significand << room;
+            let significand = if same { significand } else { significand - 1 };
+            return Self { significand, exponent: high.exponent - room, more: true, ..high };
+        }
+        // They overlap: what of the lower one lies below the room is `more`.
+        let shift = distance.min(room);
+        let lost = distance - shift;
+        let a = (high.significand << shift) as i128;
+        let cut = low.significand & ((1u128 << lost) - 1) != 0;
+        let b = (low.significand >> lost) as i128;
+        let (sum, negative) = match (same, cut) {
+            (true, _) => (a + b, high.negative),
+            // a - (b + rest) = (a - b - 1) + (1 - rest), or with the other sign (b - a) + rest
+            (false, true) if a > b => (a - b - 1, high.negative),
+            (false, _) if a > b => (a - b, high.negative),
+            (false, false) if a == b => (0, false),
+            (false, _) => (b - a, low.negative),
+        };
+        Self { negative, significand: sum as u128, exponent: high.exponent - shift, more: cut }
+    }
+
+    fn times(self, other: Self) -> Self {
+        Self {
+            negative: self.negative != other.negative,
+            significand: self.significand * other.significand,
+            exponent: self.exponent + other.exponent,
+            more: false,
+        }
+    }
+
+    /// The quotient; `other` is not 0.
+    fn over(self, other: Self) -> Self {
+        const SHIFT: i32 = 74;
+        // At least 74 + 1 - 53 bits, and with a normal dividend as many as every format has.
+        let zeros = self.significand.leading_zeros() as i32 - (128 - 53);
+        let dividend = self.significand << (SHIFT + zeros.min(52));
+        Self {
+            negative: self.negative != other.negative,
+            significand: dividend / other.significand,
+            exponent: self.exponent - SHIFT - zeros.min(52) - other.exponent,
+            more: dividend % other.significand != 0,
+        }
+    }
+
+    /// Cuts off what a format cannot hold; what is too large becomes its greatest number.
+    pub fn cut<T: Format>(self) -> T {
+        let sign = u64::from(self.negative) << (T::WIDTH - 1);
+        let (mut significand, mut exponent) = (self.significand, self.exponent);
+        let bits = 128 - significand.leading_zeros() as i32;
+        if bits == 0 {
+            return T::from_word(sign);
+        }
+        let shift = (bits - T::PRECISION).max(T::LEAST - exponent);
+        if shift >= 128 {
+            return T::from_word(sign);
+        }
+        significand = if shift >= 0 { significand >> shift } else { significand << -shift };
+        exponent += shift;
+        let hidden = 1u128 << (T::PRECISION - 1);
+        let biased = if significand >= hidden { (exponent - T::LEAST + 1) as u64 } else { 0 };
+        let most = (1 << (T::WIDTH - T::PRECISION)) - 2;
+        if biased > most {
+            return T::from_word(sign | (most << (T::PRECISION - 1)) | (hidden as u64 - 1));
+        }
+        let fraction = (significand & (hidden - 1)) as u64;
+        T::from_word(sign | biased << (T::PRECISION - 1) | fraction)
+    }
+}
+
+/// The exponent of the bit above a number's highest.
+fn low_top(number: Number) -> i32 {
+    number.exponent + 128 - number.significand.leading_zeros() as i32
+}
+
+/// `a + b`; `nearest` is the same rounded to nearest, for infinities and NaN.
+pub fn add<T: Format>(a: T, b: T, nearest: T) -> T {
+    Number::of(a).zip(Number::of(b)).map_or(nearest, |(a, b)| a.plus(b).cut())
+}
+
+/// `a - b`.
+pub fn sub<T: Format>(a: T, b: T, nearest: T) -> T {
+    Number::of(a).zip(Number::of(b)).map_or(nearest, |(a, b)| a.plus(b.negated()).cut())
+}
+
+/// `a * b`.
+pub fn mul<T: Format>(a: T, b: T, nearest: T) -> T {
+    Number::of(a).zip(Number::of(b)).map_or(nearest, |(a, b)| a.times(b).cut())
+}
+
+/// `a / b`.
+pub fn div<T: Format>(a: T, b: T, nearest: T) -> T {
+    match (Number::of(a), Number::of(b)) {
+        (Some(a), Some(b)) if b.significand != 0 => a.over(b).cut(),
+        _ => nearest,
+    }
+}
+
+/// `a * b + c`, cut off once.
+pub fn mul_add<T: Format>(a: T, b: T, c: T, nearest: T) -> T {
+    match (Number::of(a), Number::of(b), Number::of(c)) {
+        (Some(a), Some(b), Some(c)) => a.times(b).plus(c).cut(),
+        _ => nearest,
+    }
+}
+
+/// A float in another format.
+pub fn convert<T: Format, U: Format>(value: T, nearest: U) -> U {
+    Number::of(value).map_or(nearest, Number::cut)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_are_cut_off() {
+        let ulp = f32::EPSILON;
+        // 1 + (1 - 2^-24) = 2 - 2^-24, which has 25 bits.
+        assert_eq!(add(1.0, 1.0 - ulp / 2.0, 2.0f32), 2.0 - ulp);
+        assert_eq!(sub(1.0, 1e-30f32, 1.0), 1.0 - ulp / 2.0);
+        assert_eq!(sub(-1.0, -1e-30f32, -1.0), -1.0 + ulp / 2.0);
+        assert_eq!(add(1.0, 1e-30f32, 1.0), 1.0);
+        // (1 + 2^-23)^2 = 1 + 2^-22 + 2^-46
+        assert_eq!(mul(1.0 + ulp, 1.0 + ulp, 0.0), 1.0 + 2.0 * ulp);
+        assert_eq!(div(2.0f32, 3.0, 0.0).to_bits(), 0x3F2A_AAAA);
+        assert_eq!(div(1.0f64, 10.0, 0.0).to_bits(), 0x3FB9_9999_9999_9999);
+        // Beyond the greatest number there is none; below the smallest only 0.
+        assert_eq!(mul(f32::MAX, 2.0, f32::INFINITY), f32::MAX);
+        assert_eq!(mul(f32::MIN_POSITIVE, -f32::MIN_POSITIVE, 0.0).to_bits(), 0x8000_0000);
+        // A denormal keeps its bits: (2^-126)(1 - 2^-24) is 2^-126 - 2^-150.
+        assert_eq!(mul(f32::MIN_POSITIVE, 1.0 - ulp / 2.0, 0.0).to_bits(), 0x007F_FFFF);
+        assert_eq!(sub(1.0f32, 1.0, 0.0).to_bits(), 0);
+        assert_eq!(add(-0.0f32, -0.0, 0.0).to_bits(), 0x8000_0000);
+        assert!(add(f32::INFINITY, 1.0, f32::INFINITY).is_infinite());
+        assert!(div(1.0f32, 0.0, f32::INFINITY).is_infinite());
+        assert_eq!(convert::<f32, f16>(65_519.0, f16::INFINITY).to_bits(), 0x7BFF);
+        assert_eq!(convert::<f32, f16>(1e9, f16::INFINITY).to_bits(), 0x7BFF);
+        assert_eq!(convert::<f64, f32>(0.1, 0.0).to_bits(), 0x3DCC_CCCC);
+        assert_eq!(Number::integer(true, 16_777_219).cut::<f32>(), -16_777_218.0);
+        // (1 + 2^-12)^2 - (1 + 2^-11) = 2^-24 exactly, but for one rounding.
+        let near = 1.0 + 2f32.powi(-12);
+        assert_eq!(mul_add(near, near, -1.0 - 2f32.powi(-11), 0.0), 2f32.powi(-24));
+        assert_eq!(mul_add(f64::MAX, 1.0, -1e-300, 0.0), f64::MAX.next_down());
+    }
+
+    proptest::proptest! {
+        /// Towards zero is at most one step from nearest, and never beyond the exact result: sums
+        /// and products of two f32 with like exponents are exact in f64.
+        #[test]
+        fn it_is_the_exact_result_cut_off(a in -1e6f32..1e6, b in -1e6f32..1e6) {
+            let cut = |exact: f64| {
+                let near = exact as f32;
+                if f64::from(near).abs() > exact.abs() { f32::from_bits(near.to_bits() - 1) } else { near }
+            };
+            proptest::prop_assert_eq!(mul(a, b, 0.0), cut(f64::from(a) * f64::from(b)));
+            let (x, y) = (a + 3e6, b.abs() + 1e6);
+            proptest::prop_assert_eq!(add(x, y, 0.0), cut(f64::from(x) + f64::from(y)));
+            proptest::prop_assert_eq!(sub(x, y, 0.0), cut(f64::from(x) - f64::from(y)));
+        }
+    }
+}

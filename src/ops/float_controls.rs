@@ -1,0 +1,199 @@
+//! Float controls (`SPV_KHR_float_controls`): denormals flushed to zero, and results cut off
+//! towards zero, for each width by itself.
+//!
+//! What is asked for otherwise (`DenormPreserve`, `RoundingModeRTE`, `SignedZeroInfNanPreserve`, and
+//! whatever a fast-math mode would allow to be left out) holds anyway.
+//!
+//! `DenormFlushToZero` takes denormal operands of arithmetic, comparisons, conversions and
+//! `GLSL.std.450` for zeros of their sign, and makes denormal results such zeros. `RoundingModeRTZ`
+//! rounds addition, subtraction, multiplication, division, fused multiplication and addition,
+//! remainders and conversions, and what the specification derives from them operation by operation.
+//! Elementary functions, whose rounding no mode fixes, stay rounded to nearest.
+
+use half::f16;
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::math::float::Float;
+use crate::math::toward_zero::{self, Format, Number};
+use crate::module::interface::EntryPoint;
+use crate::ops::decode::Decoder;
+use crate::ops::row::Row;
+use crate::rows;
+
+/// The widths that an entry point's modes name, as a mask of 16, 32 and 64.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FloatControls {
+    /// `DenormFlushToZero`
+    flush: u32,
+    /// `RoundingModeRTZ`
+    toward_zero: u32,
+}
+
+impl FloatControls {
+    /// The modes of an entry point.
+    pub fn of(entry: &EntryPoint) -> Self {
+        const DENORM_FLUSH_TO_ZERO: u32 = 4460;
+        const ROUNDING_MODE_RTZ: u32 = 4463;
+        let widths = |wanted: u32| {
+            let modes = entry.modes.iter().filter(|(mode, _)| *mode == wanted);
+            modes.filter_map(|(_, operands)| operands.first()).fold(0, |mask, width| mask | width)
+        };
+        Self { flush: widths(DENORM_FLUSH_TO_ZERO), toward_zero: widths(ROUNDING_MODE_RTZ) }
+    }
+
+    /// Whether a row's operation is another one under these controls.
+    #[inline]
+    pub fn concern(self, row: &Row) -> bool {
+        self != Self::default() && (self.flushes(row) || self.toward_zero & row.float_result != 0)
+    }
+
+    fn flushes(self, row: &Row) -> bool {
+        let floats = row.float_operands.iter().fold(row.float_result, |mask, width| mask | width);
+        self.flush & floats != 0
+    }
+}
+
+/// A row's operation under the decoder's float controls.
+///
+/// # Errors
+/// Where there is no room for its result.
+pub fn controlled(decoder: &mut Decoder<'_>, row: &'static Row, from: &[Reg]) -> Result<Reg> {
+    let FloatControls { flush, toward_zero } = decoder.float_controls;
+    let mut operands: [Reg; 3] = [from.first().copied().unwrap_or(Reg(0)); 3];
+    for (at, &reg) in from.iter().enumerate() {
+        let width = row.float_operands[at];
+        operands[at] = if flush & width != 0 { flushed(decoder, width, reg)? } else { reg };
+    }
+    let cut = (toward_zero & row.float_result != 0).then(|| counterpart(row)).flatten();
+    let result = decoder.plain_row(cut.unwrap_or(row), &operands[..from.len()])?;
+    match flush & row.float_result {
+        0 => Ok(result),
+        width => flushed(decoder, width, result),
+    }
+}
+
+fn flushed(decoder: &mut Decoder<'_>, width: u32, reg: Reg) -> Result<Reg> {
+    match Flushed.row(width) {
+        Some(row) => decoder.plain_row(row, &[reg]),
+        None => Ok(reg),
+    }
+}
+
+/// The row that rounds towards zero in the place of one that rounds to nearest.
+fn counterpart(row: &Row) -> Option<&'static Row> {
+    let (sections, name) = match row.name {
+        "Convert" => (CONVERSIONS, conversion(row)),
+        name => (&[FAMILIES][..], name),
+    };
+    let families = sections.iter().copied().flatten();
+    families.flat_map(|family| family.rows).find(|cut| {
+        cut.name.strip_suffix("TowardZero") == Some(name)
+            && cut.width == row.width
+            && cut.float_result == row.float_result
+    })
+}
+
+/// What a conversion to a float is from.
+fn conversion(row: &Row) -> &'static str {
+    match (row.float_operands[0], row.signed) {
+        (0, true) => "ConvertSToF",
+        (0, false) => "ConvertUToF",
+        _ => "FConvert",
+    }
+}
+
+fn cut_sum<T: Format + std::ops::Add<Output = T>>(a: T, b: T) -> T {
+    toward_zero::add(a, b, a + b)
+}
+
+fn cut_difference<T: Format + std::ops::Sub<Output = T>>(a: T, b: T) -> T {
+    toward_zero::sub(a, b, a - b)
+}
+
+fn cut_product<T: Format + std::ops::Mul<Output = T>>(a: T, b: T) -> T {
+    toward_zero::mul(a, b, a * b)
+}
+
+fn cut_quotient<T: Format + std::ops::Div<Output = T>>(a: T, b: T) -> T {
+    toward_zero::div(a, b, a / b)
+}
+
+rows! {
+    /// Denormals become zeros of their sign.
+    Flushed Internal [f16 f32 f64] (a: T) -> T {
+        if a.is_denormal() { Float::copysign(T::ZERO, a) } else { a }
+    }
+    FAddTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { cut_sum(a, b) }
+    FSubTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { cut_difference(a, b) }
+    FMulTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { cut_product(a, b) }
+    FDivTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { cut_quotient(a, b) }
+    FmaKHRTowardZero Internal [f16 f32 f64] (a: T, b: T, c: T) -> T {
+        toward_zero::mul_add(a, b, c, Float::mul_add(a, b, c))
+    }
+    FRemTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T {
+        cut_difference(a, cut_product(b, Float::trunc(cut_quotient(a, b))))
+    }
+    FModTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T {
+        cut_difference(a, cut_product(b, Float::floor(cut_quotient(a, b))))
+    }
+    FractTowardZero Internal [f16 f32 f64] (a: T) -> T { cut_difference(a, Float::floor(a)) }
+    RadiansTowardZero Internal [f16 f32 f64] (a: T) -> T { cut_product(a, T::of(std::f64::consts::PI / 180.0)) }
+    DegreesTowardZero Internal [f16 f32 f64] (a: T) -> T { cut_product(a, T::of(180.0 / std::f64::consts::PI)) }
+    FmaTowardZero Internal [f16 f32 f64] (a: T, b: T, c: T) -> T { cut_sum(cut_product(a, b), c) }
+    FMixTowardZero Internal [f16 f32 f64] (x: T, y: T, a: T) -> T {
+        cut_sum(cut_product(x, cut_difference(T::ONE, a)), cut_product(y, a))
+    }
+    SmoothStepTowardZero Internal [f16 f32 f64] (low: T, high: T, x: T) -> T {
+        let t = cut_quotient(cut_difference(x, low), cut_difference(high, low));
+        let t = if t < T::ZERO { T::ZERO } else { t };
+        let t = if T::ONE < t { T::ONE } else { t };
+        let rest = cut_difference(T::of(3.0), cut_product(T::of(2.0), t));
+        cut_product(cut_product(t, t), rest)
+    }
+}
+
+macro_rules! conversions {
+    ($($module:ident $name:ident $to:ty: [$($from:ty)*] |$a:ident| $body:expr;)*) => {
+        $(mod $module {
+            use super::*;
+            rows! { $name Internal [$($from)*] ($a: T) -> $to { $body } }
+        })*
+        /// Conversions to floats.
+        static CONVERSIONS: &[&[&crate::ops::row::Family]] = &[$($module::FAMILIES),*];
+    };
+}
+
+conversions! {
+    signed16 ConvertSToFTowardZero f16: [i8 i16 i32 i64] |a| Number::integer(a < 0, u64::from(a.unsigned_abs())).cut();
+    signed32 ConvertSToFTowardZero f32: [i8 i16 i32 i64] |a| Number::integer(a < 0, u64::from(a.unsigned_abs())).cut();
+    signed64 ConvertSToFTowardZero f64: [i8 i16 i32 i64] |a| Number::integer(a < 0, u64::from(a.unsigned_abs())).cut();
+    unsigned16 ConvertUToFTowardZero f16: [u8 u16 u32 u64] |a| Number::integer(false, u64::from(a)).cut();
+    unsigned32 ConvertUToFTowardZero f32: [u8 u16 u32 u64] |a| Number::integer(false, u64::from(a)).cut();
+    unsigned64 ConvertUToFTowardZero f64: [u8 u16 u32 u64] |a| Number::integer(false, u64::from(a)).cut();
+    to_half FConvertTowardZero f16: [f32 f64] |a| toward_zero::convert(a, crate::math::float::half_of(f64::from(a)));
+    to_single FConvertTowardZero f32: [f64] |a| toward_zero::convert(a, a as f32);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ops::row::tests::check;
+
+    #[test]
+    fn vectors() {
+        let bits = |value: f32| u64::from(value.to_bits());
+        check(&Flushed, 32, &[0x807F_FFFF], 0x8000_0000);
+        check(&Flushed, 32, &[0x0080_0000], 0x0080_0000);
+        check(&Flushed, 16, &[0x03FF], 0);
+        check(&Flushed, 64, &[1], 0);
+        // 1 + 2^-24 * 3 lies between 1 + 2^-23 and 1 + 2^-22.
+        check(&FAddTowardZero, 32, &[bits(1.0), bits(3.0 * 2f32.powi(-24))], bits(1.0 + f32::EPSILON));
+        check(&FRemTowardZero, 32, &[bits(-7.0), bits(3.0)], bits(-1.0));
+        check(&FModTowardZero, 32, &[bits(-7.0), bits(3.0)], bits(2.0));
+        check(&signed32::ConvertSToFTowardZero, 32, &[0x8000_0001], bits(-2_147_483_520.0));
+        check(&unsigned32::ConvertUToFTowardZero, 32, &[0xFFFF_FFFF], 0x4F7F_FFFF);
+        check(&to_half::FConvertTowardZero, 32, &[bits(65_519.0)], 0x7BFF);
+        check(&to_single::FConvertTowardZero, 64, &[0.1f64.to_bits()], 0x3DCC_CCCC);
+    }
+}
