@@ -235,7 +235,7 @@ impl Program {
             _ => (None, String::new()),
         };
         let name = match chunk.buffer {
-            BufferRef::Address(_) => return Some(format!("{bytes} bytes at address {asked:#x}{size}")),
+            BufferRef::Address(_) => return Some(format!("{bytes} bytes at address {asked:#x}")),
             BufferRef::PushConstants => "the push constants".to_owned(),
             BufferRef::ShaderRecord => "the shader record".to_owned(),
             BufferRef::Workgroup => "the workgroup's memory".to_owned(),
