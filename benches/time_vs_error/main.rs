@@ -11,6 +11,8 @@
 //! over the rounds. "engine" is the traversal that shaders get ([`anyhit::accel::Cursor`]).
 //! Errors are judged by rational arithmetic on a part of the rays.
 
+#![allow(clippy::print_stdout, reason = "a table is printed")]
+
 mod contender;
 mod judge;
 mod plot;

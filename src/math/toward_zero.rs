@@ -139,7 +139,7 @@ impl Number {
             negative: self.negative != other.negative,
             significand: dividend / other.significand,
             exponent: self.exponent - SHIFT - zeros.min(52) - other.exponent,
-            more: dividend % other.significand != 0,
+            more: !dividend.is_multiple_of(other.significand),
         }
     }
 
