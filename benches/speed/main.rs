@@ -1,0 +1,29 @@
+//! What a ray costs: loading, lowering, building, traversing, shading, in processor time.
+//!
+//! `cargo bench --bench speed` prints a table; what stands after `--` chooses the rows whose names
+//! begin so.
+//! Without `--bench` (`cargo test --benches`) everything runs once and small.
+//!
+//! Processor time (of all threads of the process) is what is counted, as wall time doubles on a
+//! busy machine. Each row is the median of several runs.
+
+#![allow(clippy::print_stdout, reason = "a table is printed")]
+
+mod clock;
+mod frames;
+mod ready;
+mod scenes;
+mod table;
+mod traverse;
+
+use table::Table;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let full = arguments.iter().any(|argument| argument == "--bench");
+    let wanted = arguments.into_iter().find(|argument| !argument.starts_with('-'));
+    let mut table = Table::new(full, wanted);
+    traverse::run(&mut table);
+    frames::run(&mut table);
+    ready::run(&mut table);
+}

@@ -1,0 +1,74 @@
+//! Getting ready: loading and lowering modules, building trees, the smallest launch.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhit::accel::GeometryFlags;
+use anyhit::pipeline::{Launch, Pipeline};
+
+use crate::frames::program;
+use crate::scenes::{self, Scene};
+use crate::table::Table;
+
+pub fn run(table: &mut Table) {
+    for module in ["bench/light.rchit.spv", "demo/swept-spheres/grass.rchit.spv"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures").join(module);
+        load_and_lower(table, module, &path);
+    }
+    // Modules of one's own: how load and lower grow with them.
+    for path in std::env::var_os("MODULES").iter().flat_map(std::env::split_paths) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        load_and_lower(table, &name, &path);
+    }
+    let build = |name: &str, make: &dyn Fn() -> Scene| {
+        if !table.wants(name) {
+            return;
+        }
+        let scene = make();
+        table.time(name, || {
+            let blas = scene.blas(GeometryFlags::OPAQUE);
+            format!("{:?}", blas.bounds().max)
+        });
+    };
+    let (grid, many, blades) = (table.size(256, 8), table.size(10_000, 50), table.size(30_000, 50));
+    build("build triangles", &|| scenes::heightfield(grid));
+    build("build spheres", &|| scenes::spheres(many));
+    build("build swept spheres", &|| scenes::meadow(blades));
+    for cells in table.size(vec![7, 22, 71, 224, 707], vec![4]) {
+        build(&format!("growth build {} triangles", 2 * cells * cells), &|| scenes::heightfield(cells));
+    }
+    if table.wants_any("one invocation") {
+        let mut builder = Pipeline::builder();
+        builder.ray_generation(program("arithmetic.rgen")).expect("ray generation");
+        let pipeline = builder.build().expect("a valid pipeline");
+        let resources = Default::default();
+        let launch = Launch { pipeline: &pipeline, resources: &resources };
+        table.time("one invocation, 1000 times", || {
+            for _ in 0..1000 {
+                // It ends at its first store: nothing is bound.
+                let _ = launch.run_one([0; 3], [1; 3], &mut (), &mut ());
+            }
+            String::new()
+        });
+    }
+}
+
+fn load_and_lower(table: &Table, name: &str, path: &Path) {
+    let (loading, lowering) = (format!("load {name}"), format!("lower {name}"));
+    if !table.wants(&loading) && !table.wants(&lowering) {
+        return;
+    }
+    let bytes = std::fs::read(path).expect("a module");
+    table.time(&loading, || {
+        let module = anyhit::module::load(&bytes).expect("a valid module");
+        format!(
+            "{} instructions",
+            module.functions.iter().flat_map(|f| &f.blocks).map(|b| b.instructions.len()).sum::<usize>()
+        )
+    });
+    let module = Arc::new(anyhit::module::load(&bytes).expect("a valid module"));
+    table.time(&lowering, || {
+        let program = anyhit::program::lower(&module, &module.entry_points[0]).expect("a supported module");
+        format!("{} operations, {} rows", program.ops.len(), program.rows)
+    });
+}

@@ -1,0 +1,221 @@
+//! The scenes: a heightfield of triangles, a cloud of spheres, a meadow of swept spheres.
+
+use std::sync::Arc;
+
+use anyhit::accel::{
+    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, InstanceFlags, Tlas,
+};
+use anyhit::geometry::Ray;
+
+/// A seeded generator of numbers (splitmix64).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ z >> 31
+    }
+
+    /// Evenly between two numbers.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * ((self.bits() >> 11) as f64 / 9_007_199_254_740_992.0)
+    }
+}
+
+/// A pinhole camera; `right` and `up` are scaled by the tangent of half the field of view.
+#[derive(Clone, Copy)]
+pub struct Camera {
+    pub eye: [f32; 3],
+    pub forward: [f32; 3],
+    pub right: [f32; 3],
+    pub up: [f32; 3],
+}
+
+impl Camera {
+    /// A camera with a vertical field of view of 45 degrees for pictures of 4 : 3.
+    fn new(eye: [f64; 3], target: [f64; 3]) -> Self {
+        let unit = |v: [f64; 3]| {
+            let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+            v.map(|x| x / length)
+        };
+        let f = unit(std::array::from_fn(|k| target[k] - eye[k]));
+        let r = unit([-f[2], 0.0, f[0]]);
+        let u = [r[1] * f[2] - r[2] * f[1], r[2] * f[0] - r[0] * f[2], r[0] * f[1] - r[1] * f[0]];
+        let tangent = 22.5f64.to_radians().tan();
+        Self {
+            eye: eye.map(|x| x as f32),
+            forward: f.map(|x| x as f32),
+            right: r.map(|x| (x * tangent * 4.0 / 3.0) as f32),
+            up: u.map(|x| (x * tangent) as f32),
+        }
+    }
+
+    /// The rays through the centres of the pixels of a picture, in rows.
+    pub fn rays(&self, [width, height]: [u32; 2]) -> Vec<Ray> {
+        let mut rays = Vec::with_capacity((width * height) as usize);
+        for y in 0..height {
+            for x in 0..width {
+                let sx = (x as f32 + 0.5) / width as f32 * 2.0 - 1.0;
+                let sy = 1.0 - (y as f32 + 0.5) / height as f32 * 2.0;
+                let d: [f32; 3] =
+                    std::array::from_fn(|k| self.forward[k] + sx * self.right[k] + sy * self.up[k]);
+                let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+                rays.push(Ray::new(self.eye, d.map(|x| x / length)));
+            }
+        }
+        rays
+    }
+}
+
+/// What is drawn.
+pub struct Scene {
+    pub camera: Camera,
+    pub data: GeometryData,
+    /// Vertex normals of a heightfield.
+    pub normals: Vec<f32>,
+    /// Centres and radii, one or two of them a primitive.
+    pub spheres: Vec<[f32; 4]>,
+}
+
+/// Two triangles a cell over a grid of n x n cells: waves on waves.
+pub fn heightfield(n: u32) -> Scene {
+    let height = |x: f64, z: f64| {
+        0.35 * (1.3 * x).sin() * (1.1 * z).cos()
+            + 0.12 * (3.7 * x + 1.0).sin() * (4.1 * z + 0.5).sin()
+            + 0.04 * (11.0 * x).sin() * (9.0 * z).cos()
+    };
+    let mut vertices = Vec::new();
+    let mut normals = Vec::new();
+    let mut indices = Vec::new();
+    for j in 0..=n {
+        for i in 0..=n {
+            let at = |k: u32| -5.0 + 10.0 * f64::from(k) / f64::from(n);
+            let (x, z, e) = (at(i), at(j), 1e-4);
+            vertices.push([x as f32, height(x, z) as f32, z as f32]);
+            let slope_x = (height(x + e, z) - height(x - e, z)) / (2.0 * e);
+            let slope_z = (height(x, z + e) - height(x, z - e)) / (2.0 * e);
+            let length = (1.0 + slope_x * slope_x + slope_z * slope_z).sqrt();
+            normals.extend([-slope_x / length, 1.0 / length, -slope_z / length].map(|x| x as f32));
+        }
+    }
+    for j in 0..n {
+        for i in 0..n {
+            let a = j * (n + 1) + i;
+            let [b, c, d] = [a + 1, a + n + 1, a + n + 2];
+            indices.extend([a, c, b, b, c, d]);
+        }
+    }
+    Scene {
+        camera: Camera::new([0.5, 2.2, 6.5], [0.0; 3]),
+        data: GeometryData::Triangles { vertices, indices: Some(indices), transform: None },
+        normals,
+        spheres: Vec::new(),
+    }
+}
+
+/// Small spheres in a slab.
+pub fn spheres(count: usize) -> Scene {
+    let mut random = Random(11);
+    let spheres: Vec<[f32; 4]> = (0..count)
+        .map(|_| {
+            [(-5.0, 5.0), (0.0, 1.5), (-5.0, 5.0), (0.02, 0.08)].map(|(a, b)| random.between(a, b) as f32)
+        })
+        .collect();
+    Scene {
+        camera: Camera::new([0.5, 2.2, 7.5], [0.0, 0.3, 0.0]),
+        data: GeometryData::Spheres {
+            positions: spheres.iter().map(|&[x, y, z, _]| [x, y, z]).collect(),
+            radii: spheres.iter().map(|s| s[3]).collect(),
+            indices: None,
+        },
+        normals: Vec::new(),
+        spheres,
+    }
+}
+
+/// The boxes around those spheres.
+pub fn boxes(count: usize) -> Scene {
+    let scene = spheres(count);
+    let boxes = scene.spheres.iter().map(|&[x, y, z, r]| [x - r, y - r, z - r, x + r, y + r, z + r]);
+    Scene { data: GeometryData::Aabbs(boxes.collect()), ..scene }
+}
+
+/// Blades of grass, a few spheres and chains: everything a linear swept sphere.
+pub fn meadow(blades: usize) -> Scene {
+    let mut random = Random(2024);
+    let mut ends: Vec<[f32; 4]> = Vec::new();
+    for _ in 0..blades {
+        let (x, z) = (random.between(-5.0, 5.0), random.between(-5.0, 5.0));
+        let (height, radius) = (random.between(0.2, 0.5), random.between(0.003, 0.008));
+        let (lean_x, lean_z) = (random.between(-0.35, 0.35) * height, random.between(-0.35, 0.35) * height);
+        ends.push([x, 0.0, z, radius].map(|x| x as f32));
+        ends.push([x + lean_x, height, z + lean_z, radius * 0.4].map(|x| x as f32));
+    }
+    let mut balls = Vec::new();
+    for _ in 0..10 {
+        let radius = random.between(0.15, 0.45);
+        let (x, z) = (random.between(-4.0, 4.0), random.between(-4.0, 4.0));
+        balls.push([x, radius * 0.9, z, radius].map(|x| x as f32));
+    }
+    for _ in 0..20 {
+        let (mut x, mut z, mut y) = (random.between(-4.5, 4.5), random.between(-4.5, 4.5), 0.0);
+        let radius = random.between(0.02, 0.04);
+        let mut points = Vec::new();
+        for k in 0..5 {
+            points.push([x, y, z, radius * (1.0 - 0.15 * f64::from(k))].map(|x| x as f32));
+            x += random.between(-0.25, 0.25);
+            z += random.between(-0.25, 0.25);
+            y += random.between(0.15, 0.3);
+        }
+        ends.extend(points.windows(2).flatten());
+    }
+    ends.extend(balls.iter().flat_map(|&ball| [ball, ball]));
+    Scene {
+        camera: Camera::new([0.0, 1.3, 7.0], [0.0, 0.1, 0.0]),
+        data: GeometryData::LinearSweptSpheres {
+            positions: ends.iter().map(|&[x, y, z, _]| [x, y, z]).collect(),
+            radii: ends.iter().map(|s| s[3]).collect(),
+            indices: None,
+            indexing: Indexing::List,
+            end_caps: EndCaps::Chained,
+        },
+        normals: Vec::new(),
+        spheres: ends,
+    }
+}
+
+impl Scene {
+    /// Its BLAS.
+    pub fn blas(&self, flags: GeometryFlags) -> Arc<Blas> {
+        Blas::new(vec![Geometry::new(self.data.clone(), flags)]).expect("a valid geometry")
+    }
+
+    /// Its BLAS placed once.
+    pub fn tlas(&self, flags: GeometryFlags) -> Arc<Tlas> {
+        let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+        Tlas::new(vec![instance(self.blas(flags), identity)]).expect("a valid instance")
+    }
+
+    /// Its BLAS in 8 x 8 places, every other one turned.
+    pub fn tiled(&self) -> Arc<Tlas> {
+        let blas = self.blas(GeometryFlags::OPAQUE);
+        let place = |number: u32| {
+            let at = |k: u32| -5.0 + 10.0 * (k as f32 + 0.5) / 8.0;
+            let (i, j) = (number % 8, number / 8);
+            let transform = match (i + j) % 2 {
+                0 => [[0.125, 0.0, 0.0, at(i)], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 0.125, at(j)]],
+                _ => [[0.0, 0.0, 0.125, at(i)], [0.0, 0.5, 0.0, 0.0], [-0.125, 0.0, 0.0, at(j)]],
+            };
+            instance(blas.clone(), transform)
+        };
+        Tlas::new((0..64).map(place).collect()).expect("valid instances")
+    }
+}
+
+fn instance(blas: Arc<Blas>, transform: [[f32; 4]; 3]) -> Instance {
+    let flags = InstanceFlags::default();
+    Instance { blas, transform, custom_index: 0, mask: 0xFF, sbt_record_offset: 0, flags }
+}
