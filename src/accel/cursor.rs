@@ -309,7 +309,7 @@ impl Cursor {
                 visit.present(&first.0);
                 return Some(first.0);
             }
-            if !self.step(tlas, visit) {
+            if !self.advance(tlas, visit) {
                 break;
             }
         }
@@ -400,6 +400,12 @@ impl Cursor {
         }
         self.waiting.push(Reverse(waiting));
         true
+    }
+
+    /// Whether candidates wait for their turn.
+    #[inline]
+    pub(super) fn has_waiting(&self) -> bool {
+        !self.waiting.is_empty()
     }
 
     fn is_behind(&self, waiting: &Waiting) -> bool {

@@ -2,8 +2,8 @@
 
 use crate::accel::node_ray::{NodeLimit, NodeRay};
 
-/// How many children a node has at most.
-pub const WIDTH: usize = 4;
+/// How many children a node has at most: the lanes of a vector register (AVX) or of two (SSE).
+pub const WIDTH: usize = 8;
 
 /// A child: an inner node, or a run of primitives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,7 +26,7 @@ pub struct Node {
 }
 
 impl Node {
-    /// A node over up to four children with their boxes (scaled, minimum and maximum).
+    /// A node over up to `WIDTH` children with their boxes (scaled, minimum and maximum).
     pub fn new(children: &[(Child, [[f32; 3]; 2])]) -> Self {
         debug_assert!((1..=WIDTH).contains(&children.len()));
         let mut node = Self {
@@ -61,12 +61,12 @@ impl Node {
     /// Where the ray enters each child's box: a lower bound of the rounded t (absolute, at least
     /// `t_min`) of any hit in it, and a bit for each child that it does not surely miss before
     /// `limit`.
-    #[inline]
+    #[inline(always)]
     pub fn entries(&self, ray: &NodeRay, limit: NodeLimit) -> ([f32; WIDTH], u32) {
         let mut near = [ray.near_floor; WIDTH];
         let mut far = [limit.0; WIDTH];
         for axis in 0..3 {
-            let side = ray.near_side[axis];
+            let side = ray.near_side[axis] & 1;
             let near_planes = &self.planes[axis][side];
             let far_planes = &self.planes[axis][side ^ 1];
             for slot in 0..WIDTH {
@@ -87,6 +87,6 @@ impl Node {
     /// The child in a slot.
     #[inline]
     pub fn child(&self, slot: usize) -> Child {
-        self.children[slot]
+        self.children[slot % WIDTH]
     }
 }

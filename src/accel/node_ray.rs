@@ -2,8 +2,9 @@
 //!
 //! **Units.** A tree's boxes are stored times a power of two (its *scale*) that brings the largest
 //! coordinate into the unit cube; the ray's origin and direction are scaled alike, so that t keeps
-//! its meaning. For a ray that starts far away, t is counted from `t_shift`, an f32 not above its
-//! entry into the root; the origin moves there. Then every number of the test is of moderate size.
+//! its meaning. For a ray that starts far away (64 times the largest coordinate), t is counted from
+//! `t_shift`, an f32 not above its entry into the root; the origin moves there. Then every number of
+//! the test is of moderate size, and what the test gives away (2^-22 of t) is far below the boxes.
 //!
 //! **The test.** On one axis let the exact origin lie in [o-, o+] and the exact direction in
 //! [d-, d+], all f32. For d- > 0 and t >= 0, a point with lo <= o + d t <= hi has
@@ -47,17 +48,41 @@ pub struct NodeRay {
     pub(super) near_floor: f32,
 }
 
+/// A ray is far away whose origin lies this many times the largest coordinate off.
+const FAR_AWAY: f64 = 64.0;
+
 /// The slack of a reciprocal, 2^-22 downwards and upwards.
 const SHRINK: f64 = 1.0 - 1.0 / 4_194_304.0;
 const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
 
 impl NodeRay {
     /// Prepares a ray for a tree with the given root box (in the tree's space, not scaled) and
-    /// scale (a power of two). `None` where the ray surely misses the root within `t_min..=t_max`.
+    /// scale (a power of two). `None` where it is plain that the ray misses the root within
+    /// `t_min..=t_max`.
+    #[inline]
     pub fn new(ray: &ObjectRay, t_max: f32, root: &Bounds, scale: f64) -> Option<Self> {
+        let (origin, _) = ray.origin_bounded();
+        let (direction, bounds) = ray.direction_bounded();
+        let far_away = origin.iter().any(|x| x.is_nan() || (x * scale).abs() > FAR_AWAY);
+        let blurred = (0..3).any(|axis| is_parallel(direction[axis], bounds[axis]) && bounds[axis] != 0.0);
+        if far_away || blurred {
+            // Only then does it matter where the ray enters and leaves the root.
+            let (enter, leave) = root_interval(ray, t_max, root)?;
+            let t_shift = if far_away { t_shift(enter) } else { 0.0 };
+            return Some(Self::counted_from(ray, t_shift, leave, scale));
+        }
+        Some(Self::counted_from(ray, 0.0, f64::INFINITY, scale))
+    }
+
+    /// Whether the ray surely misses a tree's root box within `t_min..=t_max`.
+    pub fn misses(ray: &ObjectRay, t_max: f32, root: &Bounds) -> bool {
+        root_interval(ray, t_max, root).is_none()
+    }
+
+    /// The ray with t counted from a shift; `leave` is the largest t of interest.
+    #[inline(always)]
+    fn counted_from(ray: &ObjectRay, t_shift: f32, leave: f64, scale: f64) -> Self {
         let t_min = ray.t_min();
-        let (enter, leave) = root_interval(ray, t_max, root)?;
-        let t_shift = t_shift(ray, enter, root);
         let (near_by, origin_bounds) = ray.origin_bounded();
         let (along, direction_bounds) = ray.direction_bounded();
         let mut out = Self {
@@ -73,10 +98,11 @@ impl NodeRay {
         let shift = f64::from(t_shift);
         for axis in 0..3 {
             let (d, d_bound) = (along[axis], direction_bounds[axis]);
-            let moved = shift * d;
-            let mut origin = near_by[axis] + moved;
+            let mut origin = near_by[axis];
             let mut bound = origin_bounds[axis];
             if shift != 0.0 {
+                let moved = shift * d;
+                origin += moved;
                 bound += shift * d_bound + (moved.abs() + origin.abs()) * (2.0 * U);
                 bound *= 1.0 + 8.0 * U;
             }
@@ -89,28 +115,37 @@ impl NodeRay {
                 (origin, bound) = (0.0, f64::INFINITY);
             }
             // Scaling is exact, the sums round: one ulp of f64 further out, then on to f32.
-            let low = round_down(((origin - bound) * scale).next_down_unless(bound == 0.0));
-            let high = round_up(((origin + bound) * scale).next_up_unless(bound == 0.0));
+            let (low, high) = if bound == 0.0 {
+                around(origin * scale)
+            } else {
+                let low = round_down(((origin - bound) * scale).next_down());
+                (low, round_up(((origin + bound) * scale).next_up()))
+            };
             let upwards = d > 0.0 || parallel;
             out.near_side[axis] = usize::from(!upwards);
             (out.near_origin[axis], out.far_origin[axis]) = if upwards { (high, low) } else { (low, high) };
             if parallel {
                 continue;
             }
-            // Largest and smallest magnitude of the scaled direction.
-            let most = (d.abs() + d_bound) * scale;
-            let least = (d.abs() - d_bound) * scale;
-            // The sums and divisions in f64 err by 4u, far below the slack of 2^-22.
-            let near = round_down(SHRINK / most);
-            let far = round_up(WIDEN / least);
+            // Largest and smallest magnitude of the scaled direction. The sums and divisions in f64
+            // err by 4u, far below the slack of 2^-22.
+            let (slow, fast) = if d_bound == 0.0 {
+                let reciprocal = 1.0 / (d.abs() * scale);
+                (reciprocal, reciprocal)
+            } else {
+                (1.0 / ((d.abs() + d_bound) * scale), 1.0 / ((d.abs() - d_bound) * scale))
+            };
+            let near = round_down(SHRINK * slow);
+            let far = round_up(WIDEN * fast);
             (out.near_reciprocal[axis], out.far_reciprocal[axis]) =
                 if upwards { (near, far) } else { (-near, -far) };
         }
-        Some(out)
+        out
     }
 
     /// The limit for a largest t of interest (absolute, t >= 0): no hit whose rounded t is at most
     /// `t` has a near bound above it.
+    #[inline]
     pub fn limit(&self, t: f32) -> NodeLimit {
         // An infinite t would let boxes at infinity pass.
         let t = t.min(f32::MAX);
@@ -137,6 +172,7 @@ impl NodeRay {
     }
 
     /// A lower bound of the rounded t of any hit in the tree.
+    #[inline]
     pub fn root_entry(&self) -> f32 {
         self.absolute(self.near_floor)
     }
@@ -184,46 +220,31 @@ fn is_parallel(d: f64, d_bound: f64) -> bool {
     d.is_nan() || d.abs() <= d_bound
 }
 
-/// From where t is counted: 0 for a ray that starts near the box, else an f32 at or below `enter`.
-fn t_shift(ray: &ObjectRay, enter: f64, root: &Bounds) -> f32 {
-    let (origin, _) = ray.origin_bounded();
-    let far_away = (0..3).any(|axis| {
-        let size = f64::from(root.max[axis]).abs().max(f64::from(root.min[axis]).abs());
-        origin[axis].abs() > 4.0 * size
-    });
+/// From where t is counted: an f32 at or below `enter`, or 0.
+fn t_shift(enter: f64) -> f32 {
     // Below 2^-60 the sums of t would meet the subnormal numbers.
-    if !far_away || enter < 1.0 / (1u64 << 60) as f64 {
-        return 0.0;
-    }
-    round_down(enter)
+    if enter < 1.0 / (1u64 << 60) as f64 { 0.0 } else { round_down(enter) }
+}
+
+/// The f32 below and above x; both are x where it is one.
+#[inline(always)]
+fn around(x: f64) -> (f32, f32) {
+    let near = x as f32;
+    if f64::from(near) == x { (near, near) } else { (round_down(x), round_up(x)) }
 }
 
 /// The largest f32 not above x.
+#[inline]
 pub fn round_down(x: f64) -> f32 {
     let near = x as f32;
     if f64::from(near) > x { near.next_down() } else { near }
 }
 
 /// The smallest f32 not below x.
+#[inline]
 pub fn round_up(x: f64) -> f32 {
     let near = x as f32;
     if f64::from(near) < x { near.next_up() } else { near }
-}
-
-/// A step outwards, but none where the number is exact.
-trait Outwards {
-    fn next_up_unless(self, exact: bool) -> Self;
-    fn next_down_unless(self, exact: bool) -> Self;
-}
-
-impl Outwards for f64 {
-    fn next_up_unless(self, exact: bool) -> Self {
-        if exact { self } else { self.next_up() }
-    }
-
-    fn next_down_unless(self, exact: bool) -> Self {
-        if exact { self } else { self.next_down() }
-    }
 }
 
 #[cfg(test)]
@@ -352,7 +373,7 @@ mod tests {
             return (child.first..child.first + child.count).contains(&place);
         }
         let below = tree.node(child.first);
-        (0..4).any(|slot| holds(tree, below, slot, place))
+        (0..WIDTH).any(|slot| holds(tree, below, slot, place))
     }
 
     /// Boxes and a ray towards a corner, edge or face of one, from far or near; its components are

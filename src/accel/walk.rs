@@ -5,7 +5,7 @@ use crate::accel::body::Body;
 use crate::accel::cursor::{Candidate, Cursor};
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Child, Node, WIDTH};
-use crate::accel::node_ray::NodeRay;
+use crate::accel::node_ray::{NodeLimit, NodeRay};
 use crate::accel::rules::{
     is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible, presented,
 };
@@ -56,28 +56,55 @@ impl Cursor {
         }
     }
 
-    /// Visits what lies on top of the stack; `false` where nothing is left.
-    pub(super) fn step(&mut self, tlas: &Tlas, visit: &mut impl Visit) -> bool {
-        if self.level.as_ref().is_some_and(|level| self.open.len() == level.base) {
-            self.spare_level = self.level.take();
+    /// Goes on until a candidate waits for its turn; `false` where nothing is left to visit.
+    pub(super) fn advance(&mut self, tlas: &Tlas, visit: &mut impl Visit) -> bool {
+        loop {
+            if let Some(level) = self.level.take() {
+                self.visit_level(tlas, &level, visit);
+                if self.open.len() > level.base {
+                    self.level = Some(level);
+                } else {
+                    self.spare_level = Some(level);
+                }
+            } else {
+                let Some(Open { child, entry, .. }) = self.open.pop() else { return false };
+                if entry <= self.cull_t {
+                    self.step_in_world(tlas, child, entry, visit);
+                }
+            }
+            if self.has_waiting() {
+                return true;
+            }
         }
-        let Some(Open { child, entry, .. }) = self.open.pop() else { return false };
-        if entry > self.cull_t {
-            return true;
-        }
-        let Some(level) = self.level.take() else {
-            self.step_in_world(tlas, child, entry, visit);
-            return true;
-        };
+    }
+
+    /// Visits what the stack holds of a BLAS, until a candidate waits.
+    fn visit_level(&mut self, tlas: &Tlas, level: &Level, visit: &mut impl Visit) {
         let body = tlas.instances()[level.instance as usize].blas.body();
-        if child.count > 0 {
-            self.test(tlas, level.instance, body, child, &level.object_ray, &level.block_ray, visit);
-        } else if let Some(tree) = body.tree() {
-            visit.node(Some(level.instance));
-            push_children(&mut self.open, self.cull_t, tree.node(child.first), &level.node_ray);
+        let Some(tree) = body.tree() else { return };
+        let mut limit = level.node_ray.limit(self.cull_t);
+        while self.open.len() > level.base {
+            let Some(Open { mut child, entry, .. }) = self.open.pop() else { return };
+            if entry > self.cull_t {
+                continue;
+            }
+            // Down to a leaf; what is farther waits on the stack.
+            loop {
+                if child.count > 0 {
+                    self.test(tlas, level.instance, body, child, &level.object_ray, &level.block_ray, visit);
+                    if self.has_waiting() {
+                        return;
+                    }
+                    limit = level.node_ray.limit(self.cull_t);
+                    break;
+                }
+                visit.node(Some(level.instance));
+                match push_children(&mut self.open, limit, tree.node(child.first), &level.node_ray) {
+                    Some((nearest, _)) => child = nearest,
+                    None => break,
+                }
+            }
         }
-        self.level = Some(level);
-        true
     }
 
     fn step_in_world(&mut self, tlas: &Tlas, child: Child, entry: f32, visit: &mut impl Visit) {
@@ -85,7 +112,12 @@ impl Cursor {
             (0, Some((tree, _))) => {
                 let Some(world) = &self.world else { return };
                 visit.node(None);
-                push_children(&mut self.open, self.cull_t, tree.node(child.first), world);
+                let limit = world.limit(self.cull_t);
+                if let Some((nearest, entry)) =
+                    push_children(&mut self.open, limit, tree.node(child.first), world)
+                {
+                    push(&mut self.open, nearest, entry);
+                }
             }
             (1, tree) => {
                 let instance = tree.map_or(child.first, |(_, order)| order[child.first as usize]);
@@ -103,7 +135,7 @@ impl Cursor {
 
     /// Goes into an instance: its primitives are tested at once where they are few, otherwise the
     /// root of its tree comes on the stack.
-    fn enter(&mut self, tlas: &Tlas, number: u32, visit: &mut impl Visit) -> InstanceVerdict {
+    fn enter<V: Visit>(&mut self, tlas: &Tlas, number: u32, visit: &mut V) -> InstanceVerdict {
         let instance = &tlas.instances()[number as usize];
         if !is_visible(instance.mask, self.trace.cull_mask) {
             return InstanceVerdict::Masked;
@@ -122,6 +154,9 @@ impl Cursor {
             }
             return InstanceVerdict::Entered;
         };
+        if V::REASONS && NodeRay::misses(&object_ray, self.cull_t, tree.bounds()) {
+            return InstanceVerdict::Missed;
+        }
         let Some(node_ray) = NodeRay::new(&object_ray, self.cull_t, tree.bounds(), tree.scale()) else {
             return InstanceVerdict::Missed;
         };
@@ -230,29 +265,54 @@ fn push(open: &mut Vec<Open>, child: Child, entry: f32) {
     open.push(Open { child, entry, floor });
 }
 
-/// Puts the children that the ray meets on the stack, the nearest on top.
-#[inline]
-fn push_children(open: &mut Vec<Open>, cull_t: f32, node: &Node, ray: &NodeRay) {
-    let (near, mut rest) = node.entries(ray, ray.limit(cull_t));
-    // Most nodes leave one child or two: bits are looked for, not slots looked at.
-    let mut met = [(0.0f32, 0u32); WIDTH];
-    let mut count = 0;
-    while rest != 0 {
-        let slot = rest.trailing_zeros();
+/// The nearest of the children that the ray meets, with its entry; the others come on the stack, the
+/// nearest of them on top.
+#[inline(always)]
+fn push_children(open: &mut Vec<Open>, limit: NodeLimit, node: &Node, ray: &NodeRay) -> Option<(Child, f32)> {
+    let (near, mut rest) = node.entries(ray, limit);
+    if rest == 0 {
+        return None;
+    }
+    let mut next = || {
+        let slot = rest.trailing_zeros() as usize % WIDTH;
         rest &= rest - 1;
-        let entry = ray.absolute(near[slot as usize]);
-        // Insertion, the farthest first.
+        (rest != 0, (ray.absolute(near[slot]), slot))
+    };
+    let (more, first) = next();
+    if !more {
+        return Some((node.child(first.1), first.0));
+    }
+    // Most nodes leave one child or two.
+    let (more, second) = next();
+    let (mut nearest, other) = if second.0 < first.0 { (second, first) } else { (first, second) };
+    if !more {
+        push(open, node.child(other.1), other.0);
+        return Some((node.child(nearest.1), nearest.0));
+    }
+    // Insertion, the farthest first.
+    let mut met = [(0.0f32, 0usize); WIDTH];
+    met[0] = other;
+    let mut count = 1;
+    loop {
+        let (more, mut one) = next();
+        if one.0 < nearest.0 {
+            std::mem::swap(&mut one, &mut nearest);
+        }
         let mut at = count;
-        while at > 0 && met[at - 1].0 < entry {
+        while at > 0 && met[at - 1].0 < one.0 {
             met[at] = met[at - 1];
             at -= 1;
         }
-        met[at] = (entry, slot);
+        met[at] = one;
         count += 1;
+        if !more {
+            break;
+        }
     }
     for &(entry, slot) in &met[..count] {
-        push(open, node.child(slot as usize), entry);
+        push(open, node.child(slot), entry);
     }
+    Some((node.child(nearest.1), nearest.0))
 }
 
 /// Why a primitive was not hit: tests it again over all t >= 0.
