@@ -169,12 +169,26 @@ impl<const W: usize> Not for Mask<W> {
 #[derive(Clone, Debug)]
 pub struct Registers<const W: usize> {
     rows: Vec<Lanes<W>>,
+    /// What the processor has beyond the target's baseline.
+    #[cfg(target_arch = "x86_64")]
+    simd: Option<pulp::x86::V3>,
 }
 
 impl<const W: usize> Registers<W> {
     /// A file of rows that are all zero.
     pub fn new(rows: usize) -> Self {
-        Self { rows: vec![Lanes::splat(0); rows] }
+        Self {
+            rows: vec![Lanes::splat(0); rows],
+            #[cfg(target_arch = "x86_64")]
+            simd: pulp::x86::V3::try_new(),
+        }
+    }
+
+    /// Says that the processor has AVX2, where it has.
+    #[cfg(target_arch = "x86_64")]
+    #[inline]
+    pub fn simd(&self) -> Option<pulp::x86::V3> {
+        self.simd
     }
 
     /// How many rows there are.

@@ -7,6 +7,9 @@ use std::collections::HashMap;
 use std::fmt;
 use std::sync::LazyLock;
 
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V3;
+
 use crate::machine::{Reg, Registers};
 
 /// Runs a row over all lanes of a batch.
@@ -45,6 +48,9 @@ pub struct Row {
     pub eight: Eval<8>,
     /// For batches of 32 lanes.
     pub full: Eval<32>,
+    /// The same for processors with AVX2.
+    #[cfg(target_arch = "x86_64")]
+    pub full_v3: fn(V3, &mut Registers<32>, Reg, &[Reg; 3]),
 }
 
 impl fmt::Debug for Row {
@@ -59,7 +65,7 @@ impl PartialEq for Row {
     }
 }
 
-/// Runs a row in batches of a width.
+/// Runs a row in batches of a width, with what the processor has.
 pub trait Width<const W: usize> {
     /// Writes the result's rows for every lane.
     fn run(&self, registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
@@ -82,6 +88,10 @@ impl Width<8> for Row {
 impl Width<32> for Row {
     #[inline]
     fn run(&self, registers: &mut Registers<32>, to: Reg, from: &[Reg; 3]) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = registers.simd() {
+            return (self.full_v3)(simd, registers, to, from);
+        }
         (self.full)(registers, to, from);
     }
 }
@@ -100,7 +110,7 @@ impl Width<128> for Row {
                     part[place.plus(word)].0.copy_from_slice(&registers[operand.plus(word)].0[lanes.clone()]);
                 }
             }
-            (self.full)(&mut part, Reg(0), &OPERANDS);
+            Width::<32>::run(self, &mut part, Reg(0), &OPERANDS);
             for (word, row) in results.iter_mut().enumerate() {
                 row[lanes.clone()].copy_from_slice(&part[Reg(word as u32)].0);
             }
@@ -108,6 +118,27 @@ impl Width<128> for Row {
         for word in 0..self.words {
             registers[to.plus(word)].0 = results[word as usize];
         }
+    }
+}
+
+/// A row's function with its arguments, to be compiled for AVX2: the same lane loop, and the same
+/// results, as nothing is fused or reordered.
+#[cfg(target_arch = "x86_64")]
+#[doc(hidden)]
+pub struct Wide<'a, F> {
+    pub registers: &'a mut Registers<32>,
+    pub to: Reg,
+    pub from: &'a [Reg; 3],
+    pub function: F,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<F: Fn(&mut Registers<32>, Reg, &[Reg; 3])> pulp::NullaryFnOnce for Wide<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        (self.function)(self.registers, self.to, self.from);
     }
 }
 
@@ -197,12 +228,29 @@ macro_rules! row {
     (@ $name:ident, $ty:ty, $result:ty, [$($at:ty),*], $map:ident, |$($a:ident),*| $body:block) => {{
         #[allow(dead_code)]
         type T = $ty;
-        fn eval<const W: usize>(
+        #[inline(always)]
+        fn lanes<const W: usize>(
             registers: &mut $crate::machine::Registers<W>,
             to: $crate::machine::Reg,
             from: &[$crate::machine::Reg; 3],
         ) {
             $crate::machine::lanes::$map::<W, $($at,)* $result>(registers, to, from, |$($a),*| $body);
+        }
+        fn eval<const W: usize>(
+            registers: &mut $crate::machine::Registers<W>,
+            to: $crate::machine::Reg,
+            from: &[$crate::machine::Reg; 3],
+        ) {
+            lanes(registers, to, from);
+        }
+        #[cfg(target_arch = "x86_64")]
+        fn eval_v3(
+            simd: pulp::x86::V3,
+            registers: &mut $crate::machine::Registers<32>,
+            to: $crate::machine::Reg,
+            from: &[$crate::machine::Reg; 3],
+        ) {
+            simd.vectorize($crate::ops::row::Wide { registers, to, from, function: lanes::<32> });
         }
         $crate::ops::row::Row {
             name: stringify!($name),
@@ -215,6 +263,8 @@ macro_rules! row {
             one: eval::<1>,
             eight: eval::<8>,
             full: eval::<32>,
+            #[cfg(target_arch = "x86_64")]
+            full_v3: eval_v3,
         }
     }};
 }
