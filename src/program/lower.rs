@@ -24,6 +24,7 @@ use crate::ops::pointer::{Place as PointerPlace, Pointer, storage};
 use crate::ops::ray_query;
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
+use crate::program::forward::{drop_dead_stores, forward_copies};
 use crate::program::prune::prune;
 use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
 use crate::program::{Block, Program, Scope, Stretch, Terminator};
@@ -643,7 +644,11 @@ impl<'m> Lowering<'m> {
             workgroup,
             addresses_records: false,
         };
-        prune(&mut program, &self.decoder.addressed);
+        let addressed = &self.decoder.addressed;
+        prune(&mut program, addressed);
+        forward_copies(&mut program, addressed);
+        drop_dead_stores(&mut program, addressed);
+        prune(&mut program, addressed);
         program
     }
 }

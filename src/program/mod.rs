@@ -2,6 +2,7 @@
 
 mod call_graph;
 pub mod control_flow;
+mod forward;
 pub mod lower;
 mod obstacles;
 pub mod print;

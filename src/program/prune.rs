@@ -77,7 +77,7 @@ pub fn prune(program: &mut Program, addressed: &[(Reg, u32)]) {
 }
 
 /// Removes the operations that are not needed and moves the blocks' borders.
-fn remove(program: &mut Program, needed: &[bool]) {
+pub(super) fn remove(program: &mut Program, needed: &[bool]) {
     let mut before = Vec::with_capacity(needed.len() + 1);
     let mut count = 0;
     for &needed in needed {
