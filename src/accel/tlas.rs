@@ -3,6 +3,8 @@
 use std::sync::{Arc, OnceLock};
 
 use crate::accel::blas::Blas;
+use crate::accel::geometry_data::GeometryKind;
+use crate::accel::rules::{RayFlags, is_opaque};
 use crate::accel::transform::IDENTITY;
 use crate::accel::tree::Tree;
 use crate::accel::validate;
@@ -69,6 +71,8 @@ pub struct Tlas {
     /// Parallel to the instances, made when a shader asks.
     world_to_object: Vec<OnceLock<[[f32; 4]; 3]>>,
     tree: OnceLock<Option<(Tree, Vec<u32>)>>,
+    /// Whether all is opaque, without micromaps that say otherwise, and nothing a box.
+    plain: OnceLock<bool>,
     precision: Precision,
 }
 
@@ -103,7 +107,8 @@ impl Tlas {
             })
             .collect();
         let world_to_object = instances.iter().map(|_| OnceLock::new()).collect();
-        Ok(Arc::new(Self { instances, transforms, world_to_object, tree: OnceLock::new(), precision }))
+        let (tree, plain) = (OnceLock::new(), OnceLock::new());
+        Ok(Arc::new(Self { instances, transforms, world_to_object, tree, plain, precision }))
     }
 
     /// The null acceleration structure: it has no instances.
@@ -120,6 +125,20 @@ impl Tlas {
     /// How intersections are computed.
     pub fn precision(&self) -> Precision {
         self.precision
+    }
+
+    /// Whether no ray with these flags ever has a candidate for a shader to decide on.
+    pub fn is_decided_without_shaders(&self, flags: RayFlags) -> bool {
+        let plain = self.plain.get_or_init(|| {
+            self.instances.iter().all(|instance| {
+                instance.blas.geometries().iter().all(|geometry| {
+                    geometry.data.kind() != GeometryKind::Aabbs
+                        && geometry.opacity_micromap.is_none()
+                        && is_opaque(RayFlags::default(), instance.flags, geometry.flags)
+                })
+            })
+        });
+        *plain && !flags.contains(RayFlags::NO_OPAQUE)
     }
 
     /// World to object of an instance, row-major 3x4, each entry correctly rounded from the exact

@@ -10,6 +10,7 @@ pub struct Reg(pub u32);
 
 impl Reg {
     /// The row `words` further on.
+    #[inline]
     #[must_use]
     pub fn plus(self, words: u32) -> Self {
         Self(self.0 + words)
@@ -207,14 +208,29 @@ impl<const W: usize> Registers<W> {
     }
 
     /// The words of one lane in a stretch of rows.
+    #[inline]
     pub fn lane_words(&self, first: Reg, count: u32, lane: usize) -> impl Iterator<Item = u32> {
         self.rows[first.0 as usize..(first.0 + count) as usize].iter().map(move |row| row.0[lane])
     }
 
     /// Sets the words of one lane in consecutive rows.
+    #[inline]
     pub fn set_lane_words(&mut self, first: Reg, lane: usize, words: impl IntoIterator<Item = u32>) {
         for (row, word) in self.rows[first.0 as usize..].iter_mut().zip(words) {
             row.0[lane] = word;
+        }
+    }
+
+    /// Sets a word of the lanes of a mask.
+    #[inline]
+    pub fn set(&mut self, to: Reg, word: u32, mask: Mask<W>) {
+        let row = &mut self[to];
+        if mask.is_all() {
+            row.0 = [word; W];
+            return;
+        }
+        for lane in 0..W {
+            row.0[lane] = if mask.contains(lane) { word } else { row.0[lane] };
         }
     }
 

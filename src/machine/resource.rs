@@ -64,6 +64,7 @@ impl Buffer {
     }
 
     /// The size in bytes.
+    #[inline]
     pub fn size(&self) -> u64 {
         self.size
     }

@@ -8,6 +8,7 @@ use std::collections::HashMap;
 use smallvec::SmallVec;
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::machine::stop::Rows;
 use crate::machine::{Binding, Reg, Registers};
 use crate::module::constant::ConstantValue;
 use crate::module::interface::Stage;
@@ -54,6 +55,13 @@ pub struct InterfaceRows {
     pub first: Reg,
     /// How many rows.
     pub count: u32,
+}
+
+impl InterfaceRows {
+    /// The rows alone.
+    pub fn rows(&self) -> Rows {
+        Rows { first: self.first, count: self.count }
+    }
 }
 
 /// A builtin that a program reads.

@@ -175,6 +175,9 @@ impl Op {
                 });
             }
             Self::BufferLoad { to, chunk } => {
+                if load_once(batch, bindings, to, &chunk) {
+                    return;
+                }
                 each_access(
                     batch,
                     bindings,
@@ -347,6 +350,32 @@ fn locate<'a, const W: usize>(
     }
 }
 
+/// The buffer that an access goes to whatever the lane, as most do.
+#[inline]
+fn shared<'a>(bindings: &'a Bindings, chunk: &Chunk) -> Option<&'a Buffer> {
+    match chunk.buffer {
+        BufferRef::Handle(handle) => bindings.buffer(handle),
+        BufferRef::PushConstants => bindings.push_constants.as_deref(),
+        _ => None,
+    }
+}
+
+/// Loads what every lane finds at one place once; `false` where there is no such place.
+#[inline]
+fn load_once<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, to: Reg, chunk: &Chunk) -> bool {
+    let Some(buffer) = shared(bindings, chunk).filter(|_| chunk.index.is_none()) else { return false };
+    let offset = u64::from(chunk.offset);
+    if offset + u64::from(chunk.width / 8 * chunk.count) > buffer.size() {
+        return false;
+    }
+    for scalar in 0..chunk.count {
+        let at = offset + u64::from(scalar * (chunk.width / 8));
+        let Some(word) = buffer.load(at, chunk.width) else { return false };
+        batch.registers.set(to.plus(scalar), word, batch.mask);
+    }
+    true
+}
+
 /// Calls a function for each running lane, in ascending order, with the buffer and the byte offset
 /// of its access; lanes whose access is outside are stopped, or given to `outside` where the policy
 /// is [`MemoryPolicy::Robust`](crate::machine::MemoryPolicy::Robust).
@@ -359,7 +388,19 @@ pub fn each_access<const W: usize>(
     mut outside: impl FnMut(&mut Registers<W>, usize, Outside<'_>),
 ) {
     let mut failed = SmallVec::<[(usize, TrapCode, u64); 1]>::new();
+    let shared = shared(bindings, chunk);
+    let bytes = u64::from(chunk.width / 8 * chunk.count);
     for lane in batch.mask.lanes() {
+        if let Some(buffer) = shared {
+            let index = chunk.index.map_or(0, |reg| batch.registers[reg].0[lane]);
+            let offset = u64::from(chunk.offset) + u64::from(index);
+            if index != OUT_OF_BOUNDS
+                && offset + bytes <= buffer.size()
+                && access(&mut batch.registers, lane, buffer, offset).is_some()
+            {
+                continue;
+            }
+        }
         let found = locate((&batch.registers, lane), &batch.invocations[lane], bindings, chunk);
         let done = found.and_then(|(buffer, offset)| {
             let done = access(&mut batch.registers, lane, buffer, offset);

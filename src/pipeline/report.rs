@@ -87,7 +87,7 @@ impl Report {
     pub fn advance(&mut self, pipeline: &Pipeline, trace: &mut Trace) -> Option<Called> {
         let (shader, lanes) = self.waiting.pop()?;
         let program = &pipeline.programs[shader.0 as usize];
-        let mut called = Called::new(shader, Role::ReportedAnyHit);
+        let mut called = Called::new(shader, Role::ReportedAnyHit, lanes.len());
         for lane in lanes {
             let Some(reported) = &self.reports[lane] else { continue };
             let ray = trace.ray_mut(reported.ray);

@@ -12,6 +12,7 @@ use crate::machine::{
     Batch, Bindings, Exit, Invocation, Mask, Observer, Reg, Resources, Stop, Trap, TrapCode,
 };
 use crate::module::interface::Stage;
+use crate::ops::decode::InterfaceRows;
 use crate::ops::hit_object;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::TRACE_OPERANDS;
@@ -42,17 +43,27 @@ pub(super) enum Role {
 pub(super) struct Called {
     shader: Shader,
     role: Role,
-    lanes: Vec<(usize, Invocation, Data, Data)>,
+    lanes: Vec<Summons>,
+}
+
+/// What a lane of a called shader begins with.
+struct Summons {
+    /// The caller's lane.
+    caller: usize,
+    invocation: Invocation,
+    /// Or callable data.
+    payload: Data,
+    attributes: Data,
 }
 
 impl Called {
-    pub fn new(shader: Shader, role: Role) -> Self {
-        Self { shader, role, lanes: Vec::new() }
+    pub fn new(shader: Shader, role: Role, lanes: usize) -> Self {
+        Self { shader, role, lanes: Vec::with_capacity(lanes) }
     }
 
     /// Adds the caller's lane with its invocation, payload (or callable data) and attributes.
     pub fn push(&mut self, lane: usize, invocation: Invocation, payload: Data, attributes: Data) {
-        self.lanes.push((lane, invocation, payload, attributes));
+        self.lanes.push(Summons { caller: lane, invocation, payload, attributes });
     }
 }
 
@@ -173,7 +184,7 @@ where
     /// Runs the ray generation shader for invocations with these launch indices.
     pub fn launch(&mut self, record: &Record, ids: &[[u32; 3]], launch_size: [u32; 3]) {
         let Some(shader) = general(self.pipeline, record) else { return };
-        let mut called = Called::new(shader, Role::RayGeneration);
+        let mut called = Called::new(shader, Role::RayGeneration, ids.len());
         for (lane, &launch_id) in ids.iter().enumerate() {
             let record = record.shader_record();
             let invocation = Invocation { launch_id, launch_size, record, ..Invocation::default() };
@@ -192,7 +203,7 @@ where
             Stage::Callable => Role::Callable,
             _ => Role::Miss,
         };
-        let mut called = Called::new(shader, role);
+        let mut called = Called::new(shader, role, 1);
         called.push(0, invocation, payload, attributes);
         self.enter(called);
         self.run();
@@ -272,7 +283,7 @@ where
             Role::Callable => program.interface_rows(storage::INCOMING_CALLABLE_DATA),
             _ => program.interface_rows(storage::INCOMING_RAY_PAYLOAD),
         };
-        let data = data.map(|rows| Rows { first: rows.first, count: rows.count });
+        let data = data.map(InterfaceRows::rows);
         let mut running = self.spare[called.shader.0 as usize].pop().unwrap_or_else(|| {
             let batch = program.batch();
             Box::new(Running { shader: called.shader, role: called.role, batch, callers: Vec::new(), data })
@@ -280,23 +291,22 @@ where
         running.role = called.role;
         running.callers.clear();
         let mask = Mask::first(called.lanes.len());
-        let attributes = program.interface_rows(storage::HIT_ATTRIBUTE);
-        let mut contents = Vec::with_capacity(called.lanes.len());
-        for (lane, (caller, invocation, payload, attributes)) in called.lanes.into_iter().enumerate() {
-            running.callers.push(caller);
-            running.batch.invocations[lane] = invocation;
-            running.batch.invocations[lane].subgroup_size = pipeline.subgroup_size;
-            contents.push((payload, attributes));
+        let attributes = program.interface_rows(storage::HIT_ATTRIBUTE).map(InterfaceRows::rows);
+        let mut lanes = called.lanes;
+        // Everything here is wide: it is taken from where it lies.
+        for (lane, entry) in lanes.iter_mut().enumerate() {
+            running.callers.push(entry.caller);
+            let invocation = &mut running.batch.invocations[lane];
+            *invocation = std::mem::take(&mut entry.invocation);
+            invocation.subgroup_size = pipeline.subgroup_size;
         }
         program.begin(&mut running.batch, mask, pipeline.budget);
-        for (lane, (payload, words)) in contents.iter().enumerate() {
-            if let Some(rows) = data {
-                let count = rows.count as usize;
-                running.batch.registers.set_lane_words(rows.first, lane, payload.iter().copied().take(count));
-            }
-            if let Some(rows) = attributes {
-                let count = rows.count as usize;
-                running.batch.registers.set_lane_words(rows.first, lane, words.iter().copied().take(count));
+        for (lane, entry) in lanes.iter().enumerate() {
+            for (rows, words) in [(data, &entry.payload), (attributes, &entry.attributes)] {
+                if let Some(rows) = rows {
+                    let words = words.iter().copied().take(rows.count as usize);
+                    running.batch.registers.set_lane_words(rows.first, lane, words);
+                }
             }
         }
         self.stats.count(program.stage, mask.count());
@@ -479,7 +489,7 @@ where
             self.levels.pop();
             return;
         };
-        let mut called = Called::new(shader, Role::Callable);
+        let mut called = Called::new(shader, Role::Callable, lanes.len());
         let depth = below.batch.invocations.iter().map(|invocation| invocation.depth).max().unwrap_or(0);
         for (lane, record, index) in lanes {
             let from = &below.batch.invocations[lane];
@@ -497,8 +507,8 @@ where
         if self.levels.len() as u64 > 2 * CALL_LIMIT {
             let [.., Level::Shader(below), Level::Call(_)] = &mut self.levels[..] else { return };
             let op = below.batch.op - 1;
-            for (lane, ..) in &called.lanes {
-                below.batch.trap(Mask::lane(*lane), TrapCode::RecursionTooDeep, op);
+            for entry in &called.lanes {
+                below.batch.trap(Mask::lane(entry.caller), TrapCode::RecursionTooDeep, op);
             }
             return;
         }

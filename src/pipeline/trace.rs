@@ -131,6 +131,15 @@ impl Trace {
         }
         self.lanes.push(lane);
         self.caller = caller;
+        // Nobody sees which hit a shadow ray commits, where no shader is asked on the way and no
+        // hit object keeps it.
+        let only_whether = RayFlags(RayFlags::TERMINATE_ON_FIRST_HIT.0 | RayFlags::SKIP_CLOSEST_HIT_SHADER.0);
+        let flags = query.trace.flags;
+        let any_will_do = !T::ACTIVE
+            && self.shades
+            && caller.is_some()
+            && flags.contains(only_whether)
+            && query.tlas.is_decided_without_shaders(flags);
         match &mut self.rays[lane] {
             Some(ray) => {
                 ray.cursor.reset(&query.tlas, traversal);
@@ -140,6 +149,9 @@ impl Trace {
                 ray.trapped = false;
             }
             idle => *idle = Some(RayState::new(query, traversal)),
+        }
+        if any_will_do && let Some(ray) = &mut self.rays[lane] {
+            ray.cursor.end_at_any_opaque_hit();
         }
     }
 
@@ -269,7 +281,7 @@ impl Trace {
 
     fn call(&self, pipeline: &Pipeline, waiting: Waiting) -> Called {
         let program = &pipeline.programs[waiting.shader.0 as usize];
-        let mut called = Called::new(waiting.shader, waiting.role);
+        let mut called = Called::new(waiting.shader, waiting.role, waiting.lanes.len());
         for (lane, record, called_through) in waiting.lanes {
             let ray = self.ray(lane);
             let mut invocation = match waiting.role {
