@@ -3,6 +3,7 @@
 use smallvec::SmallVec;
 
 use crate::machine::{Batch, Bindings, Lanes, Mask, Observer, Stop, TrapCode};
+use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::row::{Row, Width};
 use crate::program::{Program, Terminator};
@@ -29,6 +30,21 @@ where
                 return Stop::Paused;
             }
             let op = &program.ops[batch.op as usize];
+            // Most operations are rows or moves, and those stop nothing: no turn through the table of
+            // all kinds, whose jump the processor guesses badly.
+            match op {
+                Op::Row { row, to, from } => {
+                    Width::<W>::run(*row, &mut batch.registers, *to, from);
+                    batch.op += 1;
+                    continue;
+                }
+                Op::Memory(memory::Op::Move { to, from }) => {
+                    batch.registers.copy(*to, *from, Mask::ALL);
+                    batch.op += 1;
+                    continue;
+                }
+                _ => {}
+            }
             if let Op::Stop(_) | Op::Barrier = op {
                 let stop = match op {
                     Op::Stop(stop) => stop.stop(batch),
