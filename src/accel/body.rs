@@ -96,13 +96,13 @@ impl Body {
         self.names[place].expect("bug in anyhit: a leaf holds an empty place")
     }
 
-    /// A ray for [`Body::met`].
+    /// A ray for [`Body::met`], where that pays.
     #[inline]
-    pub fn block_ray(&self, ray: &ObjectRay) -> BlockRay {
-        match &self.shapes {
-            Shapes::Aabbs(_) => BlockRay::for_boxes(ray, &self.bounds),
-            _ => BlockRay::new(ray, &self.bounds),
-        }
+    pub fn block_ray(&self, ray: &ObjectRay) -> Option<BlockRay> {
+        // Making it costs as much as two or three triangles, spheres or boxes do, and a ray comes to
+        // test no more of them; of thin swept spheres it tests many.
+        let pays = matches!(self.shapes, Shapes::LinearSweptSpheres(_));
+        pays.then(|| BlockRay::new(ray, &self.bounds))
     }
 
     /// A bit for each of a leaf's primitives.
@@ -113,7 +113,8 @@ impl Body {
 
     /// A bit for each of a leaf's primitives that the ray's line does not surely miss.
     #[inline]
-    pub fn met(&self, leaf: Child, ray: &BlockRay) -> u32 {
+    pub fn met(&self, leaf: Child, ray: Option<&BlockRay>) -> u32 {
+        let Some(ray) = ray else { return self.every(leaf) };
         let at = leaf.first as usize / LANES;
         let met = match &self.shapes {
             Shapes::Triangles(blocks) => blocks[at].met(ray),

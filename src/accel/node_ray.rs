@@ -24,7 +24,8 @@
 //! reciprocals are infinite, and the slab only asks whether the origin lies within; infinity times
 //! zero gives NaN, which each comparison below ignores (the box is kept).
 
-use crate::geometry::{Bounds, ObjectRay};
+use crate::geometry::{Bounds, ObjectRay, Ray};
+use crate::math::four::Four;
 
 /// The unit roundoff of f64.
 const U: f64 = 1.0 / 9_007_199_254_740_992.0;
@@ -34,12 +35,12 @@ const U: f64 = 1.0 / 9_007_199_254_740_992.0;
 pub struct NodeLimit(pub(super) f32);
 
 /// A ray made ready for the nodes of one tree.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct NodeRay {
-    pub(super) near_origin: [f32; 3],
-    pub(super) far_origin: [f32; 3],
-    pub(super) near_reciprocal: [f32; 3],
-    pub(super) far_reciprocal: [f32; 3],
+    pub(super) near_origin: [Four; 3],
+    pub(super) far_origin: [Four; 3],
+    pub(super) near_reciprocal: [Four; 3],
+    pub(super) far_reciprocal: [Four; 3],
     /// Per axis which plane is entered first: 0 the lower, 1 the upper.
     pub(super) near_side: [usize; 3],
     t_shift: f32,
@@ -61,6 +62,9 @@ impl NodeRay {
     /// `t_min..=t_max`.
     #[inline]
     pub fn new(ray: &ObjectRay, t_max: f32, root: &Bounds, scale: f64) -> Option<Self> {
+        if let Some(simple) = Self::simple(ray, scale) {
+            return Some(simple);
+        }
         let (origin, _) = ray.origin_bounded();
         let (direction, bounds) = ray.direction_bounded();
         let far_away = origin.iter().any(|x| x.is_nan() || (x * scale).abs() > FAR_AWAY);
@@ -72,6 +76,52 @@ impl NodeRay {
             return Some(Self::counted_from(ray, t_shift, leave, scale));
         }
         Some(Self::counted_from(ray, 0.0, f64::INFINITY, scale))
+    }
+
+    /// The common case in f32 throughout: a ray of exactly these f32 numbers, none of them extreme,
+    /// that starts near the tree. `None` for any other.
+    ///
+    /// Scaling such numbers is exact. A reciprocal rounds once, and once more when it is shrunk or
+    /// widened by 2^-22: 2^-23 of that is left, where the difference needs 2^-24.
+    #[inline(always)]
+    fn simple(ray: &ObjectRay, scale: f64) -> Option<Self> {
+        const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
+        const MOST: f32 = (1u64 << 60) as f32;
+        let (_, origin_bounds) = ray.origin_bounded();
+        let (_, direction_bounds) = ray.direction_bounded();
+        let Ray { origin, direction, t_min, .. } = *ray.world();
+        let scale = scale as f32;
+        let ordinary = |x: f32| x == 0.0 || (LEAST..=MOST).contains(&x.abs());
+        let mut simple = (LEAST..=MOST).contains(&scale);
+        for axis in 0..3 {
+            simple &= origin_bounds[axis] == 0.0 && direction_bounds[axis] == 0.0;
+            simple &= ordinary(origin[axis]) && ordinary(direction[axis]);
+            simple &= (origin[axis] * scale).abs() <= FAR_AWAY as f32;
+        }
+        if !simple {
+            return None;
+        }
+        let mut out = Self {
+            near_origin: [Four::splat(0.0); 3],
+            far_origin: [Four::splat(0.0); 3],
+            near_reciprocal: [Four::splat(0.0); 3],
+            far_reciprocal: [Four::splat(0.0); 3],
+            near_side: [0; 3],
+            t_shift: 0.0,
+            t_min,
+            near_floor: t_min,
+        };
+        for axis in 0..3 {
+            let scaled = Four::splat(origin[axis] * scale);
+            // Infinite for a direction of 0.
+            let magnitude = 1.0 / (direction[axis].abs() * scale);
+            let reciprocal = if direction[axis] < 0.0 { -magnitude } else { magnitude };
+            out.near_side[axis] = usize::from(direction[axis] < 0.0);
+            (out.near_origin[axis], out.far_origin[axis]) = (scaled, scaled);
+            out.near_reciprocal[axis] = Four::splat(reciprocal * SHRINK as f32);
+            out.far_reciprocal[axis] = Four::splat(reciprocal * WIDEN as f32);
+        }
+        Some(out)
     }
 
     /// Whether the ray surely misses a tree's root box within `t_min..=t_max`.
@@ -86,10 +136,10 @@ impl NodeRay {
         let (near_by, origin_bounds) = ray.origin_bounded();
         let (along, direction_bounds) = ray.direction_bounded();
         let mut out = Self {
-            near_origin: [0.0; 3],
-            far_origin: [0.0; 3],
-            near_reciprocal: [f32::INFINITY; 3],
-            far_reciprocal: [f32::INFINITY; 3],
+            near_origin: [Four::splat(0.0); 3],
+            far_origin: [Four::splat(0.0); 3],
+            near_reciprocal: [Four::splat(f32::INFINITY); 3],
+            far_reciprocal: [Four::splat(f32::INFINITY); 3],
             near_side: [0; 3],
             t_shift,
             t_min,
@@ -123,7 +173,8 @@ impl NodeRay {
             };
             let upwards = d > 0.0 || parallel;
             out.near_side[axis] = usize::from(!upwards);
-            (out.near_origin[axis], out.far_origin[axis]) = if upwards { (high, low) } else { (low, high) };
+            let (near, far) = if upwards { (high, low) } else { (low, high) };
+            (out.near_origin[axis], out.far_origin[axis]) = (Four::splat(near), Four::splat(far));
             if parallel {
                 continue;
             }
@@ -137,8 +188,8 @@ impl NodeRay {
             };
             let near = round_down(SHRINK * slow);
             let far = round_up(WIDEN * fast);
-            (out.near_reciprocal[axis], out.far_reciprocal[axis]) =
-                if upwards { (near, far) } else { (-near, -far) };
+            let (near, far) = if upwards { (near, far) } else { (-near, -far) };
+            (out.near_reciprocal[axis], out.far_reciprocal[axis]) = (Four::splat(near), Four::splat(far));
         }
         out
     }
@@ -255,7 +306,6 @@ mod tests {
     use super::*;
     use crate::accel::node::{Node, WIDTH};
     use crate::accel::tree::Tree;
-    use crate::geometry::Ray;
 
     fn exact(x: f32) -> RBig {
         RBig::try_from(x).expect("finite")

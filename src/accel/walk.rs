@@ -32,7 +32,7 @@ pub struct Level {
     base: usize,
     object_ray: ObjectRay,
     node_ray: NodeRay,
-    block_ray: BlockRay,
+    block_ray: Option<BlockRay>,
 }
 
 impl Cursor {
@@ -91,7 +91,15 @@ impl Cursor {
             // Down to a leaf; what is farther waits on the stack.
             loop {
                 if child.count > 0 {
-                    self.test(tlas, level.instance, body, child, &level.object_ray, &level.block_ray, visit);
+                    self.test(
+                        tlas,
+                        level.instance,
+                        body,
+                        child,
+                        &level.object_ray,
+                        level.block_ray.as_ref(),
+                        visit,
+                    );
                     if self.has_waiting() {
                         return;
                     }
@@ -150,7 +158,7 @@ impl Cursor {
         let Some(tree) = body.tree() else {
             let all = body.all();
             if all.count > 0 {
-                self.test(tlas, number, body, all, &object_ray, &body.block_ray(&object_ray), visit);
+                self.test(tlas, number, body, all, &object_ray, None, visit);
             }
             return InstanceVerdict::Entered;
         };
@@ -183,7 +191,7 @@ impl Cursor {
         body: &Body,
         leaf: Child,
         ray: &ObjectRay,
-        block_ray: &BlockRay,
+        block_ray: Option<&BlockRay>,
         visit: &mut V,
     ) {
         let mut rest = if V::REASONS { body.every(leaf) } else { body.met(leaf, block_ray) };

@@ -55,12 +55,19 @@ impl Four {
     /// `self` where it is greater, otherwise, and for a NaN, `other`.
     #[inline(always)]
     pub fn if_above(self, other: Self) -> Self {
+        if cfg!(target_feature = "sse2") {
+            // That is what its instruction does.
+            return Self(self.0.max(other.0));
+        }
         Self(Vec4::select(self.0.cmpgt(other.0), self.0, other.0))
     }
 
     /// `self` where it is less, otherwise, and for a NaN, `other`.
     #[inline(always)]
     pub fn if_below(self, other: Self) -> Self {
+        if cfg!(target_feature = "sse2") {
+            return Self(self.0.min(other.0));
+        }
         Self(Vec4::select(self.0.cmplt(other.0), self.0, other.0))
     }
 
