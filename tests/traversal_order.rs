@@ -413,6 +413,14 @@ fn compare(seed: u64, scale: f32, rays: usize) -> usize {
         let expected = scan(&tlas, trace, shaders);
         met += usize::from(expected.len() > 1 || expected[0] != Event::Committed(None));
         assert_eq!(traverse(&tlas, trace, shaders), expected, "seed {seed}, scale {scale:e}, {trace:?}");
+        // All opaque and no boxes: no shader decides, and whether anything is hit is all that is asked.
+        let flags = RayFlags(trace.flags.0 & !0x2C3 | 0x201);
+        let plain = TraceRay { flags, ..trace };
+        let mut any = Cursor::new(&tlas, plain);
+        any.end_at_any_opaque_hit();
+        assert!(any.proceed(&tlas).is_none());
+        let closest = matches!(traverse(&tlas, plain, shaders)[..], [Event::Committed(Some(_))]);
+        assert_eq!(any.committed().is_some(), closest, "seed {seed}, scale {scale:e}, {plain:?}");
     }
     met
 }

@@ -105,6 +105,15 @@ impl<const W: usize> Mask<W> {
         self.low >> lane & 1 != 0
     }
 
+    /// The same, in a form that loops over all lanes are vectorised with: a comparison of 32 bits with
+    /// a constant of each lane.
+    #[inline(always)]
+    fn selects(self, lane: usize) -> bool {
+        let half = if Self::WIDE && lane >= 64 { self.high } else { self.low };
+        let word = (half >> (lane % 64 / 32 * 32)) as u32;
+        word & 1 << (lane % 32) != 0
+    }
+
     /// How many lanes are in it.
     pub fn count(self) -> u32 {
         self.low.count_ones() + self.high.count_ones()
@@ -230,21 +239,23 @@ impl<const W: usize> Registers<W> {
             return;
         }
         for lane in 0..W {
-            row.0[lane] = if mask.contains(lane) { word } else { row.0[lane] };
+            row.0[lane] = if mask.selects(lane) { word } else { row.0[lane] };
         }
     }
 
     /// Copies a row into another, for the lanes of a mask.
     #[inline]
     pub fn copy(&mut self, to: Reg, from: Reg, mask: Mask<W>) {
-        let source = self[from];
+        let place = from.0 as usize;
         if mask.is_all() {
-            self[to] = source;
+            // Straight through registers.
+            self.rows.copy_within(place..place + 1, to.0 as usize);
             return;
         }
+        let source = self[from];
         let row = &mut self[to];
         for lane in 0..W {
-            row.0[lane] = if mask.contains(lane) { source.0[lane] } else { row.0[lane] };
+            row.0[lane] = if mask.selects(lane) { source.0[lane] } else { row.0[lane] };
         }
     }
 }
