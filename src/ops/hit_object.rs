@@ -372,7 +372,7 @@ fn surface(geometry: Option<GeometryKind>, kind: HitKind) -> Surface {
     }
 }
 
-/// Opcodes decoded here, beside those of [`GETTERS`].
+/// Opcodes decoded here, beside those of `GETTERS`.
 pub const OPCODES: &[Opcode] = &[
     Opcode::HitObjectTraceRayEXT,
     Opcode::HitObjectTraceRayNV,

@@ -2,7 +2,7 @@
 //!
 //! A [`Case`] is a ray, a few primitives of one kind and perhaps an instance's matrix. The
 //! [`family`] module draws cases where intersectors break, [`judge`] compares every answer with
-//! [`reference`], which computes in rational numbers and shares no code with `geometry`, and
+//! [`mod@reference`], which computes in rational numbers and shares no code with `geometry`, and
 //! [`minimise`] makes a failure small enough to read. Case number n of a seed is the same on every
 //! machine, whatever the number of threads.
 
