@@ -2,16 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::accel::{RayFlags, TraceRay};
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::Reader;
 use crate::debug::story::{Counts, LaunchIndex, Story, TrapReport, VERSION};
 use crate::error::{Error, ErrorKind, Result};
-use crate::geometry::Ray;
 use crate::machine::{RayQueryEvent, RayQueryStep};
-use crate::ops::pointer::storage;
-use crate::pipeline::{Event, RayOperands, Stats};
+use crate::pipeline::{Event, Stats};
 use crate::scene::file::{GivenRay, RayEntry};
 use crate::scene::{Assembled, ResolvedScene, assemble};
 
@@ -165,33 +162,8 @@ impl Session {
         let Some((_, tlas)) = self.scene.tlas.first() else {
             return Err(invalid("the scene has no instances, so there is nothing that a ray could meet"));
         };
-        let operands = RayOperands {
-            trace: TraceRay {
-                ray: Ray { origin: ray.origin, direction: ray.direction, t_min: ray.t_min, t_max: ray.t_max },
-                flags: RayFlags(ray.flags),
-                cull_mask: ray.cull_mask,
-            },
-            sbt_offset: ray.sbt_offset,
-            sbt_stride: ray.sbt_stride,
-            miss_index: ray.miss_index,
-            payload: self.payload(ray)?,
-        };
+        let operands = ray.operands(&self.assembled.pipeline)?;
         self.assembled.launch().trace(tlas, operands, events).map(|outcome| outcome.stats)
-    }
-
-    /// A ray's payload, as large as the largest that a shader declares.
-    fn payload(&self, ray: &GivenRay) -> Result<Vec<u32>> {
-        let programs = self.assembled.pipeline.programs.iter();
-        let rows = programs.filter_map(|program| program.interface_rows(storage::INCOMING_RAY_PAYLOAD));
-        let words = rows.map(|rows| rows.count as usize).max().unwrap_or(0);
-        if ray.payload.len() > words {
-            let given = 4 * ray.payload.len();
-            let message = format!("the payload has {given} bytes, and the shaders declare {}", 4 * words);
-            return Err(invalid(message));
-        }
-        let mut payload = ray.payload.clone();
-        payload.resize(words, 0);
-        Ok(payload)
     }
 }
 

@@ -5,8 +5,6 @@ use std::sync::Arc;
 
 use crate::machine::image::Image;
 use crate::machine::{Buffer, Descriptor, Resources};
-use crate::ops::pointer::storage;
-use crate::pipeline::Pipeline;
 
 /// The same resources with memory of their own. What was shared between bindings still is.
 pub fn copied(resources: &Resources) -> Resources {
@@ -40,12 +38,4 @@ fn once<T>(copies: &mut Vec<(Arc<T>, Arc<T>)>, original: &Arc<T>, copy: impl FnO
     let copy = copy();
     copies.push((original.clone(), copy.clone()));
     copy
-}
-
-/// The words of the largest payload that a shader of a pipeline takes.
-pub fn payload_words(pipeline: &Pipeline) -> usize {
-    let counts = pipeline.programs.iter().filter_map(|program| {
-        program.interface_rows(storage::INCOMING_RAY_PAYLOAD).map(|rows| rows.count as usize)
-    });
-    counts.max().unwrap_or(0)
 }

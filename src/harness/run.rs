@@ -4,10 +4,8 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::accel::{RayFlags, TraceRay};
 use crate::debug::session;
 use crate::error::{Error, ErrorKind, Result};
-use crate::geometry::Ray;
 use crate::harness::cost::{Costs, Counter, Meter};
 use crate::harness::coverage::{Counts, Recorder};
 use crate::harness::expect::{Bytes, Observed, RayFound};
@@ -17,9 +15,9 @@ use crate::harness::value::Value;
 use crate::machine::{Batch, Binding, Descriptor, Observer, Printed, Resources};
 use crate::ops::pointer::storage;
 use crate::ops::row::{Row, Width};
-use crate::pipeline::{Event, Launch, Pipeline, RayOperands, Shader, Stats, Witness};
+use crate::pipeline::{Event, Launch, Pipeline, Shader, Stats, Witness};
 use crate::program::Program;
-use crate::scene::file::{GivenRay, RayEntry};
+use crate::scene::file::RayEntry;
 use crate::scene::resources::Output;
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -254,36 +252,10 @@ pub(super) fn trace<T: Witness, O: Observer<1>>(
                 let message = "a ray needs a scene with instances";
                 return Err(Error::new(ErrorKind::InvalidScene, message));
             };
-            let operands = operands(launch.pipeline, &session::check(given)?)?;
+            let operands = session::check(given)?.operands(launch.pipeline)?;
             launch.trace_observed(tlas, operands, witness, observer).map(|outcome| outcome.stats)
         }
     }
-}
-
-/// The operands of a given ray, with a payload that is large enough for every shader.
-fn operands(pipeline: &Pipeline, ray: &GivenRay) -> Result<RayOperands> {
-    let words = memory::payload_words(pipeline);
-    if ray.payload.len() > words {
-        let message = format!(
-            "the ray's payload has {} bytes, and the shaders declare {}",
-            4 * ray.payload.len(),
-            4 * words
-        );
-        return Err(Error::new(ErrorKind::InvalidScene, message));
-    }
-    let mut payload = ray.payload.clone();
-    payload.resize(words, 0);
-    Ok(RayOperands {
-        trace: TraceRay {
-            ray: Ray { origin: ray.origin, direction: ray.direction, t_min: ray.t_min, t_max: ray.t_max },
-            flags: RayFlags(ray.flags),
-            cull_mask: ray.cull_mask,
-        },
-        sbt_offset: ray.sbt_offset,
-        sbt_stride: ray.sbt_stride,
-        miss_index: ray.miss_index,
-        payload,
-    })
 }
 
 /// What the first ray of a run found.

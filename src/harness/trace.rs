@@ -11,7 +11,6 @@ use crate::geometry::Ray;
 use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::data::{Bytes, Data};
 use crate::harness::layout::{Layout, Rules};
-use crate::harness::memory;
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::scene::Scene;
 use crate::harness::told::{Explain, Told, What};
@@ -245,7 +244,7 @@ impl Pipeline {
             .iter()
             .filter_map(|program| Some((program, program.interface_rows(storage::INCOMING_RAY_PAYLOAD)?)));
         let largest = payload.max_by_key(|(_, rows)| rows.count);
-        let words = memory::payload_words(self);
+        let words = self.payload_words();
         if operands.payload.is_empty() {
             operands.payload = vec![0; words];
         } else if let Some((program, rows)) = largest

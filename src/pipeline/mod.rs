@@ -67,6 +67,14 @@ impl Pipeline {
         Builder::default()
     }
 
+    /// The words of the largest payload that a shader takes.
+    pub fn payload_words(&self) -> usize {
+        let counts = self.programs.iter().filter_map(|program| {
+            program.interface_rows(storage::INCOMING_RAY_PAYLOAD).map(|rows| rows.count as usize)
+        });
+        counts.max().unwrap_or(0)
+    }
+
     /// Whether a shader's results depend on how invocations interleave: a launch then runs them one
     /// after the other, in launch order, on one thread.
     pub fn order_dependent(&self) -> bool {

@@ -6,11 +6,12 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use crate::accel::{RayFlags, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
-use crate::geometry::Precision;
+use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
-use crate::pipeline::{DeviceProfile, PipelineFlags};
+use crate::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands};
 use crate::scene::data::{Data, SpecializationValue};
 use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
@@ -397,6 +398,33 @@ pub struct GivenRay {
     pub miss_index: u32,
     /// The payload's first words; the rest is zeros.
     pub payload: Vec<u32>,
+}
+
+impl GivenRay {
+    /// The operands of the trace, with a payload that is large enough for every shader of a pipeline.
+    ///
+    /// # Errors
+    /// [`ErrorKind::InvalidArgument`]: more payload is given than the shaders declare.
+    pub fn operands(&self, pipeline: &Pipeline) -> Result<RayOperands> {
+        let words = pipeline.payload_words();
+        if self.payload.len() > words {
+            let given = 4 * self.payload.len();
+            let message =
+                format!("the ray's payload has {given} bytes, and the shaders declare {}", 4 * words);
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+        let mut payload = self.payload.clone();
+        payload.resize(words, 0);
+        let ray =
+            Ray { origin: self.origin, direction: self.direction, t_min: self.t_min, t_max: self.t_max };
+        Ok(RayOperands {
+            trace: TraceRay { ray, flags: RayFlags(self.flags), cull_mask: self.cull_mask },
+            sbt_offset: self.sbt_offset,
+            sbt_stride: self.sbt_stride,
+            miss_index: self.miss_index,
+            payload,
+        })
+    }
 }
 
 #[derive(Clone, Copy)]
