@@ -63,11 +63,33 @@ fn a_feature_that_is_off_is_named() {
             &["which the pipeline does not allow", "ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES"],
         ),
         ("", "", "flags = ['skip_aabbs', 'skip_triangles']", &["flags-06546"]),
+        ("", "", "flags = ['no_null_any_hit_shaders']", &["has no any-hit shader", "flags-03470"]),
     ] {
         let found = refused(&device(features, limits), pipeline).unwrap_or_default();
         for words in wanted {
             assert!(found.contains(words), "{features} {limits} {pipeline}: no `{words}` in:\n{found}");
         }
+    }
+}
+
+#[test]
+fn null_descriptors_and_motion_need_their_features() {
+    let features = "[device]\nfeatures = { null_descriptor = false, ray_tracing_motion_blur = false }";
+    for (more, wanted) in [
+        ("[resources.none]\ntype = 'storage_buffer'\nbinding = 99\nnull = true", "buffer-02998"),
+        (
+            "[resources.none]\ntype = 'acceleration_structure'\nbinding = 99\nnull = true",
+            "pAccelerationStructures-03580",
+        ),
+        (
+            "[geometry.wing]\ntype = 'triangles'\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n\
+             vertices_t1 = [[0, 0, 1], [1, 0, 1], [0, 1, 1]]\n[[instance]]\ngeometry = 'wing'",
+            "`rayTracingMotionBlur`",
+        ),
+    ] {
+        let found = refused(&format!("{features}\n{more}"), "").unwrap_or_default();
+        assert!(found.contains(wanted), "{more}: no `{wanted}` in:\n{found}");
+        assert_eq!(refused(more, ""), None, "{more}");
     }
 }
 

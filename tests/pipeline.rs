@@ -28,6 +28,7 @@ where
     let instance = Instance {
         blas,
         transform: IDENTITY,
+        motion: None,
         custom_index: 0,
         mask: 0xFF,
         sbt_record_offset: 0,

@@ -17,6 +17,7 @@ fn scene(data: GeometryData) -> Arc<Tlas> {
     Tlas::new(vec![Instance {
         blas,
         transform: IDENTITY,
+        motion: None,
         custom_index: 0,
         mask: 0xFF,
         sbt_record_offset: 0,
@@ -27,7 +28,7 @@ fn scene(data: GeometryData) -> Arc<Tlas> {
 
 fn trace(tlas: &Tlas, origin: [f32; 3], direction: [f32; 3]) -> Option<Committed> {
     let ray = Ray::new(origin, direction).with_interval(0.001, 1000.0);
-    let mut cursor = Cursor::new(tlas, TraceRay { ray, flags: RayFlags::OPAQUE, cull_mask: 0xFF });
+    let mut cursor = Cursor::new(tlas, TraceRay { ray, flags: RayFlags::OPAQUE, cull_mask: 0xFF, time: 0.0 });
     assert_eq!(cursor.proceed(tlas), None, "opaque primitives commit silently");
     cursor.committed().copied()
 }
@@ -134,6 +135,7 @@ fn a_start_inside_is_no_hit_but_in_a_box() {
     assert_eq!(trace(&sphere, [0.0; 3], [0.0, 0.0, 1.0]), None);
     let aabb = scene(GeometryData::Aabbs(vec![[-1.0, -1.0, -1.0, 1.0, 1.0, 1.0]]));
     let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]).with_interval(0.25, 10.0);
-    let mut cursor = Cursor::new(&aabb, TraceRay { ray, flags: RayFlags::default(), cull_mask: 1 });
+    let mut cursor =
+        Cursor::new(&aabb, TraceRay { ray, flags: RayFlags::default(), cull_mask: 1, time: 0.0 });
     assert_eq!(cursor.proceed(&aabb).map(|candidate| candidate.intersection.t), Some(0.25));
 }

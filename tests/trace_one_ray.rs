@@ -174,6 +174,26 @@ fn a_mask_drops_an_instance_and_an_interval_a_primitive() {
 }
 
 #[test]
+fn a_ray_has_a_time_where_something_moves() {
+    let scene = "shaders/pass/motion-blur/traces/scene.toml";
+    // The first instance goes from z = 0 to z = -4: at a quarter of the way t = 4 + 1.
+    let output = run(&[scene, "--json", "--ray", "0,0,4 0,0,-1", "--time", "0.25"]);
+    let story: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let ray = &story["root"];
+    assert_eq!((&ray["time"], &ray["hit"]["t"]), (&json!(0.25), &json!(5.0)));
+    assert_eq!(ray["hit"]["object_ray_origin"], json!([0.0, 0.0, 5.0]));
+    assert_eq!(ray["instances"][0]["moves"], true);
+    let text = String::from_utf8(run(&[scene, "--ray", "half way down"]).stdout).expect("UTF-8");
+    let squeezed = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(squeezed.contains("time 0.5") && text.contains("1 triangle, moving"), "{text}");
+    // Nothing is told of a time where nothing moves.
+    assert_eq!(told("sphere", &["--ray", "beside"])["root"]["time"], Value::Null);
+    let late = run(&[scene, "--ray", "0,0,4 0,0,-1", "--time", "1.5"]);
+    assert_eq!(late.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&late.stderr).contains("06366"));
+}
+
+#[test]
 fn any_hit_ignores_the_first_triangle_and_takes_the_second() {
     // From z = 10 downwards the triangles lie at t = 8, 9, 10; even primitives are ignored. The
     // triangle (-1, -1), (1, -1), (0, 2) has its centroid at the origin.

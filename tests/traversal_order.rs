@@ -353,6 +353,7 @@ impl Draw {
                     }
                     transform
                 },
+                motion: None,
                 custom_index: 0,
                 mask: [0xFF, 0xFF, 0x0F, 0][self.below(4) as usize],
                 sbt_record_offset: 0,
@@ -391,6 +392,7 @@ impl Draw {
             ray: Ray::new(origin, direction).with_interval(t_min, t_max),
             flags: RayFlags(opacity | sides | first),
             cull_mask: [0xFF, 0xFF, 0xF0, 0xFFFF_FF01][self.below(4) as usize],
+            time: 0.0,
         }
     }
 

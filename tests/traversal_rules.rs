@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use anyhit::accel::{
     Blas, Candidate, Counters, Cursor, Geometry, GeometryData, GeometryFlags, HitKind, Instance,
-    InstanceFlags, InstanceVerdict, Place, PrimitiveVerdict, RayFlags, Tlas, TraceRay, Visit,
+    InstanceFlags, InstanceVerdict, Motion, Place, Primitive, PrimitiveVerdict, RayFlags, Srt, Tlas,
+    TraceRay, Visit,
 };
 use anyhit::error::ErrorKind;
 use anyhit::geometry::Ray;
@@ -35,6 +36,7 @@ fn instance(geometries: Vec<Geometry>) -> Instance {
     Instance {
         blas: Blas::new(geometries).unwrap(),
         transform: IDENTITY,
+        motion: None,
         custom_index: 0,
         mask: 0xFF,
         sbt_record_offset: 0,
@@ -48,7 +50,7 @@ fn tlas(instances: Vec<Instance>) -> Arc<Tlas> {
 
 fn along_z(flags: u32) -> TraceRay {
     let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]).with_interval(0.0, 100.0);
-    TraceRay { ray, flags: RayFlags(flags), cull_mask: 0xFF }
+    TraceRay { ray, flags: RayFlags(flags), cull_mask: 0xFF, time: 0.0 }
 }
 
 /// The t of each candidate when all are passed over, then the committed t.
@@ -344,4 +346,124 @@ fn mistakes_are_named_with_their_rule() {
         assert!(wrong.expect_err(what).message().contains(what));
     }
     assert!(placed(|i| i.custom_index = (1 << 24) - 1).is_ok());
+}
+
+/// What moves is hit where still copies of it are, made of the keys between which it is at a ray's time: so no box
+/// loses it, with trees over instances and triangles.
+#[test]
+fn what_moves_is_where_it_is_at_the_time_of_a_ray() {
+    let mut state = 7u64;
+    let mut next = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1u64 << 24) as f32 * 2.0 - 1.0
+    };
+    let mut hits = 0;
+    for _ in 0..6 {
+        let vertices: Vec<[f32; 3]> = (0..60).map(|_| [next(), next(), next()]).collect();
+        let later: Vec<[f32; 3]> = vertices.iter().map(|v| v.map(|x| x + 0.5 * next())).collect();
+        let still = GeometryData::Triangles { vertices: vertices.clone(), indices: None, transform: None };
+        let moving = Geometry { vertices_t1: Some(later.into()), ..Geometry::new(still, OPAQUE) };
+        let balls = Geometry::new(
+            GeometryData::Spheres { positions: vertices[..20].to_vec(), radii: vec![0.1; 20], indices: None },
+            OPAQUE,
+        );
+        let mut srt = || Srt {
+            scale: [1.0 + 0.3 * next(), 1.0 + 0.3 * next(), 1.0 + 0.3 * next()],
+            shear: [0.2 * next(), 0.2 * next(), 0.2 * next()],
+            pivot: [2.0 * next(), 0.0, next()],
+            quaternion: [next(), next(), next(), 1.5],
+            translation: [4.0 * next(), 4.0 * next(), 4.0 * next()],
+        };
+        let instances: Vec<Instance> = (0..12)
+            .map(|at| {
+                let motion = Motion::Srt(Box::new([srt(), srt()]));
+                let ends = [0.0, 1.0].map(|time| motion.at(time).expect("a rotation"));
+                let geometry = if at % 2 == 0 { moving.clone() } else { balls.clone() };
+                let motion = match at % 3 {
+                    0 => Some(motion),
+                    1 => Some(Motion::Matrix(ends)),
+                    _ => None,
+                };
+                Instance { transform: ends[0], motion, ..instance(vec![geometry]) }
+            })
+            .collect();
+        let moved = tlas(instances.clone());
+        for time in [0.0, 0.125, 0.5, 0.77, 1.0] {
+            let at_time = |one: &Instance| {
+                let geometry = &one.blas.geometries()[0];
+                let data = match &geometry.vertices_t1 {
+                    Some(_) => {
+                        let corners = (0..20).flat_map(|at| match geometry.primitive_at(at, time) {
+                            Primitive::Triangle(corners) => corners,
+                            other => panic!("{other:?}"),
+                        });
+                        GeometryData::Triangles {
+                            vertices: corners.collect(),
+                            indices: None,
+                            transform: None,
+                        }
+                    }
+                    None => geometry.data.clone(),
+                };
+                let transform = one.object_to_world(time);
+                Instance { transform, motion: None, ..instance(vec![Geometry::new(data, OPAQUE)]) }
+            };
+            let copied = tlas(instances.iter().map(at_time).collect());
+            for _ in 0..200 {
+                let origin = [9.0 * next(), 9.0 * next(), 9.0];
+                let target = [5.0 * next(), 5.0 * next(), 5.0 * next()];
+                let direction = std::array::from_fn(|axis| target[axis] - origin[axis]);
+                let trace =
+                    TraceRay { ray: Ray::new(origin, direction), flags: RayFlags(0), cull_mask: 0xFF, time };
+                let find = |scene: &Arc<Tlas>| {
+                    let mut cursor = Cursor::new(scene, trace);
+                    while cursor.proceed(scene).is_some() {}
+                    cursor.committed().map(|hit| {
+                        let candidate = hit.candidate;
+                        (
+                            hit.t,
+                            candidate.place(),
+                            candidate.intersection,
+                            candidate.primitive_in(scene, time),
+                        )
+                    })
+                };
+                let found = find(&moved);
+                assert_eq!(found, find(&copied), "{trace:?}");
+                hits += usize::from(found.is_some());
+            }
+        }
+    }
+    assert!(hits > 1000, "{hits} hits");
+}
+
+#[test]
+fn motion_has_rules() {
+    let refused =
+        |one: Instance| Tlas::new(vec![one]).map(|_| ()).expect_err("a mistake").message().to_owned();
+    let one = || instance(vec![triangles(&[2.0], OPAQUE)]);
+    let flat = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0; 4]];
+    let told = refused(Instance { motion: Some(Motion::Matrix([IDENTITY, flat])), ..one() });
+    assert!(told.contains("at time 1 is singular"), "{told}");
+    let mut infinite = IDENTITY;
+    infinite[0][3] = f32::INFINITY;
+    let told = refused(Instance { motion: Some(Motion::Matrix([infinite, IDENTITY])), ..one() });
+    assert!(told.contains("not finite"), "{told}");
+    let two = triangles(&[1.0, 2.0], OPAQUE);
+    let few = Geometry { vertices_t1: Some(vec![[0.0; 3]; 3].into()), ..two };
+    let told = Blas::new(vec![few]).expect_err("a mistake").message().to_owned();
+    assert!(told.contains("3 vertices at time 1 for 6 at time 0"), "{told}");
+    let box_moves = Geometry { vertices_t1: Some(Vec::new().into()), ..boxes(&[(0.0, 1.0)], OPAQUE) };
+    let told = Blas::new(vec![box_moves]).expect_err("a mistake").message().to_owned();
+    assert!(told.contains("only triangles move"), "{told}");
+    // Half way between the identity and its mirror image there is no inverse: the instance is not there.
+    let mut mirrored = IDENTITY;
+    mirrored[0][0] = -1.0;
+    let scene = tlas(vec![Instance { motion: Some(Motion::Matrix([IDENTITY, mirrored])), ..one() }]);
+    for (time, hit) in [(0.0, true), (0.5, false), (1.0, true)] {
+        let trace = TraceRay { time, ..along_z(0) };
+        let mut cursor = Cursor::new(&scene, trace);
+        while cursor.proceed(&scene).is_some() {}
+        assert_eq!(cursor.committed().is_some(), hit, "at {time}");
+    }
 }

@@ -205,7 +205,7 @@ fn a_mistake_names_its_tensor() {
         "`ray.direction` is 1 x 3 of F32: wanted 2 rows",
     );
     one(&triangle().f32("ray.origin", &[6], &[0.0; 6]), "`ray.origin` is 6 of F32: wanted rows of 3");
-    one(&triangle().f64("ray.tmin", &[0.0, 0.0]), "`ray.tmin` is 2 of F64: wanted F32");
+    one(&triangle().f64("ray.tmin", &[0.5, 0.1]), "`ray.tmin` is 2 of F64: number 1 is 0.1, which no F32 is");
     one(&triangle().i32("driver.t", &[2], &[1, 2]), "`driver.t` is 2 of I32: wanted F32 or F64");
     one(&triangle().f32("ray.flags", &[2], &[0.0; 2]), "`ray.flags` is 2 of F32: wanted integers");
     one(&triangle().i32("ray.flags", &[2], &[0, -1]), "number 1 is -1");
@@ -214,8 +214,7 @@ fn a_mistake_names_its_tensor() {
     one(&triangle().f32("instance.object_to_world", &[1, 3, 4], &[0.0; 12]), "the transform is singular");
     one(&triangle().f32("geometry0.vertices", &[3, 5], &[0.0; 15]), "`geometry0.vertices` is 3 x 5");
     one(&triangle().i32("geometry0.indices", &[1, 3], &[0, 1, 3]), "indices[2] names vertex 3 of 3");
-    one(&spheres().f32("geometry0.radii", &[1], &[1.0]), "2 positions with 1 radii");
-    one(&spheres().f32("geometry0.radii", &[2], &[1.0, -1.0]), "negative radius");
+    one(&spheres().f32("geometry0.radii", &[3], &[1.0; 3]), "2 positions with 3 radii");
     one(&spheres().i32("geometry0.end_caps", &[1], &[7]), "`geometry0.end_caps` is 7");
     one(&spheres().f32("driver.position_radius", &[1, 3], &[0.0; 3]), "`driver.position_radius` is 1 x 3");
     let boxes =
@@ -229,6 +228,33 @@ fn a_mistake_names_its_tensor() {
         let error = Recording::of(&bytes[..cut]).expect_err("a mistake");
         assert!(error.message().starts_with("not a safetensors file: "), "{error}");
     }
+}
+
+#[test]
+fn what_others_write_is_understood() {
+    let agrees = |draft: &Draft| {
+        let found = compare(&Recording::of(&draft.bytes()).expect("a recording"));
+        let hits = found.driver.expect("a driver").hits;
+        assert_eq!((hits.missed, hits.extra, hits.other_primitive), (0, 0, 0), "{:?}", hits.examples);
+        assert!(hits.hits > 0 && hits.t_ulp.is_some_and(|ulp| ulp.max == 0.0));
+        found.notes
+    };
+    // Doubles that are floats; one number for all rays; one for all radii; a single matrix.
+    agrees(&triangle().f64("ray.tmin", &[0.5, 0.25]));
+    agrees(&triangle().i32("ray.flags", &[1], &[1]).f32("ray.tmax", &[1], &[9.0]));
+    agrees(&triangle().f32(
+        "instance.object_to_world",
+        &[3, 4],
+        &[1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0.],
+    ));
+    agrees(&spheres().f32("geometry0.radii", &[1], &[0.5]));
+    // Spheres with indices, told by the driver's own shaders.
+    let indexed = || spheres().i32("geometry0.indices", &[2], &[1, 0]).i32("driver.primitive_id", &[1], &[0]);
+    agrees(&indexed().i32("driver.is_sphere", &[1], &[1]));
+    agrees(&indexed().f32("driver.position_radius", &[1, 4], &[1.0, 0.0, 0.0, 0.5]));
+    // A negative radius is not valid (VUID-VkAccelerationStructureGeometrySpheresDataNV-radiusData-10436).
+    let notes = agrees(&spheres().f32("geometry0.radii", &[2], &[-1.0, 0.5]));
+    assert!(notes[0].contains("1 radii of `geometry0.radii` are negative"), "{notes:?}");
 }
 
 #[test]

@@ -217,5 +217,5 @@ impl Scene {
 
 fn instance(blas: Arc<Blas>, transform: [[f32; 4]; 3]) -> Instance {
     let flags = InstanceFlags::default();
-    Instance { blas, transform, custom_index: 0, mask: 0xFF, sbt_record_offset: 0, flags }
+    Instance { blas, transform, motion: None, custom_index: 0, mask: 0xFF, sbt_record_offset: 0, flags }
 }

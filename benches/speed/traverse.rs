@@ -8,7 +8,7 @@ use crate::table::Table;
 
 /// Traces rays, and says what each did on average.
 fn trace(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> String {
-    let query = |ray: &Ray| TraceRay { ray: *ray, flags, cull_mask: 0xFF };
+    let query = |ray: &Ray| TraceRay { ray: *ray, flags, cull_mask: 0xFF, time: 0.0 };
     let mut cursor = Cursor::new(tlas, query(&rays[0]));
     let mut hits = 0;
     for ray in rays {

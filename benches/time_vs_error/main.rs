@@ -243,13 +243,14 @@ fn engine(scene: &Scene, precision: Precision) -> Run<'static> {
     let instances = scene.matrices.iter().map(|matrix| Instance {
         blas: blas.clone(),
         transform: *matrix,
+        motion: None,
         custom_index: 0,
         mask: 0xFF,
         sbt_record_offset: 0,
         flags: InstanceFlags::default(),
     });
     let tlas = Tlas::with_precision(instances.collect(), precision).expect("a valid TLAS");
-    let trace = |ray| TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF };
+    let trace = |ray| TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
     let mut cursor = Cursor::new(&tlas, trace(scene.rays[0]));
     Box::new(move |rays, hits| {
         for ray in rays {

@@ -5,7 +5,8 @@ use std::sync::{Arc, OnceLock};
 use crate::accel::body::Body;
 use crate::accel::geometry_data::{GeometryData, GeometryKind};
 use crate::accel::micromap::OpacityMicromap;
-use crate::accel::primitive::Primitive;
+use crate::accel::motion::interpolate;
+use crate::accel::primitive::{Primitive, triangle};
 use crate::accel::validate;
 use crate::error::{Error, Result};
 use crate::geometry::Bounds;
@@ -38,13 +39,45 @@ pub struct Geometry {
     pub opacity_micromap: Option<Arc<OpacityMicromap>>,
     /// `ClusterIDNV` of its triangles; without it they belong to no cluster.
     pub cluster_id: Option<u32>,
+    /// Positions at time 1 of triangles whose own vertices are those of time 0, one for each
+    /// (`VkAccelerationStructureGeometryMotionTrianglesDataNV`); without it they are at rest.
+    pub vertices_t1: Option<Arc<[[f32; 3]]>>,
 }
 
 impl Geometry {
-    /// Primitives without micromap or cluster.
+    /// Primitives at rest, without micromap or cluster.
     pub fn new(data: GeometryData, flags: GeometryFlags) -> Self {
-        Self { data, flags, opacity_micromap: None, cluster_id: None }
+        Self { data, flags, opacity_micromap: None, cluster_id: None, vertices_t1: None }
     }
+
+    /// The numbers of primitive `PrimitiveId` at a time within 0 and 1: those of a triangle that
+    /// moves are interpolated, after the geometry transform.
+    ///
+    /// # Panics
+    /// As [`GeometryData::primitive`].
+    pub fn primitive_at(&self, primitive: u32, time: f32) -> Primitive {
+        match self.keys(primitive) {
+            Some(keys) => Primitive::Triangle(between(&keys, time)),
+            None => self.data.primitive(primitive),
+        }
+    }
+
+    /// The vertices of a triangle that moves, at time 0 and at time 1.
+    pub(super) fn keys(&self, primitive: u32) -> Option<[[[f32; 3]; 3]; 2]> {
+        let (GeometryData::Triangles { vertices, indices, transform }, Some(later)) =
+            (&self.data, &self.vertices_t1)
+        else {
+            return None;
+        };
+        Some([vertices, &later[..]].map(|all| triangle(all, indices, transform, primitive)))
+    }
+}
+
+/// A triangle's vertices between two keys.
+pub(super) fn between([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32; 3]; 3] {
+    std::array::from_fn(|corner| {
+        std::array::from_fn(|axis| interpolate(first[corner][axis], second[corner][axis], time))
+    })
 }
 
 /// A bottom-level acceleration structure: geometries of one kind over one tree.
@@ -86,10 +119,17 @@ impl Blas {
     }
 
     /// The numbers of a primitive, bit for bit as given (triangles: after the geometry transform):
-    /// what the hit builtins and position fetch return. `None` where there is no such primitive.
-    pub fn primitive(&self, geometry: u32, primitive: u32) -> Option<Primitive> {
-        let data = &self.geometries.get(geometry as usize)?.data;
-        ((primitive as usize) < data.primitive_count()).then(|| data.primitive(primitive))
+    /// what the hit builtins and position fetch return. Triangles that move are where they are at
+    /// the ray's time. `None` where there is no such primitive.
+    pub fn primitive(&self, geometry: u32, primitive: u32, time: f32) -> Option<Primitive> {
+        let geometry = self.geometries.get(geometry as usize)?;
+        let there = (primitive as usize) < geometry.data.primitive_count();
+        there.then(|| geometry.primitive_at(primitive, time))
+    }
+
+    /// Whether vertices of it move.
+    pub fn moves(&self) -> bool {
+        self.geometries.iter().any(|geometry| geometry.vertices_t1.is_some())
     }
 
     /// Whether rays have reached it, so that its boxes (and tree) exist.

@@ -1,6 +1,6 @@
 //! What a BLAS is when rays reach it: active primitives in tree order, and the tree.
 
-use crate::accel::blas::Geometry;
+use crate::accel::blas::{Geometry, between};
 use crate::accel::node::Child;
 use crate::accel::primitive::Primitive;
 use crate::accel::tree::Tree;
@@ -42,11 +42,19 @@ enum Shapes {
     Aabbs(Vec<block::Aabbs>),
     Spheres(Vec<block::Spheres>),
     LinearSweptSpheres(Vec<block::LinearSweptSpheres>),
+    /// By place: vertices at time 0 and at time 1.
+    MovingTriangles(Vec<Option<Keys>>),
 }
+
+/// The vertices of a triangle at time 0 and at time 1.
+type Keys = [[[f32; 3]; 3]; 2];
 
 impl Body {
     /// Collects the active primitives and builds the tree where it pays.
     pub fn build(geometries: &[Geometry]) -> Self {
+        if geometries.iter().any(|geometry| geometry.vertices_t1.is_some()) {
+            return Self::build_moving(geometries);
+        }
         let mut primitives = Vec::new();
         let mut names = Vec::new();
         let mut boxes = Vec::new();
@@ -60,17 +68,52 @@ impl Body {
                 }
             }
         }
-        let around = boxes.iter().fold(Bounds::EMPTY, |all, one| all.union(one));
-        if boxes.len() <= LINEAR {
-            let all: Vec<Option<Primitive>> = primitives.into_iter().map(Some).collect();
-            let names = names.into_iter().map(Some).collect();
-            return Self { shapes: Shapes::of(&all), names, tree: None, bounds: around };
+        Self::around(&boxes, &names, |order| {
+            let at = |&number: &u32| primitives.get(number as usize).copied();
+            Shapes::of(&order.iter().map(at).collect::<Vec<_>>())
+        })
+    }
+
+    /// The same for triangles of which some move. The interpolated coordinates of a vertex lie
+    /// between those of its keys, so a box around both keys holds them all.
+    #[cold]
+    fn build_moving(geometries: &[Geometry]) -> Self {
+        let mut all = Vec::new();
+        let mut names = Vec::new();
+        let mut boxes = Vec::new();
+        for (number, geometry) in geometries.iter().enumerate() {
+            for primitive in 0..geometry.data.primitive_count() as u32 {
+                let keys = geometry.keys(primitive).or_else(|| match geometry.data.primitive(primitive) {
+                    Primitive::Triangle(vertices) => Some([vertices; 2]),
+                    _ => None,
+                });
+                let bounds = keys.and_then(|[first, second]| {
+                    Some(triangle::bounds(first)?.union(&triangle::bounds(second)?))
+                });
+                if let (Some(keys), Some(bounds)) = (keys, bounds) {
+                    all.push(keys);
+                    names.push(Name { geometry: number as u32, primitive });
+                    boxes.push(bounds);
+                }
+            }
         }
-        let (tree, order) = Tree::build(&boxes, LEAF).expect("bug in anyhit: a tree of no boxes");
-        let ordered: Vec<Option<Primitive>> =
-            order.iter().map(|&number| primitives.get(number as usize).copied()).collect();
+        Self::around(&boxes, &names, |order| {
+            let at = |&number: &u32| all.get(number as usize).copied();
+            Shapes::MovingTriangles(order.iter().map(at).collect())
+        })
+    }
+
+    /// The tree over boxes, where it pays, and the shapes in its order.
+    fn around(boxes: &[Bounds], names: &[Name], shapes: impl FnOnce(&[u32]) -> Shapes) -> Self {
+        let around = boxes.iter().fold(Bounds::EMPTY, |all, one| all.union(one));
+        let (tree, order) = if boxes.len() <= LINEAR {
+            (None, (0..boxes.len() as u32).collect())
+        } else {
+            let (tree, order) = Tree::build(boxes, LEAF).expect("bug in anyhit: a tree of no boxes");
+            (Some(tree), order)
+        };
         let names = order.iter().map(|&number| names.get(number as usize).copied()).collect();
-        Self { shapes: Shapes::of(&ordered), names, tree: Some(tree), bounds: around }
+        Self { shapes: shapes(&order), names, tree, bounds: around }
     }
 
     /// The box around all active primitives.
@@ -121,19 +164,30 @@ impl Body {
             Shapes::Aabbs(blocks) => blocks[at].met(ray),
             Shapes::Spheres(blocks) => blocks[at].met(ray),
             Shapes::LinearSweptSpheres(blocks) => blocks[at].met(ray),
+            Shapes::MovingTriangles(_) => u32::MAX,
         };
         met & self.every(leaf)
     }
 
-    /// Where a ray meets the primitive at a place in tree order, within the ray's whole interval.
+    /// Where a ray of a time meets the primitive at a place in tree order, within the ray's whole
+    /// interval.
     #[inline]
-    pub fn intersect(&self, place: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
+    pub fn intersect(
+        &self,
+        place: usize,
+        ray: &ObjectRay,
+        time: f32,
+        precision: Precision,
+    ) -> Option<Intersection> {
         let (at, lane) = (place / LANES, place % LANES);
         match &self.shapes {
             Shapes::Triangles(blocks) => blocks[at].intersect(lane, ray, precision),
             Shapes::Aabbs(blocks) => blocks[at].intersect(lane, ray, precision),
             Shapes::Spheres(blocks) => blocks[at].intersect(lane, ray, precision),
             Shapes::LinearSweptSpheres(blocks) => blocks[at].intersect(lane, ray, precision),
+            Shapes::MovingTriangles(all) => {
+                triangle::intersect(ray, between(all[place].as_ref()?, time), precision)
+            }
         }
     }
 }

@@ -26,7 +26,7 @@ use std::collections::BinaryHeap;
 
 use crate::accel::node_ray::NodeRay;
 use crate::accel::primitive::Primitive;
-pub use crate::accel::rules::RayFlags;
+pub use crate::accel::rules::{RayFlags, RayRule};
 use crate::accel::tlas::{Instance, Tlas};
 use crate::accel::visit::{Place, Visit};
 use crate::accel::walk::{Level, Open};
@@ -56,19 +56,41 @@ pub struct TraceRay {
     pub flags: RayFlags,
     /// Its low 8 bits count.
     pub cull_mask: u32,
+    /// `CurrentRayTimeNV`, from 0 to 1: where what moves is. 0 for instructions that give none.
+    pub time: f32,
 }
 
 impl TraceRay {
-    /// Whether the operands keep the rules: origin and direction finite, 0 <= t_min <= t_max, no
-    /// NaN, no flags that exclude each other (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359, 06552
-    /// to 06554, 06892 and 06893; for ray queries VUID-RuntimeSpirv-OpRayQueryInitializeKHR-06348 to
-    /// 06352 and 06889 to 06891).
-    pub fn is_legal(&self) -> bool {
+    /// Whether the operands keep the rules.
+    ///
+    /// # Errors
+    /// The first rule that they break.
+    #[inline]
+    pub fn check(&self) -> Result<(), RayRule> {
         let Ray { origin, direction, t_min, t_max } = self.ray;
         let finite = origin.iter().chain(&direction).all(|value| value.is_finite());
         let interval = t_min >= 0.0 && t_min <= t_max;
+        let time = (0.0..=1.0).contains(&self.time);
         let exclusive = |bits: u32| (self.flags.0 & bits).count_ones() <= 1;
-        finite && interval && exclusive(1 | 2 | 64 | 128) && exclusive(256 | 16 | 32) && exclusive(256 | 512)
+        let flags = exclusive(1 | 2 | 64 | 128) && exclusive(256 | 16 | 32) && exclusive(256 | 512);
+        if finite && interval && flags && time { Ok(()) } else { Err(self.broken()) }
+    }
+
+    #[cold]
+    fn broken(&self) -> RayRule {
+        let Ray { origin, direction, t_min, t_max } = self.ray;
+        let exclusive = |bits: u32| (self.flags.0 & bits).count_ones() <= 1;
+        let place = || origin.iter().chain(&direction);
+        match () {
+            () if place().any(|x| x.is_nan()) || t_min.is_nan() || t_max.is_nan() => RayRule::NotNan,
+            () if !place().all(|x| x.is_finite()) => RayRule::Finite,
+            () if t_min < 0.0 || t_max < 0.0 => RayRule::NotNegative,
+            () if t_min > t_max => RayRule::InOrder,
+            () if !exclusive(1 | 2 | 64 | 128) => RayRule::Opacity,
+            () if !exclusive(256 | 512) => RayRule::BothSkips,
+            () if !exclusive(256 | 16 | 32) => RayRule::Sides,
+            () => RayRule::Time,
+        }
     }
 }
 
@@ -122,12 +144,12 @@ impl Candidate {
         &tlas.instances()[self.instance as usize]
     }
 
-    /// The numbers of the primitive.
+    /// The numbers of the primitive at the ray's time.
     ///
     /// # Panics
     /// As [`Candidate::instance_in`].
-    pub fn primitive_in(&self, tlas: &Tlas) -> Option<Primitive> {
-        self.instance_in(tlas).blas.primitive(self.geometry, self.primitive)
+    pub fn primitive_in(&self, tlas: &Tlas, time: f32) -> Option<Primitive> {
+        self.instance_in(tlas).blas.primitive(self.geometry, self.primitive, time)
     }
 
     /// `ClusterIDNV`: -1 where the primitive belongs to no cluster.

@@ -37,11 +37,7 @@ impl GeometryData {
         let at = primitive as usize;
         match self {
             Self::Triangles { vertices, indices, transform } => {
-                Primitive::Triangle(std::array::from_fn(|corner| {
-                    let entry = 3 * at + corner;
-                    let vertex = vertices[entry_of(indices, entry)];
-                    transform.as_ref().map_or(vertex, |matrix| transform_point(matrix, vertex))
-                }))
+                Primitive::Triangle(triangle(vertices, indices, transform, primitive))
             }
             Self::Aabbs(boxes) => Primitive::Aabb(boxes[at]),
             Self::Spheres { positions, radii, indices } => {
@@ -64,6 +60,19 @@ impl GeometryData {
             }
         }
     }
+}
+
+/// The vertices of a triangle, the geometry transform applied.
+pub(super) fn triangle(
+    vertices: &[[f32; 3]],
+    indices: &Option<Vec<u32>>,
+    transform: &Option<[[f32; 4]; 3]>,
+    primitive: u32,
+) -> [[f32; 3]; 3] {
+    std::array::from_fn(|corner| {
+        let vertex = vertices[entry_of(indices, 3 * primitive as usize + corner)];
+        transform.as_ref().map_or(vertex, |matrix| transform_point(matrix, vertex))
+    })
 }
 
 /// The vertex that an entry of the (perhaps absent) index buffer names.

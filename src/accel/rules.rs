@@ -49,6 +49,73 @@ impl std::ops::BitOr for RayFlags {
     }
 }
 
+/// What a ray must keep to; the numbers of the rules differ from instruction to instruction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum RayRule {
+    /// Nothing is NaN.
+    NotNan,
+    /// Origin and direction are finite.
+    Finite,
+    /// t_min and t_max are not negative.
+    NotNegative,
+    /// t_min is at most t_max.
+    InOrder,
+    /// At most one of the four flags that speak of opacity.
+    Opacity,
+    /// At most one of the flags that skip triangles or cull a side of them.
+    Sides,
+    /// Not both flags that skip primitives.
+    BothSkips,
+    /// Triangles are not skipped where the pipeline skips boxes.
+    SkipsTrianglesBesidePipeline,
+    /// Boxes are not skipped where the pipeline skips triangles.
+    SkipsAabbsBesidePipeline,
+    /// The time is from 0 to 1.
+    Time,
+}
+
+impl RayRule {
+    /// All of them, in order.
+    pub const ALL: [Self; 10] = [
+        Self::NotNan,
+        Self::Finite,
+        Self::NotNegative,
+        Self::InOrder,
+        Self::Opacity,
+        Self::Sides,
+        Self::BothSkips,
+        Self::SkipsTrianglesBesidePipeline,
+        Self::SkipsAabbsBesidePipeline,
+        Self::Time,
+    ];
+
+    /// What is wrong with a ray that breaks it.
+    pub fn describe(self) -> &'static str {
+        match self {
+            Self::NotNan => "origin, direction, t_min or t_max is NaN",
+            Self::Finite => "origin or direction is not finite",
+            Self::NotNegative => "t_min or t_max is negative",
+            Self::InOrder => "t_min is above t_max",
+            Self::Opacity => {
+                "the ray flags hold more than one of OpaqueKHR, NoOpaqueKHR, CullOpaqueKHR and CullNoOpaqueKHR"
+            }
+            Self::Sides => {
+                "the ray flags hold more than one of SkipTrianglesKHR, CullBackFacingTrianglesKHR and \
+                 CullFrontFacingTrianglesKHR"
+            }
+            Self::BothSkips => "the ray flags hold both SkipTrianglesKHR and SkipAABBsKHR",
+            Self::SkipsTrianglesBesidePipeline => {
+                "the ray flags hold SkipTrianglesKHR, and the pipeline skips AABBs"
+            }
+            Self::SkipsAabbsBesidePipeline => {
+                "the ray flags hold SkipAABBsKHR, and the pipeline skips triangles"
+            }
+            Self::Time => "the time is not between 0 and 1",
+        }
+    }
+}
+
 /// Whether an instance is visible: its mask and the low 8 bits of the cull mask share a bit.
 #[inline]
 pub fn is_visible(mask: u8, cull_mask: u32) -> bool {

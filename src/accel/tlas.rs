@@ -4,12 +4,14 @@ use std::sync::{Arc, OnceLock};
 
 use crate::accel::blas::Blas;
 use crate::accel::geometry_data::GeometryKind;
+use crate::accel::motion::{Motion, or_identity};
+use crate::accel::motion_bounds;
 use crate::accel::rules::{RayFlags, is_opaque};
 use crate::accel::transform::IDENTITY;
 use crate::accel::tree::Tree;
 use crate::accel::validate;
 use crate::error::{Error, Result};
-use crate::geometry::{Bounds, ObjectRay, Precision, Ray, Transform};
+use crate::geometry::{Bounds, ObjectRay, Precision, Ray, Transform, world_to_object};
 
 /// Up to this many instances are entered one after another, without boxes or tree: then no BLAS is
 /// touched that no ray reaches.
@@ -44,8 +46,10 @@ impl InstanceFlags {
 pub struct Instance {
     /// What is placed.
     pub blas: Arc<Blas>,
-    /// Object to world, row-major 3x4 (`VkTransformMatrixKHR`).
+    /// Object to world, row-major 3x4 (`VkTransformMatrixKHR`); counts where `motion` is `None`.
     pub transform: [[f32; 4]; 3],
+    /// How it moves; `None` for an instance at rest.
+    pub motion: Option<Motion>,
     /// `InstanceCustomIndexKHR`, 24 bits.
     pub custom_index: u32,
     /// Visibility mask, compared with the ray's cull mask.
@@ -54,6 +58,28 @@ pub struct Instance {
     pub sbt_record_offset: u32,
     /// Flags.
     pub flags: InstanceFlags,
+}
+
+impl Instance {
+    /// Object to world at a time within 0 and 1 (`ObjectToWorldKHR`, row-major). The identity where
+    /// there is none: no ray meets such an instance.
+    pub fn object_to_world(&self, time: f32) -> [[f32; 4]; 3] {
+        match &self.motion {
+            None => self.transform,
+            Some(motion) => or_identity(motion.at(time)),
+        }
+    }
+}
+
+/// How the rays of an instance come into its object space.
+#[derive(Debug)]
+enum Placed {
+    /// By the identity.
+    InWorld,
+    /// By a transform that stays.
+    Still(Transform),
+    /// By another one at each time.
+    Moving,
 }
 
 /// The index of a hit record in the shader binding table (Vulkan, "Hit Group Shader Binding Table"):
@@ -66,11 +92,12 @@ pub fn hit_record_index(instance_offset: u32, geometry: u32, stride: u32, offset
 #[derive(Debug)]
 pub struct Tlas {
     instances: Vec<Instance>,
-    /// Parallel to the instances; `None` for the identity.
-    transforms: Vec<Option<Transform>>,
+    /// Parallel to the instances.
+    placed: Vec<Placed>,
     /// Parallel to the instances, made when a shader asks.
     world_to_object: Vec<OnceLock<[[f32; 4]; 3]>>,
     tree: OnceLock<Option<(Tree, Vec<u32>)>>,
+    moves: bool,
     /// Whether all is opaque, without micromaps that say otherwise, and nothing a box.
     plain: OnceLock<bool>,
     precision: Precision,
@@ -97,18 +124,19 @@ impl Tlas {
         if !mistakes.is_empty() {
             return Err(Error::several(mistakes));
         }
-        let transforms = instances
-            .iter()
-            .map(|instance| {
-                (instance.transform != IDENTITY).then(|| {
-                    Transform::new(&instance.transform)
-                        .expect("bug in anyhit: a singular instance passed validation")
-                })
-            })
-            .collect();
+        let still = |transform: &[[f32; 4]; 3]| {
+            Transform::new(transform).expect("bug in anyhit: a singular instance passed validation")
+        };
+        let place = |instance: &Instance| match &instance.motion {
+            Some(_) => Placed::Moving,
+            None if instance.transform == IDENTITY => Placed::InWorld,
+            None => Placed::Still(still(&instance.transform)),
+        };
+        let placed = instances.iter().map(place).collect();
+        let moves = instances.iter().any(|instance| instance.motion.is_some() || instance.blas.moves());
         let world_to_object = instances.iter().map(|_| OnceLock::new()).collect();
         let (tree, plain) = (OnceLock::new(), OnceLock::new());
-        Ok(Arc::new(Self { instances, transforms, world_to_object, tree, plain, precision }))
+        Ok(Arc::new(Self { instances, placed, world_to_object, tree, moves, plain, precision }))
     }
 
     /// The null acceleration structure: it has no instances.
@@ -120,6 +148,11 @@ impl Tlas {
     /// The instances in the order of their `InstanceId`.
     pub fn instances(&self) -> &[Instance] {
         &self.instances
+    }
+
+    /// Whether instances or vertices move.
+    pub fn moves(&self) -> bool {
+        self.moves
     }
 
     /// How intersections are computed.
@@ -141,27 +174,35 @@ impl Tlas {
         *plain && !flags.contains(RayFlags::NO_OPAQUE)
     }
 
-    /// World to object of an instance, row-major 3x4, each entry correctly rounded from the exact
-    /// inverse (`WorldToObjectKHR`).
+    /// World to object of an instance at a time within 0 and 1, row-major 3x4, each entry correctly
+    /// rounded from the exact inverse (`WorldToObjectKHR`). The identity where there is no inverse.
     ///
     /// # Panics
     /// Where there is no such instance.
-    pub fn world_to_object(&self, instance: u32) -> &[[f32; 4]; 3] {
+    pub fn world_to_object(&self, instance: u32, time: f32) -> [[f32; 4]; 3] {
         let at = instance as usize;
-        self.world_to_object[at]
-            .get_or_init(|| self.transforms[at].as_ref().map_or(IDENTITY, Transform::world_to_object))
+        match &self.placed[at] {
+            Placed::InWorld => IDENTITY,
+            Placed::Still(transform) => *self.world_to_object[at].get_or_init(|| transform.world_to_object()),
+            Placed::Moving => or_identity(world_to_object(&self.instances[at].object_to_world(time))),
+        }
     }
 
-    /// A ray as an instance's primitives see it (`ObjectRayOriginKHR`, `ObjectRayDirectionKHR`).
-    /// `None` where the ray itself holds a NaN or an infinity.
+    /// A ray of a time within 0 and 1 as an instance's primitives see it (`ObjectRayOriginKHR`,
+    /// `ObjectRayDirectionKHR`). `None` where the ray itself holds a NaN or an infinity, or the instance
+    /// has no inverse at that time.
     ///
     /// # Panics
     /// Where there is no such instance.
     #[inline]
-    pub fn object_ray(&self, instance: u32, ray: &Ray) -> Option<ObjectRay> {
-        match &self.transforms[instance as usize] {
-            Some(transform) => ObjectRay::in_instance(ray, transform),
-            None => ObjectRay::in_world(ray),
+    pub fn object_ray(&self, instance: u32, ray: &Ray, time: f32) -> Option<ObjectRay> {
+        match &self.placed[instance as usize] {
+            Placed::Still(transform) => ObjectRay::in_instance(ray, transform),
+            Placed::InWorld => ObjectRay::in_world(ray),
+            Placed::Moving => {
+                let matrix = self.instances[instance as usize].motion.as_ref()?.at(time)?;
+                ObjectRay::new(ray, Some(&matrix))
+            }
         }
     }
 
@@ -183,9 +224,10 @@ impl Tlas {
             if bounds == Bounds::EMPTY {
                 continue;
             }
-            boxes.push(match self.transforms[number] {
-                Some(_) => bounds.transformed(&instance.transform),
-                None => bounds,
+            boxes.push(match (&self.placed[number], &instance.motion) {
+                (Placed::Moving, Some(motion)) => motion_bounds::bounds(&bounds, motion),
+                (Placed::InWorld, _) => bounds,
+                _ => bounds.transformed(&instance.transform),
             });
             numbers.push(number as u32);
         }

@@ -18,7 +18,7 @@ pub fn transform_point(matrix: &[[f32; 4]; 3], point: [f32; 3]) -> [f32; 3] {
 }
 
 /// The correctly rounded f32 of an exact sum of products of f32.
-fn round_sum(terms: [f64; 4]) -> f32 {
+pub fn round_sum(terms: [f64; 4]) -> f32 {
     // Infinities and NaN follow IEEE addition.
     let plain: f64 = terms.iter().sum();
     if !plain.is_finite() {

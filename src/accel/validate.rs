@@ -69,6 +69,18 @@ pub fn geometries(geometries: &[Geometry]) -> Vec<Error> {
             }
         }
         let primitives = geometry.data.primitive_count();
+        if let Some(later) = &geometry.vertices_t1 {
+            match &geometry.data {
+                GeometryData::Triangles { vertices, .. } if later.len() == vertices.len() => {}
+                GeometryData::Triangles { vertices, .. } => {
+                    found(format!("{} vertices at time 1 for {} at time 0", later.len(), vertices.len()));
+                }
+                _ => found(format!(
+                    "vertices at time 1 of {kind}: only triangles move \
+                     (VkAccelerationStructureGeometryMotionTrianglesDataNV)"
+                )),
+            }
+        }
         if let Some(micromap) = &geometry.opacity_micromap {
             if kind != GeometryKind::Triangles {
                 found(format!("an opacity micromap on {kind}: only triangles have one"));
@@ -187,6 +199,20 @@ pub fn instances(instances: &[Instance]) -> Vec<Error> {
             && instance.flags.contains(InstanceFlags::FORCE_NO_OPAQUE)
         {
             found("force-opaque and force-no-opaque exclude each other");
+        }
+        if let Some(motion) = &instance.motion {
+            if !motion.is_finite() {
+                found("the motion is not finite");
+                continue;
+            }
+            for (key, time) in [(0, 0.0), (1, 1.0)] {
+                if motion.at(time).is_none_or(|matrix| Transform::new(&matrix).is_none()) {
+                    found(&format!(
+                        "its transform at time {key} is singular (VUID-VkTransformMatrixKHR-matrix-03799)"
+                    ));
+                }
+            }
+            continue;
         }
         if !instance.transform.as_flattened().iter().all(|x| x.is_finite()) {
             found("the transform is not finite");

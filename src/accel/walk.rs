@@ -151,7 +151,7 @@ impl Cursor {
         if instance.blas.kind().is_some_and(|kind| is_skipped(self.trace.flags, kind)) {
             return InstanceVerdict::Skipped;
         }
-        let Some(object_ray) = tlas.object_ray(number, &self.trace.ray) else {
+        let Some(object_ray) = tlas.object_ray(number, &self.trace.ray, self.trace.time) else {
             return InstanceVerdict::Missed;
         };
         let body = instance.blas.body();
@@ -216,9 +216,9 @@ impl Cursor {
             if culled && micromap.is_none() && !V::REASONS {
                 continue;
             }
-            let Some(found) = body.intersect(at, ray, tlas.precision()) else {
+            let Some(found) = body.intersect(at, ray, self.trace.time, tlas.precision()) else {
                 let verdict = if V::REASONS {
-                    missed_or_outside(tlas, number, body, at, ray)
+                    missed_or_outside(tlas, place, body, at, ray, self.trace.time)
                 } else {
                     PrimitiveVerdict::Missed
                 };
@@ -325,9 +325,16 @@ fn push_children(open: &mut Vec<Open>, limit: NodeLimit, node: &Node, ray: &Node
 
 /// Why a primitive was not hit: tests it again over all t >= 0.
 #[cold]
-fn missed_or_outside(tlas: &Tlas, number: u32, body: &Body, at: usize, ray: &ObjectRay) -> PrimitiveVerdict {
+fn missed_or_outside(
+    tlas: &Tlas,
+    place: Place,
+    body: &Body,
+    at: usize,
+    ray: &ObjectRay,
+    time: f32,
+) -> PrimitiveVerdict {
     let whole = ray.world().with_interval(0.0, f32::INFINITY);
-    tlas.object_ray(number, &whole)
-        .and_then(|whole| body.intersect(at, &whole, tlas.precision()))
+    tlas.object_ray(place.instance, &whole, time)
+        .and_then(|whole| body.intersect(at, &whole, time, tlas.precision()))
         .map_or(PrimitiveVerdict::Missed, PrimitiveVerdict::OutsideInterval)
 }

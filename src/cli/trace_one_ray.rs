@@ -49,6 +49,9 @@ pub struct TraceOneRayArgs {
     /// With --ray: cull mask [default: 0xff]
     #[arg(long, value_name = "MASK", requires = "ray", value_parser = whole)]
     cull_mask: Option<u32>,
+    /// With --ray: its time, from 0 to 1, where instances or vertices move [default: 0]
+    #[arg(long, value_name = "TIME", requires = "ray")]
+    time: Option<f32>,
     /// With --ray: SBT offset [default: 0]
     #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
     sbt_offset: Option<u32>,
@@ -105,6 +108,7 @@ impl TraceOneRayArgs {
             t_max: self.t_max.unwrap_or(f32::INFINITY),
             flags: self.flags.as_deref().map_or(Ok(0), command::flags)?,
             cull_mask: self.cull_mask.unwrap_or(0xFF),
+            time: self.time.unwrap_or(0.0),
             sbt_offset: self.sbt_offset.unwrap_or(0),
             sbt_stride: self.sbt_stride.unwrap_or(1),
             miss_index: self.miss_index.unwrap_or(0),

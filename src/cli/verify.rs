@@ -32,6 +32,9 @@ pub struct VerifyArgs {
     /// Most hits of ours that a file may not have
     #[arg(long, value_name = "N")]
     max_extra: Option<usize>,
+    /// Most hits of a file that we may have on another primitive at another t
+    #[arg(long, value_name = "N")]
+    max_other: Option<usize>,
     /// Greatest error of t, in units in the last place; t of boxes is the recorded shader's own
     /// arithmetic and not judged
     #[arg(long, value_name = "ULP")]
@@ -100,7 +103,11 @@ impl VerifyArgs {
         let Some((what, hits)) = judged(&file.comparison, self.against) else { return Vec::new() };
         let mut failures = Vec::new();
         let name = &file.file;
-        let counts = [("missed", hits.missed, self.max_missed), ("extra", hits.extra, self.max_extra)];
+        let counts = [
+            ("missed", hits.missed, self.max_missed),
+            ("extra", hits.extra, self.max_extra),
+            ("on another primitive", hits.other_primitive, self.max_other),
+        ];
         for (word, count, limit) in counts {
             if let Some(limit) = limit.filter(|&limit| count > limit) {
                 failures.push(format!("{name}: {count} {word} against {what}, more than {limit}"));
@@ -182,6 +189,9 @@ fn text(files: &[File], against: Judge) -> String {
                 // Writing to a string does not fail.
                 let _ = writeln!(wrong, "{name}, {what}: {example}");
             }
+        }
+        for note in &comparison.notes {
+            let _ = writeln!(wrong, "{name}: {note}");
         }
         for tensor in &comparison.ignored_tensors {
             let _ = writeln!(wrong, "{name}: tensor `{tensor}` has no meaning here and was not read");

@@ -221,6 +221,7 @@ impl<'a> Reader<'a> {
             t_max: Float::F32(ray.t_max),
             flags: names::flags(operands.flags.0),
             cull_mask: operands.cull_mask,
+            time: (tlas.moves() || operands.time != 0.0).then_some(Float::F32(operands.time)),
             nodes: 0,
             instances: self.instances(tlas),
         }
@@ -234,8 +235,9 @@ impl<'a> Reader<'a> {
             primitives: instance.blas.geometries().iter().map(|one| one.data.primitive_count()).sum(),
             mask: instance.mask,
             custom_index: instance.custom_index,
-            transformed: instance.transform
-                != [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            transformed: instance.motion.is_some()
+                || instance.transform != [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            moves: instance.motion.is_some() || instance.blas.moves(),
             verdict: InstanceVerdict::NotReached,
             nodes: 0,
             tested: Vec::new(),
@@ -304,10 +306,10 @@ impl<'a> Reader<'a> {
             let exact = f64::from(ray.direction[axis]) * f64::from(t) + f64::from(ray.origin[axis]);
             Float::F32(exact as f32)
         });
-        let object_ray = tlas.object_ray(candidate.instance, &ray);
+        let object_ray = tlas.object_ray(candidate.instance, &ray, operands.time);
         let (origin, direction) = object_ray
             .map_or((ray.origin, ray.direction), |ray| (ray.object_origin_f32(), ray.object_direction_f32()));
-        let data = instance.blas.primitive(candidate.geometry, candidate.primitive);
+        let data = instance.blas.primitive(candidate.geometry, candidate.primitive, operands.time);
         Hit {
             instance: candidate.instance,
             custom_index: instance.custom_index,

@@ -216,7 +216,8 @@ impl Writer {
                 "not reached: its box is missed or lies behind a hit, or the search ended before",
             ),
         };
-        let head = format!("instance {}{names}: {of}", instance.instance);
+        let moves = if instance.moves { ", moving" } else { "" };
+        let head = format!("instance {}{names}: {of}{moves}", instance.instance);
         self.page
             .line(format_args!("{head}; mask {}: {verdict}", masks(instance.mask, way.traversal.cull_mask)));
         if instance.verdict == InstanceVerdict::Entered {
@@ -474,8 +475,9 @@ fn ray(ray: &Traversal) -> Vec<(String, String)> {
         ("flags", flags),
         ("cull mask", format!("{:#04x}", ray.cull_mask)),
     ];
+    let time = ray.time.iter().map(|time| ("time", time.to_string()));
     let structure = ray.structure.iter().map(|name| ("structure", format!("`{name}`")));
-    rows.into_iter().chain(structure).map(|(label, text)| (label.to_owned(), text)).collect()
+    rows.into_iter().chain(time).chain(structure).map(|(label, text)| (label.to_owned(), text)).collect()
 }
 
 /// ` traced at a.rgen:19: the line's text`

@@ -172,7 +172,7 @@ enum Settled {
     Ray(GivenRay),
 }
 
-/// Holds a ray against the rules of a trace (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359).
+/// Holds a ray against the rules of a trace (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06358).
 pub(crate) fn check(ray: &GivenRay) -> Result<GivenRay> {
     let finite = |what: &str, values: &[f32; 3]| match values.iter().position(|value| !value.is_finite()) {
         Some(at) => {
@@ -192,6 +192,10 @@ pub(crate) fn check(ray: &GivenRay) -> Result<GivenRay> {
             ray.t_min, ray.t_max
         );
         return Err(invalid(message).note("VUID-RuntimeSpirv-OpTraceRayKHR-06356 and 06357"));
+    }
+    if !(0.0..=1.0).contains(&ray.time) {
+        let message = format!("the ray's time is {}: it is from 0 to 1", ray.time);
+        return Err(invalid(message).note("VUID-RuntimeSpirv-OpTraceRayMotionNV-06366"));
     }
     let exclusive = |bits: u32| (ray.flags & bits).count_ones() <= 1;
     if !(exclusive(1 | 2 | 64 | 128) && exclusive(256 | 16 | 32) && exclusive(256 | 512)) {

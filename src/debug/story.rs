@@ -268,6 +268,8 @@ pub struct Traversal {
     pub flags: Flags,
     /// The cull mask.
     pub cull_mask: u32,
+    /// `CurrentRayTimeNV`; `None` where nothing moves and the ray names no time.
+    pub time: Option<Float>,
     /// Nodes opened of the tree over the instances.
     pub nodes: u64,
     /// Every instance: what became of it.
@@ -300,6 +302,8 @@ pub struct Instance {
     pub custom_index: u32,
     /// Whether its transform is not the identity.
     pub transformed: bool,
+    /// Whether it or its vertices move while time goes from 0 to 1.
+    pub moves: bool,
     /// The decision.
     pub verdict: InstanceVerdict,
     /// Nodes opened of its tree.

@@ -29,6 +29,7 @@ pub struct Hit {
     ray: Option<Ray>,
     ray_flags: RayFlags,
     cull_mask: u32,
+    time: f32,
 }
 
 /// What a [`Hit`] comes to.
@@ -63,7 +64,7 @@ impl Hit {
     /// A hit of an instance, with its transform, index, flags and however many geometries: of what
     /// the ray meets first.
     pub fn of(instance: impl Into<Instance>) -> Self {
-        Self { instance: instance.into(), ray: None, ray_flags: RayFlags(0), cull_mask: 0xFF }
+        Self { instance: instance.into(), ray: None, ray_flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 }
     }
 
     /// The ray that hits it, in world space.
@@ -84,6 +85,12 @@ impl Hit {
         Self { cull_mask, ..self }
     }
 
+    /// `CurrentRayTimeNV`, from 0 to 1: where an instance that moves is hit. 0 unless set.
+    #[must_use]
+    pub fn time(self, time: f32) -> Self {
+        Self { time, ..self }
+    }
+
     /// Traces the ray at the instance alone.
     ///
     /// # Errors
@@ -98,7 +105,7 @@ impl Hit {
         };
         let what = self.instance.describe();
         let tlas = Tlas::new(vec![self.instance.make()?])?;
-        let trace = TraceRay { ray, flags: self.ray_flags, cull_mask: self.cull_mask };
+        let trace = TraceRay { ray, flags: self.ray_flags, cull_mask: self.cull_mask, time: self.time };
         match nearest(&tlas, trace) {
             Some((candidate, kind, t)) => {
                 Ok(Resolved { hit: machine::Hit { tlas, candidate, kind }, trace, t })

@@ -1,6 +1,8 @@
 //! Instances made in Rust: geometry, where it is placed, and what its builtins say.
 
-use crate::accel::{self, Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, InstanceFlags};
+use crate::accel::{
+    self, Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, InstanceFlags, Motion,
+};
 use crate::error::Result;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
@@ -21,6 +23,7 @@ const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.
 pub struct Instance {
     geometries: Vec<Geometry>,
     transform: [[f32; 4]; 3],
+    motion: Option<Motion>,
     custom_index: u32,
     mask: u8,
     sbt_offset: u32,
@@ -90,6 +93,7 @@ impl Instance {
         Self {
             geometries: vec![Geometry::new(data, GeometryFlags::default())],
             transform: IDENTITY,
+            motion: None,
             custom_index: 0,
             mask: 0xFF,
             sbt_offset: 0,
@@ -135,6 +139,21 @@ impl Instance {
         self
     }
 
+    /// How it moves while the time of rays goes from 0 to 1; counts in place of its transform.
+    #[must_use]
+    pub fn motion(self, motion: Motion) -> Self {
+        Self { motion: Some(motion), ..self }
+    }
+
+    /// Where the vertices of its last geometry, triangles, are at time 1; its own are those of time 0.
+    #[must_use]
+    pub fn vertices_t1(mut self, vertices: impl Into<Vec<[f32; 3]>>) -> Self {
+        if let Some(geometry) = self.geometries.last_mut() {
+            geometry.vertices_t1 = Some(vertices.into().into());
+        }
+        self
+    }
+
     /// `InstanceCustomIndexKHR`
     #[must_use]
     pub fn custom_index(self, custom_index: u32) -> Self {
@@ -170,6 +189,7 @@ impl Instance {
         Ok(accel::Instance {
             blas: Blas::new(self.geometries)?,
             transform: self.transform,
+            motion: self.motion,
             custom_index: self.custom_index,
             mask: self.mask,
             sbt_record_offset: self.sbt_offset,

@@ -11,7 +11,7 @@ pub fn copied(resources: &Resources) -> Resources {
     let mut images: Vec<(Arc<Image>, Arc<Image>)> = Vec::new();
     let mut image = |image: &Arc<Image>| once(&mut images, image, || image.copied());
     let mut buffers: Vec<(Arc<Buffer>, Arc<Buffer>)> = Vec::new();
-    let mut buffer = |buffer: &Arc<Buffer>| once(&mut buffers, buffer, || Buffer::new(&buffer.bytes()));
+    let mut buffer = |buffer: &Arc<Buffer>| once(&mut buffers, buffer, || buffer.copy());
     let mut descriptors = BTreeMap::new();
     for (&binding, list) in &resources.descriptors {
         let copies = list.iter().map(|descriptor| match descriptor {

@@ -137,7 +137,7 @@ impl ShaderTest {
     /// The ray of a miss shader, or of a hit shader whose builtins are all set by name.
     #[must_use]
     pub fn ray(self, ray: Ray) -> Self {
-        Self { trace: Some(TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF }), ..self }
+        Self { trace: Some(TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 }), ..self }
     }
 
     /// `LaunchIdKHR` and `LaunchSizeKHR`; (0, 0, 0) of (1, 1, 1) unless set.
@@ -423,10 +423,14 @@ impl ShaderTest {
         let mut operands = [0; TRACE_OPERANDS as usize];
         let read = batch.registers.lane_words(at, TRACE_OPERANDS, 0);
         operands.iter_mut().zip(read).for_each(|(to, word)| *to = word);
-        let Ok(trace) = trace_operands(&operands) else {
-            let op = batch.op - 1;
-            batch.trap(Mask::ALL, TrapCode::InvalidTrace, op);
-            return Ok(None);
+        let trace = match trace_operands(&operands) {
+            Ok(trace) => trace,
+            Err(broken) => {
+                let op = batch.op - 1;
+                batch.asked[0] = broken as u64;
+                batch.trap(Mask::ALL, TrapCode::InvalidTrace, op);
+                return Ok(None);
+            }
         };
         let data = self.data_at(batch, payload, "the payload");
         let mut call = TraceCall {

@@ -26,7 +26,7 @@ use crate::program::Program;
 impl From<Ray> for RayOperands {
     fn from(ray: Ray) -> Self {
         Self {
-            trace: TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF },
+            trace: TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 },
             sbt_offset: 0,
             sbt_stride: 1,
             miss_index: 0,
@@ -47,6 +47,13 @@ impl RayOperands {
     #[must_use]
     pub fn cull_mask(mut self, cull_mask: u32) -> Self {
         self.trace.cull_mask = cull_mask;
+        self
+    }
+
+    /// Sets the time, from 0 to 1: where an instance that moves is met.
+    #[must_use]
+    pub fn time(mut self, time: f32) -> Self {
+        self.trace.time = time;
         self
     }
 

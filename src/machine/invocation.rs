@@ -15,8 +15,6 @@ pub struct Invocation {
     pub launch_size: [u32; 3],
     /// The trace that called this shader, where one did.
     pub trace: Option<TraceRay>,
-    /// `CurrentRayTimeNV`: 0 for a trace without motion.
-    pub time: f32,
     /// `RayTmaxKHR` as this stage sees it.
     pub t_max: f32,
     /// What was hit, in any-hit, closest-hit and intersection shaders.
@@ -44,6 +42,11 @@ impl Invocation {
     /// `SubgroupSize`
     pub fn subgroup_size(&self) -> u32 {
         if self.subgroup_size == 0 { DEFAULT_SUBGROUP_SIZE } else { self.subgroup_size }
+    }
+
+    /// `CurrentRayTimeNV`: 0 for a trace without motion, and where there is none.
+    pub fn time(&self) -> f32 {
+        self.trace.map_or(0.0, |trace| trace.time)
     }
 
     /// The place in the launch, x fastest.

@@ -42,7 +42,7 @@ pub struct RayQuery {
 impl Default for RayQuery {
     fn default() -> Self {
         let ray = Ray { t_max: 0.0, ..Ray::new([0.0; 3], [0.0; 3]) };
-        let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0 };
+        let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0, time: 0.0 };
         let tlas = Tlas::empty().clone();
         Self { cursor: Cursor::new(&tlas, trace), tlas, phase: Phase::Uninitialized, candidate: None }
     }
@@ -100,11 +100,15 @@ impl RayQuery {
     /// `OpRayQueryGenerateIntersectionKHR`
     ///
     /// # Errors
-    /// `RayQueryNoCandidate`, `RayQueryNotAabb`, and `RayQueryOutsideInterval` for a t before
-    /// `t_min` or behind the committed hit (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353).
+    /// `RayQueryNoCandidate`, `RayQueryNotAabb`, `RayQueryMotion` in a structure with motion
+    /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06354), and `RayQueryOutsideInterval` for a t
+    /// before `t_min` or behind the committed hit (06353).
     pub fn generate(&mut self, t: f32) -> Result<(), TrapCode> {
         if !self.candidate()?.is_box() {
             return Err(TrapCode::RayQueryNotAabb);
+        }
+        if self.tlas.moves() {
+            return Err(TrapCode::RayQueryMotion);
         }
         if !(t >= self.cursor.trace().ray.t_min && t <= self.cursor.t_max()) {
             return Err(TrapCode::RayQueryOutsideInterval);

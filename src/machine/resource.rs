@@ -44,6 +44,7 @@ pub enum Descriptor {
 pub struct Buffer {
     words: Box<[AtomicU32]>,
     size: u64,
+    null: bool,
 }
 
 impl Buffer {
@@ -54,13 +55,29 @@ impl Buffer {
             word[..chunk.len()].copy_from_slice(chunk);
             AtomicU32::new(u32::from_le_bytes(word))
         });
-        Arc::new(Self { words: words.collect(), size: bytes.len() as u64 })
+        Arc::new(Self { words: words.collect(), size: bytes.len() as u64, null: false })
     }
 
     /// A buffer of zeros.
     pub fn zeroed(size: usize) -> Arc<Self> {
         let words = (0..size.div_ceil(4)).map(|_| AtomicU32::new(0));
-        Arc::new(Self { words: words.collect(), size: size as u64 })
+        Arc::new(Self { words: words.collect(), size: size as u64, null: false })
+    }
+
+    /// What a null descriptor stands for (`nullDescriptor`): whatever the policy, loads give 0, stores are
+    /// dropped, and `OpArrayLength` gives 0.
+    pub fn null() -> Arc<Self> {
+        Arc::new(Self { words: Box::new([]), size: 0, null: true })
+    }
+
+    /// Another one with the same content.
+    pub fn copy(&self) -> Arc<Self> {
+        if self.null { Self::null() } else { Self::new(&self.bytes()) }
+    }
+
+    /// Whether it is [`Buffer::null`].
+    pub fn is_null(&self) -> bool {
+        self.null
     }
 
     /// The size in bytes.
@@ -159,7 +176,7 @@ pub enum MemoryPolicy {
     /// buffer are 0, and so are texels outside an image, but for 1 where the format has no A; what is
     /// stored there is dropped, atomic instructions do nothing and return 0. Device addresses,
     /// workgroup memory, arrays of variables and missing descriptors still trap: Vulkan's robustness
-    /// does not reach them.
+    /// does not reach them. (A null descriptor is none that is missing: [`Buffer::null`].)
     Robust,
 }
 

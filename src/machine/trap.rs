@@ -31,18 +31,19 @@ pub enum TrapCode {
     Unreachable,
     /// The instruction budget is spent.
     BudgetSpent,
-    /// A trace breaks a rule of SEMANTICS 4.1 (VUID-RuntimeSpirv-OpTraceRayKHR-06355 and others).
+    /// The operands of a trace break a rule for rays; the report names it.
     InvalidTrace,
     /// The acceleration structure of a trace does not exist.
     AccelerationStructureMissing,
     /// `maxPipelineRayRecursionDepth` would be passed.
     RecursionTooDeep,
+    /// Callable shaders nest deeper than this machine goes.
+    CallablesTooDeep,
     /// The shader binding table has no such record.
     ShaderRecordMissing,
     /// The hit kind of a report is above 127 (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998).
     InvalidHitKind,
-    /// The operands of a ray query break a rule (VUID-RuntimeSpirv-OpRayQueryInitializeKHR-06348 and
-    /// others).
+    /// The operands of a ray query break a rule for rays; the report names it.
     InvalidRayQuery,
     /// A ray query is used before `OpRayQueryInitializeKHR`.
     RayQueryUninitialized,
@@ -65,6 +66,9 @@ pub enum TrapCode {
     /// `OpRayQueryGenerateIntersectionKHR` outside the ray's interval
     /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353).
     RayQueryOutsideInterval,
+    /// A hit is generated in an acceleration structure with motion
+    /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06354).
+    RayQueryMotion,
     /// `OpControlBarrier` that some invocations of the workgroup do not come to.
     BarrierDivergence,
     /// The operands of an instruction that records a hit object break a rule.
@@ -77,6 +81,15 @@ pub enum TrapCode {
     HitObjectEmpty,
     /// What only a hit has is asked of a hit object that is none.
     HitObjectNotHit,
+    /// An any-hit shader is null that the pipeline promises to have
+    /// (VUID-vkCmdTraceRaysKHR-flags-03512).
+    NullAnyHit,
+    /// The same for a closest-hit shader (VUID-vkCmdTraceRaysKHR-flags-03513).
+    NullClosestHit,
+    /// The same for a miss shader (VUID-vkCmdTraceRaysKHR-flags-03511).
+    NullMiss,
+    /// The same for an intersection shader (VUID-vkCmdTraceRaysKHR-flags-03514).
+    NullIntersection,
     /// A shader that this one called trapped.
     Callee,
 }
@@ -102,19 +115,15 @@ impl TrapCode {
             }
             Self::Unreachable => "OpUnreachable was reached",
             Self::BudgetSpent => "the instruction budget is spent: an endless loop?",
-            Self::InvalidTrace => {
-                "the operands of a trace break a rule (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359)"
-            }
+            Self::InvalidTrace => "the operands of a trace break a rule",
             Self::AccelerationStructureMissing => "the acceleration structure of a trace does not exist",
             Self::RecursionTooDeep => "maxPipelineRayRecursionDepth is passed",
+            Self::CallablesTooDeep => "1024 callable shaders have called each other: an endless recursion?",
             Self::ShaderRecordMissing => "the shader binding table has no such record",
             Self::InvalidHitKind => {
                 "the hit kind of a report is above 127 (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998)"
             }
-            Self::InvalidRayQuery => {
-                "the operands of a ray query break a rule (VUID-RuntimeSpirv-OpRayQueryInitializeKHR-06348 to 06352, \
-                 06889 to 06891)"
-            }
+            Self::InvalidRayQuery => "the operands of a ray query break a rule",
             Self::RayQueryUninitialized => {
                 "a ray query is used before OpRayQueryInitializeKHR (SPV_KHR_ray_query)"
             }
@@ -147,14 +156,15 @@ impl TrapCode {
                 "the generated hit lies before t_min or behind the committed hit \
                  (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353)"
             }
+            Self::RayQueryMotion => {
+                "a hit is generated in an acceleration structure with motion \
+                 (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06354)"
+            }
             Self::BarrierDivergence => {
                 "a barrier that not every invocation of the workgroup comes to \
                  (SPIR-V, OpControlBarrier: only in uniform control flow)"
             }
-            Self::InvalidHitObject => {
-                "the ray of a recorded hit object breaks a rule: origin and direction are finite, \
-                 0 <= t_min <= t_max, ray flags do not exclude each other"
-            }
+            Self::InvalidHitObject => "the ray of a recorded hit object breaks a rule",
             Self::HitObjectNoPrimitive => {
                 "a recorded hit names an instance, geometry or primitive that its acceleration structure does not have"
             }
@@ -166,6 +176,22 @@ impl TrapCode {
             }
             Self::HitObjectNotHit => {
                 "what only a hit has is asked of a hit object that encodes none (SPV_EXT_shader_invocation_reorder)"
+            }
+            Self::NullAnyHit => {
+                "an any-hit shader is null, and the pipeline has NO_NULL_ANY_HIT_SHADERS \
+                 (VUID-vkCmdTraceRaysKHR-flags-03512)"
+            }
+            Self::NullClosestHit => {
+                "a closest-hit shader is null, and the pipeline has NO_NULL_CLOSEST_HIT_SHADERS \
+                 (VUID-vkCmdTraceRaysKHR-flags-03513)"
+            }
+            Self::NullMiss => {
+                "a miss shader is null, and the pipeline has NO_NULL_MISS_SHADERS \
+                 (VUID-vkCmdTraceRaysKHR-flags-03511)"
+            }
+            Self::NullIntersection => {
+                "an intersection shader is null, and the pipeline has NO_NULL_INTERSECTION_SHADERS \
+                 (VUID-vkCmdTraceRaysKHR-flags-03514)"
             }
             Self::Callee => "a called shader trapped",
         }

@@ -70,6 +70,23 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// All of them.
+    #[cfg(test)]
+    pub const ALL: [Self; 12] = [
+        Self::Bool,
+        Self::Int,
+        Self::Int2,
+        Self::Int3,
+        Self::Int4,
+        Self::Float,
+        Self::Float2,
+        Self::Float3,
+        Self::Matrix4x3,
+        Self::FloatArray2,
+        Self::Float3Array2,
+        Self::Float3Array3,
+    ];
+
     /// The type as the specification words it.
     pub fn describe(self) -> &'static str {
         match self {
@@ -122,7 +139,7 @@ macro_rules! builtins {
 builtins! {
     InstanceId 6 Int "IAC" ["InstanceId-InstanceId-04254" "InstanceId-InstanceId-04255" "InstanceId-InstanceId-04256"]
         |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.instance);
-    PrimitiveId 7 Int "IAC" ["PrimitiveId-PrimitiveId-04330" "PrimitiveId-Input-04334" "PrimitiveId-PrimitiveId-04337"]
+    PrimitiveId 7 Int "IAC" ["PrimitiveId-PrimitiveId-04330" "PrimitiveId-PrimitiveId-04334" "PrimitiveId-PrimitiveId-04337"]
         |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.primitive);
     NumWorkgroups 24 Int3 "G" ["NumWorkgroups-NumWorkgroups-04296" "NumWorkgroups-NumWorkgroups-04297" "NumWorkgroups-NumWorkgroups-04298"]
         |from, to| if let Some(group) = &from.workgroup { to.copy_from_slice(&group.count) };
@@ -185,17 +202,17 @@ builtins! {
     InstanceCustomIndexKHR 5327 Int "IAC" ["InstanceCustomIndexKHR-InstanceCustomIndexKHR-04251" "InstanceCustomIndexKHR-InstanceCustomIndexKHR-04252" "InstanceCustomIndexKHR-InstanceCustomIndexKHR-04253"]
         |from, to| to[0] = hit(from).map_or(0, |hit| hit.instance().custom_index);
     ObjectToWorldKHR 5330 Matrix4x3 "IAC" ["ObjectToWorldKHR-ObjectToWorldKHR-04305" "ObjectToWorldKHR-ObjectToWorldKHR-04306" "ObjectToWorldKHR-ObjectToWorldKHR-04307"]
-        |from, to| if let Some(hit) = hit(from) { columns(to, &hit.instance().transform) };
+        |from, to| if let Some(hit) = hit(from) { columns(to, &hit.instance().object_to_world(from.time())) };
     WorldToObjectKHR 5331 Matrix4x3 "IAC" ["WorldToObjectKHR-WorldToObjectKHR-04434" "WorldToObjectKHR-WorldToObjectKHR-04435" "WorldToObjectKHR-WorldToObjectKHR-04436"]
-        |from, to| if let Some(hit) = hit(from) { columns(to, hit.tlas.world_to_object(hit.candidate.instance)) };
+        |from, to| if let Some(hit) = hit(from) { columns(to, &hit.tlas.world_to_object(hit.candidate.instance, from.time())) };
     HitTNV 5332 Float "AC" ["HitTNV-HitTNV-04245" "HitTNV-HitTNV-04246" "HitTNV-HitTNV-04247"]
         |from, to| floats(to, &[from.t_max]);
     HitKindKHR 5333 Int "AC" ["HitKindKHR-HitKindKHR-04242" "HitKindKHR-HitKindKHR-04243" "HitKindKHR-HitKindKHR-04244"]
         |from, to| to[0] = hit(from).map_or(0, |hit| hit.kind.0);
     CurrentRayTimeNV 5334 Float "IACM" ["CurrentRayTimeNV-CurrentRayTimeNV-04942" "CurrentRayTimeNV-CurrentRayTimeNV-04943" "CurrentRayTimeNV-CurrentRayTimeNV-04944"]
-        |from, to| floats(to, &[from.time]);
+        |from, to| floats(to, &[from.time()]);
     HitTriangleVertexPositionsKHR 5335 Float3Array3 "AC" ["HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08747" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08748" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08749"]
-        |from, to| if let Some(positions) = hit(from).and_then(|hit| hit.triangle()) { floats(to, positions.as_flattened()) };
+        |from, to| if let Some(positions) = hit(from).and_then(|hit| hit.triangle(from.time())) { floats(to, positions.as_flattened()) };
     IncomingRayFlagsKHR 5351 Int "IACM" ["IncomingRayFlagsKHR-IncomingRayFlagsKHR-04248" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04249" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04250"]
         |from, to| to[0] = from.trace.map_or(0, |trace| trace.flags.0);
     RayGeometryIndexKHR 5352 Int "IAC" ["RayGeometryIndexKHR-RayGeometryIndexKHR-04345" "RayGeometryIndexKHR-RayGeometryIndexKHR-04346" "RayGeometryIndexKHR-RayGeometryIndexKHR-04347"]
@@ -306,7 +323,7 @@ fn hit(invocation: &Invocation) -> Option<&Hit> {
 
 fn object_ray(invocation: &Invocation) -> Option<ObjectRay> {
     let hit = hit(invocation)?;
-    hit.tlas.object_ray(hit.candidate.instance, &invocation.trace?.ray)
+    hit.tlas.object_ray(hit.candidate.instance, &invocation.trace?.ray, invocation.time())
 }
 
 /// The mask of the places in the subgroup for which a relation to the own place holds.
@@ -336,15 +353,15 @@ impl Hit {
         self.candidate.instance_in(&self.tlas)
     }
 
-    /// What was hit.
-    pub fn primitive(&self) -> Option<Primitive> {
-        self.candidate.primitive_in(&self.tlas)
+    /// What was hit, by a ray of a time.
+    pub fn primitive(&self, time: f32) -> Option<Primitive> {
+        self.candidate.primitive_in(&self.tlas, time)
     }
 
-    /// The vertices of the triangle that was hit, after the geometry's own transform; `None` for
-    /// any other primitive.
-    pub fn triangle(&self) -> Option<[[f32; 3]; 3]> {
-        match self.primitive()? {
+    /// The vertices of the triangle that a ray of a time hit, after the geometry's own transform;
+    /// `None` for any other primitive.
+    pub fn triangle(&self, time: f32) -> Option<[[f32; 3]; 3]> {
+        match self.primitive(time)? {
             Primitive::Triangle(vertices) => Some(vertices),
             _ => None,
         }
@@ -352,7 +369,7 @@ impl Hit {
 
     /// Centre and radius of the sphere that was hit; `None` for any other primitive.
     pub fn sphere(&self) -> Option<([f32; 3], f32)> {
-        match self.primitive()? {
+        match self.primitive(0.0)? {
             Primitive::Sphere { position, radius } => Some((position, radius)),
             _ => None,
         }
@@ -360,7 +377,7 @@ impl Hit {
 
     /// Centres and radii of the linear swept sphere that was hit; `None` for any other primitive.
     pub fn linear_swept_sphere(&self) -> Option<([[f32; 3]; 2], [f32; 2])> {
-        match self.primitive()? {
+        match self.primitive(0.0)? {
             Primitive::LinearSweptSphere { positions, radii, .. } => Some((positions, radii)),
             _ => None,
         }

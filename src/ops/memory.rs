@@ -413,7 +413,9 @@ pub fn each_access<const W: usize>(
     for (lane, code, asked) in failed {
         let found = find((&batch.registers, lane), &batch.invocations[lane], bindings, chunk.buffer);
         let bounds = matches!(code, TrapCode::BufferOutOfBounds | TrapCode::IndexOutOfBounds);
-        if let (true, true, Ok((buffer, start, size))) = (bindings.is_robust(), bounds, &found)
+        let robust = |buffer: &Buffer| bindings.is_robust() || buffer.is_null();
+        if let (true, Ok((buffer, start, size))) = (bounds, &found)
+            && robust(buffer)
             && !is_workgroup(&batch.registers, lane, chunk.buffer)
         {
             let offset = if code == TrapCode::IndexOutOfBounds { u64::MAX } else { asked };

@@ -31,6 +31,7 @@ pub mod object;
 pub mod op;
 pub mod pointer;
 pub mod ray_query;
+pub mod ray_rules;
 pub mod ray_tracing;
 pub mod relational_logical;
 pub mod row;

@@ -256,14 +256,16 @@ fn initialize<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, query: 
         let mut words = [0; OPERANDS as usize];
         let read = batch.registers.lane_words(operands, OPERANDS, lane);
         words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
+        let mut asked = u64::from(words[0]) | u64::from(words[1]) << 32;
         let done = query.row(&batch.registers, lane).and_then(|row| {
             let tlas = bindings.acceleration_structure([words[0], words[1]]);
             let tlas = tlas.ok_or(TrapCode::AccelerationStructureMissing)?;
             let [t_min, t_max] = [words[7], words[11]].map(f32::from_bits);
             let float3 = |at: usize| [0, 1, 2].map(|axis| f32::from_bits(words[at + axis]));
             let ray = Ray { origin: float3(4), t_min, direction: float3(8), t_max };
-            let trace = TraceRay { ray, flags: RayFlags(words[2]), cull_mask: words[3] };
-            if !trace.is_legal() {
+            let trace = TraceRay { ray, flags: RayFlags(words[2]), cull_mask: words[3], time: 0.0 };
+            if let Err(broken) = trace.check() {
+                asked = broken as u64;
                 return Err(TrapCode::InvalidRayQuery);
             }
             let handle = batch.registers[row].0[lane];
@@ -271,8 +273,7 @@ fn initialize<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, query: 
             Ok(())
         });
         if let Err(code) = done {
-            batch.asked[lane] = u64::from(words[0]) | u64::from(words[1]) << 32;
-            batch.asked[lane] = u64::from(words[0]) | u64::from(words[1]) << 32;
+            batch.asked[lane] = asked;
             memory::trap(batch, Mask::lane(lane), code);
         }
     }
@@ -296,7 +297,7 @@ fn seen(query: &RayQuery, committed: bool) -> Result<Seen<'_>, TrapCode> {
         let candidate = query.candidate()?;
         (candidate, candidate.intersection.t)
     };
-    Ok(Seen { tlas: query.tlas(), ray: &query.trace().ray, candidate, t, committed })
+    Ok(Seen { tlas: query.tlas(), trace: query.trace(), candidate, t, committed })
 }
 
 /// Opcodes decoded here.

@@ -1,8 +1,8 @@
 //! What instructions read of an intersection: a candidate, a committed hit, or what a hit object
 //! encodes.
 
-use crate::accel::{Candidate, Primitive, Tlas};
-use crate::geometry::{ObjectRay, Ray, Surface};
+use crate::accel::{Candidate, Primitive, Tlas, TraceRay};
+use crate::geometry::{ObjectRay, Surface};
 use crate::machine::TrapCode;
 use crate::ops::builtin::{columns, floats};
 
@@ -11,8 +11,8 @@ use crate::ops::builtin::{columns, floats};
 pub struct Seen<'a> {
     /// The acceleration structure.
     pub tlas: &'a Tlas,
-    /// The ray.
-    pub ray: &'a Ray,
+    /// The ray and its time.
+    pub trace: &'a TraceRay,
     /// What the ray meets.
     pub candidate: &'a Candidate,
     /// Where; for a box's candidate its entry.
@@ -70,25 +70,25 @@ impl Seen<'_> {
 
     /// A part of the ray in object space.
     pub fn object_ray(self, to: &mut [u32], part: fn(&ObjectRay) -> [f32; 3]) -> Result<(), TrapCode> {
-        let ray = self.tlas.object_ray(self.candidate.instance, self.ray);
+        let ray = self.tlas.object_ray(self.candidate.instance, &self.trace.ray, self.trace.time);
         put(to, &ray.map_or([0.0; 3], |ray| part(&ray)))
     }
 
     /// `ObjectToWorldKHR`
     pub fn object_to_world(self, to: &mut [u32]) -> Result<(), TrapCode> {
-        columns(to, &self.candidate.instance_in(self.tlas).transform);
+        columns(to, &self.candidate.instance_in(self.tlas).object_to_world(self.trace.time));
         Ok(())
     }
 
     /// `WorldToObjectKHR`
     pub fn world_to_object(self, to: &mut [u32]) -> Result<(), TrapCode> {
-        columns(to, self.tlas.world_to_object(self.candidate.instance));
+        columns(to, &self.tlas.world_to_object(self.candidate.instance, self.trace.time));
         Ok(())
     }
 
     /// The vertices of a triangle.
     pub fn vertex_positions(self, to: &mut [u32]) -> Result<(), TrapCode> {
-        match self.candidate.primitive_in(self.tlas) {
+        match self.candidate.primitive_in(self.tlas, self.trace.time) {
             Some(Primitive::Triangle(vertices)) => put(to, vertices.as_flattened()),
             _ => Err(TrapCode::NotTriangle),
         }
@@ -106,7 +106,7 @@ impl Seen<'_> {
 
     /// Centre and radius of a sphere.
     pub fn sphere(self) -> Result<([f32; 3], f32), TrapCode> {
-        match self.candidate.primitive_in(self.tlas) {
+        match self.candidate.primitive_in(self.tlas, self.trace.time) {
             Some(Primitive::Sphere { position, radius }) => Ok((position, radius)),
             _ => Err(TrapCode::NotSphere),
         }
@@ -114,7 +114,7 @@ impl Seen<'_> {
 
     /// Centres and radii of a linear swept sphere.
     pub fn lss(self) -> Result<([[f32; 3]; 2], [f32; 2]), TrapCode> {
-        match self.candidate.primitive_in(self.tlas) {
+        match self.candidate.primitive_in(self.tlas, self.trace.time) {
             Some(Primitive::LinearSweptSphere { positions, radii, .. }) => Ok((positions, radii)),
             _ => Err(TrapCode::NotLinearSweptSphere),
         }

@@ -7,8 +7,9 @@ use crate::machine::Invocation;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{Launch, RayOperands, Stats, launch_id};
-use crate::pipeline::stack::{Stack, Trapped, bindings};
+use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::trace::Query;
+use crate::pipeline::trapped::Trapped;
 use crate::pipeline::witness::Witness;
 
 impl Launch<'_> {

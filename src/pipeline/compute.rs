@@ -9,7 +9,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Resources, Workgroup};
 use crate::ops::row::{Row, Width};
 use crate::pipeline::launch::Stats;
-use crate::pipeline::stack::Trapped;
+use crate::pipeline::trapped::Trapped;
 use crate::pipeline::workgroup::Gang;
 use crate::pipeline::{DEFAULT_BUDGET, check_subgroup_size};
 use crate::program::{Program, WorkgroupLayout};

@@ -7,6 +7,7 @@ use crate::accel::{GeometryKind, Tlas};
 use crate::error::{Error, ErrorKind, Result};
 use crate::module::Module;
 use crate::module::names::capability_name;
+use crate::pipeline::PipelineFlags;
 
 /// Bytes of a shader group's handle (`shaderGroupHandleSize`), the same on every device.
 const HANDLE_SIZE: u64 = 32;
@@ -85,6 +86,8 @@ features! {
     buffer_device_address "bufferDeviceAddress" [5347u32];
     /// `VkPhysicalDeviceDescriptorIndexingFeatures::runtimeDescriptorArray`
     runtime_descriptor_array "runtimeDescriptorArray" [5302u32];
+    /// `VkPhysicalDeviceRobustness2FeaturesKHR::nullDescriptor`
+    null_descriptor "nullDescriptor" [];
     /// `VkPhysicalDeviceShaderClockFeaturesKHR::shaderSubgroupClock`
     shader_clock "shaderSubgroupClock" [5055u32];
 }
@@ -271,7 +274,33 @@ impl DeviceProfile {
                 errors.push(invalid(message).note(vuid));
             }
         }
+        if let Some(at) =
+            instances.iter().position(|instance| instance.motion.is_some() || instance.blas.moves())
+            && !self.features.ray_tracing_motion_blur
+        {
+            let message = format!(
+                "instance {at} moves: that needs the feature `rayTracingMotionBlur`, \
+                 which the device `{}` does not have",
+                self.name
+            );
+            errors.push(invalid(message));
+        }
         if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
+    }
+
+    /// Checks that a descriptor may be null; `rule` forbids it on other devices.
+    ///
+    /// # Errors
+    /// `InvalidScene` with the rule.
+    pub fn check_null_descriptor(&self, rule: &str) -> Result<()> {
+        if self.features.null_descriptor {
+            return Ok(());
+        }
+        let message = format!(
+            "a null descriptor needs the feature `nullDescriptor`, which the device `{}` does not have",
+            self.name
+        );
+        Err(Error::new(ErrorKind::InvalidScene, message).note(rule))
     }
 
     /// Checks the size of the hit attributes that a shader declares, in bytes.
@@ -315,55 +344,12 @@ impl DeviceProfile {
                  which the device `{}` does not have",
                 self.name
             );
-            let rule = "VUID-VkRayTracingPipelineCreateInfoKHR-rayTraversalPrimitiveCulling-03596 and 03597";
+            let number = if flags.skip_aabbs { "03596" } else { "03597" };
+            let rule =
+                format!("VUID-VkRayTracingPipelineCreateInfoKHR-rayTraversalPrimitiveCulling-{number}");
             return Err(invalid(message).note(rule));
         }
         Ok(())
-    }
-}
-
-/// `VkPipelineCreateFlags2` that change what rays meet.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PipelineFlags {
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR`, alias
-    /// `..._SKIP_BUILT_IN_PRIMITIVES_BIT_KHR`: no ray meets triangles, spheres or linear swept spheres.
-    pub skip_triangles: bool,
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_SKIP_AABBS_BIT_KHR`: no ray meets boxes.
-    pub skip_aabbs: bool,
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES_BIT_NV`. Vulkan asks for
-    /// it; on by default, so that only a test which takes it away meets the difference.
-    pub allow_spheres_and_linear_swept_spheres: bool,
-}
-
-impl Default for PipelineFlags {
-    fn default() -> Self {
-        Self { skip_triangles: false, skip_aabbs: false, allow_spheres_and_linear_swept_spheres: true }
-    }
-}
-
-impl PipelineFlags {
-    /// The ray flags that every ray of the pipeline has besides its own. No shader sees them.
-    pub(super) fn ray_flags(self) -> u32 {
-        let skip_triangles = if self.skip_triangles { 0x100 } else { 0 };
-        skip_triangles | if self.skip_aabbs { 0x200 } else { 0 }
-    }
-
-    /// Checks that what a pipeline will meet is allowed.
-    ///
-    /// # Errors
-    /// `InvalidScene` where a structure holds spheres or linear swept spheres and the pipeline does not
-    /// allow them.
-    pub fn check_structure(self, tlas: &Tlas) -> Result<()> {
-        let swept = |kind| matches!(kind, GeometryKind::Spheres | GeometryKind::LinearSweptSpheres);
-        let kinds = tlas.instances().iter().filter_map(|instance| instance.blas.kind());
-        match kinds.enumerate().find(|(_, kind)| swept(*kind)) {
-            Some((at, kind)) if !self.allow_spheres_and_linear_swept_spheres => {
-                let message = format!("instance {at} holds {kind}, which the pipeline does not allow");
-                let flag = "VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES_BIT_NV is missing";
-                Err(Error::new(ErrorKind::InvalidScene, message).note(flag))
-            }
-            _ => Ok(()),
-        }
     }
 }
 
@@ -404,7 +390,9 @@ mod tests {
         assert!(least.check_pipeline(1, none).is_ok());
         assert!(rule(least.check_pipeline(2, none)).ends_with("maxPipelineRayRecursionDepth-03589"));
         let skips = PipelineFlags { skip_aabbs: true, ..none };
-        assert!(rule(least.check_pipeline(1, skips)).contains("rayTraversalPrimitiveCulling"));
+        assert!(rule(least.check_pipeline(1, skips)).ends_with("rayTraversalPrimitiveCulling-03596"));
+        let triangles = PipelineFlags { skip_triangles: true, ..none };
+        assert!(rule(least.check_pipeline(1, triangles)).ends_with("rayTraversalPrimitiveCulling-03597"));
         let both = PipelineFlags { skip_triangles: true, ..skips };
         assert!(rule(DeviceProfile::default().check_pipeline(1, both)).ends_with("flags-06546"));
         assert_eq!(rule(least.check_attributes("a", 33)), "maxRayHitAttributeSize");

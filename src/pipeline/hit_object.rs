@@ -48,8 +48,6 @@ where
             let query = |encoded: &Encoded, tlas: &std::sync::Arc<Tlas>| Query {
                 tlas: tlas.clone(),
                 trace: encoded.trace,
-                // No hit object is made with another time.
-                time: 0.0,
                 sbt_offset: 0,
                 sbt_stride: 0,
                 miss_index: 0,

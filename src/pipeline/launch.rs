@@ -14,8 +14,9 @@ use crate::module::interface::Stage;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::Pipeline;
 use crate::pipeline::sbt::Record;
-use crate::pipeline::stack::{Stack, Trapped, bindings};
-use crate::pipeline::trace::Query;
+use crate::pipeline::stack::{Stack, bindings};
+use crate::pipeline::trace::{Query, RayState};
+use crate::pipeline::trapped::Trapped;
 use crate::pipeline::witness::{Event, Only, Witness};
 
 /// What a launch did.
@@ -343,6 +344,9 @@ impl Launch<'_> {
         let ray = stack.trace(Query::by_nobody(tlas, operands));
         match (stack.trapped, ray) {
             (Some(trapped), _) => Err(trapped.error),
+            (None, Some(RayState { trapped: Some(code), .. })) => {
+                Err(Error::new(ErrorKind::Trap, code.message()))
+            }
             (None, Some(ray)) => Ok(RayOutcome {
                 committed: ray.cursor.committed().copied(),
                 payload: ray.query.payload.to_vec(),

@@ -8,6 +8,7 @@
 mod alone;
 pub mod compute;
 pub mod device;
+mod flags;
 pub mod group;
 mod hit_object;
 pub mod launch;
@@ -15,6 +16,8 @@ mod report;
 pub mod sbt;
 pub mod stack;
 mod trace;
+mod tracing;
+mod trapped;
 pub mod witness;
 mod workgroup;
 
@@ -27,12 +30,14 @@ use crate::ops::pointer::storage;
 use crate::program::Program;
 
 pub use compute::Compute;
-pub use device::{DeviceProfile, Features, Limits, PipelineFlags};
+pub use device::{DeviceProfile, Features, Limits};
+pub use flags::PipelineFlags;
 pub use group::{Group, HitGroup, Shader};
 pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Stats};
 pub use sbt::{Record, Sbt};
-pub use stack::Trapped;
-pub(crate) use stack::{trace_operands, trap_error};
+pub(crate) use tracing::trace_operands;
+pub use trapped::Trapped;
+pub(crate) use trapped::trap_error;
 pub use witness::{Caller, Event, Witness};
 
 /// Operations that an invocation may spend at back edges and calls, unless set otherwise.
@@ -262,6 +267,7 @@ impl Builder {
     fn check_device(&self, max_recursion: u32) -> Result<()> {
         let device = &self.device;
         device.check_pipeline(max_recursion, self.flags)?;
+        self.flags.check_groups(&self.groups)?;
         for (at, program) in self.programs.iter().enumerate() {
             let known = self.programs[..at].iter().any(|other| Arc::ptr_eq(&other.module, &program.module));
             if !known {

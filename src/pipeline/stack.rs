@@ -2,28 +2,22 @@
 
 use std::sync::Arc;
 
-use crate::accel::{RayFlags, Tlas, TraceRay};
-use crate::error::{Error, ErrorKind, Place};
-use crate::geometry::Ray;
 use crate::interp;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::Rows;
-use crate::machine::{
-    Batch, Bindings, Exit, Invocation, Mask, Observer, Reg, Resources, Stop, Trap, TrapCode,
-};
+use crate::machine::{Batch, Bindings, Exit, Invocation, Mask, Observer, Reg, Resources, Stop, TrapCode};
 use crate::module::interface::Stage;
 use crate::ops::decode::InterfaceRows;
-use crate::ops::hit_object;
 use crate::ops::pointer::storage;
-use crate::ops::ray_tracing::TRACE_OPERANDS;
 use crate::ops::row::{Row, Width};
+use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::Stats;
 use crate::pipeline::report::Report;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::trace::{Data, Query, RayState, Trace, general};
+use crate::pipeline::trapped::Trapped;
 use crate::pipeline::witness::{Caller, Event, Witness};
-use crate::pipeline::{Pipeline, PipelineFlags};
 use crate::program::Program;
 
 /// Why a shader runs.
@@ -74,7 +68,7 @@ pub(super) struct Running<const W: usize> {
     role: Role,
     pub batch: Batch<W>,
     /// The caller's lane for each lane.
-    callers: Vec<usize>,
+    pub callers: Vec<usize>,
     /// Where a witness sees the payload.
     data: Option<Rows>,
 }
@@ -106,23 +100,6 @@ pub(super) enum Level<const W: usize> {
     Report(Box<Report>),
 }
 
-/// A trap with all that is known of it.
-#[derive(Clone, Debug)]
-pub struct Trapped {
-    /// The launch index of the invocation.
-    pub launch_id: [u32; 3],
-    /// Why.
-    pub code: TrapCode,
-    /// The offset or device address that an access asked for.
-    pub asked: u64,
-    /// The shader.
-    pub shader: Shader,
-    /// The instruction, in words from the start of the shader's module.
-    pub offset: u32,
-    /// The report.
-    pub error: Error,
-}
-
 /// Runs the shaders of one batch of a launch, or of one ray.
 pub(super) struct Stack<'a, const W: usize, T, O> {
     pub pipeline: &'a Pipeline,
@@ -137,7 +114,7 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
     spare: Vec<Vec<Box<Running<W>>>>,
     /// Traces whose memory can be used again.
     #[allow(clippy::vec_box, reason = "the boxes are what is used again")]
-    spare_traces: Vec<Box<Trace>>,
+    pub spare_traces: Vec<Box<Trace>>,
 }
 
 /// The bindings of each program of a pipeline.
@@ -388,69 +365,6 @@ where
         trace
     }
 
-    fn begin_trace(&mut self, mask: Mask<W>, operands: Reg, payload: Rows, object: Option<ObjectRef>) {
-        let mut trace = self.spare_trace(object.is_none());
-        let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
-        let bindings = &self.bindings[running.shader.0 as usize];
-        let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
-        for lane in mask.lanes() {
-            let batch = &running.batch;
-            let mut words = [0; TRACE_OPERANDS as usize];
-            let read = batch.registers.lane_words(operands, TRACE_OPERANDS, lane);
-            words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
-            let invocation = &batch.invocations[lane];
-            let depth = invocation.depth + 1;
-            let place = object.map_or(Ok(Reg(0)), |object| object.row(&batch.registers, lane));
-            let query = match bindings.acceleration_structure([words[0], words[1]]) {
-                _ if let Err(code) = place => Err(code),
-                None => Err(TrapCode::AccelerationStructureMissing),
-                Some(_) if depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
-                Some(tlas) => {
-                    let payload = batch.registers.lane_words(payload.first, payload.count, lane).collect();
-                    query(tlas, &words, payload, invocation, depth, self.pipeline.flags)
-                }
-            };
-            match query {
-                Ok(query) => trace.push(lane, query, Some(caller), self.witness),
-                Err(code) => {
-                    let op = running.batch.op - 1;
-                    running.batch.asked[lane] = u64::from(words[0]) | u64::from(words[1]) << 32;
-                    running.batch.trap(Mask::lane(lane), code, op);
-                }
-            }
-        }
-        self.stats.rays += trace.lanes().len() as u64;
-        self.levels.push(Level::Trace { trace, payload: Some(payload), object });
-    }
-
-    /// Takes a trace whose rays are done from the stack; its ray where nothing called it.
-    fn end_trace(&mut self) -> Option<RayState> {
-        let Some(Level::Trace { trace, payload, object }) = self.levels.pop() else { return None };
-        if T::ACTIVE {
-            for &lane in trace.lanes().iter().filter(|&&lane| !trace.ray(lane).is_settled()) {
-                let payload = trace.ray(lane).query.payload.to_vec();
-                self.witness.invocation(trace.ray(lane).query.launch_id);
-                self.witness.event(Event::Traced { payload });
-            }
-        }
-        let (Some(Level::Shader(below)), Some(payload)) = (self.levels.last_mut(), payload) else {
-            return Some(trace.ray(0).clone());
-        };
-        for &lane in trace.lanes() {
-            let ray = trace.ray(lane);
-            below.batch.registers.set_lane_words(payload.first, lane, ray.query.payload.iter().copied());
-            if ray.trapped {
-                let op = below.batch.op - 1;
-                below.batch.trap(Mask::lane(lane), TrapCode::Callee, op);
-            } else if let Some(object) = object {
-                hit_object::store(&mut below.batch, object, lane, ray.hit_object())
-                    .expect("bug in anyhit: a hit object has moved");
-            }
-        }
-        self.spare_traces.push(trace);
-        None
-    }
-
     fn begin_call(&mut self, mask: Mask<W>, index: Reg, data: Rows) {
         let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
         let mut waiting: Vec<Callable> = Vec::new();
@@ -508,7 +422,7 @@ where
             let [.., Level::Shader(below), Level::Call(_)] = &mut self.levels[..] else { return };
             let op = below.batch.op - 1;
             for entry in &called.lanes {
-                below.batch.trap(Mask::lane(entry.caller), TrapCode::RecursionTooDeep, op);
+                below.batch.trap(Mask::lane(entry.caller), TrapCode::CallablesTooDeep, op);
             }
             return;
         }
@@ -542,140 +456,10 @@ where
             }
         }
     }
-
-    /// Keeps the report of a trap, if it is that of the lowest launch index so far.
-    fn trap(&mut self, running: &Running<W>, lane: usize, trap: Trap) {
-        if trap.code == TrapCode::Callee {
-            return;
-        }
-        let launch_id = running.batch.invocations[lane].launch_id;
-        let order = |id: [u32; 3]| [id[2], id[1], id[0]];
-        if self.trapped.as_ref().is_some_and(|trapped| order(trapped.launch_id) <= order(launch_id)) {
-            return;
-        }
-        let program = &*self.pipeline.programs[running.shader.0 as usize];
-        let mut error = trap_error(program, &running.batch, lane, trap).note(format!(
-            "in {} `{}`, launch id ({}, {}, {})",
-            program.stage.name(),
-            program.name,
-            launch_id[0],
-            launch_id[1],
-            launch_id[2]
-        ));
-        let mut at = running.callers[lane];
-        for level in self.levels.iter().rev() {
-            if let Level::Shader(caller) = level {
-                let program = &*self.pipeline.programs[caller.shader.0 as usize];
-                let line = source_line(program, caller.batch.op.saturating_sub(1));
-                error = error.note(format!("called by {} `{}`{line}", program.stage.name(), program.name));
-                at = caller.callers.get(at).copied().unwrap_or(at);
-            }
-        }
-        let offset = program.origins.get(trap.op as usize).map_or(0, |origin| origin.offset);
-        let (code, asked, shader) = (trap.code, running.batch.asked[lane], running.shader);
-        self.trapped = Some(Trapped { launch_id, code, asked, shader, offset, error });
-    }
 }
 
 /// Callables may nest this deep: Vulkan sets no limit but the stack's size.
 const CALL_LIMIT: u64 = 1024;
-
-/// `SkipTrianglesKHR` and `SkipAABBsKHR`
-const SKIPS: u32 = 0x300;
-
-/// A trace as the operands of its instruction say. Where the pipeline skips one kind of primitive the
-/// ray must not skip the other (VUID-RuntimeSpirv-OpTraceRayKHR-06553 and 06554).
-fn query(
-    tlas: &Arc<Tlas>,
-    words: &[u32; TRACE_OPERANDS as usize],
-    payload: Data,
-    invocation: &Invocation,
-    depth: u32,
-    flags: PipelineFlags,
-) -> Result<Query, TrapCode> {
-    let trace = trace_operands(words)?;
-    if (trace.flags.0 | flags.ray_flags()) & SKIPS == SKIPS {
-        return Err(TrapCode::InvalidTrace);
-    }
-    Ok(Query {
-        tlas: tlas.clone(),
-        trace,
-        time: f32::from_bits(words[15]),
-        sbt_offset: words[4],
-        sbt_stride: words[5],
-        miss_index: words[6],
-        payload,
-        launch_id: invocation.launch_id,
-        launch_size: invocation.launch_size,
-        depth,
-    })
-}
-
-/// Ray, flags and cull mask of a trace's operands, checked (Vulkan,
-/// VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06359; VUID-RuntimeSpirv-OpTraceRayMotionNV-06361 to
-/// 06366).
-pub(crate) fn trace_operands(words: &[u32; TRACE_OPERANDS as usize]) -> Result<TraceRay, TrapCode> {
-    let float = |at: usize| f32::from_bits(words[at]);
-    let ray = Ray {
-        origin: [float(7), float(8), float(9)],
-        t_min: float(10),
-        direction: [float(11), float(12), float(13)],
-        t_max: float(14),
-    };
-    let trace = TraceRay { ray, flags: RayFlags(words[2]), cull_mask: words[3] };
-    let time = float(15);
-    if !trace.is_legal() || !(0.0..=1.0).contains(&time) {
-        return Err(TrapCode::InvalidTrace);
-    }
-    Ok(trace)
-}
-
-/// The report of a trap by itself: what, where in the source, and which access.
-pub(crate) fn trap_error<const W: usize>(
-    program: &Program,
-    batch: &Batch<W>,
-    lane: usize,
-    trap: Trap,
-) -> Error {
-    let error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
-    match program.describe_access(trap, batch.asked[lane], batch.accessed(lane)) {
-        Some(access) => error.note(access),
-        None => error,
-    }
-}
-
-/// Adds the place of an operation to an error: its word, its source line, the inlined calls.
-fn located(program: &Program, op: u32, error: Error, label: &str) -> Error {
-    let Some(origin) = program.origins.get(op as usize) else { return error };
-    let mut error = match program.place_at(origin.offset) {
-        Some(line) => error.at_with(line, label).at(Place::Word(origin.offset as usize)),
-        None => error.at_with(Place::Word(origin.offset as usize), label),
-    };
-    let mut scope = origin.scope;
-    while scope != 0 {
-        let inlined = program.scopes[scope as usize];
-        let line =
-            program.place_at(inlined.call).map_or_else(String::new, |place| format!(" at {}", words(&place)));
-        error =
-            error.note(format!("in function {}, called{line}", program.module.describe_id(inlined.function)));
-        scope = inlined.parent;
-    }
-    error
-}
-
-fn words(place: &Place) -> String {
-    match place {
-        Place::Line { file, line, .. } => format!("{file}:{line}"),
-        Place::Text { file, text, span } => {
-            format!("{file}:{}", text[..span.start].matches('\n').count() + 1)
-        }
-        _ => String::new(),
-    }
-}
-
-pub(super) fn source_line(program: &Program, op: u32) -> String {
-    program.place(op).map_or_else(String::new, |place| format!(" at {}", words(&place)))
-}
 
 impl Stats {
     /// Counts a batch of a stage.

@@ -6,7 +6,7 @@ use smallvec::SmallVec;
 
 use crate::accel::{Candidate, Committed, Cursor, RayFlags, Tlas, TraceRay, hit_record_index};
 use crate::machine::hit_object::HitEncoded;
-use crate::machine::{Batch, Exit, Hit, Invocation, ShaderRecord};
+use crate::machine::{Batch, Exit, Hit, Invocation, ShaderRecord, TrapCode};
 use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
@@ -27,8 +27,6 @@ const SKIP_CLOSEST_HIT: u32 = 8;
 pub(super) struct Query {
     pub tlas: Arc<Tlas>,
     pub trace: TraceRay,
-    /// `CurrentRayTimeNV`
-    pub time: f32,
     pub sbt_offset: u32,
     pub sbt_stride: u32,
     pub miss_index: u32,
@@ -45,7 +43,6 @@ impl Query {
         Self {
             tlas: tlas.clone(),
             trace: operands.trace,
-            time: 0.0,
             sbt_offset: operands.sbt_offset,
             sbt_stride: operands.sbt_stride,
             miss_index: operands.miss_index,
@@ -67,8 +64,8 @@ pub(super) struct RayState {
     /// The shader record, and with it the attributes, where a hit object says which.
     pub(super) record: Option<u64>,
     traversing: bool,
-    /// Whether a shader that this ray called trapped.
-    pub trapped: bool,
+    /// What its caller traps for: a shader that this ray called trapped, or is null where it must not be.
+    pub trapped: Option<TrapCode>,
 }
 
 /// A lane that waits for a shader, the data of the record that it calls it through, and the record's
@@ -146,7 +143,7 @@ impl Trace {
                 ray.query = query;
                 ray.record = None;
                 ray.traversing = true;
-                ray.trapped = false;
+                ray.trapped = None;
             }
             idle => *idle = Some(RayState::new(query, traversal)),
         }
@@ -175,7 +172,7 @@ impl Trace {
         ray.query = query;
         ray.record = Some(record);
         ray.traversing = false;
-        ray.trapped = false;
+        ray.trapped = None;
     }
 
     /// The lanes that trace.
@@ -232,7 +229,12 @@ impl Trace {
                         wait(&mut self.waiting, shader, role, (lane, record, index));
                         break;
                     }
-                    None if candidate.is_box() => {}
+                    None if candidate.is_box() => {
+                        if pipeline.flags.no_null_intersection_shaders {
+                            ray.trap(TrapCode::NullIntersection);
+                        }
+                    }
+                    None if pipeline.flags.no_null_any_hit_shaders => ray.trap(TrapCode::NullAnyHit),
                     None => {
                         ray.cursor.confirm();
                     }
@@ -245,7 +247,7 @@ impl Trace {
     fn finish<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
         for place in 0..self.lanes.len() {
             let lane = self.lanes[place];
-            let Some(ray) = self.rays[lane].as_ref().filter(|ray| !ray.trapped) else { continue };
+            let Some(ray) = self.rays[lane].as_ref().filter(|ray| ray.trapped.is_none()) else { continue };
             let committed = ray.cursor.committed().copied();
             let mut skipped = false;
             let (index, record, shader, role) = match &committed {
@@ -266,7 +268,14 @@ impl Trace {
                 witness.invocation(ray.query.launch_id);
                 witness.event(Event::Traversed { committed, record: index, shader, kept: !self.shades });
             }
+            let promised = match role {
+                Role::Miss => pipeline.flags.no_null_miss_shaders.then_some(TrapCode::NullMiss),
+                _ => pipeline.flags.no_null_closest_hit_shaders.then_some(TrapCode::NullClosestHit),
+            };
             match (shader, self.caller) {
+                (None, _) if let Some(code) = promised.filter(|_| self.shades && !skipped) => {
+                    self.ray_mut(lane).trap(code);
+                }
                 (Some(shader), _) => {
                     let record = record.and_then(Record::shader_record);
                     wait(&mut self.waiting, shader, role, (lane, record, index));
@@ -323,9 +332,7 @@ impl Trace {
         ray.take_payload(program, batch, from);
         let exit = batch.exits[from];
         if let Exit::Trapped(_) = exit {
-            ray.trapped = true;
-            ray.traversing = false;
-            ray.cursor.terminate();
+            ray.trap(TrapCode::Callee);
             return;
         }
         if role == Role::AnyHit {
@@ -353,7 +360,14 @@ impl RayState {
     /// `traversal` is the ray with the flags that the pipeline adds.
     fn new(query: Query, traversal: TraceRay) -> Self {
         let cursor = Cursor::new(&query.tlas, traversal);
-        Self { query, cursor, attributes: Data::new(), record: None, traversing: true, trapped: false }
+        Self { query, cursor, attributes: Data::new(), record: None, traversing: true, trapped: None }
+    }
+
+    /// Ends the ray: its caller traps.
+    pub fn trap(&mut self, code: TrapCode) {
+        self.trapped = Some(code);
+        self.traversing = false;
+        self.cursor.terminate();
     }
 
     /// Takes the payload as a lane of a shader that this ray called leaves it.
@@ -408,7 +422,6 @@ impl RayState {
             launch_id: self.query.launch_id,
             launch_size: self.query.launch_size,
             trace: Some(self.query.trace),
-            time: self.query.time,
             t_max,
             hit: None,
             record,

@@ -18,7 +18,7 @@ use crate::ops::row::{Row, Width};
 use crate::pipeline::compute::Compute;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::Stats;
-use crate::pipeline::stack::{Trapped, source_line, trap_error};
+use crate::pipeline::trapped::{Trapped, source_line, trap_error};
 use crate::program::{Program, Terminator, WorkgroupLayout};
 
 /// Lanes of a batch that wait behind a barrier.

@@ -12,6 +12,7 @@ pub mod workgroup;
 
 use std::sync::Arc;
 
+use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::{Accessed, Batch, Binding, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode};
@@ -20,7 +21,7 @@ use crate::module::{Id, Module};
 use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
-use crate::ops::{atomic, memory};
+use crate::ops::{atomic, memory, ray_rules};
 
 pub use lower::{Inlining, lower, lower_with};
 pub use obstacles::obstacles;
@@ -219,6 +220,12 @@ impl Program {
 
     /// What an access that trapped asked for: where, and of which buffer or image.
     pub fn describe_access(&self, trap: Trap, asked: u64, accessed: Option<&Accessed>) -> Option<String> {
+        if let TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject = trap.code {
+            // The rule that was broken, by its number.
+            let opcode = *self.module.words.get(self.origins.get(trap.op as usize)?.offset as usize)?;
+            let broken = *RayRule::ALL.get(asked as usize)?;
+            return Some(ray_rules::describe(opcode as u16, broken));
+        }
         let op = self.ops.get(trap.op as usize)?;
         let chunk = match op {
             Op::Memory(memory::Op::BufferLoad { chunk, .. } | memory::Op::BufferStore { chunk, .. }) => chunk,

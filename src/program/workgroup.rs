@@ -51,9 +51,9 @@ impl DerivativeGroup {
     fn broken_rule(self, [x, y, z]: [u64; 3]) -> Option<&'static str> {
         match self {
             Self::Quads if x % 2 != 0 || y % 2 != 0 => {
-                Some("VUID-StandaloneSpirv-DerivativeGroupQuadsKHR-02151")
+                Some("VUID-StandaloneSpirv-DerivativeGroupQuadsKHR-10151")
             }
-            Self::Linear if x * y * z % 4 != 0 => Some("VUID-StandaloneSpirv-DerivativeGroupLinearKHR-02152"),
+            Self::Linear if x * y * z % 4 != 0 => Some("VUID-StandaloneSpirv-DerivativeGroupLinearKHR-10152"),
             _ => None,
         }
     }

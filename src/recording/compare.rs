@@ -36,6 +36,9 @@ pub struct Comparison {
     /// Tensors that would shape the scene, if their names meant something.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ignored_tensors: Vec<String>,
+    /// What of the geometry was left out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
 }
 
 /// Which rays hit, what, and where.
@@ -159,6 +162,7 @@ pub fn compare(recording: &Recording) -> Comparison {
         reference: recording.reference.as_ref().map(|reference| with_reference(reference, &traced)),
         driver: recording.driver.as_ref().map(|driver| with_driver(recording, driver, &traced)),
         ignored_tensors: recording.strange.clone(),
+        notes: recording.notes.clone(),
     }
 }
 
@@ -402,7 +406,7 @@ fn with_driver(recording: &Recording, driver: &Driver, rows: &[Row]) -> AgainstD
         {
             positions.add_floats(&ours, &all[row.at]);
         }
-        let ray = recording.tlas.object_ray(hit.candidate.instance, &row.ray.ray);
+        let ray = recording.tlas.object_ray(hit.candidate.instance, &row.ray.ray, 0.0);
         if let (Some(ray), [Some(origins), Some(directions)]) = (ray, &driver.object_ray) {
             let theirs = [origins[row.at], directions[row.at]].concat();
             object_ray.add_floats(&[ray.object_origin_f32(), ray.object_direction_f32()].concat(), &theirs);
@@ -497,7 +501,7 @@ impl Agreement {
 fn positions_and_radii(recording: &Recording, hit: &Committed) -> Option<Vec<f32>> {
     let Place { instance, geometry, primitive } = hit.candidate.place();
     let blas = &recording.tlas.instances()[instance as usize].blas;
-    match blas.primitive(geometry, primitive)? {
+    match blas.primitive(geometry, primitive, 0.0)? {
         Primitive::Sphere { position: [x, y, z], radius } => Some(vec![x, y, z, radius]),
         Primitive::LinearSweptSphere { positions: [a, b], radii, .. } => {
             Some(vec![a[0], a[1], a[2], radii[0], b[0], b[1], b[2], radii[1]])

@@ -4,10 +4,10 @@ use crate::accel::{EndCaps, Geometry, GeometryData, GeometryFlags, Indexing};
 use crate::error::{Error, ErrorKind, Result};
 use crate::recording::tensors::Tensors;
 
-/// Reads `geometry0.*`, `geometry1.*`, ... until there is none.
-pub(super) fn read(tensors: &Tensors<'_>) -> Result<Vec<Geometry>> {
+/// Reads `geometry0.*`, `geometry1.*`, ... until there is none; `notes` takes what was left out.
+pub(super) fn read(tensors: &Tensors<'_>, notes: &mut Vec<String>) -> Result<Vec<Geometry>> {
     let mut geometries = Vec::new();
-    while let Some(geometry) = geometry(tensors, geometries.len())? {
+    while let Some(geometry) = geometry(tensors, geometries.len(), notes)? {
         geometries.push(geometry);
     }
     if geometries.is_empty() {
@@ -23,7 +23,7 @@ pub(super) fn read(tensors: &Tensors<'_>) -> Result<Vec<Geometry>> {
     Ok(geometries)
 }
 
-fn geometry(tensors: &Tensors<'_>, index: usize) -> Result<Option<Geometry>> {
+fn geometry(tensors: &Tensors<'_>, index: usize, notes: &mut Vec<String>) -> Result<Option<Geometry>> {
     let name = |part: &str| format!("geometry{index}.{part}");
     let indices = tensors.indices(&name("indices"))?;
     let data = if let Some(vertices) = tensors.points(&name("vertices"))? {
@@ -35,10 +35,24 @@ fn geometry(tensors: &Tensors<'_>, index: usize) -> Result<Option<Geometry>> {
         let (positions, radii) = (tensors.points(&name("positions"))?, tensors.singles(&name("radii"))?);
         let (positions, radii) = match (positions, radii) {
             (None, None) => return Ok(None),
+            // A radius stride of 0.
+            (Some(positions), Some(radii)) if radii.len() == 1 => {
+                let radii = vec![radii[0]; positions.len()];
+                (positions, radii)
+            }
             (Some(positions), Some(radii)) => (positions, radii),
             (None, Some(_)) => return Err(tensors.missing(&name("positions"))),
             (Some(_), None) => return Err(tensors.missing(&name("radii"))),
         };
+        // Vulkan forbids them, and drivers differ in what they make of them.
+        let negative = radii.iter().filter(|radius| **radius < 0.0).count();
+        if negative > 0 {
+            notes.push(format!(
+                "{negative} radii of `{}` are negative, which is not valid: their primitives are left inactive",
+                name("radii")
+            ));
+        }
+        let radii = radii.into_iter().map(|radius| if radius < 0.0 { f32::NAN } else { radius }).collect();
         swept_or_not(tensors, &name, positions, radii, indices)?
     };
     let flag = |part: &str, flag: GeometryFlags, without: bool| {
@@ -50,8 +64,8 @@ fn geometry(tensors: &Tensors<'_>, index: usize) -> Result<Option<Geometry>> {
     Ok(Some(Geometry::new(data, GeometryFlags(flags))))
 }
 
-/// Spheres or linear swept spheres: what the metadata's `kind` says, otherwise indices make it the
-/// latter.
+/// Spheres or linear swept spheres: what the metadata's `kind` says, otherwise what the driver's shaders saw,
+/// otherwise indices make it the latter.
 fn swept_or_not(
     tensors: &Tensors<'_>,
     name: &impl Fn(&str) -> String,
@@ -64,7 +78,13 @@ fn swept_or_not(
     let swept = match tensors.note("kind") {
         Some("sphere" | "spheres") => false,
         Some("lss" | "linear_swept_spheres") => true,
-        _ => indices.is_some() || mode.is_some() || caps.is_some(),
+        _ if mode.is_some() || caps.is_some() || tensors.any("driver.is_lss")? => true,
+        _ if tensors.any("driver.is_sphere")? => false,
+        _ => match tensors.row_length("driver.position_radius") {
+            Some(4) => false,
+            Some(8) => true,
+            _ => indices.is_some(),
+        },
     };
     if !swept {
         return Ok(GeometryData::Spheres { positions, radii, indices });

@@ -36,6 +36,8 @@ pub struct Recording {
     spheres: Vec<[f32; 4]>,
     /// Tensors that would shape the scene, if their names meant something.
     pub strange: Vec<String>,
+    /// What of the geometry was left out, in sentences.
+    pub notes: Vec<String>,
     /// Which of the spheres belongs to the first box of a geometry.
     first_sphere: Vec<usize>,
 }
@@ -122,7 +124,8 @@ impl Recording {
     /// holds what no geometry, instance or ray can hold.
     pub fn of(bytes: &[u8]) -> Result<Self> {
         let tensors = Tensors::of(bytes)?;
-        let geometries = geometry::read(&tensors)?;
+        let mut notes = Vec::new();
+        let geometries = geometry::read(&tensors, &mut notes)?;
         let first_sphere: Vec<usize> = geometries
             .iter()
             .scan(0, |sum, geometry| {
@@ -142,7 +145,7 @@ impl Recording {
             return Err(Error::new(ErrorKind::InvalidRecording, message));
         }
         let strange = tensors.strange();
-        Ok(Self { tlas, rays, driver, reference, spheres, strange, first_sphere })
+        Ok(Self { tlas, rays, driver, reference, spheres, strange, notes, first_sphere })
     }
 
     /// What its geometries are made of.
@@ -190,6 +193,7 @@ fn instances(tensors: &Tensors<'_>, blas: &Arc<crate::accel::Blas>) -> Result<Ve
     let instance = |(at, m): (usize, &[f32; 12])| Instance {
         blas: blas.clone(),
         transform: std::array::from_fn(|row| std::array::from_fn(|column| m[4 * row + column])),
+        motion: None,
         // The least value that fits in 24 bits where there are more instances than that.
         custom_index: of(&custom, at, (100 + at as u32) & 0xFF_FFFF),
         mask: of(&masks, at, 0xFF) as u8,

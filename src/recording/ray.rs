@@ -27,6 +27,7 @@ pub(super) fn read(tensors: &Tensors<'_>) -> Result<Vec<TraceRay>> {
         ),
         flags: RayFlags(flags.as_ref().map_or(0, |all| all[at])),
         cull_mask: cull_masks.as_ref().map_or(0xFF, |all| all[at]),
+        time: 0.0,
     };
     Ok((0..count).map(ray).collect())
 }
@@ -88,7 +89,9 @@ impl Recording {
         any_hits: &mut i64,
         reported: &mut [f32; 2],
     ) -> bool {
-        let Some(ray) = self.tlas.object_ray(candidate.instance, &cursor.trace().ray) else { return false };
+        let Some(ray) = self.tlas.object_ray(candidate.instance, &cursor.trace().ray, 0.0) else {
+            return false;
+        };
         let [x, y, z, radius] = sphere.map(f64::from);
         let o = ray.object_origin_f32().map(f64::from);
         let d = ray.object_direction_f32().map(f64::from);

@@ -112,10 +112,10 @@ impl<'a> Tensors<'a> {
         Ok(Some(tensor.singles()?.chunks_exact(N).map(array).collect()))
     }
 
-    /// Row-major 3x4 matrices: I x 3 x 4 or I x 12.
+    /// Row-major 3x4 matrices: I x 3 x 4 or I x 12; a single one may be 3 x 4 or 12.
     pub fn matrices(&self, name: &str) -> Result<Option<Vec<[f32; 12]>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
-        if !matches!(tensor.view.shape(), [_, 3, 4] | [_, 12]) {
+        if !matches!(tensor.view.shape(), [_, 3, 4] | [_, 12] | [3, 4] | [12]) {
             return Err(tensor.wrong("wanted I x 3 x 4"));
         }
         Ok(Some(tensor.singles()?.chunks_exact(12).map(array).collect()))
@@ -154,6 +154,17 @@ impl<'a> Tensors<'a> {
         Ok(Some(values.chunks_exact(components).map(point).collect()))
     }
 
+    /// How many numbers a row of a tensor has.
+    pub fn row_length(&self, name: &str) -> Option<usize> {
+        Some(self.tensor(name)?.view.shape().iter().skip(1).product())
+    }
+
+    /// Whether any number of a tensor of integers is not 0.
+    pub fn any(&self, name: &str) -> Result<bool> {
+        let Some(tensor) = self.tensor(name) else { return Ok(false) };
+        Ok(tensor.words()?.iter().any(|&word| word > 0))
+    }
+
     /// Single-precision floats, V or V x 1.
     pub fn singles(&self, name: &str) -> Result<Option<Vec<f32>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
@@ -161,9 +172,9 @@ impl<'a> Tensors<'a> {
         Ok(Some(tensor.singles()?))
     }
 
-    /// One single-precision float a ray.
+    /// One single-precision float a ray; a single one stands for all.
     pub fn ray_singles(&self, name: &str, rays: usize) -> Result<Option<Vec<f32>>> {
-        self.of_length(name, rays)?.map(|tensor| tensor.singles()).transpose()
+        self.one_or_each(name, rays, |tensor| tensor.singles())
     }
 
     /// One integer a ray.
@@ -171,10 +182,24 @@ impl<'a> Tensors<'a> {
         self.of_length(name, rays)?.map(|tensor| tensor.words()).transpose()
     }
 
-    /// One integer of at most `bits` bits for each of `count` things.
+    /// One integer of at most `bits` bits for each of `count` things; a single one stands for all.
     pub fn unsigned(&self, name: &str, count: usize, bits: u32) -> Result<Option<Vec<u32>>> {
-        let Some(tensor) = self.of_length(name, count)? else { return Ok(None) };
-        tensor.unsigned(bits).map(Some)
+        self.one_or_each(name, count, |tensor| tensor.unsigned(bits))
+    }
+
+    fn one_or_each<T: Copy>(
+        &self,
+        name: &str,
+        count: usize,
+        read: impl Fn(&Tensor<'_>) -> Result<Vec<T>>,
+    ) -> Result<Option<Vec<T>>> {
+        let Some(tensor) = self.tensor(name) else { return Ok(None) };
+        if tensor.view.shape().iter().product::<usize>() == 1 {
+            return Ok(Some(vec![read(&tensor)?[0]; count]));
+        }
+        tensor.check_rows(1)?;
+        tensor.check_count(count)?;
+        read(&tensor).map(Some)
     }
 
     /// Integers of 32 bits in any shape.
@@ -248,6 +273,18 @@ impl Tensor<'_> {
         Ok(match self.view.dtype() {
             Dtype::F16 => numbers(data, |bytes| f16::from_le_bytes(bytes).into()),
             Dtype::F32 => numbers(data, f32::from_le_bytes),
+            // What goes to a device has single precision; an array in double precision may hold just that.
+            Dtype::F64 => {
+                let doubles = numbers(data, f64::from_le_bytes);
+                let exact = |x: &f64| x.is_nan() || f64::from(*x as f32) == *x;
+                if let Some(at) = doubles.iter().position(|x| !exact(x)) {
+                    let number = doubles[at];
+                    return Err(self.wrong(&format!(
+                        "number {at} is {number:?}, which no F32 is, and these numbers go to the device"
+                    )));
+                }
+                doubles.into_iter().map(|x| x as f32).collect()
+            }
             _ => return Err(self.wrong("wanted F32 (or F16): these numbers go to the device")),
         })
     }

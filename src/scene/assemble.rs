@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::accel::Tlas;
 use crate::compile;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::image as machine;
@@ -283,6 +284,16 @@ fn resources(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Resources {
     let mut resources = Resources { policy: scene.memory, ..Resources::default() };
     for binding in &scene.resources {
         let descriptor = match &binding.resource {
+            Resource::NullBuffer => scene
+                .device
+                .check_null_descriptor("VUID-VkDescriptorBufferInfo-buffer-02998")
+                .map(|()| Descriptor::Buffer(Buffer::null())),
+            Resource::NullAccelerationStructure => scene
+                .device
+                .check_null_descriptor(
+                    "VUID-VkWriteDescriptorSetAccelerationStructureKHR-pAccelerationStructures-03580",
+                )
+                .map(|()| Descriptor::AccelerationStructure(Tlas::empty().clone())),
             Resource::StorageBuffer(bytes) | Resource::UniformBuffer(bytes) => {
                 Ok(Descriptor::Buffer(Buffer::new(bytes)))
             }

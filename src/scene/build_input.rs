@@ -1,6 +1,8 @@
 //! Geometry given as the buffers of a build: `vertex_data`, `vertex_format`, ... of
 //! `[geometry.NAME]`.
 
+use std::sync::Arc;
+
 use crate::accel::build_input::{
     BuildInput, BuildRange, IndexType, RadiusFormat, Strided, VertexFormat, aabbs,
 };
@@ -15,6 +17,8 @@ use crate::scene::read::{Named, Span, Table};
 pub(super) struct BuildEntry {
     span: Span,
     vertices: Buffer,
+    /// The vertices at time 1, with the same stride and format.
+    vertices_t1: Option<Data>,
     indices: Option<(Buffer, IndexType)>,
     radii: Option<(Buffer, RadiusFormat)>,
     format: VertexFormat,
@@ -73,6 +77,7 @@ impl BuildEntry {
         Some(Self {
             span: table.span(),
             vertices: Buffer { data: data?, stride },
+            vertices_t1: None,
             indices: None,
             radii: None,
             format: VertexFormat::R32G32B32Sfloat,
@@ -91,6 +96,8 @@ impl BuildEntry {
 
     fn parse(table: &Table<'_>, kind: Kind) -> Option<Self> {
         let vertices = table.required("vertex_data");
+        let later = |table: &Table<'_>| table.optional("vertex_data_t1");
+        let vertices_t1 = if matches!(kind, Kind::Triangles(_)) { later(table) } else { None };
         let stride = table.optional("vertex_stride");
         let format = table.or("vertex_format", VertexFormat::R32G32B32Sfloat);
         let index_data = table.optional::<Data>("index_data");
@@ -110,6 +117,7 @@ impl BuildEntry {
         Some(Self {
             span: table.span(),
             vertices: Buffer { data: vertices?, stride },
+            vertices_t1,
             indices: index_data.map(|data| (Buffer { data, stride: index_stride }, index_type)),
             radii: radii?,
             format,
@@ -123,9 +131,25 @@ impl BuildEntry {
     /// # Errors
     /// What the data or the build report, at the geometry's table.
     pub(super) fn load(&self, files: &dyn Files) -> Result<GeometryData> {
+        self.load_with(&self.vertices.data, files)
+    }
+
+    /// The vertices at time 1 of triangles that move: the same ones in the same order.
+    ///
+    /// # Errors
+    /// As [`BuildEntry::load`].
+    pub(super) fn load_t1(&self, files: &dyn Files) -> Result<Option<Arc<[[f32; 3]]>>> {
+        let Some(later) = &self.vertices_t1 else { return Ok(None) };
+        Ok(match self.load_with(later, files)? {
+            GeometryData::Triangles { vertices, .. } => Some(vertices.into()),
+            _ => None,
+        })
+    }
+
+    fn load_with(&self, vertices: &Data, files: &dyn Files) -> Result<GeometryData> {
         let at_table = |error: crate::error::Error| self.span.error(error.message());
         let bytes = |buffer: &Buffer| buffer.data.encode(files, 1.0);
-        let vertices = bytes(&self.vertices)?;
+        let vertices = vertices.encode(files, 1.0)?;
         let vertices = Strided { bytes: &vertices, stride: self.vertices.stride };
         if let Kind::Aabbs = self.kind {
             return aabbs(vertices, self.range).map_err(at_table);

@@ -134,7 +134,7 @@ mod tests {
         let origin = [m[12], m[13], m[14]];
         let ray = Ray::new(origin, [direction[0], direction[1], direction[2]]);
         let tlas = &scene.tlas[0].1;
-        let mut cursor = Cursor::new(tlas, TraceRay { ray, flags: RayFlags(0), cull_mask: 0xff });
+        let mut cursor = Cursor::new(tlas, TraceRay { ray, flags: RayFlags(0), cull_mask: 0xff, time: 0.0 });
         assert!(cursor.proceed(tlas).is_none(), "everything is opaque");
         cursor.committed().map(|committed| committed.candidate.instance)
     }

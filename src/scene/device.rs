@@ -48,6 +48,10 @@ pub(crate) enum PipelineFlag {
     SkipTriangles,
     SkipAabbs,
     AllowSpheresAndLinearSweptSpheres,
+    NoNullAnyHitShaders,
+    NoNullClosestHitShaders,
+    NoNullMissShaders,
+    NoNullIntersectionShaders,
 }
 
 /// `VkPipelineCreateFlagBits2`
@@ -58,6 +62,10 @@ impl Named for PipelineFlag {
         ("skip_built_in_primitives", Self::SkipTriangles),
         ("skip_aabbs", Self::SkipAabbs),
         ("allow_spheres_and_linear_swept_spheres", Self::AllowSpheresAndLinearSweptSpheres),
+        ("no_null_any_hit_shaders", Self::NoNullAnyHitShaders),
+        ("no_null_closest_hit_shaders", Self::NoNullClosestHitShaders),
+        ("no_null_miss_shaders", Self::NoNullMissShaders),
+        ("no_null_intersection_shaders", Self::NoNullIntersectionShaders),
     ];
 }
 
@@ -75,6 +83,10 @@ pub(super) fn flags(table: &Table<'_>) -> PipelineFlags {
             PipelineFlag::AllowSpheresAndLinearSweptSpheres => {
                 flags.allow_spheres_and_linear_swept_spheres = true;
             }
+            PipelineFlag::NoNullAnyHitShaders => flags.no_null_any_hit_shaders = true,
+            PipelineFlag::NoNullClosestHitShaders => flags.no_null_closest_hit_shaders = true,
+            PipelineFlag::NoNullMissShaders => flags.no_null_miss_shaders = true,
+            PipelineFlag::NoNullIntersectionShaders => flags.no_null_intersection_shaders = true,
         }
     }
     flags

@@ -390,6 +390,8 @@ pub struct GivenRay {
     pub flags: u32,
     /// Compared with instances' masks.
     pub cull_mask: u32,
+    /// `CurrentRayTimeNV`, from 0 to 1.
+    pub time: f32,
     /// Offset into the hit records.
     pub sbt_offset: u32,
     /// Factor of the geometry index.
@@ -418,7 +420,7 @@ impl GivenRay {
         let ray =
             Ray { origin: self.origin, direction: self.direction, t_min: self.t_min, t_max: self.t_max };
         Ok(RayOperands {
-            trace: TraceRay { ray, flags: RayFlags(self.flags), cull_mask: self.cull_mask },
+            trace: TraceRay { ray, flags: RayFlags(self.flags), cull_mask: self.cull_mask, time: self.time },
             sbt_offset: self.sbt_offset,
             sbt_stride: self.sbt_stride,
             miss_index: self.miss_index,
@@ -474,6 +476,7 @@ impl Parse for RayEntry {
         let flags = flags.map_or(0, |flags| flags.0.iter().fold(0, |all, flag| all | flag.0));
         let (cull_mask, miss_index) = (table.or("cull_mask", 0xff), table.or("miss_index", 0));
         let (sbt_offset, sbt_stride) = (table.or("sbt_offset", 0), table.or("sbt_stride", 1));
+        let time = table.or("time", 0.0);
         let payload = table.value("payload").map_or(Some(Vec::new()), payload);
         table.finish();
         let (origin, direction) = (origin?, direction?);
@@ -485,6 +488,7 @@ impl Parse for RayEntry {
             t_max,
             flags,
             cull_mask,
+            time,
             sbt_offset,
             sbt_stride,
             miss_index,

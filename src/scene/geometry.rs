@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use crate::accel::{
-    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, InstanceFlags, OpacityMicromap,
+    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, InstanceFlags, Motion,
+    OpacityMicromap,
 };
 use crate::error::Result;
 use crate::scene::build_input::BuildEntry;
@@ -12,6 +13,7 @@ use crate::scene::files::Files;
 use crate::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter};
 use crate::scene::mesh::{Mesh, gltf, obj};
 use crate::scene::micromap::opacity_micromap;
+use crate::scene::motion::motion;
 use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, Value};
 use crate::scene::tree::Toml;
 
@@ -24,6 +26,7 @@ pub struct GeometryEntry {
     pub flags: GeometryFlags,
     opacity_micromap: Option<Arc<OpacityMicromap>>,
     cluster_id: Option<u32>,
+    vertices_t1: Option<Arc<[[f32; 3]]>>,
     shape: Shape,
 }
 
@@ -101,6 +104,7 @@ impl Parse for GeometryEntry {
         }
         let opacity_micromap = opacity_micromap(&table);
         let cluster_id = table.optional("cluster_id");
+        let vertices_t1 = vertices_t1(&table, kind);
         let shape = match kind {
             Kind::Triangles => triangles(&table),
             Kind::Aabbs => aabbs(&table),
@@ -123,7 +127,7 @@ impl Parse for GeometryEntry {
         };
         table.finish();
         let (span, flags) = (value.span(), GeometryFlags(flags));
-        Some(Self { span, flags, opacity_micromap, cluster_id, shape: shape? })
+        Some(Self { span, flags, opacity_micromap, cluster_id, vertices_t1, shape: shape? })
     }
 }
 
@@ -133,9 +137,14 @@ impl GeometryEntry {
     /// # Errors
     /// `Io` or `InvalidMesh` about its file.
     pub fn load(&self, files: &dyn Files) -> Result<Geometry> {
+        let vertices_t1 = match &self.shape {
+            Shape::Build(entry) => entry.load_t1(files)?,
+            _ => self.vertices_t1.clone(),
+        };
         Ok(Geometry {
             opacity_micromap: self.opacity_micromap.clone(),
             cluster_id: self.cluster_id,
+            vertices_t1,
             ..Geometry::new(self.data(files)?, self.flags)
         })
     }
@@ -189,6 +198,21 @@ fn triangles(table: &Table<'_>) -> Option<Shape> {
     }
     let indices = indices.map(|i| i.value.0);
     Some(Shape::Inline(GeometryData::Triangles { vertices: vertices.value, indices, transform }))
+}
+
+/// Where the vertices of `vertices` are at time 1.
+fn vertices_t1(table: &Table<'_>, kind: Kind) -> Option<Arc<[[f32; 3]]>> {
+    if !matches!(kind, Kind::Triangles) {
+        // Of another type the key is unknown, and reported as such.
+        return None;
+    }
+    let later = table.optional::<At<Vec<[f32; 3]>>>("vertices_t1")?;
+    let count = table.value("vertices").and_then(|first| first.elements()).map_or(0, Iterator::count);
+    if later.value.len() != count {
+        let message = format!("{} vertices at time 1 for {count} at time 0", later.value.len());
+        table.report().push(later.span.error(message));
+    }
+    Some(later.value.into())
 }
 
 fn aabbs(table: &Table<'_>) -> Option<Shape> {
@@ -310,6 +334,8 @@ pub struct InstanceEntry {
     pub tlas: String,
     /// Object to world.
     pub transform: [[f32; 4]; 3],
+    /// How it moves.
+    pub motion: Option<Motion>,
     /// `InstanceCustomIndexKHR`
     pub custom_index: u32,
     /// Visibility mask.
@@ -342,6 +368,7 @@ impl Parse for InstanceEntry {
         let geometry = table.required::<OneOrMore<At<String>>>("geometry");
         let tlas = table.or("tlas", "main".to_string());
         let transform = placed(&table).unwrap_or(IDENTITY);
+        let motion = motion(&table, transform);
         let custom_index = bits24(&table, "custom_index");
         let mask = table.or("mask", 0xff);
         let sbt_offset = bits24(&table, "sbt_offset");
@@ -353,6 +380,7 @@ impl Parse for InstanceEntry {
             geometry: geometry?.0,
             tlas,
             transform,
+            motion,
             custom_index: custom_index?,
             mask,
             sbt_offset: sbt_offset?,
@@ -368,6 +396,7 @@ impl InstanceEntry {
         Instance {
             blas,
             transform: self.transform,
+            motion: self.motion.clone(),
             custom_index: self.custom_index,
             mask: self.mask,
             sbt_record_offset: self.sbt_offset,
@@ -388,7 +417,7 @@ fn bits24(table: &Table<'_>, key: &'static str) -> Option<u32> {
 const IDENTITY: [[f32; 4]; 3] = [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.]];
 
 /// `transform`, or `scale`, then `rotate`, then `translate`.
-fn placed(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
+pub(super) fn placed(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
     let matrix = table.optional::<Matrix>("transform");
     let translate = table.or("translate", [0.0; 3]);
     let rotate = table.optional::<Rotation>("rotate");
@@ -400,10 +429,9 @@ fn placed(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
     if let Some(value) = table.value("transform") {
         return value.wrong("give `transform`, or `translate`, `rotate` and `scale`, but not both");
     }
-    let scale = match scale.as_ref().map_or(&[1.0][..], |scale| &scale.0) {
-        [all] => [*all; 3],
-        [x, y, z] => [*x, *y, *z],
-        _ => return table.value("scale")?.wrong("`scale` is one number or three"),
+    let scale = match &scale {
+        Some(scale) => three(table.value("scale")?, scale)?,
+        None => [1.0; 3],
     };
     let rotation = rotate.map_or([[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]], |rotation| rotation.matrix());
     Some(std::array::from_fn(|row| {
@@ -412,6 +440,15 @@ fn placed(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
             _ => (rotation[row][column] * f64::from(scale[column])) as f32,
         })
     }))
+}
+
+/// One number for all axes, or three.
+pub(super) fn three(value: Value<'_>, scale: &OneOrMore<f32>) -> Option<[f32; 3]> {
+    match scale.0[..] {
+        [all] => Some([all; 3]),
+        [x, y, z] => Some([x, y, z]),
+        _ => value.wrong("`scale` is one number or three"),
+    }
 }
 
 /// Three rows of four, or twelve numbers in that order (`VkTransformMatrixKHR`).
@@ -429,7 +466,7 @@ impl Parse for Matrix {
     }
 }
 
-struct Rotation {
+pub(super) struct Rotation {
     axis: [f32; 3],
     degrees: f32,
 }
@@ -450,13 +487,26 @@ impl Parse for Rotation {
 }
 
 impl Rotation {
+    /// The quaternion x, y, z, w.
+    pub(super) fn quaternion(&self) -> [f32; 4] {
+        // Half the angle, in half turns.
+        let half = self.degrees / 360.0;
+        let (sine, cosine) = (f64::from(pxfm::f_sinpif(half)), pxfm::f_cospif(half));
+        let [x, y, z] = self.unit_axis().map(|x| (x * sine) as f32);
+        [x, y, z, cosine]
+    }
+
+    fn unit_axis(&self) -> [f64; 3] {
+        let a = self.axis.map(f64::from);
+        let length = (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
+        a.map(|x| x / length)
+    }
+
     /// Rodrigues' formula. Sine and cosine of half turns, so that right angles are exact.
     fn matrix(&self) -> [[f64; 3]; 3] {
         let half_turns = self.degrees / 180.0;
         let (sine, cosine) = (f64::from(pxfm::f_sinpif(half_turns)), f64::from(pxfm::f_cospif(half_turns)));
-        let a = self.axis.map(f64::from);
-        let length = (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
-        let a = a.map(|x| x / length);
+        let a = self.unit_axis();
         let cross = [[0., -a[2], a[1]], [a[2], 0., -a[0]], [-a[1], a[0], 0.]];
         std::array::from_fn(|i| {
             std::array::from_fn(|j| {

@@ -36,5 +36,6 @@ pub use resolved::ResolvedScene;
 
 #[cfg(test)]
 mod mistakes;
+mod motion;
 #[cfg(test)]
 mod reference_tests;

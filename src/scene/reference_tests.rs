@@ -33,6 +33,8 @@ fn every_key_is_described() {
         "zzz = 1".to_string(),
         "[[instance]]\nzzz = 1".into(),
         "[[instance]]\nrotate = { zzz = 1 }".into(),
+        "[[instance]]\nmotion = { zzz = 1 }".into(),
+        "[[instance]]\nsrt = [{ zzz = 1 }, { }]".into(),
         "[shaders.s]\nzzz = 1".into(),
         "[pipeline]\nzzz = 1".into(),
         "[pipeline]\nhit = [{ zzz = 1 }]".into(),

@@ -1,10 +1,7 @@
 //! From a scene's files to what can be run: names become indices, files become bytes.
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use crate::accel::{Blas, Geometry, Instance, Tlas};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::machine::sampler::Sampler;
@@ -15,13 +12,15 @@ use crate::scene::file::{
 };
 use crate::scene::files::Files;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
-use crate::scene::read::{At, Document, Report, Span, nearest};
+use crate::scene::read::{At, Document, Report, nearest};
 use crate::scene::resolved::{
-    Binding, Dispatch, Group, HitGroup, ResolvedScene, Shader, ShaderBindingTable, ShaderCode, ShaderModule,
+    Dispatch, Group, HitGroup, ResolvedScene, Shader, ShaderBindingTable, ShaderCode, ShaderModule,
     ShaderRecord,
 };
-use crate::scene::resources::{Content, Kind, Resource, ResourceEntry};
-use crate::scene::sampler::SamplerReference;
+use crate::scene::resources::ResourceEntry;
+
+mod bindings;
+mod structures;
 
 /// How many files one scene may include, counted with their own includes.
 const MAX_FILES: usize = 64;
@@ -93,18 +92,6 @@ fn include(
     }
     open.pop();
     parts.push(file);
-}
-
-/// The instances of one TLAS; `None` where a BLAS could not be made.
-struct Members<'a> {
-    tlas: &'a str,
-    placed: Vec<Option<Placed<'a>>>,
-}
-
-/// An instance and where it is written.
-struct Placed<'a> {
-    instance: Instance,
-    span: &'a Span,
 }
 
 /// The parts of a scene as one: later definitions of a name replace earlier ones.
@@ -229,81 +216,6 @@ impl<'a> Resolver<'a> {
         })
     }
 
-    /// A BLAS for every list of geometries, a TLAS for every name. A name is there even where its
-    /// structure could not be made, so that one mistake is not reported as another.
-    fn structures(&self) -> Vec<(String, Option<Arc<Tlas>>)> {
-        let mut loaded: HashMap<&str, Option<Geometry>> = HashMap::new();
-        let mut blases: HashMap<Vec<&str>, Option<Arc<Blas>>> = HashMap::new();
-        let mut instances: Vec<Members<'_>> = Vec::new();
-        for entry in &self.instances {
-            let names: Vec<&str> = entry.geometry.iter().map(|name| name.value.as_str()).collect();
-            if !blases.contains_key(&names) {
-                let blas = self.blas(entry, &mut loaded);
-                blases.insert(names.clone(), blas);
-            }
-            let placed = blases[&names].clone();
-            let placed = placed.map(|blas| Placed { instance: entry.instance(blas), span: &entry.span });
-            match instances.iter_mut().find(|members| members.tlas == entry.tlas) {
-                Some(members) => members.placed.push(placed),
-                None => instances.push(Members { tlas: &entry.tlas, placed: vec![placed] }),
-            }
-        }
-        // A geometry that no instance shows may still hold a mistake.
-        for entry in &self.geometry {
-            if let (Some(content), false) = (&entry.content, loaded.contains_key(entry.name.value.as_str())) {
-                self.report.keep(content.load(self.files));
-            }
-        }
-        let build = |members: Members<'_>| {
-            let placed = members.placed.into_iter().collect::<Option<Vec<_>>>();
-            (members.tlas.to_string(), placed.and_then(|placed| self.tlas(&placed)))
-        };
-        instances.into_iter().map(build).collect()
-    }
-
-    /// What the geometries of each instance of a TLAS are called.
-    fn geometry_names(&self, tlas: &str) -> Vec<Vec<String>> {
-        let names = |entry: &InstanceEntry| entry.geometry.iter().map(|name| name.value.clone()).collect();
-        self.instances.iter().filter(|entry| entry.tlas == tlas).map(names).collect()
-    }
-
-    fn tlas(&self, list: &[Placed<'_>]) -> Option<Arc<Tlas>> {
-        let instances = list.iter().map(|placed| placed.instance.clone()).collect();
-        let error = match Tlas::with_precision(instances, self.precision) {
-            Ok(tlas) => return Some(tlas),
-            Err(error) => error,
-        };
-        // A TLAS knows no lines: by itself, each wrong instance shows its own.
-        let before = self.report.len();
-        for Placed { instance, span } in list {
-            if let Err(error) = Tlas::new(vec![instance.clone()]) {
-                let message = error.message().trim_start_matches("instance 0: ");
-                self.report.push(span.error(message));
-            }
-        }
-        if self.report.len() == before {
-            self.report.push(error);
-        }
-        None
-    }
-
-    fn blas<'s>(
-        &'s self,
-        entry: &'s InstanceEntry,
-        loaded: &mut HashMap<&'s str, Option<Geometry>>,
-    ) -> Option<Arc<Blas>> {
-        let mut geometries = Vec::new();
-        for name in &entry.geometry {
-            let geometry = loaded.entry(name.value.as_str()).or_insert_with(|| {
-                let found = self.find(&self.geometry, name, "geometry")?;
-                self.report.keep(found.load(self.files))
-            });
-            geometries.push(geometry.clone());
-        }
-        let geometries: Vec<Geometry> = geometries.into_iter().collect::<Option<_>>()?;
-        self.report.keep(Blas::new(geometries).map_err(|error| error.at(entry.span.place())))
-    }
-
     /// The shader records, and with them the groups and modules.
     fn binding_table(&mut self) -> ShaderBindingTable {
         let Some(pipeline) = self.pipeline.clone() else { return ShaderBindingTable::default() };
@@ -384,82 +296,6 @@ impl<'a> Resolver<'a> {
         Some(self.modules.len() - 1)
     }
 
-    fn bindings(&self, tlas: &[(String, Option<Arc<Tlas>>)]) -> Vec<Binding> {
-        let mut bindings: Vec<Binding> = Vec::new();
-        let mut output: Option<Place> = None;
-        for entry in &self.resource_entries {
-            let Some(content) = &entry.content else { continue };
-            let place = entry.name.span.place();
-            let same = |b: &&Binding| {
-                (b.set, b.binding, b.element) == (content.set, content.binding, content.element)
-            };
-            if let Some(other) = bindings.iter().find(same) {
-                let message = format!("two resources at set {}, binding {}", content.set, content.binding);
-                self.report
-                    .push(entry.name.span.error(message).at_with(other.place.clone(), "the other one"));
-            }
-            let other = if content.output.is_some() { output.replace(place.clone()) } else { None };
-            if let Some(other) = other {
-                let error = entry.name.span.error("two images are marked as output");
-                self.report.push(error.at_with(other, "the other one"));
-            }
-            if let Some(resource) = self.resource(&content.content, tlas) {
-                bindings.push(Binding {
-                    name: entry.name.value.clone(),
-                    set: content.set,
-                    binding: content.binding,
-                    element: content.element,
-                    resource,
-                    output: content.output,
-                    place,
-                });
-            }
-        }
-        bindings.sort_by_key(|binding| (binding.set, binding.binding, binding.element));
-        bindings
-    }
-
-    fn resource(&self, content: &Content, tlas: &[(String, Option<Arc<Tlas>>)]) -> Option<Resource> {
-        match content {
-            Content::Buffer(kind, entry) => {
-                let bytes = self.report.keep(entry.load(self.files, self.aspect()))?;
-                Some(match kind {
-                    Kind::UniformBuffer => Resource::UniformBuffer(bytes),
-                    _ => Resource::StorageBuffer(bytes),
-                })
-            }
-            Content::Image(kind, entry) => {
-                let sampler = match &entry.sampler {
-                    None => Some(Sampler::default()),
-                    Some(reference) => self.sampler(reference),
-                };
-                let image = self.report.keep(entry.load(self.files, self.launch))?;
-                Some(match kind {
-                    Kind::SampledImage => Resource::SampledImage(image),
-                    Kind::UniformTexelBuffer | Kind::StorageTexelBuffer => Resource::TexelBuffer(image),
-                    Kind::CombinedImageSampler => Resource::CombinedImageSampler(image, sampler?),
-                    _ => Resource::StorageImage(image),
-                })
-            }
-            Content::Sampler(reference) => self.sampler(reference).map(Resource::Sampler),
-            Content::AccelerationStructure(name) => {
-                let found = tlas.iter().position(|(known, _)| *known == name.value);
-                if found.is_none() && self.report.is_empty() {
-                    let message = format!("no instance is in the acceleration structure `{}`", name.value);
-                    self.report.push(name.span.error(message));
-                }
-                found.map(Resource::AccelerationStructure)
-            }
-        }
-    }
-
-    fn sampler(&self, reference: &SamplerReference) -> Option<Sampler> {
-        match reference {
-            SamplerReference::Inline(sampler) => Some(*sampler),
-            SamplerReference::Named(name) => self.find(&self.samplers, name, "sampler").cloned(),
-        }
-    }
-
     fn check_rays(&self) {
         for ray in &self.rays {
             let RayEntry::Pixel { pixel: At { value: [x, y], span }, .. } = ray else { continue };
@@ -510,11 +346,14 @@ fn merge<T>(all: &mut Vec<Entry<T>>, more: Vec<Entry<T>>) {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::accel::{GeometryData, GeometryFlags};
     use crate::machine::format::Format;
     use crate::machine::sampler::Filter;
     use crate::scene::files::EmbeddedFiles;
+    use crate::scene::resources::Resource;
 
     fn scene(text: &str, options: &Options) -> ResolvedScene {
         let files = [

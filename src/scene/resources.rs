@@ -27,6 +27,10 @@ pub enum Resource {
     CombinedImageSampler(Image, Sampler),
     /// `VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR`: index into `ResolvedScene::tlas`.
     AccelerationStructure(usize),
+    /// A null buffer of either kind.
+    NullBuffer,
+    /// A null acceleration structure.
+    NullAccelerationStructure,
 }
 
 /// How the picture of a render is saved.
@@ -83,6 +87,8 @@ pub enum Content {
     Sampler(SamplerReference),
     /// A TLAS by its name.
     AccelerationStructure(At<String>),
+    /// `VK_NULL_HANDLE` in place of a buffer or a TLAS.
+    Null(Kind),
 }
 
 /// A descriptor's type.
@@ -137,7 +143,10 @@ impl Parse for ResourceEntry {
             Kind::StorageImage => table.optional::<Marked>("output").and_then(|marked| marked.0),
             _ => None,
         };
+        let nullable =
+            matches!(kind, Kind::StorageBuffer | Kind::UniformBuffer | Kind::AccelerationStructure);
         let content = match kind {
+            _ if nullable && table.or("null", false) => Some(Content::Null(kind)),
             Kind::StorageBuffer | Kind::UniformBuffer => {
                 BufferEntry::parse(&table).map(|entry| Content::Buffer(kind, entry))
             }

@@ -246,6 +246,7 @@ fn check_traversal(
     let instance = Instance {
         blas,
         transform,
+        motion: None,
         custom_index: 0,
         mask: 1,
         sbt_record_offset: 0,
@@ -257,7 +258,8 @@ fn check_traversal(
         return fail("a regular matrix is refused");
     };
     hits.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-    let mut cursor = Cursor::new(&tlas, TraceRay { ray: *ray, flags: RayFlags::default(), cull_mask: 1 });
+    let mut cursor =
+        Cursor::new(&tlas, TraceRay { ray: *ray, flags: RayFlags::default(), cull_mask: 1, time: 0.0 });
     let mut seen = Vec::new();
     while let Some(candidate) = cursor.proceed(&tlas) {
         seen.push((candidate.primitive, candidate.intersection.t));

@@ -157,3 +157,54 @@ fn a_mesh_without_gaps() {
         assert!(doubled * 20 < probes.len(), "{doubled} of {}", probes.len());
     }
 }
+
+/// The surface of a cube from -4 to 4, each face of 4 x 4 squares of two triangles, at a scale.
+fn cube(scale: f32) -> (Vec<[f32; 3]>, Vec<u32>) {
+    let mut vertices: Vec<[i32; 3]> = Vec::new();
+    let mut indices = Vec::new();
+    for (axis, side) in (0..3).flat_map(|axis| [(axis, -4), (axis, 4)]) {
+        let mut corner = |u: i32, v: i32| {
+            let mut point = [0; 3];
+            (point[axis], point[(axis + 1) % 3], point[(axis + 2) % 3]) = (side, 2 * u - 4, 2 * v - 4);
+            let known = vertices.iter().position(|other| *other == point);
+            known.unwrap_or_else(|| {
+                vertices.push(point);
+                vertices.len() - 1
+            }) as u32
+        };
+        for (u, v) in (0..4).flat_map(|u| (0..4).map(move |v| (u, v))) {
+            let square = [corner(u, v), corner(u + 1, v), corner(u, v + 1), corner(u + 1, v + 1)];
+            indices.extend([square[0], square[1], square[2], square[1], square[3], square[2]]);
+        }
+    }
+    (vertices.iter().map(|point| point.map(|x| x as f32 * scale)).collect(), indices)
+}
+
+/// Rays from within a closed mesh exactly at each of its vertices, at the middle of each edge and inside each
+/// triangle, from 10^-12 to 10^12: out of it goes every ray, and through one triangle only.
+#[test]
+fn nothing_leaves_a_closed_mesh_unseen() {
+    for scale in
+        [1e-12f32, 2f32.powi(-40), 1e-6, 2f32.powi(-20), 1.0, 2f32.powi(20), 1e6, 2f32.powi(40), 1e12]
+    {
+        let (vertices, indices) = cube(scale);
+        let sum = |parts: &[u32]| -> [f32; 3] {
+            std::array::from_fn(|axis| parts.iter().map(|&part| vertices[part as usize][axis]).sum())
+        };
+        // With a power of two for scale all of these sums are exact.
+        let mut directions: Vec<[f32; 3]> = vertices.clone();
+        for triangle in indices.chunks_exact(3) {
+            let [a, b, c] = [triangle[0], triangle[1], triangle[2]];
+            directions.extend([sum(&[a, b]), sum(&[b, c]), sum(&[c, a]), sum(&[a, b, c]), sum(&[a, a, b])]);
+        }
+        let shot = |&direction: &[f32; 3]| Shot { direction, t_max: f32::MAX, ..Shot::down([0.0; 3]) };
+        let shots: Vec<Shot> = directions.iter().map(shot).collect();
+        let data = GeometryData::Triangles { vertices, indices: Some(indices), transform: None };
+        let ignores = Plan { any_hit: AnyHit::IGNORE, ..Plan::default() };
+        let probes = Rig::with([(Kind::Triangle, ignores)]).run([Instance::of(data)], &shots);
+        assert_eq!(probes.len(), 98 + 5 * 192);
+        for (probe, shot) in probes.iter().zip(&shots) {
+            assert_eq!((probe.stage, probe.any_hits), (MISS, 1), "at {scale:e}: {shot:?}");
+        }
+    }
+}

@@ -1,5 +1,5 @@
-//! Traces at a moment (`SPV_NV_ray_tracing_motion_blur`): what they trace stands still, the shaders
-//! that they call see the time.
+//! Traces at a moment (`SPV_NV_ray_tracing_motion_blur`): the shaders that they call see the time. What moves is
+//! in `shaders/pass/motion-blur`.
 
 use std::sync::Arc;
 

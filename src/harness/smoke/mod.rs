@@ -354,7 +354,7 @@ impl Subject {
             }
             Way::Miss => {
                 let ray = Ray::new([0.25, 0.5, 3.0], [0.6, 0.0, 0.8]).with_interval(0.0, 1000.0);
-                let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF };
+                let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 };
                 (invocation.trace, invocation.t_max) = (Some(trace), ray.t_max);
                 launch.invoke::<LANES, _>(shader, invocation, &given.payload, &[], &mut stand_in)
             }

@@ -1,0 +1,294 @@
+//! Hit object instructions of a module become operations.
+
+use rspirv::spirv::Op as Opcode;
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::machine::stop::Rows;
+use crate::module::Instruction;
+use crate::module::interface::Stage;
+use crate::module::ty::Type;
+use crate::ops::builtin::Shape;
+use crate::ops::decode::Decoder;
+use crate::ops::hit_object::getters::GETTERS;
+use crate::ops::hit_object::{MISS_OPERANDS, Op, hit_operands};
+use crate::ops::object::{self, result};
+use crate::ops::op::Op as Operation;
+use crate::ops::pointer::storage;
+use crate::ops::ray_tracing::{self, TRACE_OPERANDS, variable_rows};
+
+/// Opcodes decoded here, beside those of `GETTERS`.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::HitObjectTraceRayEXT,
+    Opcode::HitObjectTraceRayNV,
+    Opcode::HitObjectTraceRayMotionEXT,
+    Opcode::HitObjectTraceRayMotionNV,
+    Opcode::HitObjectRecordHitNV,
+    Opcode::HitObjectRecordHitWithIndexNV,
+    Opcode::HitObjectRecordHitMotionNV,
+    Opcode::HitObjectRecordHitWithIndexMotionNV,
+    Opcode::HitObjectRecordMissEXT,
+    Opcode::HitObjectRecordMissNV,
+    Opcode::HitObjectRecordMissMotionEXT,
+    Opcode::HitObjectRecordMissMotionNV,
+    Opcode::HitObjectRecordEmptyEXT,
+    Opcode::HitObjectRecordEmptyNV,
+    Opcode::HitObjectRecordFromQueryEXT,
+    Opcode::HitObjectExecuteShaderEXT,
+    Opcode::HitObjectExecuteShaderNV,
+    Opcode::HitObjectReorderExecuteShaderEXT,
+    Opcode::HitObjectTraceReorderExecuteEXT,
+    Opcode::HitObjectTraceMotionReorderExecuteEXT,
+    Opcode::HitObjectSetShaderBindingTableRecordIndexEXT,
+    Opcode::HitObjectGetShaderRecordBufferHandleEXT,
+    Opcode::HitObjectGetShaderRecordBufferHandleNV,
+    Opcode::HitObjectGetAttributesEXT,
+    Opcode::HitObjectGetAttributesNV,
+    Opcode::ReorderThreadWithHintEXT,
+    Opcode::ReorderThreadWithHintNV,
+    Opcode::ReorderThreadWithHitObjectEXT,
+    Opcode::ReorderThreadWithHitObjectNV,
+    Opcode::HitObjectIsEmptyEXT,
+    Opcode::HitObjectIsEmptyNV,
+    Opcode::HitObjectIsMissEXT,
+    Opcode::HitObjectIsMissNV,
+    Opcode::HitObjectIsHitEXT,
+    Opcode::HitObjectIsHitNV,
+    Opcode::HitObjectGetRayTMinEXT,
+    Opcode::HitObjectGetRayTMinNV,
+    Opcode::HitObjectGetRayTMaxEXT,
+    Opcode::HitObjectGetRayTMaxNV,
+    Opcode::HitObjectGetRayFlagsEXT,
+    Opcode::HitObjectGetWorldRayOriginEXT,
+    Opcode::HitObjectGetWorldRayOriginNV,
+    Opcode::HitObjectGetWorldRayDirectionEXT,
+    Opcode::HitObjectGetWorldRayDirectionNV,
+    Opcode::HitObjectGetCurrentTimeEXT,
+    Opcode::HitObjectGetCurrentTimeNV,
+    Opcode::HitObjectGetShaderBindingTableRecordIndexEXT,
+    Opcode::HitObjectGetShaderBindingTableRecordIndexNV,
+    Opcode::HitObjectGetInstanceCustomIndexEXT,
+    Opcode::HitObjectGetInstanceCustomIndexNV,
+    Opcode::HitObjectGetInstanceIdEXT,
+    Opcode::HitObjectGetInstanceIdNV,
+    Opcode::HitObjectGetGeometryIndexEXT,
+    Opcode::HitObjectGetGeometryIndexNV,
+    Opcode::HitObjectGetPrimitiveIndexEXT,
+    Opcode::HitObjectGetPrimitiveIndexNV,
+    Opcode::HitObjectGetHitKindEXT,
+    Opcode::HitObjectGetHitKindNV,
+    Opcode::HitObjectGetObjectRayOriginEXT,
+    Opcode::HitObjectGetObjectRayOriginNV,
+    Opcode::HitObjectGetObjectRayDirectionEXT,
+    Opcode::HitObjectGetObjectRayDirectionNV,
+    Opcode::HitObjectGetObjectToWorldEXT,
+    Opcode::HitObjectGetObjectToWorldNV,
+    Opcode::HitObjectGetWorldToObjectEXT,
+    Opcode::HitObjectGetWorldToObjectNV,
+    Opcode::HitObjectGetIntersectionTriangleVertexPositionsEXT,
+    Opcode::HitObjectGetClusterIdNV,
+    Opcode::HitObjectIsSphereHitNV,
+    Opcode::HitObjectIsLSSHitNV,
+    Opcode::HitObjectGetSpherePositionNV,
+    Opcode::HitObjectGetSphereRadiusNV,
+    Opcode::HitObjectGetLSSPositionsNV,
+    Opcode::HitObjectGetLSSRadiiNV,
+];
+
+/// Decodes hit object instructions; `false` for an instruction of another section.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    if !OPCODES.contains(&opcode) {
+        return Ok(false);
+    }
+    check_stage(decoder, opcode, instruction)?;
+    if matches!(opcode, Opcode::ReorderThreadWithHintEXT | Opcode::ReorderThreadWithHintNV) {
+        decoder.emit(Operation::HitObject(Op::Reorder));
+        return Ok(true);
+    }
+    let id = decoder.id(instruction, 0)?;
+    let object = object::object(decoder, id, |ty| matches!(ty, Type::HitObject { .. }))?;
+    if let Some(getter) = GETTERS.iter().find(|getter| getter.opcodes.contains(&opcode)) {
+        let to = result(decoder, instruction, getter.shape)?;
+        decoder.emit(Operation::HitObject(Op::Get { object, getter, to }));
+        return Ok(true);
+    }
+    match opcode {
+        Opcode::HitObjectTraceRayEXT
+        | Opcode::HitObjectTraceRayNV
+        | Opcode::HitObjectTraceReorderExecuteEXT
+        | Opcode::HitObjectTraceRayMotionEXT
+        | Opcode::HitObjectTraceRayMotionNV
+        | Opcode::HitObjectTraceMotionReorderExecuteEXT => {
+            let end = if moves(opcode) { 12 } else { 11 };
+            let operands = timed(decoder, instruction, 1..end, moves(opcode), TRACE_OPERANDS)?;
+            let payload = payload(decoder, instruction, end)?;
+            decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectTrace { object, operands, payload }));
+            decoder.forget();
+            if matches!(
+                opcode,
+                Opcode::HitObjectTraceReorderExecuteEXT | Opcode::HitObjectTraceMotionReorderExecuteEXT
+            ) {
+                decoder.emit(Operation::HitObject(Op::Reorder));
+                decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectExecute { object, payload }));
+            }
+        }
+        Opcode::HitObjectExecuteShaderEXT
+        | Opcode::HitObjectExecuteShaderNV
+        | Opcode::HitObjectReorderExecuteShaderEXT => {
+            let payload = payload(decoder, instruction, 1)?;
+            if opcode == Opcode::HitObjectReorderExecuteShaderEXT {
+                decoder.emit(Operation::HitObject(Op::Reorder));
+            }
+            decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectExecute { object, payload }));
+            decoder.forget();
+        }
+        Opcode::HitObjectGetShaderRecordBufferHandleEXT | Opcode::HitObjectGetShaderRecordBufferHandleNV => {
+            let to = result(decoder, instruction, Shape::Int2)?;
+            decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectRecordHandle { object, to }));
+        }
+        Opcode::HitObjectRecordHitNV
+        | Opcode::HitObjectRecordHitWithIndexNV
+        | Opcode::HitObjectRecordHitMotionNV
+        | Opcode::HitObjectRecordHitWithIndexMotionNV => {
+            let with_index = matches!(
+                opcode,
+                Opcode::HitObjectRecordHitWithIndexNV | Opcode::HitObjectRecordHitWithIndexMotionNV
+            );
+            let end = 12 - usize::from(with_index) + usize::from(moves(opcode));
+            let operands = timed(decoder, instruction, 1..end, moves(opcode), hit_operands(with_index))?;
+            let attributes = attributes(decoder, instruction, end)?;
+            decoder.emit(Operation::HitObject(Op::RecordHit { object, operands, with_index, attributes }));
+        }
+        Opcode::HitObjectRecordMissEXT | Opcode::HitObjectRecordMissMotionEXT => {
+            let end = if moves(opcode) { 8 } else { 7 };
+            let operands = timed(decoder, instruction, 1..end, moves(opcode), MISS_OPERANDS)?;
+            decoder.emit(Operation::HitObject(Op::RecordMiss { object, operands }));
+        }
+        Opcode::HitObjectRecordMissNV | Opcode::HitObjectRecordMissMotionNV => {
+            // These have no ray flags.
+            let mut words: Words = SmallVec::from_slice(&[decoder.constant(0)?]);
+            let end = if moves(opcode) { 7 } else { 6 };
+            for at in 1..end {
+                words.extend(decoder.operand(instruction, at)?);
+            }
+            if !moves(opcode) {
+                words.push(decoder.constant(0)?);
+            }
+            let operands = whole(decoder, instruction, &words, MISS_OPERANDS)?;
+            decoder.emit(Operation::HitObject(Op::RecordMiss { object, operands }));
+        }
+        Opcode::HitObjectRecordEmptyEXT | Opcode::HitObjectRecordEmptyNV => {
+            decoder.emit(Operation::HitObject(Op::RecordEmpty { object }));
+        }
+        Opcode::HitObjectRecordFromQueryEXT => {
+            let query = decoder.id(instruction, 1)?;
+            let query = object::object(decoder, query, |ty| matches!(ty, Type::RayQuery))?;
+            let record = scalar(decoder, instruction, 2)?;
+            let attributes = attributes(decoder, instruction, 3)?;
+            let has_kind = decoder.operands(instruction).len() > 4;
+            let hit_kind = if has_kind { Some(scalar(decoder, instruction, 4)?) } else { None };
+            let op = Op::RecordFromQuery { object, query, record, attributes, hit_kind };
+            decoder.emit(Operation::HitObject(op));
+        }
+        Opcode::HitObjectSetShaderBindingTableRecordIndexEXT => {
+            let record = scalar(decoder, instruction, 1)?;
+            decoder.emit(Operation::HitObject(Op::SetRecord { object, record }));
+        }
+        Opcode::HitObjectGetAttributesEXT | Opcode::HitObjectGetAttributesNV => {
+            let to = attributes(decoder, instruction, 1)?;
+            decoder.emit(Operation::HitObject(Op::GetAttributes { object, to }));
+            decoder.forget();
+        }
+        // OpReorderThreadWithHitObject*
+        _ => decoder.emit(Operation::HitObject(Op::Reorder)),
+    }
+    Ok(true)
+}
+
+/// Hit objects are for three stages, reordering for one.
+fn check_stage(decoder: &Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+    let reorders = matches!(
+        opcode,
+        Opcode::ReorderThreadWithHintEXT
+            | Opcode::ReorderThreadWithHintNV
+            | Opcode::ReorderThreadWithHitObjectEXT
+            | Opcode::ReorderThreadWithHitObjectNV
+            | Opcode::HitObjectReorderExecuteShaderEXT
+            | Opcode::HitObjectTraceReorderExecuteEXT
+            | Opcode::HitObjectTraceMotionReorderExecuteEXT
+    );
+    let allowed = match decoder.stage {
+        Stage::RayGeneration => true,
+        Stage::ClosestHit | Stage::Miss => !reorders,
+        _ => false,
+    };
+    if allowed {
+        return Ok(());
+    }
+    let name = crate::module::names::opcode_name(instruction.opcode);
+    let stages = if reorders { "ray generation" } else { "ray generation, closest hit and miss" };
+    let found = decoder.stage.name();
+    Err(decoder.invalid(format!(
+        "{name} in {found}: it is allowed only in {stages} (SPV_EXT_shader_invocation_reorder)"
+    )))
+}
+
+type Words = SmallVec<[Reg; 17]>;
+
+/// Whether an instruction takes a time.
+fn moves(opcode: Opcode) -> bool {
+    matches!(
+        opcode,
+        Opcode::HitObjectTraceRayMotionEXT
+            | Opcode::HitObjectTraceRayMotionNV
+            | Opcode::HitObjectTraceMotionReorderExecuteEXT
+            | Opcode::HitObjectRecordHitMotionNV
+            | Opcode::HitObjectRecordHitWithIndexMotionNV
+            | Opcode::HitObjectRecordMissMotionEXT
+            | Opcode::HitObjectRecordMissMotionNV
+    )
+}
+
+/// Operands in consecutive rows, the last of them a time, which is 0 where none is given.
+fn timed(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    range: std::ops::Range<usize>,
+    has_time: bool,
+    count: u32,
+) -> Result<Reg> {
+    let mut words = Words::new();
+    for at in range {
+        words.extend(decoder.operand(instruction, at)?);
+    }
+    if !has_time {
+        words.push(decoder.constant(0)?);
+    }
+    whole(decoder, instruction, &words, count)
+}
+
+fn whole(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &[Reg], count: u32) -> Result<Reg> {
+    if words.len() != count as usize {
+        let name = crate::module::names::opcode_name(instruction.opcode);
+        return Err(decoder.invalid(format!("the operands of {name} have wrong types")));
+    }
+    decoder.consecutive(words)
+}
+
+fn scalar(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Reg> {
+    match decoder.operand(instruction, at)?[..] {
+        [reg] => Ok(reg),
+        _ => Err(decoder.invalid(format!("operand {at} must be a 32-bit integer"))),
+    }
+}
+
+fn payload(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Rows> {
+    let id = decoder.id(instruction, at)?;
+    variable_rows(decoder, id, &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD])
+}
+
+fn attributes(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Rows> {
+    let id = decoder.id(instruction, at)?;
+    variable_rows(decoder, id, &[storage::HIT_OBJECT_ATTRIBUTE_EXT, storage::HIT_OBJECT_ATTRIBUTE_NV])
+}

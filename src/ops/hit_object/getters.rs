@@ -1,0 +1,100 @@
+//! Instructions that read a hit object: a row each.
+
+use rspirv::spirv::Op as Opcode;
+
+use crate::accel::Committed;
+use crate::geometry::ObjectRay;
+use crate::machine::TrapCode;
+use crate::machine::hit_object::HitObject;
+use crate::ops::builtin::Shape;
+use crate::ops::seen::{Seen, put, word};
+
+/// An instruction that reads a hit object.
+pub struct Getter {
+    name: &'static str,
+    pub(super) opcodes: &'static [Opcode],
+    pub(super) shape: Shape,
+    pub(super) read: fn(&HitObject, &mut [u32]) -> Result<(), TrapCode>,
+}
+
+impl std::fmt::Debug for Getter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl PartialEq for Getter {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+macro_rules! getters {
+    ($($name:ident [$($opcode:ident)*] $shape:ident |$from:ident, $to:ident| $read:expr;)*) => {
+        pub(super) static GETTERS: &[Getter] = &[$(Getter {
+            name: stringify!($name),
+            opcodes: &[$(Opcode::$opcode),*],
+            shape: Shape::$shape,
+            read: |$from, $to| $read,
+        }),*];
+    };
+}
+
+getters! {
+    IsEmpty [HitObjectIsEmptyEXT HitObjectIsEmptyNV] Bool |from, to| word(to, from.state()?[0].into());
+    IsMiss [HitObjectIsMissEXT HitObjectIsMissNV] Bool |from, to| word(to, from.state()?[1].into());
+    IsHit [HitObjectIsHitEXT HitObjectIsHitNV] Bool |from, to| word(to, from.state()?[2].into());
+    GetRayTMin [HitObjectGetRayTMinEXT HitObjectGetRayTMinNV] Float
+        |from, to| put(to, &[from.encoded()?.trace.ray.t_min]);
+    GetRayTMax [HitObjectGetRayTMaxEXT HitObjectGetRayTMaxNV] Float |from, to| put(to, &[from.t_max()?]);
+    GetRayFlags [HitObjectGetRayFlagsEXT] Int |from, to| word(to, from.encoded()?.trace.flags.0);
+    GetWorldRayOrigin [HitObjectGetWorldRayOriginEXT HitObjectGetWorldRayOriginNV] Float3
+        |from, to| put(to, &from.encoded()?.trace.ray.origin);
+    GetWorldRayDirection [HitObjectGetWorldRayDirectionEXT HitObjectGetWorldRayDirectionNV] Float3
+        |from, to| put(to, &from.encoded()?.trace.ray.direction);
+    GetCurrentTime [HitObjectGetCurrentTimeEXT HitObjectGetCurrentTimeNV] Float
+        |from, to| put(to, &[from.encoded()?.trace.time]);
+    GetShaderBindingTableRecordIndex
+        [HitObjectGetShaderBindingTableRecordIndexEXT HitObjectGetShaderBindingTableRecordIndexNV] Int
+        |from, to| word(to, from.encoded()?.record as u32);
+    GetInstanceCustomIndex [HitObjectGetInstanceCustomIndexEXT HitObjectGetInstanceCustomIndexNV] Int
+        |from, to| seen(from)?.custom_index(to);
+    GetInstanceId [HitObjectGetInstanceIdEXT HitObjectGetInstanceIdNV] Int
+        |from, to| word(to, seen(from)?.candidate.instance);
+    GetGeometryIndex [HitObjectGetGeometryIndexEXT HitObjectGetGeometryIndexNV] Int
+        |from, to| word(to, seen(from)?.candidate.geometry);
+    GetPrimitiveIndex [HitObjectGetPrimitiveIndexEXT HitObjectGetPrimitiveIndexNV] Int
+        |from, to| word(to, seen(from)?.candidate.primitive);
+    GetHitKind [HitObjectGetHitKindEXT HitObjectGetHitKindNV] Int
+        |from, to| word(to, from.hit()?.1.committed.hit_kind.0);
+    GetObjectRayOrigin [HitObjectGetObjectRayOriginEXT HitObjectGetObjectRayOriginNV] Float3
+        |from, to| seen(from)?.object_ray(to, ObjectRay::object_origin_f32);
+    GetObjectRayDirection [HitObjectGetObjectRayDirectionEXT HitObjectGetObjectRayDirectionNV] Float3
+        |from, to| seen(from)?.object_ray(to, ObjectRay::object_direction_f32);
+    GetObjectToWorld [HitObjectGetObjectToWorldEXT HitObjectGetObjectToWorldNV] Matrix4x3
+        |from, to| seen(from)?.object_to_world(to);
+    GetWorldToObject [HitObjectGetWorldToObjectEXT HitObjectGetWorldToObjectNV] Matrix4x3
+        |from, to| seen(from)?.world_to_object(to);
+    GetIntersectionTriangleVertexPositions [HitObjectGetIntersectionTriangleVertexPositionsEXT] Float3Array3
+        |from, to| seen(from)?.vertex_positions(to);
+    GetClusterId [HitObjectGetClusterIdNV] Int
+        |from, to| from.hit().and_then(|(_, hit)| word(to, hit.committed.candidate.cluster_id(&hit.tlas)));
+    IsSphereHit [HitObjectIsSphereHitNV] Bool |from, to| word(to, seen_or_none(from)?.is_some_and(Seen::is_sphere).into());
+    IsLSSHit [HitObjectIsLSSHitNV] Bool |from, to| word(to, seen_or_none(from)?.is_some_and(Seen::is_lss).into());
+    GetSpherePosition [HitObjectGetSpherePositionNV] Float3 |from, to| put(to, &seen(from)?.sphere()?.0);
+    GetSphereRadius [HitObjectGetSphereRadiusNV] Float |from, to| put(to, &[seen(from)?.sphere()?.1]);
+    GetLSSPositions [HitObjectGetLSSPositionsNV] Float3Array2 |from, to| put(to, seen(from)?.lss()?.0.as_flattened());
+    GetLSSRadii [HitObjectGetLSSRadiiNV] FloatArray2 |from, to| put(to, &seen(from)?.lss()?.1);
+}
+
+fn seen(object: &HitObject) -> Result<Seen<'_>, TrapCode> {
+    let (encoded, hit) = object.hit()?;
+    let Committed { candidate, t, .. } = &hit.committed;
+    Ok(Seen { tlas: &hit.tlas, trace: &encoded.trace, candidate, t: *t, committed: true })
+}
+
+/// For the questions that a miss answers with no.
+fn seen_or_none(object: &HitObject) -> Result<Option<Seen<'_>>, TrapCode> {
+    object.state()?;
+    Ok(seen(object).ok())
+}

@@ -1,0 +1,125 @@
+//! The report of a trap: what, where, and through which shaders it was reached.
+
+use crate::error::{Error, ErrorKind, Place};
+use crate::machine::{Batch, Observer, Trap, TrapCode};
+use crate::ops::row::{Row, Width};
+use crate::pipeline::group::Shader;
+use crate::pipeline::stack::{Level, Running, Stack};
+use crate::pipeline::witness::Witness;
+use crate::program::Program;
+
+/// A trap with all that is known of it.
+#[derive(Clone, Debug)]
+pub struct Trapped {
+    /// The launch index of the invocation.
+    pub launch_id: [u32; 3],
+    /// Why.
+    pub code: TrapCode,
+    /// The offset or device address that an access asked for.
+    pub asked: u64,
+    /// The shader.
+    pub shader: Shader,
+    /// The instruction, in words from the start of the shader's module.
+    pub offset: u32,
+    /// The report.
+    pub error: Error,
+}
+
+/// How many callers a report names from each end of the stack.
+const SHOWN_CALLERS: usize = 8;
+
+impl<const W: usize, T: Witness, O: Observer<W>> Stack<'_, W, T, O>
+where
+    Row: Width<W>,
+{
+    /// Keeps the report of a trap, if it is that of the lowest launch index so far.
+    pub(super) fn trap(&mut self, running: &Running<W>, lane: usize, trap: Trap) {
+        if trap.code == TrapCode::Callee {
+            return;
+        }
+        let launch_id = running.batch.invocations[lane].launch_id;
+        let order = |id: [u32; 3]| [id[2], id[1], id[0]];
+        if self.trapped.as_ref().is_some_and(|trapped| order(trapped.launch_id) <= order(launch_id)) {
+            return;
+        }
+        let program = &*self.pipeline.programs[running.shader.0 as usize];
+        let mut error = trap_error(program, &running.batch, lane, trap).note(format!(
+            "in {} `{}`, launch id ({}, {}, {})",
+            program.stage.name(),
+            program.name,
+            launch_id[0],
+            launch_id[1],
+            launch_id[2]
+        ));
+        let callers = self.levels.iter().rev().filter_map(|level| match level {
+            Level::Shader(caller) => Some(caller),
+            _ => None,
+        });
+        let callers: Vec<String> = callers
+            .map(|caller| {
+                let program = &*self.pipeline.programs[caller.shader.0 as usize];
+                let line = source_line(program, caller.batch.op.saturating_sub(1));
+                format!("called by {} `{}`{line}", program.stage.name(), program.name)
+            })
+            .collect();
+        // Of a deep recursion its two ends tell enough.
+        let between = callers.len().saturating_sub(2 * SHOWN_CALLERS);
+        for (at, caller) in callers.into_iter().enumerate() {
+            error = match at.checked_sub(SHOWN_CALLERS) {
+                Some(0) if between > 0 => error.note(format!("and by {between} more, in between")),
+                Some(hidden) if hidden < between => error,
+                _ => error.note(caller),
+            };
+        }
+        let offset = program.origins.get(trap.op as usize).map_or(0, |origin| origin.offset);
+        let (code, asked, shader) = (trap.code, running.batch.asked[lane], running.shader);
+        self.trapped = Some(Trapped { launch_id, code, asked, shader, offset, error });
+    }
+}
+
+/// The report of a trap by itself: what, where in the source, and which access.
+pub(crate) fn trap_error<const W: usize>(
+    program: &Program,
+    batch: &Batch<W>,
+    lane: usize,
+    trap: Trap,
+) -> Error {
+    let error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
+    match program.describe_access(trap, batch.asked[lane], batch.accessed(lane)) {
+        Some(access) => error.note(access),
+        None => error,
+    }
+}
+
+/// Adds the place of an operation to an error: its word, its source line, the inlined calls.
+fn located(program: &Program, op: u32, error: Error, label: &str) -> Error {
+    let Some(origin) = program.origins.get(op as usize) else { return error };
+    let mut error = match program.place_at(origin.offset) {
+        Some(line) => error.at_with(line, label).at(Place::Word(origin.offset as usize)),
+        None => error.at_with(Place::Word(origin.offset as usize), label),
+    };
+    let mut scope = origin.scope;
+    while scope != 0 {
+        let inlined = program.scopes[scope as usize];
+        let line =
+            program.place_at(inlined.call).map_or_else(String::new, |place| format!(" at {}", words(&place)));
+        error =
+            error.note(format!("in function {}, called{line}", program.module.describe_id(inlined.function)));
+        scope = inlined.parent;
+    }
+    error
+}
+
+fn words(place: &Place) -> String {
+    match place {
+        Place::Line { file, line, .. } => format!("{file}:{line}"),
+        Place::Text { file, text, span } => {
+            format!("{file}:{}", text[..span.start].matches('\n').count() + 1)
+        }
+        _ => String::new(),
+    }
+}
+
+pub(super) fn source_line(program: &Program, op: u32) -> String {
+    program.place(op).map_or_else(String::new, |place| format!(" at {}", words(&place)))
+}
