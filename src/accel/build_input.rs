@@ -178,11 +178,11 @@ const TRIANGLES: Rules = Rules {
 };
 const SPHERES: Rules = Rules {
     stride: "VUID-VkAccelerationStructureGeometrySpheresDataNV-vertexStride-10431",
-    index_type: "VUID-VkAccelerationStructureGeometrySpheresDataNV-indexType-10437",
+    index_type: "VUID-VkAccelerationStructureGeometrySpheresDataNV-indexData-10437",
 };
 const LINEAR_SWEPT_SPHERES: Rules = Rules {
     stride: "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-vertexStride-10421",
-    index_type: "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexType-10428",
+    index_type: "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexData-10428",
 };
 
 impl BuildInput<'_> {
@@ -571,11 +571,11 @@ mod tests {
         assert!(message(odd.spheres(radii, RadiusFormat::R32Sfloat)).contains("vertexStride-10431"));
         let bytes = BuildInput { indices: Some((packed(&indices), IndexType::Uint8)), ..input };
         assert!(message(bytes.triangles(None)).contains("indexType-03798"));
-        assert!(message(bytes.spheres(radii, RadiusFormat::R32Sfloat)).contains("indexType-10437"));
+        assert!(message(bytes.spheres(radii, RadiusFormat::R32Sfloat)).contains("indexData-10437"));
         let swept = |input: BuildInput<'_>| {
             input.linear_swept_spheres(radii, RadiusFormat::R32Sfloat, Indexing::Successive, EndCaps::None)
         };
-        assert!(message(swept(bytes)).contains("indexType-10428"));
+        assert!(message(swept(bytes)).contains("indexData-10428"));
         assert!(message(swept(odd)).contains("vertexStride-10421"));
         assert!(message(swept(BuildInput { indices: None, ..input })).contains("indexingMode-10427"));
         let moved = |primitive_offset| BuildRange { primitive_offset, ..TRIANGLE };

@@ -38,8 +38,11 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// Object to world at a time within 0 and 1. `None` where the interpolated quaternion is 0.
+    /// Object to world at a time. `None` outside of 0 to 1, and where the interpolated quaternion is 0.
     pub fn at(&self, time: f32) -> Option<Matrix> {
+        if !(0.0..=1.0).contains(&time) {
+            return None;
+        }
         match self {
             Self::Matrix([first, second]) => Some(std::array::from_fn(|row| {
                 std::array::from_fn(|column| interpolate(first[row][column], second[row][column], time))
@@ -265,6 +268,9 @@ mod tests {
         // tan(angle / 2) = (t / (1 - t)): at 1/4 the cosine is (9 - 1) / (9 + 1), the sine 6 / 10.
         let quarter = motion.at(0.25).expect("a rotation");
         assert_eq!([quarter[0][0], quarter[1][0]], [0.8, 0.6]);
+        for outside in [-0.5, 1.5, f32::NAN] {
+            assert_eq!(motion.at(outside), None);
+        }
         // q and -q: the middle is 0.
         let keys = [half([0.0, 0.0, 0.0, 1.0]), half([0.0, 0.0, 0.0, -1.0])];
         assert_eq!(Motion::Srt(Box::new(keys)).at(0.5), None);

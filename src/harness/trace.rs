@@ -297,6 +297,7 @@ fn layout<'a>(program: &'a Program, rows: &InterfaceRows) -> Layout<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::Motion;
     use crate::harness::instance::Instance;
     use crate::module::Module;
     use crate::module::interface::Stage;
@@ -345,6 +346,25 @@ mod tests {
         // depth 4, three bounces of 16, mat2 16, ivec2 8, four floats 16
         assert!(text.contains("has 12 bytes, the shader's struct Payload 92 bytes"), "{text}");
         assert!(text.contains("68  ivec2 counts"), "{text}");
+    }
+
+    #[test]
+    fn what_moves_is_met_at_the_time_of_the_ray() {
+        let moved = |z: f32| [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, z]];
+        let sphere = Instance::sphere([0.0; 3], 0.5).motion(Motion::Matrix([moved(0.0), moved(-4.0)]));
+        let triangle = |z: f32| [[4.0, -1.0, z], [6.0, -1.0, z], [5.0, 1.0, z]];
+        let triangle = Instance::triangle(triangle(0.0)).vertices_t1(triangle(2.0)).opaque();
+        let scene = Scene::new([sphere, triangle]).unwrap();
+        let mut builder = Pipeline::builder();
+        builder.hit([shader("sphere/closest-hit/main.rchit.spv")]).unwrap();
+        let pipeline = builder.build().unwrap();
+        let t = |x: f32, time: f32| {
+            let ray = RayOperands::from(Ray::new([x, 0.0, 4.0], [0.0, 0.0, -1.0])).sbt(5, 1).time(time);
+            pipeline.trace(&scene, ray).unwrap().committed.map(|hit| hit.t)
+        };
+        // The sphere's upper end is at 1/2 - 4 time, the triangle at 2 time.
+        assert_eq!([t(0.0, 0.0), t(0.0, 0.25), t(0.0, 1.0)], [Some(3.5), Some(4.5), Some(7.5)]);
+        assert_eq!([t(5.0, 0.0), t(5.0, 0.25), t(5.0, 1.0)], [Some(4.0), Some(3.5), Some(2.0)]);
     }
 
     #[test]

@@ -182,7 +182,7 @@ fn buffers_of_a_build() {
     one(
         &format!("{spheres}{half}{radii}index_data = {{ u8 = [0, 1] }}\nindex_type = 'uint8'\n"),
         "s/a.toml:2:1",
-        &["indexType-10437"],
+        &["indexData-10437"],
     );
     one(
         &format!("{spheres}{half}radius_data = {{ f32 = [1, 1] }}\npositions = [[0, 0, 0]]\n"),

@@ -66,6 +66,7 @@ impl Parse for SrtKey {
 mod tests {
     use std::path::Path;
 
+    use crate::accel::Primitive;
     use crate::scene::files::EmbeddedFiles;
     use crate::scene::resolve::{Options, load_text};
 
@@ -91,6 +92,32 @@ mod tests {
         // Half way between (0, 0, 0, 1) and (0, 0, 1, 0): a right angle about z.
         let expected = [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 2.0]];
         assert_eq!(matrix(turned, 0.5), Ok(expected));
+    }
+
+    #[test]
+    fn vertices_at_both_times_come_from_lists_or_buffers() {
+        let vertex = |geometry: &str| {
+            let text = format!(
+                "version = 1\n[geometry.a]\ntype = 'triangles'\n{geometry}\n[[instance]]\ngeometry = 'a'"
+            );
+            let path = Path::new("scene.toml");
+            let scene = load_text(path, &text, &EmbeddedFiles(&[]), &Options::default());
+            let scene = scene.map_err(|error| error.to_string())?;
+            match scene.tlas[0].1.instances()[0].blas.primitive(0, 0, 0.5) {
+                Some(Primitive::Triangle(vertices)) => Ok(vertices[1]),
+                other => Err(format!("{other:?}")),
+            }
+        };
+        let lists = "vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n\
+                     vertices_t1 = [[0, 0, 0], [3, 0, 4], [0, 1, 0]]";
+        assert_eq!(vertex(lists), Ok([2.0, 0.0, 2.0]));
+        // Index 2 comes first, so that the vertices are renamed; the geometry is scaled by two.
+        let buffers = "vertex_data = { f16 = [9, 9, 9, 1, 0, 0, 0, 0, 0, 0, 1, 0] }\n\
+                       vertex_data_t1 = { f16 = [9, 9, 9, 3, 0, 4, 0, 0, 0, 0, 1, 0] }\n\
+                       vertex_format = 'r16g16b16_sfloat'\nindex_data = { u32 = [2, 1, 3] }\nscale = 2";
+        assert_eq!(vertex(buffers), Ok([4.0, 0.0, 4.0]));
+        let few = vertex("vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nvertices_t1 = [[0, 0, 0]]");
+        assert!(few.is_err_and(|text| text.contains("1 vertices at time 1 for 3 at time 0")));
     }
 
     #[test]
