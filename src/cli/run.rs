@@ -71,7 +71,7 @@ pub fn run(args: RunArgs) -> Result<()> {
     assembled.resources.printed = Some(Arc::clone(&printed));
     let mut shown: Vec<_> = args.dump.iter().map(|text| dump::Dump::parse(text)).collect::<Result<_>>()?;
     if !is_scene && shown.is_empty() && args.save.is_empty() {
-        shown = dump::Dump::storage_buffers(&assembled);
+        shown = dump::Dump::storage_buffers(&assembled, &scene);
     }
     let shown: Vec<_> =
         shown.iter().map(|one| one.find(&scene, &assembled.resources)).collect::<Result<_>>()?;
@@ -110,7 +110,7 @@ fn picture(text: &str, scene: &scene::ResolvedScene, resources: &crate::machine:
     let Some((what, path)) = text.split_once('=') else {
         return Err(dump::invalid(format!("`--save {text}`: WHAT=FILE.png is needed")));
     };
-    match dump::descriptor(what, scene, resources)?.1 {
+    match dump::descriptor(what, scene, resources)?.2 {
         dump::Found::Image(image) => Ok((Path::new(path).to_path_buf(), image)),
         dump::Found::Buffer(_) => Err(dump::invalid(format!("`--save {text}`: this is a buffer"))),
     }

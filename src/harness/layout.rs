@@ -393,7 +393,7 @@ fn shorten(lines: &mut Vec<String>) {
 
 /// The length of an array type, from the constant that it names, computed ones included; 0 where
 /// that is no number.
-pub(super) fn array_length(module: &Module, length: Id) -> usize {
+pub fn array_length(module: &Module, length: Id) -> usize {
     let known = module.scalar_value(length);
     let computed = || Decoder::new(module, Stage::RayGeneration).array_length(length).ok().map(u64::from);
     known.or_else(computed).and_then(|length| length.try_into().ok()).unwrap_or(0)

@@ -85,6 +85,55 @@ impl Format {
         Self { component, channels, srgb: false }
     }
 
+    /// The format with a number of SPIR-V's "Image Format"; `None` for `Unknown` (0) and beyond.
+    pub fn declared(number: u32) -> Option<Self> {
+        use Component::*;
+        const FORMATS: [Format; 41] = [
+            Format::new(Float32, 4),
+            Format::new(Float16, 4),
+            Format::new(Float32, 1),
+            Format::new(Unorm8, 4),
+            Format::new(Snorm8, 4),
+            Format::new(Float32, 2),
+            Format::new(Float16, 2),
+            Format::new(Float11B10, 3),
+            Format::new(Float16, 1),
+            Format::new(Unorm16, 4),
+            Format::new(Unorm10A2, 4),
+            Format::new(Unorm16, 2),
+            Format::new(Unorm8, 2),
+            Format::new(Unorm16, 1),
+            Format::new(Unorm8, 1),
+            Format::new(Snorm16, 4),
+            Format::new(Snorm16, 2),
+            Format::new(Snorm8, 2),
+            Format::new(Snorm16, 1),
+            Format::new(Snorm8, 1),
+            Format::new(Sint32, 4),
+            Format::new(Sint16, 4),
+            Format::new(Sint8, 4),
+            Format::new(Sint32, 1),
+            Format::new(Sint32, 2),
+            Format::new(Sint16, 2),
+            Format::new(Sint8, 2),
+            Format::new(Sint16, 1),
+            Format::new(Sint8, 1),
+            Format::new(Uint32, 4),
+            Format::new(Uint16, 4),
+            Format::new(Uint8, 4),
+            Format::new(Uint32, 1),
+            Format::new(Uint10A2, 4),
+            Format::new(Uint32, 2),
+            Format::new(Uint16, 2),
+            Format::new(Uint8, 2),
+            Format::new(Uint16, 1),
+            Format::new(Uint8, 1),
+            Format::new(Uint64, 1),
+            Format::new(Sint64, 1),
+        ];
+        FORMATS.get((number as usize).checked_sub(1)?).copied()
+    }
+
     /// Bytes of one texel: 1, 2, 4, 8 or 16.
     pub fn texel_size(self) -> u32 {
         use Component::*;

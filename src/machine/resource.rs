@@ -35,8 +35,21 @@ pub enum Descriptor {
     ImageSampler(Arc<Image>, Arc<Sampler>),
     /// An acceleration structure.
     AccelerationStructure(Arc<Tlas>),
+    /// Whichever of these the variable that reads it declares: where variables of several types
+    /// share a binding (`VK_DESCRIPTOR_TYPE_MUTABLE_EXT`, and what its resource heap holds).
+    Mutable(Arc<[Descriptor]>),
     /// An element of an array that nothing is bound to.
     Unbound,
+}
+
+impl Descriptor {
+    /// What a variable of the shader finds: the first kind that suits it.
+    pub fn find<'a, T>(&'a self, suits: impl Fn(&'a Descriptor) -> Option<T>) -> Option<T> {
+        match self {
+            Self::Mutable(kinds) => kinds.iter().find_map(suits),
+            _ => suits(self),
+        }
+    }
 }
 
 /// Memory of a buffer; its size is in bytes and need not be a multiple of four.
@@ -287,10 +300,10 @@ impl Bindings {
     /// The buffer with a handle.
     #[inline]
     pub fn buffer(&self, handle: u32) -> Option<&Buffer> {
-        match self.descriptor(handle)? {
-            Descriptor::Buffer(buffer) => Some(buffer),
+        self.descriptor(handle)?.find(|descriptor| match descriptor {
+            Descriptor::Buffer(buffer) => Some(&**buffer),
             _ => None,
-        }
+        })
     }
 
     /// The acceleration structure that a value of two words means: a descriptor's handle below
@@ -306,10 +319,10 @@ impl Bindings {
 
     /// The acceleration structure with a handle.
     fn tlas(&self, handle: u32) -> Option<&Arc<Tlas>> {
-        match self.descriptor(handle)? {
+        self.descriptor(handle)?.find(|descriptor| match descriptor {
             Descriptor::AccelerationStructure(tlas) => Some(tlas),
             _ => None,
-        }
+        })
     }
 }
 

@@ -13,12 +13,14 @@ use crate::cli::module_file;
 use crate::cli::run::dump::invalid;
 use crate::compile::{self, Language};
 use crate::error::{ErrorKind, Result};
+use crate::harness::layout::array_length;
 use crate::machine::Binding;
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{ImageType, Type};
 use crate::module::{self, Module};
 use crate::ops::pointer::storage;
 use crate::program::Program;
+use crate::scene::image::{declared_format, format_name};
 use crate::scene::{DiskFiles, Files, Options, ResolvedScene, load_text};
 
 /// What tells how to run a compute shader by itself.
@@ -49,18 +51,25 @@ pub struct Arguments {
     subgroup_size: Option<u32>,
 }
 
-/// `[SET,]BINDING`
-pub fn binding(text: &str) -> Option<Binding> {
+/// `[SET,]BINDING`, in an array of descriptors with `[ELEMENT]` behind.
+pub fn binding(text: &str) -> Option<(Binding, Option<u32>)> {
     let number = |text: &str| text.trim().parse().ok();
-    match text.split_once(',') {
-        Some((set, binding)) => Some(Binding { set: number(set)?, binding: number(binding)? }),
-        None => Some(Binding { set: 0, binding: number(text)? }),
-    }
+    let (place, element) = match text.trim().strip_suffix(']').map(|text| text.split_once('[')) {
+        Some(parts) => parts.and_then(|(place, element)| Some((place, Some(number(element)?))))?,
+        None => (text, None),
+    };
+    let binding = match place.split_once(',') {
+        Some((set, binding)) => Binding { set: number(set)?, binding: number(binding)? },
+        None => Binding { set: 0, binding: number(place)? },
+    };
+    Some((binding, element))
 }
 
-/// A resource given on the command line.
+/// A resource given on the command line; without an element it is meant for all that are not given
+/// by themselves.
 struct Given {
     binding: Binding,
+    element: Option<u32>,
     value: String,
 }
 
@@ -69,7 +78,9 @@ impl Given {
         let given = all.iter().map(|text| {
             let parts = text.split_once('=').and_then(|(at, value)| Some((binding(at)?, value)));
             match parts {
-                Some((binding, value)) => Ok(Self { binding, value: value.trim().to_owned() }),
+                Some(((binding, element), value)) => {
+                    Ok(Self { binding, element, value: value.trim().to_owned() })
+                }
                 None => Err(invalid(format!("`--{name} {text}`: [SET,]BINDING=... is needed"))),
             }
         });
@@ -205,18 +216,20 @@ impl Arguments {
         for variable in &variables {
             if let Some((set, binding)) = variable.descriptor_set.zip(variable.binding) {
                 let binding = Binding { set, binding };
-                let given = |list: &[Given]| {
-                    list.iter().find(|given| given.binding == binding).map(|given| given.value.clone())
-                };
-                resource(
-                    &mut text,
-                    &module,
-                    variable,
-                    binding,
-                    given(&buffers),
-                    given(&images),
-                    invocations,
-                )?;
+                let here = |given: &&Given| given.binding == binding;
+                let (buffers, images) = (buffers.iter().filter(here), images.iter().filter(here));
+                let given = [buffers.collect::<Vec<_>>(), images.collect()];
+                let elements = elements(&module, variable, &given);
+                for element in 0..elements.unwrap_or(1) {
+                    let value = |list: &[&Given]| {
+                        let own = list.iter().find(|one| one.element == Some(element));
+                        let found = own.or_else(|| list.iter().find(|one| one.element.is_none()));
+                        found.map(|one| one.value.clone())
+                    };
+                    let place = (binding, elements.map(|_| element));
+                    let [buffer, image] = [value(&given[0]), value(&given[1])];
+                    resource(&mut text, &module, variable, place, buffer, image, invocations)?;
+                }
             }
         }
         for given in buffers.iter().chain(&images) {
@@ -266,12 +279,37 @@ fn push_constant_size(module: &Module, entry: &EntryPoint) -> Option<u64> {
     module.size_of(variable.ty?)
 }
 
+/// How many elements of an array of descriptors are bound; `None` for a single descriptor.
+fn elements(module: &Module, variable: &InterfaceVariable, given: &[Vec<&Given>; 2]) -> Option<u32> {
+    /// Of a runtime array.
+    const ELEMENTS: u32 = 16;
+    let asked = given.iter().flatten().filter_map(|one| one.element).max().map_or(1, |last| last + 1);
+    let (mut ty, mut count) = (variable.ty?, None);
+    loop {
+        match *module.ty(ty) {
+            Type::Array { element, length, .. } => {
+                let length = u32::try_from(array_length(module, length)).unwrap_or(u32::MAX);
+                count = Some(count.unwrap_or(1u32).saturating_mul(length));
+                ty = element;
+            }
+            Type::RuntimeArray { element, .. } => {
+                let sampled = matches!(module.ty(element), Type::SampledImage(_))
+                    || matches!(module.ty(element), Type::Image(image) if image.sampled != 2);
+                // A sampled image is a file of the user's: no more of them than are asked for.
+                count = Some(if sampled { asked } else { asked.max(ELEMENTS) });
+                ty = element;
+            }
+            _ => return count.map(|count| count.min(1 << 16)),
+        }
+    }
+}
+
 /// Adds the table of a resource.
 fn resource(
     text: &mut String,
     module: &Module,
     variable: &InterfaceVariable,
-    binding: Binding,
+    (binding, element): (Binding, Option<u32>),
     buffer: Option<String>,
     image: Option<String>,
     invocations: u64,
@@ -285,9 +323,14 @@ fn resource(
         "" => format!("{set}.{number}"),
         name => name.to_owned(),
     };
-    let taken = text.contains(&format!("[resources.{}]", quoted(&name)));
-    let name = if taken { format!("{set}.{number}") } else { name };
+    let of_element = element.map_or_else(String::new, |element| format!("[{element}]"));
+    let named = format!("{name}{of_element}");
+    let taken = text.contains(&format!("[resources.{}]", quoted(&named)));
+    let name = if taken { format!("{set}.{number}{of_element}") } else { named };
     let _ = writeln!(text, "[resources.{}]\nset = {set}\nbinding = {number}", quoted(&name));
+    if let Some(element) = element {
+        let _ = writeln!(text, "element = {element}");
+    }
     match module.ty(ty) {
         Type::Struct { members, buffer_block, .. } => {
             let storage = variable.storage_class == storage::STORAGE_BUFFER || *buffer_block;
@@ -340,51 +383,6 @@ fn resource(
     Ok(())
 }
 
-/// Image formats by their numbers in SPIR-V, from 1 on.
-const FORMATS: [&str; 41] = [
-    "rgba32f",
-    "rgba16f",
-    "r32f",
-    "rgba8",
-    "rgba8_snorm",
-    "rg32f",
-    "rg16f",
-    "r11f_g11f_b10f",
-    "r16f",
-    "rgba16",
-    "rgb10_a2",
-    "rg16",
-    "rg8",
-    "r16",
-    "r8",
-    "rgba16_snorm",
-    "rg16_snorm",
-    "rg8_snorm",
-    "r16_snorm",
-    "r8_snorm",
-    "rgba32i",
-    "rgba16i",
-    "rgba8i",
-    "r32i",
-    "rg32i",
-    "rg16i",
-    "rg8i",
-    "r16i",
-    "r8i",
-    "rgba32ui",
-    "rgba16ui",
-    "rgba8ui",
-    "r32ui",
-    "rgb10_a2ui",
-    "rg32ui",
-    "rg16ui",
-    "rg8ui",
-    "r16ui",
-    "r8ui",
-    "r64ui",
-    "r64i",
-];
-
 /// Adds the keys of an image.
 fn image_table(
     text: &mut String,
@@ -408,15 +406,7 @@ fn image_table(
         let arrayed = if ty.arrayed { "_array" } else { "" };
         let _ = writeln!(text, "dimension = \"{dimension}{arrayed}\"");
     }
-    let declared = FORMATS.get((ty.format as usize).wrapping_sub(1)).copied();
-    let by_class = match module.ty(ty.sampled_type) {
-        Type::Int { signed: true, width: 64 } => "r64i",
-        Type::Int { signed: false, width: 64 } => "r64ui",
-        Type::Int { signed: true, .. } => "rgba32i",
-        Type::Int { signed: false, .. } => "rgba32ui",
-        _ => "rgba32f",
-    };
-    let format = declared.unwrap_or(by_class);
+    let format = format_name(declared_format(module, &ty));
     let Some(given) = given else {
         if !storage {
             return Err(invalid(format!("`{name}` is sampled: give it with --image [SET,]BINDING=FILE")));

@@ -28,6 +28,8 @@ enum Format {
 pub struct Dump {
     what: String,
     format: Format,
+    /// Whether it is not shown where it holds zeros alone.
+    unless_zero: bool,
 }
 
 /// A resource that was found.
@@ -42,7 +44,9 @@ pub enum Found {
 pub struct Shown {
     name: String,
     binding: Binding,
+    element: u32,
     format: Format,
+    unless_zero: bool,
     found: Found,
 }
 
@@ -61,16 +65,22 @@ impl Dump {
                 return Err(invalid(format!("`--dump {text}`: `{other}` is none of typed, hex and json")));
             }
         };
-        Ok(Self { what: what.to_owned(), format })
+        Ok(Self { what: what.to_owned(), format, unless_zero: false })
     }
 
-    /// Every storage buffer that the compute shaders use.
-    pub fn storage_buffers(assembled: &Assembled) -> Vec<Self> {
+    /// Every storage buffer that the compute shaders use; of an array of them the first, and those
+    /// that something is written to.
+    pub fn storage_buffers(assembled: &Assembled, scene: &ResolvedScene) -> Vec<Self> {
         let mut dumps = Vec::new();
         for program in programs(assembled) {
             for variable in variables(program) {
-                if let (storage::STORAGE_BUFFER, Some(Binding { set, binding })) = (variable.0, variable.1) {
-                    dumps.push(Self { what: format!("{set},{binding}"), format: Format::Typed });
+                let (storage::STORAGE_BUFFER, Some(place)) = (variable.0, variable.1) else { continue };
+                let bound = scene.resources.iter();
+                let bound = bound.filter(|one| (one.set, one.binding) == (place.set, place.binding));
+                for one in bound {
+                    let what = format!("{},{}[{}]", one.set, one.binding, one.element);
+                    let (format, unless_zero) = (Format::Typed, one.element > 0);
+                    dumps.push(Self { what, format, unless_zero });
                 }
             }
         }
@@ -79,26 +89,21 @@ impl Dump {
 
     /// Finds what is to be shown.
     pub fn find(&self, scene: &ResolvedScene, resources: &Resources) -> Result<Shown> {
-        let (binding, found, name) = {
-            let (binding, found) = descriptor(&self.what, scene, resources)?;
-            let named = scene
-                .resources
-                .iter()
-                .find(|one| one.set == binding.set && one.binding == binding.binding)
-                .map_or_else(String::new, |one| one.name.clone());
-            (binding, found, named)
-        };
-        Ok(Shown { name, binding, format: self.format, found })
+        let (binding, element, found) = descriptor(&self.what, scene, resources)?;
+        let place = (binding.set, binding.binding, element);
+        let named = scene.resources.iter().find(|one| (one.set, one.binding, one.element) == place);
+        let name = named.map_or_else(String::new, |one| one.name.clone());
+        Ok(Shown { name, binding, element, format: self.format, unless_zero: self.unless_zero, found })
     }
 }
 
-/// The resource with a name in the scene, or at `[SET,]BINDING`.
-pub fn descriptor(what: &str, scene: &ResolvedScene, resources: &Resources) -> Result<(Binding, Found)> {
+/// The resource with a name in the scene, or at `[SET,]BINDING`: its binding and array element.
+pub fn descriptor(what: &str, scene: &ResolvedScene, resources: &Resources) -> Result<(Binding, u32, Found)> {
     let named = scene.resources.iter().find(|one| one.name == what);
     let (binding, element) = match named {
         Some(one) => (Binding { set: one.set, binding: one.binding }, one.element),
         None => match super::by_itself::binding(what) {
-            Some(binding) => (binding, 0),
+            Some((binding, element)) => (binding, element.unwrap_or(0)),
             None => {
                 let known: Vec<_> = scene.resources.iter().map(|one| format!("`{}`", one.name)).collect();
                 let error = invalid(format!("`{what}` is neither a resource of the scene nor a binding"));
@@ -117,7 +122,7 @@ pub fn descriptor(what: &str, scene: &ResolvedScene, resources: &Resources) -> R
             )));
         }
     };
-    Ok((binding, found))
+    Ok((binding, element, found))
 }
 
 fn programs(assembled: &Assembled) -> impl Iterator<Item = &Program> {
@@ -146,11 +151,15 @@ impl Shown {
     pub fn text(&self, assembled: &Assembled) -> Result<String> {
         let Binding { set, binding } = self.binding;
         let name = if self.name.is_empty() { String::new() } else { format!(" `{}`", self.name) };
-        let title = format!("set {set}, binding {binding}{name}");
+        let element = if self.element > 0 { format!(", element {}", self.element) } else { String::new() };
+        let title = format!("set {set}, binding {binding}{element}{name}");
         let bytes = match &self.found {
             Found::Buffer(buffer) => buffer.bytes(),
             Found::Image(image) => image.bytes(),
         };
+        if self.unless_zero && bytes.iter().all(|&byte| byte == 0) {
+            return Ok(String::new());
+        }
         if self.format == Format::Hex {
             return Ok(format!("{title}: {} bytes\n{}", bytes.len(), hex(&bytes)));
         }
@@ -163,7 +172,10 @@ impl Shown {
                 Some(image) => json!(texels(image)),
                 None => self.value(assembled, &bytes).map_or_else(|| json!(bytes), |value| json_of(&value)),
             };
-            let json = json!({ "set": set, "binding": binding, "name": self.name, "value": value });
+            let mut json = json!({ "set": set, "binding": binding, "name": self.name, "value": value });
+            if self.element > 0 {
+                json["element"] = json!(self.element);
+            }
             let text =
                 serde_json::to_string(&json).map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;
             return Ok(format!("{text}\n"));

@@ -8,6 +8,7 @@ use crate::module::Module;
 use crate::module::interface::{EntryPoint, InterfaceVariable};
 use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::pointer::storage;
+use crate::scene::image::{declared_format, format_name};
 
 /// Elements that a runtime array gets.
 const ELEMENTS: usize = 16;
@@ -109,7 +110,7 @@ fn image(module: &Module, image: &ImageType, with_sampler: bool) -> Vec<String> 
         (false, false, false) => "sampled_image",
     };
     let mut lines = vec![format!("type = \"{kind}\"")];
-    lines.push(format!("format = \"{}\"", format(module, image)));
+    lines.push(format!("format = \"{}\"", format_name(declared_format(module, image))));
     match image.dim {
         BUFFER => lines.push(format!("size = {ELEMENTS}")),
         dim => {
@@ -137,66 +138,4 @@ fn image(module: &Module, image: &ImageType, with_sampler: bool) -> Vec<String> 
         lines.push("samples = 4".into());
     }
     lines
-}
-
-/// The format that an image is declared with, or one of the same kind of numbers.
-fn format(module: &Module, image: &ImageType) -> &'static str {
-    // SPIR-V, "Image Format".
-    const NAMES: [&str; 42] = [
-        "",
-        "rgba32f",
-        "rgba16f",
-        "r32f",
-        "rgba8",
-        "rgba8_snorm",
-        "rg32f",
-        "rg16f",
-        "r11f_g11f_b10f",
-        "r16f",
-        "rgba16",
-        "rgb10_a2",
-        "rg16",
-        "rg8",
-        "r16",
-        "r8",
-        "rgba16_snorm",
-        "rg16_snorm",
-        "rg8_snorm",
-        "r16_snorm",
-        "r8_snorm",
-        "rgba32i",
-        "rgba16i",
-        "rgba8i",
-        "r32i",
-        "rg32i",
-        "rg16i",
-        "rg8i",
-        "r16i",
-        "r8i",
-        "rgba32ui",
-        "rgba16ui",
-        "rgba8ui",
-        "r32ui",
-        "rgb10_a2ui",
-        "rg32ui",
-        "rg16ui",
-        "rg8ui",
-        "r16ui",
-        "r8ui",
-        "r64ui",
-        "r64i",
-    ];
-    match (NAMES.get(image.format as usize), module.ty(image.sampled_type)) {
-        (Some(name), _) if !name.is_empty() => name,
-        (_, Type::Int { width: 64, signed }) => {
-            if *signed {
-                "r64i"
-            } else {
-                "r64ui"
-            }
-        }
-        (_, Type::Int { signed: true, .. }) => "rgba32i",
-        (_, Type::Int { signed: false, .. }) => "rgba32ui",
-        _ => "rgba32f",
-    }
 }

@@ -49,6 +49,8 @@ pub use report::{EntryReport, Report, Run, TrapReport, Verdict};
 const LAUNCH: [u32; 3] = [8, 4, 1];
 /// Workgroups of a compute shader.
 const GROUPS: [u32; 3] = [2, 2, 1];
+/// Invocations of a workgroup that is dispatched once only.
+const LARGE: u64 = 1024;
 /// Lanes: as many as a subgroup has.
 const LANES: usize = 32;
 /// Null records of each shader binding table.
@@ -301,7 +303,9 @@ impl Subject {
     fn once(&self, way: Way, given: &Given, values: Values) -> Result<End> {
         if let Way::Dispatch = way {
             let compute = Compute::new(self.program.clone())?.budget(self.options.budget);
-            let groups = if values.launch_size == LAUNCH { GROUPS } else { [1; 3] };
+            let each = compute.workgroup_size().iter().map(|&side| u64::from(side)).product::<u64>();
+            let several = values.launch_size == LAUNCH && each <= LARGE;
+            let groups = if several { GROUPS } else { [1; 3] };
             let ended = compute.run_alone::<LANES>(&given.resources, groups, &|_| ());
             return Ok(ended.map_or_else(End::Trapped, |_| End::Done));
         }

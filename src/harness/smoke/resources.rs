@@ -17,6 +17,7 @@ use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::decode::InterfaceRows;
 use crate::ops::pointer::storage;
 use crate::program::Program;
+use crate::scene::image::declared_format;
 
 /// Descriptors of a runtime array.
 const DESCRIPTORS: u32 = 16;
@@ -105,19 +106,16 @@ pub fn given(
             };
             descriptors.push(descriptor);
         }
-        let all = resources.descriptors.entry(place).or_default();
-        // A binding that several variables share holds what the first asks for, and of buffers the
-        // largest.
-        match (all.first(), descriptors.first()) {
-            (Some(Descriptor::Buffer(held)), Some(Descriptor::Buffer(new))) if new.size() > held.size() => {
-                all.clear();
-            }
-            (Some(_), _) => continue,
-            (None, _) => {}
+        if descriptors.is_empty() {
+            continue;
         }
-        all.extend(
-            descriptors.iter().cycle().take(if descriptors.is_empty() { 0 } else { count as usize }).cloned(),
-        );
+        let all = resources.descriptors.entry(place).or_default();
+        for (at, new) in descriptors.iter().cycle().take(count as usize).enumerate() {
+            match all.get_mut(at) {
+                Some(held) => share(held, new),
+                None => all.push(new.clone()),
+            }
+        }
     }
     let mut words = |class: u32| {
         let rows = program.interface_rows(class)?;
@@ -134,6 +132,30 @@ pub fn given(
         attributes: attributes.unwrap_or_default(),
         places,
     })
+}
+
+/// Adds what another variable asks of a binding that several share; of buffers the largest is kept.
+fn share(held: &mut Descriptor, new: &Descriptor) {
+    let kinds: &[Descriptor] = if let Descriptor::Mutable(kinds) = held { kinds } else { &[held.clone()] };
+    let mut kinds = kinds.to_vec();
+    let same = |held: &&mut Descriptor| match (&**held, new) {
+        (Descriptor::Image(a), Descriptor::Image(b))
+        | (Descriptor::ImageSampler(a, _), Descriptor::ImageSampler(b, _)) => {
+            (a.shape(), a.format()) == (b.shape(), b.format())
+        }
+        (held, new) => std::mem::discriminant(held) == std::mem::discriminant(new),
+    };
+    match (kinds.iter_mut().find(same), new) {
+        (Some(Descriptor::Buffer(held)), Descriptor::Buffer(new)) if new.size() > held.size() => {
+            held.clone_from(new);
+        }
+        (Some(_), _) => {}
+        (None, _) => kinds.push(new.clone()),
+    }
+    *held = match <[Descriptor; 1]>::try_from(kinds) {
+        Ok([one]) => one,
+        Err(several) => Descriptor::Mutable(several.into()),
+    };
 }
 
 /// An answer to a trace or call that no shader gives: the words of the payload.
@@ -255,57 +277,13 @@ fn shape(image: &ImageType) -> Option<Shape> {
 
 /// The format that an image type declares, or one that suits its component type.
 fn format(module: &Module, image: &ImageType) -> Format {
-    use Component::*;
-    let (component, channels) = match image.format {
-        1 => (Float32, 4),
-        2 => (Float16, 4),
-        3 => (Float32, 1),
-        4 => (Unorm8, 4),
-        5 => (Snorm8, 4),
-        6 => (Float32, 2),
-        7 => (Float16, 2),
-        8 => (Float11B10, 3),
-        9 => (Float16, 1),
-        10 => (Unorm16, 4),
-        11 => (Unorm10A2, 4),
-        12 => (Unorm16, 2),
-        13 => (Unorm8, 2),
-        14 => (Unorm16, 1),
-        15 => (Unorm8, 1),
-        16 => (Snorm16, 4),
-        17 => (Snorm16, 2),
-        18 => (Snorm8, 2),
-        19 => (Snorm16, 1),
-        20 => (Snorm8, 1),
-        21 => (Sint32, 4),
-        22 => (Sint16, 4),
-        23 => (Sint8, 4),
-        24 => (Sint32, 1),
-        25 => (Sint32, 2),
-        26 => (Sint16, 2),
-        27 => (Sint8, 2),
-        28 => (Sint16, 1),
-        29 => (Sint8, 1),
-        30 => (Uint32, 4),
-        31 => (Uint16, 4),
-        32 => (Uint8, 4),
-        33 => (Uint32, 1),
-        34 => (Uint10A2, 4),
-        35 => (Uint32, 2),
-        36 => (Uint16, 2),
-        37 => (Uint8, 2),
-        38 => (Uint16, 1),
-        39 => (Uint8, 1),
-        40 => (Uint64, 1),
-        41 => (Sint64, 1),
-        _ => match *module.ty(image.sampled_type) {
-            Type::Int { width: 64, signed } => (if signed { Sint64 } else { Uint64 }, 1),
-            // Atomic instructions want a single component; no shader can tell that the rest lacks.
-            Type::Int { signed, .. } => (if signed { Sint32 } else { Uint32 }, 1),
-            _ if image.depth == 1 => (Float32, 1),
-            _ if image.sampled == 2 => (Float32, 4),
-            _ => (Unorm8, 4),
-        },
-    };
-    Format::new(component, channels)
+    let integer = matches!(module.ty(image.sampled_type), Type::Int { .. });
+    match declared_format(module, image) {
+        format if image.format != 0 || format.is_wide() => format,
+        // Atomic instructions want a single component; no shader can tell that the rest lacks.
+        format if integer => Format { channels: 1, ..format },
+        format if image.depth == 1 => Format { channels: 1, ..format },
+        format if image.sampled == 2 => format,
+        _ => Format::new(Component::Unorm8, 4),
+    }
 }

@@ -31,16 +31,26 @@ impl View {
     /// # Errors
     /// `DescriptorMissing`, or `ImageMismatch` where the image is of another kind than declared.
     pub fn image(self, bindings: &Bindings, handle: u32) -> Result<&Image, TrapCode> {
-        let image = match bindings.descriptor(handle) {
-            Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => image,
-            _ => return Err(TrapCode::DescriptorMissing),
+        let missing = TrapCode::DescriptorMissing;
+        let descriptor = bindings.descriptor(handle).ok_or(missing)?;
+        let image = |descriptor| match descriptor {
+            &Descriptor::Image(ref image) | &Descriptor::ImageSampler(ref image, _) => Some(&**image),
+            _ => None,
         };
+        let suits = |descriptor| image(descriptor).filter(|image| self.suits(image));
+        match descriptor.find(suits) {
+            Some(image) => Ok(image),
+            None if descriptor.find(image).is_some() => Err(TrapCode::ImageMismatch),
+            None => Err(missing),
+        }
+    }
+
+    fn suits(self, image: &Image) -> bool {
         let (shape, format) = (image.shape(), image.format());
-        let same = shape.dimension == self.dimension
+        shape.dimension == self.dimension
             && (shape.samples > 1) == self.multisampled
             && (format.class() == Class::Float) == (self.class == Class::Float)
-            && (self.wide || !format.is_wide());
-        if same { Ok(image) } else { Err(TrapCode::ImageMismatch) }
+            && (self.wide || !format.is_wide())
     }
 }
 
@@ -49,10 +59,12 @@ impl View {
 /// # Errors
 /// `DescriptorMissing`
 pub fn sampler(bindings: &Bindings, handle: u32) -> Result<&Sampler, TrapCode> {
-    match bindings.descriptor(handle) {
-        Some(Descriptor::Sampler(sampler) | Descriptor::ImageSampler(_, sampler)) => Ok(sampler),
-        _ => Err(TrapCode::DescriptorMissing),
-    }
+    let sampler = |descriptor| match descriptor {
+        &Descriptor::Sampler(ref sampler) | &Descriptor::ImageSampler(_, ref sampler) => Some(&**sampler),
+        _ => None,
+    };
+    let found = bindings.descriptor(handle).and_then(|descriptor| descriptor.find(sampler));
+    found.ok_or(TrapCode::DescriptorMissing)
 }
 
 /// The view that an image or sampled image has by its type.
