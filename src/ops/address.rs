@@ -10,7 +10,8 @@ use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::decode::{Decoder, Value, Words};
-use crate::ops::memory::BufferRef;
+use crate::ops::memory::{self, BufferRef, Length};
+use crate::ops::op::Op;
 use crate::ops::pointer::{self, Place, Pointer, storage};
 use crate::ops::relational_logical::{IEqual, LogicalAnd, LogicalNot};
 
@@ -49,6 +50,7 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::PtrDiff,
     Opcode::ConvertUToPtr,
     Opcode::ConvertPtrToU,
+    Opcode::RawAccessChainNV,
 ];
 
 /// Decodes the instructions of this file; `false` for any other.
@@ -65,8 +67,15 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 decoder.define(id, Value::Pointer(pointer));
             }
         }
+        Opcode::RawAccessChainNV => {
+            let pointer = raw(decoder, instruction)?;
+            if let Some(id) = instruction.result {
+                decoder.define(id, Value::Pointer(pointer));
+            }
+        }
         Opcode::PtrEqual | Opcode::PtrNotEqual => {
-            let (a, b) = (decoder.operand(instruction, 0)?, decoder.operand(instruction, 1)?);
+            let pointers = [decoder.id(instruction, 0)?, decoder.id(instruction, 1)?];
+            let (a, b) = (decoder.carried(pointers[0])?, decoder.carried(pointers[1])?);
             if a.len() != b.len() {
                 return Err(decoder.invalid("pointers of different storage classes are compared"));
             }
@@ -85,7 +94,8 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let stride = stride(decoder, base)?;
             let mut ends = Words::new();
             for at in 0..2 {
-                let words = decoder.operand(instruction, at)?;
+                let pointer = decoder.id(instruction, at)?;
+                let words = decoder.carried(pointer)?;
                 let physical = pointer_class(decoder, base)? == storage::PHYSICAL_STORAGE_BUFFER;
                 ends.push(match *words {
                     [low, high] if physical => decoder.pair(low, high)?,
@@ -114,7 +124,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let id = decoder.id(instruction, 0)?;
             let ty = decoder.type_of(id)?;
             require_physical(decoder, ty)?;
-            let words = decoder.words(id)?;
+            let words = decoder.carried(id)?;
             let first = decoder.pair(words[0], words[1])?;
             let ty = decoder.result_type(instruction)?;
             let width = decoder.scalar_width(ty)?;
@@ -125,6 +135,31 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         _ => return Ok(false),
     }
     Ok(true)
+}
+
+/// `OpRawAccessChainNV`: the bytes at `Stride * Index + Offset` of a block. Accesses are checked
+/// scalar by scalar, whatever its operands say of robustness.
+fn raw(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Pointer> {
+    let base = decoder.id(instruction, 0)?;
+    let stride = decoder.id(instruction, 1)?;
+    let stride = decoder.constant_integer(stride)? as u32;
+    let [index, offset] = [decoder.operand(instruction, 2)?[0], decoder.operand(instruction, 3)?[0]];
+    let ty = decoder.result_type(instruction)?;
+    let Type::Pointer { pointee: Some(pointee), storage_class, .. } = *decoder.module.ty(ty) else {
+        return Err(decoder.invalid("a raw access chain gives a pointer"));
+    };
+    let base = decoder.pointer(base)?;
+    if !matches!(base.place, Place::Buffer(_)) || base.storage_class != storage_class {
+        return Err(decoder.invalid("a raw access chain leads into a buffer (SPV_NV_raw_access_chains)"));
+    }
+    let mut index_so_far = base.index;
+    for (index, stride) in [(index, stride), (offset, 1)] {
+        let to = decoder.fresh(1)?;
+        let length = Length::Unknown;
+        decoder.emit(Op::Memory(memory::Op::Index { to, base: index_so_far, index, stride, length }));
+        index_so_far = Some(to);
+    }
+    Ok(Pointer { pointee, index: index_so_far, matrix: None, component_stride: None, ..base })
 }
 
 /// The device address that a pointer into `PhysicalStorageBuffer` is, as the first of two rows.

@@ -157,8 +157,8 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         }
         Opcode::Select => {
             let condition = decoder.components_of_bool(instruction, 0)?;
-            let a = decoder.operand(instruction, 1)?;
-            let b = decoder.operand(instruction, 2)?;
+            let objects = [decoder.id(instruction, 1)?, decoder.id(instruction, 2)?];
+            let (a, b) = (decoder.carried(objects[0])?, decoder.carried(objects[1])?);
             if a.len() != b.len() || a.is_empty() {
                 return Err(decoder.invalid("the objects of a select differ in type"));
             }

@@ -1,7 +1,7 @@
 //! `NonSemantic.DebugPrintf`: texts for people, in the formats of `GL_EXT_debug_printf`.
 //!
 //! `%[flags][width][.precision][vN][h|l|ll]conversion` with the conversions d i u o x X f F e E g G
-//! a A c and s's place taken by nothing: there are no strings to print. `vN` (2 to 4) prints a
+//! a A c p and s, for an `OpString`. `vN` (2 to 4) prints a
 //! vector, its components parted by `, `; `l` asks for 64 bits and changes nothing, as the
 //! argument's own type says how wide it is. An argument whose type does not fit the conversion is
 //! converted to it.
@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::machine::{Batch, Bindings, Reg};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Instruction};
+use crate::ops::address::is_physical;
 use crate::ops::decode::Decoder;
 use crate::ops::op::{Access, Op as Operation};
 
@@ -32,11 +33,16 @@ pub enum Scalar {
 
 /// An argument.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Argument {
-    /// The type of a component.
-    pub scalar: Scalar,
-    /// The first row of each component.
-    pub components: Vec<Reg>,
+pub enum Argument {
+    /// A scalar or a vector.
+    Numbers {
+        /// The type of a component.
+        scalar: Scalar,
+        /// The first row of each component.
+        components: Vec<Reg>,
+    },
+    /// An `OpString`.
+    Text(Arc<str>),
 }
 
 /// Prints a text for each running lane.
@@ -53,8 +59,9 @@ impl Op {
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         visit(Access::Effect);
         for argument in &*self.arguments {
-            let words = if argument.scalar.is_wide() { 2 } else { 1 };
-            argument.components.iter().for_each(|&reg| visit(Access::Read(reg, words)));
+            let Argument::Numbers { scalar, components } = argument else { continue };
+            let words = if scalar.is_wide() { 2 } else { 1 };
+            components.iter().for_each(|&reg| visit(Access::Read(reg, words)));
         }
     }
 
@@ -63,13 +70,16 @@ impl Op {
         let Some(printed) = &bindings.printed else { return };
         for lane in batch.mask.lanes() {
             let mut arguments = self.arguments.iter().map(|argument| {
-                let value = |&reg: &Reg| {
-                    let high =
-                        if argument.scalar.is_wide() { batch.registers[reg.plus(1)].0[lane] } else { 0 };
-                    let bits = u64::from(batch.registers[reg].0[lane]) | u64::from(high) << 32;
-                    argument.scalar.value(bits)
+                let (scalar, components) = match argument {
+                    Argument::Numbers { scalar, components } => (*scalar, components),
+                    Argument::Text(text) => return vec![Value::Text(text.clone())],
                 };
-                argument.components.iter().map(value).collect::<Vec<_>>()
+                let value = |&reg: &Reg| {
+                    let high = if scalar.is_wide() { batch.registers[reg.plus(1)].0[lane] } else { 0 };
+                    let bits = u64::from(batch.registers[reg].0[lane]) | u64::from(high) << 32;
+                    scalar.value(bits)
+                };
+                components.iter().map(value).collect::<Vec<_>>()
             });
             let text = text(&self.format, &mut arguments);
             printed.push(batch.invocations[lane].launch_id, text);
@@ -105,10 +115,20 @@ pub fn decode(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()
     };
     let mut arguments = Vec::new();
     for &id in &decoder.operands(instruction)[3..] {
-        let ty = decoder.type_of(Id(id))?;
-        let scalar = scalar(decoder, ty)?;
-        let components = decoder.components(Id(id))?.to_vec();
-        arguments.push(Argument { scalar, components });
+        let id = Id(id);
+        if let Some(text) = decoder.module.debug_info.strings.get(&id) {
+            arguments.push(Argument::Text(text.clone()));
+            continue;
+        }
+        let ty = decoder.type_of(id)?;
+        arguments.push(if is_physical(decoder, ty) {
+            let words = decoder.carried(id)?;
+            let address = decoder.pair(words[0], words[1])?;
+            Argument::Numbers { scalar: Scalar::Int(64, false), components: vec![address] }
+        } else {
+            let scalar = scalar(decoder, ty)?;
+            Argument::Numbers { scalar, components: decoder.components(id)?.to_vec() }
+        });
     }
     decoder.emit(Operation::Print(Op { format, arguments: arguments.into() }));
     // The call has a result of type void, which nothing may use.
@@ -123,17 +143,20 @@ fn scalar(decoder: &Decoder<'_>, ty: TypeId) -> Result<Scalar> {
         Type::Vector { component, .. } => scalar(decoder, component),
         _ => {
             let name = decoder.module.describe_type(ty);
-            Err(decoder.invalid(format!("DebugPrintf prints scalars and vectors, not {name}")))
+            Err(decoder.invalid(format!(
+                "DebugPrintf prints scalars, vectors, strings and device addresses, not {name}"
+            )))
         }
     }
 }
 
-/// A number to print; a signed one with its width, for the conversions that show bits.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A number to print, a signed one with its width, for the conversions that show bits; or a text.
+#[derive(Clone, Debug, PartialEq)]
 enum Value {
     Signed(i64, u32),
     Unsigned(u64),
     Float(f64),
+    Text(Arc<str>),
 }
 
 /// What stands between `%` and the conversion.
@@ -166,7 +189,7 @@ fn text(format: &str, arguments: &mut impl Iterator<Item = Vec<Value>>) -> Strin
         if values.is_empty() {
             text.push_str("%?");
         }
-        for (at, &value) in values.iter().enumerate() {
+        for (at, value) in values.iter().enumerate() {
             if at > 0 {
                 text.push_str(", ");
             }
@@ -219,13 +242,25 @@ fn directive(format: &str) -> (Layout, char, &str) {
     (layout, conversion, rest)
 }
 
-fn one(text: &mut String, layout: Layout, conversion: char, value: Value) {
-    let float = match value {
+fn one(text: &mut String, layout: Layout, conversion: char, value: &Value) {
+    if let Value::Text(shown) = value {
+        let shown: String = shown.chars().take(layout.precision.unwrap_or(usize::MAX)).collect();
+        let width = layout.width;
+        // Writing to a string does not fail.
+        let _ = match layout.left {
+            true => write!(text, "{shown:<width$}"),
+            false => write!(text, "{shown:>width$}"),
+        };
+        return;
+    }
+    let float = match *value {
+        Value::Text(_) => 0.0,
         Value::Signed(value, _) => value as f64,
         Value::Unsigned(value) => value as f64,
         Value::Float(value) => value,
     };
-    let (signed, bits) = match value {
+    let (signed, bits) = match *value {
+        Value::Text(_) => (0, 0),
         Value::Signed(value, width) => (i128::from(value), value as u64 & u64::MAX >> (64 - width)),
         Value::Unsigned(value) => (i128::from(value), value),
         Value::Float(value) => (i128::from(value as i64), value as i64 as u64),
@@ -233,13 +268,14 @@ fn one(text: &mut String, layout: Layout, conversion: char, value: Value) {
     let (negative, digits) = match conversion {
         'd' | 'i' => (signed < 0, signed.unsigned_abs().to_string()),
         'u' => (false, bits.to_string()),
-        'x' | 'X' | 'o' => {
+        'x' | 'X' | 'o' | 'p' => {
             let digits = match conversion {
-                'x' => format!("{bits:x}"),
+                'x' | 'p' => format!("{bits:x}"),
                 'X' => format!("{bits:X}"),
                 _ => format!("{bits:o}"),
             };
             let prefix = match conversion {
+                'p' => "0x",
                 _ if !layout.alternate || bits == 0 => "",
                 'x' => "0x",
                 'X' => "0X",
@@ -254,7 +290,7 @@ fn one(text: &mut String, layout: Layout, conversion: char, value: Value) {
             (float.is_sign_negative() && !float.is_nan(), digits)
         }
     };
-    let is_integer = matches!(conversion, 'd' | 'i' | 'u' | 'x' | 'X' | 'o');
+    let is_integer = matches!(conversion, 'd' | 'i' | 'u' | 'x' | 'X' | 'o' | 'p');
     let missing =
         layout.precision.filter(|_| is_integer).map_or(0, |least| least.saturating_sub(digits.len()));
     let digits = "0".repeat(missing) + &digits;
@@ -393,6 +429,15 @@ mod tests {
         assert_eq!(print("%f", Value::Float(f64::NEG_INFINITY)), "-inf");
         assert_eq!(print("%F", Value::Float(f64::NAN)), "NAN");
         assert_eq!(print("%05.1f", Value::Float(-2.0)), "-02.0");
+    }
+
+    #[test]
+    fn strings_and_addresses() {
+        let shown = || Value::Text("abc".into());
+        assert_eq!(print("<%s>", shown()), "<abc>");
+        assert_eq!(print("<%5s>", shown()), "<  abc>");
+        assert_eq!(print("<%-5.2s>", shown()), "<ab   >");
+        assert_eq!(print("%p", Value::Unsigned(0x1_0000_0010)), "0x100000010");
     }
 
     #[test]

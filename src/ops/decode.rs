@@ -18,6 +18,7 @@ use crate::ops::builtin::Builtin;
 use crate::ops::float_controls::{self, FloatControls};
 use crate::ops::memory::{self, Pointer};
 use crate::ops::op::Op;
+use crate::ops::pointer_layout::{self, ends_in_matrix};
 use crate::ops::row::{Family, Row};
 
 /// The rows of a value's words, in the order of its scalars; the two words of a 64-bit scalar
@@ -491,7 +492,23 @@ impl<'m> Decoder<'m> {
     }
 
     /// The words of an id; a pointer is written out.
+    ///
+    /// # Errors
+    /// `UnsupportedModule` for a pointer into a matrix, whose layout nobody could tell from memory or
+    /// a composite.
     pub fn words(&mut self, id: Id) -> Result<Words> {
+        if let Value::Pointer(pointer) = self.value(id)?
+            && matches!(pointer.place, memory::Place::Buffer(_))
+            && !pointer.is_packed(self)
+            && (pointer.component_stride.is_some() || ends_in_matrix(self.module, pointer.pointee))
+        {
+            return Err(self.unsupported("a pointer into a matrix in memory or in a composite"));
+        }
+        self.carried(id)
+    }
+
+    /// The same for phis, selects and calls, through which [`Decoder::pointer`] traces a pointer back.
+    pub fn carried(&mut self, id: Id) -> Result<Words> {
         match self.value(id)? {
             Value::Words(words) => Ok(words),
             Value::Pointer(pointer) => memory::pointer_words(self, &pointer),
@@ -504,7 +521,9 @@ impl<'m> Decoder<'m> {
             Value::Pointer(pointer) => Ok(pointer),
             Value::Words(words) => {
                 let ty = self.type_of(id)?;
-                memory::pointer_from_words(self, ty, &words)
+                let mut pointer = memory::pointer_from_words(self, ty, &words)?;
+                pointer_layout::complete(self, id, &mut pointer)?;
+                Ok(pointer)
             }
         }
     }

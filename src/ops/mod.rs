@@ -30,6 +30,7 @@ pub mod memory;
 pub mod object;
 pub mod op;
 pub mod pointer;
+pub mod pointer_layout;
 pub mod ray_query;
 pub mod ray_rules;
 pub mod ray_tracing;

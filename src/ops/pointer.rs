@@ -238,11 +238,6 @@ pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Wor
             Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
         }
         Place::Buffer(buffer) => {
-            // A pointer's type says nothing of how a matrix lies.
-            let laid_out = !pointer.is_packed(decoder);
-            if laid_out && (ends_in_matrix(decoder, pointer.pointee) || pointer.component_stride.is_some()) {
-                return Err(decoder.unsupported("a pointer into a matrix as a value"));
-            }
             let handle = match buffer {
                 BufferRef::Handle(handle) => decoder.constant(handle)?,
                 BufferRef::Computed(reg) => reg,
@@ -304,14 +299,6 @@ pub fn pointer_from_words(decoder: &mut Decoder<'_>, ty: TypeId, words: &[Reg]) 
         }
     };
     Ok(Pointer { place, pointee, storage_class, offset: 0, index, matrix: None, component_stride: None })
-}
-
-/// Whether a type is a matrix or an array of them.
-fn ends_in_matrix(decoder: &Decoder<'_>, mut ty: TypeId) -> bool {
-    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *decoder.module.ty(ty) {
-        ty = element;
-    }
-    matches!(decoder.module.ty(ty), Type::Matrix { .. })
 }
 
 /// Whether a type is an array of blocks, each in a buffer of its own.

@@ -1,0 +1,178 @@
+//! The layout of matrices behind pointers that are values.
+//!
+//! How a matrix lies in a buffer is a decoration of the member that holds it, which the type of a
+//! pointer into it does not tell. A pointer that came through a phi, a select or a call is therefore
+//! traced back to the access chains that made it.
+
+use std::collections::HashSet;
+
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::module::ty::{MatrixLayout, Type, TypeId};
+use crate::module::{Definition, Id, Instruction, Module};
+use crate::ops::decode::{Decoder, Value};
+use crate::ops::pointer::{Place, Pointer};
+
+/// The layout of matrices below, and the bytes between the components of the vector pointed to,
+/// where they do not touch: as in [`Pointer`].
+pub type Layout = (Option<MatrixLayout>, Option<u32>);
+
+/// Gives a pointer that was read from rows the layout that its sources agree on.
+///
+/// # Errors
+/// `UnsupportedModule` where they do not.
+pub fn complete(decoder: &Decoder<'_>, id: Id, pointer: &mut Pointer) -> Result<()> {
+    let module = decoder.module;
+    let concerned = match module.ty(pointer.pointee) {
+        Type::Vector { .. } => true,
+        _ => ends_in_matrix(module, pointer.pointee),
+    };
+    if !concerned || !matches!(pointer.place, Place::Buffer(_)) || pointer.is_packed(decoder) {
+        return Ok(());
+    }
+    let mut trace = Trace { decoder, module, seen: HashSet::new() };
+    match *trace.layouts(id) {
+        [] => {}
+        [layout] => (pointer.matrix, pointer.component_stride) = layout,
+        _ => {
+            let message = "a pointer that may lead into matrices of different layouts";
+            return Err(decoder.unsupported(message));
+        }
+    }
+    Ok(())
+}
+
+/// Whether a type is a matrix or an array of them.
+pub fn ends_in_matrix(module: &Module, mut ty: TypeId) -> bool {
+    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *module.ty(ty) {
+        ty = element;
+    }
+    matches!(module.ty(ty), Type::Matrix { .. })
+}
+
+/// A search through what defines pointers.
+struct Trace<'a, 'm> {
+    decoder: &'a Decoder<'m>,
+    module: &'m Module,
+    /// Ids on the way: a loop adds nothing to what it began with.
+    seen: HashSet<Id>,
+}
+
+type Layouts = SmallVec<[Layout; 1]>;
+
+impl Trace<'_, '_> {
+    fn layouts(&mut self, id: Id) -> Layouts {
+        if let Some(Value::Pointer(known)) = self.decoder.locals.get(&id) {
+            return SmallVec::from_slice(&[(known.matrix, known.component_stride)]);
+        }
+        if !self.seen.insert(id) {
+            return Layouts::new();
+        }
+        let module = self.module;
+        match module.definition(id) {
+            Some(Definition::Parameter(function, at)) => {
+                let function = module.functions[function as usize].id;
+                let calls = instructions(module).filter(move |one| one.opcode == opcode::FUNCTION_CALL);
+                let calls =
+                    calls.map(|call| module.operands(call)).filter(|operands| operands[0] == function.0);
+                self.of_all(calls.filter_map(|operands| operands.get(at as usize + 1).copied()))
+            }
+            Some(Definition::Result(function, block, at)) => {
+                let block = &module.functions[function as usize].blocks[block as usize];
+                self.of_result(&block.instructions[at as usize])
+            }
+            _ => SmallVec::from_slice(&[(None, None)]),
+        }
+    }
+
+    fn of_all(&mut self, sources: impl Iterator<Item = u32>) -> Layouts {
+        let mut all = Layouts::new();
+        for source in sources {
+            for layout in self.layouts(Id(source)) {
+                if !all.contains(&layout) {
+                    all.push(layout);
+                }
+            }
+        }
+        all
+    }
+
+    fn of_result(&mut self, instruction: &Instruction) -> Layouts {
+        let module = self.module;
+        let operands = module.operands(instruction);
+        match instruction.opcode {
+            opcode::PHI => self.of_all(operands.iter().copied().step_by(2)),
+            opcode::SELECT => self.of_all(operands[1..].iter().copied()),
+            opcode::COPY_OBJECT => self.of_all(operands[..1].iter().copied()),
+            opcode::FUNCTION_CALL => {
+                let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else {
+                    return Layouts::new();
+                };
+                let blocks = module.functions[index as usize].blocks.iter();
+                let last = blocks.filter_map(|block| block.instructions.last());
+                let returns = last.filter(|one| one.opcode == opcode::RETURN_VALUE);
+                self.of_all(returns.map(|one| module.operands(one)[0]))
+            }
+            opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
+                self.of_chain(operands[0], &operands[1..])
+            }
+            opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
+                self.of_chain(operands[0], &operands[2..])
+            }
+            _ => SmallVec::from_slice(&[(None, None)]),
+        }
+    }
+
+    fn of_chain(&mut self, base: u32, indices: &[u32]) -> Layouts {
+        let module = self.module;
+        let mut layouts = self.layouts(Id(base));
+        let pointee = module.type_of(Id(base)).and_then(|ty| match *module.ty(ty) {
+            Type::Pointer { pointee, .. } => pointee,
+            _ => None,
+        });
+        let Some(mut ty) = pointee else { return layouts };
+        for &index in indices {
+            match module.ty(ty) {
+                Type::Struct { members, .. } => {
+                    let at = module.scalar_value(Id(index)).unwrap_or(u64::MAX);
+                    let Some(member) = members.get(at as usize) else { return layouts };
+                    layouts = SmallVec::from_slice(&[(member.matrix, None)]);
+                    ty = member.ty;
+                }
+                Type::Matrix { column, .. } => {
+                    for (matrix, stride) in &mut layouts {
+                        *stride = matrix.filter(|layout| layout.row_major).map(|layout| layout.stride);
+                        *matrix = None;
+                    }
+                    ty = *column;
+                }
+                Type::Vector { component, .. } => {
+                    layouts = SmallVec::from_slice(&[(None, None)]);
+                    ty = *component;
+                }
+                Type::Array { element, .. } | Type::RuntimeArray { element, .. } => ty = *element,
+                _ => return layouts,
+            }
+        }
+        layouts
+    }
+}
+
+fn instructions(module: &Module) -> impl Iterator<Item = &Instruction> {
+    let blocks = module.functions.iter().flat_map(|function| &function.blocks);
+    blocks.flat_map(|block| &block.instructions)
+}
+
+/// Opcodes that make pointers of pointers.
+mod opcode {
+    pub const FUNCTION_CALL: u16 = 57;
+    pub const ACCESS_CHAIN: u16 = 65;
+    pub const IN_BOUNDS_ACCESS_CHAIN: u16 = 66;
+    pub const PTR_ACCESS_CHAIN: u16 = 67;
+    pub const IN_BOUNDS_PTR_ACCESS_CHAIN: u16 = 70;
+    pub const COPY_OBJECT: u16 = 83;
+    pub const SELECT: u16 = 169;
+    pub const PHI: u16 = 245;
+    pub const RETURN_VALUE: u16 = 254;
+}

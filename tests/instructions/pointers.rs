@@ -1,0 +1,264 @@
+//! Pointers as values (`VariablePointers`): through phis, selects and calls, into matrices too.
+
+use anyhit::machine::{Buffer, Descriptor, Resources};
+
+use crate::run::Shader;
+
+/// Two blocks { mat2x3 rows (row-major), mat2x3 columns, uint words[4] } at bindings 1 and 2: a
+/// mat2x3 has two columns of three components.
+const LAYOUT: &str = "
+    OpDecorate %block Block
+    OpMemberDecorate %block 0 Offset 0
+    OpMemberDecorate %block 0 RowMajor
+    OpMemberDecorate %block 0 MatrixStride 8
+    OpMemberDecorate %block 1 Offset 32
+    OpMemberDecorate %block 1 ColMajor
+    OpMemberDecorate %block 1 MatrixStride 16
+    OpMemberDecorate %block 2 Offset 64
+    OpDecorate %words ArrayStride 4
+    OpDecorate %ptr_word ArrayStride 4
+    OpDecorate %a DescriptorSet 0
+    OpDecorate %a Binding 1
+    OpDecorate %b DescriptorSet 0
+    OpDecorate %b Binding 2";
+const DECLARATIONS: &str = "
+    %mat = OpTypeMatrix %float3 2
+    %words = OpTypeArray %uint %u4
+    %block = OpTypeStruct %mat %mat %words
+    %ptr_block = OpTypePointer StorageBuffer %block
+    %ptr_mat = OpTypePointer StorageBuffer %mat
+    %ptr_column = OpTypePointer StorageBuffer %float3
+    %ptr_float = OpTypePointer StorageBuffer %float
+    %ptr_word = OpTypePointer StorageBuffer %uint
+    %a = OpVariable %ptr_block StorageBuffer
+    %b = OpVariable %ptr_block StorageBuffer
+    %uint_of_mat = OpTypeFunction %uint %ptr_mat
+    %uint_of_column = OpTypeFunction %uint %ptr_column
+    %column_of_bool = OpTypeFunction %ptr_column %bool
+    %eight = OpConstant %float 8.0
+    %eights = OpConstantComposite %float3 %eight %eight %eight";
+const CAPABILITIES: &str = "OpCapability VariablePointers";
+
+/// Block `a` holds 0, 1, 2, ... as floats in its first 16 words, block `b` 100 more; the words of
+/// `a` are 7, 8, 9, 10, those of `b` 17 to 20.
+fn blocks() -> Resources {
+    let block = |float: f32, word: u32| {
+        let floats = (0..16).map(|at| (float + at as f32).to_bits());
+        let bytes: Vec<u8> = floats.chain(word..word + 4).flat_map(u32::to_le_bytes).collect();
+        Descriptor::Buffer(Buffer::new(&bytes))
+    };
+    Resources::default().bind(0, 1, block(0.0, 7)).bind(0, 2, block(100.0, 17))
+}
+
+fn run(body: &str, functions: &str) -> Vec<[u32; 16]> {
+    let shader = Shader {
+        capabilities: CAPABILITIES,
+        annotations: LAYOUT,
+        declarations: DECLARATIONS,
+        body: &format!(
+            "%odd_word = OpBitwiseAnd %uint %id %u1
+             %odd = OpIEqual %bool %odd_word %u1
+             {body}"
+        ),
+        functions,
+    };
+    shader.run_with(&mut blocks).unwrap_or_else(|error| panic!("{}", error.render()))
+}
+
+#[test]
+fn columns_of_row_major_matrices_come_through_phis_and_selects() {
+    let found = run(
+        "OpSelectionMerge %merge None
+         OpBranchConditional %odd %then %merge
+         %then = OpLabel
+         %in_b = OpAccessChain %ptr_column %b %u0 %u1
+         OpBranch %merge
+         %merge = OpLabel
+         %first = OpAccessChain %ptr_column %a %u0 %u1
+         %other = OpAccessChain %ptr_column %b %u0 %u1
+         %chosen = OpSelect %ptr_column %odd %other %first
+         %column = OpLoad %float3 %chosen
+         %y = OpCompositeExtract %float %column 1
+         %y_word = OpConvertFToU %uint %y
+         out 0 %y_word
+         %z_pointer = OpAccessChain %ptr_float %chosen %u2
+         %z = OpLoad %float %z_pointer
+         %z_word = OpConvertFToU %uint %z
+         out 1 %z_word
+         %same = OpPtrEqual %bool %chosen %first
+         %same_word = OpSelect %uint %same %u1 %u0
+         out 2 %same_word",
+        "",
+    );
+    // Row-major with 8 bytes from row to row: component r of column 1 is float 2 r + 1.
+    for (id, words) in found.iter().enumerate() {
+        let base = if id % 2 == 1 { 100 } else { 0 };
+        assert_eq!(words[..3], [base + 3, base + 5, u32::from(id % 2 == 0)]);
+    }
+}
+
+#[test]
+fn a_phi_of_matrices_keeps_their_layout() {
+    let found = run(
+        "OpSelectionMerge %merge None
+         OpBranchConditional %odd %then %else
+         %then = OpLabel
+         %in_b = OpAccessChain %ptr_mat %b %u1
+         OpBranch %merge
+         %else = OpLabel
+         %in_a = OpAccessChain %ptr_mat %a %u1
+         OpBranch %merge
+         %merge = OpLabel
+         %chosen = OpPhi %ptr_mat %in_b %then %in_a %else
+         %whole = OpLoad %mat %chosen
+         %x = OpCompositeExtract %float %whole 1 0
+         %x_word = OpConvertFToU %uint %x
+         out 0 %x_word
+         %y_pointer = OpAccessChain %ptr_float %chosen %odd_word %u1
+         %y = OpLoad %float %y_pointer
+         %y_word = OpConvertFToU %uint %y
+         out 1 %y_word",
+        "",
+    );
+    // Column-major at 32 with 16 bytes from column to column: component r of column c is float 8 + 4 c + r.
+    for (id, words) in found.iter().enumerate() {
+        let odd = id as u32 % 2;
+        assert_eq!(words[..2], [100 * odd + 12, 100 * odd + 8 + 4 * odd + 1]);
+    }
+}
+
+#[test]
+fn functions_take_and_give_pointers_into_matrices() {
+    let found = run(
+        "%in_a = OpAccessChain %ptr_mat %a %u0
+         %in_b = OpAccessChain %ptr_mat %b %u0
+         %m = OpFunctionCall %uint %of_mat %in_a
+         out 0 %m
+         %n = OpFunctionCall %uint %of_mat %in_b
+         out 1 %n
+         %column_pointer = OpFunctionCall %ptr_column %choose %odd
+         %p = OpFunctionCall %uint %of_column %column_pointer
+         out 2 %p",
+        "%of_mat = OpFunction %uint None %uint_of_mat
+         %given = OpFunctionParameter %ptr_mat
+         %of_mat_label = OpLabel
+         %of_mat_pointer = OpAccessChain %ptr_float %given %u1 %u2
+         %of_mat_value = OpLoad %float %of_mat_pointer
+         %of_mat_word = OpConvertFToU %uint %of_mat_value
+         OpReturnValue %of_mat_word
+         OpFunctionEnd
+         %of_column = OpFunction %uint None %uint_of_column
+         %given_column = OpFunctionParameter %ptr_column
+         %of_column_label = OpLabel
+         %of_column_value = OpLoad %float3 %given_column
+         %of_column_y = OpCompositeExtract %float %of_column_value 1
+         %of_column_word = OpConvertFToU %uint %of_column_y
+         OpReturnValue %of_column_word
+         OpFunctionEnd
+         %choose = OpFunction %ptr_column None %column_of_bool
+         %which = OpFunctionParameter %bool
+         %choose_label = OpLabel
+         %choose_a = OpAccessChain %ptr_column %a %u0 %u0
+         %choose_b = OpAccessChain %ptr_column %b %u0 %u0
+         %choose_it = OpSelect %ptr_column %which %choose_b %choose_a
+         OpReturnValue %choose_it
+         OpFunctionEnd",
+    );
+    for (id, words) in found.iter().enumerate() {
+        let base = if id % 2 == 1 { 100 } else { 0 };
+        assert_eq!(words[..3], [5, 105, base + 2]);
+    }
+}
+
+#[test]
+fn a_column_is_stored_through_a_select() {
+    let found = run(
+        "%first = OpAccessChain %ptr_column %a %u0 %u0
+         %other = OpAccessChain %ptr_column %b %u0 %u0
+         %chosen = OpSelect %ptr_column %odd %other %first
+         OpStore %chosen %eights
+         %beside_pointer = OpAccessChain %ptr_float %a %u0 %u1 %u1
+         %beside = OpLoad %float %beside_pointer
+         %beside_word = OpConvertFToU %uint %beside
+         out 0 %beside_word
+         %mine_pointer = OpInBoundsAccessChain %ptr_float %chosen %u2
+         %mine = OpLoad %float %mine_pointer
+         %mine_word = OpConvertFToU %uint %mine
+         out 1 %mine_word",
+        "",
+    );
+    for words in found {
+        assert_eq!(words[..2], [3, 8]);
+    }
+}
+
+#[test]
+fn pointers_step_through_arrays_in_loops() {
+    let found = run(
+        "%start_a = OpAccessChain %ptr_word %a %u2 %u0
+         %start_b = OpAccessChain %ptr_word %b %u2 %u0
+         %start = OpSelect %ptr_word %odd %start_b %start_a
+         %end = OpInBoundsPtrAccessChain %ptr_word %start %u4
+         OpBranch %loop
+         %loop = OpLabel
+         %here = OpPhi %ptr_word %start %entry %next %continue
+         %sum = OpPhi %uint %u0 %entry %more %continue
+         %going = OpPtrNotEqual %bool %here %end
+         OpLoopMerge %done %continue None
+         OpBranchConditional %going %continue %done
+         %continue = OpLabel
+         %value = OpLoad %uint %here
+         %more = OpIAdd %uint %sum %value
+         %next = OpPtrAccessChain %ptr_word %here %u1
+         OpBranch %loop
+         %done = OpLabel
+         out 0 %sum
+         %count = OpPtrDiff %uint %end %start
+         out 1 %count",
+        "",
+    );
+    for (id, words) in found.iter().enumerate() {
+        assert_eq!(words[..2], [if id % 2 == 1 { 17 + 18 + 19 + 20 } else { 7 + 8 + 9 + 10 }, 4]);
+    }
+}
+
+#[test]
+fn layouts_that_differ_are_refused() {
+    let shader = Shader {
+        capabilities: CAPABILITIES,
+        annotations: LAYOUT,
+        declarations: DECLARATIONS,
+        body: "
+            %odd = OpIEqual %bool %id %u1
+            %rows = OpAccessChain %ptr_mat %a %u0
+            %columns = OpAccessChain %ptr_mat %a %u1
+            %chosen = OpSelect %ptr_mat %odd %rows %columns
+            %whole = OpLoad %mat %chosen",
+        ..Shader::default()
+    };
+    let error = shader.run_with(&mut blocks).expect_err("two layouts");
+    assert_eq!(error.message(), "a pointer that may lead into matrices of different layouts");
+}
+
+#[test]
+fn raw_access_chains_count_bytes() {
+    let found = Shader {
+        capabilities: "OpCapability RawAccessChainsNV",
+        annotations: LAYOUT,
+        declarations: DECLARATIONS,
+        body: "
+            %stride = OpIAdd %uint %u8 %u0
+            %low = OpBitwiseAnd %uint %id %u3
+            %pointer = OpRawAccessChainNV %ptr_column %a %u8 %low %u4
+            %value = OpLoad %float3 %pointer Aligned 4
+            %z = OpCompositeExtract %float %value 2
+            %word = OpConvertFToU %uint %z
+            out 0 %word",
+        ..Shader::default()
+    };
+    let found = found.run_with(&mut blocks).unwrap_or_else(|error| panic!("{}", error.render()));
+    // Byte 8 i + 4 is float 2 i + 1; component z lies two floats further.
+    for (id, words) in found.iter().enumerate() {
+        assert_eq!(words[0], 2 * (id as u32 % 4) + 3);
+    }
+}
