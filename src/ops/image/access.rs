@@ -232,7 +232,7 @@ impl Write {
 pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
         Opcode::ImageFetch | Opcode::ImageRead | Opcode::ImageSparseFetch | Opcode::ImageSparseRead => {
-            let operands = Operands::read(decoder, instruction, 2)?;
+            let operands = Operands::read(decoder, instruction, 2, false)?;
             let place = place(decoder, instruction, &operands)?;
             let sparse = matches!(opcode, Opcode::ImageSparseFetch | Opcode::ImageSparseRead);
             let to = texel_result(decoder, instruction, sparse)?;
@@ -242,7 +242,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             decoder.emit(Operation::Image(Op::Read(Box::new(Read { to, place }))));
         }
         Opcode::ImageWrite => {
-            let operands = Operands::read(decoder, instruction, 3)?;
+            let operands = Operands::read(decoder, instruction, 3, false)?;
             let place = place(decoder, instruction, &operands)?;
             let id = decoder.id(instruction, 2)?;
             let wide = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))? == 64;

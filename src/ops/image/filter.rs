@@ -62,9 +62,9 @@ struct Point {
 impl Lookup<'_> {
     /// The filtered value, as [`Format::decode`](crate::machine::format::Format::decode) gives
     /// texels.
-    pub fn sample(&self, lod: Lod, min_lod: f32) -> [u64; 4] {
+    pub fn sample(&self, lod: Lod, bias: f32, min_lod: f32) -> [u64; 4] {
         let (lod, probes, step) = self.footprint(lod);
-        let lod = level::lod(lod, self.sampler, min_lod);
+        let lod = level::lod(level::biased(lod, self.sampler, bias), self.sampler, min_lod);
         let filter = if lod <= 0.0 { self.sampler.mag_filter } else { self.sampler.min_filter };
         let count = if self.sampler.unnormalized_coordinates { 1 } else { self.image.shape().levels };
         if self.is_integer() {
@@ -95,6 +95,15 @@ impl Lookup<'_> {
             ReductionMode::Min | ReductionMode::Max => sum.value(),
         };
         bits(mean)
+    }
+
+    /// The level that would be accessed, between two of them a fraction, and lambda', which no limit
+    /// touches (`OpImageQueryLod`).
+    pub fn query(&self, lod: Lod) -> [f32; 2] {
+        let lambda = level::biased(self.footprint(lod).0, self.sampler, 0.0);
+        let lod = level::lod(lambda, self.sampler, 0.0);
+        let levels = level::levels(lod, self.sampler.mipmap_mode, self.image.shape().levels);
+        [levels[0].0 as f32 + levels[1].1, lambda]
     }
 
     /// One component of the four texels that linear filtering of level 0 would use ("Texel

@@ -19,7 +19,7 @@ fn lookup<'a>(image: &'a Image, sampler: &'a Sampler, at: [f32; 3]) -> Lookup<'a
 }
 
 fn color(lookup: &Lookup<'_>, lod: f32) -> [f32; 4] {
-    lookup.sample(Lod::Explicit(lod), 0.0).map(|bits| f32::from_bits(bits as u32))
+    lookup.sample(Lod::Explicit(lod), 0.0, 0.0).map(|bits| f32::from_bits(bits as u32))
 }
 
 fn red(image: &Image, sampler: &Sampler, at: [f32; 3]) -> f32 {
@@ -81,7 +81,7 @@ fn borders_take_the_components_that_the_format_has() {
     assert_eq!(red(&image, &half, [0.125, 0.5, 0.0]), 0.25 * 1.0 + 0.75 * 4.0);
     // Integers have integers: 1 is 1, not 1.0.
     let integers = Image::zeroed(Format::new(Component::Uint8, 4), Shape::plane(1, 1)).unwrap();
-    let texel = lookup(&integers, &white, [9.0, 0.5, 0.0]).sample(Lod::Explicit(0.0), 0.0);
+    let texel = lookup(&integers, &white, [9.0, 0.5, 0.0]).sample(Lod::Explicit(0.0), 0.0, 0.0);
     assert_eq!(texel, [1; 4]);
 }
 
@@ -156,7 +156,7 @@ fn gradients_of_a_cube_are_those_on_its_face() {
     let sampler = Sampler::default();
     let lookup = lookup(&cube, &sampler, [0.0, 0.0, 2.0]);
     // ds_face = dx / (2 * 2) = 0.5 of four texels: two texels, level 1. Along z nothing moves.
-    let value = |by_x| f32::from_bits(lookup.sample(Lod::Gradients([by_x, [0.0; 3]]), 0.0)[0] as u32);
+    let value = |by_x| f32::from_bits(lookup.sample(Lod::Gradients([by_x, [0.0; 3]]), 0.0, 0.0)[0] as u32);
     assert_eq!(value([2.0, 0.0, 0.0]), 1.0);
     assert_eq!(value([0.0, 0.0, 2.0]), 0.0);
     assert_eq!(value([f32::NAN; 3]), 0.0);
@@ -168,7 +168,7 @@ fn integers_are_gathered_and_sampled_unfiltered() {
     let image = Image::new(format, Shape::plane(2, 1), &[0xff, 1, 2, 3]).unwrap();
     let sampler = clamped();
     let lookup = lookup(&image, &sampler, [0.5, 0.5, 0.0]);
-    assert_eq!(lookup.sample(Lod::Explicit(0.0), 0.0), [2, 3, 0, 1]);
+    assert_eq!(lookup.sample(Lod::Explicit(0.0), 0.0, 0.0), [2, 3, 0, 1]);
     // v = 0.5: j0 = 0, j1 = 1 is clamped to the only row.
     assert_eq!(lookup.gather(0, None), [-1i64 as u64, 2, 2, -1i64 as u64]);
     assert_eq!(lookup.gather(3, None), [1; 4]);

@@ -37,9 +37,13 @@ pub fn footprint(by_x: [f32; 3], by_y: [f32; 3], max_anisotropy: f32) -> Footpri
     Footprint { lod: pxfm::f_log2f(most / eta), probes: eta.ceil() as u32, along_x: rho_x > rho_y }
 }
 
-/// lambda, from lambda_base and the least level of detail of the instruction.
-pub fn lod(base: f32, sampler: &Sampler, min_lod: f32) -> f32 {
-    let lod = base + sampler.lod_bias.clamp(-MAX_LOD_BIAS, MAX_LOD_BIAS);
+/// lambda', from lambda_base and the bias of the instruction.
+pub fn biased(base: f32, sampler: &Sampler, bias: f32) -> f32 {
+    base + (sampler.lod_bias + bias).clamp(-MAX_LOD_BIAS, MAX_LOD_BIAS)
+}
+
+/// lambda, from lambda' and the least level of detail of the instruction.
+pub fn lod(lod: f32, sampler: &Sampler, min_lod: f32) -> f32 {
     let least = if min_lod > sampler.min_lod { min_lod } else { sampler.min_lod };
     if lod > sampler.max_lod {
         sampler.max_lod
@@ -107,7 +111,11 @@ mod tests {
     #[test]
     fn bias_and_clamps() {
         let sampler = Sampler { lod_bias: 1.5, min_lod: 1.0, max_lod: 4.0, ..Sampler::default() };
+        let lod = |base, sampler: &Sampler, least| lod(biased(base, sampler, 0.0), sampler, least);
         assert_eq!([0.0, -1.0, 9.0, f32::NAN].map(|base| lod(base, &sampler, 0.0)), [1.5, 1.0, 4.0, 1.0]);
+        // Both biases together are clamped.
+        assert_eq!(biased(1.0, &sampler, 2.0), 4.5);
+        assert_eq!(biased(1.0, &sampler, 20.0), 17.0);
         assert_eq!(lod(0.0, &sampler, 2.0), 2.0);
         let far = Sampler { lod_bias: -40.0, min_lod: -100.0, ..Sampler::default() };
         assert_eq!(lod(0.0, &far, -100.0), -16.0);

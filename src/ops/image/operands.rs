@@ -27,6 +27,8 @@ const OFFSETS: u32 = 0x10000;
 /// are shared directly.
 #[derive(Clone, Debug, Default)]
 pub struct Operands {
+    /// Added to an implicit level of detail.
+    pub bias: Option<Reg>,
     /// Level of detail: a float, or an integer for a fetch.
     pub lod: Option<Reg>,
     /// Derivatives along x and y.
@@ -44,12 +46,18 @@ pub struct Operands {
 }
 
 impl Operands {
-    /// Reads the operands from the mask at operand `at` on.
+    /// Reads the operands from the mask at operand `at` on; `implicit` says whether the instruction
+    /// has an implicit level of detail.
     ///
     /// # Errors
     /// `InvalidModule` for `Bias`, which needs an implicit level of detail; `UnsupportedModule` for
     /// unknown bits.
-    pub fn read(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Self> {
+    pub fn read(
+        decoder: &mut Decoder<'_>,
+        instruction: &Instruction,
+        at: usize,
+        implicit: bool,
+    ) -> Result<Self> {
         let mut operands = Self::default();
         let Some((&mask, ids)) = decoder.operands(instruction).get(at..).and_then(<[u32]>::split_first)
         else {
@@ -60,12 +68,11 @@ impl Operands {
             Some(&id) => decoder.words(Id(id)),
             None => Err(decoder.invalid("an image operand is missing")),
         };
-        if mask & BIAS != 0 && decoder.derivatives {
-            return Err(decoder.unsupported("the image operand Bias"));
-        }
-        if mask & BIAS != 0 {
+        if mask & BIAS != 0 && implicit {
+            operands.bias = words(decoder)?.first().copied();
+        } else if mask & BIAS != 0 {
             return Err(decoder.invalid(
-                "the image operand Bias is only for implicit levels of detail, which ray-tracing stages lack \
+                "the image operand Bias is only for implicit levels of detail, which this instruction lacks \
                  (SPIR-V 3.14)",
             ));
         }
@@ -103,7 +110,8 @@ impl Operands {
             ZERO_EXTEND => Some(Class::Uint),
             _ => return Err(decoder.invalid("both SignExtend and ZeroExtend")),
         };
-        let known = LOD
+        let known = BIAS
+            | LOD
             | GRAD
             | CONST_OFFSET
             | OFFSET
@@ -131,7 +139,7 @@ impl Operands {
 
     /// Every row that is read.
     pub fn rows(&self) -> impl Iterator<Item = Reg> {
-        let single = [self.lod, self.sample, self.min_lod].into_iter().flatten();
+        let single = [self.bias, self.lod, self.sample, self.min_lod].into_iter().flatten();
         let gradients = self.gradients.iter().flatten().flatten().copied();
         let offsets = [&self.offset, &self.offsets].into_iter().flatten().flatten().copied();
         single.chain(gradients).chain(offsets)

@@ -1,4 +1,5 @@
-//! Sampling and gathering, with a level of detail that is given or follows from derivatives.
+//! Sampling and gathering, with a level of detail that is given or follows from derivatives, and the
+//! query for that level.
 
 use rspirv::spirv::Op as Opcode;
 
@@ -6,6 +7,7 @@ use crate::error::Result;
 use crate::machine::image::Dimension;
 use crate::machine::{Bindings, Reg, Registers, TrapCode};
 use crate::module::Instruction;
+use crate::ops::arithmetic::FDiv;
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::derivative::derivative;
 use crate::ops::image::filter::{Lod, Lookup};
@@ -13,6 +15,7 @@ use crate::ops::image::operands::Operands;
 use crate::ops::image::view::{self, View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
 use crate::ops::op::{Access, Op as Operation};
+use crate::ops::row::Row;
 
 /// What is made of the texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +26,8 @@ pub enum Kind {
     Gather(Reg),
     /// Four comparisons.
     GatherCompared,
+    /// The level that would be sampled.
+    Level,
 }
 
 /// Samples or gathers.
@@ -81,6 +86,11 @@ impl Sample {
         let divisor = self.divisor.map(float);
         let divided = |value: f32| divisor.map_or(value, |divisor| value / divisor);
         let components = self.components();
+        let gradients = |gradients: &[Words; 2]| {
+            Lod::Gradients([0, 1].map(|way: usize| {
+                std::array::from_fn(|axis| gradients[way].get(axis).map_or(0.0, |&reg| float(reg)))
+            }))
+        };
         let mut lookup = Lookup {
             image,
             sampler,
@@ -101,14 +111,17 @@ impl Sample {
         }
         let value = match self.kind {
             Kind::Filter => {
-                let lod = match (&self.operands.gradients, self.operands.lod) {
-                    (Some(gradients), _) => Lod::Gradients([0, 1].map(|way: usize| {
-                        let gradient = &gradients[way];
-                        std::array::from_fn(|axis| gradient.get(axis).map_or(0.0, |&reg| float(reg)))
-                    })),
-                    (None, lod) => Lod::Explicit(lod.map_or(0.0, float)),
+                let lod = match &self.operands.gradients {
+                    Some(given) => gradients(given),
+                    None => Lod::Explicit(self.operands.lod.map_or(0.0, float)),
                 };
-                lookup.sample(lod, self.operands.min_lod.map_or(0.0, float))
+                let [bias, least] = [self.operands.bias, self.operands.min_lod];
+                lookup.sample(lod, bias.map_or(0.0, float), least.map_or(0.0, float))
+            }
+            Kind::Level => {
+                let lod = self.operands.gradients.as_ref().map_or(Lod::Explicit(0.0), gradients);
+                let [level, lambda] = lookup.query(lod).map(|value| u64::from(value.to_bits()));
+                [level, lambda, 0, 0]
             }
             Kind::Gather(_) | Kind::GatherCompared => {
                 let component = if let Kind::Gather(reg) = self.kind { word(reg).min(3) } else { 0 };
@@ -141,6 +154,9 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         ImageSampleDrefImplicitLod => (true, false, false, false),
         ImageSparseSampleImplicitLod => (false, false, false, true),
         ImageSparseSampleDrefImplicitLod => (true, false, false, true),
+        ImageSampleProjImplicitLod => (false, true, false, false),
+        ImageSampleProjDrefImplicitLod => (true, true, false, false),
+        ImageQueryLod => (false, false, false, false),
         ImageSampleExplicitLod => (false, false, false, false),
         ImageSampleDrefExplicitLod => (true, false, false, false),
         ImageSampleProjExplicitLod => (false, true, false, false),
@@ -164,10 +180,13 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         ));
     }
     let third = if compared || gathers { Some(decoder.operand(instruction, 2)?[0]) } else { None };
-    let mut operands = Operands::read(decoder, instruction, 2 + usize::from(third.is_some()))?;
-    let coordinate = floats(decoder, instruction)?;
+    let at = 2 + usize::from(third.is_some());
+    let mut operands = Operands::read(decoder, instruction, at, implicit)?;
+    let mut coordinate = floats(decoder, instruction)?;
     let dimension = view.dimension;
-    let count = components(dimension) + usize::from(dimension.is_arrayed());
+    let queries = opcode == ImageQueryLod;
+    // A query has no array coordinate.
+    let count = components(dimension) + usize::from(dimension.is_arrayed() && !queries);
     if coordinate.len() < count + usize::from(projected) {
         return Err(decoder.invalid(format!("{} coordinates for this image", coordinate.len())));
     }
@@ -178,6 +197,14 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         && !matches!(dimension, Dimension::D2 | Dimension::D2Array | Dimension::Cube | Dimension::CubeArray)
     {
         return Err(decoder.invalid("only planes and cubes are gathered (SPIR-V 3.3.10)"));
+    }
+    let mut third = third;
+    if implicit && projected {
+        // The derivatives are those of the coordinates after the division.
+        let divisor = coordinate[count];
+        for value in coordinate[..count].iter_mut().chain(third.as_mut()) {
+            *value = decoder.plain_row(divide(), &[*value, divisor])?;
+        }
     }
     if implicit {
         // The level of detail of the coordinates' own derivatives (Vulkan, "Implicit derivatives").
@@ -197,10 +224,11 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         return Err(decoder
             .invalid("an explicit level of detail needs the image operand Lod or Grad (SPIR-V 3.3.10)"));
     }
-    let divisor = projected.then(|| coordinate[count]);
+    let divisor = (projected && !implicit).then(|| coordinate[count]);
     let kind = match third {
         Some(component) if gathers && !compared => Kind::Gather(component),
         _ if gathers => Kind::GatherCompared,
+        _ if queries => Kind::Level,
         _ => Kind::Filter,
     };
     let to = texel_result(decoder, instruction, sparse)?;
@@ -217,6 +245,10 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     };
     decoder.emit(Operation::Image(Op::Sample(Box::new(sample))));
     Ok(true)
+}
+
+fn divide() -> &'static Row {
+    FDiv.row(32).expect("bug in anyhit: FDiv has no row for 32 bits")
 }
 
 /// The coordinates of operand 1.
