@@ -87,7 +87,8 @@ fn inspect_tells_everything_that_would_not_run() {
     assert_eq!(
         entry["reasons"],
         json!([
-            "the builtin RemainingRecursionLevelsAMDX is not supported (at word 39)",
+            "the builtin RemainingRecursionLevelsAMDX is out of scope (work graphs: neither ray-tracing nor \
+             compute pipelines) (at word 39)",
             "OpDemoteToHelperInvocation is out of scope (graphics stages) (2 times, first at word 54)",
         ])
     );

@@ -3,7 +3,7 @@
 //! SPIR-V specification, sections 2.8 "Types and Variables" and 3.3.6 "Type-Declaration
 //! Instructions".
 
-use rspirv::spirv::Op;
+use rspirv::spirv::{Capability, Op};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::module::constant::ConstantValue;
@@ -127,6 +127,15 @@ impl Loader<'_> {
                 let count = self.count(span, at + 1)?;
                 return Ok((Type::Vector { component, count }, self.depth(component) + 1));
             }
+            // The number is also OpTypeCooperativeVectorNV's.
+            Op::TypeVectorIdEXT if self.module.capabilities.contains(&(Capability::LongVectorEXT as u32)) => {
+                let component = self.type_at(span, at)?;
+                if !is_scalar(self.module.ty(component)) {
+                    return Err(self.expected(span, at, "a scalar type"));
+                }
+                let length = self.array_length(span, at + 1)?;
+                return Ok((self.long_vector(span, component, length)?, self.depth(component) + 1));
+            }
             Op::TypeMatrix => {
                 let column = self.type_at(span, at)?;
                 if !matches!(self.module.ty(column), Type::Vector { .. }) {
@@ -217,6 +226,22 @@ impl Loader<'_> {
                 at,
                 format!("{}: expected a count of at least 2, found {count}", opcode_name(span.opcode)),
             )),
+        }
+    }
+
+    /// A vector whose count is a constant (`SPV_EXT_long_vector`).
+    fn long_vector(&mut self, span: Span, component: TypeId, length: Id) -> Result<Type> {
+        let specializable = match self.module.definition(length) {
+            Some(Definition::Constant(index)) => self.module.constants[index as usize].specializable,
+            _ => false,
+        };
+        match self.module.scalar_value(length).map(u32::try_from) {
+            Some(Ok(count)) if !specializable => Ok(Type::Vector { component, count }),
+            _ => Err(Error::new(
+                ErrorKind::UnsupportedModule,
+                "OpTypeVectorIdEXT: only a plain constant is read as the count of components",
+            )
+            .at(Place::Word(span.start))),
         }
     }
 

@@ -1,5 +1,5 @@
 //! Subgroup instructions (SPIR-V 3.3.24, `SPV_KHR_shader_ballot`, `SPV_KHR_subgroup_vote`,
-//! `SPV_EXT_shader_subgroup_partitioned`).
+//! `SPV_EXT_shader_subgroup_partitioned`, `SPV_AMD_shader_ballot`).
 //!
 //! A subgroup is a run of consecutive launch indices, x fastest; in a called shader, those of the
 //! caller's subgroup that reached the same shader record, by its index. A launch of a pipeline that has these
@@ -65,6 +65,14 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::SubgroupAnyKHR,
     Opcode::SubgroupAllEqualKHR,
     Opcode::SubgroupReadInvocationKHR,
+    Opcode::GroupIAddNonUniformAMD,
+    Opcode::GroupFAddNonUniformAMD,
+    Opcode::GroupFMinNonUniformAMD,
+    Opcode::GroupUMinNonUniformAMD,
+    Opcode::GroupSMinNonUniformAMD,
+    Opcode::GroupFMaxNonUniformAMD,
+    Opcode::GroupUMaxNonUniformAMD,
+    Opcode::GroupSMaxNonUniformAMD,
 ];
 
 /// Lanes of a subgroup that take part, each with its place in the subgroup, ascending.
@@ -460,16 +468,20 @@ pub fn read(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32) -> Re
 fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
     use Opcode as O;
     let (family, identity): (&'static Family, fn(u32) -> u64) = match opcode {
-        O::GroupNonUniformIAdd => (&arithmetic::IAdd, |_| 0),
-        O::GroupNonUniformFAdd => (&arithmetic::FAdd, |_| 0),
+        O::GroupNonUniformIAdd | O::GroupIAddNonUniformAMD => (&arithmetic::IAdd, |_| 0),
+        O::GroupNonUniformFAdd | O::GroupFAddNonUniformAMD => (&arithmetic::FAdd, |_| 0),
         O::GroupNonUniformIMul => (&arithmetic::IMul, |_| 1),
         O::GroupNonUniformFMul => (&arithmetic::FMul, |width| float(width, 1.0)),
-        O::GroupNonUniformSMin => (&glsl::SMin, |width| u64::MAX >> (65 - width)),
-        O::GroupNonUniformUMin => (&glsl::UMin, |width| u64::MAX >> (64 - width)),
-        O::GroupNonUniformFMin => (&glsl::NMin, |width| float(width, f64::INFINITY)),
-        O::GroupNonUniformSMax => (&glsl::SMax, |width| 1 << (width - 1)),
-        O::GroupNonUniformUMax => (&glsl::UMax, |_| 0),
-        O::GroupNonUniformFMax => (&glsl::NMax, |width| float(width, f64::NEG_INFINITY)),
+        O::GroupNonUniformSMin | O::GroupSMinNonUniformAMD => (&glsl::SMin, |width| u64::MAX >> (65 - width)),
+        O::GroupNonUniformUMin | O::GroupUMinNonUniformAMD => (&glsl::UMin, |width| u64::MAX >> (64 - width)),
+        O::GroupNonUniformFMin | O::GroupFMinNonUniformAMD => {
+            (&glsl::NMin, |width| float(width, f64::INFINITY))
+        }
+        O::GroupNonUniformSMax | O::GroupSMaxNonUniformAMD => (&glsl::SMax, |width| 1 << (width - 1)),
+        O::GroupNonUniformUMax | O::GroupUMaxNonUniformAMD => (&glsl::UMax, |_| 0),
+        O::GroupNonUniformFMax | O::GroupFMaxNonUniformAMD => {
+            (&glsl::NMax, |width| float(width, f64::NEG_INFINITY))
+        }
         O::GroupNonUniformBitwiseAnd => (&bit::BitwiseAnd, |width| u64::MAX >> (64 - width)),
         O::GroupNonUniformBitwiseOr => (&bit::BitwiseOr, |_| 0),
         O::GroupNonUniformBitwiseXor => (&bit::BitwiseXor, |_| 0),

@@ -80,7 +80,7 @@ pub fn glsl(number: u32) -> Option<Support> {
         return Some(Support::Supported("GLSL.std.450"));
     }
     match op {
-        GlslStd450Op::IMix => Some(Support::OutOfScope("removed from the specification")),
+        GlslStd450Op::IMix => Some(Support::OutOfScope(lists::RESERVED)),
         GlslStd450Op::InterpolateAtCentroid
         | GlslStd450Op::InterpolateAtSample
         | GlslStd450Op::InterpolateAtOffset => Some(Support::OutOfScope(lists::GRAPHICS)),
@@ -113,7 +113,8 @@ pub fn builtin(number: u32) -> Option<Support> {
 
 /// The class of a storage class; `None` where no list knows it.
 pub fn storage_class(number: u32) -> Option<Support> {
-    if pointer::STORAGE_CLASSES.contains(&number) {
+    // No variable is in Image: OpImageTexelPointer makes pointers to it.
+    if pointer::STORAGE_CLASSES.contains(&number) || number == spirv::StorageClass::Image as u32 {
         return Some(Support::Supported("storage classes"));
     }
     let known = spirv::StorageClass::from_u32(number)?;
@@ -334,7 +335,10 @@ mod tests {
         assert_eq!(
             told,
             [
-                ("the builtin RemainingRecursionLevelsAMDX is not supported", 1),
+                (
+                    "the builtin RemainingRecursionLevelsAMDX is out of scope (work graphs: neither ray-tracing nor compute pipelines)",
+                    1
+                ),
                 ("OpDemoteToHelperInvocation is out of scope (graphics stages)", 2)
             ]
         );

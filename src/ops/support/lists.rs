@@ -13,6 +13,12 @@ pub(super) const COOPERATIVE: &str = "cooperative vectors and matrices";
 pub(super) const TENSORS: &str = "tensors";
 pub(super) const HEAP: &str = "descriptor heap and untyped pointers";
 pub(super) const MICROMAPS: &str = "displacement micromaps";
+/// SPIR-V 3.3.10: "Instruction reserved for future use. Use of this instruction is invalid."
+pub(super) const RESERVED: &str = "reserved by the specification: their use is invalid";
+/// A graph's nodes are shaders of `VK_PIPELINE_BIND_POINT_EXECUTION_GRAPH_AMDX`.
+pub(super) const GRAPHS: &str = "work graphs: neither ray-tracing nor compute pipelines";
+/// No extension of Vulkan enables the capability; OpenGL has it.
+pub(super) const NOT_VULKAN: &str = "not in Vulkan";
 
 /// A group's name and its members.
 pub(super) type Groups<T> = &'static [(&'static str, &'static [T])];
@@ -71,6 +77,7 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
             Op::TypeInt,
             Op::TypeFloat,
             Op::TypeVector,
+            Op::TypeVectorIdEXT,
             Op::TypeMatrix,
             Op::TypeImage,
             Op::TypeSampler,
@@ -126,28 +133,21 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
 ];
 
 /// Opcodes to come that need no capability of their own, or one that others need too.
-pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[
+pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[];
+
+/// Opcodes out of scope that no capability tells.
+pub(super) const OUT_OF_SCOPE_OPCODES: Groups<Op> = &[
+    (GRAPHICS, &[Op::Kill, Op::TerminateInvocation]),
     (
-        "derivatives and implicit level of detail (compute)",
-        &[Op::ImageSampleProjImplicitLod, Op::ImageSampleProjDrefImplicitLod, Op::ImageQueryLod],
-    ),
-    (
-        "subgroups",
+        RESERVED,
         &[
-            Op::GroupIAddNonUniformAMD,
-            Op::GroupFAddNonUniformAMD,
-            Op::GroupFMinNonUniformAMD,
-            Op::GroupUMinNonUniformAMD,
-            Op::GroupSMinNonUniformAMD,
-            Op::GroupFMaxNonUniformAMD,
-            Op::GroupUMaxNonUniformAMD,
-            Op::GroupSMaxNonUniformAMD,
+            Op::ImageSparseSampleProjImplicitLod,
+            Op::ImageSparseSampleProjExplicitLod,
+            Op::ImageSparseSampleProjDrefImplicitLod,
+            Op::ImageSparseSampleProjDrefExplicitLod,
         ],
     ),
 ];
-
-/// Opcodes out of scope that no capability tells.
-pub(super) const OUT_OF_SCOPE_OPCODES: Groups<Op> = &[(GRAPHICS, &[Op::Kill, Op::TerminateInvocation])];
 
 /// What needs one of these is to come.
 pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
@@ -194,7 +194,6 @@ pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
             Capability::PhysicalStorageBufferAddresses,
             Capability::VariablePointers,
             Capability::VariablePointersStorageBuffer,
-            Capability::RawAccessChainsNV,
         ],
     ),
     (
@@ -203,7 +202,6 @@ pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
             Capability::ImageQuery,
             Capability::SparseResidency,
             Capability::ImageFootprintNV,
-            Capability::BindlessTextureNV,
             Capability::TextureSampleWeightedQCOM,
             Capability::TextureBoxFilterQCOM,
             Capability::TextureBlockMatchQCOM,
@@ -216,11 +214,10 @@ pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
             Capability::DotProduct,
             Capability::FMAKHR,
             Capability::IntegerFunctions2INTEL,
-            Capability::LongVectorEXT,
             Capability::ReplicatedCompositesEXT,
         ],
     ),
-    ("others", &[Capability::ShaderClockKHR, Capability::ExpectAssumeKHR, Capability::ShaderEnqueueAMDX]),
+    ("others", &[Capability::ShaderClockKHR, Capability::ExpectAssumeKHR]),
 ];
 
 /// What needs one of these, and none of the capabilities to come, is out of scope. Those of INTEL
@@ -273,11 +270,12 @@ pub(super) const OUT_OF_SCOPE_CAPABILITIES: Groups<Capability> = &[
     (TENSORS, &[Capability::TensorsARM, Capability::GraphARM, Capability::TensorAddressingNV]),
     (HEAP, &[Capability::UntypedPointersKHR, Capability::DescriptorHeapEXT]),
     (MICROMAPS, &[Capability::DisplacementMicromapNV]),
+    (GRAPHS, &[Capability::ShaderEnqueueAMDX]),
+    (NOT_VULKAN, &[Capability::BindlessTextureNV]),
 ];
 
 /// Builtins to come.
-pub(super) const UNSUPPORTED_BUILTINS: Groups<BuiltIn> =
-    &[("work graphs", &[BuiltIn::RemainingRecursionLevelsAMDX, BuiltIn::ShaderIndexAMDX])];
+pub(super) const UNSUPPORTED_BUILTINS: Groups<BuiltIn> = &[];
 
 /// Builtins out of scope.
 pub(super) const OUT_OF_SCOPE_BUILTINS: Groups<BuiltIn> = &[
@@ -365,6 +363,7 @@ pub(super) const OUT_OF_SCOPE_BUILTINS: Groups<BuiltIn> = &[
         ],
     ),
     (HEAP, &[BuiltIn::SamplerHeapEXT, BuiltIn::ResourceHeapEXT]),
+    (GRAPHS, &[BuiltIn::RemainingRecursionLevelsAMDX, BuiltIn::ShaderIndexAMDX]),
     (
         MICROMAPS,
         &[
@@ -377,13 +376,13 @@ pub(super) const OUT_OF_SCOPE_BUILTINS: Groups<BuiltIn> = &[
 ];
 
 /// Storage classes to come.
-pub(super) const UNSUPPORTED_STORAGE: Groups<StorageClass> =
-    &[("atomics and barriers", &[StorageClass::Image]), ("work graphs", &[StorageClass::NodePayloadAMDX])];
+pub(super) const UNSUPPORTED_STORAGE: Groups<StorageClass> = &[];
 
 /// Storage classes out of scope.
 pub(super) const OUT_OF_SCOPE_STORAGE: Groups<StorageClass> = &[
     (GRAPHICS, &[StorageClass::Output, StorageClass::TileImageEXT, StorageClass::TileAttachmentQCOM]),
     (MESH, &[StorageClass::TaskPayloadWorkgroupEXT]),
+    (GRAPHS, &[StorageClass::NodePayloadAMDX]),
     (
         KERNELS,
         &[
