@@ -169,3 +169,61 @@ fn numbers_become_addresses_where_memory_is_reached_through_them() {
     assert_eq!(kinds, ["triangle", "aabb", "sphere", "lss"]);
     assert!(report.entry_points[0].runs.iter().all(|run| run.note.is_none()), "{}", report.text());
 }
+
+/// What is said of the first values, with which the module traps; with others it does not.
+fn told(bytes: &[u8]) -> String {
+    let report = run(bytes);
+    let note = report.entry_points[0].runs.first().and_then(|run| run.note.clone());
+    note.unwrap_or_else(|| panic!("no trap: {}", report.text()))
+}
+
+const RULE: &str = "an index is outside its array";
+const LINE: &str = "shaders/fail/memory/full-debug-info/main.rgen:14";
+
+#[test]
+fn debug_information_of_every_revision_is_read() {
+    let bytes = std::fs::read("spirv-fixtures/fail/memory/full-debug-info/main.rgen.spv").expect("a fixture");
+    const SET: &[u8] = b"NonSemantic.Shader.DebugInfo.10";
+    let at = bytes.windows(SET.len()).position(|window| window == SET).expect("the set's name") + SET.len();
+    for revision in b"0129" {
+        let mut bytes = bytes.clone();
+        bytes[at] = *revision;
+        let told = told(&bytes);
+        assert!(told.contains(RULE) && told.contains(LINE), "revision 10{}: {told}", *revision as char);
+    }
+    // A set that nobody knows says nothing: the trap has no line.
+    let mut unknown = bytes;
+    unknown[at - SET.len() + 12] = b'X';
+    let told = told(&unknown);
+    assert!(told.contains(RULE) && !told.contains(LINE), "{told}");
+}
+
+/// What a compiler gets wrong in what only people read must not keep a shader from running.
+#[test]
+fn broken_debug_information_does_no_harm() {
+    let bytes = std::fs::read("spirv-fixtures/fail/memory/full-debug-info/main.rgen.spv").expect("a fixture");
+    let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+    let (mut at, mut tried, mut set) = (5, 0, 0);
+    while at < words.len() {
+        let (count, opcode) = ((words[at] >> 16) as usize, words[at] & 0xffff);
+        // OpExtInstImport: the first set is the debug information's.
+        if opcode == 11 && set == 0 {
+            set = words[at + 1];
+        }
+        if opcode == 12 && words[at + 3] == set {
+            for operand in at + 4..at + count {
+                // The set itself, which is no operand, and a number that no instruction has.
+                for other in [set, 0x7fff] {
+                    let mut broken = words.clone();
+                    broken[operand] = other;
+                    let bytes: Vec<u8> = broken.iter().flat_map(|word| word.to_le_bytes()).collect();
+                    let told = told(&bytes);
+                    assert!(told.contains(RULE), "word {operand}: {other}: {told}");
+                    tried += 1;
+                }
+            }
+        }
+        at += count;
+    }
+    assert!(tried > 200, "only {tried} operands");
+}

@@ -1,14 +1,17 @@
 //! What is supported is known for all of SPIR-V, is true of the fixtures, and is what the
 //! documents say. `BLESS=1 cargo test --test support` rewrites the documents' tables.
 
+use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhit::module::load;
-use anyhit::ops::support::{gaps, table};
+use anyhit::ops::support::{Support, builtin, gaps, opcode, table};
 use anyhit::program::lower;
 use pretty_assertions::assert_eq;
+use rspirv::grammar::INSTRUCTION_TABLE;
+use rspirv::spirv::BuiltIn;
 
 #[path = "support/files.rs"]
 mod files;
@@ -41,6 +44,61 @@ fn what_lowers_has_no_gaps() {
     }
     assert!(lowered > 70, "only {lowered} entry points lower");
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// What runs is in a module that tests run, or in a program or a row's vector of the tests' own.
+#[test]
+fn what_is_called_supported_is_run_by_a_test() {
+    let mut run = [HashSet::new(), HashSet::new()];
+    for path in files::with_extension(&root().join("spirv-fixtures"), "spv") {
+        let module = load(&fs::read(&path).expect("a readable fixture")).expect("a fixture that loads");
+        let mut at = 5;
+        while let Some(&first) = module.words.get(at) {
+            let words = &module.words[at..at + (first >> 16) as usize];
+            run[0].insert(first & 0xffff);
+            // OpDecorate and OpMemberDecorate with BuiltIn.
+            match *words {
+                [_, _, 11, builtin] if first & 0xffff == 71 => drop(run[1].insert(builtin)),
+                [_, _, _, 11, builtin] if first & 0xffff == 72 => drop(run[1].insert(builtin)),
+                _ => {}
+            }
+            at += words.len();
+        }
+    }
+    let mut text = String::new();
+    for path in files::with_extension(&root().join("tests"), "rs") {
+        text += &fs::read_to_string(path).expect("a readable test");
+    }
+    let mut vectors = String::new();
+    for path in files::with_extension(&root().join("src/ops"), "rs") {
+        let source = fs::read_to_string(path).expect("a readable source");
+        vectors += source.split_once("#[cfg(test)]").map_or("", |(_, tests)| tests);
+    }
+    let words = |text: &str| -> HashSet<String> {
+        text.split(|c: char| !c.is_ascii_alphanumeric()).map(str::to_owned).collect()
+    };
+    let (text, vectors) = (words(&text), words(&vectors));
+    let mut missing = Vec::new();
+    for entry in INSTRUCTION_TABLE.iter() {
+        let supported = opcode(entry.opcode as u16).is_some_and(Support::is_supported);
+        let name = format!("Op{}", entry.opname);
+        let known = run[0].contains(&(entry.opcode as u32)) || text.contains(&name);
+        if supported && !known && !vectors.contains(entry.opname) {
+            missing.push(name);
+        }
+    }
+    for number in 0..u32::from(u16::MAX) {
+        let Some(known) =
+            BuiltIn::from_u32(number).filter(|_| builtin(number).is_some_and(Support::is_supported))
+        else {
+            continue;
+        };
+        let name = format!("{known:?}");
+        if !run[1].contains(&number) && !text.contains(&name) && !vectors.contains(&name) {
+            missing.push(name);
+        }
+    }
+    assert_eq!(missing, Vec::<String>::new());
 }
 
 #[test]

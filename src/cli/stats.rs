@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
+use crate::machine::Binding;
 use crate::pipeline::Stats;
+use crate::program::sharing::Memory;
 use crate::scene::Assembled;
 
 /// Rays, invocations, occupancy, times.
@@ -43,5 +45,31 @@ pub fn order(assembled: &Assembled) -> String {
             program.name
         );
     }
+    if !assembled.pipeline.order_dependent()
+        && let Some(memory) = assembled.pipeline.shared_memory(assembled.size, &assembled.resources)
+    {
+        text += &sharing("the launch's", memory);
+    }
+    for dispatch in &assembled.dispatches {
+        let compute = &dispatch.compute;
+        let memory = compute
+            .shared_memory(dispatch.groups, &assembled.resources)
+            .filter(|_| !compute.program.order_dependent);
+        if let Some(memory) = memory {
+            text += &sharing(&format!("GLCompute `{}`'s", compute.program.name), memory);
+        }
+    }
     text
+}
+
+fn sharing(whose: &str, memory: Memory) -> String {
+    let place = match memory {
+        Memory::Binding(Binding { set, binding }) => format!("set {set}, binding {binding}"),
+        Memory::Addresses => "memory behind device addresses".to_owned(),
+        Memory::Unknown => "memory of a descriptor known only while running".to_owned(),
+    };
+    format!(
+        "one thread, 32 invocations together in their order: {whose} invocations may reach each other's data in \
+         {place}, without atomic instructions\n"
+    )
 }

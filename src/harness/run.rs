@@ -148,7 +148,9 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
     };
     let count = width * height * depth;
     const STRETCH: u64 = 256;
-    if count <= STRETCH || assembled.pipeline.order_dependent() {
+    let ordered = assembled.pipeline.order_dependent()
+        || assembled.pipeline.shared_memory(assembled.size, &assembled.resources).is_some();
+    if count <= STRETCH || ordered {
         return stretch(0..count);
     }
     let stretches = (0..count.div_ceil(STRETCH)).into_par_iter();

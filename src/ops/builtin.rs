@@ -418,6 +418,17 @@ mod tests {
         assert_eq!(read("SubgroupGtMask", 128), [0xFFFF_C000, u32::MAX, u32::MAX, u32::MAX]);
     }
 
+    /// `SPV_NV_ray_tracing` has a builtin of its own for what its successor calls `RayTmaxKHR`.
+    #[test]
+    fn the_older_distance_is_the_same() {
+        let invocation = Invocation { t_max: 2.5, ..Invocation::default() };
+        for name in ["HitTNV", "RayTmaxKHR"] {
+            let mut words = [0];
+            (find_by_name(name).unwrap().read)(&invocation, &mut words);
+            assert_eq!(words, [2.5f32.to_bits()], "{name}");
+        }
+    }
+
     #[test]
     fn matrices_are_written_column_by_column() {
         let mut words = [0; 12];

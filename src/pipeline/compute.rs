@@ -12,6 +12,7 @@ use crate::pipeline::launch::Stats;
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::workgroup::Gang;
 use crate::pipeline::{DEFAULT_BUDGET, check_subgroup_size};
+use crate::program::sharing::{Extent, Memory};
 use crate::program::{Program, WorkgroupLayout};
 
 /// A compute shader (`VkComputePipelineCreateInfo`), ready to be dispatched.
@@ -133,6 +134,7 @@ impl Compute {
         let per_task = (TASK / each).max(1);
         let tasks = 0..count.div_ceil(per_task);
         let range = |task: u64| task * per_task..count.min((task + 1) * per_task);
+        let shares = self.shared_memory(groups, resources).is_some();
         let task = |task: u64| {
             let range = range(task);
             let invocations = (range.end - range.start) * each;
@@ -146,13 +148,14 @@ impl Compute {
                 None if self.program.order_dependent => {
                     Gang::<1>::new(self, &bindings, self.layout).run(groups)
                 }
+                None if shares => Gang::<32>::new(self, &bindings, self.layout).run(groups),
                 None => Gang::<W>::new(self, &bindings, self.layout).run(groups),
             };
             done(invocations);
             result
         };
         let mut results: Vec<(Stats, Option<Trapped>)> = Vec::new();
-        if self.program.order_dependent {
+        if self.program.order_dependent || shares {
             for index in tasks {
                 results.push(task(index));
                 if results.last().is_some_and(|(_, trapped)| trapped.is_some()) {
@@ -182,6 +185,12 @@ impl Compute {
             stats = stats.plus(&task);
         }
         Ok(stats)
+    }
+
+    /// The memory that the invocations of a dispatch share without atomic instructions between them,
+    /// where there is any; they then run on one thread, 32 together in their order, at every width.
+    pub fn shared_memory(&self, groups: [u32; 3], resources: &Resources) -> Option<Memory> {
+        Extent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
     }
 
     /// Whether every invocation of a dispatch has a number.

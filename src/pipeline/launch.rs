@@ -111,13 +111,14 @@ impl Launch<'_> {
         let tasks = 0..count.div_ceil(TASK);
         let range = |task: u64| task * TASK..count.min((task + 1) * TASK);
         let mut results: Vec<(Stats, Option<Trapped>)> = Vec::new();
-        if self.pipeline.order_dependent() {
-            // One after the other, so that every width of a batch gives the same.
+        let ordered = self.pipeline.order_dependent();
+        if ordered || self.pipeline.shared_memory(size, self.resources).is_some() {
+            // The same schedule for every width of a batch: one after the other, or 32 together.
             for task in tasks {
                 results.push(match self.pipeline.whole_subgroups() {
-                    Some(..=32) => self.task::<32>(&bindings, record, range(task), size),
-                    Some(_) => self.task::<128>(&bindings, record, range(task), size),
-                    None => self.task::<1>(&bindings, record, range(task), size),
+                    Some(33..) => self.task::<128>(&bindings, record, range(task), size),
+                    None if ordered => self.task::<1>(&bindings, record, range(task), size),
+                    _ => self.task::<32>(&bindings, record, range(task), size),
                 });
                 done(range(task).end - range(task).start);
                 if results.last().is_some_and(|(_, trapped)| trapped.is_some()) {

@@ -24,10 +24,12 @@ mod workgroup;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::machine::Resources;
 use crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::program::Program;
+use crate::program::sharing::{Extent, Memory};
 
 pub use compute::Compute;
 pub use device::{DeviceProfile, Features, Limits};
@@ -84,6 +86,13 @@ impl Pipeline {
     /// after the other, in launch order, on one thread.
     pub fn order_dependent(&self) -> bool {
         self.programs.iter().any(|program| program.order_dependent)
+    }
+
+    /// The memory that a launch's invocations share without atomic instructions between them, where
+    /// there is any; they then run on one thread, 32 together in launch order, at every width.
+    pub fn shared_memory(&self, size: [u32; 3], resources: &Resources) -> Option<Memory> {
+        let programs: Vec<&Program> = self.programs.iter().map(|program| &**program).collect();
+        Extent { count: size, local: [1; 3], resources }.shared(&programs)
     }
 
     /// Whether a shader needs the other invocations of its subgroup beside it.

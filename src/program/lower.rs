@@ -26,6 +26,7 @@ use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::forward::{drop_dead_stores, forward_copies};
 use crate::program::prune::prune;
+use crate::program::sharing::touches;
 use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
 use crate::program::{Block, Program, Scope, Stretch, Terminator};
 
@@ -429,7 +430,7 @@ impl<'m> Lowering<'m> {
             }
         };
         for (&argument, parameter) in arguments.iter().zip(&standing.parameters) {
-            let words = self.decoder.words(argument)?;
+            let words = self.decoder.carried(argument)?;
             for (&to, from) in parameter.iter().zip(words) {
                 self.decoder.emit(Op::Memory(memory::Op::Move { to, from }));
             }
@@ -510,7 +511,8 @@ impl<'m> Lowering<'m> {
             }
             opcode::RETURN => self.leave(place),
             opcode::RETURN_VALUE => {
-                let words = self.decoder.operand(instruction, 0)?;
+                let value = self.decoder.id(instruction, 0)?;
+                let words = self.decoder.carried(value)?;
                 if let Return::Inlined { result, .. } | Return::StandingAlone { result } = place.plan {
                     for (&to, from) in result.iter().zip(words) {
                         self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
@@ -578,7 +580,7 @@ impl<'m> Lowering<'m> {
                 return Err(self.decoder.invalid(format!("a phi has no value for block %{}", place.block.0)));
             };
             let to = self.decoder.words(id)?;
-            let from = self.decoder.words(from)?;
+            let from = self.decoder.carried(from)?;
             if to != from {
                 moves.push((to, from));
             }
@@ -640,6 +642,7 @@ impl<'m> Lowering<'m> {
             interface: self.decoder.interface,
             variables: self.decoder.variables,
             order_dependent: false,
+            touches: Vec::new(),
             uses_subgroups: false,
             workgroup,
             addresses_records: false,
@@ -649,6 +652,7 @@ impl<'m> Lowering<'m> {
         forward_copies(&mut program, addressed);
         drop_dead_stores(&mut program, addressed);
         prune(&mut program, addressed);
+        program.touches = touches(&program);
         program
     }
 }

@@ -7,6 +7,7 @@ pub mod lower;
 mod obstacles;
 pub mod print;
 pub mod prune;
+pub mod sharing;
 pub mod source_map;
 pub mod workgroup;
 
@@ -22,6 +23,7 @@ use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
 use crate::ops::{atomic, memory, ray_rules};
+use crate::program::sharing::Touch;
 
 pub use lower::{Inlining, lower, lower_with};
 pub use obstacles::obstacles;
@@ -139,6 +141,8 @@ pub struct Program {
     /// Whether what a launch leaves behind depends on how its invocations interleave; see
     /// [`crate::ops::atomic`].
     pub order_dependent: bool,
+    /// How it reaches memory that all invocations reach.
+    pub touches: Vec<Touch>,
     /// Whether it needs the other invocations of its subgroup beside it.
     pub uses_subgroups: bool,
     /// The workgroups of a compute entry point.

@@ -180,3 +180,79 @@ fn a_misaligned_atomic_traps() {
     assert_eq!(error.kind(), ErrorKind::Trap);
     assert_eq!(error.message(), "an atomic instruction on a misaligned offset");
 }
+
+#[test]
+fn the_least_and_the_greatest_of_signed_integers_and_floats() {
+    let shader = Shader {
+        capabilities: "OpCapability AtomicFloat32MinMaxEXT",
+        annotations: COUNTER_LAYOUT,
+        declarations: &format!("{COUNTERS}\n%five = OpConstant %float 5"),
+        body: "
+            %count = OpAccessChain %ptr_StorageBuffer_uint %counters %u0
+            %sum = OpAccessChain %ptr_StorageBuffer_float %counters %u1
+            %minus = OpSNegate %uint %id
+            %a = OpAtomicSMin %uint %count %u1 %u0 %minus
+            %f = OpConvertUToF %float %id
+            %low = OpFSub %float %five %f
+            %b = OpAtomicFMinEXT %float %sum %u1 %u0 %low
+            %c = OpAtomicFMaxEXT %float %sum %u1 %u0 %quarter",
+        ..Shader::default()
+    };
+    let mut buffers = Vec::new();
+    let found = shader.run_with(&mut || {
+        let buffer = Buffer::new(&[0; 16]);
+        buffers.push(buffer.clone());
+        Resources::default().bind(0, 1, Descriptor::Buffer(buffer))
+    });
+    found.unwrap_or_else(|error| panic!("{}", error.render()));
+    for buffer in buffers {
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&buffer.bytes());
+        // The last invocation brings the least: -39, and 5 - 39, below the 0.25 that follows it.
+        assert_eq!(words[..2], [(INVOCATIONS as u32 - 1).wrapping_neg(), 0.25f32.to_bits()]);
+    }
+}
+
+#[test]
+fn memory_behind_an_address_is_counted_in() {
+    let shader = Shader {
+        capabilities: "OpCapability PhysicalStorageBufferAddresses\nOpCapability Int64Atomics",
+        annotations: COUNTER_LAYOUT,
+        declarations: &format!(
+            "{COUNTERS}
+             %ptr_uint = OpTypePointer PhysicalStorageBuffer %uint
+             %ptr_ulong = OpTypePointer PhysicalStorageBuffer %ulong
+             %sixteen = OpConstant %ulong 16L
+             %eight = OpConstant %ulong 8L"
+        ),
+        body: "
+            %slot = OpAccessChain %ptr_StorageBuffer_ulong %counters %u2
+            %address = OpLoad %ulong %slot
+            %first = OpConvertUToPtr %ptr_uint %address
+            %old = OpAtomicIAdd %uint %first %u1 %u0 %u3
+            out 0 %old
+            %second_address = OpIAdd %ulong %address %eight
+            %second = OpConvertUToPtr %ptr_ulong %second_address
+            %old_wide = OpAtomicUMax %ulong %second %u1 %u0 %large
+            %old_low = OpUConvert %uint %old_wide
+            out 1 %old_low",
+        ..Shader::default()
+    };
+    let mut counted = Vec::new();
+    let found = shader.run_with(&mut || {
+        let data = Buffer::new(&[1, 0, 0, 0, 0, 0, 0, 0, 9, 0, 0, 0, 0, 0, 0, 0]);
+        let mut resources = Resources::default();
+        let address = resources.memory.add_buffer(&data);
+        let mut bytes = vec![0; 8];
+        bytes.extend(address.to_le_bytes());
+        counted.push(data);
+        resources.bind(0, 1, Descriptor::Buffer(Buffer::new(&bytes)))
+    });
+    let found = found.unwrap_or_else(|error| panic!("{}", error.render()));
+    for (id, words) in found.iter().enumerate() {
+        assert_eq!(words[..2], [1 + 3 * id as u32, if id == 0 { 9 } else { 0 }]);
+    }
+    for buffer in counted {
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&buffer.bytes());
+        assert_eq!(words, [1 + 3 * INVOCATIONS as u32, 0, 0, 1]);
+    }
+}

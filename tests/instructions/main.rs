@@ -4,12 +4,18 @@
 mod assembly;
 
 mod atomics;
+mod builtins;
 mod calls;
+mod declarations;
+mod extended;
 mod float_controls;
 mod integers;
 mod memory;
 mod messages;
 mod motion;
+mod pointers;
 mod ray_queries;
+mod resources;
 mod run;
+mod sharing;
 mod subgroups;

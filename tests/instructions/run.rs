@@ -61,6 +61,12 @@ impl Shader<'_> {
         one
     }
 
+    /// The shader's program.
+    pub fn program(&self) -> anyhit::Program {
+        let module = Arc::new(anyhit::module::load(&assemble(&self.text())).expect("a module"));
+        anyhit::program::lower(&module, &module.entry_points[0]).expect("a program")
+    }
+
     /// The error of a shader that must not run to its end.
     pub fn refused(&self) -> Error {
         self.run_with(&mut Resources::default).expect_err("the shader runs, though it should not")

@@ -10,7 +10,13 @@ const CAPABILITIES: &str = "
     OpCapability GroupNonUniformArithmetic
     OpCapability GroupNonUniformClustered
     OpCapability GroupNonUniformQuad
-    OpCapability GroupNonUniformRotateKHR";
+    OpCapability GroupNonUniformRotateKHR
+    OpCapability GroupNonUniformPartitionedEXT
+    OpCapability QuadControlKHR
+    OpCapability SubgroupBallotKHR
+    OpCapability SubgroupVoteKHR
+    OpCapability Groups
+    OpExtension \"SPV_AMD_shader_ballot\"";
 
 /// Runs a body for all invocations; gives each one's words with its place and its subgroup's size.
 fn run(body: &str) -> Vec<([u32; 16], u32, u32)> {
@@ -187,5 +193,170 @@ fn only_those_that_are_here_take_part() {
         let ballot = here.iter().map(|place| 1 << place).sum::<u32>();
         let expected = if here.contains(&place) { [base + here[0], ballot] } else { [0, 0] };
         assert_eq!(words[..2], expected, "place {place} of {size}");
+    }
+}
+
+/// The value of id in all reductions below: its lowest three bits and 1.
+fn tested(id: u32) -> u32 {
+    (id & 7) + 1
+}
+
+#[test]
+fn every_reduction_in_clusters_of_four() {
+    let found = run("
+        %low = OpBitwiseAnd %uint %id %u7
+        %v = OpIAdd %uint %low %u1
+        %minus = OpSNegate %int %v
+        %f = OpConvertUToF %float %v
+        %small = OpULessThan %bool %v %u3
+        %a = OpGroupNonUniformIMul %uint %u3 ClusteredReduce %v %u4
+        out 0 %a
+        %b = OpGroupNonUniformFMul %float %u3 ClusteredReduce %f %u4
+        %b_word = OpConvertFToU %uint %b
+        out 1 %b_word
+        %c = OpGroupNonUniformSMin %int %u3 ClusteredReduce %minus %u4
+        %c_word = OpBitcast %uint %c
+        out 2 %c_word
+        %d = OpGroupNonUniformSMax %int %u3 ClusteredReduce %minus %u4
+        %d_word = OpBitcast %uint %d
+        out 3 %d_word
+        %e = OpGroupNonUniformFMin %float %u3 ClusteredReduce %f %u4
+        %e_word = OpConvertFToU %uint %e
+        out 4 %e_word
+        %g = OpGroupNonUniformFMax %float %u3 ClusteredReduce %f %u4
+        %g_word = OpConvertFToU %uint %g
+        out 5 %g_word
+        %h = OpGroupNonUniformBitwiseAnd %uint %u3 ClusteredReduce %v %u4
+        out 6 %h
+        %i = OpGroupNonUniformBitwiseOr %uint %u3 ClusteredReduce %v %u4
+        out 7 %i
+        %j = OpGroupNonUniformLogicalAnd %bool %u3 ClusteredReduce %small %u4
+        %j_word = OpSelect %uint %j %u1 %u0
+        out 8 %j_word
+        %k = OpGroupNonUniformLogicalOr %bool %u3 ClusteredReduce %small %u4
+        %k_word = OpSelect %uint %k %u1 %u0
+        out 9 %k_word
+        %l = OpGroupNonUniformLogicalXor %bool %u3 InclusiveScan %small
+        %l_word = OpSelect %uint %l %u1 %u0
+        out 10 %l_word
+        %m = OpGroupNonUniformQuadAllKHR %bool %small
+        %m_word = OpSelect %uint %m %u1 %u0
+        out 11 %m_word
+        %n = OpGroupNonUniformQuadAnyKHR %bool %small
+        %n_word = OpSelect %uint %n %u1 %u0
+        out 12 %n_word");
+    for (words, place, size) in found {
+        let base = if size == 32 { 0 } else { 32 };
+        let first = place / 4 * 4;
+        let cluster: Vec<u32> = (first..first + 4).map(|place| tested(base + place)).collect();
+        let (least, most) = (cluster[0], cluster[3]);
+        let small = |&value: &u32| value < 3;
+        let expected = [
+            cluster.iter().product(),
+            cluster.iter().product(),
+            most.wrapping_neg(),
+            least.wrapping_neg(),
+            least,
+            most,
+            cluster.iter().fold(u32::MAX, |bits, value| bits & value),
+            cluster.iter().fold(0, |bits, value| bits | value),
+            u32::from(cluster.iter().all(small)),
+            u32::from(cluster.iter().any(small)),
+            (0..=place).filter(|place| tested(base + place) < 3).count() as u32 % 2,
+            u32::from(cluster.iter().all(small)),
+            u32::from(cluster.iter().any(small)),
+        ];
+        assert_eq!(words[..13], expected, "place {place} of {size}");
+    }
+}
+
+#[test]
+fn invocations_with_the_same_value_are_a_partition() {
+    let found = run("
+        %rest = OpUMod %uint %id %u3
+        %partition = OpGroupNonUniformPartitionEXT %uint4 %rest
+        %word = OpCompositeExtract %uint %partition 0
+        out 0 %word
+        %sum = OpGroupNonUniformIAdd %uint %u3 PartitionedReduceEXT %id %partition
+        out 1 %sum
+        %below = OpGroupNonUniformIAdd %uint %u3 PartitionedExclusiveScanEXT %id %partition
+        out 2 %below
+        %upto = OpGroupNonUniformUMax %uint %u3 PartitionedInclusiveScanEXT %id %partition
+        out 3 %upto");
+    for (words, place, size) in found {
+        let base = if size == 32 { 0 } else { 32 };
+        let id = base + place;
+        let same: Vec<u32> = (base..base + size).filter(|other| other % 3 == id % 3).collect();
+        let ballot: u32 = same.iter().map(|other| 1 << (other - base)).sum();
+        let below: u32 = same.iter().filter(|&&other| other < id).sum();
+        assert_eq!(words[..4], [ballot, same.iter().sum(), below, id], "place {place} of {size}");
+    }
+}
+
+#[test]
+fn the_older_extensions_do_the_same() {
+    let found = run("
+        %odd_word = OpBitwiseAnd %uint %id %u1
+        %odd = OpIEqual %bool %odd_word %u1
+        %ballot = OpSubgroupBallotKHR %uint4 %odd
+        %ballot_word = OpCompositeExtract %uint %ballot 0
+        out 0 %ballot_word
+        %first = OpSubgroupFirstInvocationKHR %uint %id
+        out 1 %first
+        %read = OpSubgroupReadInvocationKHR %uint %id %u5
+        out 2 %read
+        %all = OpSubgroupAllKHR %bool %odd
+        %all_word = OpSelect %uint %all %u1 %u0
+        out 3 %all_word
+        %any = OpSubgroupAnyKHR %bool %odd
+        %any_word = OpSelect %uint %any %u1 %u0
+        out 4 %any_word
+        %equal = OpSubgroupAllEqualKHR %bool %odd
+        %equal_word = OpSelect %uint %equal %u1 %u0
+        out 5 %equal_word
+        %sum = OpGroupIAddNonUniformAMD %uint %u3 InclusiveScan %id
+        out 6 %sum
+        %least = OpGroupUMinNonUniformAMD %uint %u3 Reduce %id
+        out 7 %least
+        %most = OpGroupUMaxNonUniformAMD %uint %u3 Reduce %id
+        out 8 %most
+        %signed = OpBitcast %int %id
+        %minus = OpSNegate %int %signed
+        %signed_least = OpGroupSMinNonUniformAMD %int %u3 Reduce %minus
+        %signed_least_word = OpBitcast %uint %signed_least
+        out 9 %signed_least_word
+        %signed_most = OpGroupSMaxNonUniformAMD %int %u3 Reduce %minus
+        %signed_most_word = OpBitcast %uint %signed_most
+        out 10 %signed_most_word
+        %float_id = OpConvertUToF %float %id
+        %float_sum = OpGroupFAddNonUniformAMD %float %u3 ExclusiveScan %float_id
+        %float_sum_word = OpConvertFToU %uint %float_sum
+        out 11 %float_sum_word
+        %float_least = OpGroupFMinNonUniformAMD %float %u3 Reduce %float_id
+        %float_least_word = OpConvertFToU %uint %float_least
+        out 12 %float_least_word
+        %float_most = OpGroupFMaxNonUniformAMD %float %u3 Reduce %float_id
+        %float_most_word = OpConvertFToU %uint %float_most
+        out 13 %float_most_word");
+    for (words, place, size) in found {
+        let base = if size == 32 { 0 } else { 32 };
+        let (id, last) = (base + place, base + size - 1);
+        let expected = [
+            if size == 32 { 0xAAAA_AAAA } else { 0xAA },
+            base,
+            base + 5,
+            0,
+            1,
+            0,
+            (base..=id).sum(),
+            base,
+            last,
+            last.wrapping_neg(),
+            base.wrapping_neg(),
+            (base..id).sum(),
+            base,
+            last,
+        ];
+        assert_eq!(words[..14], expected, "place {place} of {size}");
     }
 }

@@ -132,6 +132,11 @@ fn enumerant(kind: OperandKind, name: &str) -> Option<u32> {
         ($($kind:ident)*) => {
             match kind {
                 $(OperandKind::$kind => name.parse::<spirv::$kind>().ok().map(|value| value as u32),)*
+                // `2D` is `Dim2D` in the crate's table.
+                OperandKind::Dim => {
+                    let known = [name, &format!("Dim{name}")].map(|name| name.parse::<spirv::Dim>().ok());
+                    known.into_iter().flatten().next().map(|dim| dim as u32)
+                }
                 OperandKind::FunctionControl => Some(0),
                 OperandKind::MemoryAccess => match name {
                     "None" => Some(0),
@@ -153,5 +158,5 @@ fn enumerant(kind: OperandKind, name: &str) -> Option<u32> {
             }
         };
     }
-    kinds!(Capability AddressingModel MemoryModel ExecutionModel ExecutionMode StorageClass Decoration BuiltIn Dim ImageFormat GroupOperation PackedVectorFormat)
+    kinds!(Capability AddressingModel MemoryModel ExecutionModel ExecutionMode StorageClass Decoration BuiltIn ImageFormat GroupOperation PackedVectorFormat SourceLanguage)
 }

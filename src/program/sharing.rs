@@ -1,0 +1,494 @@
+//! Which memory the invocations of a launch share without atomic instructions between them.
+//!
+//! Where one invocation stores plainly what another one loads or stores, the result depends on the
+//! schedule. To know it before running, the place of every access is followed back to what tells
+//! invocations apart: the launch index, or workgroup and local index. A place is an invocation's own
+//! where it is a linear function of these that takes no value twice. What this cannot show (an index
+//! that was loaded lane by lane, the neighbour's texel) counts as shared, be it or not.
+//!
+//! Workgroup memory is left out: it is there to be shared, between barriers. So are two descriptors of
+//! one buffer.
+
+use std::collections::HashMap;
+
+use smallvec::SmallVec;
+
+use crate::machine::resource::ELEMENT_BITS;
+use crate::machine::{Binding, Descriptor, Reg, Resources};
+use crate::ops::arithmetic::{IAdd, IMul};
+use crate::ops::atomic::{self, Target as AtomicTarget};
+use crate::ops::bit::ShiftLeftLogical;
+use crate::ops::image::Op as ImageOp;
+use crate::ops::image::access::TexelPlace;
+use crate::ops::memory::{BufferRef, Chunk, Length, Op as MemoryOp};
+use crate::ops::op::{Access, Op};
+use crate::ops::row::Row;
+use crate::program::Program;
+
+/// Where memory is reached from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Memory {
+    /// The descriptors of a binding.
+    Binding(Binding),
+    /// Device addresses.
+    Addresses,
+    /// A descriptor that is not known before running.
+    Unknown,
+}
+
+/// An access to memory that all invocations reach.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Touch {
+    /// Where.
+    pub memory: Memory,
+    /// Whether it stores, plainly or by an atomic instruction.
+    pub stores: bool,
+    /// Whether it is atomic.
+    pub atomic: bool,
+    /// The place in it, where that is known: the bytes of a buffer, or one after the other the
+    /// coordinates of a texel.
+    place: Option<SmallVec<[Reach; 3]>>,
+}
+
+/// Numbers from a value on.
+#[derive(Clone, Debug, PartialEq)]
+struct Reach {
+    from: Sum,
+    count: u64,
+}
+
+/// What a term multiplies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Symbol {
+    /// A component of `LaunchIdKHR`, or of `WorkgroupId`.
+    Index(u8),
+    /// A component of `LocalInvocationId`.
+    Local(u8),
+    /// A component of `LaunchSizeKHR`, or of `NumWorkgroups`.
+    Size(u8),
+    /// The word at a byte of the push constants, or of an element of a binding: the same for all,
+    /// and known once resources are.
+    Word(Option<(Binding, u32)>, u32),
+}
+
+/// A sum of products, each with its factor; sorted.
+#[derive(Clone, Debug, PartialEq, Default)]
+struct Sum(SmallVec<[(SmallVec<[Symbol; 2]>, u64); 4]>);
+
+/// More terms, or factors of one, are not followed.
+const MOST: usize = 12;
+
+impl Sum {
+    fn constant(value: u64) -> Self {
+        Self::of(SmallVec::new(), value)
+    }
+
+    fn symbol(symbol: Symbol) -> Self {
+        Self::of(SmallVec::from_slice(&[symbol]), 1)
+    }
+
+    fn of(symbols: SmallVec<[Symbol; 2]>, factor: u64) -> Self {
+        Self(if factor == 0 { SmallVec::new() } else { SmallVec::from_iter([(symbols, factor)]) })
+    }
+
+    fn plus(mut self, other: &Self) -> Option<Self> {
+        for (symbols, factor) in &other.0 {
+            match self.0.iter_mut().find(|(known, _)| known == symbols) {
+                Some((_, known)) => *known = known.checked_add(*factor)?,
+                None => self.0.push((symbols.clone(), *factor)),
+            }
+        }
+        self.0.sort_unstable();
+        (self.0.len() <= MOST).then_some(self)
+    }
+
+    fn times(&self, other: &Self) -> Option<Self> {
+        let mut product = Self::default();
+        for (a, left) in &self.0 {
+            for (b, right) in &other.0 {
+                let mut symbols = a.clone();
+                symbols.extend(b.iter().copied());
+                symbols.sort_unstable();
+                if symbols.len() > MOST {
+                    return None;
+                }
+                product = product.plus(&Self::of(symbols, left.checked_mul(*right)?))?;
+            }
+        }
+        Some(product)
+    }
+
+    /// Its constant part, and the rest.
+    fn split(&self) -> (u64, Self) {
+        let constant = self.0.iter().find(|(symbols, _)| symbols.is_empty()).map_or(0, |term| term.1);
+        (constant, Self(self.0.iter().filter(|(symbols, _)| !symbols.is_empty()).cloned().collect()))
+    }
+}
+
+/// How many invocations a launch has along what tells them apart, and what it is given.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent<'a> {
+    /// `LaunchSizeKHR`, or `NumWorkgroups`.
+    pub count: [u32; 3],
+    /// `WorkgroupSize`; 1 in ray-tracing pipelines.
+    pub local: [u32; 3],
+    /// Push constants and buffers, which may tell how long a row is.
+    pub resources: &'a Resources,
+}
+
+impl Extent<'_> {
+    /// The sides longer than 1, with what tells their invocations apart.
+    fn sides(&self) -> impl Iterator<Item = (Symbol, u64)> {
+        let of = |sides: [u32; 3], symbol: fn(u8) -> Symbol| {
+            sides.into_iter().enumerate().map(move |(axis, side)| (symbol(axis as u8), u64::from(side)))
+        };
+        of(self.count, Symbol::Index).chain(of(self.local, Symbol::Local)).filter(|&(_, side)| side > 1)
+    }
+
+    /// The sides that a sum tells apart with steps of at least `count`; `None` where it may take one
+    /// value twice.
+    fn told_apart(&self, sum: &Sum, count: u64) -> Option<SmallVec<[Symbol; 6]>> {
+        let sides: SmallVec<[(Symbol, u64); 6]> = self.sides().collect();
+        let mut steps: SmallVec<[(u64, u64, Symbol); 6]> = SmallVec::new();
+        for (symbols, factor) in &sum.0 {
+            let (mut step, mut by, mut known) = (*factor, None, true);
+            for symbol in symbols {
+                match *symbol {
+                    Symbol::Size(axis) => step = step.checked_mul(self.count[axis as usize].into())?,
+                    Symbol::Index(_) | Symbol::Local(_) => {
+                        match sides.iter().find(|side| side.0 == *symbol) {
+                            // The only value is 0.
+                            None => step = 0,
+                            Some(_) if by.is_some() => return None,
+                            Some(&side) => by = Some(side),
+                        }
+                    }
+                    Symbol::Word(place, offset) => match self.word(place, offset) {
+                        Some(word) => step = step.checked_mul(word)?,
+                        None => known = false,
+                    },
+                }
+            }
+            match by {
+                Some(_) if !known && step > 0 => return None,
+                Some((symbol, side)) if step > 0 => match steps.iter_mut().find(|known| known.2 == symbol) {
+                    Some(known) => known.0 = known.0.checked_add(step)?,
+                    None => steps.push((step, side, symbol)),
+                },
+                _ => {}
+            }
+        }
+        steps.sort_unstable();
+        let mut reach = count;
+        for &(step, side, _) in &steps {
+            if step < reach {
+                return None;
+            }
+            reach = step.checked_mul(side - 1)?.checked_add(reach)?;
+        }
+        // Beyond, numbers of 32 bits begin anew.
+        if reach > u64::from(u32::MAX) {
+            return None;
+        }
+        Some(steps.into_iter().map(|(.., symbol)| symbol).collect())
+    }
+
+    /// A word that is the same for all invocations.
+    fn word(&self, place: Option<(Binding, u32)>, offset: u32) -> Option<u64> {
+        let buffer = match place {
+            None => self.resources.push_constants.as_ref()?,
+            Some((binding, element)) => {
+                let descriptor = self.resources.descriptors.get(&binding)?.get(element as usize)?;
+                descriptor
+                    .find(|kind| if let Descriptor::Buffer(buffer) = kind { Some(buffer) } else { None })?
+            }
+        };
+        buffer.load(offset.into(), 32).map(u64::from)
+    }
+
+    /// Whether every invocation has a place of its own for these accesses; `stored` are the memories
+    /// that something is stored to.
+    fn keeps_apart(&self, touches: &[&Touch], stored: &[Memory]) -> bool {
+        let Some(first) = touches[0].place.as_ref() else { return false };
+        let mut told: SmallVec<[Symbol; 6]> = SmallVec::new();
+        for (at, stretch) in first.iter().enumerate() {
+            let (_, rest) = stretch.from.split();
+            let changes = |symbol: &Symbol| match symbol {
+                Symbol::Word(Some((binding, _)), _) => {
+                    stored.contains(&Memory::Binding(*binding)) || stored.contains(&Memory::Unknown)
+                }
+                _ => false,
+            };
+            if rest.0.iter().any(|(symbols, _)| symbols.iter().any(changes)) {
+                return false;
+            }
+            let (mut low, mut high) = (u64::MAX, 0);
+            for touch in touches {
+                let Some(own) = touch.place.as_ref().and_then(|place| place.get(at)) else { return false };
+                let (constant, other) = own.from.split();
+                if other != rest || touch.place.as_ref().is_some_and(|place| place.len() != first.len()) {
+                    return false;
+                }
+                (low, high) = (low.min(constant), high.max(constant.saturating_add(own.count)));
+            }
+            told.extend(self.told_apart(&rest, high - low).unwrap_or_default());
+        }
+        self.sides().all(|(symbol, _)| told.contains(&symbol))
+    }
+
+    /// The first memory that invocations share without atomic instructions between them; `None` where
+    /// there is none.
+    pub fn shared(&self, programs: &[&Program]) -> Option<Memory> {
+        self.sides().next()?;
+        let touches: Vec<&Touch> = programs.iter().flat_map(|program| &program.touches).collect();
+        let stored = touches.iter().filter(|touch| touch.stores).map(|touch| touch.memory);
+        let mut memories: Vec<Memory> = stored.collect();
+        memories.sort_unstable();
+        memories.dedup();
+        memories.iter().copied().find(|&memory| {
+            let unknown = memory == Memory::Unknown;
+            let same = |touch: &&&Touch| unknown || [memory, Memory::Unknown].contains(&touch.memory);
+            let same: Vec<&Touch> = touches.iter().filter(same).copied().collect();
+            !same.iter().all(|touch| touch.atomic) && !self.keeps_apart(&same, &memories)
+        })
+    }
+}
+
+/// The accesses of a program to memory that all invocations reach, each kind once.
+pub fn touches(program: &Program) -> Vec<Touch> {
+    let stores = program.ops.iter().any(|op| match op {
+        Op::Memory(MemoryOp::BufferStore { .. }) | Op::Atomic(_) => true,
+        Op::Image(op) => matches!(op, ImageOp::Write(_)),
+        _ => false,
+    });
+    let loads = |op: &Op| matches!(op, Op::Memory(MemoryOp::BufferLoad { .. }) | Op::Image(ImageOp::Read(_)));
+    if !stores && !program.ops.iter().any(loads) {
+        return Vec::new();
+    }
+    let mut trace = Trace::new(program);
+    let mut found: Vec<Touch> = Vec::new();
+    let mut add = |touch: Option<Touch>| {
+        if let Some(touch) = touch.filter(|touch| !found.contains(touch)) {
+            found.push(touch);
+        }
+    };
+    for op in &program.ops {
+        match op {
+            Op::Memory(MemoryOp::BufferLoad { chunk, .. }) => add(trace.bytes(chunk, false, false)),
+            Op::Memory(MemoryOp::BufferStore { chunk, .. }) => add(trace.bytes(chunk, true, false)),
+            Op::Image(ImageOp::Read(op)) => add(Some(trace.texel(&op.place, false, false))),
+            Op::Image(ImageOp::Write(op)) => add(Some(trace.texel(&op.place, true, false))),
+            Op::Atomic(op) => {
+                let stores = op.kind != atomic::Kind::Load;
+                match &op.target {
+                    AtomicTarget::Buffer(chunk) => add(trace.bytes(chunk, stores, true)),
+                    AtomicTarget::Texel(place) => add(Some(trace.texel(place, stores, true))),
+                    AtomicTarget::Rows { .. } => {}
+                }
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+/// What rows hold, followed back to what writes them.
+struct Trace<'a> {
+    program: &'a Program,
+    /// The only operation that writes a row; `None` where several do.
+    writers: HashMap<Reg, Option<u32>>,
+    constants: HashMap<Reg, u32>,
+    known: HashMap<Reg, Option<Reach>>,
+}
+
+impl<'a> Trace<'a> {
+    fn new(program: &'a Program) -> Self {
+        let mut writers = HashMap::new();
+        for (at, op) in program.ops.iter().enumerate() {
+            op.accesses(|access| {
+                if let Access::Write(first, count) = access {
+                    for word in 0..count {
+                        let writer = writers.entry(first.plus(word)).or_insert(Some(at as u32));
+                        if *writer != Some(at as u32) {
+                            *writer = None;
+                        }
+                    }
+                }
+            });
+        }
+        let constants = program.constants.iter().copied().collect();
+        Self { program, writers, constants, known: HashMap::new() }
+    }
+
+    /// The access to a stretch of a buffer; `None` for memory that is not shared, or only read.
+    fn bytes(&mut self, chunk: &Chunk, stores: bool, atomic: bool) -> Option<Touch> {
+        let mut base = Some(Reach { from: Sum::constant(chunk.offset.into()), count: 1 });
+        let memory = match chunk.buffer {
+            BufferRef::PushConstants | BufferRef::ShaderRecord | BufferRef::Workgroup => return None,
+            BufferRef::Handle(handle) => self.binding(handle),
+            BufferRef::Computed(reg) => self.handle(reg),
+            BufferRef::Address(reg) => {
+                base = plus(base, self.value(reg));
+                Memory::Addresses
+            }
+        };
+        if let Some(index) = chunk.index {
+            base = plus(base, self.value(index));
+        }
+        let bytes = u64::from(chunk.count) * u64::from(chunk.width / 8);
+        let place = base.map(|stretch| {
+            SmallVec::from_iter([Reach { count: stretch.count - 1 + bytes, from: stretch.from }])
+        });
+        Some(Touch { memory, stores, atomic, place })
+    }
+
+    fn texel(&mut self, texel: &TexelPlace, stores: bool, atomic: bool) -> Touch {
+        let memory = self.handle(texel.image);
+        let plain = texel.offset.is_none() && texel.level.is_none() && texel.sample.is_none();
+        let place: Option<SmallVec<[Reach; 3]>> =
+            texel.coordinate.iter().map(|&reg| self.value(reg)).collect();
+        Touch { memory, stores, atomic, place: place.filter(|_| plain) }
+    }
+
+    fn binding(&self, handle: u32) -> Memory {
+        let slot = self.program.slots.get((handle >> ELEMENT_BITS) as usize);
+        slot.map_or(Memory::Unknown, |slot| Memory::Binding(slot.binding))
+    }
+
+    /// The binding of a computed handle: its array element may be any.
+    fn handle(&mut self, reg: Reg) -> Memory {
+        if let Some(&handle) = self.constants.get(&reg) {
+            return self.binding(handle);
+        }
+        match self.writer(reg) {
+            Some(&Op::Memory(MemoryOp::Index { base: Some(base), .. })) => self.handle(base),
+            // A handle of the first slot is nothing but its element.
+            Some(&Op::Memory(MemoryOp::Index { base: None, stride, index, .. })) => {
+                let shifted = self.constants.get(&index) == Some(&1);
+                self.binding(if shifted { stride } else { 0 })
+            }
+            Some(&Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. })) => {
+                self.handle(from)
+            }
+            _ => Memory::Unknown,
+        }
+    }
+
+    fn writer(&self, reg: Reg) -> Option<&'a Op> {
+        self.writers.get(&reg).copied().flatten().map(|at| &self.program.ops[at as usize])
+    }
+
+    /// What a row holds, up to `count - 1` more; `None` where that is not known.
+    fn value(&mut self, reg: Reg) -> Option<Reach> {
+        if let Some(known) = self.known.get(&reg) {
+            return known.clone();
+        }
+        // Whoever comes here again while it is looked for goes round in a circle.
+        self.known.insert(reg, None);
+        let value = self.fresh_value(reg);
+        self.known.insert(reg, value.clone());
+        value
+    }
+
+    fn fresh_value(&mut self, reg: Reg) -> Option<Reach> {
+        let exactly = |from| Some(Reach { from, count: 1 });
+        if let Some(&word) = self.constants.get(&reg) {
+            return exactly(Sum::constant(word.into()));
+        }
+        let holds = |first: Reg, count: u32| (first.0..first.0 + count).contains(&reg.0);
+        if let Some(input) = self.program.inputs.iter().find(|input| holds(input.first, input.count)) {
+            return exactly(self.builtin(input.builtin.number, (reg.0 - input.first.0) as u8)?);
+        }
+        match *self.writer(reg)? {
+            Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. }) => self.value(from),
+            Op::Memory(MemoryOp::Index { base, index, stride, length, .. }) => {
+                let base = base.map_or_else(|| exactly(Sum::default()), |base| self.value(base));
+                let by = match (self.value(index), length) {
+                    (Some(index), _) => scaled(index, stride.into()),
+                    (None, Length::Known(length)) => {
+                        let count = u64::from(length.saturating_sub(1)) * u64::from(stride) + 1;
+                        Some(Reach { from: Sum::default(), count })
+                    }
+                    (None, Length::Unknown) => None,
+                };
+                plus(base, by)
+            }
+            Op::Memory(MemoryOp::BufferLoad { to, chunk }) => {
+                let index = chunk.index.map_or(Some(0), |index| self.constants.get(&index).copied())?;
+                let offset = chunk.offset.checked_add(index)? + 4 * (reg.0 - to.0);
+                let place = match chunk.buffer {
+                    BufferRef::PushConstants => None,
+                    BufferRef::Handle(handle) => match self.binding(handle) {
+                        Memory::Binding(binding) => Some((binding, handle & ((1 << ELEMENT_BITS) - 1))),
+                        _ => return None,
+                    },
+                    _ => return None,
+                };
+                exactly(Sum::symbol(Symbol::Word(place, offset))).filter(|_| chunk.width == 32)
+            }
+            Op::Row { row, from: [a, b, _], .. } => {
+                if is(row, IAdd.row(32)) || is(row, IAdd.row(64)) || is_address(row) {
+                    return plus(self.value(a), self.value(b));
+                }
+                if is(row, IMul.row(32)) {
+                    let (a, b) = (self.value(a)?, self.value(b)?);
+                    return match (a.count, b.count) {
+                        (1, 1) => exactly(a.from.times(&b.from)?),
+                        _ => None,
+                    };
+                }
+                if is(row, ShiftLeftLogical.row(32)) {
+                    let by = *self.constants.get(&b)?;
+                    return scaled(self.value(a)?, 1u64.checked_shl(by)?);
+                }
+                None
+            }
+            _ => None,
+        }
+    }
+
+    /// What a builtin's component is.
+    fn builtin(&self, number: u32, axis: u8) -> Option<Sum> {
+        let size = self.program.workgroup.map_or([1; 3], |layout| layout.size).map(u64::from);
+        let of = |symbol, factor| Sum::of(SmallVec::from_slice(&[symbol]), factor);
+        match number {
+            LAUNCH_ID | WORKGROUP_ID => Some(Sum::symbol(Symbol::Index(axis))),
+            LAUNCH_SIZE | NUM_WORKGROUPS => Some(Sum::symbol(Symbol::Size(axis))),
+            LOCAL_INVOCATION_ID => Some(Sum::symbol(Symbol::Local(axis))),
+            GLOBAL_INVOCATION_ID => {
+                of(Symbol::Index(axis), size[axis as usize]).plus(&Sum::symbol(Symbol::Local(axis)))
+            }
+            LOCAL_INVOCATION_INDEX => Sum::symbol(Symbol::Local(0))
+                .plus(&of(Symbol::Local(1), size[0]))?
+                .plus(&of(Symbol::Local(2), size[0] * size[1])),
+            _ => None,
+        }
+    }
+}
+
+fn is(row: &Row, known: Option<&Row>) -> bool {
+    known.is_some_and(|known| std::ptr::eq(row, known))
+}
+
+fn is_address(row: &Row) -> bool {
+    std::ptr::eq(row, &crate::ops::address::row::AddressPlus.rows[0])
+}
+
+fn plus(a: Option<Reach>, b: Option<Reach>) -> Option<Reach> {
+    let (a, b) = (a?, b?);
+    Some(Reach { from: a.from.plus(&b.from)?, count: a.count.checked_add(b.count - 1)? })
+}
+
+fn scaled(stretch: Reach, by: u64) -> Option<Reach> {
+    let count = (stretch.count - 1).checked_mul(by)?.checked_add(1)?;
+    Some(Reach { from: stretch.from.times(&Sum::constant(by))?, count })
+}
+
+/// Builtins, numbers of the specification.
+const NUM_WORKGROUPS: u32 = 24;
+const WORKGROUP_ID: u32 = 26;
+const LOCAL_INVOCATION_ID: u32 = 27;
+const GLOBAL_INVOCATION_ID: u32 = 28;
+const LOCAL_INVOCATION_INDEX: u32 = 29;
+const LAUNCH_ID: u32 = 5319;
+const LAUNCH_SIZE: u32 = 5320;

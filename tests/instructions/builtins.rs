@@ -1,0 +1,139 @@
+//! Builtins that no shader of `shaders/` reads.
+
+use std::sync::Arc;
+
+use anyhit::machine::{Buffer, Descriptor, Resources};
+use anyhit::pipeline::Compute;
+
+use crate::assembly::assemble;
+use crate::run::Shader;
+
+/// Runs a shader that writes the words of input variables, given as (builtin, type, words).
+fn read(capabilities: &str, builtins: &[(&str, &str, u32)]) -> Vec<[u32; 16]> {
+    let (mut annotations, mut declarations, mut body) = (String::new(), String::new(), String::new());
+    let mut at = 0;
+    for (builtin, ty, words) in builtins {
+        annotations += &format!("OpDecorate %in_{builtin} BuiltIn {builtin}\n");
+        declarations += &format!("%in_{builtin} = OpVariable %ptr_Input_{ty} Input\n");
+        body += &format!("%value_{builtin} = OpLoad %{ty} %in_{builtin}\n");
+        for word in 0..*words {
+            let value = if *words == 1 {
+                format!("%value_{builtin}")
+            } else {
+                body += &format!("%w_{at} = OpCompositeExtract %uint %value_{builtin} {word}\n");
+                format!("%w_{at}")
+            };
+            body += &format!("out {at} {value}\n");
+            at += 1;
+        }
+    }
+    let types =
+        "%ptr_Input_uint = OpTypePointer Input %uint\n%ptr_Input_uint4 = OpTypePointer Input %uint4\n";
+    let declarations = format!("{types}{declarations}");
+    let shader = Shader {
+        capabilities,
+        annotations: &annotations,
+        declarations: &declarations,
+        body: &body,
+        ..Shader::default()
+    };
+    shader.run()
+}
+
+#[test]
+fn one_device_with_one_core_of_one_warp() {
+    let builtins = [
+        ("DeviceIndex", "uint", 1),
+        ("WarpsPerSMNV", "uint", 1),
+        ("SMCountNV", "uint", 1),
+        ("WarpIDNV", "uint", 1),
+        ("SMIDNV", "uint", 1),
+        ("CoreIDARM", "uint", 1),
+        ("CoreCountARM", "uint", 1),
+        ("CoreMaxIDARM", "uint", 1),
+        ("WarpIDARM", "uint", 1),
+        ("WarpMaxIDARM", "uint", 1),
+    ];
+    let capabilities = "
+        OpCapability DeviceGroup
+        OpCapability ShaderSMBuiltinsNV
+        OpCapability CoreBuiltinsARM";
+    for words in read(capabilities, &builtins) {
+        // Counts are 1, numbers and greatest numbers 0.
+        assert_eq!(words[..10], [0, 1, 1, 0, 0, 0, 1, 0, 0, 0]);
+    }
+}
+
+#[test]
+fn masks_of_the_subgroup() {
+    let masks = ["SubgroupEqMask", "SubgroupGeMask", "SubgroupGtMask"].map(|name| (name, "uint4", 4));
+    let rest = ["SubgroupLeMask", "SubgroupLtMask"].map(|name| (name, "uint4", 4));
+    let capability = "OpCapability GroupNonUniformBallot";
+    let found = read(capability, &masks).into_iter().zip(read(capability, &rest));
+    for (id, (first, second)) in found.enumerate() {
+        let (place, size) = (id as u32 % 32, if id < 32 { 32 } else { 8 });
+        let mask = |holds: &dyn Fn(u32) -> bool| -> u32 {
+            (0..32).filter(|&other| holds(other)).map(|other| 1 << other).sum()
+        };
+        assert_eq!(first[0], mask(&|other| other == place));
+        // Bits above the own place reach to the size of a subgroup, which is 32 whatever its members.
+        assert_eq!(first[4], mask(&|other| other >= place), "{id} of {size}");
+        assert_eq!(first[8], mask(&|other| other > place));
+        assert_eq!(second[0], mask(&|other| other <= place));
+        assert_eq!(second[4], mask(&|other| other < place));
+        for high in [&first[1..4], &first[5..8], &first[9..12], &second[1..4], &second[5..8]] {
+            assert_eq!(high, [0; 3]);
+        }
+    }
+}
+
+#[test]
+fn the_constant_decorated_with_workgroup_size_counts() {
+    let module = assemble(
+        "OpCapability Shader
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint GLCompute %main \"main\" %index %out
+         OpExecutionMode %main LocalSize 1 1 1
+         OpDecorate %index BuiltIn LocalInvocationIndex
+         OpDecorate %size BuiltIn WorkgroupSize
+         OpDecorate %words ArrayStride 4
+         OpDecorate %block Block
+         OpMemberDecorate %block 0 Offset 0
+         OpDecorate %out DescriptorSet 0
+         OpDecorate %out Binding 0
+         %void = OpTypeVoid
+         %function = OpTypeFunction %void
+         %uint = OpTypeInt 32 0
+         %uint3 = OpTypeVector %uint 3
+         %0 = OpConstant %uint 0
+         %1 = OpConstant %uint 1
+         %2 = OpConstant %uint 2
+         %4 = OpConstant %uint 4
+         %size = OpConstantComposite %uint3 %4 %2 %1
+         %ptr_in = OpTypePointer Input %uint
+         %index = OpVariable %ptr_in Input
+         %words = OpTypeRuntimeArray %uint
+         %block = OpTypeStruct %words
+         %ptr_block = OpTypePointer StorageBuffer %block
+         %ptr_uint = OpTypePointer StorageBuffer %uint
+         %out = OpVariable %ptr_block StorageBuffer
+         %main = OpFunction %void None %function
+         %entry = OpLabel
+         %i = OpLoad %uint %index
+         %x = OpCompositeExtract %uint %size 0
+         %sum = OpIAdd %uint %i %x
+         %pointer = OpAccessChain %ptr_uint %out %0 %i
+         OpStore %pointer %sum
+         OpReturn
+         OpFunctionEnd",
+    );
+    let module = Arc::new(anyhit::module::load(&module).expect("a module"));
+    let program = anyhit::program::lower(&module, &module.entry_points[0]).expect("a program");
+    let compute = Compute::new(program).expect("a compute shader");
+    let out = Buffer::zeroed(36);
+    let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
+    compute.dispatch(&resources, [1, 1, 1]).expect("no trap");
+    // Four by two invocations, not LocalSize's one; each adds the width.
+    let words: Vec<u32> = bytemuck::pod_collect_to_vec(&out.bytes());
+    assert_eq!(words, [4, 5, 6, 7, 8, 9, 10, 11, 0]);
+}

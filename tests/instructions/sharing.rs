@@ -1,0 +1,167 @@
+//! Memory that invocations share without atomic instructions between them: it is found before running,
+//! and the launch keeps one schedule.
+
+use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
+use anyhit::program::sharing::{Extent, Memory};
+
+use crate::run::Shader;
+
+const OUT: Memory = Memory::Binding(Binding { set: 0, binding: 0 });
+
+/// A further output, `%cells`, at binding 1; a storage image at binding 2; a push constant.
+const ANNOTATIONS: &str = "
+    OpDecorate %cells DescriptorSet 0
+    OpDecorate %cells Binding 1
+    OpDecorate %picture DescriptorSet 0
+    OpDecorate %picture Binding 2
+    OpDecorate %launch_size BuiltIn LaunchSizeKHR
+    OpDecorate %push_block Block
+    OpMemberDecorate %push_block 0 Offset 0";
+const DECLARATIONS: &str = "
+    %u64 = OpConstant %uint 64
+    %cells = OpVariable %ptr_StorageBuffer_out_block StorageBuffer
+    %launch_size = OpVariable %ptr_Input_uint3 Input
+    %push_block = OpTypeStruct %uint
+    %ptr_push_block = OpTypePointer PushConstant %push_block
+    %ptr_push_uint = OpTypePointer PushConstant %uint
+    %push = OpVariable %ptr_push_block PushConstant
+    %image = OpTypeImage %float 2D 0 0 0 2 R32f
+    %ptr_image = OpTypePointer UniformConstant %image
+    %picture = OpVariable %ptr_image UniformConstant
+    %int2 = OpTypeVector %int 2
+    %one = OpConstant %int 1
+    %zero = OpConstant %int 0
+    %right = OpConstantComposite %int2 %one %zero";
+
+/// What a launch of some size shares, the body finding `%x`, `%y`, `%width` and `%pushed`.
+fn shared(body: &str, size: [u32; 3]) -> Option<Memory> {
+    shared_with(body, size, &Resources::default())
+}
+
+fn shared_with(body: &str, size: [u32; 3], resources: &Resources) -> Option<Memory> {
+    let body = format!(
+        "%x = OpCompositeExtract %uint %launch_id_value 0
+         %y = OpCompositeExtract %uint %launch_id_value 1
+         %xy_unsigned = OpVectorShuffle %uint2 %launch_id_value %launch_id_value 0 1
+         %xy = OpBitcast %int2 %xy_unsigned
+         %size = OpLoad %uint3 %launch_size
+         %width = OpCompositeExtract %uint %size 0
+         %push_pointer = OpAccessChain %ptr_push_uint %push %u0
+         %pushed = OpLoad %uint %push_pointer
+         {body}"
+    );
+    let shader =
+        Shader { annotations: ANNOTATIONS, declarations: DECLARATIONS, body: &body, ..Shader::default() };
+    Extent { count: size, local: [1; 3], resources }.shared(&[&shader.program()])
+}
+
+fn cell(index: &str) -> String {
+    format!(
+        "{index}
+         %pointer = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %index
+         OpStore %pointer %u7"
+    )
+}
+
+const CELLS: Option<Memory> = Some(Memory::Binding(Binding { set: 0, binding: 1 }));
+
+#[test]
+fn places_by_the_launch_index_are_apart() {
+    // 16 words each, from word 16 x on.
+    let body = "out 0 %id\nout 15 %id";
+    assert_eq!(shared(body, [40, 1, 1]), None);
+    assert_eq!(shared(body, [40, 2, 1]), Some(OUT), "rows of the launch fall on each other");
+    let grid = cell("%row = OpIMul %uint %y %width\n%index = OpIAdd %uint %row %x");
+    assert_eq!(shared(&grid, [40, 20, 1]), None);
+    assert_eq!(shared(&grid, [40, 20, 2]), CELLS);
+    let transposed = cell("%row = OpIMul %uint %x %width\n%index = OpIAdd %uint %row %y");
+    assert_eq!(shared(&transposed, [40, 40, 1]), None);
+    assert_eq!(shared(&transposed, [40, 41, 1]), CELLS, "a column is longer than the step between them");
+    let fixed = cell("%row = OpShiftLeftLogical %uint %y %u6\n%index = OpIAdd %uint %row %x");
+    assert_eq!(shared(&fixed, [64, 20, 1]), None);
+    assert_eq!(shared(&fixed, [65, 20, 1]), CELLS);
+}
+
+#[test]
+fn what_cannot_be_told_counts_as_shared() {
+    let pushed = cell("%row = OpIMul %uint %y %pushed\n%index = OpIAdd %uint %row %x");
+    assert_eq!(shared(&pushed, [40, 20, 1]), CELLS);
+    assert_eq!(shared(&pushed, [40, 1, 1]), None, "a single row needs no width");
+    let given = |width: u32| Resources {
+        push_constants: Some(Buffer::new(&width.to_le_bytes())),
+        ..Resources::default()
+    };
+    assert_eq!(shared_with(&pushed, [40, 20, 1], &given(40)), None, "the width is known when it runs");
+    assert_eq!(shared_with(&pushed, [40, 20, 1], &given(39)), CELLS);
+    let from = cell("%index = OpIAdd %uint %x %pushed");
+    assert_eq!(shared_with(&from, [40, 1, 1], &given(7)), None);
+    let constant = cell("%index = OpIAdd %uint %u3 %pushed");
+    assert_eq!(shared(&constant, [40, 1, 1]), CELLS);
+    assert_eq!(shared(&constant, [1, 1, 1]), None, "nobody is there to share with");
+    let rest = cell("%index = OpUMod %uint %x %u16");
+    assert_eq!(shared(&rest, [40, 1, 1]), CELLS);
+}
+
+#[test]
+fn loads_count_where_somebody_stores() {
+    let load = "
+        %index = OpIAdd %uint %x %u1
+        %pointer = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %index
+        %loaded = OpLoad %uint %pointer
+        out 0 %loaded";
+    assert_eq!(shared(load, [40, 1, 1]), None, "only loads");
+    let neighbour = format!(
+        "{load}
+         %own = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %x
+         OpStore %own %u7"
+    );
+    assert_eq!(shared(&neighbour, [40, 1, 1]), CELLS);
+    let counted = format!("{load}\n%old = OpAtomicIAdd %uint %pointer %u1 %u0 %u1");
+    assert_eq!(shared(&counted, [40, 1, 1]), None, "each its own");
+    let counter = "
+        %pointer = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %u0
+        %old = OpAtomicIAdd %uint %pointer %u1 %u0 %u1";
+    assert_eq!(shared(counter, [40, 1, 1]), None, "atomic instructions alone");
+    let read = format!("{counter}\n%loaded = OpLoad %uint %pointer\nout 0 %loaded");
+    assert_eq!(shared(&read, [40, 1, 1]), CELLS);
+}
+
+#[test]
+fn texels_are_told_by_their_coordinates() {
+    let accumulate = |coordinate: &str| {
+        format!(
+            "%next = OpIAdd %int2 %xy %right
+             %image_value = OpLoad %image %picture
+             %texel = OpImageRead %float4 %image_value {coordinate}
+             OpImageWrite %image_value %xy %texel"
+        )
+    };
+    assert_eq!(shared(&accumulate("%xy"), [40, 20, 1]), None);
+    let picture = Some(Memory::Binding(Binding { set: 0, binding: 2 }));
+    assert_eq!(shared(&accumulate("%xy"), [40, 20, 3]), picture);
+    assert_eq!(shared(&accumulate("%next"), [40, 20, 1]), picture);
+}
+
+#[test]
+fn one_schedule_at_every_width() {
+    // Each stores its number in one cell and loads it again: `run_with` compares the widths.
+    let shader = Shader {
+        annotations: "
+            OpDecorate %cells DescriptorSet 0
+            OpDecorate %cells Binding 1",
+        declarations: "%cells = OpVariable %ptr_StorageBuffer_out_block StorageBuffer",
+        body: "
+            %pointer = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %u0
+            OpStore %pointer %id
+            %loaded = OpLoad %uint %pointer
+            out 0 %loaded",
+        ..Shader::default()
+    };
+    let found =
+        shader.run_with(&mut || Resources::default().bind(0, 1, Descriptor::Buffer(Buffer::zeroed(4))));
+    let found = found.unwrap_or_else(|error| panic!("{}", error.render()));
+    // 32 together, in launch order: the last of them is read by all.
+    for (id, words) in found.iter().enumerate() {
+        assert_eq!(words[0], if id < 32 { 31 } else { 39 });
+    }
+}
