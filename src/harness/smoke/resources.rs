@@ -136,7 +136,8 @@ pub fn given(
 
 /// Adds what another variable asks of a binding that several share; of buffers the largest is kept.
 fn share(held: &mut Descriptor, new: &Descriptor) {
-    let kinds: &[Descriptor] = if let Descriptor::Mutable(kinds) = held { kinds } else { &[held.clone()] };
+    let kinds: &[Descriptor] =
+        if let Descriptor::Mutable(kinds) = held { kinds } else { std::slice::from_ref(held) };
     let mut kinds = kinds.to_vec();
     let same = |held: &&mut Descriptor| match (&**held, new) {
         (Descriptor::Image(a), Descriptor::Image(b))
