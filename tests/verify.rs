@@ -252,6 +252,8 @@ fn what_others_write_is_understood() {
     let indexed = || spheres().i32("geometry0.indices", &[2], &[1, 0]).i32("driver.primitive_id", &[1], &[0]);
     agrees(&indexed().i32("driver.is_sphere", &[1], &[1]));
     agrees(&indexed().f32("driver.position_radius", &[1, 4], &[1.0, 0.0, 0.0, 0.5]));
+    // A miss by infinity.
+    agrees(&triangle().f32("driver.t", &[2], &[3.0, f32::INFINITY]));
     // A negative radius is not valid (VUID-VkAccelerationStructureGeometrySpheresDataNV-radiusData-10436).
     let notes = agrees(&spheres().f32("geometry0.radii", &[2], &[-1.0, 0.5]));
     assert!(notes[0].contains("1 radii of `geometry0.radii` are negative"), "{notes:?}");

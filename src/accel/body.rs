@@ -185,11 +185,15 @@ impl Body {
             Shapes::Aabbs(blocks) => blocks[at].intersect(lane, ray, precision),
             Shapes::Spheres(blocks) => blocks[at].intersect(lane, ray, precision),
             Shapes::LinearSweptSpheres(blocks) => blocks[at].intersect(lane, ray, precision),
-            Shapes::MovingTriangles(all) => {
-                triangle::intersect(ray, between(all[place].as_ref()?, time), precision)
-            }
+            Shapes::MovingTriangles(all) => moving(all[place].as_ref()?, ray, time, precision),
         }
     }
+}
+
+/// Where a ray of a time meets a triangle that moves; apart, so that those at rest pay nothing.
+#[inline(never)]
+fn moving(keys: &Keys, ray: &ObjectRay, time: f32, precision: Precision) -> Option<Intersection> {
+    triangle::intersect(ray, between(keys, time), precision)
 }
 
 impl Shapes {

@@ -199,11 +199,15 @@ impl Tlas {
         match &self.placed[instance as usize] {
             Placed::Still(transform) => ObjectRay::in_instance(ray, transform),
             Placed::InWorld => ObjectRay::in_world(ray),
-            Placed::Moving => {
-                let matrix = self.instances[instance as usize].motion.as_ref()?.at(time)?;
-                ObjectRay::new(ray, Some(&matrix))
-            }
+            Placed::Moving => self.moving_ray(instance, ray, time),
         }
+    }
+
+    /// Apart, so that instances at rest pay nothing.
+    #[inline(never)]
+    fn moving_ray(&self, instance: u32, ray: &Ray, time: f32) -> Option<ObjectRay> {
+        let matrix = self.instances[instance as usize].motion.as_ref()?.at(time)?;
+        ObjectRay::new(ray, Some(&matrix))
     }
 
     /// The tree over the instances' world boxes, with its order (place -> instance); `None` for a

@@ -292,6 +292,11 @@ impl Recorded {
     }
 }
 
+/// Whether a recorded t is one: a miss has -1, and some write infinity or NaN.
+fn is_hit(t: f64) -> bool {
+    t >= 0.0 && t.is_finite()
+}
+
 /// Counts hits, and hands each row on whose hits agree.
 fn count<'a>(
     rows: &'a [Row],
@@ -351,7 +356,7 @@ impl Distribution {
 
 fn with_reference(reference: &Reference, rows: &[Row]) -> AgainstReference {
     let recorded = |at: usize| {
-        let hit = reference.t[at] >= 0.0;
+        let hit = is_hit(reference.t[at]);
         Recorded { hit, t: hit.then(|| reference.t(at)), place: reference.places.at(at) }
     };
     let mut attributes = Attributes::default();
@@ -381,15 +386,15 @@ fn with_reference(reference: &Reference, rows: &[Row]) -> AgainstReference {
 
 fn with_driver(recording: &Recording, driver: &Driver, rows: &[Row]) -> AgainstDriver {
     let recorded = |at: usize| {
-        let hit = driver.miss_ran.as_ref().map_or(driver.t[at] >= 0.0, |all| all[at] == 0);
+        let hit = driver.miss_ran.as_ref().map_or(is_hit(driver.t[at]), |all| all[at] == 0);
         // Where no closest-hit shader ran, nothing of the hit is known.
-        let seen = hit && driver.t[at] >= 0.0;
+        let seen = hit && is_hit(driver.t[at]);
         let place = if seen { driver.places.at(at) } else { [None; 3] };
         Recorded { hit, t: seen.then(|| [driver.t[at], 0.0]), place }
     };
     let [mut attributes, mut positions, mut object_ray, mut custom_index] = [Agreement::default(); 4];
     let hits = count(rows, recorded, |row, tie, ours| {
-        let (Some(hit), false) = (row.hit(), tie || driver.t[row.at] < 0.0) else { return };
+        let (Some(hit), false) = (row.hit(), tie || !is_hit(driver.t[row.at])) else { return };
         if let Some(all) = &driver.instance_custom_index {
             let instance = &recording.tlas.instances()[hit.candidate.instance as usize];
             custom_index.add(i64::from(instance.custom_index) == all[row.at]);
@@ -417,7 +422,7 @@ fn with_driver(recording: &Recording, driver: &Driver, rows: &[Row]) -> AgainstD
         hits,
         shaders_ran: shaders_ran(driver, decided()),
         hit_kind: driver.hit_kind.as_ref().and_then(|kinds| {
-            let seen = |row: &&Row| driver.t[row.at] >= 0.0 && row.hit().is_some();
+            let seen = |row: &&Row| is_hit(driver.t[row.at]) && row.hit().is_some();
             agreement(decided().filter(seen), |row| Some(i64::from(row.hit()?.hit_kind.0) == kinds[row.at]))
         }),
         shape: shape(driver, decided()),
@@ -452,7 +457,7 @@ fn shaders_ran<'a>(driver: &Driver, rows: impl Iterator<Item = &'a Row>) -> Opti
 
 fn shape<'a>(driver: &Driver, rows: impl Iterator<Item = &'a Row>) -> Option<Agreement> {
     agreement(rows, |row| {
-        let hit = row.hit().filter(|_| driver.t[row.at] >= 0.0)?;
+        let hit = row.hit().filter(|_| is_hit(driver.t[row.at]))?;
         let agrees = |all: &Option<Vec<i64>>, kind: HitKind| {
             all.as_ref().map(|all| (all[row.at] == 1) == (hit.hit_kind == kind))
         };

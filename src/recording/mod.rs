@@ -135,8 +135,8 @@ impl Recording {
             })
             .collect();
         let boxes: usize = geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
-        let spheres = procedural_spheres(&tensors, &geometries, boxes)?;
         let blas = crate::accel::Blas::new(geometries).map_err(invalid)?;
+        let spheres = procedural_spheres(&tensors, blas.geometries(), boxes)?;
         let tlas = Tlas::new(instances(&tensors, &blas)?).map_err(invalid)?;
         let rays = ray::read(&tensors)?;
         let (driver, reference) = (driver(&tensors, rays.len())?, reference(&tensors, rays.len())?);
