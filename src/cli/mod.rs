@@ -12,6 +12,7 @@ mod precision;
 pub mod render;
 pub mod run;
 pub mod smoke;
+mod stability;
 mod stats;
 #[cfg(feature = "stress")]
 pub mod stress;

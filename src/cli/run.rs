@@ -10,6 +10,7 @@ use std::time::Instant;
 use clap::Args;
 
 use crate::cli::output;
+use crate::cli::stability::StabilityArgs;
 use crate::cli::stats;
 use crate::error::{Error, Result};
 use crate::machine::MemoryPolicy;
@@ -44,6 +45,11 @@ pub struct RunArgs {
     /// Print what was done: invocations, batches, occupancy, time
     #[arg(long)]
     stats: bool,
+    #[command(flatten)]
+    stability: StabilityArgs,
+    /// With --shadow or --perturb: print JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the command.
@@ -66,6 +72,13 @@ pub fn run(args: RunArgs) -> Result<()> {
         Some("robust") => assembled.resources.policy = MemoryPolicy::Robust,
         Some(_) => assembled.resources.policy = MemoryPolicy::Trap,
         None => {}
+    }
+    if args.stability.asks() {
+        return args.stability.run(&scene, &assembled, None, args.json);
+    }
+    if args.json {
+        let message = "`--json` is for --shadow and --perturb; a buffer has --dump WHAT=json";
+        return Err(dump::invalid(message.to_owned()));
     }
     let printed = Arc::default();
     assembled.resources.printed = Some(Arc::clone(&printed));

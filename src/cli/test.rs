@@ -48,6 +48,9 @@ pub struct TestArgs {
     /// Write the coverage of the shaders' lines and branches as an lcov tracefile, and sum it up
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
+    /// Run every float operation in f64, too, and tell afterwards on which lines the two part
+    #[arg(long)]
+    shadow: bool,
     /// Where pictures that differ are saved [default: a folder among the system's temporary files]
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
@@ -101,10 +104,19 @@ pub fn run(args: TestArgs) -> Result<()> {
         write(path, &report.coverage.lcov())?;
     }
     match args.format {
-        Format::Json => output::print(format_args!("{:#}\n", tell::json(&report, args.coverage.is_some())))?,
+        Format::Json => {
+            let mut json = tell::json(&report, args.coverage.is_some());
+            if args.shadow {
+                json["shadow"] = report.shadow.json(None);
+            }
+            output::print(format_args!("{json:#}\n"))?;
+        }
         Format::Plain | Format::Github => {
             if args.coverage.is_some() {
                 output::print(tell::coverage(&report.coverage))?;
+            }
+            if args.shadow {
+                output::print(format_args!("\n{}\n", report.shadow.text()))?;
             }
             output::print(tell::summary(&report))?;
         }
@@ -121,6 +133,7 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<Report> {
         bless: args.bless,
         fail_fast: args.fail_fast,
         coverage: args.coverage.is_some(),
+        shadow: args.shadow,
         no_explanation: args.no_explanation,
         colour,
         pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
 use crate::debug::command;
 use crate::debug::render::{self, Look};
@@ -34,6 +35,8 @@ pub struct TraceOneRayArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    stability: StabilityArgs,
     /// Show every instance and every primitive tested
     #[arg(long)]
     all: bool,
@@ -75,7 +78,12 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
         Some(path) => load(path, &DiskFiles, &options)?,
         None => demo::scene(&options)?,
     };
-    let (mut story, trap) = Session::new(scene)?.tell(&request)?;
+    let session = Session::new(scene)?;
+    if args.stability.asks() {
+        let (_, settled) = session.settle(&request)?;
+        return args.stability.run(session.scene(), session.assembled(), Some(&settled), args.json);
+    }
+    let (mut story, trap) = session.tell(&request)?;
     if args.scene.is_none() {
         story.scene = "swept-spheres (part of the program)".into();
     }

@@ -80,7 +80,12 @@ pub fn surface(surface: Surface) -> &'static str {
 
 /// The source line of an operation.
 pub fn source_line(program: &Program, op: u32) -> Option<SourceLine> {
-    Some(match program.place(op)? {
+    source_line_at(program, program.origins.get(op as usize)?.offset)
+}
+
+/// The source line of the instruction at a word offset of the module.
+pub fn source_line_at(program: &Program, offset: u32) -> Option<SourceLine> {
+    Some(match program.place_at(offset)? {
         Place::Text { file, text, span } => SourceLine {
             file,
             line: text[..span.start].matches('\n').count() as u32 + 1,

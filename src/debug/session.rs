@@ -97,8 +97,21 @@ impl Session {
         Ok((story, trap))
     }
 
-    /// Turns a request into a launch index or a ray that can be traced.
-    fn settle(&self, request: &Request) -> Result<(Option<String>, Settled)> {
+    /// The scene.
+    pub fn scene(&self) -> &ResolvedScene {
+        &self.scene
+    }
+
+    /// Its pipeline and resources.
+    pub fn assembled(&self) -> &Assembled {
+        &self.assembled
+    }
+
+    /// Turns a request into a launch index or a ray that can be traced, with its name.
+    ///
+    /// # Errors
+    /// As [`Session::tell`].
+    pub fn settle(&self, request: &Request) -> Result<(Option<String>, Settled)> {
         let entry = match request {
             Request::Pixel(id) => return Ok((None, Settled::Pixel(self.inside(*id)?))),
             Request::Ray(ray) => return Ok((None, Settled::Ray(check(ray)?))),
@@ -167,9 +180,26 @@ impl Session {
     }
 }
 
-enum Settled {
+/// A request that fits its scene.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Settled {
+    /// A launch index.
     Pixel([u32; 3]),
+    /// A ray that breaks no rule.
     Ray(GivenRay),
+}
+
+impl Settled {
+    /// An entry of a scene.
+    ///
+    /// # Errors
+    /// As [`check`].
+    pub fn of(entry: &RayEntry) -> Result<Self> {
+        match entry {
+            RayEntry::Pixel { pixel, .. } => Ok(Self::Pixel([pixel.value[0], pixel.value[1], 0])),
+            RayEntry::Given(ray) => check(ray).map(Self::Ray),
+        }
+    }
 }
 
 /// Holds a ray against the rules of a trace (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06358).

@@ -158,7 +158,7 @@ impl<'a> Watcher<'a> {
 }
 
 impl Observer<1> for Watcher<'_> {
-    fn resumed(&mut self, shader: u32, batch: &Batch<1>) {
+    fn resumed(&mut self, shader: u32, batch: &mut Batch<1>) {
         self.shader = shader;
         self.op = batch.op;
         self.last = self.value(batch);

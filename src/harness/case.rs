@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::expect::{Difference, Expectations, Observed, OneRay};
 use crate::harness::run::{Watch, one_ray, run};
+use crate::harness::stability::perturb;
 use crate::scene::file::SceneFile;
 use crate::scene::read::{Document, Parse, Report, Table};
 use crate::scene::{Assembled, DiskFiles, Files, Options, ResolvedScene, assemble, load};
@@ -145,7 +146,8 @@ impl Case {
         let mut differences = loaded.expectations.differences(&observed);
         for (at, expect) in loaded.rays.iter().enumerate() {
             let Some(expect) = expect else { continue };
-            let mut watch = Watch { costs: expect.rest.wants_costs(), ..Watch::default() };
+            let (costs, stable) = (expect.rest.wants_costs(), expect.rest.stable.as_ref());
+            let mut watch = Watch { costs, stable, ..Watch::default() };
             differences.extend(expect.differences(&one_ray(
                 &loaded.scene,
                 &loaded.assembled,
@@ -208,11 +210,14 @@ impl Loaded {
         Ok(many)
     }
 
-    /// Counts what rays cost, where an expectation asks.
+    /// Counts what rays cost and looks for what hangs on rounding, where an expectation asks.
     ///
     /// # Errors
     /// As [`run::costs`](crate::harness::run::costs).
     pub fn add_costs(&self, observed: &mut Observed) -> Result<()> {
+        if let Some(stable) = self.expectations.stable.as_ref().filter(|_| observed.trap.is_none()) {
+            observed.stability = Some(perturb(&self.scene, &self.assembled, &stable.perturbation));
+        }
         if self.expectations.wants_costs() && observed.trap.is_none() {
             observed.costs = Some(crate::harness::run::costs(&self.assembled)?);
         }

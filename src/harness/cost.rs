@@ -122,7 +122,7 @@ impl Meter {
 pub struct Counter<'a>(&'a Meter);
 
 impl Observer<1> for Counter<'_> {
-    fn resumed(&mut self, shader: u32, _: &Batch<1>) {
+    fn resumed(&mut self, shader: u32, _: &mut Batch<1>) {
         self.0.state.borrow_mut().shader = shader as usize;
     }
 

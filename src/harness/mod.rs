@@ -37,12 +37,14 @@ pub mod shader_test;
 #[cfg(test)]
 mod shader_test_tests;
 pub mod smoke;
+pub mod stability;
 #[cfg(feature = "proptest")]
 pub mod strategies;
 pub mod suite;
 pub mod texels;
 pub mod told;
 pub mod trace;
+pub mod typed;
 pub mod value;
 
 /// Compiles what `docs/testing.md` shows.

@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::debug::session;
+use crate::debug::session::{self, Settled};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::{Costs, Counter, Meter};
 use crate::harness::coverage::{Counts, Recorder};
 use crate::harness::expect::{Bytes, Observed, RayFound};
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::memory;
+use crate::harness::stability::StableExpectation;
+use crate::harness::stability::perturb::perturb_one;
 use crate::harness::value::Value;
 use crate::machine::{Batch, Binding, Descriptor, Observer, Printed, Resources};
 use crate::ops::pointer::storage;
@@ -87,7 +89,7 @@ pub(super) fn fresh(resources: &Resources) -> Resources {
 }
 
 /// Reads buffers, images and printed lines.
-fn look(scene: &ResolvedScene, resources: &Resources, observed: &mut Observed) {
+pub(super) fn look(scene: &ResolvedScene, resources: &Resources, observed: &mut Observed) {
     for line in resources.printed.iter().flat_map(|printed| printed.take()) {
         observed.printed += &line.text;
         if !line.text.ends_with('\n') {
@@ -166,6 +168,8 @@ pub struct Watch<'a> {
     pub recorder: Option<&'a mut Recorder>,
     /// Whether to count what it costs.
     pub costs: bool,
+    /// Whether to look for what hangs on rounding, and how.
+    pub stable: Option<&'a StableExpectation>,
 }
 
 /// One ray of a scene: what it found, as the only entry of [`Observed::rays`], and what its shaders
@@ -213,6 +217,10 @@ pub fn one_ray(scene: &ResolvedScene, assembled: &Assembled, at: usize, watch: &
         }
     }
     look(scene, &resources, &mut observed);
+    if let Some(stable) = watch.stable.filter(|_| observed.trap.is_none()) {
+        let found = |which| perturb_one(scene, assembled, &which, &stable.perturbation);
+        observed.stability = Some(Settled::of(entry).and_then(found));
+    }
     observed
 }
 
@@ -220,7 +228,7 @@ pub fn one_ray(scene: &ResolvedScene, assembled: &Assembled, at: usize, watch: &
 struct Both<'a>(&'a mut Counts, Counter<'a>);
 
 impl Observer<1> for Both<'_> {
-    fn resumed(&mut self, shader: u32, batch: &Batch<1>) {
+    fn resumed(&mut self, shader: u32, batch: &mut Batch<1>) {
         self.0.resumed(shader, batch);
         self.1.resumed(shader, batch);
     }
@@ -261,7 +269,7 @@ pub(super) fn trace<T: Witness, O: Observer<1>>(
 }
 
 /// What the first ray of a run found.
-fn found(pipeline: &Pipeline, events: &[Event]) -> RayFound {
+pub(super) fn found(pipeline: &Pipeline, events: &[Event]) -> RayFound {
     // Traversal ends before a closest-hit shader traces on: the first to end is the first ray.
     let traversed = events.iter().find_map(|event| match event {
         Event::Traversed { committed, shader, .. } => Some((*committed, *shader)),

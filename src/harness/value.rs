@@ -39,6 +39,15 @@ enum Content {
     Opaque,
 }
 
+/// A scalar in a value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Leaf {
+    /// A float of any width.
+    Float(f64),
+    /// An integer, or a bool as 0 or 1.
+    Integer(i128),
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Number {
     Bool(bool),
@@ -114,6 +123,35 @@ impl Value {
             Content::List(elements) => elements.iter().flat_map(Self::numbers).collect(),
             Content::Struct(fields) => fields.iter().flat_map(|(_, value)| value.numbers()).collect(),
             Content::Opaque => Vec::new(),
+        }
+    }
+
+    /// Tells every scalar in it, with its path from `path` on: `path.normal[2]`.
+    pub(super) fn scalars(&self, path: &mut String, tell: &mut dyn FnMut(&str, Leaf)) {
+        let length = path.len();
+        match &self.content {
+            Content::Scalar(Number::Float(number)) => tell(path, Leaf::Float(*number)),
+            Content::Scalar(Number::Bool(flag)) => tell(path, Leaf::Integer(i128::from(*flag))),
+            Content::Scalar(Number::Int(number)) => tell(path, Leaf::Integer((*number).into())),
+            Content::Scalar(Number::Uint(number)) => tell(path, Leaf::Integer((*number).into())),
+            Content::List(elements) => {
+                for (at, element) in elements.iter().enumerate() {
+                    path.push_str(&format!("[{at}]"));
+                    element.scalars(path, tell);
+                    path.truncate(length);
+                }
+            }
+            Content::Struct(fields) => {
+                for (name, field) in fields {
+                    if length > 0 {
+                        path.push('.');
+                    }
+                    path.push_str(name);
+                    field.scalars(path, tell);
+                    path.truncate(length);
+                }
+            }
+            Content::Opaque => {}
         }
     }
 

@@ -35,11 +35,17 @@ where
             match op {
                 Op::Row { row, to, from } => {
                     Width::<W>::run(*row, &mut batch.registers, *to, from);
+                    if O::active() {
+                        observer.after(batch, bindings, batch.op);
+                    }
                     batch.op += 1;
                     continue;
                 }
                 Op::Memory(memory::Op::Move { to, from }) => {
                     batch.registers.copy(*to, *from, Mask::ALL);
+                    if O::active() {
+                        observer.after(batch, bindings, batch.op);
+                    }
                     batch.op += 1;
                     continue;
                 }
@@ -56,6 +62,9 @@ where
             op.eval(batch, bindings);
             if batch.mask.is_empty() {
                 break;
+            }
+            if O::active() {
+                observer.after(batch, bindings, batch.op);
             }
             batch.op += 1;
         }

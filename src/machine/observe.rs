@@ -1,6 +1,7 @@
 //! Watching a batch run.
 
 use crate::machine::batch::Batch;
+use crate::machine::resource::Bindings;
 
 /// Is told what a batch does; the unit type watches nothing and costs nothing.
 pub trait Observer<const W: usize> {
@@ -14,7 +15,7 @@ pub trait Observer<const W: usize> {
     }
 
     /// A batch of a pipeline's shader (its index) begins to run, or goes on.
-    fn resumed(&mut self, shader: u32, batch: &Batch<W>) {
+    fn resumed(&mut self, shader: u32, batch: &mut Batch<W>) {
         let _ = (shader, batch);
     }
 
@@ -34,6 +35,12 @@ pub trait Observer<const W: usize> {
         false
     }
 
+    /// Called after each operation that stopped neither the batch nor all of its lanes: its results lie
+    /// in the registers, and may be changed there.
+    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: u32) {
+        let _ = (batch, bindings, op);
+    }
+
     /// So many lanes take an edge of the conditional branch or switch that ends a block: 0 where
     /// the condition holds and 1 where not, or the case's place, the default behind all cases.
     fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
@@ -49,7 +56,7 @@ impl<const W: usize> Observer<W> for () {
 
 /// Any observer: the interpreter is compiled for this one only.
 impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
-    fn resumed(&mut self, shader: u32, batch: &Batch<W>) {
+    fn resumed(&mut self, shader: u32, batch: &mut Batch<W>) {
         (**self).resumed(shader, batch);
     }
 
@@ -63,6 +70,10 @@ impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
 
     fn before(&mut self, batch: &Batch<W>, op: u32) -> bool {
         (**self).before(batch, op)
+    }
+
+    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: u32) {
+        (**self).after(batch, bindings, op);
     }
 
     fn edge(&mut self, block: u32, edge: u32, lanes: u32) {

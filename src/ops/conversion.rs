@@ -119,6 +119,15 @@ pub fn row(conversion: Conversion, from: u32, to: u32) -> Option<&'static Row> {
     rows.iter().find(|(width, row)| *width == to && row.width == from).map(|(_, row)| row)
 }
 
+/// The row that makes of a f64 what this one makes of a narrower float.
+pub fn from_f64_like(row: &'static Row) -> Option<&'static Row> {
+    let lists = [from_float_to_signed::ROWS, from_float_to_unsigned::ROWS];
+    lists.into_iter().find_map(|rows| {
+        let (to, _) = rows.iter().find(|(_, known)| known == row)?;
+        rows.iter().find(|(width, known)| width == to && known.width == 64).map(|(_, row)| row)
+    })
+}
+
 crate::rows! {
     /// To the nearest f16 and back.
     QuantizeToF16 Core [f32] (a: f32) -> f32 {

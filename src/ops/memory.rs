@@ -350,6 +350,16 @@ fn locate<'a, const W: usize>(
     }
 }
 
+/// Where a lane's access lies: the buffer and the byte offset there; `None` where it lies outside.
+pub fn place<'a, const W: usize>(
+    batch: &'a Batch<W>,
+    lane: usize,
+    bindings: &'a Bindings,
+    chunk: &Chunk,
+) -> Option<(&'a Buffer, u64)> {
+    locate((&batch.registers, lane), &batch.invocations[lane], bindings, chunk).ok()
+}
+
 /// The buffer that an access goes to whatever the lane, as most do.
 #[inline]
 fn shared<'a>(bindings: &'a Bindings, chunk: &Chunk) -> Option<&'a Buffer> {

@@ -39,6 +39,7 @@ pub mod row;
 pub mod seen;
 pub mod subgroup;
 pub mod support;
+pub mod twin;
 
 use rspirv::spirv::Op as Opcode;
 

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use rayon::prelude::*;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Resources, Workgroup};
+use crate::machine::{Observer, Resources, Workgroup};
 use crate::ops::row::{Row, Width};
 use crate::pipeline::launch::Stats;
 use crate::pipeline::trapped::Trapped;
@@ -142,14 +142,14 @@ impl Compute {
             let whole = self.program.uses_subgroups.then_some(self.subgroup_size);
             let result = match whole {
                 // A batch must hold whole subgroups, and their size divides the batch's.
-                Some(..=32) => Gang::<32>::new(self, &bindings, self.layout).run(groups),
-                Some(_) => Gang::<128>::new(self, &bindings, self.layout).run(groups),
+                Some(..=32) => Gang::<32>::new(self, &bindings, self.layout).run(groups, &mut ()),
+                Some(_) => Gang::<128>::new(self, &bindings, self.layout).run(groups, &mut ()),
                 // One invocation after the other, so that every width gives the same.
                 None if self.program.order_dependent => {
-                    Gang::<1>::new(self, &bindings, self.layout).run(groups)
+                    Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut ())
                 }
-                None if shares => Gang::<32>::new(self, &bindings, self.layout).run(groups),
-                None => Gang::<W>::new(self, &bindings, self.layout).run(groups),
+                None if shares => Gang::<32>::new(self, &bindings, self.layout).run(groups, &mut ()),
+                None => Gang::<W>::new(self, &bindings, self.layout).run(groups, &mut ()),
             };
             done(invocations);
             result
@@ -191,6 +191,31 @@ impl Compute {
     /// where there is any; they then run on one thread, 32 together in their order, at every width.
     pub fn shared_memory(&self, groups: [u32; 3], resources: &Resources) -> Option<Memory> {
         Extent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
+    }
+
+    /// The same watched, one invocation beside the other: in the order of the workgroups, on one thread.
+    /// The observer knows the shader as 0.
+    ///
+    /// # Errors
+    /// As [`Compute::run`]; `UnsupportedModule` where a shader needs its subgroup.
+    pub fn run_watched(
+        &self,
+        resources: &Resources,
+        groups: [u32; 3],
+        observer: &mut dyn Observer<1>,
+    ) -> Result<Stats> {
+        self.check(groups)?;
+        if self.program.uses_subgroups && self.subgroup_size > 1 {
+            let message = "watching invocations one by one, of a shader with subgroup instructions";
+            return Err(Error::new(ErrorKind::UnsupportedModule, message)
+                .note("set the subgroup size to 1 to run each invocation by itself"));
+        }
+        let bindings = resources.bindings(self.program.bindings());
+        let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
+        let groups = (0..count).map(|index| self.group(index, groups));
+        let mut observer = observer;
+        let (stats, trapped) = Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut observer);
+        trapped.map_or(Ok(stats), |trapped| Err(trapped.error))
     }
 
     /// Whether every invocation of a dispatch has a number.

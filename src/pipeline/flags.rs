@@ -42,7 +42,7 @@ impl Default for PipelineFlags {
 
 impl PipelineFlags {
     /// The ray flags that every ray of the pipeline has besides its own. No shader sees them.
-    pub(super) fn ray_flags(self) -> u32 {
+    pub fn ray_flags(self) -> u32 {
         let skip_triangles = if self.skip_triangles { 0x100 } else { 0 };
         skip_triangles | if self.skip_aabbs { 0x200 } else { 0 }
     }

@@ -203,7 +203,7 @@ where
                     let program = &self.pipeline.programs[running.shader.0 as usize];
                     let bindings = &self.bindings[running.shader.0 as usize];
                     if O::active() {
-                        self.observer.resumed(running.shader.0, &running.batch);
+                        self.observer.resumed(running.shader.0, &mut running.batch);
                     }
                     let stop = interp::run(&mut running.batch, program, bindings, self.observer);
                     if O::active() {

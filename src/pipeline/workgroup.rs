@@ -12,7 +12,7 @@ use smallvec::SmallVec;
 
 use crate::error::Error;
 use crate::interp;
-use crate::machine::{Batch, Bindings, Exit, Invocation, Mask, Stop, Trap, TrapCode, Workgroup};
+use crate::machine::{Batch, Bindings, Exit, Invocation, Mask, Observer, Stop, Trap, TrapCode, Workgroup};
 use crate::ops::op::Op;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::compute::Compute;
@@ -71,12 +71,16 @@ where
     }
 
     /// Runs workgroups; the trap of the first that has one.
-    pub fn run(mut self, groups: impl Iterator<Item = Workgroup>) -> (Stats, Option<Trapped>) {
+    pub fn run(
+        mut self,
+        groups: impl Iterator<Item = Workgroup>,
+        observer: &mut impl Observer<W>,
+    ) -> (Stats, Option<Trapped>) {
         let mut groups = groups.map(Arc::new).peekable();
         while groups.peek().is_some() {
             let together: Vec<_> = groups.by_ref().take(self.together).collect();
             self.begin(&together);
-            while self.advance(&together) {}
+            while self.advance(&together, observer) {}
             let used = (together.len() * self.each).div_ceil(W);
             let queries = self.members[..used].iter().map(|member| member.batch.queries.initialized);
             self.stats.ray_queries += queries.sum::<u64>();
@@ -120,10 +124,10 @@ where
     }
 
     /// Runs every lane that waits until it ends or comes to a barrier; `false` when all have ended.
-    fn advance(&mut self, groups: &[Arc<Workgroup>]) -> bool {
+    fn advance(&mut self, groups: &[Arc<Workgroup>], observer: &mut impl Observer<W>) -> bool {
         for member in &mut self.members {
             for start in std::mem::take(&mut member.waiting) {
-                member.run(start, self.program, self.bindings);
+                member.run(start, self.program, self.bindings, observer);
             }
         }
         for (group, workgroup) in groups.iter().enumerate() {
@@ -202,12 +206,25 @@ where
     Row: Width<W>,
 {
     /// Runs lanes until each has ended or waits.
-    fn run(&mut self, start: Waiting<W>, program: &Program, bindings: &Bindings) {
+    fn run<O: Observer<W>>(
+        &mut self,
+        start: Waiting<W>,
+        program: &Program,
+        bindings: &Bindings,
+        observer: &mut O,
+    ) {
         let batch = &mut self.batch;
         (batch.block, batch.op, batch.mask) = (start.block, start.op, start.mask);
         let mut running = start.mask;
         loop {
-            match interp::run(batch, program, bindings, &mut ()) {
+            if O::active() {
+                observer.resumed(0, batch);
+            }
+            let stop = interp::run(batch, program, bindings, observer);
+            if O::active() {
+                observer.stopped(0, batch);
+            }
+            match stop {
                 Stop::Done => return,
                 Stop::Barrier { mask } => {
                     running = running & batch.live();

@@ -6,13 +6,11 @@ use std::sync::Arc;
 use serde_json::json;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::layout::{Layout, Rules};
+use crate::harness::typed::{bound, programs, typed};
 use crate::harness::value::Value;
 use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
-use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
-use crate::program::Program;
 use crate::scene::{Assembled, ResolvedScene};
 
 /// How something is shown.
@@ -73,7 +71,7 @@ impl Dump {
     pub fn storage_buffers(assembled: &Assembled, scene: &ResolvedScene) -> Vec<Self> {
         let mut dumps = Vec::new();
         for program in programs(assembled) {
-            for variable in variables(program) {
+            for variable in bound(program) {
                 let (storage::STORAGE_BUFFER, Some(place)) = (variable.0, variable.1) else { continue };
                 let bound = scene.resources.iter();
                 let bound = bound.filter(|one| (one.set, one.binding) == (place.set, place.binding));
@@ -125,27 +123,6 @@ pub fn descriptor(what: &str, scene: &ResolvedScene, resources: &Resources) -> R
     Ok((binding, element, found))
 }
 
-fn programs(assembled: &Assembled) -> impl Iterator<Item = &Program> {
-    let dispatched = assembled.dispatches.iter().map(|dispatch| &*dispatch.compute.program);
-    assembled.pipeline.programs.iter().map(|program| &**program).chain(dispatched)
-}
-
-/// Storage class, binding and type of what a program's interface binds.
-fn variables(program: &Program) -> Vec<(u32, Option<Binding>, Option<TypeId>)> {
-    let module = &*program.module;
-    let entry =
-        module.entry_points.iter().find(|entry| entry.stage == program.stage && entry.name == program.name);
-    let variables = entry.map_or_else(Vec::new, |entry| module.interface_of(entry));
-    let bound = variables.into_iter().map(|variable| {
-        let numbers = variable.descriptor_set.zip(variable.binding);
-        let ty = variable.ty;
-        let legacy = ty.is_some_and(|ty| matches!(module.ty(ty), Type::Struct { buffer_block: true, .. }));
-        let class = if legacy { storage::STORAGE_BUFFER } else { variable.storage_class };
-        (class, numbers.map(|(set, binding)| Binding { set, binding }), ty)
-    });
-    bound.collect()
-}
-
 impl Shown {
     /// The text.
     pub fn text(&self, assembled: &Assembled) -> Result<String> {
@@ -170,7 +147,7 @@ impl Shown {
         if self.format == Format::Json {
             let value = match image {
                 Some(image) => json!(texels(image)),
-                None => self.value(assembled, &bytes).map_or_else(|| json!(bytes), |value| json_of(&value)),
+                None => typed(assembled, self.binding, &bytes).map_or_else(|| json!(bytes), |value| json_of(&value)),
             };
             let mut json = json!({ "set": set, "binding": binding, "name": self.name, "value": value });
             if self.element > 0 {
@@ -190,24 +167,9 @@ impl Shown {
             }
             return Ok(text);
         }
-        Ok(match self.value(assembled, &bytes) {
+        Ok(match typed(assembled, self.binding, &bytes) {
             Some(value) => format!("{title}:{}", lines(&value)),
             None => format!("{title}: no shader tells its type: {} bytes\n{}", bytes.len(), hex(&bytes)),
-        })
-    }
-
-    /// The buffer's content by the type of the first shader that uses it.
-    fn value(&self, assembled: &Assembled, bytes: &[u8]) -> Option<Value> {
-        programs(assembled).find_map(|program| {
-            let of_binding = |one: &(u32, Option<Binding>, Option<TypeId>)| one.1 == Some(self.binding);
-            let (.., ty) = variables(program).into_iter().find(of_binding)?;
-            let mut ty = ty?;
-            while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = program.module.ty(ty)
-            {
-                ty = *element;
-            }
-            let block = matches!(program.module.ty(ty), Type::Struct { .. });
-            block.then(|| Layout::new(&program.module, ty, Rules::Explicit).read(bytes))
         })
     }
 }

@@ -86,7 +86,7 @@ impl Counts {
 }
 
 impl<const W: usize> Observer<W> for Counts {
-    fn resumed(&mut self, shader: u32, _: &Batch<W>) {
+    fn resumed(&mut self, shader: u32, _: &mut Batch<W>) {
         self.shader = shader as usize;
     }
 

@@ -25,6 +25,7 @@ pub use trap::{TrapExpectation, TrapName};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::Costs;
+use crate::harness::stability::{Instability, StableExpectation};
 use crate::pipeline::Stats;
 use crate::scene::read::{At, Document, Parse, Report, Span, Table, Value};
 
@@ -50,6 +51,8 @@ pub struct Expectations {
     pub stats: Option<StatsExpectation>,
     /// `stdout`
     pub printed: Option<PrintedExpectation>,
+    /// `[expect.stable]`
+    pub stable: Option<StableExpectation>,
 }
 
 /// What a launch left behind, or a ray.
@@ -69,6 +72,8 @@ pub struct Observed {
     pub printed: String,
     /// What rays cost, where an expectation asks.
     pub costs: Option<Costs>,
+    /// What hangs on rounding, where an expectation asks.
+    pub stability: Option<Result<Instability>>,
 }
 
 /// Something that is not as expected.
@@ -170,6 +175,7 @@ impl Expectations {
             && self.pictures.is_empty()
             && self.rays.is_empty()
             && self.printed.is_none()
+            && self.stable.is_none()
     }
 
     /// Whether what rays cost must be counted.
@@ -183,6 +189,8 @@ impl Expectations {
         let tables = bytes.map(|one| (&one.name.span, one.because.is_some()));
         let tables = tables.chain(self.rays.iter().map(|ray| (&ray.name.span, ray.check.because.is_some())));
         let tables = tables.chain(self.trap.iter().map(|trap| (&trap.code.span, trap.because.is_some())));
+        let stable = self.stable.iter().map(|stable| (&stable.span, stable.because.is_some()));
+        let tables = tables.chain(stable);
         let stats = self.stats.iter().map(|stats| (&stats.span, stats.because.is_some()));
         let tables = tables.chain(stats);
         tables.filter(|(_, reason)| !reason).map(|(span, _)| span.clone()).collect()
@@ -238,6 +246,9 @@ impl Expectations {
         if let Some(printed) = &self.printed {
             printed.check(&observed.printed, &mut found);
         }
+        if let (Some(stable), Some(stability)) = (&self.stable, &observed.stability) {
+            stable.check(stability, &mut found);
+        }
         found
     }
 
@@ -275,7 +286,8 @@ impl Expectations {
         }
         let stats = table.optional("stats");
         let printed = table.optional("stdout");
-        Some(Self { known_failure, trap, buffers, images, pictures, rays: Vec::new(), stats, printed })
+        let stable = table.optional("stable");
+        Some(Self { known_failure, trap, buffers, images, pictures, rays: Vec::new(), stats, printed, stable })
     }
 }
 

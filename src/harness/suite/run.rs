@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::debug::render::{self, Look};
 use crate::debug::story::SourceLine;
+use crate::debug::session::Settled;
 use crate::debug::{Request, Session};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::blame::{Writer, writer};
@@ -16,6 +17,7 @@ use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::{Difference, Fix, Subject};
 use crate::harness::rendering;
 use crate::harness::run::{Watch, launch_covered, one_ray, rays, run_launch};
+use crate::harness::stability::shadow::{Shadow, shadow, shadow_one};
 use crate::harness::suite::{Failure, Finished, Outcome, Part, Source, Suite, Test, pictures};
 use crate::scene::file::RayEntry;
 
@@ -32,6 +34,8 @@ pub struct Options {
     pub fail_fast: bool,
     /// Whether coverage is recorded.
     pub coverage: bool,
+    /// Whether every test runs with f64 shadows, too.
+    pub shadow: bool,
     /// Whether the explanation of the ray is left out of failures.
     pub no_explanation: bool,
     /// Whether explanations are in colour.
@@ -49,6 +53,8 @@ pub struct Report {
     pub left_out: usize,
     /// Coverage, where it was asked for.
     pub coverage: Coverage,
+    /// What the shadows of all tests showed, where they were asked for.
+    pub shadow: Shadow,
     /// Files that were written anew.
     pub renewed: Vec<PathBuf>,
 }
@@ -82,6 +88,7 @@ impl Suite {
                 }
             }
             report.coverage.add(done.coverage);
+            report.shadow.add(&done.shadow);
             Ok(())
         };
         if jobs == 1 || groups.len() <= 1 {
@@ -157,6 +164,7 @@ impl Suite {
         let loading = begin.elapsed() / tests.len() as u32;
         let mut recorder = options.coverage.then(Recorder::default);
         let mut finished = Vec::new();
+        let mut shadow = Shadow::default();
         for test in tests {
             let begin = Instant::now();
             let tester = Tester { loaded: &loaded, test, options, is_variant: case.variant.is_some() };
@@ -165,11 +173,17 @@ impl Suite {
                 Part::Ray(ray) => tester.ray(ray, &mut recorder),
             };
             let outcome = outcome.unwrap_or_else(Outcome::Broken);
+            if options.shadow {
+                // What cannot run one by one is left out, as is what the trap of a test cut off.
+                if let Ok((found, _)) = tester.shadow() {
+                    shadow.add(&found);
+                }
+            }
             let took = loading + begin.elapsed();
             finished.push(Finished { name: test.name.clone(), file: file.clone(), outcome, took });
         }
         let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled.pipeline));
-        Done { finished, coverage: coverage.unwrap_or_default() }
+        Done { finished, coverage: coverage.unwrap_or_default(), shadow }
     }
 }
 
@@ -177,6 +191,7 @@ impl Suite {
 struct Done {
     finished: Vec<Finished>,
     coverage: Coverage,
+    shadow: Shadow,
 }
 
 impl Done {
@@ -187,7 +202,7 @@ impl Done {
             outcome: Outcome::Broken(error.clone()),
             took: Duration::ZERO,
         });
-        Self { finished: finished.collect(), coverage: Coverage::default() }
+        Self { finished: finished.collect(), coverage: Coverage::default(), shadow: Shadow::default() }
     }
 }
 
@@ -219,6 +234,14 @@ struct Tester<'a> {
 }
 
 impl Tester<'_> {
+    fn shadow(&self) -> Result<(Shadow, Option<Error>)> {
+        let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        match self.test.part {
+            Part::Launch => shadow(scene, assembled),
+            Part::Ray(at) => shadow_one(scene, assembled, &Settled::of(&scene.rays[at])?),
+        }
+    }
+
     fn launch(&self, recorder: &mut Option<Recorder>) -> Result<Outcome> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         let expectations = &self.loaded.expectations;
@@ -237,7 +260,7 @@ impl Tester<'_> {
             };
             if !expectations.rays.is_empty() {
                 observed.rays =
-                    rays(scene, assembled, &mut Watch { recorder: recorder.as_mut(), costs: false });
+                    rays(scene, assembled, &mut Watch { recorder: recorder.as_mut(), ..Watch::default() });
             }
             self.loaded.add_costs(&mut observed)?;
             observed
@@ -252,7 +275,8 @@ impl Tester<'_> {
             let message = format!("the file has no ray {at} with expectations any more");
             return Err(Error::new(ErrorKind::InvalidScene, message));
         };
-        let mut watch = Watch { recorder: recorder.as_mut(), costs: expect.rest.wants_costs() };
+        let (costs, stable) = (expect.rest.wants_costs(), expect.rest.stable.as_ref());
+        let mut watch = Watch { recorder: recorder.as_mut(), costs, stable };
         let observed = one_ray(&self.loaded.scene, &self.loaded.assembled, at, &mut watch);
         if let [(_, Err(error))] = &observed.rays[..]
             && error.kind() != ErrorKind::Trap

@@ -1,0 +1,96 @@
+//! `--shadow` and `--perturb`: how far results hang on rounding.
+
+use clap::Args;
+
+use crate::cli::output;
+use crate::debug::session::Settled;
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::stability::perturb::perturb_one;
+use crate::harness::stability::shadow::shadow_one;
+use crate::harness::stability::{Envelope, Perturbation, perturb, shadow};
+use crate::scene::{Assembled, ResolvedScene};
+
+/// How far results hang on rounding.
+#[derive(Args, Clone, Debug)]
+pub struct StabilityArgs {
+    /// Run every float operation in f64, too, and tell where the two part: lost bits, branches and
+    /// hits that are decided otherwise, line by line
+    #[arg(long, conflicts_with = "perturb")]
+    shadow: bool,
+    /// Run N times more with every float result moved at random within what devices may give, and
+    /// tell which outputs and branches are not stable; exit code 1 where an output is not
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    perturb: Option<u32>,
+    /// With --perturb: another seed, other random numbers
+    #[arg(long, value_name = "SEED", default_value_t = 1, requires = "perturb")]
+    seed: u64,
+    /// With --perturb: move results within what Vulkan allows, or what NVIDIA's driver was measured
+    /// to do
+    #[arg(long, value_name = "WHOSE", default_value = "vulkan", value_parser = ["vulkan", "nvidia"], requires = "perturb")]
+    envelope: String,
+    /// With --perturb: floats may differ by this share of their value, or by this where they are
+    /// below 1 [default: 0.01]
+    #[arg(long, value_name = "X", requires = "perturb")]
+    tolerance: Option<f64>,
+}
+
+impl StabilityArgs {
+    /// Whether anything is asked.
+    pub fn asks(&self) -> bool {
+        self.shadow || self.perturb.is_some()
+    }
+
+    /// Runs what is asked, for a whole launch or for one ray, and prints what was found.
+    ///
+    /// # Errors
+    /// Of the run; `Expectation` where an output is not stable, after the findings are printed.
+    pub fn run(
+        &self,
+        scene: &ResolvedScene,
+        assembled: &Assembled,
+        one: Option<&Settled>,
+        json: bool,
+    ) -> Result<()> {
+        if let Some(runs) = self.perturb {
+            return self.perturb(scene, assembled, one, json, runs);
+        }
+        let (found, trap) = match one {
+            Some(one) => shadow_one(scene, assembled, one)?,
+            None => shadow(scene, assembled)?,
+        };
+        match json {
+            true => output::print(format_args!("{:#}\n", found.json(trap.as_ref())))?,
+            false => output::print(found.text())?,
+        }
+        trap.map_or(Ok(()), Err)
+    }
+
+    fn perturb(
+        &self,
+        scene: &ResolvedScene,
+        assembled: &Assembled,
+        one: Option<&Settled>,
+        json: bool,
+        runs: u32,
+    ) -> Result<()> {
+        let envelope = if self.envelope == "nvidia" { Envelope::Nvidia } else { Envelope::Vulkan };
+        let tolerance = self.tolerance.unwrap_or(Perturbation::default().tolerance);
+        let perturbation = Perturbation { runs, seed: self.seed, envelope, tolerance };
+        let found = match one {
+            Some(one) => perturb_one(scene, assembled, one, &perturbation)?,
+            None => perturb(scene, assembled, &perturbation)?,
+        };
+        match json {
+            true => output::print(format_args!("{:#}\n", found.json()))?,
+            false => output::print(found.text())?,
+        }
+        match found.is_stable() {
+            true => Ok(()),
+            false => {
+                let count = found.outputs.len() + found.traps.len();
+                let message = format!("{count} {} not stable", if count == 1 { "output is" } else { "outputs are" });
+                Err(Error::new(ErrorKind::Expectation, message))
+            }
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! How far a shader's results hang on rounding.
+//!
+//! [`shadow`] runs every float operation once more in f64 beside the f32 run, and says on which lines
+//! the two part. [`perturb`] repeats a run with every result moved at random within what Vulkan
+//! allows, and says which outputs and branches follow. Both watch invocations one by one, as
+//! [`Observer`](crate::machine::Observer)s of the interpreter: a run that nobody watches contains
+//! nothing of them.
+
+mod allowed;
+mod calculate;
+pub mod outputs;
+pub mod perturb;
+mod place;
+mod probe;
+pub mod shadow;
+mod shadows;
+mod stable;
+mod tell;
+
+pub use allowed::Envelope;
+pub use perturb::{Instability, Perturbation, perturb};
+pub use place::Spot;
+pub use shadow::{Shadow, shadow};
+pub use stable::StableExpectation;

@@ -1,0 +1,187 @@
+//! Running a scene's invocations one by one, each watched.
+
+use std::cell::RefCell;
+
+use rayon::prelude::*;
+
+use crate::debug::session::Settled;
+use crate::error::{Error, ErrorKind, Result};
+use crate::machine::{Batch, Bindings, Observer, Resources};
+use crate::pipeline::{Event, Launch};
+use crate::scene::{Assembled, ResolvedScene};
+
+/// Which part of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Part {
+    /// An invocation of ray generation.
+    Invocation([u32; 3]),
+    /// A dispatch, whose shader stands at this place among all.
+    Dispatch(usize),
+    /// A ray of the scene that no shader traces.
+    Ray,
+}
+
+/// Watches parts of a run, one after the other, each at one lane.
+pub(super) trait Probe: Send {
+    /// What follows belongs to a part.
+    fn begin(&mut self, part: Part);
+    /// See [`Observer::resumed`].
+    fn resumed(&mut self, shader: usize, batch: &mut Batch<1>);
+    /// See [`Observer::stopped`].
+    fn stopped(&mut self, batch: &Batch<1>);
+    /// See [`Observer::after`].
+    fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: u32);
+    /// See [`Observer::edge`]; it was taken.
+    fn taken(&mut self, block: u32, edge: u32);
+    /// Something happened in the pipeline.
+    fn event(&mut self, event: &Event);
+}
+
+/// A probe as the interpreter's observer.
+struct Eyes<'a, P> {
+    probe: &'a RefCell<P>,
+    /// The place of the observer's first shader among all.
+    first: usize,
+}
+
+impl<P: Probe> Observer<1> for Eyes<'_, P> {
+    fn resumed(&mut self, shader: u32, batch: &mut Batch<1>) {
+        self.probe.borrow_mut().resumed(self.first + shader as usize, batch);
+    }
+
+    fn stopped(&mut self, _: u32, batch: &Batch<1>) {
+        self.probe.borrow_mut().stopped(batch);
+    }
+
+    fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: u32) {
+        self.probe.borrow_mut().after(batch, bindings, op);
+    }
+
+    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
+        if lanes > 0 {
+            self.probe.borrow_mut().taken(block, edge);
+        }
+    }
+}
+
+/// Invocations that one task of a thread runs.
+const STRETCH: u64 = 256;
+
+/// Runs the launch and the dispatches of a scene on resources, in stretches: each has a probe of its
+/// own, and all are given to `take` in order. A launch whose shaders depend on the order of
+/// invocations is one stretch.
+pub(super) fn run<P: Probe>(
+    assembled: &Assembled,
+    resources: &Resources,
+    new: &(impl Fn(u64) -> P + Sync),
+    take: &mut dyn FnMut(P),
+) -> Result<()> {
+    let pipeline = &assembled.pipeline;
+    let mut number = 0;
+    if pipeline.sbt.ray_generation.is_some() {
+        alone(assembled)?;
+        let [width, height, depth] = assembled.size.map(u64::from);
+        let launch = Launch { pipeline, resources };
+        let stretch = |number: u64, range: std::ops::Range<u64>| {
+            let probe = RefCell::new(new(number));
+            let outcome = range.map(|index| {
+                let id = [index % width, index / width % height, index / width / height];
+                invocation(&launch, assembled, id.map(|axis| axis as u32), &probe)
+            });
+            let outcome = outcome.collect::<Result<Vec<()>>>();
+            (probe.into_inner(), outcome.map(|_| ()))
+        };
+        let count = width * height * depth;
+        let done: Vec<(P, Result<()>)> = match pipeline.order_dependent() {
+            true => vec![stretch(0, 0..count)],
+            false => {
+                let all = (0..count.div_ceil(STRETCH)).into_par_iter();
+                all.map(|at| stretch(at, at * STRETCH..count.min((at + 1) * STRETCH))).collect()
+            }
+        };
+        number = done.len() as u64;
+        for (probe, outcome) in done {
+            take(probe);
+            outcome?;
+        }
+    }
+    for (at, dispatch) in assembled.dispatches.iter().enumerate() {
+        let first = pipeline.programs.len() + at;
+        let probe = RefCell::new(new(number + at as u64));
+        probe.borrow_mut().begin(Part::Dispatch(first));
+        let own = dispatch.push_constants.clone();
+        let own = own.map(|constants| Resources { push_constants: Some(constants), ..resources.clone() });
+        let resources = own.as_ref().unwrap_or(resources);
+        let mut eyes = Eyes { probe: &probe, first };
+        let outcome = dispatch.compute.run_watched(resources, dispatch.groups, &mut eyes);
+        drop(eyes);
+        take(probe.into_inner());
+        outcome?;
+    }
+    Ok(())
+}
+
+/// Runs one invocation of ray generation.
+pub(super) fn invocation<P: Probe>(
+    launch: &Launch<'_>,
+    assembled: &Assembled,
+    id: [u32; 3],
+    probe: &RefCell<P>,
+) -> Result<()> {
+    probe.borrow_mut().begin(Part::Invocation(id));
+    let mut sink = |event: Event| probe.borrow_mut().event(&event);
+    let mut sink: &mut dyn FnMut(Event) = &mut sink;
+    let mut eyes = Eyes { probe, first: 0 };
+    let mut eyes: &mut dyn Observer<1> = &mut eyes;
+    launch.run_one(id, assembled.size, &mut sink, &mut eyes).map(|_| ())
+}
+
+/// Runs one ray that no shader traces, or one invocation of ray generation; `event` is told what
+/// happens, too.
+pub(super) fn one<P: Probe>(
+    scene: &ResolvedScene,
+    assembled: &Assembled,
+    resources: &Resources,
+    which: &Settled,
+    probe: P,
+    event: &mut dyn FnMut(Event),
+) -> Result<(P, Result<()>)> {
+    alone(assembled)?;
+    let probe = RefCell::new(probe);
+    let launch = Launch { pipeline: &assembled.pipeline, resources };
+    let outcome = {
+        let mut sink = |one: Event| {
+            probe.borrow_mut().event(&one);
+            event(one);
+        };
+        let mut sink: &mut dyn FnMut(Event) = &mut sink;
+        let mut eyes = Eyes { probe: &probe, first: 0 };
+        let mut eyes: &mut dyn Observer<1> = &mut eyes;
+        match which {
+            Settled::Pixel(id) => {
+                probe.borrow_mut().begin(Part::Invocation(*id));
+                launch.run_one(*id, assembled.size, &mut sink, &mut eyes).map(|_| ())
+            }
+            Settled::Ray(given) => {
+                probe.borrow_mut().begin(Part::Ray);
+                let Some((_, tlas)) = scene.tlas.first() else {
+                    let message = "a ray needs a scene with instances";
+                    return Err(Error::new(ErrorKind::InvalidScene, message));
+                };
+                let operands = given.operands(launch.pipeline)?;
+                launch.trace_observed(tlas, operands, &mut sink, &mut eyes).map(|_| ())
+            }
+        }
+    };
+    Ok((probe.into_inner(), outcome))
+}
+
+/// Refuses shaders whose invocations cannot run one by one.
+fn alone(assembled: &Assembled) -> Result<()> {
+    if assembled.pipeline.uses_subgroups() && assembled.pipeline.subgroup_size > 1 {
+        let message = "watching invocations one by one, of a pipeline with subgroup instructions";
+        return Err(Error::new(ErrorKind::UnsupportedModule, message)
+            .note("set the subgroup size to 1 to run each invocation by itself"));
+    }
+    Ok(())
+}

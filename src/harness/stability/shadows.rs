@@ -1,0 +1,100 @@
+//! The f64 values that stand beside a shader's registers.
+
+use crate::machine::stop::Rows;
+use crate::machine::{Batch, Reg};
+
+/// What stands beside a word, or beside the two words of a wide number.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Entry {
+    /// The bits that it stands beside: where the register holds others by now, something that is not
+    /// followed wrote it, and the entry means nothing.
+    pub bits: u64,
+    /// The value without the rounding; of a truth value 0 or 1, of an integer the integer.
+    pub value: f64,
+}
+
+/// A shader that runs or waits.
+#[derive(Debug, Default)]
+pub(super) struct Frame {
+    pub shader: usize,
+    /// By row; an entry counts only with the frame's own number.
+    entries: Vec<(u64, Entry)>,
+    number: u64,
+    /// What it waits for.
+    pub waits: Waits,
+    /// The word offset of the instruction that it waits at.
+    pub waits_at: u32,
+}
+
+/// What a shader waits for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) enum Waits {
+    /// Nothing.
+    #[default]
+    No,
+    /// The ray that it traces, whose payload lies there.
+    Trace(Rows),
+    /// The callable shader that it calls, whose data lie there.
+    Call(Rows),
+    /// The answer to a report.
+    Report,
+}
+
+impl Frame {
+    /// Begins anew as the frame of a shader with so many rows.
+    pub fn begin(&mut self, shader: usize, rows: usize, number: u64) {
+        self.entries.resize(rows.max(self.entries.len()), (0, Entry::default()));
+        (self.shader, self.number) = (shader, number);
+        (self.waits, self.waits_at) = (Waits::No, 0);
+    }
+
+    /// The entry at a row, whatever the row holds by now.
+    pub fn entry(&self, reg: Reg) -> Option<Entry> {
+        let &(number, entry) = self.entries.get(reg.0 as usize)?;
+        (number == self.number).then_some(entry)
+    }
+
+    /// The value beside what a register of one or two words holds.
+    pub fn value(&self, reg: Reg, bits: u64) -> Option<f64> {
+        self.entry(reg).filter(|entry| entry.bits == bits).map(|entry| entry.value)
+    }
+
+    /// Puts an entry at a row, or takes it away.
+    pub fn set(&mut self, reg: Reg, entry: Option<Entry>) {
+        if let Some(place) = self.entries.get_mut(reg.0 as usize) {
+            *place = entry.map_or((0, Entry::default()), |entry| (self.number, entry));
+        }
+    }
+
+    /// Takes away what stands beside some rows.
+    pub fn forget(&mut self, first: Reg, count: u32) {
+        (0..count).for_each(|word| self.set(first.plus(word), None));
+    }
+
+    /// What stands beside some rows.
+    pub fn entries(&self, rows: Rows) -> Vec<Option<Entry>> {
+        (0..rows.count).map(|word| self.entry(rows.first.plus(word))).collect()
+    }
+
+    /// Puts entries beside rows.
+    pub fn set_all(&mut self, rows: Rows, entries: &[Option<Entry>]) {
+        for word in 0..rows.count {
+            self.set(rows.first.plus(word), entries.get(word as usize).copied().flatten());
+        }
+    }
+}
+
+/// The bits of a register of one or two words.
+pub(super) fn bits(batch: &Batch<1>, reg: Reg, words: u32) -> u64 {
+    let high = if words == 2 { u64::from(batch.registers[reg.plus(1)].0[0]) << 32 } else { 0 };
+    u64::from(batch.registers[reg].0[0]) | high
+}
+
+/// A float of a width as f64.
+pub(super) fn float(bits: u64, width: u32) -> f64 {
+    match width {
+        16 => half::f16::from_bits(bits as u16).to_f64(),
+        32 => f64::from(f32::from_bits(bits as u32)),
+        _ => f64::from_bits(bits),
+    }
+}

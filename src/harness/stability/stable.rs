@@ -1,0 +1,60 @@
+//! `[expect.stable]`: the same outputs on every device that conforms.
+
+use crate::error::Result;
+use crate::harness::expect::Difference;
+use crate::harness::stability::{Envelope, Instability, Perturbation};
+use crate::scene::read::{Parse, Span, Table, Value};
+
+/// What must not hang on rounding.
+#[derive(Clone, Debug)]
+pub struct StableExpectation {
+    /// Where its table begins.
+    pub span: Span,
+    /// What is tried.
+    pub perturbation: Perturbation,
+    /// Whether branches must go the same way in every run, too.
+    pub branches: bool,
+    /// Why.
+    pub because: Option<String>,
+}
+
+impl Parse for StableExpectation {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let default = Perturbation::default();
+        let runs = table.or("runs", default.runs);
+        let perturbation = Perturbation {
+            runs,
+            seed: table.or("seed", default.seed),
+            envelope: table.or("envelope", Envelope::default()),
+            tolerance: table.or("tolerance", default.tolerance),
+        };
+        let branches = table.or("branches", false);
+        let because = table.optional("because");
+        table.finish();
+        if runs == 0 {
+            return value.wrong("at least one run is needed");
+        }
+        Some(Self { span: value.span(), perturbation, branches, because })
+    }
+}
+
+impl StableExpectation {
+    /// What is not stable, one difference each.
+    pub fn check(&self, found: &Result<Instability>, differences: &mut Vec<Difference>) {
+        let found = match found {
+            Ok(found) => found,
+            Err(error) => {
+                let error = error.clone().at(self.span.place());
+                return differences.push(Difference::of(error));
+            }
+        };
+        let because = self.because.as_ref();
+        let mut lines = found.output_lines();
+        if !lines.is_empty() || self.branches {
+            lines.extend(found.branch_lines());
+        }
+        let new = |line: String| Difference::new(&self.span, format!("not stable: {line}"), because);
+        differences.extend(lines.into_iter().map(new));
+    }
+}

@@ -1,0 +1,206 @@
+//! Findings as text and as JSON.
+
+use std::fmt::Write as _;
+
+use serde_json::{Value, json};
+
+use crate::error::Error;
+use crate::harness::stability::Spot;
+use crate::harness::stability::perturb::{Instability, Where};
+use crate::harness::stability::shadow::{Found, Shadow};
+
+impl Shadow {
+    /// A table of the lines that matter, worst first.
+    pub fn text(&self) -> String {
+        let lines = self.sorted();
+        let matter: Vec<_> = lines.iter().filter(|(_, found)| found.matters()).collect();
+        let mut text = format!(
+            "shadow in f64: {} float results on {} lines; {}\n",
+            self.results,
+            lines.len(),
+            match matter.len() {
+                0 => "no line loses much, and nothing is decided otherwise".to_owned(),
+                1 => "1 line is worth a look".to_owned(),
+                count => format!("{count} lines are worth a look"),
+            }
+        );
+        let width = matter.iter().map(|(spot, _)| spot.label().len()).max().unwrap_or(0);
+        if !matter.is_empty() {
+            // Writing to a string does not fail.
+            let _ = writeln!(
+                text,
+                "\n  {:width$}    error  bits lost  cancelled  comparisons  branches  integers  hits",
+                "line"
+            );
+        }
+        for (spot, found) in matter {
+            let _ = writeln!(
+                text,
+                "  {:width$}  {:>7}  {:>9.0}  {:>9}  {:>11}  {:>8}  {:>8}  {:>4}{}",
+                spot.label(),
+                format!("{:.1e}", found.error),
+                found.bits_lost,
+                found.cancellations,
+                found.comparisons,
+                found.branches,
+                found.integers,
+                found.hits,
+                notes(spot, found)
+            );
+        }
+        text
+    }
+
+    /// All lines, worst first.
+    pub fn json(&self, trap: Option<&Error>) -> Value {
+        let line = |(spot, found): (&Spot, &Found)| {
+            json!({
+                "file": spot.file,
+                "line": spot.line,
+                "text": spot.text,
+                "results": found.results,
+                "relative_error": found.error,
+                "worst_launch_id": found.launch_id,
+                "bits_lost": found.bits_lost,
+                "cancellations": found.cancellations,
+                "not_finite": found.not_finite,
+                "comparisons_flipped": found.comparisons,
+                "branches_flipped": found.branches,
+                "integers_changed": found.integers,
+                "hits_changed": found.hits,
+                "matters": found.matters(),
+            })
+        };
+        let lines: Vec<Value> = self.sorted().into_iter().map(line).collect();
+        json!({ "results": self.results, "lines": lines, "trap": trap.map(Error::render) })
+    }
+}
+
+/// What stands beneath a row: the source, and where it was worst.
+fn notes(spot: &Spot, found: &Found) -> String {
+    let mut text = String::new();
+    if found.not_finite > 0 {
+        let _ = write!(text, "\n      {} infinite or NaN where f64 is not, or only there", found.not_finite);
+    }
+    if let (Some(source), true) = (&spot.text, spot.line > 0) {
+        let _ = write!(text, "\n      {source}");
+    }
+    if let Some([x, y, z]) = found.launch_id {
+        let _ = write!(text, "\n      worst at launch id ({x}, {y}, {z})");
+    }
+    text
+}
+
+impl Instability {
+    /// What is not stable, in sentences; one line where everything is.
+    pub fn text(&self) -> String {
+        let head = format!(
+            "{} runs with every float result moved within what {} allows, seed {}",
+            self.perturbation.runs,
+            self.perturbation.envelope.name(),
+            self.perturbation.seed
+        );
+        if self.is_stable() && self.branches.is_empty() {
+            return format!("{head}: {}\n", self.fine());
+        }
+        let mut text = format!("{head}:\n");
+        if self.is_stable() {
+            let _ = writeln!(text, "  {}", self.fine());
+        }
+        for line in self.lines() {
+            let _ = writeln!(text, "  {line}");
+        }
+        text
+    }
+
+    fn fine(&self) -> String {
+        match self.outputs_seen {
+            1 => "the output is stable".to_owned(),
+            count => format!("all {count} outputs are stable"),
+        }
+    }
+
+    /// One sentence for each output, branch and ray that is not stable.
+    pub fn lines(&self) -> Vec<String> {
+        let mut lines = self.output_lines();
+        lines.extend(self.branch_lines());
+        lines
+    }
+
+    /// One sentence for each output.
+    pub fn output_lines(&self) -> Vec<String> {
+        let output = |one: &super::outputs::Unstable| {
+            let more = if one.values > 1 { format!(" (and {} more values)", one.values - 1) } else { String::new() };
+            format!(
+                "output {}{more}: {} without, {} in run {}{}",
+                one.name,
+                one.reference,
+                one.other,
+                one.run,
+                if one.spread.is_finite() { format!(", off by {:.1e}", one.spread) } else { String::new() }
+            )
+        };
+        let mut lines: Vec<String> = self.outputs.iter().map(output).collect();
+        lines.extend(self.traps.iter().map(|(run, trap)| format!("run {run} traps: {}", trap.message())));
+        lines
+    }
+
+    /// One sentence for each branch and each instruction that traces.
+    pub fn branch_lines(&self) -> Vec<String> {
+        let branch = |(place, count): (&(Spot, Where), &u64)| {
+            let (spot, kind) = place;
+            let source = match (&spot.text, spot.line) {
+                (Some(text), 1..) => format!(": {text}"),
+                _ => String::new(),
+            };
+            let what = match kind {
+                Where::Branch => "branch",
+                Where::Hit => "hit of the ray traced",
+            };
+            format!("{what} at {} goes another way first in {count} invocations of runs{source}", spot.label())
+        };
+        self.branches.iter().map(branch).collect()
+    }
+
+    /// The same as JSON.
+    pub fn json(&self) -> Value {
+        let outputs: Vec<Value> = self
+            .outputs
+            .iter()
+            .map(|one| {
+                json!({
+                    "name": one.name,
+                    "values": one.values,
+                    "reference": one.reference,
+                    "other": one.other,
+                    "run": one.run,
+                    "difference": one.spread,
+                })
+            })
+            .collect();
+        let branches: Vec<Value> = self
+            .branches
+            .iter()
+            .map(|((spot, kind), count)| {
+                json!({
+                    "file": spot.file,
+                    "line": spot.line,
+                    "text": spot.text,
+                    "what": match kind { Where::Branch => "branch", Where::Hit => "hit" },
+                    "count": count,
+                })
+            })
+            .collect();
+        let traps: Vec<Value> =
+            self.traps.iter().map(|(run, trap)| json!({ "run": run, "trap": trap.render() })).collect();
+        json!({
+            "runs": self.perturbation.runs,
+            "seed": self.perturbation.seed,
+            "envelope": self.perturbation.envelope.name(),
+            "stable": self.is_stable(),
+            "outputs": outputs,
+            "branches": branches,
+            "traps": traps,
+        })
+    }
+}
