@@ -88,7 +88,8 @@ impl StabilityArgs {
             true => Ok(()),
             false => {
                 let count = found.outputs.len() + found.traps.len();
-                let message = format!("{count} {} not stable", if count == 1 { "output is" } else { "outputs are" });
+                let message =
+                    format!("{count} {} not stable", if count == 1 { "output is" } else { "outputs are" });
                 Err(Error::new(ErrorKind::Expectation, message))
             }
         }

@@ -5,6 +5,8 @@
 //! elimination, a swept sphere's entry is the least point of the union of its three pieces, a
 //! triangle is a linear system. The draws (`anyhit::stress::draw`) are seeded; a failure prints its case.
 
+mod boxes;
+
 use anyhit::geometry::block::{self, BlockRay, LANES};
 use anyhit::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,

@@ -147,7 +147,8 @@ impl Shown {
         if self.format == Format::Json {
             let value = match image {
                 Some(image) => json!(texels(image)),
-                None => typed(assembled, self.binding, &bytes).map_or_else(|| json!(bytes), |value| json_of(&value)),
+                None => typed(assembled, self.binding, &bytes)
+                    .map_or_else(|| json!(bytes), |value| json_of(&value)),
             };
             let mut json = json!({ "set": set, "binding": binding, "name": self.name, "value": value });
             if self.element > 0 {

@@ -287,7 +287,17 @@ impl Expectations {
         let stats = table.optional("stats");
         let printed = table.optional("stdout");
         let stable = table.optional("stable");
-        Some(Self { known_failure, trap, buffers, images, pictures, rays: Vec::new(), stats, printed, stable })
+        Some(Self {
+            known_failure,
+            trap,
+            buffers,
+            images,
+            pictures,
+            rays: Vec::new(),
+            stats,
+            printed,
+            stable,
+        })
     }
 }
 

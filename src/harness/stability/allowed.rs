@@ -70,7 +70,13 @@ pub(super) fn drawn(name: &str, [a, b, c]: [f64; 3], draw: &mut Draw<'_>) -> Opt
         "Degrees" => draw.product(a, draw.nearest(180.0 / PI)),
         "Fract" => draw.rounded(a - a.floor(), 0.0),
         // "The fraction 0.5 will round in a direction chosen by the implementation."
-        "Round" if (a - a.trunc()).abs() == 0.5 => if draw.coin() { a.floor() } else { a.ceil() },
+        "Round" if (a - a.trunc()).abs() == 0.5 => {
+            if draw.coin() {
+                a.floor()
+            } else {
+                a.ceil()
+            }
+        }
         "Exp" if measured => draw.ulps(a.exp(), 29.0),
         "Exp2" if measured => draw.ulps(a.exp2(), 1.9),
         "Exp" => draw.ulps(a.exp(), if half { 1.0 } else { 3.0 } + 2.0 * a.abs()),

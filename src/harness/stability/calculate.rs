@@ -241,10 +241,7 @@ mod tests {
         assert_eq!(range("FAdd", [1.0, 2.0, 0.0], 32, Envelope::Vulkan), (3.0, 3.0));
         assert_eq!(range("FAdd", [1.0, 2f64.powi(-25), 0.0], 32, Envelope::Nvidia), (1.0, 1.0));
         // 3 / 2 = 1.5: 2.5 units are 2 floats to each side.
-        assert_eq!(
-            range("FDiv", [3.0, 2.0, 0.0], 32, Envelope::Vulkan),
-            (1.5 - 2.0 * ulp, 1.5 + 2.0 * ulp)
-        );
+        assert_eq!(range("FDiv", [3.0, 2.0, 0.0], 32, Envelope::Vulkan), (1.5 - 2.0 * ulp, 1.5 + 2.0 * ulp));
         // sin 0 = 0 within 2^-11, and within 3.3e-7.
         assert_eq!(range("Sin", [0.0; 3], 32, Envelope::Vulkan), (-2f64.powi(-11), 2f64.powi(-11)));
         let (low, high) = range("Sin", [0.0; 3], 32, Envelope::Nvidia);
@@ -269,8 +266,13 @@ mod tests {
     #[test]
     fn correct_results_are_left_alone() {
         let mut random = Random(1);
-        let mut draw =
-            Draw { random: &mut random, envelope: Envelope::Vulkan, width: 32, nearest: false, contracts: true };
+        let mut draw = Draw {
+            random: &mut random,
+            envelope: Envelope::Vulkan,
+            width: 32,
+            nearest: false,
+            contracts: true,
+        };
         for name in ["FNegate", "FAbs", "Floor", "FMin", "FOrdLessThan", "Step"] {
             assert_eq!(drawn(name, [0.3, 0.4, 0.0], &mut draw), None, "{name}");
         }

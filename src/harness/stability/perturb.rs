@@ -127,12 +127,7 @@ pub fn perturb_one(
 /// A run: what it left, which ways it went, and how it ended. Run 0 moves nothing.
 type Run<'r> = dyn Fn(u32, Option<&Ways>) -> (Observed, Seen, Result<()>) + 'r;
 
-fn all(
-    scene: &ResolvedScene,
-    assembled: &Assembled,
-    plan: &Plan,
-    run: &Run<'_>,
-) -> Result<Instability> {
+fn all(scene: &ResolvedScene, assembled: &Assembled, plan: &Plan, run: &Run<'_>) -> Result<Instability> {
     let mut before = Observed::default();
     look(scene, &fresh(&assembled.resources), &mut before);
     let (reference, ways, outcome) = run(0, None);

@@ -324,13 +324,7 @@ impl<'a> Watcher<'a> {
                 }
                 let value = self.scratch.run(wide, operands);
                 if !decides {
-                    return self.compare(
-                        offset,
-                        row,
-                        result,
-                        to,
-                        (f64::from_bits(value), worst, wide.name),
-                    );
+                    return self.compare(offset, row, result, to, (f64::from_bits(value), worst, wide.name));
                 }
                 frame.set(to, Some(Entry { bits: result, value: value as f64 }));
                 if value != result
@@ -615,8 +609,7 @@ impl Probe for Watcher<'_> {
             ray_tracing::Op::TraceRay { operands, payload }
             | ray_tracing::Op::HitObjectTrace { operands, payload, .. } => {
                 frame.waits = Waits::Trace(payload);
-                let operands =
-                    (0..TRACE_OPERANDS).map(|word| frame.entry(operands.plus(word))).collect();
+                let operands = (0..TRACE_OPERANDS).map(|word| frame.entry(operands.plus(word))).collect();
                 let payload = frame.entries(payload);
                 self.rays.push(OnItsWay { payload, operands, ..OnItsWay::default() });
             }

@@ -130,7 +130,8 @@ impl Instability {
     /// One sentence for each output.
     pub fn output_lines(&self) -> Vec<String> {
         let output = |one: &super::outputs::Unstable| {
-            let more = if one.values > 1 { format!(" (and {} more values)", one.values - 1) } else { String::new() };
+            let more =
+                if one.values > 1 { format!(" (and {} more values)", one.values - 1) } else { String::new() };
             format!(
                 "output {}{more}: {} without, {} in run {}{}",
                 one.name,
@@ -157,7 +158,10 @@ impl Instability {
                 Where::Branch => "branch",
                 Where::Hit => "hit of the ray traced",
             };
-            format!("{what} at {} goes another way first in {count} invocations of runs{source}", spot.label())
+            format!(
+                "{what} at {} goes another way first in {count} invocations of runs{source}",
+                spot.label()
+            )
         };
         self.branches.iter().map(branch).collect()
     }

@@ -6,8 +6,8 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use crate::debug::render::{self, Look};
-use crate::debug::story::SourceLine;
 use crate::debug::session::Settled;
+use crate::debug::story::SourceLine;
 use crate::debug::{Request, Session};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::blame::{Writer, writer};

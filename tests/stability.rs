@@ -1,0 +1,168 @@
+//! `--shadow`, `--perturb` and `[expect.stable]` on shaders with a planted mistake, and on their twins
+//! without it.
+
+use std::process::{Command, Output};
+
+use anyhit::Result;
+use anyhit::harness::stability::shadow::shadow_one;
+use anyhit::harness::stability::{Perturbation, perturb, shadow};
+use serde_json::Value;
+
+const FOLDER: &str = "shaders/pass/stability";
+
+fn anyhit(arguments: &[&str], threads: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
+    command.args(arguments).env("NO_COLOR", "1").env("RAYON_NUM_THREADS", threads);
+    command.output().expect("the program starts")
+}
+
+fn scene(case: &str) -> String {
+    format!("{FOLDER}/{case}/scene.toml")
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+fn lines_that_matter(report: &Value) -> Vec<(String, u64)> {
+    let lines = report["lines"].as_array().expect("lines").iter();
+    let matter = lines.filter(|line| line["matters"] == true);
+    let place = |line: &Value| {
+        let file = line["file"].as_str().expect("a file").rsplit('/').next().expect("a name").to_owned();
+        (file, line["line"].as_u64().expect("a line"))
+    };
+    matter.map(place).collect()
+}
+
+#[test]
+fn the_shadow_finds_the_line_that_cancels() {
+    let output = anyhit(&["run", &scene("cancellation"), "--shadow", "--json"], "2");
+    assert!(output.status.success(), "{output:?}");
+    let report = json(&output);
+    let worst = &report["lines"][0];
+    // `float discriminant = b * b - a * c;`: both products are near 1234.5^2, and what is left of
+    // 24 bits is about 1, 2^20.5 less.
+    assert_eq!(worst["line"], 13, "{report:#}");
+    assert_eq!(worst["text"], "float discriminant = b * b - a * c;");
+    assert!(worst["cancellations"].as_u64() >= Some(3), "{worst:#}");
+    assert!(worst["bits_lost"].as_f64() > Some(15.0), "{worst:#}");
+    // The error goes on through the report, the closest-hit shader and the payload, and no further
+    // bit is lost on the way: the root halves it.
+    let matter = lines_that_matter(&report);
+    let inherits = |file: &str, line: u64| {
+        let found =
+            |one: &&Value| one["line"] == line && one["file"].as_str().is_some_and(|of| of.ends_with(file));
+        report["lines"].as_array().expect("lines").iter().find(found).cloned().expect("the line")
+    };
+    assert_eq!(matter[0], ("main.rint".to_owned(), 13));
+    let reported = inherits("main.rint", 15);
+    assert!(reported["relative_error"].as_f64() < worst["relative_error"].as_f64(), "{reported:#}");
+    // The distance of about 1233.5 is off by what the root of about 0.9 is: the error of 1/1350 of it.
+    let carried = inherits("main.rgen", 14);
+    let error = carried["relative_error"].as_f64().expect("an error");
+    assert!(error > 1e-6 && error < 1e-4, "the shadow came through the payload: {carried:#}");
+}
+
+#[test]
+fn the_shadow_finds_nothing_in_the_recentred_twin() {
+    let output = anyhit(&["run", &scene("recentred"), "--shadow"], "2");
+    assert!(output.status.success(), "{output:?}");
+    let text = text(&output);
+    assert!(text.contains("no line loses much, and nothing is decided otherwise"), "{text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+}
+
+#[test]
+fn one_ray_has_a_shadow_of_its_own() {
+    let pixel = &["trace-one-ray", &scene("cancellation"), "--pixel", "1,0", "--shadow", "--json"];
+    let report = json(&anyhit(pixel, "1"));
+    assert_eq!(report["lines"][0]["line"], 13);
+    assert_eq!(report["lines"][0]["worst_launch_id"], serde_json::json!([1, 0, 0]));
+}
+
+#[test]
+fn perturbation_finds_the_branch_that_is_not_stable() {
+    let output = anyhit(&["run", &scene("unstable-branch"), "--perturb", "16", "--json"], "2");
+    assert_eq!(output.status.code(), Some(1), "an output is not stable");
+    let report = json(&output);
+    assert_eq!(report["stable"], false);
+    let outputs = report["outputs"].as_array().expect("outputs");
+    assert_eq!(outputs.len(), 1, "{report:#}");
+    assert!(outputs[0]["name"].as_str().is_some_and(|name| name.starts_with("`image` texel")));
+    // `if ((column & 1) == 0)`, where column is the quotient that Vulkan gives 2.5 units.
+    let branches = report["branches"].as_array().expect("branches");
+    assert_eq!(branches.len(), 1, "{report:#}");
+    assert_eq!((&branches[0]["line"], &branches[0]["what"]), (&12.into(), &"branch".into()));
+    assert_eq!(branches[0]["text"], "if ((column & 1) == 0) {");
+}
+
+#[test]
+fn perturbation_finds_nothing_in_the_stable_twins() {
+    for case in ["stable-branch", "recentred"] {
+        for envelope in ["vulkan", "nvidia"] {
+            let arguments = ["run", &scene(case), "--perturb", "16", "--envelope", envelope];
+            let output = anyhit(&arguments, "2");
+            let text = text(&output);
+            assert!(output.status.success(), "{case}: {text}");
+            assert!(text.ends_with("the output is stable\n"), "{case}: {text}");
+        }
+    }
+}
+
+#[test]
+fn perturbation_depends_on_the_seed_and_not_on_threads() {
+    let run = |seed: &str, threads: &str| {
+        let arguments = ["run", &scene("unstable-branch"), "--perturb", "4", "--seed", seed, "--json"];
+        json(&anyhit(&arguments, threads))
+    };
+    let one = run("7", "1");
+    assert_eq!(one, run("7", "4"));
+    assert_ne!(one["branches"], run("8", "4")["branches"]);
+}
+
+#[test]
+fn a_case_that_must_be_stable_fails_by_name() {
+    let folder = std::env::temp_dir().join(format!("anyhit-stability-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let root = env!("CARGO_MANIFEST_DIR");
+    let scene = std::fs::read_to_string(format!("{root}/{}", scene("unstable-branch"))).expect("a scene");
+    let scene = scene.replace("../../../..", root) + "\n[expect.stable]\nruns = 8\n";
+    std::fs::write(folder.join("scene.toml"), scene).expect("written");
+    let output = anyhit(&["test", &folder.display().to_string()], "2");
+    let text = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(text.contains("not stable: output `image` texel"), "{text}");
+    assert!(text.contains("not stable: branch at main.rchit:12"), "{text}");
+    std::fs::remove_dir_all(&folder).expect("removed");
+}
+
+#[test]
+fn the_suite_sums_the_shadows_of_its_tests_up() {
+    let arguments = ["test", FOLDER, "--shadow", "--format", "json"];
+    let report = json(&anyhit(&arguments, "2"));
+    assert_eq!(report["shadow"]["lines"][0]["text"], "float discriminant = b * b - a * c;");
+}
+
+/// What runs beside the shadow is the run itself: it leaves the same behind.
+#[test]
+fn watched_dispatches_and_buffers_have_shadows() -> Result<()> {
+    use anyhit::debug::session::{Request, Session};
+    use anyhit::scene::{DiskFiles, Options, assemble, load};
+    let scene = load("shaders/pass/arithmetic/basics/scene.toml".as_ref(), &DiskFiles, &Options::default())?;
+    let assembled = assemble(&scene)?;
+    let (found, trap) = shadow(&scene, &assembled)?;
+    assert!(trap.is_none() && found.results > 0);
+    let quiet = Perturbation { runs: 1, ..Perturbation::default() };
+    // 1/3 and the like move, but by far less than a percent.
+    let perturbed = perturb(&scene, &assembled, &quiet)?;
+    assert!(perturbed.traps.is_empty());
+    let session = Session::new(scene)?;
+    let (_, which) = session.settle(&Request::Pixel([0, 0, 0]))?;
+    let (one, _) = shadow_one(session.scene(), session.assembled(), &which)?;
+    assert!(one.results > 0 && one.results < found.results);
+    Ok(())
+}
