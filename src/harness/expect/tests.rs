@@ -42,6 +42,7 @@ fn observed() -> Observed {
         stats: Some(Stats { rays: 3, ..Stats::default() }),
         printed: "t = 2.5\n".into(),
         costs: None,
+        stability: None,
     }
 }
 

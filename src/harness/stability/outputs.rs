@@ -170,12 +170,13 @@ fn texels(bytes: &Bytes) -> Vec<(String, Leaf)> {
 fn group(path: &str) -> String {
     let mut inside = false;
     let keep = |one: &char| {
+        let was_inside = inside;
         inside = match one {
             '[' | '(' => true,
             ']' | ')' => false,
             _ => inside,
         };
-        !inside && !one.is_ascii_digit()
+        !inside && !was_inside && !one.is_ascii_digit()
     };
     let name: String = path.chars().filter(keep).collect();
     // The components of a texel are one output.
