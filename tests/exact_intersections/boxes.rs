@@ -164,6 +164,7 @@ fn check(seed: u64, kind: usize) {
         let instances = matrices.iter().map(|&transform| Instance {
             blas: blas.clone(),
             transform,
+            motion: None,
             custom_index: 0,
             mask: 1,
             sbt_record_offset: 0,
@@ -182,7 +183,7 @@ fn check(seed: u64, kind: usize) {
                 let hits = shapes.iter().enumerate().filter(|(_, shape)| is_met(shape, &line, &ray));
                 expected.extend(hits.map(|(primitive, _)| (instance as u32, primitive as u32)));
             }
-            let trace = TraceRay { ray, flags: RayFlags::default(), cull_mask: 1 };
+            let trace = TraceRay { ray, flags: RayFlags::default(), cull_mask: 1, time: 0.0 };
             let mut cursor = Cursor::new(&tlas, trace);
             let mut found = BTreeSet::new();
             while let Some(candidate) = cursor.proceed(&tlas) {

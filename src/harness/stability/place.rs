@@ -66,8 +66,8 @@ impl Programs {
         if let Some(line) = source_line_at(program, offset) {
             return Spot { file: line.file, line: line.line, text: line.text };
         }
-        let functions = program.module.functions.iter();
-        let function = functions.filter(|function| function.offset <= offset).last();
+        let mut functions = program.module.functions.iter();
+        let function = functions.rfind(|function| function.offset <= offset);
         let within = function.map_or_else(String::new, |function| {
             let name = program.module.name(function.id).map_or_else(
                 || format!("%{}", function.id.0),

@@ -112,9 +112,8 @@ pub(super) fn run<P: Probe>(
         let own = dispatch.push_constants.clone();
         let own = own.map(|constants| Resources { push_constants: Some(constants), ..resources.clone() });
         let resources = own.as_ref().unwrap_or(resources);
-        let mut eyes = Eyes { probe: &probe, first };
-        let outcome = dispatch.compute.run_watched(resources, dispatch.groups, &mut eyes);
-        drop(eyes);
+        let outcome =
+            dispatch.compute.run_watched(resources, dispatch.groups, &mut Eyes { probe: &probe, first });
         take(probe.into_inner());
         outcome?;
     }

@@ -430,10 +430,10 @@ impl<'a> Watcher<'a> {
             t_max: shadow(14, given.t_max),
         };
         let flags = RayFlags(trace.flags.0 | self.plan.flags);
-        let other = TraceRay { ray: other, flags, cull_mask: trace.cull_mask };
+        let other = TraceRay { ray: other, flags, ..*trace };
         // What an intersection shader would report is not known.
         let is_box = committed.is_some_and(|hit| hit.candidate.is_box());
-        if other.ray == given || !other.is_legal() || is_box {
+        if other.ray == given || other.check().is_err() || is_box {
             return false;
         }
         let mut cursor = Cursor::new(tlas, other);
