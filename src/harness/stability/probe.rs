@@ -69,7 +69,7 @@ const STRETCH: u64 = 256;
 
 /// Runs the launch and the dispatches of a scene on resources, in stretches: each has a probe of its
 /// own, and all are given to `take` in order. A launch whose shaders depend on the order of
-/// invocations is one stretch.
+/// invocations, or share memory, is one stretch.
 pub(super) fn run<P: Probe>(
     assembled: &Assembled,
     resources: &Resources,
@@ -92,7 +92,9 @@ pub(super) fn run<P: Probe>(
             (probe.into_inner(), outcome.map(|_| ()))
         };
         let count = width * height * depth;
-        let done: Vec<(P, Result<()>)> = match pipeline.order_dependent() {
+        let ordered = pipeline.order_dependent()
+            || pipeline.shared_memory(assembled.size, &assembled.resources).is_some();
+        let done: Vec<(P, Result<()>)> = match ordered {
             true => vec![stretch(0, 0..count)],
             false => {
                 let all = (0..count.div_ceil(STRETCH)).into_par_iter();
