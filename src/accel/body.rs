@@ -1,6 +1,6 @@
 //! What a BLAS is when rays reach it: active primitives in tree order, and the tree.
 
-use crate::accel::blas::{Geometry, between};
+use crate::accel::blas::{Geometry, GeometryFlags, between};
 use crate::accel::node::Child;
 use crate::accel::primitive::Primitive;
 use crate::accel::tree::Tree;
@@ -24,6 +24,7 @@ pub struct Body {
     names: Vec<Option<Name>>,
     tree: Option<Tree>,
     bounds: Bounds,
+    common_flags: Option<GeometryFlags>,
 }
 
 /// Which primitive of a BLAS.
@@ -68,7 +69,7 @@ impl Body {
                 }
             }
         }
-        Self::around(&boxes, &names, |order| {
+        Self::around(geometries, &boxes, &names, |order| {
             let at = |&number: &u32| primitives.get(number as usize).copied();
             Shapes::of(&order.iter().map(at).collect::<Vec<_>>())
         })
@@ -97,14 +98,19 @@ impl Body {
                 }
             }
         }
-        Self::around(&boxes, &names, |order| {
+        Self::around(geometries, &boxes, &names, |order| {
             let at = |&number: &u32| all.get(number as usize).copied();
             Shapes::MovingTriangles(order.iter().map(at).collect())
         })
     }
 
     /// The tree over boxes, where it pays, and the shapes in its order.
-    fn around(boxes: &[Bounds], names: &[Name], shapes: impl FnOnce(&[u32]) -> Shapes) -> Self {
+    fn around(
+        geometries: &[Geometry],
+        boxes: &[Bounds],
+        names: &[Name],
+        shapes: impl FnOnce(&[u32]) -> Shapes,
+    ) -> Self {
         let around = boxes.iter().fold(Bounds::EMPTY, |all, one| all.union(one));
         let (tree, order) = if boxes.len() <= LINEAR {
             (None, (0..boxes.len() as u32).collect())
@@ -113,7 +119,10 @@ impl Body {
             (Some(tree), order)
         };
         let names = order.iter().map(|&number| names.get(number as usize).copied()).collect();
-        Self { shapes: shapes(&order), names, tree, bounds: around }
+        let common_flags = geometries.first().map(|first| first.flags).filter(|&flags| {
+            geometries.iter().all(|one| one.flags == flags && one.opacity_micromap.is_none())
+        });
+        Self { shapes: shapes(&order), names, tree, bounds: around, common_flags }
     }
 
     /// The box around all active primitives.
@@ -134,7 +143,7 @@ impl Body {
     }
 
     /// Which primitive stands at a place in tree order.
-    #[inline]
+    #[inline(always)]
     pub fn name(&self, place: usize) -> Name {
         self.names[place].expect("bug in anyhit: a leaf holds an empty place")
     }
@@ -142,20 +151,28 @@ impl Body {
     /// A ray for [`Body::met`], where that pays.
     #[inline]
     pub fn block_ray(&self, ray: &ObjectRay) -> Option<BlockRay> {
-        // Making it costs as much as two or three triangles, spheres or boxes do, and a ray comes to
-        // test no more of them; of thin swept spheres it tests many.
-        let pays = matches!(self.shapes, Shapes::LinearSweptSpheres(_));
-        pays.then(|| BlockRay::new(ray, &self.bounds))
+        match self.shapes {
+            Shapes::LinearSweptSpheres(_) => Some(BlockRay::new(ray, &self.bounds)),
+            // A ray comes to test two triangles, spheres or boxes: that pays for little.
+            Shapes::Triangles(_) => BlockRay::simple(ray, &self.bounds),
+            Shapes::Spheres(_) | Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => None,
+        }
+    }
+
+    /// The flags that all geometries have in common, where all have the same and no micromaps.
+    #[inline]
+    pub fn common_flags(&self) -> Option<GeometryFlags> {
+        self.common_flags
     }
 
     /// A bit for each of a leaf's primitives.
-    #[inline]
+    #[inline(always)]
     pub fn every(&self, leaf: Child) -> u32 {
         (1 << leaf.count) - 1
     }
 
     /// A bit for each of a leaf's primitives that the ray's line does not surely miss.
-    #[inline]
+    #[inline(always)]
     pub fn met(&self, leaf: Child, ray: Option<&BlockRay>) -> u32 {
         let Some(ray) = ray else { return self.every(leaf) };
         let at = leaf.first as usize / LANES;
@@ -171,7 +188,7 @@ impl Body {
 
     /// Where a ray of a time meets the primitive at a place in tree order, within the ray's whole
     /// interval.
-    #[inline]
+    #[inline(always)]
     pub fn intersect(
         &self,
         place: usize,

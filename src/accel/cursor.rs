@@ -396,7 +396,7 @@ impl Cursor {
     }
 
     /// Takes an opaque hit; says whether it is the closest so far.
-    #[inline]
+    #[inline(always)]
     pub(super) fn take_opaque(&mut self, candidate: Candidate) -> bool {
         let Some(hit_kind) = candidate.hit_kind() else { return false };
         let hit = Committed { candidate, t: candidate.intersection.t, hit_kind };
@@ -425,7 +425,7 @@ impl Cursor {
     }
 
     /// Whether candidates wait for their turn.
-    #[inline]
+    #[inline(always)]
     pub(super) fn has_waiting(&self) -> bool {
         !self.waiting.is_empty()
     }

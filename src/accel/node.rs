@@ -1,13 +1,10 @@
 //! The nodes of a tree and the test of a ray against them (its derivation: `node_ray`).
 
-use crate::accel::node_ray::{NodeLimit, NodeRay};
-use crate::math::four::Four;
+use crate::accel::node_ray::{NodeLimit, Slabs};
+use crate::math::eight::Eights;
 
-/// How many children a node has at most: the lanes of a vector register (AVX) or of two (SSE).
+/// How many children a node has at most: the lanes of a vector register (AVX) or of two (SSE, NEON).
 pub const WIDTH: usize = 8;
-
-/// The vectors that a node's children fill.
-const PARTS: usize = WIDTH / 4;
 
 /// A child: an inner node, or a run of primitives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,7 +20,7 @@ pub struct Child {
 #[repr(align(64))]
 pub struct Node {
     /// Per axis the lower planes, then the upper ones.
-    planes: [[[[f32; 4]; PARTS]; 2]; 3],
+    planes: [[[f32; WIDTH]; 2]; 3],
     children: [Child; WIDTH],
     /// How many children there are.
     len: u32,
@@ -34,15 +31,15 @@ impl Node {
     pub fn new(children: &[(Child, [[f32; 3]; 2])]) -> Self {
         debug_assert!((1..=WIDTH).contains(&children.len()));
         let mut node = Self {
-            planes: [[[[0.0; 4]; PARTS]; 2]; 3],
+            planes: [[[0.0; WIDTH]; 2]; 3],
             children: [Child::default(); WIDTH],
             len: children.len() as u32,
         };
         for (slot, (child, corners)) in children.iter().enumerate() {
             node.children[slot] = *child;
             for (axis, planes) in node.planes.iter_mut().enumerate() {
-                planes[0][slot / 4][slot % 4] = corners[0][axis];
-                planes[1][slot / 4][slot % 4] = corners[1][axis];
+                planes[0][slot] = corners[0][axis];
+                planes[1][slot] = corners[1][axis];
             }
         }
         node
@@ -57,8 +54,7 @@ impl Node {
     #[cfg(test)]
     pub fn children(&self) -> impl Iterator<Item = (Child, [[f32; 3]; 2])> + '_ {
         (0..self.len as usize).map(|slot| {
-            let corner =
-                |side: usize| std::array::from_fn(|axis| self.planes[axis][side][slot / 4][slot % 4]);
+            let corner = |side: usize| std::array::from_fn(|axis| self.planes[axis][side][slot]);
             (self.children[slot], [corner(0), corner(1)])
         })
     }
@@ -67,28 +63,20 @@ impl Node {
     /// `t_min`) of any hit in it, and a bit for each child that it does not surely miss before
     /// `limit`.
     #[inline(always)]
-    pub fn entries(&self, ray: &NodeRay, limit: NodeLimit) -> ([f32; WIDTH], u32) {
-        let mut near = [Four::splat(ray.near_floor); PARTS];
-        let mut far = [Four::splat(limit.0); PARTS];
+    pub fn entries<E: Eights>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
+        let eights = ray.eights;
+        let mut near = ray.near_floor;
+        let mut far = eights.splat(limit.0);
         for axis in 0..3 {
             let side = ray.near_side[axis] & 1;
-            let near_planes = &self.planes[axis][side];
-            let far_planes = &self.planes[axis][side ^ 1];
-            for part in 0..PARTS {
-                let enter =
-                    (Four::new(near_planes[part]) - ray.near_origin[axis]) * ray.near_reciprocal[axis];
-                let leave = (Four::new(far_planes[part]) - ray.far_origin[axis]) * ray.far_reciprocal[axis];
-                near[part] = enter.if_above(near[part]);
-                far[part] = leave.if_below(far[part]);
-            }
+            let planes = |side: usize| eights.load(&self.planes[axis][side]);
+            let enter = eights.sub(planes(side), ray.near_origin[axis]);
+            let leave = eights.sub(planes(side ^ 1), ray.far_origin[axis]);
+            near = eights.if_above(eights.mul(enter, ray.near_reciprocal[axis]), near);
+            far = eights.if_below(eights.mul(leave, ray.far_reciprocal[axis]), far);
         }
-        let mut met = 0;
-        let mut entries = [0.0; WIDTH];
-        for part in 0..PARTS {
-            met |= far[part].at_least(near[part]) << (4 * part);
-            entries[4 * part..4 * part + 4].copy_from_slice(&near[part].to_array());
-        }
-        (entries, met & ((1 << self.len) - 1))
+        let met = eights.at_least(far, near);
+        (eights.lanes(near), met & ((1 << self.len) - 1))
     }
 
     /// The child in a slot.

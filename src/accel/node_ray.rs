@@ -25,6 +25,7 @@
 //! zero gives NaN, which each comparison below ignores (the box is kept).
 
 use crate::geometry::{Bounds, ObjectRay, Ray};
+use crate::math::eight::Eights;
 use crate::math::four::Four;
 
 /// The unit roundoff of f64.
@@ -37,16 +38,29 @@ pub struct NodeLimit(pub(super) f32);
 /// A ray made ready for the nodes of one tree.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeRay {
-    pub(super) near_origin: [Four; 3],
-    pub(super) far_origin: [Four; 3],
-    pub(super) near_reciprocal: [Four; 3],
-    pub(super) far_reciprocal: [Four; 3],
+    pub(super) near_origin: [f32; 3],
+    pub(super) far_origin: [f32; 3],
+    pub(super) near_reciprocal: [f32; 3],
+    pub(super) far_reciprocal: [f32; 3],
     /// Per axis which plane is entered first: 0 the lower, 1 the upper.
     pub(super) near_side: [usize; 3],
     t_shift: f32,
     t_min: f32,
     /// `t_min` counted from the shift, rounded down.
     pub(super) near_floor: f32,
+}
+
+/// The numbers of a [`NodeRay`] as its test takes them, each in all lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct Slabs<E: Eights> {
+    pub(super) eights: E,
+    pub(super) near_origin: [E::Eight; 3],
+    pub(super) far_origin: [E::Eight; 3],
+    pub(super) near_reciprocal: [E::Eight; 3],
+    pub(super) far_reciprocal: [E::Eight; 3],
+    pub(super) near_floor: E::Eight,
+    /// Per axis which plane is entered first: 0 the lower, 1 the upper.
+    pub(super) near_side: [usize; 3],
 }
 
 /// A ray is far away whose origin lies this many times the largest coordinate off.
@@ -57,6 +71,18 @@ const SHRINK: f64 = 1.0 - 1.0 / 4_194_304.0;
 const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
 
 impl NodeRay {
+    /// Memory for a ray.
+    pub const IDLE: Self = Self {
+        near_origin: [0.0; 3],
+        far_origin: [0.0; 3],
+        near_reciprocal: [0.0; 3],
+        far_reciprocal: [0.0; 3],
+        near_side: [0; 3],
+        t_shift: 0.0,
+        t_min: 0.0,
+        near_floor: 0.0,
+    };
+
     /// Prepares a ray for a tree with the given root box (in the tree's space, not scaled) and
     /// scale (a power of two). `None` where it is plain that the ray misses the root within
     /// `t_min..=t_max`.
@@ -87,41 +113,43 @@ impl NodeRay {
     fn simple(ray: &ObjectRay, scale: f64) -> Option<Self> {
         const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
         const MOST: f32 = (1u64 << 60) as f32;
-        let (_, origin_bounds) = ray.origin_bounded();
-        let (_, direction_bounds) = ray.direction_bounded();
-        let Ray { origin, direction, t_min, .. } = *ray.world();
+        let Ray { origin: [x, y, z], direction, t_min, .. } = *ray.world();
         let scale = scale as f32;
-        let ordinary = |x: f32| x == 0.0 || (LEAST..=MOST).contains(&x.abs());
-        let mut simple = (LEAST..=MOST).contains(&scale);
-        for axis in 0..3 {
-            simple &= origin_bounds[axis] == 0.0 && direction_bounds[axis] == 0.0;
-            simple &= ordinary(origin[axis]) && ordinary(direction[axis]);
-            simple &= (origin[axis] * scale).abs() <= FAR_AWAY as f32;
-        }
-        if !simple {
+        let scaled = Four::new([x, y, z, 0.0]) * Four::splat(scale);
+        let near = Four::splat(FAR_AWAY as f32).at_least(scaled.abs()) == 0b1111;
+        if !(ray.is_ordinary() && near && (LEAST..=MOST).contains(&scale)) {
             return None;
         }
-        let mut out = Self {
-            near_origin: [Four::splat(0.0); 3],
-            far_origin: [Four::splat(0.0); 3],
-            near_reciprocal: [Four::splat(0.0); 3],
-            far_reciprocal: [Four::splat(0.0); 3],
-            near_side: [0; 3],
-            t_shift: 0.0,
-            t_min,
-            near_floor: t_min,
-        };
+        // Infinite for a direction of 0.
+        let [dx, dy, dz] = direction;
+        let magnitudes = Four::splat(1.0) / (Four::new([dx, dy, dz, 1.0]).abs() * Four::splat(scale));
+        let near = (magnitudes * Four::splat(SHRINK as f32)).to_array();
+        let far = (magnitudes * Four::splat(WIDEN as f32)).to_array();
+        let [x, y, z, _] = scaled.to_array();
+        let mut out = Self { t_min, near_floor: t_min, ..Self::IDLE };
+        (out.near_origin, out.far_origin) = ([x, y, z], [x, y, z]);
         for axis in 0..3 {
-            let scaled = Four::splat(origin[axis] * scale);
-            // Infinite for a direction of 0.
-            let magnitude = 1.0 / (direction[axis].abs() * scale);
-            let reciprocal = if direction[axis] < 0.0 { -magnitude } else { magnitude };
-            out.near_side[axis] = usize::from(direction[axis] < 0.0);
-            (out.near_origin[axis], out.far_origin[axis]) = (scaled, scaled);
-            out.near_reciprocal[axis] = Four::splat(reciprocal * SHRINK as f32);
-            out.far_reciprocal[axis] = Four::splat(reciprocal * WIDEN as f32);
+            let downwards = direction[axis] < 0.0;
+            out.near_side[axis] = usize::from(downwards);
+            out.near_reciprocal[axis] = if downwards { -near[axis] } else { near[axis] };
+            out.far_reciprocal[axis] = if downwards { -far[axis] } else { far[axis] };
         }
         Some(out)
+    }
+
+    /// The ray as the nodes' test takes it.
+    #[inline(always)]
+    pub fn slabs<E: Eights>(&self, eights: E) -> Slabs<E> {
+        let all = |numbers: &[f32; 3]| numbers.map(|number| eights.splat(number));
+        Slabs {
+            eights,
+            near_origin: all(&self.near_origin),
+            far_origin: all(&self.far_origin),
+            near_reciprocal: all(&self.near_reciprocal),
+            far_reciprocal: all(&self.far_reciprocal),
+            near_floor: eights.splat(self.near_floor),
+            near_side: self.near_side,
+        }
     }
 
     /// Whether the ray surely misses a tree's root box within `t_min..=t_max`.
@@ -136,14 +164,12 @@ impl NodeRay {
         let (near_by, origin_bounds) = ray.origin_bounded();
         let (along, direction_bounds) = ray.direction_bounded();
         let mut out = Self {
-            near_origin: [Four::splat(0.0); 3],
-            far_origin: [Four::splat(0.0); 3],
-            near_reciprocal: [Four::splat(f32::INFINITY); 3],
-            far_reciprocal: [Four::splat(f32::INFINITY); 3],
-            near_side: [0; 3],
+            near_reciprocal: [f32::INFINITY; 3],
+            far_reciprocal: [f32::INFINITY; 3],
             t_shift,
             t_min,
             near_floor: if t_shift == 0.0 { t_min } else { 0.0 },
+            ..Self::IDLE
         };
         let shift = f64::from(t_shift);
         for axis in 0..3 {
@@ -174,7 +200,7 @@ impl NodeRay {
             let upwards = d > 0.0 || parallel;
             out.near_side[axis] = usize::from(!upwards);
             let (near, far) = if upwards { (high, low) } else { (low, high) };
-            (out.near_origin[axis], out.far_origin[axis]) = (Four::splat(near), Four::splat(far));
+            (out.near_origin[axis], out.far_origin[axis]) = (near, far);
             if parallel {
                 continue;
             }
@@ -189,7 +215,7 @@ impl NodeRay {
             let near = round_down(SHRINK * slow);
             let far = round_up(WIDEN * fast);
             let (near, far) = if upwards { (near, far) } else { (-near, -far) };
-            (out.near_reciprocal[axis], out.far_reciprocal[axis]) = (Four::splat(near), Four::splat(far));
+            (out.near_reciprocal[axis], out.far_reciprocal[axis]) = (near, far);
         }
         out
     }
@@ -306,6 +332,7 @@ mod tests {
     use super::*;
     use crate::accel::node::{Node, WIDTH};
     use crate::accel::tree::Tree;
+    use crate::math::eight::TwoFours;
 
     fn exact(x: f32) -> RBig {
         RBig::try_from(x).expect("finite")
@@ -399,7 +426,7 @@ mod tests {
             prop_assert!(node_ray.root_entry() <= rounded);
             while at.count == 0 {
                 let node: &Node = tree.node(at.first);
-                let (near, met) = node.entries(node_ray, limit);
+                let (near, met) = node.entries(&node_ray.slabs(TwoFours), limit);
                 let entries: [f32; WIDTH] = std::array::from_fn(|slot| {
                     if met >> slot & 1 != 0 { node_ray.absolute(near[slot]) } else { f32::INFINITY }
                 });

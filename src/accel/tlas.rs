@@ -2,6 +2,9 @@
 
 use std::sync::{Arc, OnceLock};
 
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V3;
+
 use crate::accel::blas::Blas;
 use crate::accel::geometry_data::GeometryKind;
 use crate::accel::motion::{Motion, or_identity};
@@ -101,6 +104,8 @@ pub struct Tlas {
     /// Whether all is opaque, without micromaps that say otherwise, and nothing a box.
     plain: OnceLock<bool>,
     precision: Precision,
+    #[cfg(target_arch = "x86_64")]
+    simd: Option<V3>,
 }
 
 impl Tlas {
@@ -136,7 +141,17 @@ impl Tlas {
         let moves = instances.iter().any(|instance| instance.motion.is_some() || instance.blas.moves());
         let world_to_object = instances.iter().map(|_| OnceLock::new()).collect();
         let (tree, plain) = (OnceLock::new(), OnceLock::new());
-        Ok(Arc::new(Self { instances, placed, world_to_object, tree, moves, plain, precision }))
+        Ok(Arc::new(Self {
+            instances,
+            placed,
+            world_to_object,
+            tree,
+            moves,
+            plain,
+            precision,
+            #[cfg(target_arch = "x86_64")]
+            simd: V3::try_new(),
+        }))
     }
 
     /// The null acceleration structure: it has no instances.
@@ -208,6 +223,29 @@ impl Tlas {
     fn moving_ray(&self, instance: u32, ray: &Ray, time: f32) -> Option<ObjectRay> {
         let matrix = self.instances[instance as usize].motion.as_ref()?.at(time)?;
         ObjectRay::new(ray, Some(&matrix))
+    }
+
+    /// [`Tlas::object_ray`] in the memory of another; says whether there is one.
+    #[inline]
+    pub(super) fn set_object_ray(&self, instance: u32, ray: &Ray, time: f32, out: &mut ObjectRay) -> bool {
+        match &self.placed[instance as usize] {
+            Placed::InWorld => out.set_in_world(ray),
+            Placed::Still(transform) => out.set_in_instance(ray, transform),
+            Placed::Moving => {
+                let found = self.moving_ray(instance, ray, time);
+                found.is_some_and(|found| {
+                    *out = found;
+                    true
+                })
+            }
+        }
+    }
+
+    /// The processor's AVX2, where it has that.
+    #[cfg(target_arch = "x86_64")]
+    #[inline]
+    pub(super) fn simd(&self) -> Option<V3> {
+        self.simd
     }
 
     /// The tree over the instances' world boxes, with its order (place -> instance); `None` for a

@@ -1,11 +1,14 @@
 //! One step of a traversal through the trees of a TLAS and its BLASes.
 
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V3;
+
 use crate::accel::blas::GeometryFlags;
 use crate::accel::body::Body;
 use crate::accel::cursor::{Candidate, Cursor};
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Child, Node, WIDTH};
-use crate::accel::node_ray::{NodeLimit, NodeRay};
+use crate::accel::node_ray::{NodeLimit, NodeRay, Slabs};
 use crate::accel::rules::{
     is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible, presented,
 };
@@ -13,6 +16,7 @@ use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
 use crate::geometry::block::BlockRay;
 use crate::geometry::{Intersection, ObjectRay};
+use crate::math::eight::{Eights, TwoFours};
 
 /// A part of a tree that is still to be visited.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +39,12 @@ pub struct Level {
     block_ray: Option<BlockRay>,
 }
 
+impl Level {
+    /// Memory for a level.
+    const IDLE: Self =
+        Self { instance: 0, base: 0, object_ray: ObjectRay::IDLE, node_ray: NodeRay::IDLE, block_ray: None };
+}
+
 impl Cursor {
     /// Puts the root on the stack.
     pub(super) fn start(&mut self, tlas: &Tlas) {
@@ -42,14 +52,14 @@ impl Cursor {
         self.level = None;
         self.world = None;
         let ray = &self.trace.ray;
-        let Some(object_ray) = ObjectRay::in_world(ray) else { return };
         let Some((tree, _)) = tlas.tree() else {
             let count = tlas.instances().len() as u32;
-            if count > 0 {
+            if count > 0 && ray.is_finite() {
                 push(&mut self.open, Child { first: 0, count }, ray.t_min);
             }
             return;
         };
+        let Some(object_ray) = ObjectRay::in_world(ray) else { return };
         if let Some(node_ray) = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale()) {
             push(&mut self.open, tree.root(), node_ray.root_entry());
             self.world = Some(node_ray);
@@ -79,9 +89,27 @@ impl Cursor {
     }
 
     /// Visits what the stack holds of a BLAS, until a candidate waits.
-    fn visit_level(&mut self, tlas: &Tlas, level: &Level, visit: &mut impl Visit) {
+    fn visit_level<V: Visit>(&mut self, tlas: &Tlas, level: &Level, visit: &mut V) {
+        #[cfg(target_arch = "x86_64")]
+        if !V::REASONS
+            && let Some(simd) = tlas.simd()
+        {
+            return simd.vectorize(VisitLevel { cursor: self, tlas, level, visit, simd });
+        }
+        self.visit_level_with(TwoFours, tlas, level, visit);
+    }
+
+    #[inline(always)]
+    fn visit_level_with<E: Eights, V: Visit>(
+        &mut self,
+        eights: E,
+        tlas: &Tlas,
+        level: &Level,
+        visit: &mut V,
+    ) {
         let body = tlas.instances()[level.instance as usize].blas.body();
         let Some(tree) = body.tree() else { return };
+        let slabs = level.node_ray.slabs(eights);
         let mut limit = level.node_ray.limit(self.cull_t);
         while self.open.len() > level.base {
             let Some(Open { mut child, entry, .. }) = self.open.pop() else { return };
@@ -91,15 +119,8 @@ impl Cursor {
             // Down to a leaf; what is farther waits on the stack.
             loop {
                 if child.count > 0 {
-                    self.test(
-                        tlas,
-                        level.instance,
-                        body,
-                        child,
-                        &level.object_ray,
-                        level.block_ray.as_ref(),
-                        visit,
-                    );
+                    let (ray, block_ray) = (&level.object_ray, level.block_ray.as_ref());
+                    self.test(tlas, level.instance, body, child, ray, block_ray, visit);
                     if self.has_waiting() {
                         return;
                     }
@@ -107,7 +128,8 @@ impl Cursor {
                     break;
                 }
                 visit.node(Some(level.instance));
-                match push_children(&mut self.open, limit, tree.node(child.first), &level.node_ray) {
+                let node = tree.node(child.first);
+                match push_children(&mut self.open, limit, node, (&level.node_ray, &slabs)) {
                     Some((nearest, _)) => child = nearest,
                     None => break,
                 }
@@ -121,8 +143,9 @@ impl Cursor {
                 let Some(world) = &self.world else { return };
                 visit.node(None);
                 let limit = world.limit(self.cull_t);
+                let slabs = world.slabs(TwoFours);
                 if let Some((nearest, entry)) =
-                    push_children(&mut self.open, limit, tree.node(child.first), world)
+                    push_children(&mut self.open, limit, tree.node(child.first), (world, &slabs))
                 {
                     push(&mut self.open, nearest, entry);
                 }
@@ -151,39 +174,66 @@ impl Cursor {
         if instance.blas.kind().is_some_and(|kind| is_skipped(self.trace.flags, kind)) {
             return InstanceVerdict::Skipped;
         }
-        let Some(object_ray) = tlas.object_ray(number, &self.trace.ray, self.trace.time) else {
+        let mut level = self.spare_level.take().unwrap_or_else(|| Box::new(Level::IDLE));
+        if !tlas.set_object_ray(number, &self.trace.ray, self.trace.time, &mut level.object_ray) {
+            self.spare_level = Some(level);
             return InstanceVerdict::Missed;
-        };
-        let body = instance.blas.body();
+        }
+        let verdict = self.enter_body(tlas, number, &mut level, visit);
+        let goes_on = verdict == InstanceVerdict::Entered && self.open.len() > level.base;
+        *(if goes_on { &mut self.level } else { &mut self.spare_level }) = Some(level);
+        verdict
+    }
+
+    /// Goes into an instance with the ray in its space.
+    #[inline(always)]
+    fn enter_body<V: Visit>(
+        &mut self,
+        tlas: &Tlas,
+        number: u32,
+        level: &mut Level,
+        visit: &mut V,
+    ) -> InstanceVerdict {
+        let body = tlas.instances()[number as usize].blas.body();
+        level.base = self.open.len();
+        let ray = &level.object_ray;
         let Some(tree) = body.tree() else {
             let all = body.all();
             if all.count > 0 {
-                self.test(tlas, number, body, all, &object_ray, None, visit);
+                self.test_few(tlas, number, body, all, ray, visit);
             }
             return InstanceVerdict::Entered;
         };
-        if V::REASONS && NodeRay::misses(&object_ray, self.cull_t, tree.bounds()) {
+        if V::REASONS && NodeRay::misses(ray, self.cull_t, tree.bounds()) {
             return InstanceVerdict::Missed;
         }
-        let Some(node_ray) = NodeRay::new(&object_ray, self.cull_t, tree.bounds(), tree.scale()) else {
+        let Some(node_ray) = NodeRay::new(ray, self.cull_t, tree.bounds(), tree.scale()) else {
             return InstanceVerdict::Missed;
         };
-        let entry = node_ray.root_entry();
-        let block_ray = body.block_ray(&object_ray);
-        let level = Level { instance: number, base: self.open.len(), object_ray, node_ray, block_ray };
-        self.level = Some(match self.spare_level.take() {
-            Some(mut spare) => {
-                *spare = level;
-                spare
-            }
-            None => Box::new(level),
-        });
-        push(&mut self.open, tree.root(), entry);
+        level.instance = number;
+        level.block_ray = body.block_ray(ray);
+        level.node_ray = node_ray;
+        push(&mut self.open, tree.root(), node_ray.root_entry());
         InstanceVerdict::Entered
+    }
+
+    /// Tests the primitives of an instance without a tree.
+    #[inline(never)]
+    fn test_few<V: Visit>(
+        &mut self,
+        tlas: &Tlas,
+        number: u32,
+        body: &Body,
+        all: Child,
+        ray: &ObjectRay,
+        visit: &mut V,
+    ) {
+        self.test(tlas, number, body, all, ray, None, visit);
     }
 
     /// Tests a leaf of an instance.
     #[allow(clippy::too_many_arguments)]
+    #[inline(always)]
     fn test<V: Visit>(
         &mut self,
         tlas: &Tlas,
@@ -201,17 +251,21 @@ impl Cursor {
         }
         let instance = &tlas.instances()[number as usize];
         let flags = self.trace.flags;
+        let common = body.common_flags();
         while rest != 0 {
             let at = leaf.first as usize + rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let name = body.name(at);
             let place = Place { instance: number, geometry: name.geometry, primitive: name.primitive };
-            let geometry = &instance.blas.geometries()[name.geometry as usize];
-            let micromap = geometry
-                .opacity_micromap
-                .as_deref()
-                .filter(|_| !instance.flags.contains(InstanceFlags::DISABLE_OPACITY_MICROMAPS));
-            let mut opaque = is_opaque(flags, instance.flags, geometry.flags);
+            let (geometry_flags, micromap) = match common {
+                Some(flags) => (flags, None),
+                None => {
+                    let geometry = &instance.blas.geometries()[name.geometry as usize];
+                    let enabled = !instance.flags.contains(InstanceFlags::DISABLE_OPACITY_MICROMAPS);
+                    (geometry.flags, geometry.opacity_micromap.as_deref().filter(|_| enabled))
+                }
+            };
+            let mut opaque = is_opaque(flags, instance.flags, geometry_flags);
             let mut culled = is_culled_by_opacity(flags, opaque);
             if culled && micromap.is_none() && !V::REASONS {
                 continue;
@@ -253,7 +307,7 @@ impl Cursor {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn take(&mut self, candidate: Candidate) -> PrimitiveVerdict {
         let found = candidate.intersection;
         if candidate.opaque && !candidate.is_box() {
@@ -267,7 +321,7 @@ impl Cursor {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn push(open: &mut Vec<Open>, child: Child, entry: f32) {
     let floor = open.last().map_or(entry, |below| if below.floor < entry { below.floor } else { entry });
     open.push(Open { child, entry, floor });
@@ -276,8 +330,13 @@ fn push(open: &mut Vec<Open>, child: Child, entry: f32) {
 /// The nearest of the children that the ray meets, with its entry; the others come on the stack, the
 /// nearest of them on top.
 #[inline(always)]
-fn push_children(open: &mut Vec<Open>, limit: NodeLimit, node: &Node, ray: &NodeRay) -> Option<(Child, f32)> {
-    let (near, mut rest) = node.entries(ray, limit);
+fn push_children<E: Eights>(
+    open: &mut Vec<Open>,
+    limit: NodeLimit,
+    node: &Node,
+    (ray, slabs): (&NodeRay, &Slabs<E>),
+) -> Option<(Child, f32)> {
+    let (near, mut rest) = node.entries(slabs, limit);
     if rest == 0 {
         return None;
     }
@@ -321,6 +380,26 @@ fn push_children(open: &mut Vec<Open>, limit: NodeLimit, node: &Node, ray: &Node
         push(open, node.child(slot), entry);
     }
     Some((node.child(nearest.1), nearest.0))
+}
+
+/// A visit with its arguments, to be compiled for AVX2: the same operations, and the same results.
+#[cfg(target_arch = "x86_64")]
+struct VisitLevel<'a, V> {
+    cursor: &'a mut Cursor,
+    tlas: &'a Tlas,
+    level: &'a Level,
+    visit: &'a mut V,
+    simd: V3,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<V: Visit> pulp::NullaryFnOnce for VisitLevel<'_, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.cursor.visit_level_with(self.simd, self.tlas, self.level, self.visit);
+    }
 }
 
 /// Why a primitive was not hit: tests it again over all t >= 0.

@@ -160,7 +160,8 @@ fn approach<R: Real, const BOUNDED: bool>(
     let g = axis2 - delta * delta;
     let e_g = when::<R, BOUNDED>(u2 * R::from_f32(6.0) * (axis2 + delta * delta));
     if !(g > e_g) {
-        if BOUNDED && !(g < -e_g) {
+        // Ends in one place make g = -δ^2 exactly.
+        if BOUNDED && !(g < -e_g) && axis_n > R::ZERO {
             return Verdict::Undecided;
         }
         let outer = usize::from(r1 > r0);

@@ -25,6 +25,7 @@ use std::cmp::Ordering;
 
 use crate::geometry::Ray;
 use crate::math::exact::{self, Dyadic, Vector};
+use crate::math::four::Four;
 use crate::math::real::{Real, norm1};
 use crate::math::surd::Surd;
 
@@ -109,6 +110,7 @@ pub struct ObjectRay {
     origin_slack: f64,
     direction_slack: f64,
     direction_norm: f64,
+    is_ordinary: bool,
 }
 
 impl ObjectRay {
@@ -125,33 +127,66 @@ impl ObjectRay {
     /// The ray in world space. `None` where it holds a NaN or an infinite origin or direction.
     #[inline]
     pub fn in_world(ray: &Ray) -> Option<Self> {
-        is_valid(ray).then(|| {
-            let origin = ray.origin.map(f64::from);
-            let direction = ray.direction.map(f64::from);
-            Self::with(ray, None, (origin, [0.0; 3]), (direction, [0.0; 3]))
-        })
+        let mut out = Self::IDLE;
+        out.set_in_world(ray).then_some(out)
     }
 
     /// The ray in the object space of an instance. `None` where it holds a NaN or an infinite
     /// origin or direction.
     #[inline]
     pub fn in_instance(ray: &Ray, transform: &Transform) -> Option<Self> {
-        is_valid(ray).then(|| {
+        let mut out = Self::IDLE;
+        out.set_in_instance(ray, transform).then_some(out)
+    }
+
+    /// Memory for a ray.
+    pub const IDLE: Self = Self {
+        world: Ray { origin: [0.0; 3], direction: [0.0; 3], t_min: 0.0, t_max: 0.0 },
+        matrix: None,
+        origin: [0.0; 3],
+        direction: [0.0; 3],
+        origin_error: [0.0; 3],
+        direction_error: [0.0; 3],
+        origin_slack: 0.0,
+        direction_slack: 0.0,
+        direction_norm: 0.0,
+        is_ordinary: false,
+    };
+
+    /// [`ObjectRay::in_world`] in the memory of this one; says whether there is one.
+    #[inline(always)]
+    pub fn set_in_world(&mut self, ray: &Ray) -> bool {
+        let valid = ray.is_finite();
+        if valid {
+            let origin = ray.origin.map(f64::from);
+            let direction = ray.direction.map(f64::from);
+            self.set(ray, None, (origin, [0.0; 3]), (direction, [0.0; 3]));
+        }
+        valid
+    }
+
+    /// [`ObjectRay::in_instance`] in the memory of this one; says whether there is one.
+    #[inline]
+    pub fn set_in_instance(&mut self, ray: &Ray, transform: &Transform) -> bool {
+        let valid = ray.is_finite();
+        if valid {
             let offset =
                 std::array::from_fn(|i| f64::from(ray.origin[i]) - f64::from(transform.matrix[i][3]));
             let origin = transform.apply(offset);
             let direction = transform.apply(ray.direction.map(f64::from));
-            Self::with(ray, Some(transform.matrix), origin, direction)
-        })
+            self.set(ray, Some(transform.matrix), origin, direction);
+        }
+        valid
     }
 
-    #[inline]
-    fn with(
+    #[inline(always)]
+    fn set(
+        &mut self,
         ray: &Ray,
         matrix: Option<[[f32; 4]; 3]>,
         (origin, mut origin_error): ([f64; 3], [f64; 3]),
         (direction, mut direction_error): ([f64; 3], [f64; 3]),
-    ) -> Self {
+    ) {
         let far = norm1(origin);
         let direction_norm = norm1(direction);
         let range = 2f64.powi(130);
@@ -168,7 +203,8 @@ impl ObjectRay {
             origin_slack = f64::INFINITY;
             direction_slack = f64::INFINITY;
         }
-        Self {
+        let is_ordinary = is_sure && matrix.is_none() && ordinary(ray.origin) && ordinary(ray.direction);
+        *self = Self {
             world: *ray,
             matrix,
             origin,
@@ -178,12 +214,20 @@ impl ObjectRay {
             origin_slack,
             direction_slack,
             direction_norm,
-        }
+            is_ordinary,
+        };
     }
 
     /// The ray that it was made from.
     pub fn world(&self) -> &Ray {
         &self.world
+    }
+
+    /// Whether object space is world space and each component of origin and direction is 0 or of a
+    /// magnitude from 2^-60 to 2^60.
+    #[inline(always)]
+    pub fn is_ordinary(&self) -> bool {
+        self.is_ordinary
     }
 
     /// The lower end of the interval.
@@ -343,9 +387,14 @@ impl ExactRay {
     }
 }
 
-fn is_valid(ray: &Ray) -> bool {
-    let finite = |v: [f32; 3]| v.iter().all(|x| x.is_finite());
-    finite(ray.origin) && finite(ray.direction) && !ray.t_min.is_nan() && !ray.t_max.is_nan()
+/// Whether each component is 0 or neither very small nor very great.
+#[inline(always)]
+fn ordinary([x, y, z]: [f32; 3]) -> bool {
+    const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
+    const MOST: f32 = (1u64 << 60) as f32;
+    let magnitudes = Four::new([x, y, z, 0.0]).abs();
+    let some = magnitudes.at_least(Four::splat(LEAST)) | Four::splat(0.0).at_least(magnitudes);
+    some & Four::splat(MOST).at_least(magnitudes) == 0b1111
 }
 
 /// The components rounded to f32: at once where the bound allows, from the exact ones otherwise.

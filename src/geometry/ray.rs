@@ -20,6 +20,14 @@ impl Ray {
         Self { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
     }
 
+    /// Whether origin and direction are finite, and the interval holds no NaN.
+    #[inline(always)]
+    pub fn is_finite(&self) -> bool {
+        // Zero times what is not finite is a NaN, and no sum of zeros is.
+        let zero = |v: [f32; 3]| v[0] * 0.0 + v[1] * 0.0 + v[2] * 0.0;
+        zero(self.origin) + zero(self.direction) == 0.0 && !self.t_min.is_nan() && !self.t_max.is_nan()
+    }
+
     /// The same ray over another interval.
     #[must_use]
     pub fn with_interval(self, t_min: f32, t_max: f32) -> Self {

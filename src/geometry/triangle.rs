@@ -40,17 +40,23 @@ use crate::math::surd::Surd;
 
 /// Where a ray meets a triangle, strictly within the interval. The attributes are the barycentrics
 /// of the second and third vertex. A triangle with a vertex that is not finite is never hit.
-#[inline]
+#[inline(always)]
 pub fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3], precision: Precision) -> Option<Intersection> {
     match precision {
-        Precision::Float => approach::<f32, false>(ray, vertices).found(),
-        Precision::Double => approach::<f64, false>(ray, vertices).found(),
+        Precision::Float => intersect_in::<f32>(ray, vertices),
+        Precision::Double => intersect_in::<f64>(ray, vertices),
         Precision::Exact => match approach::<f64, true>(ray, vertices) {
             Verdict::Hit(hit) => Some(hit),
             Verdict::Miss => None,
             Verdict::Undecided => intersect_exactly(ray, vertices),
         },
     }
+}
+
+/// Without bounds; apart, so that only the exact way is compiled into its callers.
+#[inline(never)]
+fn intersect_in<R: Real>(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Intersection> {
+    approach::<R, false>(ray, vertices).found()
 }
 
 /// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.

@@ -3,10 +3,9 @@
 use smallvec::SmallVec;
 
 use crate::machine::{Batch, Bindings, Lanes, Mask, Observer, Stop, TrapCode};
-use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::row::{Row, Width};
-use crate::program::{Program, Terminator};
+use crate::program::{Program, Run, Terminator, Unwatched};
 
 /// Runs a batch until it stops.
 pub fn run<const W: usize, O: Observer<W>>(
@@ -18,38 +17,39 @@ pub fn run<const W: usize, O: Observer<W>>(
 where
     Row: Width<W>,
 {
+    let Unwatched { ops, steps, runs } = &program.unwatched;
+    let ops = if O::active() { &program.ops } else { ops };
     loop {
         let block = &program.blocks[batch.block as usize];
         // Behind a stop a block goes on, it is not entered.
         if O::active() && batch.op == block.first && !batch.paused {
             observer.block(batch);
         }
-        while batch.op < block.end {
+        // Where nobody watches, blocks that follow each other are one.
+        let run =
+            if O::active() { Run { end: block.end, last: batch.block } } else { runs[batch.block as usize] };
+        while batch.op < run.end {
             if O::active() && !std::mem::take(&mut batch.paused) && observer.before(batch, batch.op) {
                 batch.paused = true;
                 return Stop::Paused;
             }
-            let op = &program.ops[batch.op as usize];
-            // Most operations are rows or moves, and those stop nothing: no turn through the table of
-            // all kinds, whose jump the processor guesses badly.
-            match op {
-                Op::Row { row, to, from } => {
-                    Width::<W>::run(*row, &mut batch.registers, *to, from);
-                    if O::active() {
-                        observer.after(batch, bindings, batch.op);
-                    }
-                    batch.op += 1;
-                    continue;
+            if Row::STRETCHES && !O::active() {
+                let rest = batch.op as usize..run.end as usize;
+                let ran = Row::stretch(&mut batch.registers, &steps[rest.clone()], &ops[rest], batch.mask);
+                batch.op += ran as u32;
+                if batch.op == run.end {
+                    break;
                 }
-                Op::Memory(memory::Op::Move { to, from }) => {
-                    batch.registers.copy(*to, *from, Mask::ALL);
-                    if O::active() {
-                        observer.after(batch, bindings, batch.op);
-                    }
-                    batch.op += 1;
-                    continue;
+            }
+            let op = &ops[batch.op as usize];
+            if let Op::Row { row, to, from } = op {
+                // Most operations are rows, and those stop nothing.
+                Width::<W>::run(*row, &mut batch.registers, *to, from);
+                if O::active() {
+                    observer.after(batch, bindings, batch.op);
                 }
-                _ => {}
+                batch.op += 1;
+                continue;
             }
             if let Op::Stop(_) | Op::Barrier = op {
                 let stop = match op {
@@ -68,7 +68,8 @@ where
             }
             batch.op += 1;
         }
-        if !leave(batch, program, &block.terminator, observer) {
+        batch.block = run.last;
+        if !leave(batch, program, &program.blocks[run.last as usize].terminator, observer) {
             return Stop::Done;
         }
     }

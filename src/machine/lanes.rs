@@ -68,7 +68,18 @@ impl<const W: usize> Mask<W> {
     /// The lanes whose word is not zero.
     #[inline]
     pub fn of(words: &Lanes<W>) -> Self {
-        Self::from_fn(|lane| words.0[lane] != 0)
+        if !W.is_multiple_of(8) {
+            return Self::from_fn(|lane| words.0[lane] != 0);
+        }
+        let mut mask = Self::NONE;
+        for (at, eight) in words.0.chunks_exact(8).enumerate() {
+            // A byte each of 0 or 1; the product brings byte k to bit 56 + k.
+            let bytes: [u8; 8] = std::array::from_fn(|lane| u8::from(eight[lane] != 0));
+            let bits = u64::from_le_bytes(bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+            let half = if at < 8 { &mut mask.low } else { &mut mask.high };
+            *half |= bits << (at % 8 * 8);
+        }
+        mask
     }
 
     /// The lanes for which a condition holds.
@@ -244,7 +255,7 @@ impl<const W: usize> Registers<W> {
     }
 
     /// Copies a row into another, for the lanes of a mask.
-    #[inline]
+    #[inline(always)]
     pub fn copy(&mut self, to: Reg, from: Reg, mask: Mask<W>) {
         let place = from.0 as usize;
         if mask.is_all() {

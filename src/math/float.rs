@@ -6,6 +6,36 @@
 
 use half::f16;
 
+/// `a as i32`, in operations that loops over lanes are vectorised with.
+#[inline(always)]
+pub fn to_i32(a: f32) -> i32 {
+    let (exponent, magnitude) = whole(a);
+    let negative = a.to_bits() >> 31 != 0;
+    let inside = if negative { (magnitude as i32).wrapping_neg() } else { magnitude as i32 };
+    let beyond = if negative { i32::MIN } else { i32::MAX };
+    // From 2^31 on; the NaNs are the greatest of all.
+    let settled = if exponent > 7 { beyond } else { inside };
+    if a.to_bits() << 1 > 0xFF00_0000 { 0 } else { settled }
+}
+
+/// `a as u32`, likewise.
+#[inline(always)]
+pub fn to_u32(a: f32) -> u32 {
+    let (exponent, magnitude) = whole(a);
+    let settled = if exponent > 8 { u32::MAX } else { magnitude };
+    if a.to_bits() > 0x7F80_0000 { 0 } else { settled }
+}
+
+/// The exponent of a float's last bit, and its magnitude without fraction where that is below 2^32.
+#[inline(always)]
+fn whole(a: f32) -> (i32, u32) {
+    let exponent = (a.to_bits() >> 23 & 0xFF) as i32 - 150;
+    let mantissa = a.to_bits() & 0x7F_FFFF | 0x80_0000;
+    let left = mantissa << exponent.clamp(0, 8);
+    let right = mantissa >> (-exponent).clamp(0, 31);
+    (exponent, if exponent < 0 { right } else { left })
+}
+
 /// A float type of SPIR-V.
 pub trait Float: Copy + PartialOrd {
     /// Zero.
@@ -345,6 +375,21 @@ impl Float for f16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn floats_become_integers_as_casts_do() {
+        let mut bits = 1u32;
+        let drawn = (0..100_000).map(|_| {
+            bits = bits.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f32::from_bits(bits ^ bits >> 15)
+        });
+        let edges = [0.0, 0.5, 1.0, 8_388_608.0, 16_777_216.0, 2_147_483_648.0, 4_294_967_296.0, f32::MAX];
+        let edges = edges.into_iter().chain([f32::INFINITY, f32::NAN, f32::MIN_POSITIVE, 1e-45]);
+        let near = edges.flat_map(|x| [x, x.next_up(), x.next_down()]);
+        for x in drawn.chain(near).flat_map(|x| [x, -x]) {
+            assert_eq!((to_i32(x), to_u32(x)), (x as i32, x as u32), "{x:e}");
+        }
+    }
 
     #[test]
     fn frexp_takes_numbers_apart() {

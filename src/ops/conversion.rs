@@ -3,9 +3,14 @@
 //! A float outside the range of the integer type, which the specification leaves undefined,
 //! saturates; a NaN gives 0.
 
+use std::marker::PhantomData;
+
 use half::f16;
 
-use crate::ops::row::Row;
+use crate::machine::lanes::map1;
+use crate::machine::{Reg, Registers, Scalar};
+use crate::math::float;
+use crate::ops::row::{LaneLoop, Row, Unary};
 
 macro_rules! conversions {
     ($($name:ident: $($from:ty => $to:ty),+;)+) => {$(
@@ -13,17 +18,47 @@ macro_rules! conversions {
             use super::*;
             pub(super) static ROWS: &[(u32, Row)] = &[$((
                 <$to as crate::ops::row::Bits>::BITS,
-                crate::row!(Convert, $from, (a: $from), $to, { <Convert<$from> as To<$to>>::to(Convert(a)) }),
+                crate::row!(Convert, $from, (a: $from), $to, Between<$from, $to>),
             )),+];
         }
     )+};
 }
 
 /// A value on its way to another type; as a trait, so that one name serves every pair.
-struct Convert<A>(A);
+pub struct Convert<A>(A);
 
-trait To<B> {
+/// See [`Convert`].
+pub trait To<B> {
+    /// The value in the other type.
     fn to(self) -> B;
+}
+
+/// The lane loop of a pair.
+pub struct Between<A, B> {
+    _types: PhantomData<(A, B)>,
+}
+
+impl<A: Scalar, B: Scalar> LaneLoop for Between<A, B>
+where
+    Convert<A>: To<B>,
+{
+    #[inline(always)]
+    fn run<const W: usize>(registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]) {
+        map1::<W, A, B>(registers, to, from, Self::apply);
+    }
+}
+
+impl<A: Scalar, B: Scalar> Unary for Between<A, B>
+where
+    Convert<A>: To<B>,
+{
+    type A = A;
+    type R = B;
+
+    #[inline(always)]
+    fn apply(a: A) -> B {
+        Convert(a).to()
+    }
 }
 
 macro_rules! casts {
@@ -38,7 +73,7 @@ macro_rules! casts {
 }
 
 casts! {
-    f32 => i8 i16 i32 i64 u8 u16 u32 u64 f64;
+    f32 => i8 i16 i64 u8 u16 u64 f64;
     f64 => i8 i16 i32 i64 u8 u16 u32 u64 f32;
     i8 => f32 f64 i16 i32 i64;
     i16 => f32 f64 i8 i32 i64;
@@ -50,9 +85,24 @@ casts! {
     u64 => f32 f64 u8 u16 u32;
 }
 
+impl To<i32> for Convert<f32> {
+    #[inline(always)]
+    fn to(self) -> i32 {
+        float::to_i32(self.0)
+    }
+}
+
+impl To<u32> for Convert<f32> {
+    #[inline(always)]
+    fn to(self) -> u32 {
+        float::to_u32(self.0)
+    }
+}
+
 macro_rules! half_from {
     ($($from:ty)+) => {$(
         impl To<f16> for Convert<$from> {
+            #[inline(always)]
             fn to(self) -> f16 {
                 // Every f32 and narrow integer is exact in f64; of wide integers only those beyond
                 // f16's range are not, and they round to infinity all the same.
@@ -65,6 +115,7 @@ macro_rules! half_from {
 macro_rules! half_to {
     ($($to:ty)+) => {$(
         impl To<$to> for Convert<f16> {
+            #[inline(always)]
             fn to(self) -> $to {
                 self.0.to_f64() as $to
             }

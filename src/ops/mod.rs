@@ -37,6 +37,7 @@ pub mod ray_tracing;
 pub mod relational_logical;
 pub mod row;
 pub mod seen;
+pub mod stretch;
 pub mod subgroup;
 pub mod support;
 pub mod twin;

@@ -10,7 +10,9 @@ use std::sync::LazyLock;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
-use crate::machine::{Reg, Registers};
+use crate::machine::{Mask, Reg, Registers, Scalar};
+use crate::ops::op::Op;
+use crate::ops::stretch::{self, Step};
 
 /// Runs a row over all lanes of a batch.
 pub type Eval<const W: usize> = fn(&mut Registers<W>, Reg, &[Reg; 3]);
@@ -69,6 +71,15 @@ impl PartialEq for Row {
 pub trait Width<const W: usize> {
     /// Writes the result's rows for every lane.
     fn run(&self, registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
+
+    /// Whether batches of this width run stretches.
+    const STRETCHES: bool = false;
+
+    /// Runs a program's operations up to the first that is irregular, and says how many; see
+    /// [`stretch::run`].
+    fn stretch(_: &mut Registers<W>, _: &[Step], _: &[Op], _: Mask<W>) -> usize {
+        0
+    }
 }
 
 impl Width<1> for Row {
@@ -93,6 +104,13 @@ impl Width<32> for Row {
             return (self.full_v3)(simd, registers, to, from);
         }
         (self.full)(registers, to, from);
+    }
+
+    const STRETCHES: bool = true;
+
+    #[inline]
+    fn stretch(registers: &mut Registers<32>, steps: &[Step], ops: &[Op], mask: Mask<32>) -> usize {
+        stretch::run(registers, steps, ops, mask)
     }
 }
 
@@ -189,8 +207,13 @@ macro_rules! rows {
                 name: stringify!($name),
                 set: $crate::ops::row::Set::$set,
                 number: $crate::number!($set, $name),
-                rows: &[$($crate::row!($name, $ty, $args, $result, $body)),*],
+                rows: &[$($crate::row!($name, $ty, $args, $result, $name<$ty>)),*],
             };
+            #[doc = concat!("The lane loop of `", stringify!($name), "` on a type.")]
+            pub struct $name<T> {
+                _type: std::marker::PhantomData<T>,
+            }
+            $($crate::lane_loop!($name, $ty, $args, $result, $body);)*
         )*
         /// The families of this section.
         pub static FAMILIES: &[&$crate::ops::row::Family] = &[$(&$name),*];
@@ -212,36 +235,100 @@ macro_rules! number {
     };
 }
 
-/// One row of [`rows!`](crate::rows).
+/// The lane loop of a row, by the type that names its family.
+pub trait LaneLoop {
+    /// Writes the result's rows for every lane.
+    fn run<const W: usize>(registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
+}
+
+/// The scalar function of a row of one operand.
+pub trait Unary {
+    /// The operand.
+    type A: Scalar;
+    /// The result.
+    type R: Scalar;
+    /// The value for one lane.
+    fn apply(a: Self::A) -> Self::R;
+}
+
+/// The scalar function of a row of two operands.
+pub trait Binary {
+    /// The first operand.
+    type A: Scalar;
+    /// The second operand.
+    type B: Scalar;
+    /// The result.
+    type R: Scalar;
+    /// The value for one lane.
+    fn apply(a: Self::A, b: Self::B) -> Self::R;
+}
+
+/// The lane loop of one row of [`rows!`](crate::rows).
+#[doc(hidden)]
+#[macro_export]
+macro_rules! lane_loop {
+    ($name:ident, $ty:ty, $args:tt, $result:ty, $body:block) => {
+        const _: () = {
+            #[allow(dead_code)]
+            type T = $ty;
+            $crate::lane_loop!(@ $name<$ty>, $args, $result, $body);
+        };
+    };
+    (@ $name:ty, ($a:ident: $at:ty), $result:ty, $body:block) => {
+        impl $crate::ops::row::Unary for $name {
+            type A = $at;
+            type R = $result;
+
+            #[inline(always)]
+            fn apply($a: $at) -> $result {
+                $body
+            }
+        }
+        $crate::lane_loop!(@ $name, [$at, $result], map1, <$name as $crate::ops::row::Unary>::apply);
+    };
+    (@ $name:ty, ($a:ident: $at:ty, $b:ident: $bt:ty), $result:ty, $body:block) => {
+        impl $crate::ops::row::Binary for $name {
+            type A = $at;
+            type B = $bt;
+            type R = $result;
+
+            #[inline(always)]
+            fn apply($a: $at, $b: $bt) -> $result {
+                $body
+            }
+        }
+        $crate::lane_loop!(@ $name, [$at, $bt, $result], map2, <$name as $crate::ops::row::Binary>::apply);
+    };
+    (@ $name:ty, ($a:ident: $at:ty, $b:ident: $bt:ty, $c:ident: $ct:ty), $result:ty, $body:block) => {
+        $crate::lane_loop!(@ $name, [$at, $bt, $ct, $result], map3, |$a: $at, $b: $bt, $c: $ct| $body);
+    };
+    (@ $name:ty, [$($ty:ty),*], $map:ident, $function:expr) => {
+        impl $crate::ops::row::LaneLoop for $name {
+            #[inline(always)]
+            fn run<const W: usize>(
+                registers: &mut $crate::machine::Registers<W>,
+                to: $crate::machine::Reg,
+                from: &[$crate::machine::Reg; 3],
+            ) {
+                $crate::machine::lanes::$map::<W, $($ty),*>(registers, to, from, $function);
+            }
+        }
+    };
+}
+
+/// One row of [`rows!`](crate::rows), with its [`LaneLoop`](crate::ops::row::LaneLoop).
 #[doc(hidden)]
 #[macro_export]
 macro_rules! row {
-    ($name:ident, $ty:ty, ($a:ident: $at:ty), $result:ty, $body:block) => {
-        $crate::row!(@ $name, $ty, $result, [$at], map1, |$a| $body)
-    };
-    ($name:ident, $ty:ty, ($a:ident: $at:ty, $b:ident: $bt:ty), $result:ty, $body:block) => {
-        $crate::row!(@ $name, $ty, $result, [$at, $bt], map2, |$a, $b| $body)
-    };
-    ($name:ident, $ty:ty, ($a:ident: $at:ty, $b:ident: $bt:ty, $c:ident: $ct:ty), $result:ty, $body:block) => {
-        $crate::row!(@ $name, $ty, $result, [$at, $bt, $ct], map3, |$a, $b, $c| $body)
-    };
-    (@ $name:ident, $ty:ty, $result:ty, [$($at:ty),*], $map:ident, |$($a:ident),*| $body:block) => {{
+    ($name:ident, $ty:ty, ($($a:ident: $at:ty),*), $result:ty, $lanes:ty) => {{
         #[allow(dead_code)]
         type T = $ty;
-        #[inline(always)]
-        fn lanes<const W: usize>(
-            registers: &mut $crate::machine::Registers<W>,
-            to: $crate::machine::Reg,
-            from: &[$crate::machine::Reg; 3],
-        ) {
-            $crate::machine::lanes::$map::<W, $($at,)* $result>(registers, to, from, |$($a),*| $body);
-        }
         fn eval<const W: usize>(
             registers: &mut $crate::machine::Registers<W>,
             to: $crate::machine::Reg,
             from: &[$crate::machine::Reg; 3],
         ) {
-            lanes(registers, to, from);
+            <$lanes as $crate::ops::row::LaneLoop>::run(registers, to, from);
         }
         #[cfg(target_arch = "x86_64")]
         fn eval_v3(
@@ -250,7 +337,8 @@ macro_rules! row {
             to: $crate::machine::Reg,
             from: &[$crate::machine::Reg; 3],
         ) {
-            simd.vectorize($crate::ops::row::Wide { registers, to, from, function: lanes::<32> });
+            let function = <$lanes as $crate::ops::row::LaneLoop>::run::<32>;
+            simd.vectorize($crate::ops::row::Wide { registers, to, from, function });
         }
         $crate::ops::row::Row {
             name: stringify!($name),

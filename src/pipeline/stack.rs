@@ -15,7 +15,7 @@ use crate::pipeline::group::Shader;
 use crate::pipeline::launch::Stats;
 use crate::pipeline::report::Report;
 use crate::pipeline::sbt::Record;
-use crate::pipeline::trace::{Data, Query, RayState, Trace, general};
+use crate::pipeline::trace::{Data, Query, RayState, Trace, Waiting, general};
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::witness::{Caller, Event, Witness};
 use crate::program::Program;
@@ -69,8 +69,22 @@ pub(super) struct Running<const W: usize> {
     pub batch: Batch<W>,
     /// The caller's lane for each lane.
     pub callers: Vec<usize>,
-    /// Where a witness sees the payload.
+    /// The rows of the payload, or of callable data.
     data: Option<Rows>,
+    attributes: Option<Rows>,
+}
+
+impl<const W: usize> Running<W> {
+    /// Gives a lane what it begins with: payload (or callable data) and attributes.
+    #[inline]
+    fn give(&mut self, lane: usize, payload: &[u32], attributes: &[u32]) {
+        for (rows, words) in [(self.data, payload), (self.attributes, attributes)] {
+            if let Some(rows) = rows {
+                let words = words.iter().copied().take(rows.count as usize);
+                self.batch.registers.set_lane_words(rows.first, lane, words);
+            }
+        }
+    }
 }
 
 /// `OpExecuteCallableKHR` in progress.
@@ -239,7 +253,7 @@ where
                     }
                 }
                 Level::Trace { trace, .. } => match trace.advance(self.pipeline, self.witness) {
-                    Some(called) => self.enter(called),
+                    Some(waiting) => self.enter_traced(waiting),
                     None => {
                         if let Some(ray) = self.end_trace() {
                             return Some(ray);
@@ -254,55 +268,91 @@ where
 
     /// Puts a shader on the stack.
     fn enter(&mut self, called: Called) {
-        let pipeline = self.pipeline;
-        let program = &*pipeline.programs[called.shader.0 as usize];
-        let data = match called.role {
-            Role::Callable => program.interface_rows(storage::INCOMING_CALLABLE_DATA),
-            _ => program.interface_rows(storage::INCOMING_RAY_PAYLOAD),
-        };
-        let data = data.map(InterfaceRows::rows);
-        let mut running = self.spare[called.shader.0 as usize].pop().unwrap_or_else(|| {
-            let batch = program.batch();
-            Box::new(Running { shader: called.shader, role: called.role, batch, callers: Vec::new(), data })
-        });
-        running.role = called.role;
-        running.callers.clear();
-        let mask = Mask::first(called.lanes.len());
-        let attributes = program.interface_rows(storage::HIT_ATTRIBUTE).map(InterfaceRows::rows);
+        let mut running = self.ready(called.shader, called.role);
+        let program = &*self.pipeline.programs[called.shader.0 as usize];
         let mut lanes = called.lanes;
         // Everything here is wide: it is taken from where it lies.
-        for (lane, entry) in lanes.iter_mut().enumerate() {
+        for (entry, invocation) in lanes.iter_mut().zip(&mut running.batch.invocations) {
             running.callers.push(entry.caller);
-            let invocation = &mut running.batch.invocations[lane];
             *invocation = std::mem::take(&mut entry.invocation);
-            invocation.subgroup_size = pipeline.subgroup_size;
+            invocation.subgroup_size = self.pipeline.subgroup_size;
         }
-        program.begin(&mut running.batch, mask, pipeline.budget);
+        program.begin(&mut running.batch, Mask::first(lanes.len()), self.pipeline.budget);
         for (lane, entry) in lanes.iter().enumerate() {
-            for (rows, words) in [(data, &entry.payload), (attributes, &entry.attributes)] {
-                if let Some(rows) = rows {
-                    let words = words.iter().copied().take(rows.count as usize);
-                    running.batch.registers.set_lane_words(rows.first, lane, words);
-                }
-            }
+            running.give(lane, &entry.payload, &entry.attributes);
         }
+        self.push(running);
+    }
+
+    /// Puts a shader on the stack that the rays of the trace there wait for.
+    fn enter_traced(&mut self, waiting: Waiting) {
+        let mut running = self.ready(waiting.shader, waiting.role);
+        let program = &*self.pipeline.programs[waiting.shader.0 as usize];
+        let Some(Level::Trace { trace, .. }) = self.levels.last() else {
+            unreachable!("bug in anyhit: a shader outside a trace");
+        };
+        let count = waiting.lanes.len();
+        for ((lane, record, through), invocation) in
+            waiting.lanes.into_iter().zip(&mut running.batch.invocations)
+        {
+            running.callers.push(lane);
+            trace.ray(lane).show(waiting.role, program, record, invocation);
+            invocation.called_through = through;
+            invocation.subgroup_size = self.pipeline.subgroup_size;
+        }
+        program.begin(&mut running.batch, Mask::first(count), self.pipeline.budget);
+        for at in 0..count {
+            let ray = trace.ray(running.callers[at]);
+            running.give(at, &ray.query.payload, &ray.shown_attributes(waiting.role));
+        }
+        self.push(running);
+    }
+
+    /// A batch of a shader without lanes.
+    fn ready(&mut self, shader: Shader, role: Role) -> Box<Running<W>> {
+        let mut running = self.spare[shader.0 as usize].pop().unwrap_or_else(|| {
+            let program = &*self.pipeline.programs[shader.0 as usize];
+            let data = match role {
+                Role::Callable => program.interface_rows(storage::INCOMING_CALLABLE_DATA),
+                _ => program.interface_rows(storage::INCOMING_RAY_PAYLOAD),
+            };
+            Box::new(Running {
+                shader,
+                role,
+                batch: program.batch(),
+                callers: Vec::new(),
+                data: data.map(InterfaceRows::rows),
+                attributes: program.interface_rows(storage::HIT_ATTRIBUTE).map(InterfaceRows::rows),
+            })
+        });
+        running.role = role;
+        running.callers.clear();
+        running
+    }
+
+    /// Puts a batch on the stack whose lanes have begun.
+    fn push(&mut self, mut running: Box<Running<W>>) {
+        let program = &*self.pipeline.programs[running.shader.0 as usize];
+        let mask = Mask::<W>::first(running.callers.len());
         self.stats.count(program.stage, mask.count());
         if T::ACTIVE {
             running.batch.queries.told = T::QUERIES.then(Vec::new);
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
+                let rows =
+                    |rows: Option<Rows>| rows.map_or_else(Vec::new, |rows| read(rows.first, rows.count));
                 self.witness.invocation(running.batch.invocations[lane].launch_id);
                 self.witness.event(Event::Enter {
-                    shader: called.shader,
+                    shader: running.shader,
                     stage: program.stage,
                     builtins: program
                         .inputs
                         .iter()
                         .map(|rows| (rows.builtin, read(rows.first, rows.count)))
                         .collect(),
-                    payload: data.map_or_else(Vec::new, |rows| read(rows.first, rows.count)),
-                    attributes: attributes.map_or_else(Vec::new, |rows| read(rows.first, rows.count)),
+                    payload: rows(running.data),
+                    attributes: rows(running.attributes),
                 });
             }
         }

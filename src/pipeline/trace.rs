@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Candidate, Committed, Cursor, RayFlags, Tlas, TraceRay, hit_record_index};
+use crate::accel::{Candidate, Cursor, HitKind, RayFlags, Tlas, TraceRay, hit_record_index};
 use crate::machine::hit_object::HitEncoded;
 use crate::machine::{Batch, Exit, Hit, Invocation, ShaderRecord, TrapCode};
 use crate::ops::pointer::storage;
@@ -12,7 +12,7 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
 use crate::pipeline::launch::RayOperands;
 use crate::pipeline::sbt::Record;
-use crate::pipeline::stack::{Called, Role};
+use crate::pipeline::stack::Role;
 use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
 use crate::program::Program;
 
@@ -74,10 +74,10 @@ type WaitingLane = (usize, Option<ShaderRecord>, u64);
 
 /// Lanes that wait for a shader.
 #[derive(Clone, Debug)]
-struct Waiting {
-    shader: Shader,
-    role: Role,
-    lanes: SmallVec<[WaitingLane; 4]>,
+pub(super) struct Waiting {
+    pub shader: Shader,
+    pub role: Role,
+    pub lanes: Vec<WaitingLane>,
 }
 
 /// The rays of one `OpTraceRayKHR`; its memory is used again for the next.
@@ -181,10 +181,10 @@ impl Trace {
     }
 
     /// Goes on until a shader must run; `None` when every ray is done.
-    pub fn advance<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) -> Option<Called> {
+    pub fn advance<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) -> Option<Waiting> {
         loop {
             if let Some(waiting) = self.waiting.pop() {
-                return Some(self.call(pipeline, waiting));
+                return Some(waiting);
             }
             if !self.traversing {
                 return None;
@@ -288,27 +288,6 @@ impl Trace {
         }
     }
 
-    fn call(&self, pipeline: &Pipeline, waiting: Waiting) -> Called {
-        let program = &pipeline.programs[waiting.shader.0 as usize];
-        let mut called = Called::new(waiting.shader, waiting.role, waiting.lanes.len());
-        for (lane, record, called_through) in waiting.lanes {
-            let ray = self.ray(lane);
-            let mut invocation = match waiting.role {
-                Role::AnyHit | Role::Intersection => ray.candidate_invocation(program, record),
-                Role::ClosestHit => ray.hit_invocation(program, record),
-                _ => ray.invocation(ray.query.trace.ray.t_max, record),
-            };
-            invocation.called_through = called_through;
-            let attributes = match waiting.role {
-                Role::AnyHit => ray.cursor.candidate().map_or_else(Data::new, candidate_attributes),
-                Role::ClosestHit => ray.committed_attributes(),
-                _ => Data::new(),
-            };
-            called.push(lane, invocation, ray.query.payload.clone(), attributes);
-        }
-        called
-    }
-
     /// The ray of a lane that traces.
     pub fn ray(&self, lane: usize) -> &RayState {
         self.rays[lane].as_ref().expect("bug in anyhit: a lane without a ray called a shader")
@@ -395,51 +374,71 @@ impl RayState {
 
     /// The invocation of a shader for the cursor's current candidate, seen at a t.
     pub fn candidate_invocation(&self, program: &Program, record: Option<ShaderRecord>) -> Invocation {
-        let Some(candidate) = self.cursor.candidate().copied() else {
-            return self.invocation(self.cursor.t_max(), record);
-        };
-        let t = if candidate.is_box() { self.cursor.t_max() } else { candidate.intersection.t };
-        let mut invocation = self.invocation(t, record);
-        if !program.inputs.is_empty() {
-            let kind = candidate.hit_kind().unwrap_or(crate::accel::HitKind(0));
-            invocation.hit = Some(Hit { tlas: self.query.tlas.clone(), candidate, kind });
-        }
+        let mut invocation = Invocation::default();
+        self.show(Role::AnyHit, program, record, &mut invocation);
         invocation
     }
 
-    fn hit_invocation(&self, program: &Program, record: Option<ShaderRecord>) -> Invocation {
-        let mut invocation = self.invocation(self.cursor.t_max(), record);
-        if let Some(&Committed { candidate, hit_kind, .. }) = self.cursor.committed()
-            && !program.inputs.is_empty()
-        {
-            invocation.hit = Some(Hit { tlas: self.query.tlas.clone(), candidate, kind: hit_kind });
+    /// Shows a shader that plays a role what its builtins read, in the memory of another invocation.
+    #[inline]
+    pub fn show(&self, role: Role, program: &Program, record: Option<ShaderRecord>, to: &mut Invocation) {
+        let Query { trace, launch_id, launch_size, depth, .. } = self.query;
+        let (mut t_max, mut hit) = (trace.ray.t_max, None);
+        match role {
+            Role::AnyHit | Role::Intersection => {
+                t_max = self.cursor.t_max();
+                if let Some(candidate) = self.cursor.candidate() {
+                    if !candidate.is_box() {
+                        t_max = candidate.intersection.t;
+                    }
+                    hit = Some((candidate, candidate.hit_kind().unwrap_or(HitKind(0))));
+                }
+            }
+            Role::ClosestHit => {
+                t_max = self.cursor.t_max();
+                hit = self.cursor.committed().map(|committed| (&committed.candidate, committed.hit_kind));
+            }
+            _ => {}
         }
-        invocation
+        (to.launch_id, to.launch_size, to.depth) = (launch_id, launch_size, depth);
+        (to.trace, to.t_max) = (Some(trace), t_max);
+        to.record = record;
+        match (hit.filter(|_| !program.inputs.is_empty()), &mut to.hit) {
+            (None, old) => *old = None,
+            // Threads share the count of a structure's references: it is left alone where that will do.
+            (Some((&candidate, kind)), Some(old)) if Arc::ptr_eq(&old.tlas, &self.query.tlas) => {
+                (old.candidate, old.kind) = (candidate, kind);
+            }
+            (Some((&candidate, kind)), old) => {
+                *old = Some(Hit { tlas: self.query.tlas.clone(), candidate, kind });
+            }
+        }
     }
 
-    fn invocation(&self, t_max: f32, record: Option<ShaderRecord>) -> Invocation {
-        Invocation {
-            launch_id: self.query.launch_id,
-            launch_size: self.query.launch_size,
-            trace: Some(self.query.trace),
-            t_max,
-            hit: None,
-            record,
-            depth: self.query.depth,
-            ..Invocation::default()
+    /// The attributes that a shader in a role begins with.
+    #[inline]
+    pub fn shown_attributes(&self, role: Role) -> Data {
+        match role {
+            Role::AnyHit => self.cursor.candidate().map_or_else(Data::new, candidate_attributes),
+            Role::ClosestHit => self.committed_attributes(),
+            _ => Data::new(),
         }
     }
 }
 
 /// Attributes of a built-in primitive, as words.
 fn candidate_attributes(candidate: &Candidate) -> Data {
-    candidate.intersection.attributes.iter().map(|attribute| attribute.to_bits()).collect()
+    Data::from_slice(&candidate.intersection.attributes.map(f32::to_bits))
 }
 
 fn wait(waiting: &mut Vec<Waiting>, shader: Shader, role: Role, lane: WaitingLane) {
     match waiting.iter_mut().find(|group| group.shader == shader && group.role == role) {
         Some(group) => group.lanes.push(lane),
-        None => waiting.push(Waiting { shader, role, lanes: SmallVec::from_iter([lane]) }),
+        None => {
+            let mut lanes = Vec::with_capacity(32);
+            lanes.push(lane);
+            waiting.push(Waiting { shader, role, lanes });
+        }
     }
 }
 

@@ -20,11 +20,11 @@ use crate::program::{Program, Terminator};
 const MOST_BITS: usize = 1 << 28;
 
 /// Rows that the program's operations do not fully account for.
-struct Shared(Vec<bool>);
+pub(super) struct Shared(Vec<bool>);
 
 impl Shared {
     /// Rows of interface variables, of inputs, and of variables with computed row numbers.
-    fn of(program: &Program, addressed: &[(Reg, u32)]) -> Self {
+    pub fn of(program: &Program, addressed: &[(Reg, u32)]) -> Self {
         let mut shared = vec![false; program.rows as usize + 1];
         let interface = program.interface.iter().map(|rows| (rows.first, rows.count));
         let inputs = program.inputs.iter().map(|rows| (rows.first, rows.count));
@@ -38,7 +38,7 @@ impl Shared {
         Self(shared)
     }
 
-    fn holds(&self, reg: Reg) -> bool {
+    pub fn holds(&self, reg: Reg) -> bool {
         self.0[reg.0 as usize]
     }
 }
@@ -109,7 +109,7 @@ pub fn forward_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
 }
 
 /// The rows that a terminator reads.
-fn each_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
+pub(super) fn each_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
     match *terminator {
         Terminator::BranchConditional { condition, .. } => visit(condition),
         Terminator::Switch { selector, wide, .. } => {

@@ -26,9 +26,10 @@ use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::forward::{drop_dead_stores, forward_copies};
 use crate::program::prune::prune;
+use crate::program::reuse::reuse_rows;
 use crate::program::sharing::touches;
 use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
-use crate::program::{Block, Program, Scope, Stretch, Terminator};
+use crate::program::{Block, Program, Scope, Stretch, Terminator, Unwatched};
 
 /// Functions of at most this many instructions, callees included, are inlined at every call.
 const INLINE_SIZE: u64 = 2_000;
@@ -631,6 +632,7 @@ impl<'m> Lowering<'m> {
             stage: entry.stage,
             name: entry.name.clone(),
             ops: self.decoder.ops,
+            unwatched: Unwatched::default(),
             origins: self.decoder.origins,
             scopes: self.scopes,
             blocks,
@@ -653,6 +655,7 @@ impl<'m> Lowering<'m> {
         drop_dead_stores(&mut program, addressed);
         prune(&mut program, addressed);
         program.touches = touches(&program);
+        reuse_rows(&mut program, addressed);
         program
     }
 }

@@ -7,6 +7,7 @@ pub mod lower;
 mod obstacles;
 pub mod print;
 pub mod prune;
+mod reuse;
 pub mod sharing;
 pub mod source_map;
 pub mod workgroup;
@@ -27,6 +28,7 @@ use crate::program::sharing::Touch;
 
 pub use lower::{Inlining, lower, lower_with};
 pub use obstacles::obstacles;
+pub use reuse::{Run, Unwatched};
 pub use workgroup::{DerivativeGroup, WorkgroupLayout};
 
 /// Where a block goes when its operations are done.
@@ -118,6 +120,8 @@ pub struct Program {
     pub name: String,
     /// All operations.
     pub ops: Vec<Op>,
+    /// The same as they run where nobody watches.
+    pub unwatched: Unwatched,
     /// Where each operation comes from.
     pub origins: Vec<Origin>,
     /// Inlined calls; the first is the entry point itself.

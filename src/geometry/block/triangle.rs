@@ -55,7 +55,7 @@ impl Triangles {
     }
 
     /// A bit for each lane that the ray's line does not surely miss.
-    #[inline]
+    #[inline(always)]
     pub fn met(&self, ray: &BlockRay) -> u32 {
         let k = ray.axis;
         let (i, j) = ([1, 2, 0][k], [2, 0, 1][k]);
@@ -83,7 +83,7 @@ impl Triangles {
     }
 
     /// Where a ray meets the triangle in a lane: [`triangle::intersect`].
-    #[inline]
+    #[inline(always)]
     pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
         let vertices = self.vertices.map(|rows| rows.map(|row| row[lane]));
         triangle::intersect(ray, vertices, precision)

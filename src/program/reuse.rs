@@ -1,0 +1,398 @@
+//! The operations of a program as a batch runs them that nobody watches.
+//!
+//! Lowering gives every value a row of its own, and whoever watches a program reads it there at any
+//! time later. A copy of the operations, made here, is free of that:
+//!
+//! * blocks that only follow one another make one *run*;
+//! * a value that is written and read in one run, by operations that name its row alone, gets a row
+//!   that the last of another such value has left, so that a batch's registers stay in the
+//!   processor's first cache;
+//! * copies of such values give way to what they are copies of.
+//!
+//! All other values keep their rows, so that everything outside (constants, variables, interfaces,
+//! terminators) is as it was, and operations keep their numbers, by which traps name them.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use crate::machine::Reg;
+use crate::ops::memory;
+use crate::ops::op::{Access, Op};
+use crate::ops::stretch::{Step, steps};
+use crate::program::forward::{Shared, each_read};
+use crate::program::{Program, Terminator};
+
+/// The operations of a program as a batch runs them that nobody watches.
+#[derive(Clone, Debug, Default)]
+pub struct Unwatched {
+    /// One for each of [`Program::ops`].
+    pub ops: Vec<Op>,
+    /// The same in short.
+    pub steps: Vec<Step>,
+    /// One for each of [`Program::blocks`].
+    pub runs: Vec<Run>,
+}
+
+/// What follows the beginning of a block without a choice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// One past the last operation.
+    pub end: u32,
+    /// The last block, whose terminator ends the run.
+    pub last: u32,
+}
+
+/// A row that stands alone in an operation.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Single {
+    Read,
+    Write,
+}
+
+/// Makes the operations that run unwatched.
+pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
+    let runs = runs(program);
+    let starts = starts(program, &runs);
+    let mut ops = program.ops.clone();
+    let shared = Shared::of(program, addressed);
+    let values = Values::of(program, &mut ops, &starts, &shared);
+    for op in &mut ops {
+        // Whoever reads such a value later in the run is running now.
+        if let Op::Memory(memory::Op::MoveMasked { to, from }) = *op
+            && values.is_local(to)
+        {
+            *op = Op::Memory(memory::Op::Move { to, from });
+        }
+    }
+    let mut written = vec![0; program.rows as usize];
+    for &(start, run) in &starts {
+        let run = program.blocks[start as usize].first as usize..run.end as usize;
+        forward(&mut ops, run, &values, &shared, &mut written);
+    }
+    let passes = passes(&mut ops, &starts, program, &values);
+    let mut places = Places { next: program.rows, free: Vec::new() };
+    // Where a value is now, and the operation that reads it last.
+    let mut place = vec![Reg(0); program.rows as usize];
+    let mut last = vec![0; program.rows as usize];
+    for &(start, run) in &starts {
+        let run = program.blocks[start as usize].first as usize..run.end as usize;
+        for at in run.clone() {
+            each_single(&mut ops[at], |reg, _| last[reg.0 as usize] = at);
+        }
+        for at in run {
+            let op = &mut ops[at];
+            if is_idle(op) {
+                continue;
+            }
+            let mut left = Vec::new();
+            each_single(op, |reg, single| {
+                let value = reg.0 as usize;
+                if single == Single::Read && values.is_local(*reg) {
+                    *reg = place[value];
+                    if last[value] == at && !left.contains(reg) {
+                        left.push(*reg);
+                    }
+                }
+            });
+            // A regular operation reads all lanes before it writes one: it may write where it read.
+            if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. }) = op {
+                places.free.append(&mut left);
+            }
+            each_single(op, |reg, single| {
+                let value = reg.0 as usize;
+                if single == Single::Write && values.is_local(*reg) {
+                    *reg = places.take();
+                    place[value] = *reg;
+                    if last[value] == at {
+                        left.push(*reg);
+                    }
+                }
+            });
+            places.free.append(&mut left);
+        }
+    }
+    program.rows = places.next;
+    program.unwatched = Unwatched { steps: steps(&ops, &passes), ops, runs };
+}
+
+/// Whether each operation's result goes into the next one of its run that is not idle, and nowhere
+/// else.
+fn passes(ops: &mut [Op], starts: &[(u32, Run)], program: &Program, values: &Values) -> Vec<bool> {
+    let mut reads = vec![0u32; program.rows as usize];
+    for op in ops.iter_mut().filter(|op| !is_idle(op)) {
+        each_single(op, |reg, single| reads[reg.0 as usize] += u32::from(single == Single::Read));
+    }
+    let mut passes = vec![false; ops.len()];
+    for &(start, run) in starts {
+        let mut before: Option<(usize, Reg)> = None;
+        let first = program.blocks[start as usize].first as usize;
+        for (at, op) in (first..).zip(&mut ops[first..run.end as usize]) {
+            if is_idle(op) {
+                continue;
+            }
+            if let Some((before, result)) = before {
+                each_single(op, |reg, single| {
+                    passes[before] |= single == Single::Read && *reg == result;
+                });
+            }
+            before = match *op {
+                Op::Row { to, .. } => {
+                    let alone =
+                        values.is_local(to) && values.is_written_once(to) && reads[to.0 as usize] == 1;
+                    alone.then_some((at, to))
+                }
+                _ => None,
+            };
+        }
+    }
+    passes
+}
+
+/// The run that begins with each block.
+fn runs(program: &Program) -> Vec<Run> {
+    let blocks = &program.blocks;
+    let mut ways = vec![0u32; blocks.len() + 1];
+    let mut count = |block: u32| ways[block as usize] += 1;
+    for block in blocks {
+        match &block.terminator {
+            Terminator::Branch(to) => count(*to),
+            Terminator::BranchConditional { then, other, .. } => {
+                [*then, *other].into_iter().for_each(&mut count)
+            }
+            Terminator::Switch { cases, default, .. } => {
+                count(*default);
+                cases.iter().for_each(|&(_, to)| count(to));
+            }
+            Terminator::Call { function, return_to } => {
+                [*function, *return_to].into_iter().for_each(&mut count);
+            }
+            Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
+        }
+    }
+    let mut runs: Vec<Run> = (0..).zip(blocks).map(|(last, block)| Run { end: block.end, last }).collect();
+    for at in (0..blocks.len().saturating_sub(1)).rev() {
+        let next = &blocks[at + 1];
+        let goes_on = blocks[at].terminator == Terminator::Branch(at as u32 + 1);
+        if goes_on && ways[at + 1] == 1 && next.first == blocks[at].end {
+            runs[at] = runs[at + 1];
+        }
+    }
+    runs
+}
+
+/// The blocks at which runs begin, each with its run: together they are all blocks.
+fn starts(program: &Program, runs: &[Run]) -> Vec<(u32, Run)> {
+    let mut starts = Vec::new();
+    let mut at = 0;
+    while at < program.blocks.len() {
+        starts.push((at as u32, runs[at]));
+        at = runs[at].last as usize + 1;
+    }
+    starts
+}
+
+/// A copy of a row as it was left before an operation.
+#[derive(Clone, Copy)]
+struct Copied {
+    at: usize,
+    from: Reg,
+    good: bool,
+}
+
+/// Lets the operations of a run read what local values are copies of; copies that nobody reads then
+/// become idle. `written` has, for each row, one more than the operation that wrote it last.
+fn forward(ops: &mut [Op], run: Range<usize>, values: &Values, shared: &Shared, written: &mut [usize]) {
+    if !ops[run.clone()].iter().any(|op| matches!(op, Op::Memory(memory::Op::Move { .. }))) {
+        return;
+    }
+    let mut copies: HashMap<Reg, Copied> = HashMap::new();
+    // When the pipeline last had its turn.
+    let mut stopped = 0;
+    // First see which copies hold whenever they are read, then rename.
+    for at in run.clone() {
+        let op = &mut ops[at];
+        each_single(op, |reg, single| {
+            if let (Single::Read, Some(copy)) = (single, copies.get_mut(reg)) {
+                let stopped = if values.is_local(copy.from) { 0 } else { stopped };
+                copy.good &= written[copy.from.0 as usize].max(stopped) <= copy.at;
+            }
+        });
+        op.accesses(|access| {
+            if let Access::Write(first, count) = access {
+                (first.0..first.0 + count).for_each(|row| written[row as usize] = at + 1);
+            }
+        });
+        match *op {
+            Op::Stop(_) | Op::Barrier => stopped = at + 1,
+            Op::Memory(memory::Op::Move { to, from }) if values.is_local(to) => {
+                let good = values.is_written_once(to) && !shared.holds(from);
+                // A copy of a copy is one of what that was made of.
+                let from = copies.get(&from).filter(|copy| copy.good).map_or(from, |copy| copy.from);
+                copies.insert(to, Copied { at, from, good });
+            }
+            _ => {}
+        }
+    }
+    copies.retain(|_, copy| copy.good);
+    for at in run {
+        let op = &mut ops[at];
+        each_single(op, |reg, single| {
+            if let (Single::Read, Some(copy)) = (single, copies.get(reg)) {
+                *reg = copy.from;
+            }
+        });
+        if let Op::Memory(memory::Op::Move { to, from }) = op
+            && copies.get(to).is_some_and(|copy| copy.at == at)
+        {
+            *to = *from;
+        }
+    }
+}
+
+/// Whether an operation copies a row onto itself.
+fn is_idle(op: &Op) -> bool {
+    matches!(op, Op::Memory(memory::Op::Move { to, from }) if to == from)
+}
+
+/// Rows to share: the one left last is taken next.
+struct Places {
+    next: u32,
+    free: Vec<Reg>,
+}
+
+impl Places {
+    fn take(&mut self) -> Reg {
+        self.free.pop().unwrap_or_else(|| {
+            self.next += 1;
+            Reg(self.next - 1)
+        })
+    }
+}
+
+/// Which rows hold values that live within one run.
+struct Values {
+    local: Vec<bool>,
+    writes: Vec<u32>,
+}
+
+impl Values {
+    fn of(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], shared: &Shared) -> Self {
+        const NOWHERE: u32 = u32::MAX;
+        let rows = program.rows as usize;
+        let mut local: Vec<bool> = (0..rows).map(|row| !shared.holds(Reg(row as u32))).collect();
+        let keep = |first: Reg, count: u32, local: &mut Vec<bool>| {
+            (first.0..first.0 + count).for_each(|row| local[row as usize] = false);
+        };
+        program.constants.iter().for_each(|&(reg, _)| keep(reg, 1, &mut local));
+        program.variables.iter().for_each(|&(first, count)| keep(first, count, &mut local));
+        // How often a row is accessed and written, and how often it is named.
+        let mut home = vec![NOWHERE; rows];
+        let (mut accesses, mut writes, mut named) = (vec![0u32; rows], vec![0u32; rows], vec![0u32; rows]);
+        for &(start, run) in starts {
+            for op in &mut ops[program.blocks[start as usize].first as usize..run.end as usize] {
+                op.accesses(|access| {
+                    let (Access::Read(first, count) | Access::Write(first, count)) = access else { return };
+                    let write = matches!(access, Access::Write(..));
+                    for row in first.0 as usize..(first.0 + count) as usize {
+                        accesses[row] += 1;
+                        writes[row] += u32::from(write);
+                        if home[row] == NOWHERE && write {
+                            home[row] = start;
+                        }
+                        local[row] &= home[row] == start;
+                    }
+                });
+                each_single(op, |reg, _| named[reg.0 as usize] += 1);
+            }
+        }
+        for block in &program.blocks {
+            each_read(&block.terminator, |reg| local[reg.0 as usize] = false);
+        }
+        for row in 0..rows {
+            local[row] &= accesses[row] == named[row];
+        }
+        Self { local, writes }
+    }
+
+    /// Rows that are shared already stand behind all others, and are not local.
+    fn is_local(&self, reg: Reg) -> bool {
+        self.local.get(reg.0 as usize).copied().unwrap_or(false)
+    }
+
+    fn is_written_once(&self, reg: Reg) -> bool {
+        self.writes[reg.0 as usize] == 1
+    }
+}
+
+/// The rows that an operation names by themselves, reads first; writes are of all running lanes at
+/// least. An operation that is not known here names none.
+fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg, Single)) {
+    match op {
+        Op::Row { row, to, from } => {
+            for (reg, &words) in from.iter_mut().zip(&row.operands) {
+                if words == 1 {
+                    visit(reg, Single::Read);
+                }
+            }
+            if row.words == 1 {
+                visit(to, Single::Write);
+            }
+        }
+        Op::Memory(memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from }) => {
+            visit(from, Single::Read);
+            visit(to, Single::Write);
+        }
+        Op::Memory(memory::Op::Index { to, base, index, .. }) => {
+            visit(index, Single::Read);
+            base.iter_mut().for_each(|base| visit(base, Single::Read));
+            visit(to, Single::Write);
+        }
+        Op::Memory(memory::Op::BufferLoad { to, chunk }) => {
+            chunk.index.iter_mut().for_each(|index| visit(index, Single::Read));
+            if chunk.count == 1 {
+                visit(to, Single::Write);
+            }
+        }
+        Op::Memory(memory::Op::BufferStore { from, chunk }) => {
+            chunk.index.iter_mut().for_each(|index| visit(index, Single::Read));
+            if chunk.count == 1 {
+                visit(from, Single::Read);
+            }
+        }
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shader_runs_in_fewer_rows_and_moves_less() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/bench/arithmetic.rgen.spv");
+        let module = crate::Module::open(path).expect("a valid fixture");
+        let program = Program::of(&module, "main").expect("a supported fixture");
+        assert_eq!(program.unwatched.ops.len(), program.ops.len());
+        let named = |ops: &[Op]| {
+            let mut rows = std::collections::HashSet::new();
+            for op in ops.iter().filter(|op| !is_idle(op)) {
+                op.accesses(|access| {
+                    if let Access::Read(first, count) | Access::Write(first, count) = access {
+                        rows.extend(first.0..first.0 + count);
+                    }
+                });
+            }
+            rows.len()
+        };
+        let (plain, shared) = (named(&program.ops), named(&program.unwatched.ops));
+        assert!(shared * 2 < plain, "{shared} rows of {plain}");
+        let moves = |ops: &[Op]| {
+            let is_move = |op: &&Op| {
+                let moves = matches!(op, Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }));
+                moves && !is_idle(op)
+            };
+            ops.iter().filter(is_move).count()
+        };
+        assert!(moves(&program.unwatched.ops) < moves(&program.ops));
+    }
+}
