@@ -73,6 +73,8 @@
 #![deny(unsafe_code)]
 
 pub mod accel;
+#[cfg(feature = "stress")]
+pub mod check_math;
 pub mod cli;
 pub mod compile;
 pub mod debug;

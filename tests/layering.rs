@@ -14,7 +14,7 @@ mod files;
 const LAYERS: &[&[&str]] = &[
     &["cli"],
     &["harness"],
-    &["debug", "recording", "stress"],
+    &["debug", "recording", "stress", "check_math"],
     &["scene"],
     &["pipeline", "compile"],
     &["interp"],
@@ -36,6 +36,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("glslang", &["compile"]),
     ("clap", &["cli"]),
     ("dashu_ratio", &["stress"]),
+    ("dashu_float", &["check_math"]),
     ("safetensors", &["recording"]),
 ];
 

@@ -4,6 +4,8 @@
 //! through `output`, its error comes back and is printed here. Exit codes: 0 fine, 1 an
 //! expectation failed, 2 an error (clap's own for a command line that makes no sense).
 
+#[cfg(feature = "stress")]
+pub mod check_math;
 pub mod compile;
 pub mod inspect;
 mod module_file;
@@ -53,6 +55,8 @@ commands! {
     smoke Smoke(SmokeArgs),
     verify Verify(VerifyArgs),
     compile Compile(CompileArgs),
+    #[cfg(feature = "stress")]
+    check_math CheckMath(CheckMathArgs),
     #[cfg(feature = "stress")]
     stress Stress(StressArgs),
     test Test(TestArgs),

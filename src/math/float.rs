@@ -1,10 +1,13 @@
 //! The float types of shaders and the functions that the instruction set needs of them.
 //!
-//! Elementary functions are correctly rounded in f32 (crate `pxfm`). f16 goes through a wider type:
-//! one f32 operation rounded to f16 is correctly rounded for the basic operations and the square
-//! root (24 >= 2 * 11 + 2 bits), and a f64 evaluation rounded once is for the elementary functions.
+//! Elementary functions are correctly rounded in f32: crate `pxfm`, mended in [`hard`] and [`power`].
+//! f16 goes through a wider type: one f32 operation rounded to f16 is correctly rounded for the basic
+//! operations and the square root (24 >= 2 * 11 + 2 bits), and a f64 evaluation rounded once is for the
+//! elementary functions.
 
 use half::f16;
+
+use crate::math::{hard, power};
 
 /// `a as i32`, in operations that loops over lanes are vectorised with.
 #[inline(always)]
@@ -214,6 +217,11 @@ macro_rules! native {
     };
 }
 
+/// The crate's function gives +0 for -0.
+fn sinh_of_double(a: f64) -> f64 {
+    if a == 0.0 { a } else { pxfm::f_sinh(a) }
+}
+
 /// The two functions of two operands.
 trait Atan2 {
     fn atan2(self, x: Self) -> Self;
@@ -225,7 +233,7 @@ impl Atan2 for f32 {
         pxfm::f_atan2f(self, x)
     }
     fn pow(self, exponent: Self) -> Self {
-        pxfm::f_powf(self, exponent)
+        power::single(self, exponent)
     }
 }
 
@@ -234,7 +242,7 @@ impl Atan2 for f64 {
         pxfm::f_atan2(self, x)
     }
     fn pow(self, exponent: Self) -> Self {
-        pxfm::f_pow(self, exponent)
+        power::double(self, exponent)
     }
 }
 
@@ -245,20 +253,20 @@ native!(
     127,
     0xFF,
     inverse_sqrt = pxfm::f_rsqrtf,
-    sin = pxfm::f_sinf,
-    cos = pxfm::f_cosf,
-    tan = pxfm::f_tanf,
+    sin = hard::sin,
+    cos = hard::cos,
+    tan = hard::tan,
     asin = pxfm::f_asinf,
     acos = pxfm::f_acosf,
     atan = pxfm::f_atanf,
     sinh = pxfm::f_sinhf,
     cosh = pxfm::f_coshf,
     tanh = pxfm::f_tanhf,
-    asinh = pxfm::f_asinhf,
-    acosh = pxfm::f_acoshf,
+    asinh = hard::asinh,
+    acosh = hard::acosh,
     atanh = pxfm::f_atanhf,
-    exp = pxfm::f_expf,
-    exp2 = pxfm::f_exp2f,
+    exp = hard::exp,
+    exp2 = hard::exp2,
     log = pxfm::f_logf,
     log2 = pxfm::f_log2f,
 );
@@ -275,7 +283,7 @@ native!(
     asin = pxfm::f_asin,
     acos = pxfm::f_acos,
     atan = pxfm::f_atan,
-    sinh = pxfm::f_sinh,
+    sinh = sinh_of_double,
     cosh = pxfm::f_cosh,
     tanh = pxfm::f_tanh,
     asinh = pxfm::f_asinh,
@@ -340,7 +348,11 @@ impl Float for f16 {
         half_of(Float::ldexp(self.to_f64(), exponent))
     }
     fn atan2(self, x: Self) -> Self {
-        half_of(Float::atan2(self.to_f64(), x.to_f64()))
+        let angle = Float::atan2(self.to_f64(), x.to_f64());
+        // The arc tangent of a small quotient is a little less, by too little for f64 to show; where
+        // the quotient is the middle of two denormals that decides.
+        let small = angle != 0.0 && angle.abs() < 1.0 / 16_384.0;
+        half_of(if small { f64::from_bits(angle.to_bits() - 1) } else { angle })
     }
     fn pow(self, exponent: Self) -> Self {
         half_of(Float::pow(self.to_f64(), exponent.to_f64()))
@@ -413,6 +425,20 @@ mod tests {
         assert_eq!([half(2f64.powi(-25)), half(2f64.powi(-25) * (1.0 + 2f64.powi(-52)))], [0, 1]);
         assert_eq!([half(65_520.0), half(65_519.999_999_999), half(1e300)], [0x7C00, 0x7BFF, 0x7C00]);
         assert_eq!([half(-1e-300), half(f64::NEG_INFINITY)], [0x8000, 0xFC00]);
+    }
+
+    #[test]
+    fn zeros_keep_their_sign() {
+        assert_eq!(Float::sinh(-0.0f64).to_bits(), (-0.0f64).to_bits());
+        assert_eq!(Float::sinh(f16::from_bits(0x8000)).to_bits(), 0x8000);
+    }
+
+    #[test]
+    fn an_arc_tangent_is_less_than_its_quotient() {
+        // 3 * 2^-24 / 2 is the middle of 2^-24 and 2^-23: the arc tangent lies below.
+        let atan2 = |y, x| Float::atan2(f16::from_bits(y), f16::from_bits(x)).to_bits();
+        assert_eq!([atan2(3, 0x4000), atan2(0x8003, 0x4000), atan2(1, 0x4000)], [1, 0x8001, 0]);
+        assert_eq!(Float::atan2(f32::from_bits(3), 2.0).to_bits(), 1);
     }
 
     #[test]

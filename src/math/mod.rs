@@ -6,6 +6,8 @@ pub mod error_bound;
 pub mod exact;
 pub mod float;
 pub mod four;
+pub mod hard;
+pub mod power;
 pub mod real;
 pub mod srgb;
 pub mod surd;

@@ -1,0 +1,288 @@
+//! What the right result is: formats, rounding boundaries, and the two evaluations against them.
+
+use dashu_float::FBig;
+use dashu_float::round::mode::HalfEven;
+
+use crate::check_math::function::{Function, How};
+
+/// A number of arbitrary precision.
+pub type Big = FBig<HalfEven, 2>;
+
+/// Bits of the evaluations in arbitrary precision. Their values are rounded once to so many.
+const PRECISION: usize = 200;
+
+/// How far an evaluation in f64 may be off, relatively. The platform's functions are off by a few
+/// units in the last place, 2^-52; this leaves a factor of more than a hundred.
+const MARGIN: f64 = 1.0 / (1u64 << 44) as f64;
+
+/// A value nearer than this, relatively, to the middle of two numbers of the format is this middle:
+/// a power with exact operands cannot come so near and be another number.
+const EXACT: i32 = -150;
+
+/// The greatest error of a function of f64, in units in the last place.
+const ULPS: f64 = 1.0;
+
+/// A float type of SPIR-V.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// f16
+    Half,
+    /// f32
+    Single,
+    /// f64
+    Double,
+}
+
+/// What the judge says about a result.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Judgement {
+    /// It is right, an evaluation in f64 sufficed to know.
+    Right,
+    /// It is right, as arbitrary precision says; the error in units in the last place (f64 only).
+    Precise(f64),
+    /// It is wrong; what would be right.
+    Wrong(String),
+}
+
+impl Format {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Half, Self::Single, Self::Double];
+
+    /// Bits in all.
+    pub fn width(self) -> u32 {
+        match self {
+            Self::Half => 16,
+            Self::Single => 32,
+            Self::Double => 64,
+        }
+    }
+
+    /// Bits of the fraction, and the exponent of the smallest normal number.
+    fn shape(self) -> (u32, i32) {
+        match self {
+            Self::Half => (10, -14),
+            Self::Single => (23, -126),
+            Self::Double => (52, -1022),
+        }
+    }
+
+    fn sign(self) -> u64 {
+        1 << (self.width() - 1)
+    }
+
+    /// The bits of positive infinity.
+    pub fn infinity(self) -> u64 {
+        self.sign() - (1 << self.shape().0)
+    }
+
+    /// The number that bits stand for.
+    pub fn value(self, bits: u64) -> f64 {
+        let magnitude = bits & (self.sign() - 1);
+        let value = match self {
+            Self::Double => f64::from_bits(magnitude),
+            Self::Single => f32::from_bits(magnitude as u32).into(),
+            _ if magnitude > self.infinity() => f64::NAN,
+            _ if magnitude == self.infinity() => f64::INFINITY,
+            _ => self.magnitude(magnitude),
+        };
+        if bits & self.sign() != 0 { -value } else { value }
+    }
+
+    /// The number of bits without a sign of a format below f64, as if the exponents went on: infinity
+    /// is the power of two behind the largest number.
+    fn magnitude(self, bits: u64) -> f64 {
+        let (fraction, least) = self.shape();
+        let biased = (bits >> fraction) as i32;
+        let significand = bits & ((1 << fraction) - 1) | u64::from(biased > 0) << fraction;
+        significand as f64 * power_of_two(least + (biased - 1).max(0) - fraction as i32)
+    }
+
+    /// The bits nearest to a number, ties to even. NaN is one of the NaNs.
+    pub fn bits_of(self, value: f64) -> u64 {
+        let sign = if value.is_sign_negative() { self.sign() } else { 0 };
+        if value.is_nan() {
+            return self.infinity() + 1;
+        }
+        match self {
+            Self::Double => value.to_bits(),
+            Self::Single => u64::from((value as f32).to_bits()),
+            Self::Half => {
+                let magnitude = value.abs();
+                let exponent = ((magnitude.to_bits() >> 52) as i32 - 1023).max(-14);
+                if exponent > 15 {
+                    return sign | self.infinity();
+                }
+                // In units of the last place it is exact; one more than the largest significand
+                // carries into the exponent.
+                let units = (magnitude * power_of_two(10 - exponent)).round_ties_even() as u64;
+                sign | ((((exponent + 14) as u64) << 10) + units)
+            }
+        }
+    }
+}
+
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((exponent + 1023) as u64) << 52)
+}
+
+/// A f64 as a number of arbitrary precision.
+pub fn big(value: f64) -> Big {
+    let exact = Big::try_from(value).expect("a finite number");
+    exact.with_precision(PRECISION).value()
+}
+
+impl Function {
+    /// Judges a result.
+    pub fn judge(&self, format: Format, operands: &[u64; 2], result: u64) -> Judgement {
+        let [a, b] = operands.map(|bits| format.value(bits));
+        let (estimate, exact) = match self.how {
+            How::Rounded(value) => (value(a), true),
+            How::RoundedPair(value) => (value(a, b), true),
+            How::Elementary(estimate, _) => (estimate(a), false),
+            How::ElementaryPair(estimate, _) => (estimate(a, b), false),
+        };
+        if estimate.is_nan() {
+            let right = format.value(result).is_nan();
+            return if right { Judgement::Right } else { Judgement::Wrong("NaN".into()) };
+        }
+        // Zeros and infinities are exact, or far beyond what the format has.
+        if exact || (format != Format::Double && (estimate == 0.0 || estimate.is_infinite())) {
+            return same(format, result, format.bits_of(estimate));
+        }
+        if format == Format::Double {
+            return self.judge_double([a, b], estimate, f64::from_bits(result));
+        }
+        let low = format.bits_of(estimate * (1.0 - MARGIN));
+        let high = format.bits_of(estimate * (1.0 + MARGIN));
+        if low == high {
+            return same(format, result, low);
+        }
+        judge_precise(format, &self.precise(a, b), result)
+    }
+
+    fn precise(&self, a: f64, b: f64) -> Big {
+        match self.how {
+            How::Elementary(_, precise) => precise(&big(a)),
+            How::ElementaryPair(_, precise) => precise(&big(a), &big(b)),
+            _ => unreachable!("bug in anyhit: a function that f64 decides is asked in arbitrary precision"),
+        }
+    }
+
+    /// At most one unit in the last place from the value, which near the ends of the range the
+    /// estimate may have missed.
+    fn judge_double(&self, [a, b]: [f64; 2], estimate: f64, result: f64) -> Judgement {
+        const LEAST: f64 = f64::from_bits(1);
+        let near = match estimate {
+            0.0 => Some(result.abs() <= LEAST),
+            _ if estimate.is_infinite() => {
+                Some(result.abs() >= f64::MAX && result.signum() == estimate.signum())
+            }
+            _ if result.is_infinite() => {
+                Some(estimate.abs() == f64::MAX && result.signum() == estimate.signum())
+            }
+            _ => None,
+        };
+        match near {
+            Some(true) => return Judgement::Right,
+            Some(false) => return Judgement::Wrong(format!("about {estimate:e}")),
+            None if result.is_nan() => return Judgement::Wrong(format!("about {estimate:e}")),
+            None => {}
+        }
+        let value = self.precise(a, b);
+        let exponent = ((estimate.abs().to_bits() >> 52) as i32 - 1023).max(-1022);
+        let ulp = big(2.0).powi((exponent - 52).into());
+        let error = ((value.clone() - big(result)) / ulp).to_f64().value().abs();
+        // A value below the normal numbers may be 0, but not of the other sign.
+        let signs = result == 0.0 || (result < 0.0) == (value < Big::ZERO);
+        if error <= ULPS && signs {
+            Judgement::Precise(error)
+        } else {
+            Judgement::Wrong(format!("{value} ({error} ulp)"))
+        }
+    }
+}
+
+/// Compares bits.
+fn same(format: Format, result: u64, right: u64) -> Judgement {
+    if result == right {
+        return Judgement::Right;
+    }
+    Judgement::Wrong(format!("{:e} = {right:#x}", format.value(right)))
+}
+
+/// Whether a result is the number of the format nearest to a value, by the middles between the
+/// result and its neighbours.
+fn judge_precise(format: Format, value: &Big, result: u64) -> Judgement {
+    let magnitude = result & (format.sign() - 1);
+    let negative = result & format.sign() != 0;
+    let size = if *value < Big::ZERO { -value.clone() } else { value.clone() };
+    let wrong = || Judgement::Wrong(format!("the nearest to {value}"));
+    if magnitude > format.infinity() || negative != (*value < Big::ZERO) {
+        return wrong();
+    }
+    let middle = |bits: u64| (format.magnitude(bits) + format.magnitude(bits + 1)) / 2.0;
+    let even = magnitude.is_multiple_of(2);
+    let below = magnitude == 0 || !is_below(&size, middle(magnitude - 1), even);
+    // The neighbour above is even where the result is not.
+    let above = magnitude == format.infinity() || is_below(&size, middle(magnitude), !even);
+    if below && above { Judgement::Precise(0.0) } else { wrong() }
+}
+
+/// Whether a value lies below a middle, clearly; at the middle itself, whether the number above it is
+/// not the even one.
+fn is_below(value: &Big, middle: f64, above_is_even: bool) -> bool {
+    if is_at(value, middle) { !above_is_even } else { *value < big(middle) }
+}
+
+fn is_at(value: &Big, middle: f64) -> bool {
+    let middle = big(middle);
+    let difference = value.clone() - middle.clone();
+    let difference = if difference < Big::ZERO { -difference } else { difference };
+    difference < middle * big(2.0).powi(EXACT.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_rounded_to_nearest_even() {
+        let bits = |value: f64| Format::Half.bits_of(value);
+        // 1 + 2^-11 is a tie; 65520 is the tie between the largest number and 65536.
+        assert_eq!(
+            [bits(1.0), bits(1.0 + 2f64.powi(-11)), bits(1.0 + 3.0 * 2f64.powi(-11))],
+            [0x3C00, 0x3C00, 0x3C02]
+        );
+        assert_eq!([bits(65_519.9), bits(65_520.0), bits(-1e9)], [0x7BFF, 0x7C00, 0xFC00]);
+        assert_eq!(
+            [bits(2f64.powi(-24)), bits(2f64.powi(-25)), bits(-0.0), bits(2f64.powi(-14))],
+            [1, 0, 0x8000, 0x400]
+        );
+        for number in 0..=0xFFFF {
+            let value = Format::Half.value(number);
+            assert!(value.is_nan() || bits(value) == number, "{number:#x}");
+        }
+    }
+
+    #[test]
+    fn the_nearest_number_and_no_other_is_right() {
+        // 1 + 2^-24 is the middle of 1 and its successor: 1 is the even one. A little more is not 1.
+        let tie = big(1.0 + 2f64.powi(-24));
+        let more = tie.clone() + big(2.0).powi((-100).into());
+        let less = tie.clone() - big(2.0).powi((-100).into());
+        let right =
+            |value: &Big, bits| matches!(judge_precise(Format::Single, value, bits), Judgement::Precise(_));
+        assert_eq!([right(&tie, 0x3F80_0000), right(&tie, 0x3F80_0001)], [true, false]);
+        assert_eq!([right(&more, 0x3F80_0000), right(&more, 0x3F80_0001)], [false, true]);
+        assert_eq!([right(&less, 0x3F80_0000), right(&less, 0x3F80_0001)], [true, false]);
+        // The next tie rounds up to the even one.
+        let tie = big(1.0 + 3.0 * 2f64.powi(-24));
+        assert_eq!([right(&tie, 0x3F80_0001), right(&tie, 0x3F80_0002)], [false, true]);
+        // Beyond the largest number, and half of the smallest.
+        let largest = f64::from(f32::MAX);
+        assert!(right(&big(largest * (1.0 + 2f64.powi(-26))), 0x7F7F_FFFF));
+        assert!(right(&big(2f64.powi(128)), 0x7F80_0000) && !right(&big(2f64.powi(128)), 0x7F7F_FFFF));
+        assert!(right(&big(2f64.powi(-150)), 0) && !right(&big(2f64.powi(-150)), 1));
+        assert!(right(&-big(2f64.powi(-148)), 0x8000_0002) && !right(&-big(2f64.powi(-148)), 2));
+    }
+}

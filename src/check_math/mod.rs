@@ -1,0 +1,269 @@
+//! The elementary functions and the other componentwise float instructions, judged on all inputs
+//! there are: `anyhit check-math`.
+//!
+//! A [`Function`](function::Function) is a row of the instruction set and how to know its value
+//! otherwise: an evaluation in f64 by the platform's own library, which decides nearly every input by
+//! its distance from the next rounding boundary, and one in arbitrary precision for the rest. The rows
+//! use neither. [`judge`] says what is right, [`inputs`] what is asked.
+
+pub mod function;
+pub mod inputs;
+pub mod judge;
+
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use crate::check_math::function::{Function, How};
+use crate::check_math::inputs::Inputs;
+use crate::check_math::judge::{Format, Judgement};
+use crate::machine::{Reg, Registers};
+use crate::ops::row::{Row, Width};
+
+/// Inputs that run between two words of progress.
+const BLOCK: u64 = 1 << 16;
+
+/// After so many wrong results of a function no more are kept.
+const ENOUGH: usize = 10;
+
+/// How much is asked.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Of the inputs of a function of one f32, and of the pairs of f16, every so-manieth.
+    pub stride: u64,
+    /// Pairs for a function of two f32.
+    pub pairs: u64,
+    /// Inputs for a function of f64.
+    pub samples: u64,
+    /// Chooses pairs and samples, and where a stride begins.
+    pub seed: u64,
+}
+
+/// A result that is not what the function has to give.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Wrong {
+    /// The bits of the operands.
+    pub operands: Vec<u64>,
+    /// The bits that came out.
+    pub found: u64,
+    /// What is right, in words.
+    pub right: String,
+}
+
+/// What was found out about one function at one width.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Report {
+    /// The specification's name.
+    pub function: &'static str,
+    /// Bits of the float type.
+    pub width: u32,
+    /// `all`, or which.
+    pub which: String,
+    /// How many inputs were asked.
+    pub inputs: u64,
+    /// How many of them arbitrary precision had to decide.
+    pub precise: u64,
+    /// How many results are wrong.
+    pub wrong: u64,
+    /// The first of these.
+    pub examples: Vec<Wrong>,
+    /// For f64, the greatest error in units in the last place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub greatest_error: Option<f64>,
+    /// How long it took.
+    #[serde(serialize_with = "seconds")]
+    pub time: Duration,
+}
+
+fn seconds<S: serde::Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_f64(time.as_secs_f64())
+}
+
+/// Asks one function at one width; `progress` is told, from any thread, of so many more inputs of
+/// so many in all.
+pub fn run(
+    function: &'static Function,
+    format: Format,
+    settings: &Settings,
+    progress: impl Fn(u64, u64) + Sync,
+) -> Report {
+    let begin = Instant::now();
+    let row = function.family.row(format.width()).expect("every function exists for every float type");
+    let inputs = Inputs::of(function, format, settings);
+    let total = inputs.count();
+    let found = (0..total.div_ceil(BLOCK))
+        .into_par_iter()
+        .map(|block| {
+            let range = block * BLOCK..((block + 1) * BLOCK).min(total);
+            let count = range.end - range.start;
+            let found = run_block(function, format, row, &inputs, range);
+            progress(count, total);
+            found
+        })
+        .reduce(Found::default, Found::with);
+    Report {
+        function: function.family.name,
+        width: format.width(),
+        which: inputs.to_string(),
+        inputs: total,
+        precise: found.precise,
+        wrong: found.wrong,
+        examples: found.examples,
+        greatest_error: (format == Format::Double).then_some(found.greatest_error),
+        time: begin.elapsed(),
+    }
+}
+
+#[derive(Default)]
+struct Found {
+    precise: u64,
+    wrong: u64,
+    examples: Vec<Wrong>,
+    greatest_error: f64,
+}
+
+impl Found {
+    /// Both; in the order of inputs, so that threads change nothing.
+    fn with(mut self, other: Self) -> Self {
+        self.precise += other.precise;
+        self.wrong += other.wrong;
+        self.examples.extend(other.examples);
+        self.examples.truncate(ENOUGH);
+        self.greatest_error = self.greatest_error.max(other.greatest_error);
+        self
+    }
+}
+
+/// Runs a stretch of the inputs in batches of 32 lanes and judges them.
+fn run_block(
+    function: &Function,
+    format: Format,
+    row: &Row,
+    inputs: &Inputs,
+    range: std::ops::Range<u64>,
+) -> Found {
+    const OPERANDS: [Reg; 3] = [Reg(2), Reg(4), Reg(6)];
+    let mut registers = Registers::<32>::new(8);
+    let mut found = Found::default();
+    let mut operands = [[0u64; 2]; 32];
+    let mut at = range.start;
+    while at < range.end {
+        let lanes = (range.end - at).min(32) as usize;
+        for (lane, operands) in operands[..lanes].iter_mut().enumerate() {
+            *operands = inputs.at(at + lane as u64);
+            for (operand, &bits) in operands.iter().enumerate() {
+                registers[OPERANDS[operand]].0[lane] = bits as u32;
+                registers[OPERANDS[operand].plus(1)].0[lane] = (bits >> 32) as u32;
+            }
+        }
+        row.run(&mut registers, Reg(0), &OPERANDS);
+        for (lane, operands) in operands[..lanes].iter().enumerate() {
+            let high = if row.words == 2 { u64::from(registers[Reg(1)].0[lane]) << 32 } else { 0 };
+            let result = u64::from(registers[Reg(0)].0[lane]) | high;
+            let judgement = function.judge(format, operands, result);
+            let right = match judgement {
+                Judgement::Right => continue,
+                Judgement::Precise(error) => {
+                    found.precise += 1;
+                    found.greatest_error = found.greatest_error.max(error);
+                    continue;
+                }
+                Judgement::Wrong(right) => right,
+            };
+            found.wrong += 1;
+            if found.examples.len() < ENOUGH {
+                let operands = operands[..function.operands()].to_vec();
+                found.examples.push(Wrong { operands, found: result, right });
+            }
+        }
+        at += lanes as u64;
+    }
+    found
+}
+
+impl Function {
+    /// How many operands it takes.
+    pub fn operands(&self) -> usize {
+        match self.how {
+            How::Rounded(_) | How::Elementary(..) => 1,
+            How::RoundedPair(_) | How::ElementaryPair(..) => 2,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check_math::function::FUNCTIONS;
+
+    const FEW: Settings = Settings { stride: 1, pairs: 20_000, samples: 60, seed: 1 };
+
+    fn right(format: Format, settings: &Settings, wanted: impl Fn(&Function) -> bool) {
+        let asked = FUNCTIONS.iter().filter(|function| wanted(function) && function.exists(format));
+        let reports: Vec<Report> = asked.map(|function| run(function, format, settings, |_, _| ())).collect();
+        assert!(!reports.is_empty() && reports.iter().all(|report| report.inputs > 0));
+        let wrong: Vec<&Report> = reports.iter().filter(|report| report.wrong > 0).collect();
+        assert!(wrong.is_empty(), "{wrong:#x?}");
+    }
+
+    #[test]
+    fn every_half_is_right_in_functions_of_one() {
+        right(Format::Half, &FEW, |function| function.operands() == 1);
+    }
+
+    #[test]
+    fn a_sample_of_all_is_right() {
+        // Strides are odd, so that all low bits turn up.
+        right(Format::Half, &Settings { stride: 1_000_003, ..FEW }, |function| function.operands() == 2);
+        right(Format::Single, &Settings { stride: 200_003, ..FEW }, |_| true);
+    }
+
+    #[test]
+    fn doubles_are_off_by_one_unit_at_most() {
+        right(Format::Double, &FEW, |_| true);
+    }
+
+    /// All f32 of all functions of one: about an hour of one core in a release build.
+    #[test]
+    #[ignore = "asks billions of inputs: `anyhit check-math` does the same with progress"]
+    fn everything_is_right() {
+        let all = Settings { stride: 1, pairs: 1 << 28, samples: 100_000, seed: 1 };
+        for format in Format::ALL {
+            right(format, &all, |_| true);
+        }
+    }
+
+    /// The judge must not be blind.
+    #[test]
+    fn a_neighbour_of_the_right_result_is_wrong() {
+        for function in FUNCTIONS {
+            for format in Format::ALL.into_iter().filter(|&format| function.exists(format)) {
+                let row = function.family.row(format.width()).expect("a row");
+                let one = format.bits_of(1.0);
+                let operands = [format.bits_of(0.75), one];
+                let mut registers = Registers::<32>::new(8);
+                for lane in 0..32 {
+                    for (operand, bits) in operands.iter().enumerate() {
+                        registers[Reg(2 + 2 * operand as u32)].0[lane] = *bits as u32;
+                        registers[Reg(3 + 2 * operand as u32)].0[lane] = (*bits >> 32) as u32;
+                    }
+                }
+                row.run(&mut registers, Reg(0), &[Reg(2), Reg(4), Reg(6)]);
+                let high = if row.words == 2 { u64::from(registers[Reg(1)].0[0]) << 32 } else { 0 };
+                let result = u64::from(registers[Reg(0)].0[0]) | high;
+                let judge = |bits| function.judge(format, &operands, bits);
+                assert!(!matches!(judge(result), Judgement::Wrong(_)), "{}", function.family.name);
+                // Two steps, as one is within 1 ulp.
+                for other in
+                    [result.wrapping_add(2), result.wrapping_sub(2), result ^ 1 << (format.width() - 1)]
+                {
+                    // acosh(0.75) is a NaN, and so are its neighbours.
+                    if !format.value(result).is_nan() {
+                        let wrong = matches!(judge(other), Judgement::Wrong(_));
+                        assert!(wrong, "{} {format:?} {other:#x}", function.family.name);
+                    }
+                }
+            }
+        }
+    }
+}

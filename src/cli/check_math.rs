@@ -1,0 +1,127 @@
+//! `anyhit check-math`: the elementary functions on all their inputs.
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::check_math::function::{FUNCTIONS, Function};
+use crate::check_math::judge::Format;
+use crate::check_math::{self, Report, Settings};
+use crate::cli::output;
+use crate::error::{Error, ErrorKind, Result};
+
+/// Asks the elementary functions for every f16 and f32 there is, and judges each result.
+///
+/// The platform's functions in f64 decide nearly all inputs, arbitrary precision those that lie too
+/// near to a rounding boundary. Functions of two f32 are asked pairs near their edges and others; those
+/// of f64 a sample, each judged in arbitrary precision. All of it takes more than an hour of one core.
+#[derive(Debug, clap::Args)]
+pub struct CheckMathArgs {
+    /// Only this function, by its name in the specification, `Sin` say; may be repeated.
+    #[arg(long, value_name = "NAME", value_parser = function)]
+    function: Vec<&'static str>,
+
+    /// Only floats of so many bits; may be repeated.
+    #[arg(long, value_name = "BITS", value_parser = clap::builder::PossibleValuesParser::new(["16", "32", "64"]))]
+    width: Vec<String>,
+
+    /// Every so-manieth f32, and pair of f16, instead of all.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    stride: u64,
+
+    /// How many pairs of f32.
+    #[arg(long, value_name = "N", default_value_t = 1 << 28, value_parser = clap::value_parser!(u64).range(1..))]
+    pairs: u64,
+
+    /// How many f64, or pairs of them.
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
+    samples: u64,
+
+    /// Chooses the pairs and the f64, and where a stride begins.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// Prints one JSON object instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// `Expectation` where a result was wrong.
+pub fn run(args: CheckMathArgs) -> Result<()> {
+    let settings =
+        Settings { stride: args.stride, pairs: args.pairs, samples: args.samples, seed: args.seed };
+    let mut reports = Vec::new();
+    if !args.json {
+        output::print(format_args!("{}\n", heading()))?;
+    }
+    for format in Format::ALL {
+        let wanted = args.width.is_empty() || args.width.contains(&format.width().to_string());
+        let named =
+            |function: &&Function| args.function.is_empty() || args.function.contains(&function.family.name);
+        for function in FUNCTIONS.iter().filter(named).filter(|one| wanted && one.exists(format)) {
+            let style = ProgressStyle::with_template("{msg} {wide_bar} {percent}% {eta}");
+            let bar = ProgressBar::new(0).with_message(function.family.name);
+            let bar = style.map_or_else(|_| bar.clone(), |style| bar.clone().with_style(style));
+            let report = check_math::run(function, format, &settings, |count, total| {
+                bar.set_length(total);
+                bar.inc(count);
+            });
+            bar.finish_and_clear();
+            if !args.json {
+                output::print(format_args!("{}\n", line(&report)))?;
+            }
+            reports.push(report);
+        }
+    }
+    let wrong: u64 = reports.iter().map(|report| report.wrong).sum();
+    if args.json {
+        let json = serde_json::to_string_pretty(&serde_json::json!({ "functions": reports, "wrong": wrong }))
+            .map_err(|error| Error::io("standard output", error.into()))?;
+        output::print(format_args!("{json}\n"))?;
+    } else {
+        let inputs: u64 = reports.iter().map(|report| report.inputs).sum();
+        output::print(format_args!("\n{inputs} results: {wrong} wrong\n"))?;
+    }
+    if wrong == 0 {
+        Ok(())
+    } else {
+        Err(Error::new(ErrorKind::Expectation, format!("{wrong} wrong results")))
+    }
+}
+
+fn function(name: &str) -> std::result::Result<&'static str, String> {
+    let found =
+        FUNCTIONS.iter().map(|function| function.family.name).find(|one| one.eq_ignore_ascii_case(name));
+    found.ok_or_else(|| {
+        let names: Vec<_> = FUNCTIONS.iter().map(|function| function.family.name).collect();
+        format!("the functions are {}", names.join(", "))
+    })
+}
+
+fn heading() -> String {
+    format!(
+        "{:<14} {:>5} {:>12} {:>10} {:>8} {:>9}  inputs",
+        "function", "width", "inputs", "precise", "wrong", "s"
+    )
+}
+
+fn line(report: &Report) -> String {
+    let mut out = format!(
+        "{:<14} {:>5} {:>12} {:>10} {:>8} {:>9.1}  {}",
+        report.function,
+        report.width,
+        report.inputs,
+        report.precise,
+        report.wrong,
+        report.time.as_secs_f64(),
+        report.which
+    );
+    if let Some(error) = report.greatest_error {
+        out += &format!(", at most {error:.3} ulp");
+    }
+    for wrong in &report.examples {
+        out += &format!("\n  of {:#x?} {:#x}, right is {}", wrong.operands, wrong.found, wrong.right);
+    }
+    out
+}

@@ -1,0 +1,103 @@
+//! Powers: what the crate's functions leave to do for a correctly rounded one.
+
+use crate::math::float::Float;
+
+/// `x^y` in f32, correctly rounded.
+///
+/// `pxfm::f_powf` rounds some exact powers that lie in the middle of two numbers to the odd one; these
+/// are computed exactly here.
+#[must_use]
+pub fn single(x: f32, y: f32) -> f32 {
+    match exact(x.into(), y.into()) {
+        Some(power) => power as f32,
+        None => with_sign(x.into(), y.into(), pxfm::f_powf(x, y).into()) as f32,
+    }
+}
+
+/// `x^y` in f64, at most one unit in the last place off.
+#[must_use]
+pub fn double(x: f64, y: f64) -> f64 {
+    // Even of a NaN (IEEE 754-2019, 9.2.1).
+    if x == 1.0 || y == 0.0 { 1.0 } else { with_sign(x, y, pxfm::f_pow(x, y)) }
+}
+
+/// An odd power of -0 has its sign, which the crate's functions forget.
+fn with_sign(x: f64, y: f64, power: f64) -> f64 {
+    let odd = x == 0.0 && x.is_sign_negative() && (y % 2.0).abs() == 1.0;
+    if odd { -power.abs() } else { power }
+}
+
+/// The power where it has at most 53 bits and the exponent is a multiple of 1/8. An exact power that has
+/// 25 bits, and so is a middle of two f32, has such an exponent, or its base is a power of two: of a
+/// base of 24 bits and at least 3 there is no 16th root, as 3^16 > 2^24.
+fn exact(x: f64, y: f64) -> Option<f64> {
+    let eighths = y * 8.0;
+    if !x.is_finite() || x == 0.0 || eighths % 1.0 != 0.0 || eighths.abs() > 4096.0 {
+        return None;
+    }
+    let negative = x < 0.0;
+    if negative && y % 1.0 != 0.0 {
+        return None;
+    }
+    // |x| is base * 2^exponent, the base odd.
+    let (mantissa, exponent) = Float::frexp(x.abs());
+    let significand = Float::ldexp(mantissa, 53) as u64;
+    let zeros = significand.trailing_zeros();
+    let (mut base, mut exponent) = (significand >> zeros, i64::from(exponent) - 53 + i64::from(zeros));
+    // y is power / 2^roots.
+    let (mut power, mut roots) = (eighths as i64, 3);
+    while roots > 0 && power % 2 == 0 {
+        power /= 2;
+        roots -= 1;
+    }
+    for _ in 0..roots {
+        let root = base.isqrt();
+        if root * root != base || exponent % 2 != 0 {
+            return None;
+        }
+        (base, exponent) = (root, exponent / 2);
+    }
+    let raised = match base {
+        1 => 1,
+        _ => base.checked_pow(u32::try_from(power).ok()?).filter(|&raised| raised < 1 << 53)?,
+    };
+    let exponent = (exponent * power).clamp(-4096, 4096) as i32;
+    let value = Float::ldexp(raised as f64, exponent);
+    Some(if negative && y % 2.0 != 0.0 { -value } else { value })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn middles_are_rounded_to_even() {
+        // 62^5 = 31^5 2^5 = 28629151 * 2^5, and 28629151 = 2 * 14314575 + 1: to the even 14314576 * 2^6.
+        assert_eq!(single(3844.0, 2.5), 14_314_576.0 * 64.0);
+        // 4097^2 = 2^24 + 2^13 + 1 is a middle; 5^11 = 48828125 has 26 bits and is none.
+        assert_eq!(single(4097.0, 2.0), 16_785_408.0);
+        assert_eq!(single(-4097.0, 2.0), 16_785_408.0);
+        assert_eq!(single(5.0, 11.0), 48_828_124.0);
+        assert_eq!(single(-5.0, 3.0), -125.0);
+        // 3 * 2^-150 is the middle of 2^-149 and 2^-148, the even one; 2^-150 that of 0 and 2^-149.
+        assert_eq!(single(9.0 * 2f32.powi(-100), 0.5), 3.0 * 2f32.powi(-50));
+        assert_eq!(single(2f32.powi(-75), 2.0), 0.0);
+        assert_eq!(single(2f32.powi(-100), 1.5).to_bits(), 0);
+        assert_eq!(single(3.0 * 2f32.powi(-75), 2.0).to_bits(), 4); // 4.5 units
+        assert_eq!(single(2f32.powi(64), 2.0), f32::INFINITY);
+        assert_eq!(single(2f32.powi(-64), -1.5), 2f32.powi(96));
+    }
+
+    #[test]
+    fn zeros_ones_and_nan() {
+        // IEEE 754-2019, 9.2.1: an odd integer, positive or negative, and any other number.
+        assert_eq!(single(-0.0, 3.0).to_bits(), 0x8000_0000);
+        assert_eq!(single(-0.0, -7.0), f32::NEG_INFINITY);
+        assert_eq!([single(-0.0, 2.0).to_bits(), single(-0.0, 0.5).to_bits()], [0, 0]);
+        assert_eq!(double(-0.0, 5.0).to_bits(), (-0.0f64).to_bits());
+        assert_eq!([double(-0.0, -1.0), double(-0.0, -2.0)], [f64::NEG_INFINITY, f64::INFINITY]);
+        assert_eq!([double(f64::NAN, 0.0), double(1.0, f64::NAN), double(f64::NAN, -0.0)], [1.0; 3]);
+        assert_eq!([single(f32::NAN, 0.0), single(1.0, f32::NAN)], [1.0; 2]);
+        assert!(single(-2.0, 0.5).is_nan() && double(-2.0, 0.5).is_nan());
+    }
+}
