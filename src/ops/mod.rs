@@ -17,6 +17,8 @@ pub mod debug_printf;
 pub mod decode;
 pub mod derivative;
 pub mod dot_product;
+#[cfg(test)]
+mod edge_vectors;
 pub mod float_controls;
 pub mod glsl;
 pub mod hit_object;

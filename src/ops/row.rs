@@ -420,14 +420,16 @@ pub(crate) mod tests {
         (0..W).map(value).collect()
     }
 
+    /// What a row gives in every lane of every width of a batch.
+    pub(crate) fn results(row: &Row, inputs: &[u64]) -> Vec<u64> {
+        [run::<1>(row, inputs), run::<8>(row, inputs), run::<32>(row, inputs), run::<128>(row, inputs)]
+            .concat()
+    }
+
     /// Runs a row at every width of a batch and compares every lane.
     pub(crate) fn check_row(row: &Row, inputs: &[u64], expected: u64) {
-        let results =
-            [run::<1>(row, inputs), run::<8>(row, inputs), run::<32>(row, inputs), run::<128>(row, inputs)];
-        for lanes in results {
-            for value in lanes {
-                assert_eq!(value, expected, "{row:?} of {inputs:x?}: {value:#x}, expected {expected:#x}");
-            }
+        for value in results(row, inputs) {
+            assert_eq!(value, expected, "{row:?} of {inputs:x?}: {value:#x}, expected {expected:#x}");
         }
     }
 
