@@ -154,6 +154,12 @@ impl Tlas {
         }))
     }
 
+    /// The same instances with another choice of how intersections are computed.
+    pub fn at_precision(&self, precision: Precision) -> Arc<Self> {
+        let valid = Self::with_precision(self.instances.clone(), precision);
+        valid.expect("bug in anyhit: instances are refused that were not before")
+    }
+
     /// The null acceleration structure: it has no instances.
     pub fn empty() -> &'static Arc<Self> {
         static EMPTY: OnceLock<Arc<Tlas>> = OnceLock::new();

@@ -9,10 +9,10 @@ use std::time::Instant;
 
 use clap::Args;
 
-use crate::cli::output;
 use crate::cli::stability::StabilityArgs;
-use crate::cli::stats;
+use crate::cli::{output, precision, stats};
 use crate::error::{Error, Result};
+use crate::geometry::Precision;
 use crate::machine::MemoryPolicy;
 use crate::scene::image::Picture;
 use crate::scene::{self, DiskFiles, Options};
@@ -39,6 +39,9 @@ pub struct RunArgs {
     /// without it what the scene says
     #[arg(long, value_name = "POLICY", value_parser = ["trap", "robust"])]
     memory: Option<String>,
+    /// How a scene's intersections are computed; without it what the scene says
+    #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
+    precision: Option<Precision>,
     /// Lanes that run together; results do not depend on it
     #[arg(long, value_name = "N", default_value = "32", value_parser = ["1", "8", "32"])]
     lanes: String,
@@ -63,7 +66,13 @@ pub fn run(args: RunArgs) -> Result<()> {
     let scene = match is_scene {
         true => {
             args.by_itself.refuse()?;
-            scene::load(&args.file, &DiskFiles, &Options::default())?
+            let options = Options { precision: args.precision, ..Options::default() };
+            scene::load(&args.file, &DiskFiles, &options)?
+        }
+        false if args.precision.is_some() => {
+            return Err(dump::invalid(
+                "`--precision` needs a scene: a module by itself meets no geometry".into(),
+            ));
         }
         false => args.by_itself.scene(&args.file)?,
     };

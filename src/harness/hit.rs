@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::accel::{Candidate, Cursor, GeometryData, HitKind, RayFlags, Tlas, TraceRay};
+use crate::accel::{Committed, Cursor, GeometryData, HitKind, RayFlags, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
 use crate::harness::instance::Instance;
@@ -106,8 +106,8 @@ impl Hit {
         let what = self.instance.describe();
         let tlas = Tlas::new(vec![self.instance.make()?])?;
         let trace = TraceRay { ray, flags: self.ray_flags, cull_mask: self.cull_mask, time: self.time };
-        match nearest(&tlas, trace) {
-            Some((candidate, kind, t)) => {
+        match first_hit(&tlas, trace) {
+            Some(Committed { candidate, t, hit_kind: kind }) => {
                 Ok(Resolved { hit: machine::Hit { tlas, candidate, kind }, trace, t })
             }
             None => Err(wrong(format!("the ray misses the primitive: {ray:?}"))
@@ -124,14 +124,14 @@ impl From<GeometryData> for Instance {
     }
 }
 
-/// The hit that a ray finds first; for a box its entry, seen at the ray's own t_max.
-fn nearest(tlas: &Arc<Tlas>, trace: TraceRay) -> Option<(Candidate, HitKind, f32)> {
+/// The hit that a ray finds first. Of a box, it is its entry, seen at the ray's own t_max.
+pub(super) fn first_hit(tlas: &Arc<Tlas>, trace: TraceRay) -> Option<Committed> {
     let mut cursor = Cursor::new(tlas, trace);
     while let Some(candidate) = cursor.proceed(tlas) {
         if candidate.is_box() {
-            return Some((candidate, HitKind(0), trace.ray.t_max));
+            return Some(Committed { candidate, t: trace.ray.t_max, hit_kind: HitKind(0) });
         }
         cursor.confirm();
     }
-    cursor.committed().map(|committed| (committed.candidate, committed.hit_kind, committed.t))
+    cursor.committed().copied()
 }

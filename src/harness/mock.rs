@@ -1,4 +1,4 @@
-//! What a shader under test calls: traces and callable shaders, answered by the test.
+//! What a shader under test calls: traces, hit objects and callable shaders, answered by the test.
 
 use std::fmt;
 use std::fmt::Debug;
@@ -6,12 +6,15 @@ use std::sync::Arc;
 
 use bytemuck::NoUninit;
 
-use crate::accel::TraceRay;
+use crate::accel::{Committed, Tlas, TraceRay, hit_record_index};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::data::{Bytes, Data};
+use crate::harness::hit::first_hit;
+use crate::harness::instance::Instance;
 use crate::harness::value::Value;
+use crate::machine::hit_object::{Encoded, HitEncoded, HitObject};
 
-/// `OpTraceRayKHR` as the tested shader executes it.
+/// `OpTraceRayKHR`, or `OpHitObjectTraceRayEXT`, as the tested shader executes it.
 #[derive(Clone, Debug)]
 pub struct TraceCall {
     /// How many traces the shader made before.
@@ -24,6 +27,28 @@ pub struct TraceCall {
     pub sbt_stride: u32,
     /// Miss index.
     pub miss_index: u32,
+    /// The payload as the shader gives it.
+    pub given: Value,
+    /// The payload: what the answer leaves here the shader finds afterwards.
+    pub payload: Data,
+    /// Whether it is traced into a hit object: no closest-hit or miss shader runs, and
+    /// [`TraceCall::hit`] says what it finds.
+    pub into_hit_object: bool,
+    pub(super) found: Option<Box<Instance>>,
+}
+
+/// `OpHitObjectExecuteShaderEXT` as the tested shader executes it, of a hit object that encodes a hit or
+/// a miss.
+#[derive(Clone, Debug)]
+pub struct ExecuteCall {
+    /// How many hit objects the shader executed before.
+    pub number: usize,
+    /// The ray that the hit object encodes.
+    pub trace: TraceRay,
+    /// Its closest hit; `None` for a miss.
+    pub committed: Option<Committed>,
+    /// The index into the table of hit groups, or of miss shaders.
+    pub record: u64,
     /// The payload as the shader gives it.
     pub given: Value,
     /// The payload: what the answer leaves here the shader finds afterwards.
@@ -44,6 +69,65 @@ pub struct CallableCall {
 }
 
 impl TraceCall {
+    /// Lets a trace into a hit object meet this instance alone. The ray is really intersected with
+    /// it; where it passes by, and without this, the hit object encodes a miss.
+    ///
+    /// ```
+    /// # use anyhit::{Instance, Module, ShaderTest};
+    /// # let module = Module::open("spirv-fixtures/pass/hit-object/trace-and-execute/main.rgen.spv")?;
+    /// let outcome = ShaderTest::new(&module, "main")?
+    ///     .buffer(0, 1, &[[0.0f32; 16]])
+    ///     .on_trace(|trace| {
+    ///         trace.hit(Instance::triangle([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]));
+    ///         Ok(())
+    ///     })
+    ///     .on_execute(|call| {
+    ///         assert_eq!(call.committed.map(|hit| hit.t), Some(4.0));
+    ///         call.payload.set("[1]", 7.0f32)
+    ///     })
+    ///     .run()?;
+    /// assert_eq!(outcome.buffer(0, 1)?["outputs"][0][11].f32(), 7.0);
+    /// # Ok::<(), anyhit::Error>(())
+    /// ```
+    pub fn hit(&mut self, instance: impl Into<Instance>) {
+        self.found = Some(Box::new(instance.into()));
+    }
+
+    /// What the hit object encodes.
+    ///
+    /// # Errors
+    /// `InvalidScene` for an instance that cannot be.
+    pub(super) fn hit_object(&self) -> Result<HitObject> {
+        let miss = Encoded { trace: self.trace, record: u64::from(self.miss_index & 0xFFFF) };
+        let Some(instance) = &self.found else { return Ok(HitObject::Miss(miss)) };
+        let tlas = Tlas::new(vec![instance.as_ref().clone().make()?])?;
+        Ok(match first_hit(&tlas, self.trace) {
+            None => HitObject::Miss(miss),
+            Some(committed) => {
+                let (sbt, geometry) = (&tlas.instances()[0], committed.candidate.geometry);
+                let record =
+                    hit_record_index(sbt.sbt_record_offset, geometry, self.sbt_stride, self.sbt_offset);
+                let attributes = committed.candidate.intersection.attributes.map(f32::to_bits);
+                let hit = HitEncoded { tlas, committed, attributes: attributes.into_iter().collect() };
+                HitObject::Hit(Encoded { trace: self.trace, record }, hit)
+            }
+        })
+    }
+
+    pub(super) fn parts(&mut self) -> (usize, &mut Data) {
+        (self.number, &mut self.payload)
+    }
+}
+
+impl ExecuteCall {
+    /// Of a hit object that encodes a hit or a miss.
+    pub(super) fn of(object: &HitObject, number: usize, payload: Data) -> Option<Self> {
+        let encoded = object.encoded().ok()?;
+        let committed = object.hit().ok().map(|(_, hit)| hit.committed);
+        let (trace, record) = (encoded.trace, encoded.record);
+        Some(Self { number, trace, committed, record, given: payload.value(), payload })
+    }
+
     pub(super) fn parts(&mut self) -> (usize, &mut Data) {
         (self.number, &mut self.payload)
     }

@@ -20,6 +20,7 @@ pub mod cost;
 pub mod coverage;
 pub mod data;
 pub mod expect;
+mod given;
 pub mod hit;
 pub mod init;
 pub mod instance;
@@ -34,8 +35,6 @@ pub mod scalars;
 pub mod scene;
 pub mod shader_outcome;
 pub mod shader_test;
-#[cfg(test)]
-mod shader_test_tests;
 pub mod smoke;
 pub mod stability;
 #[cfg(feature = "proptest")]

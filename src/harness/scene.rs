@@ -2,15 +2,15 @@
 
 use std::sync::Arc;
 
-use bytemuck::{AnyBitPattern, NoUninit};
+use bytemuck::AnyBitPattern;
 
 use crate::accel::Tlas;
 use crate::error::{Error, ErrorKind, Result};
+use crate::geometry::Precision;
 use crate::harness::bound;
+use crate::harness::given::{Given, gives_resources};
 use crate::harness::texels::Texels;
-use crate::machine::image::Image;
-use crate::machine::sampler::Sampler;
-use crate::machine::{Buffer, Descriptor, Resources};
+use crate::machine::{Descriptor, Resources};
 
 pub use crate::harness::instance::Instance;
 
@@ -39,7 +39,7 @@ pub use crate::harness::instance::Instance;
 #[derive(Clone, Debug)]
 pub struct Scene {
     tlas: Arc<Tlas>,
-    resources: Resources,
+    pub(super) given: Given,
 }
 
 impl Scene {
@@ -58,8 +58,17 @@ impl Scene {
         if !mistakes.is_empty() {
             return Err(Error::several(mistakes));
         }
-        let resources = Resources { printed: Some(Arc::default()), ..Resources::default() };
-        Ok(Self { tlas: Tlas::new(made)?, resources })
+        let mut given = Given::default();
+        given.resources.printed = Some(Arc::default());
+        Ok(Self { tlas: Tlas::new(made)?, given })
+    }
+
+    /// How intersections are computed; exactly unless set. See [`Precision`].
+    #[must_use]
+    pub fn precision(mut self, precision: Precision) -> Self {
+        let other = self.tlas.at_precision(precision);
+        self.given.resources.replace_structure(&self.tlas, &other);
+        Self { tlas: other, ..self }
     }
 
     /// Binds the scene's own acceleration structure, for shaders that trace.
@@ -69,39 +78,6 @@ impl Scene {
         self.descriptor(set, binding, Descriptor::AccelerationStructure(tlas))
     }
 
-    /// Binds a storage or uniform buffer with these elements.
-    #[must_use]
-    pub fn buffer<T: NoUninit>(self, set: u32, binding: u32, elements: &[T]) -> Self {
-        let buffer = Buffer::new(bytemuck::cast_slice(elements));
-        self.descriptor(set, binding, Descriptor::Buffer(buffer))
-    }
-
-    /// Binds a storage or sampled image.
-    #[must_use]
-    pub fn image(self, set: u32, binding: u32, image: Arc<Image>) -> Self {
-        self.descriptor(set, binding, Descriptor::Image(image))
-    }
-
-    /// Binds a combined image sampler.
-    #[must_use]
-    pub fn image_sampler(self, set: u32, binding: u32, image: Arc<Image>, sampler: Sampler) -> Self {
-        self.descriptor(set, binding, Descriptor::ImageSampler(image, Arc::new(sampler)))
-    }
-
-    /// Binds any descriptor.
-    #[must_use]
-    pub fn descriptor(mut self, set: u32, binding: u32, descriptor: Descriptor) -> Self {
-        self.resources = self.resources.bind(set, binding, descriptor);
-        self
-    }
-
-    /// Sets the push constants.
-    #[must_use]
-    pub fn push_constants<T: NoUninit>(mut self, constants: &T) -> Self {
-        self.resources.push_constants = Some(Buffer::new(bytemuck::bytes_of(constants)));
-        self
-    }
-
     /// The acceleration structure.
     pub fn tlas(&self) -> &Arc<Tlas> {
         &self.tlas
@@ -109,7 +85,7 @@ impl Scene {
 
     /// What is bound.
     pub fn resources(&self) -> &Resources {
-        &self.resources
+        &self.given.resources
     }
 
     /// `InstanceCustomIndexKHR` of an instance.
@@ -122,7 +98,7 @@ impl Scene {
     /// # Errors
     /// `InvalidArgument` where no buffer is bound there, or its size is no multiple.
     pub fn read_buffer<T: AnyBitPattern>(&self, set: u32, binding: u32) -> Result<Vec<T>> {
-        let buffer = self.resources.buffer(set, binding).ok_or_else(|| {
+        let buffer = self.given.resources.buffer(set, binding).ok_or_else(|| {
             let message = format!("no buffer is bound at set {set}, binding {binding}");
             Error::new(ErrorKind::InvalidArgument, message)
         })?;
@@ -134,9 +110,11 @@ impl Scene {
     /// # Errors
     /// `InvalidArgument` where no image is bound there.
     pub fn read_image(&self, set: u32, binding: u32) -> Result<Texels> {
-        bound::texels(&self.resources, set, binding)
+        bound::texels(&self.given.resources, set, binding)
     }
 }
+
+gives_resources!(Scene);
 
 #[cfg(test)]
 mod tests {
@@ -149,5 +127,16 @@ mod tests {
         let error = Scene::new([lying, mixed]).unwrap_err();
         assert!(error.message().starts_with("instance 0: "), "{error:?}");
         assert!(error.others().iter().any(|other| other.message().starts_with("instance 1: ")), "{error:?}");
+    }
+
+    #[test]
+    fn another_precision_reaches_what_is_bound() {
+        let scene = Scene::new([Instance::sphere([0.0; 3], 1.0)]).unwrap().bind(0, 3);
+        let scene = scene.precision(Precision::Float).bind(0, 4);
+        assert_eq!(scene.tlas().precision(), Precision::Float);
+        for binding in scene.resources().descriptors.values() {
+            let [Descriptor::AccelerationStructure(bound)] = &binding[..] else { panic!("{binding:?}") };
+            assert!(Arc::ptr_eq(bound, scene.tlas()));
+        }
     }
 }

@@ -8,7 +8,7 @@ use bytemuck::AnyBitPattern;
 use crate::error::Result;
 use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::data::Data;
-use crate::harness::mock::{CallableCall, TraceCall};
+use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
 use crate::harness::told::{Explain, Told};
 use crate::harness::value::Value;
 use crate::machine::Exit;
@@ -39,6 +39,8 @@ pub struct ShaderOutcome {
     pub reports: Vec<Report>,
     /// The traces that it made, with their answers.
     pub traces: Vec<TraceCall>,
+    /// The hit objects that it executed, with their answers.
+    pub executes: Vec<ExecuteCall>,
     /// The callable shaders that it called, with their answers.
     pub calls: Vec<CallableCall>,
     /// What it printed (`debugPrintfEXT`).

@@ -8,7 +8,7 @@ use crate::debug::names::Names;
 use crate::debug::reader::Reader;
 use crate::debug::render::{self, Look};
 use crate::harness::memory;
-use crate::harness::mock::{CallableCall, TraceCall};
+use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
 use crate::machine::Resources;
 use crate::pipeline::{Event, Launch, Pipeline, RayOperands};
 
@@ -35,7 +35,12 @@ pub(super) enum What {
 
 impl What {
     /// A shader's run, and a line for each call that was answered.
-    pub fn shader(events: Vec<Event>, traces: &[TraceCall], calls: &[CallableCall]) -> Self {
+    pub fn shader(
+        events: Vec<Event>,
+        traces: &[TraceCall],
+        executes: &[ExecuteCall],
+        calls: &[CallableCall],
+    ) -> Self {
         let trace = |call: &TraceCall| {
             let (ray, number) = (call.trace.ray, call.number + 1);
             let answer = call.payload.value();
@@ -50,7 +55,18 @@ impl What {
                 call.given
             )
         };
-        Self::Shader { events, calls: traces.iter().map(trace).chain(calls.iter().map(call)).collect() }
+        let execute = |call: &ExecuteCall| {
+            let what = if call.committed.is_some() { "hit" } else { "miss" };
+            let answer = call.payload.value();
+            format!(
+                "execution {}: {what} record {}, given {:?}, answered {answer:?}",
+                call.number + 1,
+                call.record,
+                call.given
+            )
+        };
+        let (traces, executes) = (traces.iter().map(trace), executes.iter().map(execute));
+        Self::Shader { events, calls: traces.chain(executes).chain(calls.iter().map(call)).collect() }
     }
 }
 

@@ -202,12 +202,14 @@ impl Pipeline {
     ///
     /// # Errors
     /// `Trap`, that of the lowest launch index, where a shader misbehaves; `InvalidScene` without a ray
-    /// generation shader; `InvalidArgument` for a grid without or with too many invocations.
+    /// generation shader; `InvalidArgument` for a grid without or with too many invocations, and for a
+    /// buffer whose size is not the shaders', with both layouts.
     pub fn launch(&self, scene: &Scene, size: [u32; 3]) -> Result<Launched> {
         if size.contains(&0) {
             let message = format!("a launch of {} x {} x {} has no invocations", size[0], size[1], size[2]);
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
+        self.check(scene)?;
         let resources = scene.resources();
         let launch = Launch { pipeline: self, resources };
         let stats = launch.run::<32>(size, &|_| ())?;
@@ -219,8 +221,8 @@ impl Pipeline {
     /// scene: what shaders write is seen there afterwards.
     ///
     /// # Errors
-    /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload whose size fits no shader,
-    /// with both layouts.
+    /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload or a buffer whose size fits no
+    /// shader, with both layouts.
     pub fn trace(&self, scene: &Scene, ray: impl Into<RayOperands>) -> Result<Traced> {
         self.trace_watched(scene, ray, &mut ())
     }
@@ -260,6 +262,7 @@ impl Pipeline {
             let given = RustLayout::untold("the payload given".into(), operands.payload.len() * 4);
             return Err(layout(program, rows).mismatch("the payload", &given));
         }
+        self.check(scene)?;
         let resources = scene.resources();
         let launch = Launch { pipeline: self, resources };
         let outcome = launch.trace(scene.tlas(), operands.clone(), witness)?;
@@ -283,6 +286,11 @@ impl Pipeline {
             bound: self.bound(scene),
             told,
         })
+    }
+
+    /// Compares what the scene's buffers were made from with what the shaders declare.
+    fn check(&self, scene: &Scene) -> Result<()> {
+        self.programs.iter().try_for_each(|program| scene.given.check(program))
     }
 
     fn bound(&self, scene: &Scene) -> Bound {
@@ -319,6 +327,16 @@ mod tests {
         let floor = [[2.5, -10.0, 0.0], [2.5, 10.0, 0.0], [-20.0, 0.0, 0.0]];
         let wall = [[8.0, -1.0, -1.0], [8.0, 1.0, -1.0], [8.0, 0.0, 2.0]];
         Scene::new([Instance::triangles(floor), Instance::triangles(wall)]).unwrap().bind(0, 0)
+    }
+
+    #[test]
+    fn a_buffer_of_another_size_is_told_with_both_layouts() {
+        let mut builder = Pipeline::builder();
+        builder.ray_generation(shader("arithmetic/elementary/main.rgen.spv")).unwrap();
+        let scene = Scene::new([]).unwrap().buffer(0, 2, &[[4.0f32; 4]]).buffer(0, 1, &[0.0f32; 3]);
+        let error = builder.build().unwrap().launch(&scene, [1, 1, 1]).unwrap_err().render();
+        assert!(error.contains("buffer 1 of set 0: `[f32]` has 12 bytes"), "{error}");
+        assert!(error.contains("in the shader"), "{error}");
     }
 
     #[test]

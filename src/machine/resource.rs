@@ -226,6 +226,15 @@ impl Resources {
         elements[element as usize] = descriptor;
     }
 
+    /// Binds another acceleration structure wherever one is bound.
+    pub fn replace_structure(&mut self, old: &Arc<Tlas>, new: &Arc<Tlas>) {
+        for descriptor in self.descriptors.values_mut().flatten() {
+            if matches!(descriptor, Descriptor::AccelerationStructure(bound) if Arc::ptr_eq(bound, old)) {
+                *descriptor = Descriptor::AccelerationStructure(new.clone());
+            }
+        }
+    }
+
     /// The buffer at a binding's first array element.
     pub fn buffer(&self, set: u32, binding: u32) -> Option<&Arc<Buffer>> {
         match self.descriptors.get(&Binding { set, binding })?.first()? {

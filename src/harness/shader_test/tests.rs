@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::geometry::Ray;
 use crate::harness::hit::Hit;
+use crate::harness::instance::Instance;
 use crate::harness::shader_test::ShaderTest;
 use crate::machine::Exit;
 use crate::module::Module;
@@ -198,4 +199,69 @@ fn a_payload_is_set_by_the_names_of_its_members() {
     assert_eq!(outcome.payload["hits"].u32(), 42);
     let text = sphere().hit(front()).payload_member("hit", 41u32).run().unwrap_err().render();
     assert!(text.contains("there is no member `hit`") && text.contains("16  uint hits"), "{text}");
+}
+
+/// The ray generation shader of `trace-and-execute`: traces into a hit object, asks it, executes it.
+fn objects() -> ShaderTest {
+    let module = fixture("hit-object/trace-and-execute/main.rgen.spv");
+    let test = ShaderTest::new(&module, "main").expect("a ray generation shader");
+    test.buffer(0, 1, &[[0.0f32; 16]])
+}
+
+#[test]
+fn a_trace_into_a_hit_object_finds_what_the_answer_says() {
+    let triangle = Instance::triangle([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).sbt_offset(3);
+    let outcome = objects()
+        .on_trace(move |trace| {
+            assert!(trace.into_hit_object);
+            trace.hit(triangle.clone());
+            trace.payload.set("[0]", 5.0f32)
+        })
+        .on_execute(|call| {
+            assert_eq!(call.committed.map(|hit| (hit.t, hit.candidate.primitive)), Some((4.0, 0)));
+            assert_eq!(call.given[0].f32(), 5.0);
+            call.payload.set("", [5.0f32, 6.0, 7.0, 8.0])
+        })
+        .run()
+        .unwrap();
+    let row = &outcome.buffer(0, 1).unwrap()["outputs"][0];
+    let found: Vec<f32> = (0..14).map(|at| row[at].f32()).collect();
+    // Not empty, a hit, no miss; the payload; the interval ends at the hit; record 3 + 0 x 1 + 1; the
+    // ray at (1/4, 1/4); a front-facing triangle (HitKindFrontFacingTriangleKHR is 0xFE).
+    let expected = [0.0, 1.0, 0.0, 5.0, 0.5, 4.0, 4.0, 0.25, 0.25, 254.0, 5.0, 6.0, 7.0, 8.0];
+    assert_eq!(found, expected);
+    assert_eq!((outcome.traces.len(), outcome.executes.len(), outcome.executes[0].record), (1, 1, 4));
+}
+
+#[test]
+fn a_hit_object_without_an_instance_is_a_miss() {
+    let beside = Instance::sphere([9.0, 0.0, 0.0], 0.5);
+    for instance in [None, Some(beside)] {
+        let outcome = objects()
+            .on_trace(move |trace| {
+                if let Some(instance) = instance.clone() {
+                    trace.hit(instance);
+                }
+                Ok(())
+            })
+            .execute_answers(&[[2.0f32; 4]])
+            .run()
+            .unwrap();
+        let row = &outcome.buffer(0, 1).unwrap()["outputs"][0];
+        // The miss index is 1, the interval the ray's own.
+        let found = [0, 1, 2, 4, 5, 6, 13].map(|at| row[at].f32());
+        assert_eq!(found, [0.0, 0.0, 1.0, 0.5, 100.0, 1.0, 2.0]);
+        assert_eq!(outcome.executes[0].committed, None);
+    }
+}
+
+#[test]
+fn hit_objects_that_nothing_answers_are_told() {
+    let error = objects().run().unwrap_err().render();
+    assert!(error.contains("traces a ray") && error.contains(".on_trace("), "{error}");
+    let error = objects().on_trace(|_| Ok(())).run().unwrap_err().render();
+    assert!(error.contains("executes a hit object") && error.contains(".on_execute("), "{error}");
+    let test = objects().on_trace(|_| Ok(())).execute_answers::<[f32; 4]>(&[]);
+    let error = test.run().unwrap_err().render();
+    assert!(error.contains("the shader makes execution 1, and there are 0 answers"), "{error}");
 }

@@ -1,0 +1,133 @@
+//! What shaders are given by binding: buffers, images, samplers and push constants, for a scene and
+//! for a shader by itself.
+
+use std::fmt::Debug;
+
+use bytemuck::NoUninit;
+
+use crate::error::{Error, Result};
+use crate::harness::bound::blocks;
+use crate::harness::data::Bytes;
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::rust_layout::RustLayout;
+use crate::machine::{Binding, Buffer, Descriptor, Resources};
+use crate::ops::pointer::storage;
+use crate::program::Program;
+
+/// Resources, and as what Rust types buffers were given.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Given {
+    pub resources: Resources,
+    buffers: Vec<(Binding, RustLayout)>,
+    push_constants: Option<RustLayout>,
+}
+
+impl Given {
+    pub fn buffer<T: NoUninit>(&mut self, set: u32, binding: u32, elements: &[T]) {
+        let bytes: &[u8] = bytemuck::cast_slice(elements);
+        self.descriptor(set, binding, Descriptor::Buffer(Buffer::new(bytes)));
+        self.buffers.push((Binding { set, binding }, RustLayout::opaque::<[T]>(bytes.len())));
+    }
+
+    pub fn descriptor(&mut self, set: u32, binding: u32, descriptor: Descriptor) {
+        let place = Binding { set, binding };
+        self.buffers.retain(|(known, _)| *known != place);
+        self.resources.insert(place, 0, descriptor);
+    }
+
+    pub fn push_constants<T: NoUninit + Debug>(&mut self, constants: &T) {
+        let given = Bytes::of(constants);
+        self.resources.push_constants = Some(Buffer::new(&given.bytes));
+        self.push_constants = Some(given.rust);
+    }
+
+    /// Compares what was given with what a shader declares.
+    ///
+    /// # Errors
+    /// `InvalidArgument` with both layouts.
+    pub fn check(&self, program: &Program) -> Result<()> {
+        if self.buffers.is_empty() && self.push_constants.is_none() {
+            return Ok(());
+        }
+        for (ty, class, place) in blocks(program) {
+            let layout = || Layout::new(&program.module, ty, Rules::Explicit);
+            if let Some((Binding { set, binding }, rust)) =
+                self.buffers.iter().find(|(known, _)| Some(*known) == place)
+            {
+                misfit(&layout(), &format!("buffer {binding} of set {set}"), rust)?;
+            }
+            if let Some(rust) = self.push_constants.as_ref().filter(|_| class == storage::PUSH_CONSTANT) {
+                misfit(&layout(), "the push constants", rust)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why bytes cannot be the content of a block.
+pub(super) fn misfit(layout: &Layout<'_>, what: &str, rust: &RustLayout) -> Result<(), Error> {
+    let fits = match layout.runtime_stride() {
+        Some((offset, stride)) => rust.size >= offset && (rust.size - offset).is_multiple_of(stride.max(1)),
+        None => rust.size >= layout.size(),
+    };
+    if fits { Ok(()) } else { Err(layout.mismatch(what, rust)) }
+}
+
+/// The methods of a builder that bind resources.
+macro_rules! gives_resources {
+    ($builder:ty) => {
+        impl $builder {
+            /// Binds a storage or uniform buffer with these elements. A size that is not the
+            /// shaders' is an error of the run, with both layouts.
+            #[must_use]
+            pub fn buffer<T: bytemuck::NoUninit>(mut self, set: u32, binding: u32, elements: &[T]) -> Self {
+                self.given.buffer(set, binding, elements);
+                self
+            }
+
+            /// Binds a storage or sampled image.
+            #[must_use]
+            pub fn image(
+                self,
+                set: u32,
+                binding: u32,
+                image: std::sync::Arc<crate::machine::image::Image>,
+            ) -> Self {
+                self.descriptor(set, binding, crate::machine::Descriptor::Image(image))
+            }
+
+            /// Binds a combined image sampler.
+            #[must_use]
+            pub fn image_sampler(
+                self,
+                set: u32,
+                binding: u32,
+                image: std::sync::Arc<crate::machine::image::Image>,
+                sampler: crate::machine::sampler::Sampler,
+            ) -> Self {
+                let sampler = std::sync::Arc::new(sampler);
+                self.descriptor(set, binding, crate::machine::Descriptor::ImageSampler(image, sampler))
+            }
+
+            /// Binds any descriptor.
+            #[must_use]
+            pub fn descriptor(
+                mut self,
+                set: u32,
+                binding: u32,
+                descriptor: crate::machine::Descriptor,
+            ) -> Self {
+                self.given.descriptor(set, binding, descriptor);
+                self
+            }
+
+            /// Sets the push constants.
+            #[must_use]
+            pub fn push_constants<T: bytemuck::NoUninit + std::fmt::Debug>(mut self, constants: &T) -> Self {
+                self.given.push_constants(constants);
+                self
+            }
+        }
+    };
+}
+pub(super) use gives_resources;

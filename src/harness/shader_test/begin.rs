@@ -1,0 +1,82 @@
+//! What the invocation begins with.
+
+use crate::error::Result;
+use crate::harness::bound::blocks;
+use crate::harness::given::misfit;
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::shader_test::{ShaderTest, invalid};
+use crate::machine::{Batch, Buffer, Invocation, ShaderRecord};
+use crate::ops::pointer::storage;
+
+impl ShaderTest {
+    pub(super) fn invocation(&self) -> Result<(Invocation, Option<[u32; 2]>)> {
+        let mut invocation = Invocation {
+            launch_id: self.launch[0],
+            launch_size: self.launch[1],
+            trace: self.trace,
+            t_max: self.trace.map_or(0.0, |trace| trace.ray.t_max),
+            record: self.record()?,
+            depth: 1,
+            ..Invocation::default()
+        };
+        let Some(hit) = self.hit.clone() else { return Ok((invocation, None)) };
+        let resolved = hit.resolve()?;
+        let attributes = resolved.hit.candidate.intersection.attributes.map(f32::to_bits);
+        invocation.trace = Some(resolved.trace);
+        invocation.t_max = resolved.t;
+        invocation.hit = Some(resolved.hit);
+        Ok((invocation, Some(attributes)))
+    }
+
+    fn record(&self) -> Result<Option<ShaderRecord>> {
+        let Some(given) = &self.record else { return Ok(None) };
+        let mut blocks = blocks(&self.program);
+        if let Some((ty, ..)) = blocks.find(|block| block.1 == storage::SHADER_RECORD_BUFFER) {
+            let layout = Layout::new(&self.program.module, ty, Rules::Explicit);
+            misfit(&layout, "the shader record", &given.rust)?;
+        }
+        let data = Buffer::new(&given.bytes);
+        Ok(Some(ShaderRecord { offset: 0, size: data.size(), data }))
+    }
+
+    pub(super) fn override_builtins(&self, batch: &mut Batch<1>) {
+        for (builtin, words) in &self.builtins {
+            for rows in self.program.inputs.iter().filter(|rows| rows.builtin == *builtin) {
+                batch.registers.set_lane_words(rows.first, 0, words.iter().copied());
+            }
+        }
+    }
+
+    pub(super) fn fill_payload(&self, batch: &mut Batch<1>) -> Result<()> {
+        if self.payload.is_none() && self.members.is_empty() {
+            return Ok(());
+        }
+        let Some(rows) = self.payload_rows() else {
+            let given = self.payload.as_ref().map_or("members", |given| &given.rust.name);
+            return Err(invalid(format!("the shader does not use the payload that it is given: `{given}`")));
+        };
+        let mut data = self.data(batch, rows, "the payload");
+        if let Some(given) = &self.payload {
+            data.take(given)?;
+        }
+        for (path, scalars) in &self.members {
+            data.set(path, &scalars[..])?;
+        }
+        batch.registers.set_lane_words(rows.first, 0, data.words());
+        Ok(())
+    }
+
+    pub(super) fn fill_attributes(&self, batch: &mut Batch<1>) -> Result<()> {
+        let Some(given) = &self.attributes else { return Ok(()) };
+        let Some(rows) = self.program.interface_rows(storage::HIT_ATTRIBUTE) else {
+            let given = &given.rust.name;
+            return Err(invalid(format!(
+                "the shader does not use the hit attributes that it is given: `{given}`"
+            )));
+        };
+        let mut data = self.data(batch, rows, "the hit attributes");
+        data.take(given)?;
+        batch.registers.set_lane_words(rows.first, 0, data.words());
+        Ok(())
+    }
+}

@@ -1,0 +1,156 @@
+//! Running it.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::harness::bound::Bound;
+use crate::harness::data::Data;
+use crate::harness::memory;
+use crate::harness::shader_outcome::ShaderOutcome;
+use crate::harness::shader_test::ShaderTest;
+use crate::harness::told::{Told, What};
+use crate::harness::value::Value;
+use crate::interp;
+use crate::machine::stop::Stop;
+use crate::machine::{Batch, Exit, Mask, Reg};
+use crate::module::interface::Stage;
+use crate::ops::decode::InterfaceRows;
+use crate::ops::pointer::storage;
+use crate::pipeline::{Event, Pipeline, Shader, trap_error};
+
+impl ShaderTest {
+    /// Runs the shader once. Buffers and images are copied first: a test can be run again.
+    ///
+    /// # Errors
+    /// `Trap` where the shader misbehaves, with its source line; `InvalidArgument` for a builtin or a
+    /// layout that does not fit, with both layouts, where the ray misses, and where the shader traces
+    /// or calls and nothing answers; what an answer returns.
+    pub fn run(&self) -> Result<ShaderOutcome> {
+        if let Some(mistake) = &self.mistake {
+            return Err(mistake.clone());
+        }
+        let program = &*self.program;
+        self.given.check(program)?;
+        let mut resources = memory::copied(&self.given.resources);
+        if let Some(record) = &self.object_record {
+            resources.memory.add_buffer(record);
+        }
+        resources.printed = Some(Arc::default());
+        let bindings = resources.bindings(program.bindings());
+        let (invocation, attributes) = self.invocation()?;
+        let mut batch: Batch<1> = program.batch();
+        batch.invocations[0] = invocation;
+        program.begin(&mut batch, Mask::ALL, self.budget);
+        self.override_builtins(&mut batch);
+        self.fill_payload(&mut batch)?;
+        let attribute_rows = program.interface_rows(storage::HIT_ATTRIBUTE);
+        if let (Some(rows), Some(words)) = (attribute_rows, attributes) {
+            batch.registers.set_lane_words(rows.first, 0, words.into_iter().take(rows.count as usize));
+        }
+        self.fill_attributes(&mut batch)?;
+        let mut events = vec![self.enter(&batch)];
+        let (mut traces, mut calls, mut reports) = (Vec::new(), Vec::new(), Vec::new());
+        let mut executes = Vec::new();
+        loop {
+            match interp::run(&mut batch, program, &bindings, &mut ()) {
+                Stop::Done => break,
+                Stop::Paused => {}
+                Stop::Barrier { .. } => {
+                    unreachable!("bug in anyhit: a barrier of a workgroup outside compute")
+                }
+                Stop::ReportIntersection { t, hit_kind, accepted, .. } => {
+                    let report = self.report(&mut batch, t, hit_kind)?;
+                    batch.registers[accepted].0[0] = u32::from(report.accepted);
+                    let hit_kind = crate::accel::HitKind(report.kind);
+                    events.push(Event::Report { t: report.t, hit_kind, accepted: report.accepted });
+                    reports.push(report);
+                }
+                Stop::TraceRay { operands, payload, .. } => {
+                    traces.extend(self.trace(&mut batch, operands, payload, traces.len(), None)?);
+                }
+                Stop::ExecuteCallable { index, data, .. } => {
+                    calls.push(self.call(&mut batch, index, data, calls.len())?);
+                }
+                Stop::HitObjectTrace { object, operands, payload, .. } => {
+                    let call = self.trace(&mut batch, operands, payload, traces.len(), Some(object))?;
+                    traces.extend(call);
+                }
+                Stop::HitObjectExecute { object, payload, .. } => {
+                    executes.extend(self.execute(&mut batch, object, payload, executes.len())?);
+                }
+                Stop::HitObjectRecordHandle { object, to, .. } => {
+                    self.record_handle(&mut batch, object, to, &bindings.memory)?;
+                }
+            }
+        }
+        let exit = batch.exits[0];
+        if let Exit::Trapped(trap) = exit {
+            return Err(trap_error(program, &batch, 0, trap));
+        }
+        let words = self.payload_rows().map_or_else(Vec::new, |rows| words(&batch, rows));
+        events.push(Event::Leave { shader: Shader(0), stage: program.stage, exit, payload: words });
+        let told = Arc::new(Told {
+            pipeline: self.pipeline(),
+            what: What::shader(events, &traces, &executes, &calls),
+        });
+        let mut payload = self.read(&batch, self.payload_rows());
+        payload.explained_by(&told);
+        let printed = resources.printed.take().map_or_else(Vec::new, |printed| printed.take());
+        Ok(ShaderOutcome {
+            exit,
+            payload,
+            attributes: self.read(&batch, attribute_rows),
+            reports,
+            traces,
+            executes,
+            calls,
+            printed: printed.into_iter().map(|line| line.text).collect(),
+            data: self.payload_rows().map(|rows| self.data(&batch, rows, "the payload")),
+            bound: Bound { programs: vec![self.program.clone()], resources },
+            told,
+        })
+    }
+
+    /// A pipeline of this shader alone, to explain its run.
+    fn pipeline(&self) -> Pipeline {
+        let mut builder = Pipeline::builder();
+        builder.shader(self.program.clone());
+        builder.build().expect("bug in anyhit: a pipeline without groups is refused")
+    }
+
+    fn enter(&self, batch: &Batch<1>) -> Event {
+        let read = |first: Reg, count| batch.registers.lane_words(first, count, 0).collect();
+        let inputs = self.program.inputs.iter();
+        let rows = |rows: Option<&InterfaceRows>| rows.map_or_else(Vec::new, |rows| words(batch, rows));
+        Event::Enter {
+            shader: Shader(0),
+            stage: self.program.stage,
+            builtins: inputs.map(|rows| (rows.builtin, read(rows.first, rows.count))).collect(),
+            payload: rows(self.payload_rows()),
+            attributes: rows(self.program.interface_rows(storage::HIT_ATTRIBUTE)),
+        }
+    }
+
+    pub(super) fn data(&self, batch: &Batch<1>, rows: &InterfaceRows, what: &'static str) -> Data {
+        let words = batch.registers.lane_words(rows.first, rows.count, 0);
+        Data::new(&self.program.module, rows.ty, what, words)
+    }
+
+    pub(super) fn read(&self, batch: &Batch<1>, rows: Option<&InterfaceRows>) -> Value {
+        let Some(rows) = rows else { return Value::nothing() };
+        self.data(batch, rows, "").value()
+    }
+
+    pub(super) fn payload_rows(&self) -> Option<&InterfaceRows> {
+        let class = match self.program.stage {
+            Stage::Callable => storage::INCOMING_CALLABLE_DATA,
+            _ => storage::INCOMING_RAY_PAYLOAD,
+        };
+        self.program.interface_rows(class)
+    }
+}
+
+/// The words of an interface variable.
+fn words(batch: &Batch<1>, rows: &InterfaceRows) -> Vec<u32> {
+    batch.registers.lane_words(rows.first, rows.count, 0).collect()
+}

@@ -1,0 +1,183 @@
+//! Answering what the shader stops for.
+
+use crate::error::{Error, Result};
+use crate::harness::data::Data;
+use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
+use crate::harness::shader_outcome::Report;
+use crate::harness::shader_test::{ShaderTest, invalid};
+use crate::machine::device_memory::DeviceMemory;
+use crate::machine::hit_object::HitObject;
+use crate::machine::object::ObjectRef;
+use crate::machine::stop::Rows;
+use crate::machine::{Batch, Mask, Reg, TrapCode};
+use crate::ops::hit_object::store;
+use crate::ops::pointer::storage;
+use crate::ops::ray_tracing::TRACE_OPERANDS;
+use crate::pipeline::trace_operands;
+
+impl ShaderTest {
+    fn calls_out(&self, what: &str, answer: &str) -> Error {
+        let message = format!("{} `{}` {what}", self.program.stage.name(), self.program.name);
+        let error = invalid(message).note("test it with others in a pipeline: `pipeline.trace(&scene, ray)`");
+        if answer.is_empty() { error } else { error.note(answer) }
+    }
+
+    /// The variable of the interface whose rows an instruction names.
+    fn data_at(&self, batch: &Batch<1>, at: Rows, what: &'static str) -> Data {
+        let rows = self.program.interface.iter().find(|rows| rows.first == at.first);
+        let rows = rows.expect("bug in anyhit: a payload that is no variable of the interface");
+        self.data(batch, rows, what)
+    }
+
+    /// Serves a trace; `None` where the shader traps at it.
+    pub(super) fn trace(
+        &self,
+        batch: &mut Batch<1>,
+        at: Reg,
+        payload: Rows,
+        number: usize,
+        object: Option<ObjectRef>,
+    ) -> Result<Option<TraceCall>> {
+        let answer = self.traces.as_ref().ok_or_else(|| {
+            let how = "or answer it: `.on_trace(|trace| trace.payload.set(\"colour\", [1.0f32, 0.0, 0.0]))`";
+            self.calls_out("traces a ray", how)
+        })?;
+        let mut operands = [0; TRACE_OPERANDS as usize];
+        let read = batch.registers.lane_words(at, TRACE_OPERANDS, 0);
+        operands.iter_mut().zip(read).for_each(|(to, word)| *to = word);
+        let trace = match trace_operands(&operands) {
+            Ok(trace) => trace,
+            Err(broken) => {
+                let op = batch.op - 1;
+                batch.asked[0] = broken as u64;
+                batch.trap(Mask::ALL, TrapCode::InvalidTrace, op);
+                return Ok(None);
+            }
+        };
+        let data = self.data_at(batch, payload, "the payload");
+        let mut call = TraceCall {
+            number,
+            trace,
+            sbt_offset: operands[4],
+            sbt_stride: operands[5],
+            miss_index: operands[6],
+            given: data.value(),
+            payload: data,
+            into_hit_object: object.is_some(),
+            found: None,
+        };
+        let in_trace = |error: Error| error.context(format!("trace {}", number + 1));
+        answer.give(&mut call).map_err(in_trace)?;
+        if let Some(object) = object {
+            let found = call.hit_object().map_err(in_trace)?;
+            if let Err(code) = store(batch, object, 0, found) {
+                let op = batch.op - 1;
+                batch.trap(Mask::ALL, code, op);
+                return Ok(None);
+            }
+        }
+        batch.registers.set_lane_words(payload.first, 0, call.payload.words().take(payload.count as usize));
+        Ok(Some(call))
+    }
+
+    /// Serves the execution of a hit object; `None` where the shader traps at it, or there is nothing
+    /// to execute.
+    pub(super) fn execute(
+        &self,
+        batch: &mut Batch<1>,
+        object: ObjectRef,
+        payload: Rows,
+        number: usize,
+    ) -> Result<Option<ExecuteCall>> {
+        let found = match held(batch, object) {
+            Ok(HitObject::Empty) => return Ok(None),
+            Ok(HitObject::Unrecorded) => Err(TrapCode::HitObjectUnrecorded),
+            other => other,
+        };
+        let found = match found {
+            Ok(found) => found,
+            Err(code) => {
+                let op = batch.op - 1;
+                batch.trap(Mask::ALL, code, op);
+                return Ok(None);
+            }
+        };
+        let answer = self.executes.as_ref().ok_or_else(|| {
+            let how = "or answer it: `.on_execute(|call| call.payload.set(\"colour\", [1.0f32, 0.0, 0.0]))`";
+            self.calls_out("executes a hit object", how)
+        })?;
+        let data = self.data_at(batch, payload, "the payload");
+        let Some(mut call) = ExecuteCall::of(&found, number, data) else { return Ok(None) };
+        answer.give(&mut call).map_err(|error| error.context(format!("execution {}", number + 1)))?;
+        batch.registers.set_lane_words(payload.first, 0, call.payload.words().take(payload.count as usize));
+        Ok(Some(call))
+    }
+
+    /// Serves the question for the handle of a hit object's shader record.
+    pub(super) fn record_handle(
+        &self,
+        batch: &mut Batch<1>,
+        object: ObjectRef,
+        to: Reg,
+        memory: &DeviceMemory,
+    ) -> Result<()> {
+        if let Err(code) = held(batch, object).and_then(|found| found.encoded().map(|_| ())) {
+            let op = batch.op - 1;
+            batch.trap(Mask::ALL, code, op);
+            return Ok(());
+        }
+        let Some(record) = &self.object_record else {
+            let how = "or give it: `.hit_object_record(&data)`";
+            return Err(self.calls_out("asks for the shader record of a hit object", how));
+        };
+        let address = memory.address_of(record).unwrap_or(0);
+        batch.registers.set_lane_words(to, 0, [address as u32, (address >> 32) as u32]);
+        Ok(())
+    }
+
+    pub(super) fn call(
+        &self,
+        batch: &mut Batch<1>,
+        index: Reg,
+        rows: Rows,
+        number: usize,
+    ) -> Result<CallableCall> {
+        let answer = self.calls.as_ref().ok_or_else(|| {
+            let how = "or answer it: `.on_call(|call| call.data.set(\"\", 1.0f32))`";
+            self.calls_out("calls a callable shader", how)
+        })?;
+        let index = batch.registers[index].0[0];
+        let data = self.data_at(batch, rows, "the callable data");
+        let mut call = CallableCall { number, index, given: data.value(), data };
+        answer.give(&mut call).map_err(|error| error.context(format!("call {}", number + 1)))?;
+        batch.registers.set_lane_words(rows.first, 0, call.data.words().take(rows.count as usize));
+        Ok(call)
+    }
+
+    pub(super) fn report(&self, batch: &mut Batch<1>, t: Reg, kind: Reg) -> Result<Report> {
+        let (t, kind) = (f32::from_bits(batch.registers[t].0[0]), batch.registers[kind].0[0]);
+        let attributes = self.read(batch, self.program.interface_rows(storage::HIT_ATTRIBUTE));
+        let invocation = &batch.invocations[0];
+        let t_min = invocation.trace.map_or(0.0, |trace| trace.ray.t_min);
+        let accepted = kind < 128 && (t_min..=invocation.t_max).contains(&t);
+        let mut report = Report { t, kind, attributes, accepted };
+        if let Some(answer) = self.reports.as_ref().filter(|_| accepted) {
+            answer.give(&mut report)?;
+        }
+        if kind > 127 {
+            let op = batch.op - 1;
+            batch.trap(Mask::ALL, TrapCode::InvalidHitKind, op);
+        } else if report.accepted {
+            batch.invocations[0].t_max = t;
+            self.program.refresh_inputs(batch, Mask::ALL, true);
+            self.override_builtins(batch);
+        }
+        Ok(report)
+    }
+}
+
+/// What a hit object holds.
+fn held(batch: &Batch<1>, object: ObjectRef) -> Result<HitObject, TrapCode> {
+    let row = object.row(&batch.registers, 0)?;
+    Ok(batch.hit_objects.get(batch.registers[row].0[0]).cloned().unwrap_or_default())
+}
