@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::accel::Tlas;
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::Reader;
@@ -172,9 +173,7 @@ impl Session {
     }
 
     fn trace(&self, ray: &GivenRay, events: &mut Vec<Event>) -> Result<Stats> {
-        let Some((_, tlas)) = self.scene.tlas.first() else {
-            return Err(invalid("the scene has no instances, so there is nothing that a ray could meet"));
-        };
+        let tlas = if let Some((_, tlas)) = self.scene.tlas.first() { tlas } else { Tlas::empty() };
         let operands = ray.operands(&self.assembled.pipeline)?;
         self.assembled.launch().trace(tlas, operands, events).map(|outcome| outcome.stats)
     }

@@ -310,7 +310,7 @@ impl<'a> Layout<'a> {
         lines
     }
 
-    fn lines(self) -> Vec<(usize, String)> {
+    pub(super) fn lines(self) -> Vec<(usize, String)> {
         let mut lines = Vec::new();
         self.collect_lines("", 0, &mut lines);
         lines

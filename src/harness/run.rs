@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use crate::accel::Tlas;
 use crate::debug::session::{self, Settled};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::{Costs, Counter, Meter};
@@ -52,7 +53,7 @@ pub fn rays(
     (0..scene.rays.len()).flat_map(|at| one_ray(scene, assembled, at, watch).rays).collect()
 }
 
-/// The same with the coverage of the launch; dispatches are not recorded.
+/// The same with the coverage of launch and dispatches.
 pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &mut Recorder) -> Observed {
     launch(scene, assembled, |resources| {
         let launches = assembled.pipeline.sbt.ray_generation.is_some();
@@ -62,7 +63,14 @@ pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &m
             let launch = Launch { pipeline: &assembled.pipeline, resources };
             stats = launch.run_watched(assembled.size, &mut |event| sink.event(&event), counts)?;
         }
-        Ok(stats.plus(&assembled.dispatch::<32>(resources, &|_| ())?))
+        for (at, dispatch) in assembled.dispatches.iter().enumerate() {
+            let (mut sink, counts) = recorder.dispatch(at);
+            let resources = dispatch.resources(resources);
+            let witness = &mut |event: Event| sink.event(&event);
+            stats =
+                stats.plus(&dispatch.compute.run_witnessed(&resources, dispatch.groups, witness, counts)?);
+        }
+        Ok(stats)
     })
 }
 
@@ -258,14 +266,28 @@ pub(super) fn trace<T: Witness, O: Observer<1>>(
             launch.run_one([x, y, 0], size, witness, observer)
         }
         RayEntry::Given(given) => {
-            let Some((_, tlas)) = scene.tlas.first() else {
-                let message = "a ray needs a scene with instances";
-                return Err(Error::new(ErrorKind::InvalidScene, message));
-            };
-            let operands = session::check(given)?.operands(launch.pipeline)?;
+            let tlas = if let Some((_, tlas)) = scene.tlas.first() { tlas } else { Tlas::empty() };
+            let operands = session::check(given)?
+                .operands(launch.pipeline)
+                .map_err(|error| declared(launch.pipeline).into_iter().fold(error, Error::note))?;
             launch.trace_observed(tlas, operands, witness, observer).map(|outcome| outcome.stats)
         }
     }
+}
+
+/// The largest payload that a pipeline's shaders declare, a line for each member and its offset.
+fn declared(pipeline: &Pipeline) -> Vec<String> {
+    let rows = |program: &Arc<Program>| {
+        let rows = program.interface_rows(storage::INCOMING_RAY_PAYLOAD)?;
+        Some((program.clone(), rows.ty, rows.count))
+    };
+    let largest = pipeline.programs.iter().filter_map(rows).max_by_key(|(.., count)| *count);
+    largest.map_or_else(Vec::new, |(program, ty, _)| {
+        let module = &program.module;
+        let lines = Layout::new(module, ty, Rules::Packed).lines().into_iter();
+        let lines = lines.map(|(offset, member)| format!("{offset:>6}  {member}"));
+        std::iter::once(format!("offset  {}", module.describe_type(ty))).chain(lines).collect()
+    })
 }
 
 /// What the first ray of a run found.

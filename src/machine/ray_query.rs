@@ -183,6 +183,7 @@ pub enum RayQueryStep {
 struct Told<'a> {
     query: u32,
     op: u32,
+    traversal: bool,
     events: &'a mut Vec<RayQueryEvent>,
 }
 
@@ -196,15 +197,21 @@ impl Visit for Told<'_> {
     const REASONS: bool = true;
 
     fn node(&mut self, instance: Option<u32>) {
-        self.tell(RayQueryStep::Node(instance));
+        if self.traversal {
+            self.tell(RayQueryStep::Node(instance));
+        }
     }
 
     fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
-        self.tell(RayQueryStep::Instance(instance, verdict));
+        if self.traversal {
+            self.tell(RayQueryStep::Instance(instance, verdict));
+        }
     }
 
     fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {
-        self.tell(RayQueryStep::Primitive(place, verdict));
+        if self.traversal {
+            self.tell(RayQueryStep::Primitive(place, verdict));
+        }
     }
 
     fn commit(&mut self, committed: &Committed) {
@@ -220,6 +227,8 @@ pub struct RayQueries {
     pub initialized: u64,
     /// Where it is written down what the queries do, if somebody wants to know.
     pub told: Option<Vec<RayQueryEvent>>,
+    /// Whether nodes, instances and primitives are written down, too.
+    pub traversal: bool,
 }
 
 impl RayQueries {
@@ -264,7 +273,7 @@ impl RayQueries {
     #[inline]
     pub fn proceed(&mut self, handle: u32, op: u32) -> Result<bool, TrapCode> {
         let Some(mut events) = self.told.take() else { return self.query(handle)?.proceed(&mut ()) };
-        let mut told = Told { query: handle, op, events: &mut events };
+        let mut told = Told { query: handle, op, traversal: self.traversal, events: &mut events };
         let done = self.query(handle).and_then(|query| {
             let more = query.proceed(&mut told)?;
             told.tell(RayQueryStep::Proceed(query.candidate));

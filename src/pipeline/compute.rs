@@ -10,8 +10,8 @@ use crate::machine::{Observer, Resources, Workgroup};
 use crate::ops::row::{Row, Width};
 use crate::pipeline::launch::Stats;
 use crate::pipeline::trapped::Trapped;
-use crate::pipeline::workgroup::Gang;
-use crate::pipeline::{DEFAULT_BUDGET, check_subgroup_size};
+use crate::pipeline::workgroup::{Gang, Watch};
+use crate::pipeline::{DEFAULT_BUDGET, Event, check_subgroup_size};
 use crate::program::sharing::{Extent, Memory};
 use crate::program::{Program, WorkgroupLayout};
 
@@ -115,6 +115,53 @@ impl Compute {
         self.run_alone::<W>(resources, groups, done).map_err(|trapped| trapped.error)
     }
 
+    /// The same, watched: in the order of the workgroups, on one thread. Events are those of ray
+    /// queries. A dispatch that needs subgroups of more than 32 is not watched.
+    ///
+    /// # Errors
+    /// As [`Compute::run`].
+    pub fn run_witnessed(
+        &self,
+        resources: &Resources,
+        groups: [u32; 3],
+        witness: &mut dyn FnMut(Event),
+        observer: &mut (impl Observer<1> + Observer<32>),
+    ) -> Result<Stats> {
+        self.check(groups)?;
+        let whole = self.program.uses_subgroups.then_some(self.subgroup_size);
+        if whole.is_some_and(|size| size > 32) {
+            return self.run::<32>(resources, groups, &|_| ());
+        }
+        let bindings = resources.bindings(self.program.bindings());
+        let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
+        let mut stats = Stats::default();
+        // The tasks of a run, so that the same workgroups share a batch.
+        let per_task = self.per_task();
+        for first in (0..count).step_by(per_task as usize) {
+            let groups = (first..count.min(first + per_task)).map(|index| self.group(index, groups));
+            let (done, trapped) = if whole.is_none() && self.program.order_dependent {
+                let observer: &mut dyn Observer<1> = &mut *observer;
+                let mut watch = Watch::new(observer, &mut *witness);
+                Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut watch)
+            } else {
+                let observer: &mut dyn Observer<32> = &mut *observer;
+                let mut watch = Watch::new(observer, &mut *witness);
+                Gang::<32>::new(self, &bindings, self.layout).run(groups, &mut watch)
+            };
+            if let Some(trapped) = trapped {
+                return Err(trapped.error);
+            }
+            stats = stats.plus(&done);
+        }
+        Ok(stats)
+    }
+
+    /// Workgroups that one task of a thread runs.
+    fn per_task(&self) -> u64 {
+        let each: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
+        (TASK / each).max(1)
+    }
+
     /// The same with a trap told in full, for sizes that [`Compute::run`] would take.
     ///
     /// # Errors
@@ -131,7 +178,7 @@ impl Compute {
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let bindings = resources.bindings(self.program.bindings());
         let each: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
-        let per_task = (TASK / each).max(1);
+        let per_task = self.per_task();
         let tasks = 0..count.div_ceil(per_task);
         let range = |task: u64| task * per_task..count.min((task + 1) * per_task);
         let shares = self.shared_memory(groups, resources).is_some();
@@ -142,14 +189,18 @@ impl Compute {
             let whole = self.program.uses_subgroups.then_some(self.subgroup_size);
             let result = match whole {
                 // A batch must hold whole subgroups, and their size divides the batch's.
-                Some(..=32) => Gang::<32>::new(self, &bindings, self.layout).run(groups, &mut ()),
-                Some(_) => Gang::<128>::new(self, &bindings, self.layout).run(groups, &mut ()),
+                Some(..=32) => {
+                    Gang::<32>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
+                }
+                Some(_) => Gang::<128>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody()),
                 // One invocation after the other, so that every width gives the same.
                 None if self.program.order_dependent => {
-                    Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut ())
+                    Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
                 }
-                None if shares => Gang::<32>::new(self, &bindings, self.layout).run(groups, &mut ()),
-                None => Gang::<W>::new(self, &bindings, self.layout).run(groups, &mut ()),
+                None if shares => {
+                    Gang::<32>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
+                }
+                None => Gang::<W>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody()),
             };
             done(invocations);
             result
@@ -213,8 +264,8 @@ impl Compute {
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let groups = (0..count).map(|index| self.group(index, groups));
-        let mut observer = observer;
-        let (stats, trapped) = Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut observer);
+        let mut watch = Watch::only(observer);
+        let (stats, trapped) = Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut watch);
         trapped.map_or(Ok(stats), |trapped| Err(trapped.error))
     }
 

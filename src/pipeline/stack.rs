@@ -337,6 +337,7 @@ where
         self.stats.count(program.stage, mask.count());
         if T::ACTIVE {
             running.batch.queries.told = T::QUERIES.then(Vec::new);
+            running.batch.queries.traversal = T::TRAVERSAL;
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();

@@ -14,8 +14,11 @@ pub trait Witness {
     /// Whether events are made at all.
     const ACTIVE: bool;
 
-    /// Whether ray queries are to be told, too: every node and primitive that they look at.
+    /// Whether ray queries are to be told, too.
     const QUERIES: bool = false;
+
+    /// Whether they are told with every node and primitive that they look at.
+    const TRAVERSAL: bool = Self::QUERIES;
 
     /// The events that follow are about the invocation with this launch index.
     fn invocation(&mut self, _launch_id: [u32; 3]) {}
@@ -86,9 +89,11 @@ pub struct Caller {
     pub payload: Reg,
 }
 
-/// Hands events to a closure.
+/// Hands events to a closure; of ray queries what they are asked and what they commit.
 impl Witness for &mut dyn FnMut(Event) {
     const ACTIVE: bool = true;
+    const QUERIES: bool = true;
+    const TRAVERSAL: bool = false;
 
     fn event(&mut self, event: Event) {
         self(event);

@@ -19,6 +19,7 @@ use crate::pipeline::compute::Compute;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::Stats;
 use crate::pipeline::trapped::{Trapped, source_line, trap_error};
+use crate::pipeline::witness::Event;
 use crate::program::{Program, Terminator, WorkgroupLayout};
 
 /// Lanes of a batch that wait behind a barrier.
@@ -35,6 +36,28 @@ struct Waiting<const W: usize> {
 struct Member<const W: usize> {
     batch: Batch<W>,
     waiting: SmallVec<[Waiting<W>; 1]>,
+}
+
+/// Who watches workgroups run.
+pub(super) struct Watch<'a, O> {
+    observer: O,
+    witness: Option<&'a mut dyn FnMut(Event)>,
+}
+
+impl Watch<'_, ()> {
+    pub fn nobody() -> Self {
+        Self { observer: (), witness: None }
+    }
+}
+
+impl<'a, O> Watch<'a, O> {
+    pub fn only(observer: O) -> Self {
+        Self { observer, witness: None }
+    }
+
+    pub fn new(observer: O, witness: &'a mut dyn FnMut(Event)) -> Self {
+        Self { observer, witness: Some(witness) }
+    }
 }
 
 /// Runs workgroups, as many at a time as fill a batch.
@@ -71,16 +94,19 @@ where
     }
 
     /// Runs workgroups; the trap of the first that has one.
-    pub fn run(
+    pub fn run<O: Observer<W>>(
         mut self,
         groups: impl Iterator<Item = Workgroup>,
-        observer: &mut impl Observer<W>,
+        watch: &mut Watch<'_, O>,
     ) -> (Stats, Option<Trapped>) {
+        for member in &mut self.members {
+            member.batch.queries.told = watch.witness.is_some().then(Vec::new);
+        }
         let mut groups = groups.map(Arc::new).peekable();
         while groups.peek().is_some() {
             let together: Vec<_> = groups.by_ref().take(self.together).collect();
             self.begin(&together);
-            while self.advance(&together, observer) {}
+            while self.advance(&together, watch) {}
             let used = (together.len() * self.each).div_ceil(W);
             let queries = self.members[..used].iter().map(|member| member.batch.queries.initialized);
             self.stats.ray_queries += queries.sum::<u64>();
@@ -124,10 +150,10 @@ where
     }
 
     /// Runs every lane that waits until it ends or comes to a barrier; `false` when all have ended.
-    fn advance(&mut self, groups: &[Arc<Workgroup>], observer: &mut impl Observer<W>) -> bool {
+    fn advance<O: Observer<W>>(&mut self, groups: &[Arc<Workgroup>], watch: &mut Watch<'_, O>) -> bool {
         for member in &mut self.members {
             for start in std::mem::take(&mut member.waiting) {
-                member.run(start, self.program, self.bindings, observer);
+                member.run(start, self.program, self.bindings, watch);
             }
         }
         for (group, workgroup) in groups.iter().enumerate() {
@@ -211,18 +237,21 @@ where
         start: Waiting<W>,
         program: &Program,
         bindings: &Bindings,
-        observer: &mut O,
+        watch: &mut Watch<'_, O>,
     ) {
         let batch = &mut self.batch;
         (batch.block, batch.op, batch.mask) = (start.block, start.op, start.mask);
         let mut running = start.mask;
         loop {
             if O::active() {
-                observer.resumed(0, batch);
+                watch.observer.resumed(0, batch);
             }
-            let stop = interp::run(batch, program, bindings, observer);
+            let stop = interp::run(batch, program, bindings, &mut watch.observer);
             if O::active() {
-                observer.stopped(0, batch);
+                watch.observer.stopped(0, batch);
+            }
+            if let (Some(witness), Some(told)) = (&mut watch.witness, &mut batch.queries.told) {
+                told.drain(..).for_each(|event| witness(Event::RayQuery(event)));
             }
             match stop {
                 Stop::Done => return,

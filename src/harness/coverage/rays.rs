@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::accel::GeometryKind;
 use crate::debug::names::{Names, flags};
 use crate::geometry::Surface;
-use crate::machine::Exit;
+use crate::machine::{Exit, RayQueryStep};
 use crate::module::interface::Stage;
 use crate::pipeline::{Event, Group, Pipeline, Shader};
 use crate::scene::ResolvedScene;
@@ -30,23 +30,40 @@ pub struct RayCounts {
     pub flags: Use,
     /// Closest hits by surface; those that the scenes hold and nothing hit are 0.
     pub surfaces: Use,
+    /// Ray flags of ray queries, and `none`.
+    pub query_flags: Use,
+    /// What ray queries committed, by surface; those that the scenes hold and no query committed are
+    /// 0 where there are queries.
+    pub query_commits: Use,
     /// By record, until they get their names.
     hit_records: BTreeMap<u64, u64>,
     miss_records: BTreeMap<u64, u64>,
     callables: BTreeMap<u32, u64>,
 }
 
+fn count(of: &mut Use, what: &str) {
+    *of.entry(what.to_owned()).or_default() += 1;
+}
+
+fn count_flags(of: &mut Use, bits: u32) {
+    let names = flags(bits).names;
+    if names.is_empty() {
+        count(of, "none");
+    }
+    names.iter().for_each(|name| count(of, name));
+}
+
 impl RayCounts {
     pub(super) fn event(&mut self, event: &Event) {
-        let count = |of: &mut Use, what: &str| *of.entry(what.to_owned()).or_default() += 1;
         match event {
-            Event::Trace { trace, .. } => {
-                let names = flags(trace.flags.0).names;
-                if names.is_empty() {
-                    count(&mut self.flags, "none");
+            Event::Trace { trace, .. } => count_flags(&mut self.flags, trace.flags.0),
+            Event::RayQuery(event) => match &event.what {
+                RayQueryStep::Initialize(_, trace) => count_flags(&mut self.query_flags, trace.flags.0),
+                RayQueryStep::Commit(hit) => {
+                    count(&mut self.query_commits, surface(hit.candidate.intersection.surface));
                 }
-                names.iter().for_each(|name| count(&mut self.flags, name));
-            }
+                _ => {}
+            },
             Event::Candidate { record, .. } => *self.hit_records.entry(*record).or_default() += 1,
             Event::Traversed { committed: Some(hit), record, .. } => {
                 *self.hit_records.entry(*record).or_default() += 1;
@@ -126,6 +143,9 @@ impl RayCounts {
             };
             for &one in surfaces {
                 self.surfaces.entry(surface(one).to_owned()).or_default();
+                if !self.query_flags.is_empty() {
+                    self.query_commits.entry(surface(one).to_owned()).or_default();
+                }
             }
         }
     }
@@ -139,6 +159,8 @@ impl RayCounts {
             (&mut self.reports, other.reports),
             (&mut self.flags, other.flags),
             (&mut self.surfaces, other.surfaces),
+            (&mut self.query_flags, other.query_flags),
+            (&mut self.query_commits, other.query_commits),
         ];
         for (sum, other) in sums {
             for (what, count) in other {
@@ -148,7 +170,7 @@ impl RayCounts {
     }
 
     /// All that is counted, with a word for each kind.
-    pub fn kinds(&self) -> [(&'static str, &Use); 7] {
+    pub fn kinds(&self) -> [(&'static str, &Use); 9] {
         [
             ("hit groups", &self.hit_groups),
             ("miss shaders", &self.miss),
@@ -157,6 +179,8 @@ impl RayCounts {
             ("reports", &self.reports),
             ("ray flags", &self.flags),
             ("surfaces", &self.surfaces),
+            ("ray-query flags", &self.query_flags),
+            ("ray-query commits", &self.query_commits),
         ]
     }
 }

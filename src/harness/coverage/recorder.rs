@@ -9,14 +9,16 @@ use crate::harness::coverage::{Coverage, Edge, RayCounts};
 use crate::machine::{Batch, Observer};
 use crate::module::debug_info::Line;
 use crate::module::{Id, Module};
-use crate::pipeline::{Event, Pipeline, Shader};
+use crate::pipeline::{Event, Shader};
 use crate::program::{Program, Terminator};
-use crate::scene::ResolvedScene;
+use crate::scene::{Assembled, ResolvedScene};
 
 /// Collects what the shaders of one scene run.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     counts: Counts,
+    /// By dispatch; its shader is number 0.
+    dispatches: Vec<Counts>,
     rays: RayCounts,
 }
 
@@ -47,25 +49,41 @@ impl Recorder {
         (Sink(&mut self.rays), &mut self.counts)
     }
 
-    /// What was covered of a scene, whose pipeline everything was recorded of.
-    pub fn coverage(mut self, scene: &ResolvedScene, pipeline: &Pipeline) -> Coverage {
+    /// The same for a scene's dispatch by its place.
+    pub fn dispatch(&mut self, at: usize) -> (Sink<'_>, &mut Counts) {
+        if self.dispatches.len() <= at {
+            self.dispatches.resize(at + 1, Counts::default());
+        }
+        (Sink(&mut self.rays), &mut self.dispatches[at])
+    }
+
+    /// What was covered of a scene, whose shaders everything was recorded of.
+    pub fn coverage(mut self, scene: &ResolvedScene, assembled: &Assembled) -> Coverage {
+        let pipeline = &assembled.pipeline;
         self.rays.name(scene, pipeline);
         let mut lines =
             Lines { coverage: Coverage { rays: self.rays, ..Coverage::default() }, modules: Vec::new() };
         let names = Names::new(scene, pipeline);
         for (shader, program) in pipeline.programs.iter().enumerate() {
-            let ran = Ran {
-                blocks: self.counts.blocks.get(shader).map_or(&[], Vec::as_slice),
-                edges: self.counts.edges.get(shader),
-            };
             let path = names.module(Shader(shader as u32)).map_or(&scene.path, |module| &module.path);
-            lines.program(program, &ran, path);
+            lines.program(program, &self.counts.ran(shader), path);
+        }
+        let nothing = Counts::default();
+        for (at, (dispatch, entry)) in assembled.dispatches.iter().zip(&scene.dispatches).enumerate() {
+            let path = scene.shaders.get(entry.shader.module).map_or(&scene.path, |module| &module.path);
+            let counts = self.dispatches.get(at).unwrap_or(&nothing);
+            lines.program(&dispatch.compute.program, &counts.ran(0), path);
         }
         lines.coverage
     }
 }
 
 impl Counts {
+    fn ran(&self, shader: usize) -> Ran<'_> {
+        let blocks = self.blocks.get(shader).map_or(&[][..], Vec::as_slice);
+        Ran { blocks, edges: self.edges.get(shader) }
+    }
+
     fn count(&mut self, block: u32, lanes: u32) {
         if self.blocks.len() <= self.shader {
             self.blocks.resize(self.shader + 1, Vec::new());
