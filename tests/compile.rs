@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhit::ErrorKind;
-use anyhit::compile::{DebugInfo, Language, Optimize, Options, Source, compile, tool};
+use anyhit::compile::{DebugInfo, Language, Optimize, Options, Source, compile, content_hash, tool};
 use anyhit::error::Place;
 
 const GLSL_MISS: &str = "#version 460\n#extension GL_EXT_ray_tracing : require\n\
@@ -260,4 +260,65 @@ fn a_mistake_in_an_include_of_slang_is_shown_there() {
     folder.write("a.slang", &format!("#include \"sky.slangh\"\n{SLANG_MISS}"));
     let (file, text) = place_of_mistake(&Source::read_in(&folder.0, "a.slang").unwrap());
     assert_eq!((Path::new(&file), text.as_str()), (Path::new("sky.slangh"), "blue"));
+}
+
+/// A source in a folder of its own, whose header stands in another: without that folder a mistake,
+/// with it none, and a mistake of the header is shown there.
+fn includes_from(folder: &Folder, source: &str, header: &str, header_text: &str) {
+    std::fs::create_dir_all(folder.0.join("common")).unwrap();
+    folder.write(&format!("common/{header}"), header_text);
+    let read = || Source::read_in(&folder.0, source).unwrap();
+    let options = Options::default();
+    assert_eq!(compile(&read(), &options).unwrap_err().kind(), ErrorKind::InvalidSource);
+    let with = || read().include_folders(["nowhere", "common"]);
+    compile(&with(), &options).unwrap();
+    assert_ne!(content_hash(&with()), content_hash(&read()), "the header is part of what is compiled");
+    folder.write(&format!("common/{header}"), &header_text.replace("1.0", "blue"));
+    let (file, _) = place_of_mistake(&with());
+    assert_eq!(Path::new(&file), Path::new("common").join(header));
+    // The same by hand, on the command line.
+    folder.write(&format!("common/{header}"), header_text);
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
+    command.args(["compile", source, "-I", "common", "-o", "out.spv"]).current_dir(&folder.0);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    // And in a case, relative to its file.
+    folder.write(
+        "scene.toml",
+        &format!(
+            "version = 1\n[shaders.sky]\nsource = \"{source}\"\nentry = \"{}\"\ninclude_folders = [\"common\"]\n\
+             [pipeline]\nmiss = \"sky\"\n[[ray]]\norigin = [0, 0, 0]\ndirection = [0, 0, 1]\n\
+             expect = {{ miss = true, payload = {{ colour = [1, 1, 1] }} }}\n",
+            if source.ends_with(".slang") { "sky" } else { "main" }
+        ),
+    );
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
+    let output = command.arg("test").arg(&folder.0).env("ANYHIT_CACHE", "off").output().unwrap();
+    let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{out}{err}");
+}
+
+#[test]
+#[cfg_attr(not(feature = "glsl"), ignore = "needs the feature `glsl`")]
+fn glsl_includes_from_other_folders() {
+    let folder = Folder::new("glsl-folders");
+    folder.write(
+        "a.rmiss",
+        "#version 460\n#extension GL_EXT_ray_tracing : require\n\
+         #extension GL_GOOGLE_include_directive : require\n#include <sky.glsl>\n\
+         struct Payload { vec3 colour; };\nlayout(location = 0) rayPayloadInEXT Payload payload;\n\
+         void main() { payload.colour = colour_of_sky(); }\n",
+    );
+    includes_from(&folder, "a.rmiss", "sky.glsl", "vec3 colour_of_sky() { return vec3(1.0); }\n");
+}
+
+#[test]
+fn slang_includes_from_other_folders() {
+    if !slangc_installed("slang_includes_from_other_folders") {
+        return;
+    }
+    let folder = Folder::new("slang-folders");
+    let text = SLANG_MISS.replace("float3(1, 2, 3)", "colour_of_sky()");
+    folder.write("a.slang", &format!("#include \"sky.slangh\"\n{text}"));
+    includes_from(&folder, "a.slang", "sky.slangh", "float3 colour_of_sky() { return float3(1.0); }\n");
 }

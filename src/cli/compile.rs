@@ -27,6 +27,9 @@ pub struct CompileArgs {
     /// Optimisation: -O0 for none, -O2 for much; else what the compiler does by default
     #[arg(short = 'O', value_name = "LEVEL", conflicts_with = "fixtures", value_parser = ["0", "2"])]
     optimize: Option<String>,
+    /// Look for included files in a folder, too; may be repeated
+    #[arg(short = 'I', value_name = "FOLDER", conflicts_with = "fixtures")]
+    include_folders: Vec<PathBuf>,
     /// Bring spirv-fixtures/ in step with shaders/, in the current folder
     #[arg(long)]
     fixtures: bool,
@@ -66,6 +69,7 @@ fn compile_sources(args: &CompileArgs) -> Result<()> {
             Some(folder) => folder.join(file),
         };
         let result = Source::read(path)
+            .map(|source| source.include_folders(&args.include_folders))
             .and_then(|source| compile(&source, &options))
             .and_then(|spirv| std::fs::write(&output, spirv).map_err(|error| Error::io(&output, error)));
         errors.extend(result.err());

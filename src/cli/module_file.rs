@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::compile::{DebugInfo, Language, Options, Source, compile};
+use crate::compile::{DebugInfo, Language, Options, Source, compile_once};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::module::{self, Module};
 
@@ -22,13 +22,13 @@ pub fn read(path: &Path) -> Result<Module> {
 /// Loads a SPIR-V file, or compiles a shader's source with full debug information and loads that.
 ///
 /// # Errors
-/// As [`read`], but that source is welcome; what [`compile()`] reports.
+/// As [`read`], but that source is welcome; what [`compile_once`] reports.
 pub fn read_or_compile(path: &Path) -> Result<Module> {
     if Language::of(path).is_none() {
         return read(path);
     }
     let options = Options { debug: DebugInfo::Full, ..Options::default() };
-    let spirv = compile(&Source::read(path)?, &options)?;
+    let spirv = compile_once(&Source::read(path)?, &options)?;
     module::load(&spirv).map_err(|error| error.at(Place::File(path.to_owned())))
 }
 

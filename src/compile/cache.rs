@@ -5,11 +5,17 @@
 //! without. It may be deleted at any time. An entry is written beside its place and renamed, so that
 //! processes side by side never see half of one; an entry whose own hash does not fit is compiled
 //! again. A cache that cannot be written is slow, not an error.
+//!
+//! It does not grow without end: the first module that a process writes has it swept of entries that
+//! nobody took for 30 days, and of the longest unused ones beyond 256 MiB, or as many MiB as
+//! `ANYHIT_CACHE_LIMIT` says.
 
 use std::env;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Once;
+use std::time::{Duration, SystemTime};
 
 use super::source::bytes_hash;
 use super::{Language, Options, Source, compile, content_hash, glslang_tool, slang};
@@ -17,6 +23,18 @@ use crate::error::Result;
 
 /// The environment variable that names the folder.
 pub const VARIABLE: &str = "ANYHIT_CACHE";
+
+/// The environment variable with the limit of the folder, in MiB.
+pub const LIMIT_VARIABLE: &str = "ANYHIT_CACHE_LIMIT";
+
+/// The limit where none is given, in MiB.
+const LIMIT: u64 = 256;
+
+/// How long an entry stays that nobody takes.
+const UNUSED: Duration = Duration::from_secs(30 * DAY);
+
+/// An entry's time is that of its last use, to the day: reading need not write.
+const DAY: u64 = 24 * 60 * 60;
 
 /// Begins every entry; a change of the format or of what is done to modules changes it.
 const MAGIC: &str = "anyhit module 1";
@@ -41,12 +59,60 @@ pub fn compile_once_in(folder: &Path, source: &Source, options: &Options) -> Res
     let key = key(source, options)?;
     let path = folder.join(&key);
     if let Some(spirv) = fs::read(&path).ok().and_then(|entry| content(&key, &entry)) {
+        touch(&path);
         return Ok(spirv);
     }
     let spirv = compile(source, options)?;
     // Slow without it, but right.
     let _ = write(&path, &entry(&key, &spirv));
+    static SWEPT: Once = Once::new();
+    SWEPT.call_once(|| {
+        let limit = env::var(LIMIT_VARIABLE).ok().and_then(|limit| limit.trim().parse().ok());
+        sweep(folder, limit.unwrap_or(LIMIT) << 20, SystemTime::now());
+    });
     Ok(spirv)
+}
+
+/// Keeps the time of an entry's last use.
+fn touch(path: &Path) {
+    let touched = || -> std::io::Result<()> {
+        let now = SystemTime::now();
+        let age = now.duration_since(fs::metadata(path)?.modified()?);
+        if age.is_ok_and(|age| age.as_secs() > DAY) {
+            fs::File::options().append(true).open(path)?.set_modified(now)?;
+        }
+        Ok(())
+    };
+    // An entry that cannot be touched is one that goes earlier.
+    let _ = touched();
+}
+
+/// Removes what was unused for long, and the longest unused of what is more than `limit` bytes. Other
+/// files of the folder stay.
+fn sweep(folder: &Path, limit: u64, now: SystemTime) {
+    let entry = |entry: fs::DirEntry| {
+        let (path, data) = (entry.path(), entry.metadata().ok()?);
+        let name = path.file_name()?.to_str()?;
+        let is_hash = name.len() == 64 && name.bytes().all(|byte| byte.is_ascii_hexdigit());
+        // What a process left that was killed while it wrote.
+        let is_left = name.starts_with(".tmp");
+        (data.is_file() && (is_hash || is_left)).then_some(())?;
+        Some((data.modified().ok()?, is_left, data.len(), path))
+    };
+    let mut entries: Vec<_> =
+        fs::read_dir(folder).into_iter().flatten().flatten().filter_map(entry).collect();
+    // The last used first.
+    entries.sort_by(|one, other| other.cmp(one));
+    let mut kept = 0u64;
+    for (used, is_left, size, path) in entries {
+        let age = now.duration_since(used).unwrap_or_default();
+        let is_old = age > if is_left { Duration::from_secs(DAY) } else { UNUSED };
+        kept = kept.saturating_add(size);
+        if is_old || kept > limit {
+            // Another process may have removed it.
+            let _ = fs::remove_file(path);
+        }
+    }
 }
 
 /// Where modules are kept; `None` where they are not.
@@ -166,6 +232,39 @@ mod tests {
         // An entry under another's name.
         fs::write(&path, entry("another", &module)).unwrap();
         assert_eq!(take(), module);
+    }
+
+    #[test]
+    fn sweeping_removes_what_is_old_and_what_is_too_much() {
+        let folder = tempfile::tempdir().unwrap();
+        let now = SystemTime::now();
+        let add = |name: &str, days: u64, size: usize| {
+            let path = folder.path().join(name);
+            fs::write(&path, vec![0; size]).unwrap();
+            let file = fs::File::options().append(true).open(&path).unwrap();
+            file.set_modified(now - Duration::from_secs(days * DAY)).unwrap();
+        };
+        let hash = |digit: &str| digit.repeat(64);
+        add(&hash("a"), 0, 40);
+        add(&hash("b"), 3, 40);
+        add(&hash("c"), 9, 40);
+        add(&hash("d"), 31, 1);
+        add(".tmpXy", 2, 1);
+        add(".tmpYz", 0, 1);
+        add("README", 90, 1000);
+        let left = |limit| {
+            sweep(folder.path(), limit, now);
+            let mut names: Vec<_> = entries(folder.path())
+                .iter()
+                .map(|path| path.file_name().unwrap().to_str().unwrap()[..4].to_owned())
+                .collect();
+            names.sort();
+            names
+        };
+        assert_eq!(left(1000), [".tmp", "READ", "aaaa", "bbbb", "cccc"]);
+        // 40 and 1 and 40 bytes are not more than 81.
+        assert_eq!(left(81), [".tmp", "READ", "aaaa", "bbbb"]);
+        assert_eq!(left(41), [".tmp", "READ", "aaaa"]);
     }
 
     #[test]

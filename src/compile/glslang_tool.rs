@@ -53,6 +53,11 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &Options) -> Resul
             command.arg("-Od");
         }
     }
+    for folder in source.outside_folders()? {
+        let mut argument = std::ffi::OsString::from("-I");
+        argument.push(folder);
+        command.arg(argument);
+    }
     let result = desk.run(command.arg("-o").arg(desk.output()).arg(source.name()))?;
     let said = said(&result);
     if result.status.success() {

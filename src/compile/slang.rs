@@ -13,10 +13,14 @@ const NO_OPTIMIZER: &str = "failed to load downstream compiler 'spirv-opt'";
 /// Compiles all entry points of a source into one module, each under its own name.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Vec<u8>> {
     let desk = Desk::new(source)?;
+    let folders = source.outside_folders()?;
     let run = |optimize| {
         let mut command = Command::new(tool()?.path);
         command.arg(source.name()).arg("-o").arg(desk.output());
         command.args(["-target", "spirv", "-fvk-use-entrypoint-name"]);
+        for folder in &folders {
+            command.arg("-I").arg(folder);
+        }
         if options.debug != DebugInfo::Names {
             command.arg("-g2");
         }

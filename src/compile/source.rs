@@ -93,6 +93,7 @@ pub struct Source {
     text: Arc<str>,
     language: Language,
     on_disk: bool,
+    include_folders: Vec<PathBuf>,
 }
 
 impl Source {
@@ -114,7 +115,14 @@ impl Source {
         let path = folder.join(name);
         let language = Language::of(&path).ok_or_else(|| unknown_language(name))?;
         let text = read_text(&path)?;
-        Ok(Self { folder: folder.into(), name: name.into(), text: text.into(), language, on_disk: true })
+        Ok(Self {
+            folder: folder.into(),
+            name: name.into(),
+            text: text.into(),
+            language,
+            on_disk: true,
+            include_folders: Vec::new(),
+        })
     }
 
     /// A source from memory; its includes are looked up in the current folder.
@@ -124,7 +132,22 @@ impl Source {
     pub fn from_text(name: impl Into<String>, text: impl Into<Arc<str>>) -> Result<Self> {
         let name = name.into();
         let language = Language::of(Path::new(&name)).ok_or_else(|| unknown_language(&name))?;
-        Ok(Self { folder: PathBuf::new(), name, text: text.into(), language, on_disk: false })
+        Ok(Self {
+            folder: PathBuf::new(),
+            name,
+            text: text.into(),
+            language,
+            on_disk: false,
+            include_folders: Vec::new(),
+        })
+    }
+
+    /// Adds folders where included files are looked for, in their order, after the including file's
+    /// own; relative ones start where the source's name does. WGSL includes nothing.
+    #[must_use]
+    pub fn include_folders<P: Into<PathBuf>>(mut self, folders: impl IntoIterator<Item = P>) -> Self {
+        self.include_folders.extend(folders.into_iter().map(Into::into));
+        self
     }
 
     /// The name in messages and debug information.
@@ -147,6 +170,19 @@ impl Source {
         &self.folder
     }
 
+    /// The folders of [`Source::include_folders`] for an outside tool, which runs in the source's
+    /// folder; for a text in memory, which is written elsewhere, absolute and with the current one.
+    pub(super) fn outside_folders(&self) -> Result<Vec<PathBuf>> {
+        if self.on_disk {
+            return Ok(self.include_folders.clone());
+        }
+        let current = std::env::current_dir().map_err(|error| Error::io(".", error))?;
+        let own = current.join(Path::new(&self.name).parent().unwrap_or(Path::new("")));
+        Ok(std::iter::once(own)
+            .chain(self.include_folders.iter().map(|folder| current.join(folder)))
+            .collect())
+    }
+
     /// Whether the text is that of a file, which an outside tool can open.
     pub(super) fn on_disk(&self) -> bool {
         self.on_disk
@@ -156,9 +192,11 @@ impl Source {
     /// name of the including file.
     pub(super) fn include(&self, includer: &str, header: &str) -> Option<(String, String)> {
         let parent = Path::new(includer).parent().unwrap_or(Path::new(""));
-        let name = normal(&parent.join(header));
-        let text = std::fs::read_to_string(self.folder.join(&name)).ok()?;
-        Some((name, text))
+        let folders = std::iter::once(parent).chain(self.include_folders.iter().map(PathBuf::as_path));
+        folders.map(|folder| normal(&folder.join(header))).find_map(|name| {
+            let text = std::fs::read_to_string(self.folder.join(&name)).ok()?;
+            Some((name, text))
+        })
     }
 
     /// Everything that the result depends on: this text and, by name, the text of each file that an
@@ -311,6 +349,31 @@ mod tests {
         write("c.glsl", "#include \"sub/b.glsl\"\nconst int x = 2;\n");
         assert_ne!(hash(), first, "an include of an include does not count");
         std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn include_folders_are_looked_through_behind_the_file_s_own() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["own", "first", "second"] {
+            std::fs::create_dir(folder.path().join(name)).unwrap();
+        }
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write("own/a.rmiss", "#include \"b.glsl\"\n#include <c.glsl>\n");
+        write("second/b.glsl", "second");
+        write("second/c.glsl", "second");
+        let source = Source::read_in(folder.path(), "own/a.rmiss").unwrap();
+        let found = |source: &Source, header| source.include("own/a.rmiss", header);
+        assert_eq!(found(&source, "b.glsl"), None);
+        let source = source.include_folders(["first", "second"]);
+        let hash = content_hash(&source);
+        assert_eq!(found(&source, "c.glsl"), Some(("second/c.glsl".into(), "second".into())));
+        write("first/b.glsl", "first");
+        assert_eq!(found(&source, "b.glsl"), Some(("first/b.glsl".into(), "first".into())));
+        let other = content_hash(&source);
+        assert_ne!(other, hash, "a file that comes before another");
+        write("own/b.glsl", "own");
+        assert_eq!(found(&source, "b.glsl"), Some(("own/b.glsl".into(), "own".into())));
+        assert_ne!(content_hash(&source), other);
     }
 
     #[test]

@@ -6,8 +6,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::compile::{self, Language};
-use crate::error::{Error, ErrorKind, Place, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init::resources::Resources;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::suite::{Options, Outcome, Suite};
@@ -86,16 +85,7 @@ struct Shaders {
 
 impl Shaders {
     fn add(&mut self, path: &Path) -> Result<()> {
-        let module = match Language::of(path) {
-            Some(_) => {
-                let source = compile::Source::read(path)?;
-                let options = compile::Options { debug: compile::DebugInfo::Lines, ..Default::default() };
-                let spirv = compile::compile(&source, &options)?;
-                crate::module::load(&spirv).map_err(|error| error.at(Place::File(path.to_owned())))?
-            }
-            None => Arc::unwrap_or_clone(Module::open(path)?),
-        };
-        let module = Arc::new(module);
+        let module = Module::open(path)?;
         let entries = module.entry_points.iter().filter(|entry| is_ray_tracing(entry.stage));
         let entries: Vec<EntryPoint> = entries.cloned().collect();
         let mut name = match &entries[..] {

@@ -1,5 +1,6 @@
 //! From a resolved scene to a pipeline and its resources.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -40,6 +41,16 @@ pub struct Dispatch {
     pub groups: [u32; 3],
     /// Push constants of its own.
     pub push_constants: Option<Arc<Buffer>>,
+}
+
+impl Dispatch {
+    /// These resources with push constants of its own.
+    pub fn resources<'a>(&self, resources: &'a Resources) -> Cow<'a, Resources> {
+        match &self.push_constants {
+            None => Cow::Borrowed(resources),
+            own => Cow::Owned(Resources { push_constants: own.clone(), ..resources.clone() }),
+        }
+    }
 }
 
 impl Assembled {
@@ -87,12 +98,8 @@ impl Assembled {
     {
         let mut stats = Stats::default();
         for dispatch in &self.dispatches {
-            let own = dispatch
-                .push_constants
-                .clone()
-                .map(|constants| Resources { push_constants: Some(constants), ..resources.clone() });
-            let resources = own.as_ref().unwrap_or(resources);
-            stats = stats.plus(&dispatch.compute.run::<W>(resources, dispatch.groups, done)?);
+            let resources = dispatch.resources(resources);
+            stats = stats.plus(&dispatch.compute.run::<W>(&resources, dispatch.groups, done)?);
         }
         Ok(stats)
     }
@@ -183,7 +190,7 @@ fn read(shader: &ShaderModule) -> Result<Module> {
     let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
     match &shader.code {
         ShaderCode::SpirV(bytes) => module::load(bytes).map_err(context),
-        ShaderCode::Source(bytes) => {
+        ShaderCode::Source(bytes, folders) => {
             let name = shader.path.display().to_string();
             let source = match std::str::from_utf8(bytes) {
                 // A file on disk may include its neighbours.
@@ -195,6 +202,7 @@ fn read(shader: &ShaderModule) -> Result<Module> {
                 }
             };
             let options = compile::Options { debug: compile::DebugInfo::Lines, ..Default::default() };
+            let source = source.include_folders(folders);
             let spirv =
                 compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
             module::load(&spirv).map_err(context)

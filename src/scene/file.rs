@@ -3,10 +3,11 @@
 //! The keys of the format stand here, in `geometry`, `generate`, `data`, `camera`, and in
 //! `docs/scene.md` for people.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::accel::{RayFlags, TraceRay};
+use crate::compile::Language;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
@@ -184,6 +185,8 @@ pub struct ShaderEntry {
     pub path: Option<At<String>>,
     /// The source text that it comes from.
     pub source: Option<At<String>>,
+    /// Folders where included files are looked for, behind the source's own.
+    pub include_folders: Vec<At<String>>,
     /// The entry point of references that name none.
     pub entry: String,
     /// Specialization constants: `constant_id` and value.
@@ -193,20 +196,30 @@ pub struct ShaderEntry {
 impl Parse for ShaderEntry {
     fn parse(value: Value<'_>) -> Option<Self> {
         if value.text().is_some() {
-            let path = At::parse(value);
-            let (source, specialization) = (None, Vec::new());
-            return Some(Self { span: value.span(), path, source, entry: "main".into(), specialization });
+            let path: Option<At<String>> = At::parse(value);
+            let is_source = path.as_ref().is_some_and(|file| Language::of(Path::new(&file.value)).is_some());
+            let (path, source) = if is_source { (None, path) } else { (path, None) };
+            return Some(Self {
+                span: value.span(),
+                path,
+                source,
+                include_folders: Vec::new(),
+                entry: "main".into(),
+                specialization: Vec::new(),
+            });
         }
         let table = Table::new(value)?;
         let path = table.optional("path");
         let source = table.optional("source");
+        let include_folders = table.or("include_folders", Vec::new());
         let entry = table.or("entry", "main".to_string());
         let specialization = table.value("specialization").map_or(Some(Vec::new()), specialization);
         table.finish();
         if !table.has("path") && !table.has("source") {
             return value.wrong("a shader needs the `path` of its .spv file, or its `source`");
         }
-        Some(Self { span: value.span(), path, source, entry, specialization: specialization? })
+        let specialization = specialization?;
+        Some(Self { span: value.span(), path, source, include_folders, entry, specialization })
     }
 }
 

@@ -291,7 +291,11 @@ impl<'a> Resolver<'a> {
             return Some(known);
         }
         let bytes = self.report.keep(read(self.files, &file.value, &file.span))?;
-        let code = if compiled { ShaderCode::SpirV(bytes) } else { ShaderCode::Source(bytes) };
+        let folders = entry.include_folders.iter().map(|folder| folder.span.source.sibling(&folder.value));
+        let code = match compiled {
+            true => ShaderCode::SpirV(bytes),
+            false => ShaderCode::Source(bytes, folders.collect()),
+        };
         self.modules.push(ShaderModule { name: name.to_string(), path, code, place: file.span.place() });
         Some(self.modules.len() - 1)
     }

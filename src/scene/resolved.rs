@@ -70,8 +70,8 @@ pub struct ShaderModule {
 pub enum ShaderCode {
     /// The bytes of a SPIR-V module.
     SpirV(Vec<u8>),
-    /// Source text that must be compiled first.
-    Source(Vec<u8>),
+    /// Source text that must be compiled first, and folders where included files are looked for.
+    Source(Vec<u8>, Vec<PathBuf>),
 }
 
 /// One entry point with its specialization.

@@ -257,7 +257,7 @@ fn read(path: &Path) -> Result<(Vec<u8>, Module)> {
     }
     let source = compile::Source::read(path)?;
     let options = compile::Options { debug: compile::DebugInfo::Lines, ..Default::default() };
-    let bytes = compile::compile(&source, &options)?;
+    let bytes = compile::compile_once(&source, &options)?;
     let module = module::load(&bytes)?;
     Ok((bytes, module))
 }
