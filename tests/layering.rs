@@ -38,6 +38,8 @@ const CRATES: &[(&str, &[&str])] = &[
     ("dashu_ratio", &["stress"]),
     ("dashu_float", &["check_math"]),
     ("safetensors", &["recording"]),
+    ("quick_junit", &["harness"]),
+    ("image_compare", &["harness"]),
 ];
 
 /// Only the command line writes to the terminal.

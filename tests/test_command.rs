@@ -4,7 +4,6 @@
 //! `tests/test-command/*.stdout` hold what is printed of cases that fail; `BLESS=1 cargo test --test
 //! test_command` writes them anew. They guard the form; that the cases fail, and why, is derived here.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -112,6 +111,20 @@ fn a_failed_image_is_measured_and_saved() {
     // sqrt((128^2 + 191^2 + 255^2) / 12) / 255 = sqrt(117890 / 12) / 255
     let rmse = (117_890.0f64 / 12.0).sqrt() / 255.0;
     assert!(out.contains(&format!("the RMSE is {rmse:.6}, and 0.01 is allowed")), "{out}");
+    // The luma (ITU-T T.871) of the three pixels is 104, 149, 64 in the file and 104, 104, 64 in the
+    // image, one block; the distance of the middle ones' chroma 169 and 123 of 255.
+    let ([a, b, c], [d, e, f]) = ([104.0f64, 149.0, 64.0], [104.0, 104.0, 64.0]);
+    let (one, two) = ((a + b + c) / 3.0, (d + e + f) / 3.0);
+    let squares =
+        |x: f64, y: f64, z: f64, mean: f64| (x - mean).powi(2) + (y - mean).powi(2) + (z - mean).powi(2);
+    let both = (a - one) * (d - two) + (b - one) * (e - two) + (c - one) * (f - two);
+    let (c1, c2) = (2.55f64.powi(2), 7.65f64.powi(2));
+    let structure = (2.0 * one * two + c1) * (2.0 * both + c2)
+        / ((one * one + two * two + c1) * (squares(a, b, c, one) + squares(d, e, f, two) + c2));
+    let colour = (1.0 - 169.0 / 255.0f64).hypot(1.0 - 123.0 / 255.0);
+    let alike = (2.0 * structure + structure.min(colour)) / 3.0;
+    let words = format!("the similarity is {alike:.6}, and at least 0.9 is asked for");
+    assert!(out.contains(&words), "{words}: {out}");
     let folder =
         PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("pictures-image/tests/test-command/image/picture");
     let pixel =
@@ -129,6 +142,11 @@ fn failed_traps_tell_what_happened() {
     assert!(out.contains("another invocation trapped") && out.contains("trapped elsewhere"), "{out}");
     let out = prints("no-trap", 1);
     assert!(out.contains("another trap: a buffer is accessed outside its range"), "{out}");
+    let out = prints("no-trap-at-all", 1);
+    assert!(out.contains("no trap; expected: OpUnreachable was reached"), "{out}");
+    let out = prints("report", 1);
+    assert!(out.contains("the report of the trap is another"), "{out}");
+    assert!(out.contains("-    = in RayGenerationKHR `main`, launch id (4, 0, 0)"), "{out}");
     let out = prints("unexpected-trap", 1);
     assert!(out.contains("a shader trapped: a buffer is accessed outside its range"), "{out}");
     assert!(out.contains("shaders/fail/memory/out-of-bounds/main.rgen:11"), "{out}");
@@ -155,6 +173,131 @@ fn failed_limits_name_the_ray() {
         out.contains(&format!("a ray needs {needed} instructions, and 10 are allowed")),
         "{needed}: {out}"
     );
+}
+
+#[test]
+fn every_field_of_a_ray_is_told_by_its_name() {
+    let out = prints("fields.test.toml", 1);
+    for words in [
+        "instance: expected 1, found 0",
+        "geometry: expected 2, found 0",
+        "primitive: expected 0, found 2",
+        "kind: expected 0xff, found 0xfe",
+        "custom_index: expected 7, found 0",
+        "t: expected 4.25 (bits 0x40880000), found 4.0 (bits 0x40800000)",
+        // The ray meets the triangle at a third of its height, in the middle.
+        "attribute 0: expected 0.25 (bits 0x3e800000), found 0.33333334",
+        "attribute 1: expected 0.5 (bits 0x3f000000), found 0.33333334",
+        "2e-1 of it away and 1.25e-1 allowed",
+        "payload.colour[1]: expected 0.5 (bits 0x3f000000), found 0.25 (bits 0x3e800000), 2.5e-1 away and 1.875e-1 allowed",
+        "no trap; expected: OpUnreachable was reached",
+        "`outputs` at byte 0: expected 3.0",
+        "`picture` at texel (0, 0) byte 0: expected 1.0",
+        "any_hit: expected 1, found 2",
+        "max_any_hit_per_ray: a ray needs 2 any-hit invocations, and 1 are allowed",
+        "- pixel 0 saw 3 leaves",
+        "this known failure passes: take it out",
+    ] {
+        assert!(out.contains(words), "{words}: {out}");
+    }
+    assert!(!out.contains("payload.colour[2]"), "an eighth off, and 3/16 allowed: {out}");
+    assert!(out.ends_with("5 failed\n"), "{out}");
+}
+
+#[test]
+fn rays_of_a_scene_are_told_by_their_names() {
+    let out = prints("rays", 1);
+    for words in [
+        "primitive: expected 1, found 2",
+        "payload.seen: expected 2, found 1",
+        "because: a mistake: primitive 2 lies at x = 1, and nothing before it",
+        "expected a miss, but the ray hits instance 0, geometry 0, primitive 2",
+        "expected a hit, but the ray misses",
+        "trace-one-ray tests/test-command/rays/scene.toml --ray \"a leaf\"",
+    ] {
+        assert!(out.contains(words), "{words}: {out}");
+    }
+    let out = prints("trapped-ray", 1);
+    assert!(out.contains("the ray trapped: a buffer is accessed outside its range"), "{out}");
+}
+
+#[test]
+fn names_that_the_scene_does_not_know_are_mistakes() {
+    let out = prints("unknown", 2);
+    assert!(out.contains("the scene has no buffer `output`"), "{out}");
+    assert!(out.contains("the scene has no image `pictures`"), "{out}");
+    assert!(out.contains("the scene has no ray `a leave`"), "{out}");
+    for near in ["outputs", "picture", "a leaf"] {
+        assert!(out.contains(&format!("did you mean `{near}`?")), "{near}: {out}");
+    }
+}
+
+#[test]
+fn numbers_are_told_with_type_place_and_distance() {
+    let out = prints("numbers", 1);
+    for words in [
+        // (4.000001 - 4) / 2^-21 = 2.097
+        "`outputs` at byte 0: expected 4.000001 (bits 0x40800002), found 4.0 (bits 0x40800000), 2.097 ulp away and 1 allowed",
+        "5e-1 away and 2.5e-1 allowed",
+        "2e-1 of it away and 1.25e-1 allowed",
+        "`outputs` at byte 8: expected NaN",
+        // The lower half of 4.0f's bits, 0x40800000, and the upper.
+        "`outputs` at byte 0: expected 1 (bits 0x3c00), found 0 (bits 0x0000)",
+        "`outputs` at byte 2: expected 16513, found 16512",
+        "byte 12 of `outputs`, which has 12",
+        "4 more differences in this table",
+        "`picture` at texel (1, 0) byte 12: expected 0.5 (bits 0x3f000000), found 1.0 (bits 0x3f800000), 5e-1 away and 2.5e-1 allowed",
+    ] {
+        assert!(out.contains(words), "{words}: {out}");
+    }
+}
+
+#[test]
+fn pictures_are_told_by_each_measure() {
+    let out = prints("measures", 1);
+    // Only the middle texel differs, by (128, 191, 255): more than 200, than a half, and than half of 0.
+    let each =
+        "1 of 3 texels differ, most the one at (1, 0): expected (0, 255, 0, 255), found (128, 64, 255, 255)";
+    assert_eq!(out.matches(each).count(), 3, "{out}");
+    let floats = "1 of 3 texels differ, most the one at (1, 0): expected (0.5, 0.25, 0.5, 1.0), found (0.5, 0.25, 1.0, 1.0)";
+    assert!(out.contains(floats), "{out}");
+    assert!(out.contains("`picture` is 3 x 1, the file 4 x 1"), "{out}");
+    // The words for a missing file are the system's.
+    let ran = run(&[&format!("{CASES}/no-picture")]);
+    assert_eq!(ran.code, Some(1), "{}{}", ran.out, ran.err);
+    assert!(ran.out.contains("missing.png: ") && ran.out.contains("`--bless` writes it"), "{}", ran.out);
+}
+
+#[test]
+fn every_count_is_told_by_its_key() {
+    let out = prints("totals", 1);
+    // Three rays: through a hole to a leaf, to a leaf, and to the sky.
+    for (key, found) in [
+        ("rays", 3),
+        ("ray_queries", 0),
+        ("reorders", 0),
+        ("ray_generation", 3),
+        ("intersection", 0),
+        ("any_hit", 3),
+        ("closest_hit", 2),
+        ("miss", 1),
+        ("callable", 0),
+        ("compute", 0),
+    ] {
+        let words = format!("{key}: expected {}, found {found}", found + 1);
+        assert!(out.contains(&words), "{words}: {out}");
+    }
+}
+
+#[test]
+fn known_failures_and_variants_are_told_as_such() {
+    let out = prints("known", 1);
+    assert!(out.contains("this known failure passes: take it out"), "{out}");
+    assert!(out.contains("known failure  tests/test-command/known::still known: a gap\n"), "{out}");
+    assert!(out.ends_with("0 passed, 1 failed, 1 known to fail\n"), "{out}");
+    let out = prints("variants", 1);
+    assert!(out.contains("FAILED  tests/test-command/variants\n"), "{out}");
+    assert!(out.contains("FAILED  tests/test-command/variants (again)\n"), "{out}");
 }
 
 #[test]
@@ -318,64 +461,45 @@ fn github_gets_an_annotation_on_the_shader_s_line() {
     assert!(annotation.contains("%0A"), "lines are escaped: {annotation}");
 }
 
-/// An XML element with the text directly inside.
-#[derive(Debug, Default)]
-struct Element {
-    name: String,
-    attributes: BTreeMap<String, String>,
-    text: String,
-}
-
-/// The elements of an XML text, which must be well-formed.
-fn elements(xml: &str) -> Vec<Element> {
-    let unescaped = |text: &str| {
-        let mut out = String::new();
-        let mut rest = text;
-        while let Some((before, after)) = rest.split_once('&') {
-            let (entity, after) = after.split_once(';').expect("an entity ends");
-            out.push_str(before);
-            out.push_str(match entity {
-                "amp" => "&",
-                "lt" => "<",
-                "gt" => ">",
-                "quot" => "\"",
-                "#10" => "\n",
-                "#9" => "\t",
-                other => panic!("&{other};"),
-            });
-            rest = after;
-        }
-        assert!(!rest.contains(['<', '>']), "{rest}");
-        out + rest
-    };
-    let mut rest = xml.strip_prefix("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n").expect("the declaration");
-    let (mut all, mut open): (Vec<Element>, Vec<usize>) = Default::default();
-    while let Some((text, after)) = rest.split_once('<') {
-        if let Some(&at) = open.last() {
-            all[at].text.push_str(&unescaped(text));
-        }
-        let (tag, after) = after.split_once('>').expect("a tag ends");
-        rest = after;
-        if let Some(name) = tag.strip_prefix('/') {
-            let at = open.pop().expect("an element to end");
-            assert_eq!(all[at].name, name);
-            continue;
-        }
-        let (tag, is_empty) = tag.strip_suffix('/').map_or((tag, false), |tag| (tag, true));
-        let (name, mut attributes) = tag.split_once(' ').unwrap_or((tag, ""));
-        let mut map = BTreeMap::new();
-        while let Some((key, value)) = attributes.split_once("=\"") {
-            let (value, after) = value.split_once('"').expect("an attribute ends");
-            assert!(map.insert(key.trim().to_owned(), unescaped(value)).is_none(), "{key} stands twice");
-            attributes = after;
-        }
-        if !is_empty {
-            open.push(all.len());
-        }
-        all.push(Element { name: name.to_owned(), attributes: map, text: String::new() });
+#[test]
+fn every_kind_of_failure_stands_in_every_format() {
+    let folder = scratch("formats");
+    let (xml, pictures) = (folder.join("report.xml"), folder.join("pictures"));
+    let [xml, pictures] = [&xml, &pictures].map(|path| path.to_str().expect("UTF-8"));
+    let more = ["--junit", xml, "--pictures", pictures, "--no-explanation"];
+    let ran = run(&[&[CASES, "--format", "json"], &more[..]].concat());
+    assert_eq!(ran.code, Some(2));
+    let report: Value = serde_json::from_str(&ran.out).expect("JSON");
+    let text = std::fs::read(xml).expect("the report");
+    let junit = junit_parser::from_reader(text.as_slice()).expect("JUnit XML");
+    let mut cases = junit.suites.iter().flat_map(|suite| &suite.cases);
+    let github = run(&[&[CASES, "--format", "github"], &more[2..]].concat()).out;
+    let mut annotations = github.lines().filter(|line| line.starts_with("::error "));
+    let tests = report["tests"].as_array().expect("an array");
+    assert!(tests.len() > 30, "{}", tests.len());
+    for test in tests {
+        let (name, case) = (test["name"].as_str().expect("a text"), cases.next().expect("a test case"));
+        assert_eq!(case.original_name, name);
+        let (error, found) = match test["outcome"].as_str() {
+            Some("failed") => (&test["differences"][0], &case.status.failure_as_ref().message),
+            Some("error") => (&test["error"], &case.status.error_as_ref().message),
+            Some("known_failure") => {
+                assert_eq!(case.system_out.as_deref(), Some("known failure: a gap"));
+                continue;
+            }
+            other => panic!("{name}: {other:?}"),
+        };
+        assert_eq!(error["message"].as_str(), Some(found.as_str()), "{name}");
+        let place = if test["line"].is_object() { &test["line"] } else { &error["at"] };
+        let (file, line) = (place["file"].as_str().expect("a file"), place["line"].as_u64().expect("a line"));
+        let annotation = annotations.next().expect("an annotation");
+        assert!(annotation.starts_with(&format!("::error file={file},line={line},title=")), "{annotation}");
+        let text =
+            std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).expect("the annotated file");
+        let lines = text.iter().filter(|&&byte| byte == b'\n').count() as u64;
+        assert!((1..=lines.max(1)).contains(&line), "{annotation}");
     }
-    assert!(open.is_empty() && rest.trim().is_empty());
-    all
+    assert_eq!((cases.next().map(|case| &case.name), annotations.next()), (None, None));
 }
 
 #[test]
@@ -384,17 +508,24 @@ fn junit_counts_and_holds_every_test() {
     let paths = ["payload.test.toml", "mistakes.test.toml"].map(|case| format!("{CASES}/{case}"));
     let ran = run(&[&paths[0], &paths[1], LEAVES, "--junit", path.to_str().expect("UTF-8")]);
     assert_eq!(ran.code, Some(2));
-    let all = elements(&std::fs::read_to_string(&path).expect("the report"));
-    let root = &all[0];
-    assert_eq!(root.name, "testsuites");
-    assert_eq!(["tests", "failures", "errors"].map(|key| root.attributes[key].as_str()), ["8", "1", "4"]);
-    let named = |name: &str| all.iter().filter(|one| one.name == name).collect::<Vec<_>>();
-    assert_eq!(named("testsuite").len(), 3, "one for each file");
-    assert_eq!((named("testcase").len(), named("failure").len(), named("error").len()), (8, 1, 4));
-    assert_eq!(named("testcase")[0].attributes["name"], "tests/test-command/payload::colour and count");
-    let Element { attributes, text, .. } = named("failure")[0];
-    assert!(attributes["message"].contains("payload.colour[1]: expected 0.75"), "{attributes:?}");
-    assert!(text.contains("leaf.rchit:13") && text.contains("-> group"), "{text}");
+    let text = std::fs::read(&path).expect("the report");
+    let root = junit_parser::from_reader(text.as_slice()).expect("JUnit XML");
+    assert_eq!((root.tests, root.failures, root.errors, root.skipped), (8, 1, 4, 0));
+    let counts = |suite: &junit_parser::TestSuite| (suite.tests, suite.failures, suite.errors);
+    // One suite for each file.
+    assert_eq!(root.suites.iter().map(counts).collect::<Vec<_>>(), [(1, 1, 0), (4, 0, 4), (3, 0, 0)]);
+    assert_eq!(root.suites[0].name.replace('\\', "/"), paths[0]);
+    let failed = &root.suites[0].cases[0];
+    assert_eq!(failed.original_name, "tests/test-command/payload::colour and count");
+    let failure = failed.status.failure_as_ref();
+    assert!(failure.message.contains("payload.colour[1]: expected 0.75"), "{failure:?}");
+    assert!(
+        failure.text.contains("leaf.rchit:13") && failure.text.contains("the ray, explained:"),
+        "{failure:?}"
+    );
+    let error = root.suites[1].cases[0].status.error_as_ref();
+    assert!(error.message.contains("struct Payload has no member `color`"), "{error:?}");
+    assert!(root.suites[2].cases.iter().all(|case| case.status.is_success()));
 }
 
 #[test]
@@ -402,37 +533,17 @@ fn coverage_counts_lines_and_ways_of_branches() {
     let path = scratch("coverage").join("out.lcov");
     let ran = run(&[LEAVES, "--filter", "leaves", "--coverage", path.to_str().expect("UTF-8")]);
     assert_eq!(ran.code, Some(0), "{}", ran.err);
-    let text = std::fs::read_to_string(&path).expect("the tracefile");
-    let mut file = String::new();
-    let mut lines: BTreeMap<(String, u32), u64> = BTreeMap::new();
-    let mut ways: BTreeMap<(String, u32), Vec<Option<u64>>> = BTreeMap::new();
-    let mut found: BTreeMap<&str, usize> = BTreeMap::new();
-    // `man geninfo`: a keyword, a colon, fields; each section ends with `end_of_record`.
-    for record in text.lines() {
-        let (keyword, fields) = record.split_once(':').unwrap_or((record, ""));
-        let numbers: Vec<Option<u64>> = fields.split(',').map(|field| field.parse().ok()).collect();
-        match (keyword, &numbers[..]) {
-            ("SF", _) => {
-                assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join(fields).is_file(), "{fields}");
-                file = fields.rsplit('/').next().unwrap_or_default().to_owned();
-                found.clear();
-            }
-            ("DA", [Some(line), Some(count)]) => {
-                lines.insert((file.clone(), *line as u32), *count);
-            }
-            ("BRDA", [Some(line), Some(_), Some(_), taken]) => {
-                ways.entry((file.clone(), *line as u32)).or_default().push(*taken);
-            }
-            ("LF", [Some(count)]) => assert_eq!(*count as usize, found["DA"]),
-            ("BRF", [Some(count)]) => assert_eq!(*count as usize, found.get("BRDA").copied().unwrap_or(0)),
-            ("FNF", [Some(count)]) => assert_eq!(*count as usize, found["FN"]),
-            ("TN" | "FN" | "FNDA" | "FNH" | "BRH" | "LH" | "end_of_record", _) => {}
-            _ => panic!("{record}"),
-        }
-        *found.entry(keyword).or_default() += 1;
-    }
-    assert!(text.ends_with("end_of_record\n"), "{text}");
-    let line = |name: &str, number| lines.get(&(name.to_owned(), number)).copied();
+    let report = lcov::Report::from_file(&path).expect("a tracefile");
+    let section = |name: &str| {
+        let mut sections = report.sections.iter().filter(|(key, _)| key.source_file.ends_with(name));
+        let (key, section) = sections.next().expect("the file's section");
+        assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join(&key.source_file).is_file(), "{key:?}");
+        assert_eq!(sections.next(), None);
+        section
+    };
+    let line = |name: &str, line| {
+        section(name).lines.get(&lcov::report::section::line::Key { line }).map(|value| value.count)
+    };
     // The launch: three invocations, candidates 2 + 1 + 0. The first ray: two candidates, a hit. The
     // second, pixel 2: a miss.
     assert_eq!(line("main.rgen", 19), Some(3 + 1), "distances[x] = payload.t;");
@@ -443,10 +554,35 @@ fn coverage_counts_lines_and_ways_of_branches() {
     assert_eq!(line("leaf.rchit", 15), Some(0), "no leaf is far away");
     assert_eq!(line("sky.rmiss", 12), Some(1 + 1), "payload.t = -1.0;");
     assert_eq!(line("main.rgen", 6), None, "a comment");
-    let ways = |name: &str, number| ways.get(&(name.to_owned(), number)).cloned();
-    assert_eq!(ways("main.rgen", 21), Some(vec![Some(1), Some(3)]));
-    assert_eq!(ways("hole.rahit", 13), Some(vec![Some(2), Some(3)]));
-    assert_eq!(ways("leaf.rchit", 14), Some(vec![Some(0), Some(3)]));
+    let ways = |name: &str, line| {
+        let ways = section(name).branches.iter().filter(|(way, _)| way.line == line);
+        ways.map(|(_, value)| value.taken).collect::<Vec<_>>()
+    };
+    assert_eq!(ways("main.rgen", 21), [Some(1), Some(3)]);
+    assert_eq!(ways("hole.rahit", 13), [Some(2), Some(3)]);
+    assert_eq!(ways("leaf.rchit", 14), [Some(0), Some(3)]);
+    let entered = |name: &str| section(name).functions.values().map(|value| value.count).collect::<Vec<_>>();
+    assert_eq!(entered("hole.rahit"), [3 + 2]);
+    // What the writer sums up is what the reader counts.
+    let records = |keyword: &str| {
+        let text = std::fs::read_to_string(&path).expect("the tracefile");
+        let numbers = text
+            .lines()
+            .filter_map(|line| line.strip_prefix(keyword)?.strip_prefix(':')?.parse::<usize>().ok());
+        numbers.sum::<usize>()
+    };
+    let sum = |count: fn(&lcov::report::section::Value) -> usize| {
+        report.sections.values().map(count).sum::<usize>()
+    };
+    assert_eq!(records("LF"), sum(|one| one.lines.len()));
+    assert_eq!(records("LH"), sum(|one| one.lines.values().filter(|line| line.count > 0).count()));
+    assert_eq!(records("BRF"), sum(|one| one.branches.len()));
+    let taken = |way: &lcov::report::section::branch::Value| way.taken.is_some_and(|taken| taken > 0);
+    assert_eq!(
+        records("BRH"),
+        report.sections.values().flat_map(|one| one.branches.values()).filter(|way| taken(way)).count()
+    );
+    assert_eq!(records("FNF"), sum(|one| one.functions.len()));
     // And what rays came to.
     for words in [
         "hit groups        1 of 1 (100.0 %)",
@@ -456,6 +592,47 @@ fn coverage_counts_lines_and_ways_of_branches() {
         "ignored: 2",
         "surfaces          1 of 2 (50.0 %)",
         "never: triangle, ",
+    ] {
+        assert!(ran.out.contains(words), "{words}: {}", ran.out);
+    }
+}
+
+#[cfg(feature = "wgsl")]
+#[test]
+fn coverage_counts_dispatches_and_ray_queries() {
+    let folder = scratch("coverage-compute");
+    let text = std::fs::read_to_string("shaders/pass/ray-query/compute/scene.toml").expect("the scene");
+    let root = env!("CARGO_MANIFEST_DIR").replace('\\', "/");
+    // The dispatch of the WGSL alone, from its source.
+    let scene = text.split("[[expect").next().unwrap_or_default();
+    let scene = scene
+        .replacen("[[dispatch]]\nshader = \"glsl\"\ngroups = [1, 2]\n", "", 1)
+        .replace("../../../..", &root)
+        .replace(
+            "spirv-fixtures/pass/ray-query/compute/main.wgsl.spv",
+            "shaders/pass/ray-query/compute/main.wgsl",
+        );
+    assert_eq!(scene.matches("[[dispatch]]").count(), 1);
+    std::fs::write(folder.join("scene.toml"), scene).expect("a writable folder");
+    let path = folder.join("out.lcov");
+    let [folder, out] = [&folder, &path].map(|path| path.to_str().expect("UTF-8"));
+    let ran = run(&[folder, "--coverage", out]);
+    assert_eq!(ran.code, Some(0), "{}{}", ran.out, ran.err);
+    let report = lcov::Report::from_file(&path).expect("a tracefile");
+    let section = report.sections.values().next().expect("one file");
+    let line = |line| section.lines.get(&lcov::report::section::line::Key { line }).map(|value| value.count);
+    // Two workgroups of 64 invocations; 54 and 38 of their rays hit, as the scene derives.
+    assert_eq!(line(22), Some(128), "rayQueryInitialize");
+    assert_eq!(line(26), Some(54 + 38), "atomicAdd");
+    assert_eq!(line(30), Some(2), "the first invocation of each workgroup");
+    let ways = section.branches.iter().filter(|(way, _)| way.line == 29).map(|(_, value)| value.taken);
+    assert_eq!(ways.collect::<Vec<_>>(), [Some(2), Some(126)]);
+    for words in [
+        "ray-query flags   1 of 1 (100.0 %)",
+        "OpaqueKHR: 128",
+        "ray-query commits 1 of 2 (50.0 %)",
+        "triangle, front: 92",
+        "never: triangle, back",
     ] {
         assert!(ran.out.contains(words), "{words}: {}", ran.out);
     }

@@ -98,7 +98,7 @@ pub fn run(args: TestArgs) -> Result<()> {
     }
     let report = execute(&args, &suite)?;
     if let Some(path) = &args.junit {
-        write(path, &junit(&report))?;
+        write(path, &junit(&report)?)?;
     }
     if let Some(path) = &args.coverage {
         write(path, &report.coverage.lcov())?;

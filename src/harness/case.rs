@@ -19,8 +19,8 @@ pub struct Case {
     pub variant: Option<(usize, String)>,
     /// The size of the launch, where it is not the scene's.
     pub size: Option<[u32; 2]>,
-    /// Whether the launch is a test: that of a `scene.toml` is, that of a `*.test.toml` where it has
-    /// an `[expect]`.
+    /// Whether the launch is a test: that of a `scene.toml` is, unless it has rays that are tests and
+    /// launches nothing; that of a `*.test.toml` where it has an `[expect]`.
     pub launch: bool,
     /// The rays that are tests of their own, because they have a `[ray.expect]`: their places in
     /// the file and their names.
@@ -111,7 +111,14 @@ impl Case {
             let name = table.value("name").and_then(|name| Some(name.text()?.to_owned()));
             table.has("expect").then(|| (at, name.unwrap_or_else(|| format!("ray {at}"))))
         });
-        let launch = !is_test_file(scene) || root.has("expect");
+        let pipeline = root.value("pipeline").and_then(Table::new);
+        let launches = root.has("dispatch")
+            || root.has("include")
+            || pipeline.as_ref().is_some_and(|pipeline| pipeline.has("raygen"));
+        drop(pipeline);
+        // A scene whose rays are tests need not launch anything.
+        let rests = rays.iter().any(Option::is_some) && !launches;
+        let launch = root.has("expect") || !(is_test_file(scene) || rests);
         drop(root);
         let variants = file.variants.into_iter().enumerate();
         let variants = variants.map(|(at, variant)| Some((at, variant.name.value)));

@@ -107,7 +107,7 @@ impl Scalar {
 
     fn read(self, value: Value<'_>) -> Option<(u64, f64)> {
         // The unrounded value counts where a tolerance is given.
-        let exact = if self.is_float() { f64::parse(value) } else { Some(0.0) };
+        let exact = if self.is_float() { f64::parse(value)? } else { 0.0 };
         let bits = match self {
             Self::F16 => f32::parse(value).map(|number| u64::from(f16::from_f32(number).to_bits())),
             Self::F32 => f32::parse(value).map(|number| u64::from(number.to_bits())),
@@ -121,7 +121,7 @@ impl Scalar {
             Self::I32 => i32::parse(value).map(|number| u64::from(number as u32)),
             Self::I64 => i64::parse(value).map(|number| number as u64),
         }?;
-        Some((bits, if self.is_float() { exact? } else { self.value(bits) }))
+        Some((bits, if self.is_float() { exact } else { self.value(bits) }))
     }
 }
 
@@ -238,7 +238,11 @@ impl Tolerance {
         let away = match self {
             Self::Exact if scalar == Scalar::F32 => {
                 let steps = ulp::ulps(f32::from_bits(bits as u32), f32::from_bits(found as u32));
-                if steps == u32::MAX || steps == 0 { String::new() } else { format!(", {steps} floats away") }
+                match steps {
+                    0 if value == exact => ": zeros of two signs, alike with `absolute = 0.0`".into(),
+                    0 | u32::MAX => String::new(),
+                    steps => format!(", {steps} floats away"),
+                }
             }
             Self::Exact => String::new(),
             Self::Ulp(bound) => {

@@ -58,14 +58,11 @@ impl Parse for BytesExpectation {
 }
 
 impl BytesExpectation {
-    pub(super) fn check(&self, memory: &[Bytes], differences: &mut Vec<Difference>) {
+    pub(super) fn check(&self, what: &str, memory: &[Bytes], differences: &mut Vec<Difference>) {
         let because = self.because.as_ref();
         let Some(found) = memory.iter().find(|bytes| bytes.name == self.name.value) else {
-            let message = format!("there is no resource `{}` of this kind", self.name.value);
-            let error = self.name.span.error(message);
-            let names: Vec<_> = memory.iter().map(|bytes| format!("`{}`", bytes.name)).collect();
-            let known = if names.is_empty() { "none".into() } else { names.join(", ") };
-            differences.push(Difference::of(error.note(format!("there are: {known}"))));
+            let known = memory.iter().map(|bytes| bytes.name.as_str());
+            differences.push(Difference::unknown(&self.name, what, known));
             return;
         };
         let [width, texel] = found.row.unwrap_or_default();

@@ -27,7 +27,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::Costs;
 use crate::harness::stability::{Instability, StableExpectation};
 use crate::pipeline::Stats;
-use crate::scene::read::{At, Document, Parse, Report, Span, Table, Value};
+use crate::scene::read::{At, Document, Parse, Report, Span, Table, Value, nearest};
 
 /// How many differences of one table are shown.
 const SHOWN: usize = 6;
@@ -133,6 +133,16 @@ impl Difference {
         Self { error, fix: None, subject: Subject::default(), picture: None, counted: false }
     }
 
+    /// A name that the scene does not know, with those that it does.
+    fn unknown<'n>(name: &At<String>, what: &str, known: impl Iterator<Item = &'n str> + Clone) -> Self {
+        let label = nearest(&name.value, known.clone()).map(|near| format!("did you mean `{near}`?"));
+        let message = format!("the scene has no {what} `{}`", name.value);
+        let error = name.span.error_with(message, label.unwrap_or_default());
+        let known: Vec<_> = known.map(|name| format!("`{name}`")).collect();
+        let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+        Self::of(error.note(format!("there are: {known}")))
+    }
+
     /// Differences as one error; there must be some.
     pub fn as_error(differences: Vec<Self>) -> Error {
         let shown = differences.into_iter().filter(|difference| !difference.counted);
@@ -229,9 +239,11 @@ impl Expectations {
         if self.trap.is_none() && observed.trap.is_some() {
             return found;
         }
-        for (list, memory) in [(&self.buffers, &observed.buffers), (&self.images, &observed.images)] {
+        for (what, list, memory) in
+            [("buffer", &self.buffers, &observed.buffers), ("image", &self.images, &observed.images)]
+        {
             for expectation in list {
-                expectation.check(memory, &mut found);
+                expectation.check(what, memory, &mut found);
             }
         }
         for picture in &self.pictures {

@@ -35,6 +35,11 @@ pub enum Measure {
     Each(Tolerance),
     /// The root of the mean of all channels' squared differences is at most this.
     Rmse(At<f64>),
+    /// How alike they look, from 0 to 1 for equal, is at least this: the hybrid measure of the crate
+    /// `image-compare` on the pictures as 8-bit RGBA. Of each pixel the least of three counts: the
+    /// structural similarity (SSIM) of the luma in its block of 8 x 8, and how near colours and
+    /// alpha are.
+    Similarity(At<f64>),
 }
 
 /// Two pictures, both as 8-bit RGBA.
@@ -83,14 +88,21 @@ impl Parse for PictureExpectation {
         let (name, file) = (table.required("name"), table.required("file"));
         let tolerance = Tolerance::of(&table);
         let rmse: Option<At<f64>> = table.optional("rmse");
+        let similarity: Option<At<f64>> = table.optional("similarity");
         let because = table.optional("because");
         table.finish();
-        let measure = match (tolerance?, rmse) {
-            (Tolerance::Exact, Some(rmse)) => Measure::Rmse(rmse),
-            (tolerance, None) => Measure::Each(tolerance),
-            (_, Some(rmse)) => {
-                let message = "one of `ulp`, `absolute`, `relative` and `rmse`";
-                table.report().push(rmse.span.error(message));
+        if let Some(similarity) = similarity.as_ref().filter(|one| !(0.0..=1.0).contains(&one.value)) {
+            let message = "`similarity` goes from 0 to 1, which is equal";
+            table.report().push(similarity.span.error(message));
+            return None;
+        }
+        let measure = match (tolerance?, rmse, similarity) {
+            (tolerance, None, None) => Measure::Each(tolerance),
+            (Tolerance::Exact, Some(rmse), None) => Measure::Rmse(rmse),
+            (Tolerance::Exact, None, Some(similarity)) => Measure::Similarity(similarity),
+            (_, Some(one), _) | (_, None, Some(one)) => {
+                let message = "one of `ulp`, `absolute`, `relative`, `rmse` and `similarity`";
+                table.report().push(one.span.error(message));
                 return None;
             }
         };
@@ -103,8 +115,8 @@ impl PictureExpectation {
         let found = images.iter().find(|bytes| bytes.name == self.name.value);
         let Some((bytes, (image, linear))) = found.and_then(|bytes| Some((bytes, bytes.image.as_ref()?)))
         else {
-            let message = format!("there is no image `{}`", self.name.value);
-            differences.push(Difference::of(self.name.span.error(message)));
+            let known = images.iter().map(|bytes| bytes.name.as_str());
+            differences.push(Difference::unknown(&self.name, "image", known));
             return;
         };
         let path = self.file.span.source.sibling(&self.file.value);
@@ -113,9 +125,10 @@ impl PictureExpectation {
             Ok(None) => {}
             Ok(Some(difference)) => differences.push(difference),
             Err(error) => {
-                let mut difference = Difference::of(error.at_with(self.file.span.place(), ""));
-                difference.fix = self.renewed(&path, &found, *linear);
-                differences.push(difference);
+                let fix = self.renewed(&path, &found, *linear);
+                let error = error.at(self.file.span.place());
+                let error = if fix.is_some() { error.note("`--bless` writes it") } else { error };
+                differences.push(Difference { fix, ..Difference::of(error) });
             }
         }
     }
@@ -141,6 +154,8 @@ impl PictureExpectation {
         }
         let is_float = expected.format.component == Component::Float32;
         let numbers = Numbers::of(&expected, found, linear)?;
+        let [expected_picture, found_picture] =
+            [rgba8(&expected, is_float)?, rgba8(found, linear || is_float)?];
         let (message, texel) = match &self.measure {
             Measure::Each(tolerance) => match numbers.each(*tolerance) {
                 None => return Ok(None),
@@ -163,12 +178,22 @@ impl PictureExpectation {
                     format!("`{}`: the RMSE is {rmse:.6}, and {} is allowed", bytes.name, limit.value);
                 (message, numbers.worst())
             }
+            Measure::Similarity(limit) => {
+                let alike = similarity(&expected_picture, &found_picture);
+                if alike >= limit.value {
+                    return Ok(None);
+                }
+                let (name, limit) = (&bytes.name, limit.value);
+                let message =
+                    format!("`{name}`: the similarity is {alike:.6}, and at least {limit} is asked for");
+                (message, numbers.worst())
+            }
         };
         let mut difference = difference(message).about(Subject::Texel(bytes.binding, texel));
         difference.picture = Some(Box::new(PictureDifference {
             name: bytes.name.clone(),
-            expected: rgba8(&expected, is_float)?,
-            found: rgba8(found, linear || is_float)?,
+            expected: expected_picture,
+            found: found_picture,
         }));
         Ok(Some(difference))
     }
@@ -267,6 +292,12 @@ impl Numbers {
     }
 }
 
+/// How alike two pictures of one size look; equal ones are at 1.
+fn similarity(expected: &RgbaImage, found: &RgbaImage) -> f64 {
+    let measured = image_compare::rgba_hybrid_compare(expected, found);
+    measured.expect("bug in anyhit: pictures of two sizes are measured").score
+}
+
 fn rgba8(picture: &Picture, linear: bool) -> Result<RgbaImage> {
     let [width, height] = picture.extent;
     let pixels = picture.rgba8(linear)?;
@@ -300,6 +331,22 @@ mod tests {
         let (count, texel, words) = numbers.each(Tolerance::Exact).unwrap();
         assert_eq!((count, texel), (1, [0, 0]));
         assert_eq!(words, "expected (10, 0, 0, 255), found (12, 0, 0, 255)");
+    }
+
+    #[test]
+    fn similarity_is_the_least_of_luma_s_structure_and_colour() {
+        let picture = |pixels: [[u8; 4]; 2]| RgbaImage::from_raw(2, 1, pixels.concat()).unwrap();
+        let (black, white) = ([0, 0, 0, 255], [255, 255, 255, 255]);
+        let one = picture([black, white]);
+        assert_eq!(similarity(&one, &one), 1.0);
+        // Both means are 255/2, the deviations opposite: SSIM is below 0, and a pixel counts from 0.
+        assert_eq!(similarity(&one, &picture([white, black])), 0.0);
+        // Flat grey: without deviations SSIM is (2 a b + c) / (a^2 + b^2 + c) with c = (255 / 100)^2,
+        // and neither colour nor alpha differ.
+        let grey = |level| picture([[level, level, level, 255]; 2]);
+        let (a, b, c) = (100.0, 50.0, 2.55 * 2.55);
+        let expected = (2.0 * a * b + c) / (a * a + b * b + c);
+        assert!((similarity(&grey(100), &grey(50)) - expected).abs() < 1e-6);
     }
 
     #[test]

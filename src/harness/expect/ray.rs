@@ -85,10 +85,8 @@ impl RayExpectation {
         let found = observed.rays.iter().find(|(known, _)| known.as_ref() == Some(name));
         match found {
             None => {
-                let error = span.error(format!("the scene has no ray `{name}`"));
-                let names: Vec<_> = observed.rays.iter().filter_map(|(name, _)| name.clone()).collect();
-                let known = if names.is_empty() { "none".into() } else { names.join(", ") };
-                differences.push(Difference::of(error.note(format!("rays with names: {known}"))));
+                let known = observed.rays.iter().filter_map(|(name, _)| name.as_deref());
+                differences.push(Difference::unknown(&self.name, "ray", known));
             }
             Some((_, Err(trap))) => {
                 let message = format!("the ray trapped: {trap}");

@@ -80,7 +80,7 @@ fn what_is_not_there_is_a_difference() {
         difference(&format!("[[expect.buffer]]\nname = 'outputs'\noffset = 12\nf32 = [4, 5]\n{BECAUSE}"));
     assert!(text.contains("byte 16 of `outputs`, which has 16"), "{text}");
     let text = difference(&format!("[[expect.buffer]]\nname = 'output'\nf32 = 1\n{BECAUSE}"));
-    assert!(text.contains("there is no resource `output`"), "{text}");
+    assert!(text.contains("the scene has no buffer `output`"), "{text}");
 }
 
 #[test]

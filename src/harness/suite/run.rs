@@ -182,7 +182,7 @@ impl Suite {
             let took = loading + begin.elapsed();
             finished.push(Finished { name: test.name.clone(), file: file.clone(), outcome, took });
         }
-        let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled.pipeline));
+        let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled));
         Done { finished, coverage: coverage.unwrap_or_default(), shadow }
     }
 }
@@ -297,9 +297,11 @@ impl Tester<'_> {
                 let mistake = |one: &&Difference| {
                     !matches!(one.error.kind(), ErrorKind::Expectation | ErrorKind::Trap) && one.fix.is_none()
                 };
-                match differences.iter().find(mistake) {
-                    Some(mistake) => Outcome::Broken(mistake.error.clone()),
-                    None => self.failed(differences, ray),
+                let mistakes: Vec<Error> =
+                    differences.iter().filter(mistake).map(|one| one.error.clone()).collect();
+                match mistakes.is_empty() {
+                    false => Outcome::Broken(Error::several(mistakes)),
+                    true => self.failed(differences, ray),
                 }
             }
         }

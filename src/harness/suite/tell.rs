@@ -116,7 +116,7 @@ pub fn coverage(coverage: &Coverage) -> String {
             uses.iter().filter(|(_, count)| **count == 0).map(|(what, _)| what.as_str()).collect();
         let _ = writeln!(out, "  {kind:<17} {}", part(uses.len() - never.len(), uses.len()));
         // Short lists in full: hit groups and shaders of a whole repository only where never used.
-        if matches!(kind, "any-hit outcomes" | "reports" | "ray flags" | "surfaces") {
+        if !matches!(kind, "hit groups" | "miss shaders" | "callable shaders") {
             for (what, count) in uses.iter().filter(|(_, count)| **count > 0) {
                 let _ = writeln!(out, "    {what}: {count}");
             }
