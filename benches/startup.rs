@@ -149,9 +149,11 @@ fn program(table: &Table) {
     };
     let anyhit = env!("CARGO_BIN_EXE_anyhit");
     let scene = "shaders/pass/sphere/closest-hit/scene.toml";
+    let leaves = "shaders/pass/testing/leaves";
     if cfg!(unix) {
         table.row("true", 51, || run("true", &[]));
     }
     table.row("anyhit --version", 51, || run(anyhit, &["--version"]));
+    table.row("anyhit test, one case, one ray", 51, || run(anyhit, &["test", leaves, "--filter", "through"]));
     table.row("anyhit trace-one-ray", 51, || run(anyhit, &["trace-one-ray", scene]));
 }
