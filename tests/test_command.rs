@@ -436,6 +436,44 @@ fn bless_renews_files_beside_a_scene() {
 }
 
 #[test]
+fn a_scene_with_rays_alone_is_tested_by_them() {
+    let folder = scratch("rays-alone");
+    let root = env!("CARGO_MANIFEST_DIR").replace('\\', "/");
+    let write = |payload: &str| {
+        let scene = format!(
+            "version = 1\n[shaders]\nhit = \"{root}/spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv\"\n\
+             [pipeline]\nhit = [{{ closest_hit = \"hit\" }}]\n\
+             [geometry.g]\ntype = \"spheres\"\npositions = [[0, 0, 0]]\nradii = [0.5]\n[[instance]]\ngeometry = \"g\"\n\
+             [[ray]]\nname = \"r\"\norigin = [0, 0, 4]\ndirection = [0, 0, -1]\npayload = {{ f32 = {payload} }}\n\
+             expect = {{ t = 3.5, payload = {{ normal = [-0.0, 0, 1] }} }}\n"
+        );
+        std::fs::write(folder.join("scene.toml"), scene).expect("a writable folder");
+    };
+    let folder = folder.to_str().expect("UTF-8");
+    write("[0, 0, 0, 0, 0]");
+    let listed = run(&[folder, "--list"]).out;
+    assert_eq!(listed.lines().count(), 1, "nothing is launched: {listed}");
+    assert!(listed.ends_with("::r\n"), "{listed}");
+    let ran = run(&[folder]);
+    assert_eq!(ran.code, Some(1));
+    let words =
+        "payload.normal[0]: expected -0.0 (bits 0x80000000), found 0.0 (bits 0x00000000): zeros of two signs";
+    assert!(ran.out.contains(words), "{}", ran.out);
+    // Nine words for a vec3, a float and a uint.
+    write("[0, 0, 0, 0, 0, 0, 0, 0, 0]");
+    let ran = run(&[folder]);
+    assert_eq!(ran.code, Some(2));
+    for words in [
+        "has 36 bytes, and the shaders declare 20",
+        "offset  struct Payload",
+        "     0  vec3 normal",
+        "    16  uint hits",
+    ] {
+        assert!(ran.out.contains(words), "{words}: {}", ran.out);
+    }
+}
+
+#[test]
 fn json_tells_everything() {
     let ran = run(&[&format!("{CASES}/payload.test.toml"), LEAVES, "--format", "json"]);
     assert_eq!(ran.code, Some(1));
