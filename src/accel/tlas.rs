@@ -101,6 +101,7 @@ pub struct Tlas {
     world_to_object: Vec<OnceLock<[[f32; 4]; 3]>>,
     tree: OnceLock<Option<(Tree, Vec<u32>)>>,
     moves: bool,
+    has_micromaps: bool,
     /// Whether all is opaque, without micromaps that say otherwise, and nothing a box.
     plain: OnceLock<bool>,
     precision: Precision,
@@ -138,6 +139,10 @@ impl Tlas {
             None => Placed::Still(still(&instance.transform)),
         };
         let placed = instances.iter().map(place).collect();
+        let has_micromap = |instance: &Instance| {
+            instance.blas.geometries().iter().any(|geometry| geometry.opacity_micromap.is_some())
+        };
+        let has_micromaps = instances.iter().any(has_micromap);
         let moves = instances.iter().any(|instance| instance.motion.is_some() || instance.blas.moves());
         let world_to_object = instances.iter().map(|_| OnceLock::new()).collect();
         let (tree, plain) = (OnceLock::new(), OnceLock::new());
@@ -147,6 +152,7 @@ impl Tlas {
             world_to_object,
             tree,
             moves,
+            has_micromaps,
             plain,
             precision,
             #[cfg(target_arch = "x86_64")]
@@ -174,6 +180,11 @@ impl Tlas {
     /// Whether instances or vertices move.
     pub fn moves(&self) -> bool {
         self.moves
+    }
+
+    /// Whether geometries have opacity micromaps.
+    pub fn has_micromaps(&self) -> bool {
+        self.has_micromaps
     }
 
     /// How intersections are computed.

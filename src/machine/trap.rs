@@ -69,6 +69,8 @@ pub enum TrapCode {
     /// A hit is generated in an acceleration structure with motion
     /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06354).
     RayQueryMotion,
+    /// A ray query in a structure with opacity micromaps, by a shader whose `OpacityMicromapIdKHR` is false.
+    RayQueryMicromaps,
     /// `OpControlBarrier` that some invocations of the workgroup do not come to.
     BarrierDivergence,
     /// The operands of an instruction that records a hit object break a rule.
@@ -159,6 +161,10 @@ impl TrapCode {
             Self::RayQueryMotion => {
                 "a hit is generated in an acceleration structure with motion \
                  (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06354)"
+            }
+            Self::RayQueryMicromaps => {
+                "a ray query in an acceleration structure with opacity micromaps, and the shader's execution mode \
+                 OpacityMicromapIdKHR is false (SPV_KHR_opacity_micromap)"
             }
             Self::BarrierDivergence => {
                 "a barrier that not every invocation of the workgroup comes to \

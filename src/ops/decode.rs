@@ -117,6 +117,8 @@ pub struct Decoder<'m> {
     pub workgroup_blocks: bool,
     /// Whether the entry point is a compute shader with a derivative group.
     pub derivatives: bool,
+    /// The constant that says whether its ray queries look at opacity micromaps (`OpacityMicromapIdKHR`).
+    pub micromap_mode: Option<Id>,
     /// Rows of variables, which begin as zeros.
     pub variables: Vec<(Reg, u32)>,
     /// The rows that count the instructions of the shader, where it reads its clock.
@@ -151,6 +153,7 @@ impl<'m> Decoder<'m> {
             workgroup_size: 0,
             workgroup_blocks: false,
             derivatives: false,
+            micromap_mode: None,
             variables: Vec::new(),
             clock: None,
             ticks: 0,

@@ -39,8 +39,9 @@ const COMMITTED_GENERATED: u32 = 2;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum Op {
-    /// `OpRayQueryInitializeKHR`; the operands lie in consecutive rows.
-    Initialize { query: ObjectRef, operands: Reg },
+    /// `OpRayQueryInitializeKHR`; the operands lie in consecutive rows. `micromaps`: whether there may be
+    /// opacity micromaps.
+    Initialize { query: ObjectRef, operands: Reg, micromaps: bool },
     /// `OpRayQueryProceedKHR`
     Proceed { query: ObjectRef, to: Reg },
     /// `OpRayQueryTerminateKHR`
@@ -146,7 +147,7 @@ impl Op {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         match *self {
-            Self::Initialize { query, operands } => {
+            Self::Initialize { query, operands, .. } => {
                 object::records(query, visit);
                 visit(Access::Read(operands, OPERANDS));
             }
@@ -187,7 +188,9 @@ impl Op {
     #[inline(never)]
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         match *self {
-            Self::Initialize { query, operands } => initialize(batch, bindings, query, operands),
+            Self::Initialize { query, operands, micromaps } => {
+                initialize(batch, bindings, query, operands, micromaps);
+            }
             Self::Proceed { query, to } => each(batch, query, |batch, handle, lane| {
                 batch.registers[to].0[lane] = u32::from(batch.queries.proceed(handle, batch.op)?);
                 Ok(())
@@ -251,7 +254,13 @@ fn each<const W: usize>(
     }
 }
 
-fn initialize<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, query: ObjectRef, operands: Reg) {
+fn initialize<const W: usize>(
+    batch: &mut Batch<W>,
+    bindings: &Bindings,
+    query: ObjectRef,
+    operands: Reg,
+    micromaps: bool,
+) {
     for lane in batch.mask.lanes() {
         let mut words = [0; OPERANDS as usize];
         let read = batch.registers.lane_words(operands, OPERANDS, lane);
@@ -260,6 +269,9 @@ fn initialize<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, query: 
         let done = query.row(&batch.registers, lane).and_then(|row| {
             let tlas = bindings.acceleration_structure([words[0], words[1]]);
             let tlas = tlas.ok_or(TrapCode::AccelerationStructureMissing)?;
+            if !micromaps && tlas.has_micromaps() {
+                return Err(TrapCode::RayQueryMicromaps);
+            }
             let [t_min, t_max] = [words[7], words[11]].map(f32::from_bits);
             let float3 = |at: usize| [0, 1, 2].map(|axis| f32::from_bits(words[at + axis]));
             let ray = Ray { origin: float3(4), t_min, direction: float3(8), t_max };
@@ -352,7 +364,12 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             if words.len() != OPERANDS as usize {
                 return Err(decoder.invalid("the operands of OpRayQueryInitializeKHR have wrong types"));
             }
-            Op::Initialize { query, operands: decoder.consecutive(&words)? }
+            let operands = decoder.consecutive(&words)?;
+            let micromaps = match decoder.micromap_mode {
+                Some(mode) => decoder.constant_integer(mode)? != 0,
+                None => true,
+            };
+            Op::Initialize { query, operands, micromaps }
         }
         Opcode::RayQueryProceedKHR => Op::Proceed { query, to: result(decoder, instruction, Shape::Bool)? },
         Opcode::RayQueryTerminateKHR => Op::Terminate { query },

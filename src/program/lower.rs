@@ -31,6 +31,8 @@ use crate::program::sharing::touches;
 use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
 use crate::program::{Block, Program, Scope, Stretch, Terminator, Unwatched};
 
+/// `OpacityMicromapIdKHR`
+const OPACITY_MICROMAP_ID: u32 = 6031;
 /// Functions of at most this many instructions, callees included, are inlined at every call.
 const INLINE_SIZE: u64 = 2_000;
 /// Beyond this many operations only functions that are called once are inlined.
@@ -90,6 +92,10 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
     };
     lowering.decoder.float_controls = FloatControls::of(entry);
     interface_check::check(&mut lowering.decoder, entry)?;
+    lowering.decoder.micromap_mode = entry.modes.iter().find_map(|(mode, operands)| match operands[..] {
+        [id] if *mode == OPACITY_MICROMAP_ID => Some(Id(id)),
+        _ => None,
+    });
     lowering.decoder.derivatives = entry.stage == Stage::Compute && DerivativeGroup::of(entry).is_some();
     let start = lowering.label();
     lowering.begin(start);

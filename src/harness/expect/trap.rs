@@ -58,6 +58,7 @@ impl Named for TrapName {
         ("null_closest_hit", Self(TrapCode::NullClosestHit)),
         ("null_miss", Self(TrapCode::NullMiss)),
         ("null_intersection", Self(TrapCode::NullIntersection)),
+        ("ray_query_micromaps", Self(TrapCode::RayQueryMicromaps)),
         ("ray_query_motion", Self(TrapCode::RayQueryMotion)),
         ("invalid_hit_object", Self(TrapCode::InvalidHitObject)),
         ("hit_object_no_primitive", Self(TrapCode::HitObjectNoPrimitive)),
