@@ -3,6 +3,8 @@
 //! A [`Decoder`] holds what is known of each id: the rows of its words, or where a pointer leads.
 //! Composites vanish here: extracting, inserting and shuffling only rearrange the list of rows.
 
+mod words;
+
 use std::collections::HashMap;
 
 use smallvec::SmallVec;
@@ -10,7 +12,6 @@ use smallvec::SmallVec;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::machine::stop::Rows;
 use crate::machine::{Binding, Reg, Registers};
-use crate::module::constant::ConstantValue;
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
@@ -549,150 +550,6 @@ impl<'m> Decoder<'m> {
         match u32::try_from(bits) {
             Ok(length) if length > 0 => Ok(length),
             _ => Err(self.invalid(format!("an array of length {bits}"))),
-        }
-    }
-
-    /// How many words a value of a type takes in rows.
-    pub fn word_count(&mut self, ty: TypeId) -> Result<u32> {
-        let too_big = |decoder: &Self| decoder.unsupported("a value of this type is too big for registers");
-        Ok(match self.module.ty(ty).clone() {
-            Type::Void => 0,
-            Type::Bool | Type::Image(_) | Type::Sampler | Type::RayQuery | Type::HitObject { .. } => 1,
-            Type::Int { width, .. } | Type::Float { width, .. } => width.div_ceil(32),
-            Type::SampledImage(_) | Type::AccelerationStructure => 2,
-            Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
-                let words = self.word_count(part)?;
-                words.checked_mul(count).filter(|&words| words < MAX_ROWS).ok_or_else(|| too_big(self))?
-            }
-            Type::Array { element, length, .. } => {
-                let words = self.word_count(element)?;
-                let length = self.array_length(length)?;
-                words.checked_mul(length).filter(|&words| words < MAX_ROWS).ok_or_else(|| too_big(self))?
-            }
-            Type::Struct { members, .. } => {
-                let mut sum = 0u32;
-                for member in members {
-                    let words = self.word_count(member.ty)?;
-                    sum =
-                        sum.checked_add(words).filter(|&sum| sum < MAX_ROWS).ok_or_else(|| too_big(self))?;
-                }
-                sum
-            }
-            Type::Pointer { storage_class, .. } => memory::pointer_word_count(storage_class),
-            other => {
-                let name = self.module.describe_type(ty);
-                return Err(match other {
-                    Type::RuntimeArray { .. } => self.invalid(format!("{name} cannot be a value")),
-                    _ => self.unsupported(format!("values of type {name}")),
-                });
-            }
-        })
-    }
-
-    /// Bits of a scalar type or of a vector's component; 0 for a bool.
-    pub fn scalar_width(&self, ty: TypeId) -> Result<u32> {
-        match *self.module.ty(ty) {
-            Type::Bool => Ok(0),
-            Type::Int { width, .. } | Type::Float { width, encoding: None } => Ok(width),
-            Type::Vector { component, .. } => self.scalar_width(component),
-            _ => {
-                Err(self
-                    .invalid(format!("{} where a scalar or vector must be", self.module.describe_type(ty))))
-            }
-        }
-    }
-
-    /// How many components a scalar (1) or vector has.
-    pub fn component_count(&self, ty: TypeId) -> u32 {
-        match *self.module.ty(ty) {
-            Type::Vector { count, .. } => count,
-            _ => 1,
-        }
-    }
-
-    /// The first row of each component of a scalar or vector.
-    pub fn components(&mut self, id: Id) -> Result<Words> {
-        let ty = self.type_of(id)?;
-        let words = self.words(id)?;
-        let each = self.scalar_width(ty)?.div_ceil(32).max(1) as usize;
-        Ok(words.chunks(each).map(|chunk| chunk[0]).collect())
-    }
-
-    /// The rows of words, from the first row of each component.
-    pub fn spread(&self, components: &[Reg], width: u32) -> Words {
-        let each = width.div_ceil(32).max(1);
-        components.iter().flat_map(|&reg| (0..each).map(move |word| reg.plus(word))).collect()
-    }
-
-    /// Words of a constant of the module.
-    fn constant_words(&mut self, index: u32) -> Result<Words> {
-        let constant = self.module.constants[index as usize].clone();
-        let before = self.origin;
-        self.origin = Origin { offset: constant.offset, scope: 0 };
-        let words = match constant.value {
-            ConstantValue::Scalar(bits) => match self.scalar_width(constant.ty)? {
-                64 => {
-                    let reg = self.wide_constant(bits)?;
-                    Ok(SmallVec::from_slice(&[reg, reg.plus(1)]))
-                }
-                _ => Ok(SmallVec::from_slice(&[self.constant(bits as u32)?])),
-            },
-            ConstantValue::Composite(parts) => {
-                let mut words = Words::new();
-                for part in parts {
-                    words.extend(self.words(part)?);
-                }
-                Ok(words)
-            }
-            ConstantValue::Null | ConstantValue::Undef => self.zero(constant.ty),
-            ConstantValue::Operation { opcode, operands } => {
-                crate::ops::constant::operation(self, constant.id, constant.ty, opcode, &operands)
-            }
-            ConstantValue::Other(4461 | 4462) => {
-                // OpConstantCompositeReplicateEXT and its kin: opcode, type, result, constituent.
-                let part = self.module.words[constant.offset as usize + 3];
-                crate::ops::composite::replicate(self, constant.ty, Id(part))
-            }
-            ConstantValue::Other(opcode) => {
-                Err(self.unsupported(format!("{} as a constant", crate::module::names::opcode_name(opcode))))
-            }
-        };
-        self.origin = before;
-        let words = words?;
-        if self.word_count(constant.ty)? as usize != words.len() {
-            let name = self.module.describe_type(constant.ty);
-            return Err(self.invalid(format!("the constant %{} is no {name}", constant.id.0)));
-        }
-        Ok(words)
-    }
-
-    /// A value of zeros.
-    pub fn zero(&mut self, ty: TypeId) -> Result<Words> {
-        // 64-bit scalars need their words side by side, so zeros are pairs throughout.
-        let zero = self.wide_constant(0)?;
-        let mut words = Words::new();
-        self.zero_words(ty, zero, &mut words)?;
-        Ok(words)
-    }
-
-    fn zero_words(&mut self, ty: TypeId, zero: Reg, words: &mut Words) -> Result<()> {
-        match self.module.ty(ty).clone() {
-            Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
-                (0..count).try_for_each(|_| self.zero_words(part, zero, words))
-            }
-            Type::Array { element, length, .. } => {
-                let count = self.word_count(ty)? / self.word_count(element)?.max(1);
-                debug_assert_eq!(count, self.array_length(length)?);
-                (0..count).try_for_each(|_| self.zero_words(element, zero, words))
-            }
-            Type::Struct { members, .. } => {
-                members.iter().try_for_each(|member| self.zero_words(member.ty, zero, words))
-            }
-            _ => {
-                let count = self.word_count(ty)?;
-                words.extend((0..count).map(|word| if word == 1 { zero.plus(1) } else { zero }));
-                Ok(())
-            }
         }
     }
 }

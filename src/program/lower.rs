@@ -5,6 +5,8 @@
 //! are laid out in structured order, which is what lets lanes meet again (see
 //! [`Batch`](crate::machine::Batch)). Phis become moves on the edges.
 
+mod call;
+
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::Arc;
 
@@ -13,7 +15,7 @@ use crate::machine::Exit;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
-use crate::ops::decode::{Decoder, Origin, Value, Words};
+use crate::ops::decode::{Decoder, Value, Words};
 use crate::ops::decode_number;
 use crate::ops::float_controls::FloatControls;
 use crate::ops::interface_check;
@@ -366,108 +368,6 @@ impl<'m> Lowering<'m> {
             self.decoder.define(id, Value::Pointer(pointer));
         }
         Ok(())
-    }
-
-    fn call(&mut self, instruction: &Instruction) -> Result<()> {
-        let callee = self.decoder.id(instruction, 0)?;
-        let Some(Definition::Function(index)) = self.module.definition(callee) else {
-            return Err(self.decoder.invalid(format!("%{} is no function", callee.0)));
-        };
-        let module = self.module;
-        let function = &module.functions[index as usize];
-        let arguments: Vec<Id> = module.operands(instruction)[1..].iter().map(|&id| Id(id)).collect();
-        if arguments.len() != function.parameters.len() {
-            return Err(self.decoder.invalid(format!(
-                "{} takes {} arguments, not {}",
-                module.describe_id(callee),
-                function.parameters.len(),
-                arguments.len()
-            )));
-        }
-        let size = self.sizes.get(&callee).copied().unwrap_or_default();
-        let small = size.instructions <= INLINE_SIZE && self.decoder.ops.len() < INLINE_TOTAL;
-        let pays = self.depth < INLINE_DEPTH && (small || size.calls <= 1);
-        if pays && self.inlining == Inlining::WherePaying {
-            self.inline(instruction, function, &arguments)
-        } else {
-            self.real_call(instruction, function, &arguments)
-        }
-    }
-
-    fn inline(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
-        let mut locals = HashMap::new();
-        for (&argument, &(parameter, _)) in arguments.iter().zip(&function.parameters) {
-            locals.insert(parameter, self.decoder.value(argument)?);
-        }
-        let result = self.result_rows(function)?;
-        let label = self.label();
-        let outer = self.decoder.origin;
-        self.scopes.push(Scope { parent: outer.scope, call: instruction.offset, function: function.id });
-        self.decoder.origin.scope = self.scopes.len() as u32 - 1;
-        let locals = std::mem::replace(&mut self.decoder.locals, locals);
-        self.depth += 1;
-        self.body(function, &Return::Inlined { label, result: result.clone() })?;
-        self.depth -= 1;
-        self.decoder.locals = locals;
-        self.decoder.origin = outer;
-        self.begin(label);
-        self.decoder.result(instruction, result);
-        Ok(())
-    }
-
-    fn result_rows(&mut self, function: &Function) -> Result<Words> {
-        let count = self.decoder.word_count(function.return_type)?;
-        self.decoder.fresh_words(count)
-    }
-
-    fn real_call(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
-        let standing = match self.standing.get(&function.id) {
-            Some(standing) => standing.clone(),
-            None => {
-                let mut parameters = Vec::new();
-                for &(_, ty) in &function.parameters {
-                    let count = self.decoder.word_count(ty)?;
-                    parameters.push(self.decoder.fresh_words(count)?);
-                }
-                let result = self.result_rows(function)?;
-                let standing = Standing { label: self.label(), parameters, result };
-                self.standing.insert(function.id, standing.clone());
-                self.queue.push_back(function.id);
-                standing
-            }
-        };
-        for (&argument, parameter) in arguments.iter().zip(&standing.parameters) {
-            let words = self.decoder.carried(argument)?;
-            for (&to, from) in parameter.iter().zip(words) {
-                self.decoder.emit(Op::Memory(memory::Op::Move { to, from }));
-            }
-        }
-        self.decoder.set_clock()?;
-        let return_to = self.label();
-        self.end(Terminator::Call { function: standing.label, return_to });
-        self.begin(return_to);
-        let result = self.decoder.fresh_words(standing.result.len() as u32)?;
-        for (&to, &from) in result.iter().zip(&standing.result) {
-            self.decoder.emit(Op::Memory(memory::Op::Move { to, from }));
-        }
-        self.decoder.result(instruction, result);
-        Ok(())
-    }
-
-    /// Lowers a function that is really called.
-    fn stand_alone(&mut self, id: Id) -> Result<()> {
-        let standing = self.standing[&id].clone();
-        let Some(Definition::Function(index)) = self.module.definition(id) else {
-            return Err(self.decoder.invalid(format!("%{} is no function", id.0)));
-        };
-        let module = self.module;
-        let function = &module.functions[index as usize];
-        self.scopes.push(Scope { parent: 0, call: 0, function: id });
-        self.decoder.origin = Origin { offset: 0, scope: self.scopes.len() as u32 - 1 };
-        let parameters = function.parameters.iter().zip(standing.parameters);
-        self.decoder.locals = parameters.map(|(&(id, _), words)| (id, Value::Words(words))).collect();
-        self.begin(standing.label);
-        self.body(function, &Return::StandingAlone { result: standing.result })
     }
 
     fn terminator(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
