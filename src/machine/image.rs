@@ -1,7 +1,7 @@
 //! Images as plain data: their shape, and texels that threads may share.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock};
 
 use smallvec::SmallVec;
 
@@ -143,6 +143,17 @@ struct Level {
     first: usize,
 }
 
+/// How an image's texels weight those of another (`VkImageViewSampleWeightCreateInfoQCOM`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SampleWeight {
+    /// `filterCenter`
+    pub center: [u32; 2],
+    /// `filterSize`
+    pub size: [u32; 2],
+    /// `numPhases`
+    pub phases: u32,
+}
+
 /// An image.
 ///
 /// Texels follow each other by level, then layer, slice, row (the top one first), column, sample, each
@@ -154,6 +165,7 @@ pub struct Image {
     shape: Shape,
     levels: SmallVec<[Level; 1]>,
     words: Box<[AtomicU64]>,
+    sample_weight: OnceLock<SampleWeight>,
 }
 
 impl Image {
@@ -193,12 +205,23 @@ impl Image {
             levels.push(Level { extent: shape.level_extent(level), first });
             first += shape.level_texels(level) as usize;
         }
-        Ok(Arc::new(Self { format, shape, levels, words: words.collect() }))
+        let sample_weight = OnceLock::new();
+        Ok(Arc::new(Self { format, shape, levels, words: words.collect(), sample_weight }))
     }
 
     /// How texels are stored.
     pub fn format(&self) -> Format {
         self.format
+    }
+
+    /// Says that its texels are weights; what was said first counts.
+    pub fn weights(&self, filter: SampleWeight) {
+        let _ = self.sample_weight.set(filter);
+    }
+
+    /// How its texels weight others, where they do.
+    pub fn sample_weight(&self) -> Option<SampleWeight> {
+        self.sample_weight.get().copied()
     }
 
     /// Its shape.
@@ -278,7 +301,8 @@ impl Image {
     pub fn copied(&self) -> Arc<Self> {
         let words = self.words.iter().map(|word| AtomicU64::new(word.load(Relaxed)));
         let (format, shape, levels) = (self.format, self.shape, self.levels.clone());
-        Arc::new(Self { format, shape, levels, words: words.collect() })
+        let sample_weight = self.sample_weight.clone();
+        Arc::new(Self { format, shape, levels, words: words.collect(), sample_weight })
     }
 
     /// A copy of the bytes of a level that exists.

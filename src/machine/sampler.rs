@@ -83,6 +83,15 @@ pub enum ReductionMode {
     Max,
 }
 
+/// `VkSamplerBlockMatchWindowCreateInfoQCOM`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct BlockMatchWindow {
+    /// `windowExtent`
+    pub extent: [u32; 2],
+    /// Whether the greatest difference is sought, not the least (`windowCompareMode`).
+    pub greatest: bool,
+}
+
 /// A sampler's state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampler {
@@ -110,6 +119,8 @@ pub struct Sampler {
     pub reduction_mode: ReductionMode,
     /// Coordinates in texels.
     pub unnormalized_coordinates: bool,
+    /// Where a block is matched.
+    pub block_match_window: Option<BlockMatchWindow>,
 }
 
 impl Default for Sampler {
@@ -129,6 +140,7 @@ impl Default for Sampler {
             max_anisotropy: 1.0,
             reduction_mode: ReductionMode::WeightedAverage,
             unnormalized_coordinates: false,
+            block_match_window: None,
         }
     }
 }

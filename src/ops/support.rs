@@ -207,6 +207,7 @@ fn section_of(op: Opcode) -> Option<&'static str> {
         ("arithmetic", dot_product::OPCODES),
         ("linear algebra", linear_algebra::OPCODES),
         ("images", image::OPCODES),
+        ("images", image::processing::OPCODES),
         ("ray tracing", ray_tracing::OPCODES),
         ("ray queries", ray_query::OPCODES),
         ("hit objects", hit_object::OPCODES),

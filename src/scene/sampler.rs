@@ -96,6 +96,7 @@ impl Parse for Sampler {
             max_anisotropy: table.or("max_anisotropy", default.max_anisotropy),
             reduction_mode: table.or("reduction_mode", default.reduction_mode),
             unnormalized_coordinates: table.or("unnormalized_coordinates", false),
+            block_match_window: None,
         };
         table.finish();
         Some(sampler)

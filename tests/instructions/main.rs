@@ -11,6 +11,7 @@ mod declarations;
 mod extended;
 mod float_controls;
 mod formulas;
+mod images;
 mod integers;
 mod memory;
 mod messages;

@@ -106,6 +106,47 @@ impl Lookup<'_> {
         [levels[0].0 as f32 + levels[1].1, lambda]
     }
 
+    /// The texel of a plane's level 0, by the address modes.
+    pub fn plane_texel(&self, at: [i64; 2]) -> [f32; 4] {
+        let point = Point { at: [0.0; 3], layer: 0 };
+        floats(self.texel(&point, 0, [at[0], at[1], 0], Filter::Nearest))
+    }
+
+    /// Whether one level alone is read, which of them is meant, and the first and last texel read in
+    /// it: none of the coarser one where it is not read. For addresses clamped to the edge.
+    pub fn texels(
+        &self,
+        lod: Lod,
+        bias: f32,
+        min_lod: f32,
+        coarse: bool,
+    ) -> (bool, u32, Option<[[u32; 3]; 2]>) {
+        let base = self.footprint(lod).0;
+        let lod = level::lod(level::biased(base, self.sampler, bias), self.sampler, min_lod);
+        let filter = if lod <= 0.0 { self.sampler.mag_filter } else { self.sampler.min_filter };
+        let levels = level::levels(lod, self.sampler.mipmap_mode, self.image.shape().levels);
+        let single = levels[1].1 == 0.0;
+        if single && coarse {
+            return (single, levels[0].0, None);
+        }
+        let level = levels[usize::from(coarse)].0;
+        let (point, extent) = (self.point(self.at), self.image.level_extent(level));
+        let at = self.unnormalized(&point, level);
+        let mut ends = [[0; 3]; 2];
+        for axis in 0..self.image.shape().dimension.axes() {
+            let [low, high] = match filter {
+                Filter::Nearest => [address::floor(at[axis]).0; 2],
+                Filter::Linear => {
+                    let (first, fraction) = address::floor(at[axis] - 0.5);
+                    [first, first + i64::from(fraction != 0.0)]
+                }
+            };
+            let inside = |at: i64| at.clamp(0, i64::from(extent[axis]) - 1) as u32;
+            (ends[0][axis], ends[1][axis]) = (inside(low), inside(high));
+        }
+        (single, level, Some(ends))
+    }
+
     /// One component of the four texels that linear filtering of level 0 would use ("Texel
     /// Gathering"): of (i0, j1), (i1, j1), (i1, j0), (i0, j0); with `offsets`, of (i0, j0) moved by
     /// each.

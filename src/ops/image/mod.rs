@@ -3,7 +3,8 @@
 //! * [`sample`]: sampling and gathering with an explicit level of detail; the arithmetic, from
 //!   Vulkan's "Image Operations", stands in [`filter`], [`level`], [`address`] and [`cube`].
 //! * [`access`]: fetches, reads, writes and texel pointers.
-//! * [`query`]: sizes, levels, samples.
+//! * [`query`]: sizes, levels, samples; [`footprint`]: which texels would be read.
+//! * [`processing`]: weighted samples, box filters, block matching.
 //!
 //! Instructions that need implicit derivatives run in compute shaders with a derivative group, and are
 //! refused elsewhere when a shader is lowered: ray-tracing stages have none. Sparse forms give residency code 0: every texel is resident.
@@ -14,8 +15,10 @@ pub mod cube;
 pub mod filter;
 #[cfg(test)]
 mod filter_tests;
+pub mod footprint;
 pub mod level;
 pub mod operands;
+pub mod processing;
 pub mod query;
 pub mod sample;
 pub mod view;
@@ -62,6 +65,7 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::ImageSparseFetch,
     Opcode::ImageSparseRead,
     Opcode::ImageSparseTexelsResident,
+    Opcode::ImageSampleFootprintNV,
 ];
 
 /// Opcodes that need implicit derivatives, and are refused by name where there are none.
@@ -86,6 +90,10 @@ pub enum Op {
     Write(Box<access::Write>),
     /// Asks for sizes and counts.
     Query(query::Query),
+    /// Asks which texels would be read.
+    Footprint(Box<footprint::Footprint>),
+    /// Filters and compares blocks of texels.
+    Process(Box<processing::Process>),
 }
 
 impl Op {
@@ -96,6 +104,8 @@ impl Op {
             Self::Read(op) => op.accesses(visit),
             Self::Write(op) => op.accesses(visit),
             Self::Query(op) => op.accesses(visit),
+            Self::Footprint(op) => op.accesses(visit),
+            Self::Process(op) => op.accesses(visit),
         }
     }
 
@@ -121,6 +131,16 @@ impl Op {
                 batch,
                 |registers, lane| op.eval(registers, lane, bindings),
                 |batch, lane| remember_descriptor(batch, lane, op.image),
+            ),
+            Self::Footprint(op) => each_lane(
+                batch,
+                |registers, lane| op.eval(registers, lane, bindings),
+                |batch, lane| remember_descriptor(batch, lane, op.image),
+            ),
+            Self::Process(op) => each_lane(
+                batch,
+                |registers, lane| op.eval(registers, lane, bindings),
+                |batch, lane| remember_descriptor(batch, lane, op.image()),
             ),
         }
     }
@@ -204,7 +224,9 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         _ => {
             return Ok(sample::decode(decoder, opcode, instruction)?
                 || access::decode(decoder, opcode, instruction)?
-                || query::decode(decoder, opcode, instruction)?);
+                || query::decode(decoder, opcode, instruction)?
+                || footprint::decode(decoder, opcode, instruction)?
+                || processing::decode(decoder, opcode, instruction)?);
         }
     }
     Ok(true)

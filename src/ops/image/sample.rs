@@ -86,11 +86,6 @@ impl Sample {
         let divisor = self.divisor.map(float);
         let divided = |value: f32| divisor.map_or(value, |divisor| value / divisor);
         let components = self.components();
-        let gradients = |gradients: &[Words; 2]| {
-            Lod::Gradients([0, 1].map(|way: usize| {
-                std::array::from_fn(|axis| gradients[way].get(axis).map_or(0.0, |&reg| float(reg)))
-            }))
-        };
         let mut lookup = Lookup {
             image,
             sampler,
@@ -111,16 +106,13 @@ impl Sample {
         }
         let value = match self.kind {
             Kind::Filter => {
-                let lod = match &self.operands.gradients {
-                    Some(given) => gradients(given),
-                    None => Lod::Explicit(self.operands.lod.map_or(0.0, float)),
-                };
+                let lod = lod(&self.operands, float);
                 let [bias, least] = [self.operands.bias, self.operands.min_lod];
                 lookup.sample(lod, bias.map_or(0.0, float), least.map_or(0.0, float))
             }
             Kind::Level => {
-                let lod = self.operands.gradients.as_ref().map_or(Lod::Explicit(0.0), gradients);
-                let [level, lambda] = lookup.query(lod).map(|value| u64::from(value.to_bits()));
+                let [level, lambda] =
+                    lookup.query(lod(&self.operands, float)).map(|value| u64::from(value.to_bits()));
                 [level, lambda, 0, 0]
             }
             Kind::Gather(_) | Kind::GatherCompared => {
@@ -138,6 +130,16 @@ impl Sample {
     /// How many components (s, t, r) has: for a cube it is a direction.
     fn components(&self) -> usize {
         components(self.view.dimension)
+    }
+}
+
+/// The level of detail that operands give.
+pub(super) fn lod(operands: &Operands, float: impl Fn(Reg) -> f32) -> Lod {
+    match &operands.gradients {
+        Some(given) => Lod::Gradients([0, 1].map(|way: usize| {
+            std::array::from_fn(|axis| given[way].get(axis).map_or(0.0, |&reg| float(reg)))
+        })),
+        None => Lod::Explicit(operands.lod.map_or(0.0, float)),
     }
 }
 

@@ -196,18 +196,7 @@ pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
             Capability::VariablePointersStorageBuffer,
         ],
     ),
-    (
-        "images",
-        &[
-            Capability::ImageQuery,
-            Capability::SparseResidency,
-            Capability::ImageFootprintNV,
-            Capability::TextureSampleWeightedQCOM,
-            Capability::TextureBoxFilterQCOM,
-            Capability::TextureBlockMatchQCOM,
-            Capability::TextureBlockMatch2QCOM,
-        ],
-    ),
+    ("images", &[Capability::ImageQuery, Capability::SparseResidency]),
     (
         "other arithmetic",
         &[

@@ -1,0 +1,201 @@
+//! `OpImageSampleFootprintNV` (`SPV_NV_shader_image_footprint`; Vulkan, "Texel Footprint Evaluation"):
+//! which groups of texels a sampling instruction would read.
+//!
+//! Only addresses clamped to the edge have a defined footprint, others stop their lane; so does a
+//! sampler with anisotropy, whose probes are the implementation's own affair. A texel whose weight is 0
+//! is not read. The granularity asked for always suffices, and is told as 0.
+
+use rspirv::spirv::Op as Opcode;
+
+use crate::error::Result;
+use crate::machine::image::Dimension;
+use crate::machine::sampler::AddressMode;
+use crate::machine::{Bindings, Reg, Registers, TrapCode};
+use crate::module::Instruction;
+use crate::module::ty::Type;
+use crate::ops::decode::{Decoder, Words};
+use crate::ops::derivative::derivative;
+use crate::ops::image::filter::Lookup;
+use crate::ops::image::operands::Operands;
+use crate::ops::image::view::{self, View, view_of};
+use crate::ops::image::{Op, sample};
+use crate::ops::op::{Access, Op as Operation};
+
+/// A query for a footprint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Footprint {
+    /// The rows of: whether one level is read; anchor; offset; mask of two words; level; granularity.
+    to: Reg,
+    rows: u32,
+    view: View,
+    /// The image's handle.
+    pub image: Reg,
+    sampler: Reg,
+    coordinate: Words,
+    granularity: Reg,
+    coarse: Reg,
+    operands: Operands,
+}
+
+/// Width, height and depth of a group of texels; `None` where the granularity has none.
+fn group(granularity: u32, axes: usize) -> Option<[u32; 3]> {
+    let plane = |at: u32| match at {
+        1 => Some([2, 2]),
+        2 => Some([4, 2]),
+        3 => Some([4, 4]),
+        4 => Some([8, 4]),
+        5 => Some([8, 8]),
+        6 => Some([16, 8]),
+        7 => Some([16, 16]),
+        11 => Some([64, 64]),
+        12 => Some([128, 64]),
+        13 => Some([128, 128]),
+        14 => Some([256, 128]),
+        15 => Some([256, 256]),
+        _ => None,
+    };
+    if axes == 2 {
+        return plane(granularity).map(|[width, height]| [width, height, 1]);
+    }
+    match granularity {
+        1 => Some([2, 2, 2]),
+        3 => Some([4, 4, 2]),
+        10 => Some([16, 16, 16]),
+        11 => Some([32, 16, 16]),
+        12 => Some([32, 32, 16]),
+        13 => Some([32, 32, 32]),
+        14 => Some([64, 32, 32]),
+        _ => None,
+    }
+}
+
+impl Footprint {
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        let rows = [self.image, self.sampler, self.granularity, self.coarse];
+        rows.into_iter()
+            .chain(self.coordinate.iter().copied())
+            .chain(self.operands.rows())
+            .for_each(|reg| visit(Access::Read(reg, 1)));
+        visit(Access::Write(self.to, self.rows));
+    }
+
+    /// Runs it for a lane.
+    pub fn eval<const W: usize>(
+        &self,
+        registers: &mut Registers<W>,
+        lane: usize,
+        bindings: &Bindings,
+    ) -> Result<(), TrapCode> {
+        let word = |reg: Reg| registers[reg].0[lane];
+        let float = |reg: Reg| f32::from_bits(word(reg));
+        let image = self.view.image(bindings, word(self.image))?;
+        let sampler = view::sampler(bindings, word(self.sampler))?;
+        let axes = self.view.dimension.axes();
+        let clamped = sampler.address_mode[..axes].iter().all(|&mode| mode == AddressMode::ClampToEdge);
+        if !clamped || sampler.max_anisotropy > 1.0 || sampler.unnormalized_coordinates {
+            return Err(TrapCode::SamplerMismatch);
+        }
+        let Some(group) = group(word(self.granularity), axes) else { return Err(TrapCode::SamplerMismatch) };
+        let mut lookup = Lookup { image, sampler, at: [0.0; 3], layer: 0.0, offset: [0; 3], reference: None };
+        for (axis, &reg) in self.coordinate.iter().enumerate() {
+            lookup.at[axis] = float(reg);
+        }
+        for (axis, &reg) in self.operands.offset.iter().flatten().enumerate() {
+            lookup.offset[axis] = word(reg) as i32;
+        }
+        let lod = sample::lod(&self.operands, float);
+        let [bias, least] = [self.operands.bias, self.operands.min_lod].map(|reg| reg.map_or(0.0, float));
+        let coarse = word(self.coarse) != 0;
+        let (single, level, texels) = lookup.texels(lod, bias, least, coarse);
+        // A side of the neighbourhood, in groups.
+        let side = if axes == 2 { 8 } else { 4 };
+        let (mut anchor, mut offset, mut mask) = ([0; 3], [0; 3], 0u64);
+        if let Some([low, high]) = texels {
+            let first: [u32; 3] = std::array::from_fn(|axis| low[axis] / group[axis]);
+            let last: [u32; 3] = std::array::from_fn(|axis| high[axis] / group[axis]);
+            for axis in 0..axes {
+                anchor[axis] = last[axis] / side;
+                // Groups left of the anchor wrap round to the far end of the neighbourhood.
+                offset[axis] = (anchor[axis] * side).saturating_sub(first[axis]);
+            }
+            for z in first[2]..=last[2] {
+                for y in first[1]..=last[1] {
+                    for x in first[0]..=last[0] {
+                        let local = [x, y, z].map(|at| at % side);
+                        mask |= 1 << (local[0] + local[1] * side + local[2] * side * side);
+                    }
+                }
+            }
+        }
+        let mut answer = vec![u32::from(single)];
+        answer.extend(&anchor[..axes]);
+        answer.extend(&offset[..axes]);
+        answer.extend([mask as u32, (mask >> 32) as u32, level, 0]);
+        registers.set_lane_words(self.to, lane, answer);
+        Ok(())
+    }
+}
+
+/// Decodes the instruction; `false` for any other.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    if opcode != Opcode::ImageSampleFootprintNV {
+        return Ok(false);
+    }
+    let id = decoder.id(instruction, 0)?;
+    let view = view_of(decoder, id)?;
+    let &[image, sampler] = &decoder.words(id)?[..] else {
+        return Err(decoder.invalid("a sampled image is needed here"));
+    };
+    if !matches!(view.dimension, Dimension::D2 | Dimension::D3) || view.multisampled {
+        return Err(
+            decoder.invalid("only planes and volumes have footprints (SPV_NV_shader_image_footprint)")
+        );
+    }
+    let axes = view.dimension.axes();
+    let coordinate: Words = decoder.operand(instruction, 1)?[..].into();
+    if coordinate.len() < axes {
+        return Err(decoder.invalid(format!("{} coordinates for this image", coordinate.len())));
+    }
+    let coordinate: Words = coordinate[..axes].into();
+    let [granularity, coarse] = [decoder.operand(instruction, 2)?[0], decoder.operand(instruction, 3)?[0]];
+    let explicit = decoder.operands(instruction).get(4).is_some_and(|mask| mask & 6 != 0);
+    let mut operands = Operands::read(decoder, instruction, 4, !explicit)?;
+    if !explicit {
+        if !decoder.derivatives {
+            return Err(decoder.invalid(
+                "OpImageSampleFootprintNV needs implicit derivatives, which only fragment stages have, and compute \
+                 with a derivative group: give the image operand Lod or Grad",
+            ));
+        }
+        let mut gradients = [Words::new(), Words::new()];
+        for (axis, gradient) in gradients.iter_mut().enumerate() {
+            for &part in &coordinate {
+                gradient.push(derivative(decoder, part, 32, axis as u32)?);
+            }
+        }
+        operands.gradients = Some(gradients);
+    }
+    let ty = decoder.result_type(instruction)?;
+    let rows = decoder.word_count(ty)?;
+    let fits = matches!(decoder.module.ty(ty), Type::Struct { members, .. } if members.len() == 6);
+    if !fits || rows as usize != 2 * axes + 5 {
+        return Err(
+            decoder.invalid("a footprint is a struct of a bool, anchor, offset, mask, level, granularity")
+        );
+    }
+    let to = decoder.fresh(rows)?;
+    decoder.emit(Operation::Image(Op::Footprint(Box::new(Footprint {
+        to,
+        rows,
+        view,
+        image,
+        sampler,
+        coordinate,
+        granularity,
+        coarse,
+        operands,
+    }))));
+    decoder.result(instruction, (0..rows).map(|row| to.plus(row)).collect());
+    Ok(true)
+}

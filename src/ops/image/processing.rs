@@ -1,0 +1,374 @@
+//! Image processing (`SPV_QCOM_image_processing`, `SPV_QCOM_image_processing2`): weighted samples, box
+//! filters and block matching (Vulkan, "Weight Image Sampling", "Block Matching", "Box Filter
+//! Sampling").
+//!
+//! Sums go over rows, in them over columns, lower numbers first, from the first term on, each
+//! operation rounded to nearest even; fractions have all bits of a binary32. A box is 1 to 64 texels
+//! wide and high, a smaller or larger one counts as that. A block that leaves the reference image
+//! stops its lane: what it matches is undefined.
+
+use rspirv::spirv::Op as Opcode;
+
+use crate::error::Result;
+use crate::machine::format::Class;
+use crate::machine::image::{Dimension, Image, Position};
+use crate::machine::sampler::{ReductionMode, Sampler};
+use crate::machine::{Bindings, Reg, Registers, TrapCode};
+use crate::module::{Id, Instruction};
+use crate::ops::decode::{Decoder, Words};
+use crate::ops::image::filter::Lookup;
+use crate::ops::image::view::{self, View, view_of};
+use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::op::{Access, Op as Operation};
+
+/// The longest side of a box (`maxBoxFilterBlockSize`).
+const MOST_BOX: f32 = 64.0;
+
+/// An image with its sampler.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampled {
+    view: View,
+    image: Reg,
+    sampler: Reg,
+}
+
+/// What is done.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// The mean of a box, whose sides stand in rows.
+    Box(Words),
+    /// A sum weighted by another image.
+    Weighted(Sampled),
+    /// Blocks are compared.
+    Match {
+        /// The other image.
+        reference: Sampled,
+        /// The block's first texel there.
+        at: Words,
+        /// Width and height of the block.
+        size: Words,
+        /// Whether differences are squared.
+        squared: bool,
+        /// How often.
+        times: Times,
+    },
+}
+
+/// At which places of the target a block is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Times {
+    /// At the coordinate.
+    Once,
+    /// At the coordinate and three to its right.
+    Gather,
+    /// In the window of the target's sampler: the least or the greatest difference.
+    Window,
+}
+
+/// An operation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Process {
+    to: Texel,
+    target: Sampled,
+    coordinate: Words,
+    kind: Kind,
+}
+
+impl Process {
+    /// The image's handle.
+    pub fn image(&self) -> Reg {
+        self.target.image
+    }
+
+    /// See [`crate::ops::op::Op::accesses`].
+    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+        let mut read = |reg: Reg| visit(Access::Read(reg, 1));
+        [self.target.image, self.target.sampler].into_iter().for_each(&mut read);
+        self.coordinate.iter().copied().for_each(&mut read);
+        match &self.kind {
+            Kind::Box(sides) => sides.iter().copied().for_each(&mut read),
+            Kind::Weighted(weights) => [weights.image, weights.sampler].into_iter().for_each(&mut read),
+            Kind::Match { reference, at, size, .. } => {
+                [reference.image, reference.sampler].into_iter().for_each(&mut read);
+                at.iter().chain(size).copied().for_each(&mut read);
+            }
+        }
+        visit(Access::Write(self.to.to, self.to.rows()));
+    }
+
+    /// Runs it for a lane.
+    pub fn eval<const W: usize>(
+        &self,
+        registers: &mut Registers<W>,
+        lane: usize,
+        bindings: &Bindings,
+    ) -> Result<(), TrapCode> {
+        let word = |reg: Reg| registers[reg].0[lane];
+        let find = |sampled: Sampled| -> Result<(&Image, &Sampler), TrapCode> {
+            let image = sampled.view.image(bindings, word(sampled.image))?;
+            Ok((image, view::sampler(bindings, word(sampled.sampler))?))
+        };
+        let (image, sampler) = find(self.target)?;
+        let floats = |words: &Words| [0, 1].map(|at: usize| f32::from_bits(word(words[at])));
+        let value = match &self.kind {
+            Kind::Box(sides) => boxed(image, sampler, floats(&self.coordinate), floats(sides)),
+            Kind::Weighted(weights) => weighted(image, sampler, floats(&self.coordinate), find(*weights)?.0)?,
+            Kind::Match { reference, at, size, squared, times } => {
+                let integers = |words: &Words| [0, 1].map(|axis: usize| i64::from(word(words[axis])));
+                let (other, _) = find(*reference)?;
+                let (at, size) = (integers(at), integers(size));
+                let extent = other.level_extent(0).map(i64::from);
+                if (0..2).any(|axis| size[axis] < 1 || at[axis] + size[axis] > extent[axis]) {
+                    return Err(TrapCode::ImageOutOfBounds);
+                }
+                let blocks = Blocks { image, sampler, reference: other, at, size, squared: *squared };
+                blocks.compared(integers(&self.coordinate), *times)?
+            }
+        };
+        self.to.write(registers, lane, value.map(|part| u64::from(part.to_bits())));
+        Ok(())
+    }
+}
+
+/// Coordinates in texels of level 0.
+fn unnormalized(image: &Image, sampler: &Sampler, coordinate: [f32; 2]) -> [f32; 2] {
+    let extent = image.level_extent(0);
+    let scale = |axis: usize| if sampler.unnormalized_coordinates { 1.0 } else { extent[axis] as f32 };
+    std::array::from_fn(|axis| coordinate[axis] * scale(axis))
+}
+
+fn texel(image: &Image, sampler: &Sampler, at: [i64; 2]) -> [f32; 4] {
+    let lookup = Lookup { image, sampler, at: [0.0; 3], layer: 0.0, offset: [0; 3], reference: None };
+    lookup.plane_texel(at)
+}
+
+/// Values combined as the sampler's reduction mode has it.
+#[derive(Default)]
+struct Combined(Option<[f32; 4]>);
+
+impl Combined {
+    fn add(&mut self, mode: ReductionMode, value: [f32; 4]) {
+        self.0 = Some(match self.0 {
+            None => value,
+            Some(before) => std::array::from_fn(|part| match mode {
+                ReductionMode::WeightedAverage => before[part] + value[part],
+                ReductionMode::Min => before[part].min(value[part]),
+                ReductionMode::Max => before[part].max(value[part]),
+            }),
+        });
+    }
+
+    fn value(&self) -> [f32; 4] {
+        self.0.unwrap_or_default()
+    }
+}
+
+/// `OpImageBoxFilterQCOM`
+fn boxed(image: &Image, sampler: &Sampler, coordinate: [f32; 2], sides: [f32; 2]) -> [f32; 4] {
+    let centre = unnormalized(image, sampler, coordinate);
+    let mode = sampler.reduction_mode;
+    // Not a number counts as 1.
+    let sides = sides.map(|side| if side >= 1.0 { side.min(MOST_BOX) } else { 1.0 });
+    let axis = |axis: usize| {
+        let start = centre[axis] - sides[axis] / 2.0;
+        let first = start.floor();
+        let start = if start.is_finite() { start - first } else { 0.0 };
+        let (last, end) = ((start + sides[axis]).ceil() as usize, (start + sides[axis]).fract());
+        let weights = (0..last).map(move |at| match at {
+            0 => 1.0 - start,
+            at if at + 1 == last && end != 0.0 => end,
+            _ => 1.0,
+        });
+        // `as` saturates, and takes not-a-number to 0.
+        (i64::from(first as i32), weights.collect::<Vec<f32>>())
+    };
+    let ((i, across), (j, down)) = (axis(0), axis(1));
+    let mut sum = Combined::default();
+    for (y, vertical) in down.iter().enumerate() {
+        for (x, horizontal) in across.iter().enumerate() {
+            let texel = texel(image, sampler, [i + x as i64, j + y as i64]);
+            let weight = if mode == ReductionMode::WeightedAverage { horizontal * vertical } else { 1.0 };
+            sum.add(mode, texel.map(|part| weight * part));
+        }
+    }
+    match mode {
+        ReductionMode::WeightedAverage => {
+            let scale = 1.0 / (sides[1] * sides[0]);
+            sum.value().map(|part| scale * part)
+        }
+        ReductionMode::Min | ReductionMode::Max => sum.value(),
+    }
+}
+
+/// `OpImageSampleWeightedQCOM`
+fn weighted(
+    image: &Image,
+    sampler: &Sampler,
+    coordinate: [f32; 2],
+    weights: &Image,
+) -> Result<[f32; 4], TrapCode> {
+    let filter = weights.sample_weight().ok_or(TrapCode::ImageMismatch)?;
+    let at = unnormalized(image, sampler, coordinate);
+    let mode = sampler.reduction_mode;
+    let phases = filter.phases.isqrt().max(1);
+    let phase = at.map(|part| {
+        let fraction = part - part.floor();
+        ((fraction * phases as f32) as u32).min(phases - 1)
+    });
+    let first: [i64; 2] =
+        std::array::from_fn(|axis| i64::from((at[axis] - filter.center[axis] as f32).floor() as i32));
+    let separable = weights.shape().dimension == Dimension::D1Array;
+    let stored = |at: [u32; 2], layer: u32| {
+        let at = [i64::from(at[0]), i64::from(at[1]), 0];
+        let position = Position { at, layer: i64::from(layer), ..Position::default() };
+        let index = weights.index(&position).ok_or(TrapCode::ImageOutOfBounds)?;
+        Ok(f32::from_bits(weights.format().decode(weights.load(index))[0] as u32))
+    };
+    let mut sum = Combined::default();
+    for l in 0..filter.size[1] {
+        for k in 0..filter.size[0] {
+            let weight = if separable {
+                let packed = |at: u32, axis: usize| phases * 4 * (at / 4) + phase[axis] * 4 + at % 4;
+                stored([packed(k, 0), 0], 0)? * stored([packed(l, 1), 0], 1)?
+            } else {
+                stored([k, l], phase[1] * phases + phase[0])?
+            };
+            let texel = texel(image, sampler, [first[0] + i64::from(k), first[1] + i64::from(l)]);
+            match mode {
+                ReductionMode::WeightedAverage => sum.add(mode, texel.map(|part| weight * part)),
+                _ if weight != 0.0 => sum.add(mode, texel),
+                _ => {}
+            }
+        }
+    }
+    Ok(sum.value())
+}
+
+/// Blocks of two images that are compared.
+struct Blocks<'a> {
+    image: &'a Image,
+    sampler: &'a Sampler,
+    reference: &'a Image,
+    at: [i64; 2],
+    size: [i64; 2],
+    squared: bool,
+}
+
+impl Blocks<'_> {
+    fn compared(&self, target: [i64; 2], times: Times) -> Result<[f32; 4], TrapCode> {
+        let red = |x: u32, y: u32| self.difference([target[0] + i64::from(x), target[1] + i64::from(y)])[0];
+        match times {
+            Times::Once => Ok(self.difference(target)),
+            Times::Gather => Ok([0, 1, 2, 3].map(|x| red(x, 0))),
+            Times::Window => {
+                let window = self.sampler.block_match_window.ok_or(TrapCode::SamplerMismatch)?;
+                let mut found =
+                    [if window.greatest { f32::NEG_INFINITY } else { f32::INFINITY }, 0.0, 0.0, 0.0];
+                for x in 0..window.extent[0] {
+                    for y in 0..window.extent[1] {
+                        let difference = red(x, y);
+                        let better =
+                            if window.greatest { difference > found[0] } else { difference < found[0] };
+                        if better {
+                            found = [difference, x as f32, y as f32, 0.0];
+                        }
+                    }
+                }
+                Ok(found)
+            }
+        }
+    }
+
+    /// The difference of the block of the reference and that at a place of the target.
+    fn difference(&self, target: [i64; 2]) -> [f32; 4] {
+        let mode = self.sampler.reduction_mode;
+        let sums = mode == ReductionMode::WeightedAverage;
+        let square = |part: f32| if self.squared { part * part } else { part };
+        let mut sum = Combined::default();
+        for y in 0..self.size[1] {
+            for x in 0..self.size[0] {
+                let own = texel(self.image, self.sampler, [target[0] + x, target[1] + y]);
+                let other = texel(self.reference, self.sampler, [self.at[0] + x, self.at[1] + y]);
+                let difference: [f32; 4] = std::array::from_fn(|part| (other[part] - own[part]).abs());
+                sum.add(mode, if sums { difference.map(square) } else { difference });
+            }
+        }
+        if sums { sum.value() } else { sum.value().map(square) }
+    }
+}
+
+/// Opcodes decoded here.
+pub const OPCODES: &[Opcode] = &[
+    Opcode::ImageSampleWeightedQCOM,
+    Opcode::ImageBoxFilterQCOM,
+    Opcode::ImageBlockMatchSSDQCOM,
+    Opcode::ImageBlockMatchSADQCOM,
+    Opcode::ImageBlockMatchWindowSSDQCOM,
+    Opcode::ImageBlockMatchWindowSADQCOM,
+    Opcode::ImageBlockMatchGatherSSDQCOM,
+    Opcode::ImageBlockMatchGatherSADQCOM,
+];
+
+/// Decodes image processing; `false` for any other instruction.
+pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    use Opcode::*;
+    if !OPCODES.contains(&opcode) {
+        return Ok(false);
+    }
+    let planes = [Dimension::D2];
+    let target = sampled(decoder, instruction, 0, &planes)?;
+    let coordinate = pair(decoder, instruction, 1)?;
+    let kind = match opcode {
+        ImageBoxFilterQCOM => Kind::Box(pair(decoder, instruction, 2)?),
+        ImageSampleWeightedQCOM => {
+            let kinds = [Dimension::D2Array, Dimension::D1Array];
+            Kind::Weighted(sampled(decoder, instruction, 2, &kinds)?)
+        }
+        _ => {
+            let squared = matches!(
+                opcode,
+                ImageBlockMatchSSDQCOM | ImageBlockMatchWindowSSDQCOM | ImageBlockMatchGatherSSDQCOM
+            );
+            let times = match opcode {
+                ImageBlockMatchSSDQCOM | ImageBlockMatchSADQCOM => Times::Once,
+                ImageBlockMatchGatherSSDQCOM | ImageBlockMatchGatherSADQCOM => Times::Gather,
+                _ => Times::Window,
+            };
+            Kind::Match {
+                reference: sampled(decoder, instruction, 2, &planes)?,
+                at: pair(decoder, instruction, 3)?,
+                size: pair(decoder, instruction, 4)?,
+                squared,
+                times,
+            }
+        }
+    };
+    let to = texel_result(decoder, instruction, false)?;
+    decoder.emit(Operation::Image(Op::Process(Box::new(Process { to, target, coordinate, kind }))));
+    Ok(true)
+}
+
+fn sampled(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    at: usize,
+    dimensions: &[Dimension],
+) -> Result<Sampled> {
+    let id: Id = decoder.id(instruction, at)?;
+    let view = view_of(decoder, id)?;
+    let &[image, sampler] = &decoder.words(id)?[..] else {
+        return Err(decoder.invalid("a sampled image is needed here"));
+    };
+    if !dimensions.contains(&view.dimension) || view.multisampled || view.class != Class::Float {
+        return Err(decoder.invalid("image processing of another kind of image (SPV_QCOM_image_processing)"));
+    }
+    Ok(Sampled { view, image, sampler })
+}
+
+fn pair(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Words> {
+    let words = decoder.operand(instruction, at)?;
+    match words.len() {
+        2 => Ok(words),
+        count => Err(decoder.invalid(format!("{count} words where a vector of two must be"))),
+    }
+}
