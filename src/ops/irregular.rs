@@ -16,7 +16,7 @@ use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::parts;
 use crate::ops::relational_logical as logical;
 use crate::ops::row::{Family, Set, family};
-use crate::ops::{componentwise, debug_printf, linear_algebra};
+use crate::ops::{amd, componentwise, debug_printf, linear_algebra};
 
 /// Opcodes decoded here.
 pub const OPCODES: &[Opcode] = &[
@@ -203,6 +203,9 @@ fn extended_instruction(decoder: &mut Decoder<'_>, instruction: &Instruction) ->
         return debug_printf::decode(decoder, instruction);
     }
     if name.starts_with("NonSemantic.") {
+        return Ok(());
+    }
+    if amd::decode(decoder, name, number, instruction)? {
         return Ok(());
     }
     if name != "GLSL.std.450" {

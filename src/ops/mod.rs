@@ -5,6 +5,7 @@
 //! of registers, so that composites cost nothing when the program runs.
 
 pub mod address;
+pub mod amd;
 pub mod arithmetic;
 pub mod atomic;
 pub mod barrier;

@@ -450,17 +450,17 @@ fn emit(
 
 /// Reads a value of some words from another invocation that the own place tells.
 pub fn read(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32) -> Result<Reg> {
-    let to = decoder.fresh(words)?;
-    let (kind, operand) = (Kind::Read(from), Reg(0));
-    decoder.emit(Operation::Subgroup(Op {
-        kind,
-        to,
-        results: words,
-        value,
-        values: words,
-        operand,
-        operands: 0,
-    }));
+    let (to, kind, operand) = (decoder.fresh(words)?, Kind::Read(from), Reg(0));
+    let (results, values, operands) = (words, words, 0);
+    decoder.emit(Operation::Subgroup(Op { kind, to, results, value, values, operand, operands }));
+    Ok(to)
+}
+
+/// The same from one that an operand tells.
+pub fn read_at(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32, operand: Reg) -> Result<Reg> {
+    let (to, kind) = (decoder.fresh(words)?, Kind::Read(from));
+    let (results, values, operands) = (words, words, 1);
+    decoder.emit(Operation::Subgroup(Op { kind, to, results, value, values, operand, operands }));
     Ok(to)
 }
 

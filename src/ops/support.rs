@@ -16,7 +16,7 @@ use crate::module::names::{builtin_name, ext_inst_name, opcode_name, storage_cla
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::row::{Set, family};
 use crate::ops::{
-    address, atomic, barrier, builtin, composite, derivative, dot_product, hit_object, image, irregular,
+    address, amd, atomic, barrier, builtin, composite, derivative, dot_product, hit_object, image, irregular,
     linear_algebra, pointer, ray_query, ray_tracing, subgroup,
 };
 
@@ -95,6 +95,8 @@ pub fn instruction_set(name: &str) -> Support {
         // They change no result.
         _ if name.starts_with("NonSemantic.") => Support::Supported("debug information"),
         "DebugInfo" | "OpenCL.DebugInfo.100" => Support::Supported("debug information"),
+        amd::TRINARY | amd::BALLOT => Support::Supported("SPV_AMD"),
+        "SPV_AMD_shader_explicit_vertex_parameter" => Support::OutOfScope(lists::GRAPHICS),
         "OpenCL.std" => Support::OutOfScope(lists::KERNELS),
         _ if name.starts_with("TOSA.") || name.starts_with("Arm.") => Support::OutOfScope(lists::TENSORS),
         _ => Support::Unsupported("other instruction sets"),

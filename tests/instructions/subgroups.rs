@@ -16,7 +16,9 @@ const CAPABILITIES: &str = "
     OpCapability SubgroupBallotKHR
     OpCapability SubgroupVoteKHR
     OpCapability Groups
-    OpExtension \"SPV_AMD_shader_ballot\"";
+    OpExtension \"SPV_AMD_shader_ballot\"
+    %amd_ballot = OpExtInstImport \"SPV_AMD_shader_ballot\"
+    %amd_trinary = OpExtInstImport \"SPV_AMD_shader_trinary_minmax\"";
 
 /// Runs a body for all invocations; gives each one's words with its place and its subgroup's size.
 fn run(body: &str) -> Vec<([u32; 16], u32, u32)> {
@@ -358,5 +360,94 @@ fn the_older_extensions_do_the_same() {
             last,
         ];
         assert_eq!(words[..14], expected, "place {place} of {size}");
+    }
+}
+
+/// A body with the constants that the next test needs.
+const SWIZZLES: &str = "
+    %offsets = OpConstantComposite %uint4 %u1 %u0 %u3 %u3
+    %swizzle = OpConstantComposite %uint3 %u7 %u8 %u1
+    %low_bits = OpConstant %ulong 0xFF0L";
+
+#[test]
+fn invocations_are_swizzled_written_and_counted() {
+    let found = Shader {
+        capabilities: CAPABILITIES,
+        declarations: SWIZZLES,
+        body: "
+            %a = OpExtInst %uint %amd_ballot 1 %id %offsets
+            out 0 %a
+            %b = OpExtInst %uint %amd_ballot 2 %id %swizzle
+            out 1 %b
+            %c = OpExtInst %uint %amd_ballot 3 %id %u30 %u5
+            out 2 %c
+            %d = OpExtInst %uint %amd_ballot 4 %low_bits
+            out 3 %d",
+        ..Shader::default()
+    }
+    .run();
+    for (id, words) in found.iter().enumerate() {
+        let id = id as u32;
+        let (place, base) = (id % 32, id / 32 * 32);
+        let size = if base == 0 { 32 } else { 8 };
+        let swizzled = (place & 7 | 8) ^ 1;
+        let expected = [
+            id / 4 * 4 + [1, 0, 3, 3][id as usize % 4],
+            // Whoever is not there gives 0.
+            if swizzled < size { base + swizzled } else { 0 },
+            if place == 5 { 30 } else { id },
+            place.clamp(4, 12) - 4,
+        ];
+        assert_eq!(words[..4], expected, "invocation {id}");
+    }
+}
+
+#[test]
+fn of_three_the_least_the_greatest_and_the_middle() {
+    let found = run("
+        %low = OpBitwiseAnd %uint %id %u7
+        %signed = OpISub %int %low %u3
+        %f = OpConvertSToF %float %signed
+        %f1 = OpConvertUToF %float %u1
+        %f3 = OpConvertUToF %float %u3
+        %a = OpExtInst %float %amd_trinary 1 %f3 %f %f1
+        %a_bits = OpConvertFToS %uint %a
+        out 0 %a_bits
+        %b = OpExtInst %uint %amd_trinary 2 %low %u3 %u5
+        out 1 %b
+        %c = OpExtInst %int %amd_trinary 3 %signed %u1 %u2
+        %c_bits = OpBitcast %uint %c
+        out 2 %c_bits
+        %d = OpExtInst %float %amd_trinary 4 %f1 %f %f3
+        %d_bits = OpConvertFToS %uint %d
+        out 3 %d_bits
+        %e = OpExtInst %uint %amd_trinary 5 %low %u3 %u5
+        out 4 %e
+        %g = OpExtInst %int %amd_trinary 6 %signed %u1 %u2
+        %g_bits = OpBitcast %uint %g
+        out 5 %g_bits
+        %h = OpExtInst %float %amd_trinary 7 %f1 %f %f3
+        %h_bits = OpConvertFToS %uint %h
+        out 6 %h_bits
+        %i = OpExtInst %uint %amd_trinary 8 %low %u3 %u5
+        out 7 %i
+        %j = OpExtInst %int %amd_trinary 9 %signed %u2 %u1
+        %j_bits = OpBitcast %uint %j
+        out 8 %j_bits");
+    for (id, (words, ..)) in found.iter().enumerate() {
+        let low = id as i32 & 7;
+        let signed = low - 3;
+        let expected = [
+            signed.min(1),
+            low.min(3),
+            signed.min(1),
+            signed.max(3),
+            low.max(5),
+            signed.max(2),
+            signed.clamp(1, 3),
+            low.clamp(3, 5),
+            signed.clamp(1, 2),
+        ];
+        assert_eq!(words[..9], expected.map(|value| value as u32), "invocation {id}");
     }
 }
