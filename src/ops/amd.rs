@@ -55,8 +55,8 @@ fn trinary(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) ->
         return Err(decoder.invalid("the operands of a minimum or maximum of three differ in size"));
     }
     let mut found = Words::new();
-    for at in 0..count {
-        let [x, y, z] = [0, 1, 2].map(|operand: usize| operands[operand][at]);
+    let [first, second, third] = operands;
+    for ((&x, &y), &z) in first.iter().zip(&second).zip(&third) {
         found.push(match number {
             1..=3 => {
                 let others = decoder.family(least, width, &[y, z])?;
