@@ -87,6 +87,7 @@ pub(super) fn between([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32;
 #[derive(Debug)]
 pub struct Blas {
     geometries: Vec<Geometry>,
+    bounds: OnceLock<Bounds>,
     body: OnceLock<Body>,
 }
 
@@ -105,7 +106,7 @@ impl Blas {
         if !mistakes.is_empty() {
             return Err(Error::several(mistakes));
         }
-        Ok(Arc::new(Self { geometries, body: OnceLock::new() }))
+        Ok(Arc::new(Self { geometries, bounds: OnceLock::new(), body: OnceLock::new() }))
     }
 
     /// The geometries in the order of their `RayGeometryIndexKHR`.
@@ -137,9 +138,19 @@ impl Blas {
         self.body.get().is_some()
     }
 
-    /// The box around all active primitives, in object space; empty where there are none. Builds.
+    /// Whether rays have reached it, and it has a tree: a few primitives have none.
+    pub fn has_tree(&self) -> bool {
+        self.body.get().is_some_and(|body| body.tree().is_some())
+    }
+
+    /// The box around all active primitives, in object space; empty where there are none. Builds
+    /// nothing else, unless vertices move.
     pub fn bounds(&self) -> Bounds {
-        self.body().bounds()
+        match self.body.get() {
+            Some(body) => body.bounds(),
+            None if self.moves() => self.body().bounds(),
+            None => *self.bounds.get_or_init(|| Body::bounds_of(&self.geometries)),
+        }
     }
 
     /// The primitives in the form that traversal takes; builds on first use.

@@ -125,6 +125,15 @@ impl Body {
         Self { shapes: shapes(&order), names, tree, bounds: around, common_flags }
     }
 
+    /// The box around all active primitives, without building anything.
+    pub fn bounds_of(geometries: &[Geometry]) -> Bounds {
+        let primitives = geometries.iter().flat_map(|Geometry { data, .. }| {
+            (0..data.primitive_count() as u32).map(|at| data.primitive(at))
+        });
+        let boxes = primitives.filter_map(|primitive| bounds(&primitive));
+        boxes.fold(Bounds::EMPTY, |all, one| all.union(&one))
+    }
+
     /// The box around all active primitives.
     pub fn bounds(&self) -> Bounds {
         self.bounds

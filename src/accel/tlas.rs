@@ -64,6 +64,11 @@ pub struct Instance {
 }
 
 impl Instance {
+    /// Whether a ray is in it what it is in the world, at any time.
+    pub fn is_identity(&self) -> bool {
+        self.motion.is_none() && self.transform == IDENTITY
+    }
+
     /// Object to world at a time within 0 and 1 (`ObjectToWorldKHR`, row-major). The identity where
     /// there is none: no ray meets such an instance.
     pub fn object_to_world(&self, time: f32) -> [[f32; 4]; 3] {
@@ -135,7 +140,7 @@ impl Tlas {
         };
         let place = |instance: &Instance| match &instance.motion {
             Some(_) => Placed::Moving,
-            None if instance.transform == IDENTITY => Placed::InWorld,
+            None if instance.is_identity() => Placed::InWorld,
             None => Placed::Still(still(&instance.transform)),
         };
         let placed = instances.iter().map(place).collect();
@@ -266,7 +271,7 @@ impl Tlas {
     }
 
     /// The tree over the instances' world boxes, with its order (place -> instance); `None` for a
-    /// few instances. Builds on first use, and with it the boxes of every BLAS that has primitives.
+    /// few instances. Builds on first use; of a BLAS it needs the box around all alone.
     pub(super) fn tree(&self) -> Option<&(Tree, Vec<u32>)> {
         if self.instances.len() <= LINEAR {
             return None;

@@ -83,6 +83,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     save(&args.output, image, linear)?;
     if args.stats {
         output::print(stats::table(&counted, ready, traced))?;
+        output::print(stats::spared(&counted, &assembled))?;
         output::print(stats::order(&assembled))?;
     }
     Ok(())

@@ -1,8 +1,10 @@
 //! What `--stats` prints.
 
+use std::sync::Arc;
 use std::time::Duration;
 
-use crate::machine::Binding;
+use crate::accel::Tlas;
+use crate::machine::{Binding, Descriptor};
 use crate::pipeline::Stats;
 use crate::program::sharing::Memory;
 use crate::scene::Assembled;
@@ -71,5 +73,63 @@ fn sharing(whose: &str, memory: Memory) -> String {
     format!(
         "one thread, 32 invocations together in their order: {whose} invocations may reach each other's data in \
          {place}, without atomic instructions\n"
+    )
+}
+
+/// What was not done because nothing needed it.
+pub fn spared(stats: &Stats, assembled: &Assembled) -> String {
+    let descriptors = assembled.resources.descriptors.values().flatten();
+    let mut structures: Vec<&Arc<Tlas>> = Vec::new();
+    for descriptor in descriptors {
+        if let Descriptor::AccelerationStructure(tlas) = descriptor
+            && !structures.iter().any(|known| Arc::ptr_eq(known, tlas))
+        {
+            structures.push(tlas);
+        }
+    }
+    let instances: Vec<_> = structures.iter().flat_map(|tlas| tlas.instances()).collect();
+    let mut parts: Vec<_> = instances.iter().map(|instance| &instance.blas).collect();
+    parts.sort_by_key(|blas| Arc::as_ptr(blas));
+    parts.dedup_by(|one, other| Arc::ptr_eq(one, other));
+    let mut text = String::new();
+    if !instances.is_empty() {
+        let mut kinds: Vec<String> = Vec::new();
+        for kind in parts.iter().filter_map(|blas| blas.kind()).map(|kind| kind.to_string()) {
+            if !kinds.contains(&kind) {
+                kinds.push(kind);
+            }
+        }
+        kinds.sort_unstable();
+        let built = parts.iter().filter(|blas| blas.is_built()).count();
+        let trees = parts.iter().filter(|blas| blas.has_tree()).count();
+        text += &format!(
+            "structures        {:>9} of {}, met by rays, were built, {trees} of them with a tree ({})\n",
+            built,
+            parts.len(),
+            kinds.join(", ")
+        );
+        let still = instances.iter().filter(|instance| instance.is_identity()).count();
+        text += &format!("not transformed   {still:>9} of {} instances\n", instances.len());
+    }
+    let spared = stats.spared;
+    let rows = [
+        (spared.any_hit, "any-hit questions, of hits on opaque geometry"),
+        (spared.occlusion, "rays end at any hit, as they only ask whether there is one"),
+        (spared.empty, "invocations of shaders that leave nothing behind"),
+    ];
+    for (count, what) in rows.iter().filter(|(count, _)| *count > 0) {
+        text += &format!("spared            {count:>9} {what}\n");
+    }
+    let programs = assembled.pipeline.programs.iter();
+    let dispatched = assembled.dispatches.iter().map(|dispatch| &dispatch.compute.program);
+    let (mut operations, mut builtins, mut kept) = (0, 0, 0);
+    for program in programs.chain(dispatched) {
+        operations += program.dropped.operations;
+        builtins += program.dropped.builtins;
+        kept += program.ops.len();
+    }
+    text + &format!(
+        "dropped           {operations:>9} of {} operations and {builtins} builtins, which no output reads\n",
+        operations as usize + kept
     )
 }

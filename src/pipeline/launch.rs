@@ -30,6 +30,19 @@ pub struct Stats {
     pub reorders: u64,
     /// Invocations and batches by stage.
     pub shaders: BTreeMap<Stage, ShaderStats>,
+    /// What was not needed, and not done.
+    pub spared: Spared,
+}
+
+/// Work of rays that was not needed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Spared {
+    /// Closest hits on opaque geometry, whose group's any-hit shader was not asked.
+    pub any_hit: u64,
+    /// Rays that ask only whether something is hit, and end at whatever hit they come upon.
+    pub occlusion: u64,
+    /// Invocations of shaders that leave nothing behind: they are counted, and not run.
+    pub empty: u64,
 }
 
 /// How often shaders of a stage ran.
@@ -42,12 +55,21 @@ pub struct ShaderStats {
 }
 
 impl Stats {
+    /// Counts an invocation of a shader that leaves nothing behind.
+    pub(super) fn spare(&mut self, stage: Stage) {
+        self.spared.empty += 1;
+        self.shaders.entry(stage).or_default().invocations += 1;
+    }
+
     /// The sum of two.
     #[must_use]
     pub fn plus(mut self, other: &Self) -> Self {
         self.rays += other.rays;
         self.ray_queries += other.ray_queries;
         self.reorders += other.reorders;
+        self.spared.any_hit += other.spared.any_hit;
+        self.spared.occlusion += other.spared.occlusion;
+        self.spared.empty += other.spared.empty;
         for (&stage, stats) in &other.shaders {
             let sum = self.shaders.entry(stage).or_default();
             sum.invocations += stats.invocations;

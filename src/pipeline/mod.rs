@@ -35,7 +35,7 @@ pub use compute::Compute;
 pub use device::{DeviceProfile, Features, Limits};
 pub use flags::PipelineFlags;
 pub use group::{Group, HitGroup, Shader};
-pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Stats};
+pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Spared, Stats};
 pub use sbt::{Record, Sbt};
 pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
@@ -80,6 +80,11 @@ impl Pipeline {
             program.interface_rows(storage::INCOMING_RAY_PAYLOAD).map(|rows| rows.count as usize)
         });
         counts.max().unwrap_or(0)
+    }
+
+    /// Whether a shader leaves nothing behind, whatever it is given.
+    fn is_empty(&self, shader: Shader) -> bool {
+        self.programs[shader.0 as usize].is_empty()
     }
 
     /// Whether a shader's results depend on how invocations interleave: a launch then runs them one

@@ -7,10 +7,11 @@ use smallvec::SmallVec;
 use crate::accel::{Candidate, Cursor, HitKind, RayFlags, Tlas, TraceRay, hit_record_index};
 use crate::machine::hit_object::HitEncoded;
 use crate::machine::{Batch, Exit, Hit, Invocation, ShaderRecord, TrapCode};
+use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
-use crate::pipeline::launch::RayOperands;
+use crate::pipeline::launch::{RayOperands, Stats};
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::Role;
 use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
@@ -95,6 +96,8 @@ pub(super) struct Trace {
     shades: bool,
     /// Ray flags that every ray has besides its own, and no shader sees.
     pub pipeline_flags: u32,
+    /// What its rays did not need.
+    pub stats: Stats,
 }
 
 impl Trace {
@@ -105,6 +108,7 @@ impl Trace {
         self.lanes.clear();
         self.waiting.clear();
         self.traversing = true;
+        self.stats = Stats::default();
     }
 
     /// Adds the ray of a lane; lanes come in ascending order.
@@ -149,6 +153,7 @@ impl Trace {
         }
         if any_will_do && let Some(ray) = &mut self.rays[lane] {
             ray.cursor.end_at_any_opaque_hit();
+            self.stats.spared.occlusion += 1;
         }
     }
 
@@ -222,6 +227,13 @@ impl Trace {
                     ];
                     witness.event(Event::Candidate { candidate, record: index, arithmetic, shader });
                 }
+                // A witness sees every shader run.
+                if !T::ACTIVE && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
+                    // An empty intersection shader reports nothing, an empty any-hit shader accepts.
+                    self.stats.spare(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit });
+                    ray.cursor.confirm();
+                    continue;
+                }
                 match shader {
                     Some(shader) => {
                         let role = if candidate.is_box() { Role::Intersection } else { Role::AnyHit };
@@ -249,11 +261,12 @@ impl Trace {
             let lane = self.lanes[place];
             let Some(ray) = self.rays[lane].as_ref().filter(|ray| ray.trapped.is_none()) else { continue };
             let committed = ray.cursor.committed().copied();
-            let mut skipped = false;
+            let (mut skipped, mut spared) = (false, false);
             let (index, record, shader, role) = match &committed {
                 Some(committed) => {
                     let index = ray.record.unwrap_or_else(|| hit_index(&ray.query, &committed.candidate));
                     let (record, group) = hit_group_at(pipeline, index);
+                    spared = committed.candidate.opaque && group.any_hit.is_some();
                     skipped = ray.query.trace.flags.0 & SKIP_CLOSEST_HIT != 0;
                     (index, record, group.closest_hit.filter(|_| !skipped), Role::ClosestHit)
                 }
@@ -268,6 +281,7 @@ impl Trace {
                 witness.invocation(ray.query.launch_id);
                 witness.event(Event::Traversed { committed, record: index, shader, kept: !self.shades });
             }
+            self.stats.spared.any_hit += u64::from(spared);
             let promised = match role {
                 Role::Miss => pipeline.flags.no_null_miss_shaders.then_some(TrapCode::NullMiss),
                 _ => pipeline.flags.no_null_closest_hit_shaders.then_some(TrapCode::NullClosestHit),
@@ -275,6 +289,9 @@ impl Trace {
             match (shader, self.caller) {
                 (None, _) if let Some(code) = promised.filter(|_| self.shades && !skipped) => {
                     self.ray_mut(lane).trap(code);
+                }
+                (Some(shader), _) if !T::ACTIVE && pipeline.is_empty(shader) => {
+                    self.stats.spare(pipeline.programs[shader.0 as usize].stage);
                 }
                 (Some(shader), _) => {
                     let record = record.and_then(Record::shader_record);

@@ -67,6 +67,7 @@ where
     /// Takes a trace whose rays are done from the stack; its ray where nothing called it.
     pub(super) fn end_trace(&mut self) -> Option<RayState> {
         let Some(Level::Trace { trace, payload, object }) = self.levels.pop() else { return None };
+        self.stats = std::mem::take(&mut self.stats).plus(&trace.stats);
         if T::ACTIVE {
             for &lane in trace.lanes().iter().filter(|&&lane| !trace.ray(lane).is_settled()) {
                 let payload = trace.ray(lane).query.payload.to_vec();

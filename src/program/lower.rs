@@ -31,7 +31,7 @@ use crate::program::prune::prune;
 use crate::program::reuse::reuse_rows;
 use crate::program::sharing::touches;
 use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
-use crate::program::{Block, Program, Scope, Stretch, Terminator, Unwatched};
+use crate::program::{Block, Dropped, Program, Scope, Stretch, Terminator, Unwatched};
 
 /// `OpacityMicromapIdKHR`
 const OPACITY_MICROMAP_ID: u32 = 6031;
@@ -554,13 +554,19 @@ impl<'m> Lowering<'m> {
             uses_subgroups: false,
             workgroup,
             addresses_records: false,
+            dropped: Dropped::default(),
         };
+        let (operations, builtins) = (program.ops.len(), program.inputs.len());
         let addressed = &self.decoder.addressed;
         prune(&mut program, addressed);
         forward_copies(&mut program, addressed);
         drop_dead_stores(&mut program, addressed);
         prune(&mut program, addressed);
         program.touches = touches(&program);
+        program.dropped = Dropped {
+            operations: (operations - program.ops.len()) as u32,
+            builtins: (builtins - program.inputs.len()) as u32,
+        };
         reuse_rows(&mut program, addressed);
         program
     }

@@ -153,6 +153,17 @@ pub struct Program {
     pub workgroup: Option<WorkgroupLayout>,
     /// Whether it asks for device addresses of shader records.
     pub addresses_records: bool,
+    /// What lowering dropped, as nothing reads it.
+    pub dropped: Dropped,
+}
+
+/// What no output of a program depends on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dropped {
+    /// Operations.
+    pub operations: u32,
+    /// Builtins that the shader loads and that nobody computes.
+    pub builtins: u32,
 }
 
 impl Program {
@@ -185,6 +196,13 @@ impl Program {
         let found = module.entry_points.iter().find(|known| known.stage == stage && known.name == entry);
         let message = || format!("the module has no {} entry point `{entry}`", stage.name());
         lower(module, found.ok_or_else(|| Error::new(ErrorKind::InvalidArgument, message()))?)
+    }
+
+    /// Whether it does nothing at all: no output, no effect, and nothing that could trap.
+    pub fn is_empty(&self) -> bool {
+        let ends =
+            |block: &Block| matches!(block.terminator, Terminator::Return | Terminator::Exit(Exit::Returned));
+        self.ops.is_empty() && self.blocks.len() == 1 && self.blocks.iter().all(ends)
     }
 
     /// A batch with the constants in place, ready for [`Program::begin`].

@@ -1,0 +1,228 @@
+//! What a scene does not need is not done, and `--stats` counts it.
+
+use std::process::Command;
+use std::sync::Arc;
+
+use anyhit::accel::{
+    Blas, Counters, Cursor, Geometry, GeometryData, GeometryFlags, Instance, InstanceFlags, RayFlags, Tlas,
+    TraceRay,
+};
+use anyhit::machine::Resources;
+use anyhit::module::interface::Stage;
+use anyhit::pipeline::{Launch, Pipeline, RayOperands, Stats};
+use anyhit::{Program, Ray, Result};
+
+#[path = "support/assembly.rs"]
+mod assembly;
+
+const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+
+/// Spheres of radius 1/4 in a row along x, one a unit, the first at 0.
+fn spheres(count: usize, flags: GeometryFlags) -> Arc<Blas> {
+    let positions = (0..count).map(|at| [at as f32, 0.0, 0.0]).collect();
+    let data = GeometryData::Spheres { positions, radii: vec![0.25; count], indices: None };
+    Blas::new(vec![Geometry::new(data, flags)]).expect("legal spheres")
+}
+
+fn instance(blas: &Arc<Blas>, y: f32) -> Instance {
+    let mut transform = IDENTITY;
+    transform[1][3] = y;
+    let (custom_index, mask, sbt_record_offset) = (0, 0xFF, 0);
+    let flags = InstanceFlags::default();
+    Instance { blas: blas.clone(), transform, motion: None, custom_index, mask, sbt_record_offset, flags }
+}
+
+/// A ray down onto the sphere in column x of row y.
+fn ray(x: f32, y: f32) -> TraceRay {
+    let ray = Ray::new([x, y, 4.0], [0.0, 0.0, -1.0]);
+    TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 }
+}
+
+fn walk(tlas: &Tlas, trace: TraceRay) -> Counters {
+    let mut counters = Counters::default();
+    let mut cursor = Cursor::new(tlas, trace);
+    while cursor.proceed_with(tlas, &mut counters).is_some() {}
+    counters
+}
+
+#[test]
+fn a_few_primitives_have_no_tree() -> Result<()> {
+    for (count, has_tree) in [(1, false), (4, false), (5, true)] {
+        let blas = spheres(count, GeometryFlags::OPAQUE);
+        let tlas = Tlas::new(vec![instance(&blas, 0.0)])?;
+        assert!(!blas.is_built(), "nothing is built before the first ray");
+        let counters = walk(&tlas, ray(0.0, 0.0));
+        assert!(blas.is_built());
+        assert_eq!(blas.has_tree(), has_tree, "{count} primitives");
+        assert_eq!(counters.nodes > 0, has_tree, "{count} primitives");
+    }
+    Ok(())
+}
+
+#[test]
+fn only_what_a_ray_reaches_is_built() -> Result<()> {
+    // More instances than are looked at without a tree over them: that needs the box around each BLAS
+    // and nothing else of it.
+    let parts: Vec<_> = (0..6).map(|_| spheres(5, GeometryFlags::OPAQUE)).collect();
+    let rows = parts.iter().enumerate().map(|(row, blas)| instance(blas, 2.0 * row as f32));
+    let tlas = Tlas::new(rows.collect())?;
+    walk(&tlas, ray(3.0, 4.0));
+    let built: Vec<bool> = parts.iter().map(|blas| blas.is_built()).collect();
+    assert_eq!(built, [false, false, true, false, false, false]);
+    // A box that is known beforehand is that of the built primitives.
+    let bounds = parts[0].bounds();
+    assert!(!parts[0].is_built());
+    walk(&tlas, ray(3.0, 0.0));
+    assert!(parts[0].is_built() && parts[0].bounds() == bounds);
+    Ok(())
+}
+
+#[test]
+fn a_masked_or_skipped_instance_is_never_built() -> Result<()> {
+    let blas = spheres(5, GeometryFlags::OPAQUE);
+    let tlas = Tlas::new(vec![Instance { mask: 1, ..instance(&blas, 0.0) }])?;
+    walk(&tlas, TraceRay { cull_mask: 2, ..ray(0.0, 0.0) });
+    // Spheres are skipped with triangles (SPV_NV_linear_swept_spheres, SkipBuiltinPrimitivesNV).
+    walk(&tlas, TraceRay { flags: RayFlags(256), ..ray(0.0, 0.0) });
+    assert!(!blas.is_built());
+    Ok(())
+}
+
+#[test]
+fn a_ray_that_asks_only_whether_stops_at_the_first_hit() -> Result<()> {
+    // Looked along, the row has 100 spheres one behind the other.
+    let blas = spheres(100, GeometryFlags::OPAQUE);
+    let tlas = Tlas::new(vec![instance(&blas, 0.0)])?;
+    let along = Ray::new([-4.0, 0.0, 0.0], [1.0, 0.0, 0.0]);
+    let trace = TraceRay { ray: along, ..ray(0.0, 0.0) };
+    let mut counters = Counters::default();
+    let mut cursor = Cursor::new(&tlas, trace);
+    cursor.end_at_any_opaque_hit();
+    assert!(cursor.proceed_with(&tlas, &mut counters).is_none());
+    assert!(cursor.committed().is_some());
+    // One leaf of at most four primitives, whichever it is.
+    assert!(counters.primitives <= 4, "{counters:?}");
+    Ok(())
+}
+
+/// A shader of a stage, by its body.
+fn shader(stage: &str, declarations: &str, body: &str) -> Program {
+    let interface = if declarations.contains("%seen ") { "%seen" } else { "" };
+    let text = format!(
+        "OpCapability RayTracingKHR
+         OpExtension \"SPV_KHR_ray_tracing\"
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint {stage} %main \"main\" {interface}
+         {declarations}
+         %void = OpTypeVoid
+         %function = OpTypeFunction %void
+         %main = OpFunction %void None %function
+         %start = OpLabel
+         {body}
+         OpReturn
+         OpFunctionEnd"
+    );
+    let module = Arc::new(anyhit::module::load(&assembly::assemble(&text)).expect("a module"));
+    Program::of(&module, "main").expect("a shader")
+}
+
+const PRIMITIVE: &str = "OpDecorate %seen BuiltIn PrimitiveId
+     %uint = OpTypeInt 32 0
+     %one = OpConstant %uint 1
+     %pointer = OpTypePointer Input %uint
+     %seen = OpVariable %pointer Input";
+
+#[test]
+fn what_no_output_reads_is_neither_loaded_nor_computed() {
+    // A builtin is loaded and added to, and the sum goes nowhere: two operations at most, and the
+    // builtin, are dropped. (A load of a builtin may be no operation at all.)
+    let body = "%value = OpLoad %uint %seen
+         %sum = OpIAdd %uint %value %one";
+    let idle = shader("ClosestHitKHR", PRIMITIVE, body);
+    assert!((1..=2).contains(&idle.dropped.operations), "{:?}", idle.dropped);
+    assert_eq!(idle.dropped.builtins, 1);
+    assert!(idle.ops.is_empty() && idle.inputs.is_empty() && idle.is_empty());
+    let nothing = shader("ClosestHitKHR", "", "");
+    assert_eq!((nothing.dropped.operations, nothing.dropped.builtins), (0, 0));
+    assert!(nothing.is_empty());
+}
+
+/// One ray onto the first of five spheres, through a hit group.
+fn trace(group: impl IntoIterator<Item = Program>, flags: GeometryFlags, x: f32) -> Result<Stats> {
+    let mut builder = Pipeline::builder();
+    builder.hit(group)?.miss(shader("MissKHR", "", ""))?;
+    let (pipeline, resources) = (builder.build()?, Resources::default());
+    let tlas = Tlas::new(vec![instance(&spheres(5, flags), 0.0)])?;
+    let launch = Launch { pipeline: &pipeline, resources: &resources };
+    let payload = Vec::new();
+    let (sbt_offset, sbt_stride, miss_index) = (0, 0, 0);
+    let operands = RayOperands { trace: ray(x, 0.0), sbt_offset, sbt_stride, miss_index, payload };
+    Ok(launch.trace(&tlas, operands, &mut ())?.stats)
+}
+
+/// An any-hit shader that ignores every hit.
+fn ignoring() -> Program {
+    let text = "OpCapability RayTracingKHR
+         OpExtension \"SPV_KHR_ray_tracing\"
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint AnyHitKHR %main \"main\"
+         %void = OpTypeVoid
+         %function = OpTypeFunction %void
+         %main = OpFunction %void None %function
+         %start = OpLabel
+         OpIgnoreIntersectionKHR
+         OpFunctionEnd";
+    let module = Arc::new(anyhit::module::load(&assembly::assemble(text)).expect("a module"));
+    Program::of(&module, "main").expect("a shader")
+}
+
+#[test]
+fn opaque_geometry_never_asks_any_hit() -> Result<()> {
+    let opaque = trace([ignoring()], GeometryFlags::OPAQUE, 0.0)?;
+    assert!(!opaque.shaders.contains_key(&Stage::AnyHit), "{opaque:?}");
+    assert_eq!(opaque.spared.any_hit, 1);
+    let asked = trace([ignoring()], GeometryFlags::default(), 0.0)?;
+    assert_eq!(asked.shaders[&Stage::AnyHit].invocations, 1);
+    // The hit was ignored: the ray goes on to the miss shader.
+    assert_eq!((asked.spared.any_hit, asked.shaders[&Stage::Miss].invocations), (0, 1));
+    Ok(())
+}
+
+#[test]
+fn shaders_that_leave_nothing_behind_are_counted_and_not_run() -> Result<()> {
+    // A closest-hit shader without a payload, effects or traps cannot be observed.
+    let hit = trace([shader("ClosestHitKHR", "", "")], GeometryFlags::OPAQUE, 0.0)?;
+    let ran = hit.shaders[&Stage::ClosestHit];
+    assert_eq!((ran.invocations, ran.batches, hit.spared.empty), (1, 0, 1));
+    let miss = trace([shader("ClosestHitKHR", "", "")], GeometryFlags::OPAQUE, 0.5)?;
+    assert_eq!((miss.shaders[&Stage::Miss].batches, miss.spared.empty), (0, 1));
+    // An empty any-hit shader accepts; the closest-hit shader is not run either.
+    let group = [shader("AnyHitKHR", "", ""), shader("ClosestHitKHR", "", "")];
+    let both = trace(group, GeometryFlags::default(), 0.0)?;
+    assert_eq!((both.shaders[&Stage::AnyHit].invocations, both.spared.empty), (1, 2));
+    assert_eq!(both.shaders[&Stage::ClosestHit].invocations, 1);
+    Ok(())
+}
+
+#[test]
+fn the_command_tells_what_was_spared() {
+    let picture = std::env::temp_dir().join(format!("anyhit-skips-{}.png", std::process::id()));
+    let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .args(["render", "scenes/swept-spheres.toml", "--size", "32x18", "--stats", "-o"])
+        .arg(&picture)
+        .output()
+        .expect("the program starts");
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{text}");
+    for words in [
+        "met by rays, were built",
+        // Grass and chains, spheres, the ground; the scene has no box.
+        "(linear swept spheres, spheres, triangles)",
+        "instances",
+        "rays end at any hit, as they only ask whether there is one",
+        "which no output reads",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    std::fs::remove_file(&picture).expect("the picture goes away");
+}
