@@ -219,7 +219,21 @@ impl Program {
         }
         numbers.callable = helpers;
         numbers.entry = true;
-        functions.push(numbers.function(8));
+        let mut entry = numbers.function(8);
+        // Variables begin with what tells invocations apart, and end in the outputs.
+        let begin = (0..VARIABLES).map(|at| Statement::SetWord(at, Word::Input(at)));
+        let end = [
+            Word::Variable(0),
+            Word::Variable(1),
+            Word::Variable(2),
+            Word::Low(Box::new(Wide::Variable(0))),
+            Word::Bits(Box::new(Real::Variable(0))),
+            Word::Component(Box::new(Vector::Variable(0)), 1),
+            Word::Element(Box::new(Word::Id)),
+        ];
+        let end = end.into_iter().enumerate().map(|(at, word)| Statement::Out(at, word));
+        entry.body = begin.chain(entry.body).chain(end).collect();
+        functions.push(entry);
         Self { functions }
     }
 
