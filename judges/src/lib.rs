@@ -14,8 +14,6 @@ pub enum Recipe {
     Fold,
     /// `-O`: inlining, phis for variables, unrolling, and all else of the performance recipe.
     Performance,
-    /// `-Os`
-    Size,
 }
 
 /// Runs the optimizer on the words of a module; its complaint where it does not take the module.
@@ -30,9 +28,6 @@ pub fn optimise(words: &[u32], recipe: Recipe) -> Result<Vec<u32>, String> {
         }
         Recipe::Performance => {
             optimizer.register_performance_passes();
-        }
-        Recipe::Size => {
-            optimizer.register_size_passes();
         }
     }
     let mut complaints = Vec::new();
