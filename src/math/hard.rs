@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn signs_follow_the_argument() {
-        assert_eq!(sin(-9830.3984375).to_bits(), 0x3EB1_FA5D);
+        assert_eq!(sin(-9_830.398_f32).to_bits(), 0x3EB1_FA5D);
         assert_eq!(cos(-f32::from_bits(0x5922_AA80)).to_bits(), 0x3F08_AEBF);
         assert_eq!(tan(-f32::from_bits(0x3E19_205E)).to_bits(), 0xBE1A_4733);
         assert_eq!([sin(-0.0).to_bits(), tan(-0.0).to_bits(), asinh(-0.0).to_bits()], [1 << 31; 3]);

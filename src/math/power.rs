@@ -21,9 +21,10 @@ pub fn double(x: f64, y: f64) -> f64 {
     if x == 1.0 || y == 0.0 { 1.0 } else { with_sign(x, y, pxfm::f_pow(x, y)) }
 }
 
-/// An odd power of -0 has its sign, which the crate's functions forget.
+/// An odd power of a negative base has its sign, which the crate's functions forget for -0 and where the
+/// power underflows.
 fn with_sign(x: f64, y: f64, power: f64) -> f64 {
-    let odd = x == 0.0 && x.is_sign_negative() && (y % 2.0).abs() == 1.0;
+    let odd = x.is_sign_negative() && (y % 2.0).abs() == 1.0 && !power.is_nan();
     if odd { -power.abs() } else { power }
 }
 
@@ -96,6 +97,10 @@ mod tests {
         assert_eq!([single(-0.0, 2.0).to_bits(), single(-0.0, 0.5).to_bits()], [0, 0]);
         assert_eq!(double(-0.0, 5.0).to_bits(), (-0.0f64).to_bits());
         assert_eq!([double(-0.0, -1.0), double(-0.0, -2.0)], [f64::NEG_INFINITY, f64::INFINITY]);
+        // What underflows has the sign that the power would have: -10^-400, -10^-50, 10^-600.
+        assert_eq!(double(-1e-80, 5.0).to_bits(), (-0.0f64).to_bits());
+        assert_eq!(single(-1e-10, 5.0).to_bits(), 0x8000_0000);
+        assert_eq!(double(-1e-100, 6.0).to_bits(), 0);
         assert_eq!([double(f64::NAN, 0.0), double(1.0, f64::NAN), double(f64::NAN, -0.0)], [1.0; 3]);
         assert_eq!([single(f32::NAN, 0.0), single(1.0, f32::NAN)], [1.0; 2]);
         assert!(single(-2.0, 0.5).is_nan() && double(-2.0, 0.5).is_nan());
