@@ -289,7 +289,9 @@ impl<const W: usize> IndexMut<Reg> for Registers<W> {
 /// A scalar as it lies in one or two rows.
 ///
 /// Narrow values lie in the low bits, the rest is zero; a bool is 0 or 1; 64-bit values lie in two
-/// rows, the low word first.
+/// rows, the low word first. What is calculated and no number is always written as one quiet NaN, positive and
+/// without a payload: IEEE 754 leaves its bits open, and processors, and compilers that exchange operands,
+/// make different ones.
 pub trait Scalar: Copy {
     /// Rows taken: 1 or 2.
     const WORDS: u32;
@@ -322,13 +324,16 @@ scalars! {
     i8, 1, |low, _high| low as i8, |value| (u32::from(value as u8), 0);
     u16, 1, |low, _high| low as u16, |value| (u32::from(value), 0);
     i16, 1, |low, _high| low as i16, |value| (u32::from(value as u16), 0);
-    f16, 1, |low, _high| f16::from_bits(low as u16), |value| (u32::from(value.to_bits()), 0);
+    f16, 1, |low, _high| f16::from_bits(low as u16),
+        |value| (if value.is_nan() { 0x7E00 } else { value.to_bits().into() }, 0);
     u32, 1, |low, _high| low, |value| (value, 0);
     i32, 1, |low, _high| low as i32, |value| (value as u32, 0);
-    f32, 1, |low, _high| f32::from_bits(low), |value| (value.to_bits(), 0);
+    f32, 1, |low, _high| f32::from_bits(low),
+        |value| (if value.is_nan() { 0x7FC0_0000 } else { value.to_bits() }, 0);
     u64, 2, |low, high| u64::from(low) | u64::from(high) << 32, |value| (value as u32, (value >> 32) as u32);
     i64, 2, |low, high| u64::from_words(low, high) as i64, |value| (value as u64).to_words();
-    f64, 2, |low, high| f64::from_bits(u64::from_words(low, high)), |value| value.to_bits().to_words();
+    f64, 2, |low, high| f64::from_bits(u64::from_words(low, high)),
+        |value| if value.is_nan() { (0, 0x7FF8_0000) } else { value.to_bits().to_words() };
 }
 
 /// Reads one operand's rows: the low words and, for two-row scalars, the high words.

@@ -87,6 +87,12 @@ mod tests {
         check(&FMul, 32, &[0x0080_0000, 0x3F00_0000], 0x0040_0000); // a denormal result is kept
         check(&FMul, 64, &[2f64.to_bits(), 3f64.to_bits()], 6f64.to_bits());
         check(&FDiv, 32, &[0x3F80_0000, 0], 0x7F80_0000);
+        // One NaN, whichever operand has which bits, and where there was none (infinity - infinity, 0 / 0).
+        check(&FAdd, 32, &[0xFFC0_1234, 0x7FC0_0001], 0x7FC0_0000);
+        check(&FMul, 32, &[0x7FC0_0001, 0xFFC0_1234], 0x7FC0_0000);
+        check(&FSub, 32, &[0x7F80_0000, 0x7F80_0000], 0x7FC0_0000);
+        check(&FDiv, 64, &[0, 0], 0x7FF8 << 48);
+        check(&FAdd, 16, &[0xFE01, 0x3C00], 0x7E00);
         // (1 + 2^-12)^2 - 1 = 2^-11 + 2^-24, rounded once; rounded twice it would be 2^-11.
         let near = u64::from((1.0 + 2f32.powi(-12)).to_bits());
         let sum = u64::from((2f32.powi(-11) + 2f32.powi(-24)).to_bits());
