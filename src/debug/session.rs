@@ -192,7 +192,7 @@ impl Settled {
     /// An entry of a scene.
     ///
     /// # Errors
-    /// As [`check`].
+    /// As `check`.
     pub fn of(entry: &RayEntry) -> Result<Self> {
         match entry {
             RayEntry::Pixel { pixel, .. } => Ok(Self::Pixel([pixel.value[0], pixel.value[1], 0])),

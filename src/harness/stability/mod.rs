@@ -1,7 +1,7 @@
 //! How far a shader's results hang on rounding.
 //!
-//! [`shadow`] runs every float operation once more in f64 beside the f32 run, and says on which lines
-//! the two part. [`perturb`] repeats a run with every result moved at random within what Vulkan
+//! [`shadow()`] runs every float operation once more in f64 beside the f32 run, and says on which lines
+//! the two part. [`perturb()`] repeats a run with every result moved at random within what Vulkan
 //! allows, and says which outputs and branches follow. Both watch invocations one by one, as
 //! [`Observer`](crate::machine::Observer)s of the interpreter: a run that nobody watches contains
 //! nothing of them.
