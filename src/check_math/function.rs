@@ -94,7 +94,7 @@ pub static FUNCTIONS: &[Function] = &[
     elementary(&glsl::Acosh, acosh, |a| a.acosh()),
     elementary(&glsl::Atanh, atanh, |a| a.atanh()),
     elementary_pair(&glsl::Atan2, f64::atan2, atan2),
-    elementary_pair(&glsl::Pow, f64::powf, pow),
+    elementary_pair(&glsl::Pow, power, pow),
     elementary(&glsl::Exp, f64::exp, |a| a.exp()),
     elementary(&glsl::Log, f64::ln, |a| a.ln()),
     elementary(&glsl::Exp2, f64::exp2, |a| (a * wide(2.0).ln()).exp()),
@@ -119,6 +119,11 @@ fn atan2(y: &Big, x: &Big) -> Big {
     } else {
         angle
     }
+}
+
+/// 1 even of a signalling NaN, for which the platform's power is a NaN.
+fn power(a: f64, b: f64) -> f64 {
+    if a == 1.0 || b == 0.0 { 1.0 } else { a.powf(b) }
 }
 
 /// A power of a positive number; of a negative one where the exponent is an integer, or there is none.

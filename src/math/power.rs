@@ -17,8 +17,13 @@ pub fn single(x: f32, y: f32) -> f32 {
 /// `x^y` in f64, at most one unit in the last place off.
 #[must_use]
 pub fn double(x: f64, y: f64) -> f64 {
-    // Even of a NaN (IEEE 754-2019, 9.2.1).
-    if x == 1.0 || y == 0.0 { 1.0 } else { with_sign(x, y, pxfm::f_pow(x, y)) }
+    match (x, y) {
+        // Even of a NaN (IEEE 754-2019, 9.2.1).
+        (1.0, _) | (_, 0.0) => 1.0,
+        // For which the crate's power gives NaN where x is large.
+        (_, -0.5) if x > 0.0 => x.inverse_sqrt(),
+        _ => with_sign(x, y, pxfm::f_pow(x, y)),
+    }
 }
 
 /// An odd power of a negative base has its sign, which the crate's functions forget for -0 and where the
@@ -101,6 +106,8 @@ mod tests {
         assert_eq!(double(-1e-80, 5.0).to_bits(), (-0.0f64).to_bits());
         assert_eq!(single(-1e-10, 5.0).to_bits(), 0x8000_0000);
         assert_eq!(double(-1e-100, 6.0).to_bits(), 0);
+        assert_eq!(double(2f64.powi(1022), -0.5), 2f64.powi(-511));
+        assert_eq!([double(f64::INFINITY, -0.5), double(-0.0, -0.5)], [0.0, f64::INFINITY]);
         assert_eq!([double(f64::NAN, 0.0), double(1.0, f64::NAN), double(f64::NAN, -0.0)], [1.0; 3]);
         assert_eq!([single(f32::NAN, 0.0), single(1.0, f32::NAN)], [1.0; 2]);
         assert!(single(-2.0, 0.5).is_nan() && double(-2.0, 0.5).is_nan());
