@@ -8,6 +8,7 @@
 
 mod allowed;
 mod calculate;
+pub mod found;
 pub mod outputs;
 pub mod perturb;
 mod place;
@@ -18,7 +19,8 @@ mod stable;
 mod tell;
 
 pub use allowed::Envelope;
+pub use found::Shadow;
 pub use perturb::{Instability, Perturbation, perturb};
 pub use place::Spot;
-pub use shadow::{Shadow, shadow};
+pub use shadow::shadow;
 pub use stable::StableExpectation;

@@ -6,7 +6,7 @@
 //! gives) stands beside itself. The run itself stays as it is: where a comparison of shadows falls
 //! out otherwise, that is counted, and both go on along the way of the run.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::accel::visit::Place;
@@ -15,7 +15,8 @@ use crate::debug::session::Settled;
 use crate::error::{Error, Result};
 use crate::geometry::Ray;
 use crate::harness::run::fresh;
-use crate::harness::stability::place::{Programs, Spot};
+use crate::harness::stability::found::{Found, Shadow};
+use crate::harness::stability::place::Programs;
 use crate::harness::stability::probe::{self, Part, Probe};
 use crate::harness::stability::shadows::{Entry, Frame, Waits, bits, float};
 use crate::machine::{Batch, Bindings, Exit, Reg};
@@ -30,93 +31,8 @@ use crate::pipeline::Event;
 use crate::program::{Program, Terminator};
 use crate::scene::{Assembled, ResolvedScene};
 
-/// Lines whose worst relative error is greater are told even without anything else.
-pub const ERROR: f64 = 1e-4;
 /// A sum or difference that loses more bits than this is a cancellation.
 const CANCELLED: f64 = 8.0;
-
-/// What the shadow of a run showed.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Shadow {
-    /// Float results that were compared.
-    pub results: u64,
-    /// By line.
-    pub lines: BTreeMap<Spot, Found>,
-}
-
-/// What the shadow showed on one line.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Found {
-    /// Float results of the line.
-    pub results: u64,
-    /// The greatest relative error of a result: the difference by the greater magnitude.
-    pub error: f64,
-    /// The invocation of ray generation (or of a dispatch, its first) with that error.
-    pub launch_id: Option<[u32; 3]>,
-    /// The most bits that one operation lost: by how many its result is worse than its worst operand.
-    pub bits_lost: f64,
-    /// Sums and differences that lost more than 8 bits.
-    pub cancellations: u64,
-    /// Results that are infinite or NaN where the shadow is not, or the other way round.
-    pub not_finite: u64,
-    /// Comparisons that the shadow decides otherwise.
-    pub comparisons: u64,
-    /// Branches that the shadow would take otherwise.
-    pub branches: u64,
-    /// Conversions to integers that give another one.
-    pub integers: u64,
-    /// Rays that would hit something else.
-    pub hits: u64,
-}
-
-impl Found {
-    /// Whether the line is worth a look.
-    pub fn matters(&self) -> bool {
-        self.flips() + self.cancellations + self.not_finite > 0 || self.error > ERROR
-    }
-
-    /// Decisions that fall out otherwise.
-    pub fn flips(&self) -> u64 {
-        self.comparisons + self.branches + self.integers + self.hits
-    }
-
-    fn add(&mut self, other: &Self) {
-        if other.error > self.error {
-            (self.error, self.launch_id) = (other.error, other.launch_id);
-        }
-        self.bits_lost = self.bits_lost.max(other.bits_lost);
-        self.results += other.results;
-        self.cancellations += other.cancellations;
-        self.not_finite += other.not_finite;
-        self.comparisons += other.comparisons;
-        self.branches += other.branches;
-        self.integers += other.integers;
-        self.hits += other.hits;
-    }
-}
-
-impl Shadow {
-    /// Adds what another run showed.
-    pub fn add(&mut self, other: &Self) {
-        self.results += other.results;
-        for (spot, found) in &other.lines {
-            self.lines.entry(spot.clone()).or_default().add(found);
-        }
-    }
-
-    /// The lines, worst first: by decisions that flip, then by lost bits, then by error.
-    pub fn sorted(&self) -> Vec<(&Spot, &Found)> {
-        let mut lines: Vec<_> = self.lines.iter().collect();
-        lines.sort_by(|(_, one), (_, other)| {
-            let key = |found: &Found| (found.flips() > 0, found.cancellations + found.not_finite > 0);
-            key(other)
-                .cmp(&key(one))
-                .then(other.bits_lost.total_cmp(&one.bits_lost))
-                .then(other.error.total_cmp(&one.error))
-        });
-        lines
-    }
-}
 
 /// Runs a scene's launch and dispatches on a copy of its resources, with shadows. Beside the findings
 /// stands the trap that ended the run, if there is one.

@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 
 use crate::error::Error;
 use crate::harness::stability::Spot;
+use crate::harness::stability::found::{Found, Shadow};
 use crate::harness::stability::perturb::{Instability, Where};
-use crate::harness::stability::shadow::{Found, Shadow};
 
 impl Shadow {
     /// A table of the lines that matter, worst first.

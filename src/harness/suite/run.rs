@@ -17,7 +17,8 @@ use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::{Difference, Fix, Subject};
 use crate::harness::rendering;
 use crate::harness::run::{Watch, launch_covered, one_ray, rays, run_launch};
-use crate::harness::stability::shadow::{Shadow, shadow, shadow_one};
+use crate::harness::stability::found::Shadow;
+use crate::harness::stability::shadow::{shadow, shadow_one};
 use crate::harness::suite::{Failure, Finished, Outcome, Part, Source, Suite, Test, pictures};
 use crate::scene::file::RayEntry;
 
