@@ -17,6 +17,7 @@ use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::image::access::TexelPlace;
+use crate::ops::image::reader::Reader;
 use crate::ops::memory::{BufferRef, Chunk, OUT_OF_BOUNDS, each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Place, Pointer};
@@ -155,7 +156,7 @@ impl Op {
             Target::Buffer(chunk) => self.on_buffer(batch, bindings, chunk),
             Target::Texel(place) => {
                 for lane in batch.mask.lanes() {
-                    match place.find_scalar(&batch.registers, lane, bindings) {
+                    match place.find_scalar(Reader::new(&batch.registers, lane, bindings)) {
                         Ok((image, index)) => {
                             let (value, comparator) = self.operands(batch, lane);
                             let change = |old| apply(self.kind, self.width, old, value, comparator);

@@ -87,6 +87,12 @@ pub struct Pointer {
 }
 
 impl Pointer {
+    /// To the beginning of a place.
+    pub fn new(place: Place, pointee: TypeId, storage_class: u32) -> Self {
+        let (index, matrix, component_stride) = (None, None, None);
+        Self { place, pointee, storage_class, offset: 0, index, matrix, component_stride }
+    }
+
     /// Whether it leads into memory without a layout of its own, where each scalar takes as many
     /// words as in rows: workgroup memory, unless its variables are blocks
     /// (`WorkgroupMemoryExplicitLayoutKHR`).
@@ -146,15 +152,7 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
     let Type::Pointer { pointee: Some(pointee), .. } = *decoder.module.ty(variable.pointer) else {
         return Err(decoder.invalid(format!("variable %{} has no pointer type", id.0)));
     };
-    let pointer = |place| Pointer {
-        place,
-        pointee,
-        storage_class: variable.storage_class,
-        offset: 0,
-        index: None,
-        matrix: None,
-        component_stride: None,
-    };
+    let pointer = |place| Pointer::new(place, pointee, variable.storage_class);
     match variable.storage_class {
         storage::INPUT => {
             let number = decoder.module.decorations.literal(id, 11);
@@ -298,7 +296,7 @@ pub fn pointer_from_words(decoder: &mut Decoder<'_>, ty: TypeId, words: &[Reg]) 
             return Err(decoder.unsupported(format!("pointers to {name} as values")));
         }
     };
-    Ok(Pointer { place, pointee, storage_class, offset: 0, index, matrix: None, component_stride: None })
+    Ok(Pointer { index, ..Pointer::new(place, pointee, storage_class) })
 }
 
 /// Whether a type is an array of blocks, each in a buffer of its own.

@@ -8,11 +8,12 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::Result;
 use crate::machine::format::Class;
 use crate::machine::image::{Image, Position};
-use crate::machine::{Accessed, Batch, Bindings, Reg, Registers, TrapCode};
+use crate::machine::{Accessed, Batch, Bindings, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, Value, Words};
 use crate::ops::image::operands::Operands;
+use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
 use crate::ops::op::{Access, Op as Operation};
@@ -70,59 +71,51 @@ impl TexelPlace {
     ///
     /// # Errors
     /// As [`View::image`], and `ImageOutOfBounds`.
-    pub fn find<'a, const W: usize>(
+    pub fn find<'b, const W: usize>(
         &self,
-        registers: &Registers<W>,
-        lane: usize,
-        bindings: &'a Bindings,
-    ) -> Result<(&'a Image, usize), TrapCode> {
-        let word = |reg: Reg| registers[reg].0[lane];
-        let image = self.view.image(bindings, word(self.image))?;
+        reader: Reader<'_, 'b, W>,
+    ) -> Result<(&'b Image, usize), TrapCode> {
+        let image = reader.image(self.view, self.image)?;
         let mut position = Position::default();
         let axes = self.view.dimension.axes();
-        for (axis, &reg) in self.coordinate.iter().enumerate() {
-            // A signed coordinate below 0 and an unsigned one above 2^31 are both outside.
-            let coordinate = i64::from(word(reg) as i32);
-            if axis < axes {
-                let offset = self.offset.as_ref().and_then(|offset| offset.get(axis));
-                position.at[axis] = coordinate + offset.map_or(0, |&reg| i64::from(word(reg) as i32));
-            } else {
-                position.layer = coordinate;
-            }
+        for (axis, coordinate) in self.coordinates(reader).enumerate() {
+            *if axis < axes { &mut position.at[axis] } else { &mut position.layer } = coordinate;
         }
-        position.level = self.level.map_or(0, word);
-        position.sample = self.sample.map_or(0, word);
+        position.level = self.level.map_or(0, |reg| reader.word(reg));
+        position.sample = self.sample.map_or(0, |reg| reader.word(reg));
         let index = image.index(&position).ok_or(TrapCode::ImageOutOfBounds)?;
         Ok((image, index))
+    }
+
+    /// The coordinates with the offset added, which layers and faces have none of.
+    fn coordinates<const W: usize>(&self, reader: Reader<'_, '_, W>) -> impl Iterator<Item = i64> {
+        let axes = self.view.dimension.axes();
+        self.coordinate.iter().enumerate().map(move |(axis, &reg)| {
+            let offset = self.offset.as_ref().and_then(|offset| offset.get(axis)).filter(|_| axis < axes);
+            // A signed coordinate below 0 and an unsigned one above 2^31 are both outside.
+            i64::from(reader.integer(reg)) + offset.map_or(0, |&reg| i64::from(reader.integer(reg)))
+        })
     }
 
     /// Remembers what the lane asked for, for the report of its trap.
     #[cold]
     pub fn remember<const W: usize>(&self, batch: &mut Batch<W>, lane: usize, bindings: &Bindings) {
-        let word = |reg: Reg| batch.registers[reg].0[lane];
-        let handle = word(self.image);
+        let reader = Reader::new(&batch.registers, lane, bindings);
+        let handle = reader.word(self.image);
         let axes = self.view.dimension.axes();
         let accessed = match self.view.image(bindings, handle) {
             Err(_) => Accessed::Descriptor { handle },
             Ok(image) => {
                 let shape = image.shape();
-                let level = self.level.map_or(0, word);
+                let level = self.level.map_or(0, |reg| reader.word(reg));
                 let layer = self.coordinate.len() > axes;
-                let offset = |axis: usize| {
-                    let offset =
-                        self.offset.as_ref().and_then(|offset| offset.get(axis)).filter(|_| axis < axes);
-                    offset.map_or(0, |&reg| i64::from(word(reg) as i32))
-                };
-                let coordinate = self.coordinate.iter().enumerate();
                 let sides = shape.level_extent(level.min(shape.levels - 1));
                 Accessed::Texel {
                     handle,
-                    coordinate: coordinate
-                        .map(|(axis, &reg)| i64::from(word(reg) as i32) + offset(axis))
-                        .collect(),
+                    coordinate: self.coordinates(reader).collect(),
                     extent: sides[..axes].iter().copied().chain(layer.then_some(shape.layers)).collect(),
                     level: [level, shape.levels],
-                    sample: [self.sample.map_or(0, word), shape.samples],
+                    sample: [self.sample.map_or(0, |reg| reader.word(reg)), shape.samples],
                 }
             }
         };
@@ -134,13 +127,11 @@ impl TexelPlace {
     ///
     /// # Errors
     /// As [`TexelPlace::find`], and `ImageMismatch` for a texel of another size.
-    pub fn find_scalar<'a, const W: usize>(
+    pub fn find_scalar<'b, const W: usize>(
         &self,
-        registers: &Registers<W>,
-        lane: usize,
-        bindings: &'a Bindings,
-    ) -> Result<(&'a Image, usize), TrapCode> {
-        let (image, index) = self.find(registers, lane, bindings)?;
+        reader: Reader<'_, 'b, W>,
+    ) -> Result<(&'b Image, usize), TrapCode> {
+        let (image, index) = self.find(reader)?;
         let size = if self.view.wide { 8 } else { 4 };
         let format = image.format();
         let fits = format.texel_size() == size && format.channels == 1;
@@ -164,23 +155,16 @@ impl Read {
         visit(Access::Write(self.to.to, self.to.rows()));
     }
 
-    /// Runs it for a lane.
-    pub fn eval<const W: usize>(
-        &self,
-        registers: &mut Registers<W>,
-        lane: usize,
-        bindings: &Bindings,
-    ) -> Result<(), TrapCode> {
-        let texel = match self.place.find(registers, lane, bindings) {
-            Ok((image, index)) => image.format().decode(image.load(index)),
+    /// The texel for a lane.
+    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
+        match self.place.find(reader) {
+            Ok((image, index)) => Ok(image.format().decode(image.load(index))),
             // Zeros, with what the format lacks added (Vulkan, robustImageAccess2).
-            Err(TrapCode::ImageOutOfBounds) if bindings.is_robust() => {
-                self.place.view.image(bindings, registers[self.place.image].0[lane])?.format().decode(0)
+            Err(TrapCode::ImageOutOfBounds) if reader.bindings.is_robust() => {
+                Ok(reader.image(self.place.view, self.place.image)?.format().decode(0))
             }
-            Err(code) => return Err(code),
-        };
-        self.to.write(registers, lane, texel);
-        Ok(())
+            Err(code) => Err(code),
+        }
     }
 }
 
@@ -205,23 +189,15 @@ impl Write {
     }
 
     /// Runs it for a lane.
-    pub fn eval<const W: usize>(
-        &self,
-        registers: &mut Registers<W>,
-        lane: usize,
-        bindings: &Bindings,
-    ) -> Result<(), TrapCode> {
-        let (image, index) = match self.place.find(registers, lane, bindings) {
-            Err(TrapCode::ImageOutOfBounds) if bindings.is_robust() => return Ok(()),
+    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<(), TrapCode> {
+        let (image, index) = match self.place.find(reader) {
+            Err(TrapCode::ImageOutOfBounds) if reader.bindings.is_robust() => return Ok(()),
             found => found?,
         };
-        let texel = self.from.map(|reg| {
-            let low = registers[reg].0[lane];
-            match (self.place.view.wide, self.class) {
-                (true, _) => u64::from(low) | u64::from(registers[reg.plus(1)].0[lane]) << 32,
-                (false, Class::Sint) => i64::from(low as i32) as u64,
-                (false, _) => u64::from(low),
-            }
+        let texel = self.from.map(|reg| match (self.place.view.wide, self.class) {
+            (true, _) => reader.wide(reg),
+            (false, Class::Sint) => i64::from(reader.integer(reg)) as u64,
+            (false, _) => u64::from(reader.word(reg)),
         });
         image.store(index, image.format().encode(texel, self.class == Class::Sint));
         Ok(())
@@ -298,15 +274,7 @@ fn texel_pointer(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result
     let sample = Some(sample).filter(|_| view.multisampled);
     let operands = Operands { sample, ..Operands::default() };
     let place = TexelPlace::new(decoder, view, image, coordinate, &operands)?;
-    let pointer = Pointer {
-        place: Place::Texel(Box::new(place)),
-        pointee,
-        storage_class,
-        offset: 0,
-        index: None,
-        matrix: None,
-        component_stride: None,
-    };
+    let pointer = Pointer::new(Place::Texel(Box::new(place)), pointee, storage_class);
     if let Some(id) = instruction.result {
         decoder.define(id, Value::Pointer(pointer));
     }

@@ -52,6 +52,13 @@ pub struct Lookup<'a> {
     pub reference: Option<f32>,
 }
 
+impl<'a> Lookup<'a> {
+    /// At the origin of the first layer.
+    pub fn new(image: &'a Image, sampler: &'a Sampler) -> Self {
+        Self { image, sampler, at: [0.0; 3], layer: 0.0, offset: [0; 3], reference: None }
+    }
+}
+
 /// A point on a layer, with face selection done.
 #[derive(Clone, Copy, Debug)]
 struct Point {

@@ -15,7 +15,7 @@ fn floats(shape: Shape, texels: &[f32]) -> Arc<Image> {
 }
 
 fn lookup<'a>(image: &'a Image, sampler: &'a Sampler, at: [f32; 3]) -> Lookup<'a> {
-    Lookup { image, sampler, at, layer: 0.0, offset: [0; 3], reference: None }
+    Lookup { at, ..Lookup::new(image, sampler) }
 }
 
 fn color(lookup: &Lookup<'_>, lod: f32) -> [f32; 4] {

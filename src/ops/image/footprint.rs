@@ -10,22 +10,23 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::Result;
 use crate::machine::image::Dimension;
 use crate::machine::sampler::AddressMode;
-use crate::machine::{Bindings, Reg, Registers, TrapCode};
+use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::derivative::derivative;
+use crate::ops::image::Op;
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::operands::Operands;
-use crate::ops::image::view::{self, View, view_of};
-use crate::ops::image::{Op, sample};
+use crate::ops::image::reader::Reader;
+use crate::ops::image::view::{View, view_of};
 use crate::ops::op::{Access, Op as Operation};
 
 /// A query for a footprint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footprint {
     /// The rows of: whether one level is read; anchor; offset; mask of two words; level; granularity.
-    to: Reg,
+    pub to: Reg,
     rows: u32,
     view: View,
     /// The image's handle.
@@ -80,34 +81,26 @@ impl Footprint {
         visit(Access::Write(self.to, self.rows));
     }
 
-    /// Runs it for a lane.
-    pub fn eval<const W: usize>(
-        &self,
-        registers: &mut Registers<W>,
-        lane: usize,
-        bindings: &Bindings,
-    ) -> Result<(), TrapCode> {
-        let word = |reg: Reg| registers[reg].0[lane];
-        let float = |reg: Reg| f32::from_bits(word(reg));
-        let image = self.view.image(bindings, word(self.image))?;
-        let sampler = view::sampler(bindings, word(self.sampler))?;
+    /// The answer for a lane, row by row.
+    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<Vec<u32>, TrapCode> {
+        let image = reader.image(self.view, self.image)?;
+        let sampler = reader.sampler(self.sampler)?;
         let axes = self.view.dimension.axes();
         let clamped = sampler.address_mode[..axes].iter().all(|&mode| mode == AddressMode::ClampToEdge);
         if !clamped || sampler.max_anisotropy > 1.0 || sampler.unnormalized_coordinates {
             return Err(TrapCode::SamplerMismatch);
         }
-        let Some(group) = group(word(self.granularity), axes) else { return Err(TrapCode::SamplerMismatch) };
-        let mut lookup = Lookup { image, sampler, at: [0.0; 3], layer: 0.0, offset: [0; 3], reference: None };
+        let Some(group) = group(reader.word(self.granularity), axes) else {
+            return Err(TrapCode::SamplerMismatch);
+        };
+        let mut lookup = Lookup::new(image, sampler);
         for (axis, &reg) in self.coordinate.iter().enumerate() {
-            lookup.at[axis] = float(reg);
+            lookup.at[axis] = reader.float(reg);
         }
-        for (axis, &reg) in self.operands.offset.iter().flatten().enumerate() {
-            lookup.offset[axis] = word(reg) as i32;
-        }
-        let lod = sample::lod(&self.operands, float);
-        let [bias, least] = [self.operands.bias, self.operands.min_lod].map(|reg| reg.map_or(0.0, float));
-        let coarse = word(self.coarse) != 0;
-        let (single, level, texels) = lookup.texels(lod, bias, least, coarse);
+        lookup.offset = self.operands.texel_offset(reader);
+        let [bias, least] = self.operands.limits(reader);
+        let coarse = reader.word(self.coarse) != 0;
+        let (single, level, texels) = lookup.texels(self.operands.level(reader), bias, least, coarse);
         // A side of the neighbourhood, in groups.
         let side = if axes == 2 { 8 } else { 4 };
         let (mut anchor, mut offset, mut mask) = ([0; 3], [0; 3], 0u64);
@@ -132,8 +125,7 @@ impl Footprint {
         answer.extend(&anchor[..axes]);
         answer.extend(&offset[..axes]);
         answer.extend([mask as u32, (mask >> 32) as u32, level, 0]);
-        registers.set_lane_words(self.to, lane, answer);
-        Ok(())
+        Ok(answer)
     }
 }
 

@@ -20,6 +20,7 @@ pub mod level;
 pub mod operands;
 pub mod processing;
 pub mod query;
+pub mod reader;
 pub mod sample;
 pub mod view;
 
@@ -31,6 +32,7 @@ use crate::machine::{Accessed, Batch, Bindings, Mask, Reg, Registers, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, Words};
+use crate::ops::image::reader::Reader;
 use crate::ops::op::Access;
 
 /// Opcodes decoded here; see [`IMPLICIT`] too.
@@ -109,60 +111,54 @@ impl Op {
         }
     }
 
-    /// Runs the operation for the running lanes.
+    /// Runs the operation for the running lanes, one after the other in their order; a lane that fails
+    /// is stopped.
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
-        match self {
-            Self::Sample(op) => each_lane(
-                batch,
-                |registers, lane| op.eval(registers, lane, bindings),
-                |batch, lane| remember_descriptor(batch, lane, op.image),
-            ),
-            Self::Read(op) => each_lane(
-                batch,
-                |registers, lane| op.eval(registers, lane, bindings),
-                |batch, lane| op.place.remember(batch, lane, bindings),
-            ),
-            Self::Write(op) => each_lane(
-                batch,
-                |registers, lane| op.eval(registers, lane, bindings),
-                |batch, lane| op.place.remember(batch, lane, bindings),
-            ),
-            Self::Query(op) => each_lane(
-                batch,
-                |registers, lane| op.eval(registers, lane, bindings),
-                |batch, lane| remember_descriptor(batch, lane, op.image),
-            ),
-            Self::Footprint(op) => each_lane(
-                batch,
-                |registers, lane| op.eval(registers, lane, bindings),
-                |batch, lane| remember_descriptor(batch, lane, op.image),
-            ),
-            Self::Process(op) => each_lane(
-                batch,
-                |registers, lane| op.eval(registers, lane, bindings),
-                |batch, lane| remember_descriptor(batch, lane, op.image()),
-            ),
+        for lane in batch.mask.lanes() {
+            if let Err(code) = self.eval_lane(&mut batch.registers, lane, bindings) {
+                self.remember(batch, lane, bindings);
+                batch.trap(Mask::lane(lane), code, batch.op);
+            }
         }
     }
-}
 
-/// Runs a lane after the other, in their order; a lane that fails is stopped.
-fn each_lane<const W: usize>(
-    batch: &mut Batch<W>,
-    mut run: impl FnMut(&mut Registers<W>, usize) -> Result<(), TrapCode>,
-    remember: impl Fn(&mut Batch<W>, usize),
-) {
-    let op = batch.op;
-    for lane in batch.mask.lanes() {
-        if let Err(code) = run(&mut batch.registers, lane) {
-            remember(batch, lane);
-            batch.trap(Mask::lane(lane), code, op);
+    fn eval_lane<const W: usize>(
+        &self,
+        registers: &mut Registers<W>,
+        lane: usize,
+        bindings: &Bindings,
+    ) -> Result<(), TrapCode> {
+        let reader = Reader::new(registers, lane, bindings);
+        let (to, texel) = match self {
+            Self::Sample(op) => (op.to, op.eval(reader)?),
+            Self::Read(op) => (op.to, op.eval(reader)?),
+            Self::Query(op) => (op.to, op.eval(reader)?),
+            Self::Process(op) => (op.to, op.eval(reader)?),
+            Self::Write(op) => return op.eval(reader),
+            Self::Footprint(op) => {
+                let answer = op.eval(reader)?;
+                registers.set_lane_words(op.to, lane, answer);
+                return Ok(());
+            }
+        };
+        to.write(registers, lane, texel);
+        Ok(())
+    }
+
+    #[cold]
+    fn remember<const W: usize>(&self, batch: &mut Batch<W>, lane: usize, bindings: &Bindings) {
+        match self {
+            Self::Read(op) => op.place.remember(batch, lane, bindings),
+            Self::Write(op) => op.place.remember(batch, lane, bindings),
+            Self::Sample(op) => remember_descriptor(batch, lane, op.image),
+            Self::Query(op) => remember_descriptor(batch, lane, op.image),
+            Self::Footprint(op) => remember_descriptor(batch, lane, op.image),
+            Self::Process(op) => remember_descriptor(batch, lane, op.image()),
         }
     }
 }
 
 /// Remembers which descriptor a lane meant, for the report of its trap.
-#[cold]
 fn remember_descriptor<const W: usize>(batch: &mut Batch<W>, lane: usize, handle: Reg) {
     let handle = batch.registers[handle].0[lane];
     batch.remember_access(lane, Accessed::Descriptor { handle });

@@ -5,6 +5,8 @@ use crate::machine::Reg;
 use crate::machine::format::Class;
 use crate::module::{Id, Instruction};
 use crate::ops::decode::{Decoder, Words};
+use crate::ops::image::filter::Lod;
+use crate::ops::image::reader::Reader;
 
 const BIAS: u32 = 0x1;
 const LOD: u32 = 0x2;
@@ -135,6 +137,27 @@ impl Operands {
             return Err(decoder.invalid("offsets of texels have one to three components, or four times two"));
         }
         Ok(operands)
+    }
+
+    /// The level of detail that a lane gives.
+    pub fn level<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Lod {
+        match &self.gradients {
+            Some(given) => Lod::Gradients([0, 1].map(|way: usize| {
+                std::array::from_fn(|axis| given[way].get(axis).map_or(0.0, |&reg| reader.float(reg)))
+            })),
+            None => Lod::Explicit(self.lod.map_or(0.0, |reg| reader.float(reg))),
+        }
+    }
+
+    /// `Bias` and `MinLod` of a lane.
+    pub fn limits<const W: usize>(&self, reader: Reader<'_, '_, W>) -> [f32; 2] {
+        [self.bias, self.min_lod].map(|reg| reg.map_or(0.0, |reg| reader.float(reg)))
+    }
+
+    /// `ConstOffset` or `Offset` of a lane, 0 where there is none.
+    pub fn texel_offset<const W: usize>(&self, reader: Reader<'_, '_, W>) -> [i32; 3] {
+        let part = |axis: usize| self.offset.as_ref().and_then(|offset| offset.get(axis));
+        std::array::from_fn(|axis| part(axis).map_or(0, |&reg| reader.integer(reg)))
     }
 
     /// Every row that is read.

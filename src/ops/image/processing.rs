@@ -13,11 +13,12 @@ use crate::error::Result;
 use crate::machine::format::Class;
 use crate::machine::image::{Dimension, Image, Position};
 use crate::machine::sampler::{ReductionMode, Sampler};
-use crate::machine::{Bindings, Reg, Registers, TrapCode};
+use crate::machine::{Reg, TrapCode};
 use crate::module::{Id, Instruction};
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::image::filter::Lookup;
-use crate::ops::image::view::{self, View, view_of};
+use crate::ops::image::reader::Reader;
+use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
 use crate::ops::op::{Access, Op as Operation};
 
@@ -68,7 +69,8 @@ pub enum Times {
 /// An operation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Process {
-    to: Texel,
+    /// Where to.
+    pub to: Texel,
     target: Sampled,
     coordinate: Words,
     kind: Kind,
@@ -96,25 +98,18 @@ impl Process {
         visit(Access::Write(self.to.to, self.to.rows()));
     }
 
-    /// Runs it for a lane.
-    pub fn eval<const W: usize>(
-        &self,
-        registers: &mut Registers<W>,
-        lane: usize,
-        bindings: &Bindings,
-    ) -> Result<(), TrapCode> {
-        let word = |reg: Reg| registers[reg].0[lane];
+    /// The value for a lane.
+    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
         let find = |sampled: Sampled| -> Result<(&Image, &Sampler), TrapCode> {
-            let image = sampled.view.image(bindings, word(sampled.image))?;
-            Ok((image, view::sampler(bindings, word(sampled.sampler))?))
+            Ok((reader.image(sampled.view, sampled.image)?, reader.sampler(sampled.sampler)?))
         };
         let (image, sampler) = find(self.target)?;
-        let floats = |words: &Words| [0, 1].map(|at: usize| f32::from_bits(word(words[at])));
+        let floats = |words: &Words| [0, 1].map(|at: usize| reader.float(words[at]));
         let value = match &self.kind {
             Kind::Box(sides) => boxed(image, sampler, floats(&self.coordinate), floats(sides)),
             Kind::Weighted(weights) => weighted(image, sampler, floats(&self.coordinate), find(*weights)?.0)?,
             Kind::Match { reference, at, size, squared, times } => {
-                let integers = |words: &Words| [0, 1].map(|axis: usize| i64::from(word(words[axis])));
+                let integers = |words: &Words| [0, 1].map(|axis: usize| i64::from(reader.word(words[axis])));
                 let (other, _) = find(*reference)?;
                 let (at, size) = (integers(at), integers(size));
                 let extent = other.level_extent(0).map(i64::from);
@@ -125,8 +120,7 @@ impl Process {
                 blocks.compared(integers(&self.coordinate), *times)?
             }
         };
-        self.to.write(registers, lane, value.map(|part| u64::from(part.to_bits())));
-        Ok(())
+        Ok(value.map(|part| u64::from(part.to_bits())))
     }
 }
 
@@ -138,8 +132,7 @@ fn unnormalized(image: &Image, sampler: &Sampler, coordinate: [f32; 2]) -> [f32;
 }
 
 fn texel(image: &Image, sampler: &Sampler, at: [i64; 2]) -> [f32; 4] {
-    let lookup = Lookup { image, sampler, at: [0.0; 3], layer: 0.0, offset: [0; 3], reference: None };
-    lookup.plane_texel(at)
+    Lookup::new(image, sampler).plane_texel(at)
 }
 
 /// Values combined as the sampler's reduction mode has it.

@@ -4,9 +4,10 @@ use rspirv::spirv::Op as Opcode;
 
 use crate::error::Result;
 use crate::machine::image::Dimension;
-use crate::machine::{Bindings, Reg, Registers, TrapCode};
+use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
 use crate::ops::decode::Decoder;
+use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
 use crate::ops::op::{Access, Op as Operation};
@@ -46,19 +47,14 @@ impl Query {
         visit(Access::Write(self.to.to, self.to.rows()));
     }
 
-    /// Runs it for a lane.
-    pub fn eval<const W: usize>(
-        &self,
-        registers: &mut Registers<W>,
-        lane: usize,
-        bindings: &Bindings,
-    ) -> Result<(), TrapCode> {
-        let image = self.view.image(bindings, registers[self.image].0[lane])?;
+    /// The answer for a lane.
+    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
+        let image = reader.image(self.view, self.image)?;
         let shape = image.shape();
         let mut answer = [0; 4];
         match self.question {
             Question::Size(level) => {
-                let level = level.map_or(0, |level| registers[level].0[lane]);
+                let level = level.map_or(0, |level| reader.word(level));
                 if level >= shape.levels {
                     return Err(TrapCode::ImageOutOfBounds);
                 }
@@ -75,8 +71,7 @@ impl Query {
             Question::Levels => answer[0] = u64::from(shape.levels),
             Question::Samples => answer[0] = u64::from(shape.samples),
         }
-        self.to.write(registers, lane, answer);
-        Ok(())
+        Ok(answer)
     }
 }
 

@@ -5,14 +5,15 @@ use rspirv::spirv::Op as Opcode;
 
 use crate::error::Result;
 use crate::machine::image::Dimension;
-use crate::machine::{Bindings, Reg, Registers, TrapCode};
+use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
 use crate::ops::arithmetic::FDiv;
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::derivative::derivative;
-use crate::ops::image::filter::{Lod, Lookup};
+use crate::ops::image::filter::Lookup;
 use crate::ops::image::operands::Operands;
-use crate::ops::image::view::{self, View, view_of};
+use crate::ops::image::reader::Reader;
+use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::row::Row;
@@ -65,81 +66,54 @@ impl Sample {
         visit(Access::Write(self.to.to, self.to.rows()));
     }
 
-    /// Runs it for a lane.
-    pub fn eval<const W: usize>(
-        &self,
-        registers: &mut Registers<W>,
-        lane: usize,
-        bindings: &Bindings,
-    ) -> Result<(), TrapCode> {
-        let word = |reg: Reg| registers[reg].0[lane];
-        let float = |reg: Reg| f32::from_bits(word(reg));
-        let integer = |reg: Reg| word(reg) as i32;
-        let image = self.view.image(bindings, word(self.image))?;
-        let sampler = view::sampler(bindings, word(self.sampler))?;
+    /// The value for a lane.
+    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
+        let image = reader.image(self.view, self.image)?;
+        let sampler = reader.sampler(self.sampler)?;
         let plain = matches!(self.view.dimension, Dimension::D1 | Dimension::D2);
         if self.reference.is_some() && sampler.compare_op.is_none()
             || sampler.unnormalized_coordinates && !plain
         {
             return Err(TrapCode::SamplerMismatch);
         }
-        let divisor = self.divisor.map(float);
+        let divisor = self.divisor.map(|reg| reader.float(reg));
         let divided = |value: f32| divisor.map_or(value, |divisor| value / divisor);
         let components = self.components();
-        let mut lookup = Lookup {
-            image,
-            sampler,
-            at: [0.0; 3],
-            layer: 0.0,
-            offset: [0; 3],
-            reference: self.reference.map(|reg| divided(float(reg))),
-        };
+        let mut lookup = Lookup::new(image, sampler);
+        lookup.reference = self.reference.map(|reg| divided(reader.float(reg)));
+        lookup.offset = self.operands.texel_offset(reader);
         for (axis, &reg) in self.coordinate.iter().enumerate() {
             if axis < components {
-                lookup.at[axis] = divided(float(reg));
+                lookup.at[axis] = divided(reader.float(reg));
             } else {
-                lookup.layer = float(reg);
+                lookup.layer = reader.float(reg);
             }
         }
-        for (axis, &reg) in self.operands.offset.iter().flatten().enumerate() {
-            lookup.offset[axis] = integer(reg);
-        }
-        let value = match self.kind {
+        let lod = self.operands.level(reader);
+        Ok(match self.kind {
             Kind::Filter => {
-                let lod = lod(&self.operands, float);
-                let [bias, least] = [self.operands.bias, self.operands.min_lod];
-                lookup.sample(lod, bias.map_or(0.0, float), least.map_or(0.0, float))
+                let [bias, least] = self.operands.limits(reader);
+                lookup.sample(lod, bias, least)
             }
             Kind::Level => {
-                let [level, lambda] =
-                    lookup.query(lod(&self.operands, float)).map(|value| u64::from(value.to_bits()));
+                let [level, lambda] = lookup.query(lod).map(|value| u64::from(value.to_bits()));
                 [level, lambda, 0, 0]
             }
             Kind::Gather(_) | Kind::GatherCompared => {
-                let component = if let Kind::Gather(reg) = self.kind { word(reg).min(3) } else { 0 };
+                let component = if let Kind::Gather(reg) = self.kind { reader.word(reg).min(3) } else { 0 };
                 let offsets = self.operands.offsets.as_ref().map(|offsets| {
-                    std::array::from_fn(|at| [integer(offsets[2 * at]), integer(offsets[2 * at + 1])])
+                    std::array::from_fn(|at| {
+                        [reader.integer(offsets[2 * at]), reader.integer(offsets[2 * at + 1])]
+                    })
                 });
                 lookup.gather(component as usize, offsets)
             }
-        };
-        self.to.write(registers, lane, value);
-        Ok(())
+        })
     }
 
     /// How many components (s, t, r) has: for a cube it is a direction.
     fn components(&self) -> usize {
         components(self.view.dimension)
-    }
-}
-
-/// The level of detail that operands give.
-pub(super) fn lod(operands: &Operands, float: impl Fn(Reg) -> f32) -> Lod {
-    match &operands.gradients {
-        Some(given) => Lod::Gradients([0, 1].map(|way: usize| {
-            std::array::from_fn(|axis| given[way].get(axis).map_or(0.0, |&reg| float(reg)))
-        })),
-        None => Lod::Explicit(operands.lod.map_or(0.0, float)),
     }
 }
 

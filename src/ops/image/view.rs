@@ -3,7 +3,6 @@
 use crate::error::Result;
 use crate::machine::format::Class;
 use crate::machine::image::{Dimension, Image};
-use crate::machine::sampler::Sampler;
 use crate::machine::{Bindings, Descriptor, TrapCode};
 use crate::module::Id;
 use crate::module::ty::{ImageType, Type};
@@ -52,19 +51,6 @@ impl View {
             && (format.class() == Class::Float) == (self.class == Class::Float)
             && (self.wide || !format.is_wide())
     }
-}
-
-/// The sampler with a handle.
-///
-/// # Errors
-/// `DescriptorMissing`
-pub fn sampler(bindings: &Bindings, handle: u32) -> Result<&Sampler, TrapCode> {
-    let sampler = |descriptor| match descriptor {
-        &Descriptor::Sampler(ref sampler) | &Descriptor::ImageSampler(_, ref sampler) => Some(&**sampler),
-        _ => None,
-    };
-    let found = bindings.descriptor(handle).and_then(|descriptor| descriptor.find(sampler));
-    found.ok_or(TrapCode::DescriptorMissing)
 }
 
 /// The view that an image or sampled image has by its type.
