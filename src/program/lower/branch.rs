@@ -1,0 +1,159 @@
+//! The ends of blocks: branches, and the moves of phis on their edges.
+
+use std::collections::HashSet;
+
+use crate::error::Result;
+use crate::machine::Exit;
+use crate::module::{Id, Instruction};
+use crate::ops::decode::Words;
+use crate::ops::memory;
+use crate::ops::op::Op;
+use crate::program::Terminator;
+use crate::program::lower::{Lowering, Return, Site, opcode};
+
+impl Lowering<'_> {
+    pub(super) fn terminator(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
+        self.decoder.set_clock()?;
+        match instruction.opcode {
+            opcode::BRANCH => {
+                let target = self.decoder.id(instruction, 0)?;
+                self.edge_moves(place, target)?;
+                let label = self.target(place, target)?;
+                self.end(Terminator::Branch(label));
+            }
+            opcode::BRANCH_CONDITIONAL => {
+                let condition = self.decoder.operand(instruction, 0)?[0];
+                let targets = [self.decoder.id(instruction, 1)?, self.decoder.id(instruction, 2)?];
+                if let Some(known) = self.decoder.constant_word(condition) {
+                    let target = targets[usize::from(known == 0)];
+                    self.edge_moves(place, target)?;
+                    let label = self.target(place, target)?;
+                    self.end(Terminator::Branch(label));
+                    return Ok(());
+                }
+                let mut edges = Vec::new();
+                let [then, other] =
+                    [self.edge(place, targets[0], &mut edges)?, self.edge(place, targets[1], &mut edges)?];
+                self.end(Terminator::BranchConditional { condition, then, other });
+                self.edges(place, edges)?;
+            }
+            opcode::SWITCH => {
+                let selector = self.decoder.operand(instruction, 0)?;
+                let words = self.module.switch_literal_words(instruction);
+                let operands = self.module.operands(instruction);
+                let mut edges = Vec::new();
+                let default = self.edge(place, Id(operands[1]), &mut edges)?;
+                let mut cases = Vec::new();
+                for case in operands[2..].chunks_exact(words + 1) {
+                    let value = u64::from(case[0]) | if words == 2 { u64::from(case[1]) << 32 } else { 0 };
+                    cases.push((value, self.edge(place, Id(case[words]), &mut edges)?));
+                }
+                // Narrow selectors lie zero-extended in their row, their literals may be sign-extended.
+                let ty = self.decoder.type_of(Id(operands[0]))?;
+                let width = self.decoder.scalar_width(ty)?;
+                if width < 32 {
+                    cases.iter_mut().for_each(|(value, _)| *value &= (1 << width) - 1);
+                }
+                let (selector, wide, cases) = (selector[0], words == 2, cases.into());
+                self.end(Terminator::Switch { selector, wide, cases, default });
+                self.edges(place, edges)?;
+            }
+            opcode::RETURN => self.leave(place),
+            opcode::RETURN_VALUE => {
+                let value = self.decoder.id(instruction, 0)?;
+                let words = self.decoder.carried(value)?;
+                if let Return::Inlined { result, .. } | Return::StandingAlone { result } = place.plan {
+                    for (&to, from) in result.iter().zip(words) {
+                        self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+                    }
+                }
+                self.leave(place);
+            }
+            opcode::UNREACHABLE => self.end(Terminator::Unreachable),
+            opcode::IGNORE_INTERSECTION => self.end(Terminator::Exit(Exit::Ignored)),
+            opcode::TERMINATE_RAY => self.end(Terminator::Exit(Exit::Terminated)),
+            other => {
+                let name = crate::module::names::opcode_name(other);
+                return Err(self.decoder.unsupported(format!("{name} in a ray-tracing stage")));
+            }
+        }
+        Ok(())
+    }
+
+    fn leave(&mut self, place: &Site<'_>) {
+        let terminator = match place.plan {
+            Return::Entry => Terminator::Exit(Exit::Returned),
+            Return::Inlined { label, .. } => Terminator::Branch(*label),
+            Return::StandingAlone { .. } => Terminator::Return,
+        };
+        self.end(terminator);
+    }
+
+    fn target(&self, place: &Site<'_>, target: Id) -> Result<u32> {
+        let label = place.labels.get(&target).copied();
+        label.ok_or_else(|| self.decoder.invalid(format!("a branch to %{}, which is no block", target.0)))
+    }
+
+    /// The label that a conditional edge goes to: a block of its own where the target has phis.
+    fn edge(&mut self, place: &Site<'_>, target: Id, edges: &mut Vec<(u32, Id)>) -> Result<u32> {
+        if phis(place, target).next().is_none() {
+            return self.target(place, target);
+        }
+        if let Some(&(label, _)) = edges.iter().find(|&&(_, id)| id == target) {
+            return Ok(label);
+        }
+        let label = self.label();
+        edges.push((label, target));
+        Ok(label)
+    }
+
+    /// The blocks of the edges that have phis to serve.
+    fn edges(&mut self, place: &Site<'_>, edges: Vec<(u32, Id)>) -> Result<()> {
+        for (label, target) in edges {
+            self.begin(label);
+            self.edge_moves(place, target)?;
+            let target = self.target(place, target)?;
+            self.end(Terminator::Branch(target));
+        }
+        Ok(())
+    }
+
+    /// Moves the values that the target's phis take from this block.
+    fn edge_moves(&mut self, place: &Site<'_>, target: Id) -> Result<()> {
+        let mut moves: Vec<(Words, Words)> = Vec::new();
+        for phi in phis(place, target) {
+            let pairs = self.module.operands(phi).chunks_exact(2);
+            let from = pairs.clone().find(|pair| Id(pair[1]) == place.block).map(|pair| Id(pair[0]));
+            let (Some(from), Some(id)) = (from, phi.result) else {
+                self.decoder.origin.offset = phi.offset;
+                return Err(self.decoder.invalid(format!("a phi has no value for block %{}", place.block.0)));
+            };
+            let to = self.decoder.words(id)?;
+            let from = self.decoder.carried(from)?;
+            if to != from {
+                moves.push((to, from));
+            }
+        }
+        // All phis read before any is written: a source that is also a target is saved first.
+        let targets: HashSet<_> = moves.iter().flat_map(|(to, _)| to.iter().copied()).collect();
+        for (_, from) in &mut moves {
+            for reg in from.iter_mut().filter(|reg| targets.contains(*reg)) {
+                let saved = self.decoder.fresh(1)?;
+                self.decoder.emit(Op::Memory(memory::Op::Move { to: saved, from: *reg }));
+                *reg = saved;
+            }
+        }
+        for (to, from) in moves {
+            for (to, from) in to.into_iter().zip(from) {
+                self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn phis<'a>(place: &Site<'a>, target: Id) -> impl Iterator<Item = &'a Instruction> + use<'a> {
+    let block = place.function.blocks.iter().find(move |block| block.label == target);
+    let instructions = block.map_or(&[][..], |block| &block.instructions);
+    instructions.iter().take_while(|instruction| instruction.opcode == opcode::PHI)
+}
