@@ -29,6 +29,8 @@ pub(crate) mod assemble;
 #[cfg(test)]
 mod load_tests;
 #[cfg(test)]
+mod refuse_function_tests;
+#[cfg(test)]
 mod refuse_tests;
 
 use crate::module::constant::Constant;
