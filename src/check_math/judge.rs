@@ -172,6 +172,7 @@ impl Function {
     /// estimate may have missed.
     fn judge_double(&self, [a, b]: [f64; 2], estimate: f64, result: f64) -> Judgement {
         const LEAST: f64 = f64::from_bits(1);
+        let edge = matches!(self.how, How::ElementaryPair(..)) && (a == 0.0 || b == 0.0);
         let near = match estimate {
             0.0 => Some(result.abs() <= LEAST),
             _ if estimate.is_infinite() => {
@@ -180,23 +181,17 @@ impl Function {
             _ if result.is_infinite() => {
                 Some(estimate.abs() == f64::MAX && result.signum() == estimate.signum())
             }
+            _ if result.is_nan() => Some(false),
+            // Of the arc tangent of two, a fraction of pi; of a power, 1.
+            _ if edge || !(a.is_finite() && b.is_finite()) => {
+                Some(result.to_bits().abs_diff(estimate.to_bits()) <= 1)
+            }
             _ => None,
         };
         match near {
             Some(true) => return Judgement::Right,
             Some(false) => return Judgement::Wrong(format!("about {estimate:e}")),
-            None if result.is_nan() => return Judgement::Wrong(format!("about {estimate:e}")),
             None => {}
-        }
-        let edge = matches!(self.how, How::ElementaryPair(..)) && (a == 0.0 || b == 0.0);
-        if edge || !(a.is_finite() && b.is_finite()) {
-            // Of the arc tangent of two, a fraction of pi; of a power, 1.
-            let apart = result.to_bits().abs_diff(estimate.to_bits());
-            return if apart <= 1 {
-                Judgement::Right
-            } else {
-                Judgement::Wrong(format!("about {estimate:e}"))
-            };
         }
         let value = self.precise(a, b);
         let exponent = ((estimate.abs().to_bits() >> 52) as i32 - 1023).max(-1022);
