@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::accel::{Blas, Geometry, GeometryData, GeometryFlags, Instance, InstanceFlags, Tlas};
+use anyhit::accel::{Blas, Geometry, GeometryData, GeometryFlags, Instance, Tlas};
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::pipeline::{Launch, Pipeline};
 use anyhit::program::Program;
@@ -25,16 +25,7 @@ where
 {
     let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![0.5], indices: None };
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("a valid geometry");
-    let instance = Instance {
-        blas,
-        transform: IDENTITY,
-        motion: None,
-        custom_index: 0,
-        mask: 0xFF,
-        sbt_record_offset: 0,
-        flags: InstanceFlags::default(),
-    };
-    let tlas = Tlas::new(vec![instance]).expect("a valid instance");
+    let tlas = Tlas::new(vec![Instance::of(blas, IDENTITY)]).expect("a valid instance");
     let mut builder = Pipeline::builder();
     builder.ray_generation(program("main.rgen.spv")).expect("a ray generation shader");
     builder.miss(program("main.rmiss.spv")).expect("a miss shader");

@@ -4,8 +4,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use anyhit::accel::{
-    Blas, Counters, Cursor, Geometry, GeometryData, GeometryFlags, Instance, InstanceFlags, RayFlags, Tlas,
-    TraceRay,
+    Blas, Counters, Cursor, Geometry, GeometryData, GeometryFlags, Instance, RayFlags, Tlas, TraceRay,
 };
 use anyhit::machine::Resources;
 use anyhit::module::interface::Stage;
@@ -27,9 +26,7 @@ fn spheres(count: usize, flags: GeometryFlags) -> Arc<Blas> {
 fn instance(blas: &Arc<Blas>, y: f32) -> Instance {
     let mut transform = IDENTITY;
     transform[1][3] = y;
-    let (custom_index, mask, sbt_record_offset) = (0, 0xFF, 0);
-    let flags = InstanceFlags::default();
-    Instance { blas: blas.clone(), transform, motion: None, custom_index, mask, sbt_record_offset, flags }
+    Instance::of(blas.clone(), transform)
 }
 
 /// A ray down onto the sphere in column x of row y.

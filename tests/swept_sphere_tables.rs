@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use anyhit::accel::{
     Blas, Committed, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing, Instance,
-    InstanceFlags, RayFlags, Tlas, TraceRay,
+    RayFlags, Tlas, TraceRay,
 };
 use anyhit::geometry::{Ray, Surface};
 
@@ -14,16 +14,7 @@ const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.
 
 fn scene(data: GeometryData) -> Arc<Tlas> {
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).unwrap();
-    Tlas::new(vec![Instance {
-        blas,
-        transform: IDENTITY,
-        motion: None,
-        custom_index: 0,
-        mask: 0xFF,
-        sbt_record_offset: 0,
-        flags: InstanceFlags::default(),
-    }])
-    .unwrap()
+    Tlas::new(vec![Instance::of(blas, IDENTITY)]).unwrap()
 }
 
 fn trace(tlas: &Tlas, origin: [f32; 3], direction: [f32; 3]) -> Option<Committed> {

@@ -344,20 +344,17 @@ impl Draw {
         let shared: Vec<_> = (0..3).map(|_| self.blas(scale)).collect();
         let mut transform = self.transform(scale);
         let instances = (0..count)
-            .map(|_| Instance {
-                blas: shared[self.below(3) as usize].clone(),
+            .map(|_| {
+                let blas = shared[self.below(3) as usize].clone();
                 // One in four lies where the one before lies: equal t, told apart by instance only.
-                transform: {
-                    if self.below(4) != 0 {
-                        transform = self.transform(scale);
-                    }
-                    transform
-                },
-                motion: None,
-                custom_index: 0,
-                mask: [0xFF, 0xFF, 0x0F, 0][self.below(4) as usize],
-                sbt_record_offset: 0,
-                flags: InstanceFlags([0, 0, 1, 2, 3, 4, 8][self.below(7) as usize]),
+                if self.below(4) != 0 {
+                    transform = self.transform(scale);
+                }
+                Instance {
+                    mask: [0xFF, 0xFF, 0x0F, 0][self.below(4) as usize],
+                    flags: InstanceFlags([0, 0, 1, 2, 3, 4, 8][self.below(7) as usize]),
+                    ..Instance::of(blas, transform)
+                }
             })
             .collect();
         Tlas::new(instances).unwrap()

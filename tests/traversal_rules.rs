@@ -33,15 +33,7 @@ fn boxes(at: &[(f32, f32)], flags: GeometryFlags) -> Geometry {
 }
 
 fn instance(geometries: Vec<Geometry>) -> Instance {
-    Instance {
-        blas: Blas::new(geometries).unwrap(),
-        transform: IDENTITY,
-        motion: None,
-        custom_index: 0,
-        mask: 0xFF,
-        sbt_record_offset: 0,
-        flags: InstanceFlags::default(),
-    }
+    Instance::of(Blas::new(geometries).unwrap(), IDENTITY)
 }
 
 fn tlas(instances: Vec<Instance>) -> Arc<Tlas> {

@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use anyhit::accel::{
-    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, InstanceFlags, Tlas,
-};
+use anyhit::accel::{Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, Tlas};
 use anyhit::geometry::Ray;
 
 /// A seeded generator of numbers (splitmix64).
@@ -196,7 +194,7 @@ impl Scene {
     /// Its BLAS placed once.
     pub fn tlas(&self, flags: GeometryFlags) -> Arc<Tlas> {
         let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
-        Tlas::new(vec![instance(self.blas(flags), identity)]).expect("a valid instance")
+        Tlas::new(vec![Instance::of(self.blas(flags), identity)]).expect("a valid instance")
     }
 
     /// Its BLAS in 8 x 8 places, every other one turned.
@@ -209,13 +207,8 @@ impl Scene {
                 0 => [[0.125, 0.0, 0.0, at(i)], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 0.125, at(j)]],
                 _ => [[0.0, 0.0, 0.125, at(i)], [0.0, 0.5, 0.0, 0.0], [-0.125, 0.0, 0.0, at(j)]],
             };
-            instance(blas.clone(), transform)
+            Instance::of(blas.clone(), transform)
         };
         Tlas::new((0..64).map(place).collect()).expect("valid instances")
     }
-}
-
-fn instance(blas: Arc<Blas>, transform: [[f32; 4]; 3]) -> Instance {
-    let flags = InstanceFlags::default();
-    Instance { blas, transform, motion: None, custom_index: 0, mask: 0xFF, sbt_record_offset: 0, flags }
 }

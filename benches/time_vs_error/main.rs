@@ -24,7 +24,7 @@ mod tree;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhit::accel::{Blas, Cursor, Instance, InstanceFlags, RayFlags, Tlas, TraceRay};
+use anyhit::accel::{Blas, Cursor, Instance, RayFlags, Tlas, TraceRay};
 use anyhit::geometry::block::{self, BlockRay};
 use anyhit::geometry::{ObjectRay, Precision, Ray, linear_swept_sphere, sphere, triangle};
 
@@ -240,15 +240,7 @@ fn object_node_ray(ray: &Ray, placed: &contender::Placed) -> NodeRay {
 
 fn engine(scene: &Scene, precision: Precision) -> Run<'static> {
     let blas = Blas::new(vec![shape::opaque(scene.data.clone())]).expect("a valid BLAS");
-    let instances = scene.matrices.iter().map(|matrix| Instance {
-        blas: blas.clone(),
-        transform: *matrix,
-        motion: None,
-        custom_index: 0,
-        mask: 0xFF,
-        sbt_record_offset: 0,
-        flags: InstanceFlags::default(),
-    });
+    let instances = scene.matrices.iter().map(|matrix| Instance::of(blas.clone(), *matrix));
     let tlas = Tlas::with_precision(instances.collect(), precision).expect("a valid TLAS");
     let trace = |ray| TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
     let mut cursor = Cursor::new(&tlas, trace(scene.rays[0]));

@@ -64,6 +64,13 @@ pub struct Instance {
 }
 
 impl Instance {
+    /// An instance at rest that every ray may meet (mask 0xFF), with custom index, offset and flags 0;
+    /// `transform` is object to world.
+    pub fn of(blas: Arc<Blas>, transform: [[f32; 4]; 3]) -> Self {
+        let (custom_index, sbt_record_offset, flags) = (0, 0, InstanceFlags::default());
+        Self { blas, transform, motion: None, custom_index, mask: 0xFF, sbt_record_offset, flags }
+    }
+
     /// Whether a ray is in it what it is in the world, at any time.
     pub fn is_identity(&self) -> bool {
         self.motion.is_none() && self.transform == IDENTITY

@@ -8,9 +8,7 @@
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::accel::{
-    Blas, Cursor, Geometry, GeometryFlags, Instance, InstanceFlags, RayFlags, Tlas, TraceRay,
-};
+use crate::accel::{Blas, Cursor, Geometry, GeometryFlags, Instance, RayFlags, Tlas, TraceRay};
 use crate::geometry::block::{self, BlockRay, LANES};
 use crate::geometry::{
     Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
@@ -243,15 +241,7 @@ fn check_traversal(
     let transform =
         case.transform.unwrap_or([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
     // Above four instances there is a tree over them, too; the others are far away or masked out.
-    let instance = Instance {
-        blas,
-        transform,
-        motion: None,
-        custom_index: 0,
-        mask: 1,
-        sbt_record_offset: 0,
-        flags: InstanceFlags::default(),
-    };
+    let instance = Instance::of(blas, transform);
     let mut instances = vec![instance.clone()];
     instances.extend((0..4).map(|_| Instance { mask: 2, ..instance.clone() }));
     let Ok(tlas) = Tlas::with_precision(instances, precision) else {

@@ -6,9 +6,7 @@
 use std::collections::BTreeSet;
 
 use anyhit::Ray;
-use anyhit::accel::{
-    Blas, Cursor, Geometry, GeometryFlags, Instance, InstanceFlags, RayFlags, Tlas, TraceRay,
-};
+use anyhit::accel::{Blas, Cursor, Geometry, GeometryFlags, Instance, RayFlags, Tlas, TraceRay};
 use anyhit::stress::draw::Draw;
 use anyhit::stress::reference::LineOf;
 use anyhit::stress::{Case, Shape};
@@ -161,15 +159,7 @@ fn check(seed: u64, kind: usize) {
         let geometry = Geometry::new(geometry, GeometryFlags::default());
         let blas = Blas::new(vec![geometry]).expect("legal primitives");
         let matrices: Vec<Matrix> = (0..INSTANCES).map(|_| matrix(&mut draw, s)).collect();
-        let instances = matrices.iter().map(|&transform| Instance {
-            blas: blas.clone(),
-            transform,
-            motion: None,
-            custom_index: 0,
-            mask: 1,
-            sbt_record_offset: 0,
-            flags: InstanceFlags::default(),
-        });
+        let instances = matrices.iter().map(|&transform| Instance::of(blas.clone(), transform));
         // Singular matrices are refused; there are plenty of others.
         let Ok(tlas) = Tlas::new(instances.collect()) else { continue };
         scenes += 1;
