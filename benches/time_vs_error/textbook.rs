@@ -22,17 +22,65 @@ pub struct PlainRay {
     t_max: f32,
 }
 
-fn plain(ray: &Ray, placed: &Placed) -> PlainRay {
-    let (mut origin, mut direction) = (ray.origin, ray.direction);
-    if placed.transform.is_some() {
-        let m = &placed.inverse;
-        origin =
-            m.map(|row| row[0] * ray.origin[0] + row[1] * ray.origin[1] + row[2] * ray.origin[2] + row[3]);
-        direction =
-            m.map(|row| row[0] * ray.direction[0] + row[1] * ray.direction[1] + row[2] * ray.direction[2]);
+/// A formula over blocks and rays that others share.
+pub trait Textbook {
+    type Block: Lanes;
+    type Ray: Prepared;
+
+    /// See [`Contender::met`].
+    fn met(block: &Self::Block, ray: &Self::Ray) -> u32;
+    /// See [`Contender::hit`].
+    fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32>;
+}
+
+/// Four primitives.
+pub trait Lanes {
+    fn new(shapes: &[Shape]) -> Self;
+}
+
+/// A ray brought into object space.
+pub trait Prepared: Copy {
+    fn new(ray: &Ray, placed: &Placed) -> Self;
+}
+
+impl<T: Textbook> Contender for T {
+    type Block = T::Block;
+    type Ray = T::Ray;
+
+    fn block(shapes: &[Shape]) -> Self::Block {
+        T::Block::new(shapes)
     }
-    let dd = dot1(direction, direction);
-    PlainRay { origin, direction, dd, inverse: 1.0 / dd, t_min: ray.t_min, t_max: ray.t_max }
+
+    #[inline(always)]
+    fn ray(ray: &Ray, placed: &Placed, _: &Bounds) -> Self::Ray {
+        T::Ray::new(ray, placed)
+    }
+
+    #[inline(always)]
+    fn met(block: &Self::Block, ray: &Self::Ray) -> u32 {
+        T::met(block, ray)
+    }
+
+    #[inline(always)]
+    fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
+        T::hit(block, lane, ray)
+    }
+}
+
+impl Prepared for PlainRay {
+    #[inline(always)]
+    fn new(ray: &Ray, placed: &Placed) -> Self {
+        let (mut origin, mut direction) = (ray.origin, ray.direction);
+        if placed.transform.is_some() {
+            let m = &placed.inverse;
+            origin = m
+                .map(|row| row[0] * ray.origin[0] + row[1] * ray.origin[1] + row[2] * ray.origin[2] + row[3]);
+            direction = m
+                .map(|row| row[0] * ray.direction[0] + row[1] * ray.direction[1] + row[2] * ray.direction[2]);
+        }
+        let dd = dot1(direction, direction);
+        PlainRay { origin, direction, dd, inverse: 1.0 / dd, t_min: ray.t_min, t_max: ray.t_max }
+    }
 }
 
 impl PlainRay {
@@ -92,7 +140,7 @@ pub struct SphereBlock {
     radius: Row,
 }
 
-impl SphereBlock {
+impl Lanes for SphereBlock {
     fn new(shapes: &[Shape]) -> Self {
         // An empty lane is far away from everything.
         let mut out = Self { center: [[1e9; 4]; 3], radius: [0.0; 4] };
@@ -103,7 +151,9 @@ impl SphereBlock {
         }
         out
     }
+}
 
+impl SphereBlock {
     #[inline(always)]
     fn lane(&self, lane: usize) -> ([f32; 3], f32) {
         (self.center.map(|row| row[lane]), self.radius[lane])
@@ -113,18 +163,9 @@ impl SphereBlock {
 /// The quadratic formula as it is taught.
 pub struct NaiveSphere;
 
-impl Contender for NaiveSphere {
+impl Textbook for NaiveSphere {
     type Block = SphereBlock;
     type Ray = PlainRay;
-
-    fn block(shapes: &[Shape]) -> SphereBlock {
-        SphereBlock::new(shapes)
-    }
-
-    #[inline(always)]
-    fn ray(ray: &Ray, placed: &Placed, _: &Bounds) -> PlainRay {
-        plain(ray, placed)
-    }
 
     #[inline(always)]
     fn met(block: &SphereBlock, ray: &PlainRay) -> u32 {
@@ -150,18 +191,9 @@ impl Contender for NaiveSphere {
 /// Akenine-Möller, *Precision improvements for ray/sphere intersection*, 2019).
 pub struct RecentredSphere;
 
-impl Contender for RecentredSphere {
+impl Textbook for RecentredSphere {
     type Block = SphereBlock;
     type Ray = PlainRay;
-
-    fn block(shapes: &[Shape]) -> SphereBlock {
-        SphereBlock::new(shapes)
-    }
-
-    #[inline(always)]
-    fn ray(ray: &Ray, placed: &Placed, _: &Bounds) -> PlainRay {
-        plain(ray, placed)
-    }
 
     #[inline(always)]
     fn met(block: &SphereBlock, ray: &PlainRay) -> u32 {
@@ -192,7 +224,7 @@ pub struct SweptBlock {
     radii: [Row; 2],
 }
 
-impl SweptBlock {
+impl Lanes for SweptBlock {
     fn new(shapes: &[Shape]) -> Self {
         let mut out =
             Self { positions: [[[1e9; 4]; 3], [[1e9; 4], [1e9; 4], [2e9; 4]]], radii: [[0.0; 4]; 2] };
@@ -205,7 +237,9 @@ impl SweptBlock {
         }
         out
     }
+}
 
+impl SweptBlock {
     #[inline(always)]
     fn lane(&self, lane: usize) -> ([[f32; 3]; 2], [f32; 2]) {
         (self.positions.map(|rows| rows.map(|row| row[lane])), self.radii.map(|row| row[lane]))
@@ -216,18 +250,9 @@ impl SweptBlock {
 /// ends, otherwise the nearer of the two spheres.
 pub struct RoundCone<const RECENTRED: bool>;
 
-impl<const RECENTRED: bool> Contender for RoundCone<RECENTRED> {
+impl<const RECENTRED: bool> Textbook for RoundCone<RECENTRED> {
     type Block = SweptBlock;
     type Ray = PlainRay;
-
-    fn block(shapes: &[Shape]) -> SweptBlock {
-        SweptBlock::new(shapes)
-    }
-
-    #[inline(always)]
-    fn ray(ray: &Ray, placed: &Placed, _: &Bounds) -> PlainRay {
-        plain(ray, placed)
-    }
 
     #[inline(always)]
     fn met(block: &SweptBlock, ray: &PlainRay) -> u32 {
@@ -294,18 +319,9 @@ impl<const RECENTRED: bool> Contender for RoundCone<RECENTRED> {
 /// two differ, which is wrong there.
 pub struct CapsuleByDistance;
 
-impl Contender for CapsuleByDistance {
+impl Textbook for CapsuleByDistance {
     type Block = SweptBlock;
     type Ray = PlainRay;
-
-    fn block(shapes: &[Shape]) -> SweptBlock {
-        SweptBlock::new(shapes)
-    }
-
-    #[inline(always)]
-    fn ray(ray: &Ray, placed: &Placed, _: &Bounds) -> PlainRay {
-        plain(ray, placed)
-    }
 
     #[inline(always)]
     fn met(block: &SweptBlock, ray: &PlainRay) -> u32 {
@@ -348,7 +364,7 @@ pub struct TriangleBlock {
     vertices: [[Row; 3]; 3],
 }
 
-impl TriangleBlock {
+impl Lanes for TriangleBlock {
     fn new(shapes: &[Shape]) -> Self {
         let mut out = Self { vertices: [[[1e9; 4]; 3]; 3] };
         for (lane, shape) in shapes.iter().enumerate() {
@@ -364,18 +380,9 @@ impl TriangleBlock {
 /// Möller and Trumbore 1997.
 pub struct MoellerTrumbore;
 
-impl Contender for MoellerTrumbore {
+impl Textbook for MoellerTrumbore {
     type Block = TriangleBlock;
     type Ray = PlainRay;
-
-    fn block(shapes: &[Shape]) -> TriangleBlock {
-        TriangleBlock::new(shapes)
-    }
-
-    #[inline(always)]
-    fn ray(ray: &Ray, placed: &Placed, _: &Bounds) -> PlainRay {
-        plain(ray, placed)
-    }
 
     #[inline(always)]
     fn met(block: &TriangleBlock, ray: &PlainRay) -> u32 {
@@ -414,24 +421,22 @@ pub struct WoopRay {
     shear: [f32; 3],
 }
 
-impl Contender for Woop {
-    type Block = TriangleBlock;
-    type Ray = WoopRay;
-
-    fn block(shapes: &[Shape]) -> TriangleBlock {
-        TriangleBlock::new(shapes)
-    }
-
+impl Prepared for WoopRay {
     #[inline(always)]
-    fn ray(ray: &Ray, placed: &Placed, _: &Bounds) -> WoopRay {
-        let plain = plain(ray, placed);
+    fn new(ray: &Ray, placed: &Placed) -> Self {
+        let plain = PlainRay::new(ray, placed);
         let d = plain.direction;
         let first = if d[1].abs() > d[0].abs() { 1 } else { 0 };
         let z = if d[2].abs() > d[first].abs() { 2 } else { first };
         let (x, y) = ((z + 1) % 3, (z + 2) % 3);
         let inverse = 1.0 / d[z];
-        WoopRay { plain, axes: [x, y, z], shear: [d[x] * inverse, d[y] * inverse, inverse] }
+        Self { plain, axes: [x, y, z], shear: [d[x] * inverse, d[y] * inverse, inverse] }
     }
+}
+
+impl Textbook for Woop {
+    type Block = TriangleBlock;
+    type Ray = WoopRay;
 
     #[inline(always)]
     fn met(block: &TriangleBlock, ray: &WoopRay) -> u32 {
@@ -476,15 +481,9 @@ pub struct BoxBlock {
     sides: [[Row; 3]; 2],
 }
 
-/// Slabs.
-pub struct Slabs;
-
-impl Contender for Slabs {
-    type Block = BoxBlock;
-    type Ray = (PlainRay, [f32; 3]);
-
-    fn block(shapes: &[Shape]) -> BoxBlock {
-        let mut out = BoxBlock { sides: [[[1e9; 4]; 3]; 2] };
+impl Lanes for BoxBlock {
+    fn new(shapes: &[Shape]) -> Self {
+        let mut out = Self { sides: [[[1e9; 4]; 3]; 2] };
         for (lane, shape) in shapes.iter().enumerate() {
             let Shape::Aabb(corners) = *shape else { panic!("a BLAS of two kinds") };
             for (rows, corner) in out.sides.iter_mut().zip(corners) {
@@ -493,12 +492,23 @@ impl Contender for Slabs {
         }
         out
     }
+}
 
+/// A ray and the reciprocals of its direction.
+impl Prepared for (PlainRay, [f32; 3]) {
     #[inline(always)]
-    fn ray(ray: &Ray, placed: &Placed, _: &Bounds) -> Self::Ray {
-        let plain = plain(ray, placed);
+    fn new(ray: &Ray, placed: &Placed) -> Self {
+        let plain = PlainRay::new(ray, placed);
         (plain, plain.direction.map(|x| 1.0 / x))
     }
+}
+
+/// Slabs.
+pub struct Slabs;
+
+impl Textbook for Slabs {
+    type Block = BoxBlock;
+    type Ray = (PlainRay, [f32; 3]);
 
     #[inline(always)]
     fn met(block: &BoxBlock, (ray, inverse): &Self::Ray) -> u32 {
