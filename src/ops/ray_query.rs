@@ -74,6 +74,24 @@ pub struct Getter {
     read: fn(Seen<'_>, &mut [u32]) -> Result<(), TrapCode>,
 }
 
+impl RayGetter {
+    /// Words that it reads.
+    pub fn words(&self) -> u32 {
+        self.shape.words()
+    }
+
+    /// The first word among the operands of `OpRayQueryInitializeKHR` where what it reads stands.
+    pub fn operand(&self) -> Option<u32> {
+        match self.opcode {
+            Opcode::RayQueryGetRayFlagsKHR => Some(2),
+            Opcode::RayQueryGetWorldRayOriginKHR => Some(4),
+            Opcode::RayQueryGetRayTMinKHR => Some(7),
+            Opcode::RayQueryGetWorldRayDirectionKHR => Some(8),
+            _ => None,
+        }
+    }
+}
+
 macro_rules! named {
     ($($ty:ty)*) => {$(
         impl std::fmt::Debug for $ty {
@@ -181,6 +199,21 @@ impl Op {
                 visit(Access::Read(first, count));
                 visit(Access::Effect);
             }
+        }
+    }
+
+    /// Where the handle of its query lies.
+    pub fn query(&self) -> Option<ObjectRef> {
+        match *self {
+            Self::Initialize { query, .. }
+            | Self::Proceed { query, .. }
+            | Self::Terminate { query }
+            | Self::Confirm { query }
+            | Self::Generate { query, .. }
+            | Self::Type { query, .. }
+            | Self::GetRay { query, .. }
+            | Self::Get { query, .. } => Some(query),
+            Self::Forget { .. } => None,
         }
     }
 

@@ -13,10 +13,12 @@ pub mod outputs;
 pub mod perturb;
 mod place;
 mod probe;
+mod rays;
 pub mod shadow;
 mod shadows;
 mod stable;
 mod tell;
+mod watcher;
 
 pub use allowed::Envelope;
 pub use found::Shadow;
@@ -24,3 +26,12 @@ pub use perturb::{Instability, Perturbation, perturb};
 pub use place::Spot;
 pub use shadow::shadow;
 pub use stable::StableExpectation;
+
+use crate::harness::memory;
+use crate::scene::Assembled;
+
+/// A scene with memory of its own, which is what the scene's is now: what runs on one leaves the other
+/// as it was.
+pub fn apart(assembled: &Assembled) -> Assembled {
+    Assembled { resources: memory::copied(&assembled.resources), ..assembled.clone() }
+}

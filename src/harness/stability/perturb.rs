@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
+use crate::accel::Committed;
 use crate::debug::session::Settled;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::Observed;
@@ -17,6 +18,7 @@ use crate::machine::{Batch, Bindings, Reg};
 use crate::module::Module;
 use crate::ops::memory;
 use crate::ops::op::Op;
+use crate::ops::ray_query;
 use crate::ops::row::Row;
 use crate::pipeline::Event;
 use crate::program::{Program, Terminator};
@@ -373,6 +375,13 @@ fn signed(bits: u64, width: u32) -> f64 {
     ((bits << empty) as i64 >> empty) as f64
 }
 
+/// What a ray hits, as a step of an invocation's way; no code of a branch has the highest bit.
+fn hit_code(committed: Option<&Committed>) -> u64 {
+    let place = committed.map(|hit| hit.candidate.place());
+    let numbers = place.map_or([u32::MAX; 3], |place| [place.instance, place.geometry, place.primitive]);
+    numbers.iter().fold(1, |sum, &number| mixed(sum) ^ u64::from(number)) | 1 << 63
+}
+
 /// `RayTmaxKHR`
 const RAY_T_MAX: u32 = 5326;
 
@@ -419,12 +428,17 @@ impl Probe for Mover<'_> {
     }
 
     fn after(&mut self, batch: &mut Batch<1>, _: &Bindings, op: u32) {
-        if self.run == 0 {
-            return;
-        }
         let plan = self.plan;
         let program = &plan.programs.all[self.shader];
         match &program.ops[op as usize] {
+            &Op::RayQuery(ray_query::Op::Proceed { query, to }) if batch.registers[to].0[0] == 0 => {
+                let handle = query.row(&batch.registers, 0).map(|row| batch.registers[row].0[0]);
+                if let Ok(query) = handle.and_then(|handle| batch.queries.query(handle)) {
+                    let place = (self.shader, program.origins[op as usize].offset, Where::Hit);
+                    self.decide(hit_code(query.committed()), place);
+                }
+            }
+            _ if self.run == 0 => {}
             Op::Row { row, to, from } => {
                 let offset = program.origins[op as usize].offset;
                 self.row(batch, offset, (row, *to, from));
@@ -457,12 +471,8 @@ impl Probe for Mover<'_> {
                 self.frames.pop();
             }
             Event::Traversed { committed, .. } => {
-                let place = committed.map(|hit| hit.candidate.place());
-                let numbers = place.map(|place| [place.instance, place.geometry, place.primitive]);
-                let numbers = numbers.unwrap_or([u32::MAX; 3]);
-                let code = numbers.iter().fold(1, |sum, &number| mixed(sum) ^ u64::from(number));
                 if let Some(&(shader, offset)) = self.frames.last() {
-                    self.decide(code | 1 << 63, (shader, offset, Where::Hit));
+                    self.decide(hit_code(committed.as_ref()), (shader, offset, Where::Hit));
                 }
             }
             _ => {}

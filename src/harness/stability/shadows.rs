@@ -1,5 +1,8 @@
 //! The f64 values that stand beside a shader's registers.
 
+use std::collections::HashMap;
+
+use crate::harness::stability::rays::{Beside, Numbers, Queried};
 use crate::machine::stop::Rows;
 use crate::machine::{Batch, Reg};
 
@@ -24,6 +27,8 @@ pub(super) struct Frame {
     pub waits: Waits,
     /// The word offset of the instruction that it waits at.
     pub waits_at: u32,
+    /// Its ray queries, by handle.
+    pub queries: HashMap<u32, Queried>,
 }
 
 /// What a shader waits for.
@@ -46,6 +51,7 @@ impl Frame {
         self.entries.resize(rows.max(self.entries.len()), (0, Entry::default()));
         (self.shader, self.number) = (shader, number);
         (self.waits, self.waits_at) = (Waits::No, 0);
+        self.queries.clear();
     }
 
     /// The entry at a row, whatever the row holds by now.
@@ -69,6 +75,11 @@ impl Frame {
     /// Takes away what stands beside some rows.
     pub fn forget(&mut self, first: Reg, count: u32) {
         (0..count).for_each(|word| self.set(first.plus(word), None));
+    }
+
+    /// What stands beside the numbers of a ray, given the first of an instruction's operands.
+    pub fn beside(&self, numbers: Numbers, operands: Reg) -> Beside {
+        Beside(numbers.rows(operands).map(|row| self.entry(row)).collect())
     }
 
     /// What stands beside some rows.

@@ -1,0 +1,534 @@
+//! Follows the shadows of invocations, one operation after the other.
+
+use std::collections::HashMap;
+
+use crate::accel::Candidate;
+use crate::harness::stability::found::{Found, Shadow};
+use crate::harness::stability::probe::{Part, Probe};
+use crate::harness::stability::rays::{Beside, Numbers, Queried, Traced};
+use crate::harness::stability::shadow::Plan;
+use crate::harness::stability::shadows::{Entry, Frame, Waits, bits, float};
+use crate::machine::object::ObjectRef;
+use crate::machine::{Batch, Bindings, Exit, Reg};
+use crate::module::interface::Stage;
+use crate::ops::memory::{self, Chunk};
+use crate::ops::op::{Access, Op};
+use crate::ops::pointer::storage;
+use crate::ops::row::Row;
+use crate::ops::twin::{Scratch, Twin};
+use crate::ops::{ray_query, ray_tracing};
+use crate::pipeline::Event;
+use crate::program::Terminator;
+
+/// A sum or difference that loses more bits than this is a cancellation.
+const CANCELLED: f64 = 8.0;
+
+/// Entries of scalars in buffers, by the buffer and the byte.
+pub(super) type Memory = HashMap<(usize, u64), Entry>;
+
+/// Keeps the shadows of one stretch of invocations.
+pub(super) struct Watcher<'a> {
+    plan: &'a Plan,
+    frames: Vec<Frame>,
+    spare: Vec<Frame>,
+    /// Invocations of a dispatch that wait at a barrier.
+    waiting: HashMap<[u32; 3], Frame>,
+    number: u64,
+    rays: Vec<Traced>,
+    pub memory: Memory,
+    scratch: Scratch,
+    launch_id: Option<[u32; 3]>,
+    dispatch: bool,
+    /// By shader and word offset.
+    found: HashMap<(usize, u32), Found>,
+}
+
+impl<'a> Watcher<'a> {
+    /// Before anything runs.
+    pub fn new(plan: &'a Plan) -> Self {
+        Self {
+            plan,
+            frames: Vec::new(),
+            spare: Vec::new(),
+            waiting: HashMap::new(),
+            number: 0,
+            rays: Vec::new(),
+            memory: plan.memory().clone(),
+            scratch: Scratch::default(),
+            launch_id: None,
+            dispatch: false,
+            found: HashMap::new(),
+        }
+    }
+
+    /// What it found.
+    pub fn shadow(&self) -> Shadow {
+        let mut shadow = Shadow::default();
+        let mut found: Vec<_> = self.found.iter().collect();
+        found.sort_unstable_by_key(|(place, _)| **place);
+        for (&(shader, offset), found) in found {
+            shadow.results += found.results;
+            shadow.lines.entry(self.plan.programs.spot(shader, offset)).or_default().add(found);
+        }
+        shadow
+    }
+
+    fn enter(&mut self, shader: usize) -> &mut Frame {
+        let mut frame = self.spare.pop().unwrap_or_default();
+        self.number += 1;
+        frame.begin(shader, self.plan.programs.all[shader].rows as usize, self.number);
+        self.frames.push(frame);
+        self.frames.last_mut().expect("bug in anyhit: no frame was pushed")
+    }
+
+    fn note(&mut self, offset: u32) -> Option<&mut Found> {
+        let shader = self.frames.last()?.shader;
+        Some(self.found.entry((shader, offset)).or_default())
+    }
+
+    /// Runs the twin of a row and compares.
+    fn row(&mut self, batch: &Batch<1>, offset: u32, twin: Twin, (row, to, from): (&Row, Reg, &[Reg; 3])) {
+        let Some(frame) = self.frames.last_mut() else { return };
+        let read = |at: usize| bits(batch, from[at], row.operands[at].max(1));
+        let result = bits(batch, to, row.words);
+        match twin {
+            Twin::None => frame.forget(to, row.words),
+            Twin::Select => {
+                let chosen = if read(0) != 0 { from[1] } else { from[2] };
+                let entry = frame.entry(chosen);
+                frame.set(to, entry);
+            }
+            Twin::Same => {
+                let width = row.float_operands[0];
+                let value = frame.value(from[0], read(0)).unwrap_or_else(|| float(read(0), width));
+                frame.set(to, Some(Entry { bits: result, value }));
+                let error = relative(float(read(0), width), value);
+                self.compare(offset, row, result, to, (value, error, ""));
+            }
+            Twin::Logical => {
+                let known = [0, 1].map(|at| frame.value(from[at], read(at)));
+                if known == [None, None] {
+                    return frame.forget(to, 1);
+                }
+                let operands = [0, 1].map(|at| known[at].map_or(read(at), |value| value as u64));
+                let value = self.scratch.run(row, [operands[0], operands[1], 0]) as f64;
+                frame.set(to, Some(Entry { bits: result, value }));
+            }
+            Twin::Number(wide) | Twin::Comparison(wide) | Twin::Integer(wide) => {
+                let mut operands = [0; 3];
+                let (mut worst, mut known) = (0.0_f64, false);
+                for at in 0..3 {
+                    let bits = if row.operands[at] > 0 { read(at) } else { 0 };
+                    operands[at] = bits;
+                    let width = row.float_operands[at];
+                    if width > 0 {
+                        let own = float(bits, width);
+                        let value = frame.value(from[at], bits);
+                        known |= value.is_some();
+                        let value = value.unwrap_or(own);
+                        worst = worst.max(relative(own, value));
+                        operands[at] = value.to_bits();
+                    }
+                }
+                let decides = !matches!(twin, Twin::Number(_));
+                if decides && !known {
+                    return frame.forget(to, row.words);
+                }
+                let value = self.scratch.run(wide, operands);
+                if !decides {
+                    return self.compare(offset, row, result, to, (f64::from_bits(value), worst, wide.name));
+                }
+                frame.set(to, Some(Entry { bits: result, value: value as f64 }));
+                if value != result
+                    && let Some(found) = self.note(offset)
+                {
+                    match twin {
+                        Twin::Comparison(_) => found.comparisons += 1,
+                        _ => found.integers += 1,
+                    }
+                }
+            }
+        }
+    }
+
+    /// Compares a float result with its shadow, whose operands were off by `worst` at most.
+    fn compare(
+        &mut self,
+        offset: u32,
+        row: &Row,
+        result: u64,
+        to: Reg,
+        (value, worst, name): (f64, f64, &str),
+    ) {
+        let own = float(result, row.float_result);
+        let launch_id = self.launch_id;
+        let comparable = own.is_finite() && value.is_finite();
+        let entry = comparable.then_some(Entry { bits: result, value });
+        let Some(frame) = self.frames.last_mut() else { return };
+        frame.set(to, entry);
+        let Some(found) = self.note(offset) else { return };
+        found.results += 1;
+        if !comparable {
+            found.not_finite += u64::from(own.is_finite() != value.is_finite());
+            return;
+        }
+        let error = relative(own, value);
+        if error > found.error {
+            (found.error, found.launch_id) = (error, launch_id);
+        }
+        let unit = unit(row.float_result);
+        if error > unit {
+            let lost = (error / worst.max(unit)).log2();
+            found.bits_lost = found.bits_lost.max(lost);
+            let sums = ["FAdd", "FSub", "Fma", "FmaKHR", "FMix"].contains(&name);
+            found.cancellations += u64::from(sums && lost > CANCELLED);
+        }
+    }
+
+    fn moves(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &memory::Op) {
+        let Some(frame) = self.frames.last_mut() else { return };
+        let at = |first: Reg, row: Reg| first.plus(batch.registers[row].0[0]);
+        match *op {
+            memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from } => {
+                let entry = frame.entry(from);
+                frame.set(to, entry);
+            }
+            memory::Op::Gather { to, count, first, row } => {
+                for word in 0..count {
+                    let entry = frame.entry(at(first, row).plus(word));
+                    frame.set(to.plus(word), entry);
+                }
+            }
+            memory::Op::Scatter { from, count, first, row } => {
+                for word in 0..count {
+                    let entry = frame.entry(from.plus(word));
+                    frame.set(at(first, row).plus(word), entry);
+                }
+            }
+            memory::Op::BufferLoad { to, chunk } => {
+                let keys = keys(batch, bindings, &chunk);
+                for word in 0..chunk.count {
+                    let known = keys.and_then(|key| self.memory.get(&key(word)).copied());
+                    frame.set(to.plus(word), known);
+                }
+            }
+            memory::Op::BufferStore { from, chunk } => {
+                let Some(key) = keys(batch, bindings, &chunk) else { return };
+                for word in 0..chunk.count {
+                    match frame.entry(from.plus(word)) {
+                        Some(entry) => self.memory.insert(key(word), entry),
+                        None => self.memory.remove(&key(word)),
+                    };
+                }
+            }
+            memory::Op::Index { to, .. } | memory::Op::ArrayLength { to, .. } => frame.forget(to, 1),
+        }
+    }
+
+    /// Follows a ray query; where it ends, or what it committed is read, its hit is judged.
+    fn query(&mut self, batch: &mut Batch<1>, offset: u32, op: &ray_query::Op) {
+        let Some(frame) = self.frames.last_mut() else { return };
+        op.accesses(&mut |access| {
+            if let Access::Write(first, count) = access {
+                frame.forget(first, count);
+            }
+        });
+        let row = |query: ObjectRef| query.row(&batch.registers, 0).ok();
+        let handle = op.query().and_then(row).map(|row| batch.registers[row].0[0]);
+        let Some((handle, Ok(query))) = handle.map(|handle| (handle, batch.queries.query(handle))) else {
+            return;
+        };
+        if let ray_query::Op::Initialize { operands, .. } = *op {
+            let beside = frame.beside(Numbers::QUERY, operands);
+            frame.queries.insert(handle, Queried::new(beside));
+            return;
+        }
+        let Some(queried) = frame.queries.get_mut(&handle) else { return };
+        let judged = match *op {
+            ray_query::Op::Confirm { .. } | ray_query::Op::Generate { .. } => {
+                queried.confirm();
+                false
+            }
+            ray_query::Op::Terminate { .. } => {
+                queried.terminate();
+                false
+            }
+            ray_query::Op::Proceed { .. } => {
+                let candidate = query.candidate().ok();
+                queried.proceed(candidate);
+                candidate.is_none()
+            }
+            ray_query::Op::Type { committed, .. } => committed,
+            ray_query::Op::GetRay { getter, to, .. } => {
+                let beside = queried.beside.clone();
+                for word in 0..getter.words() {
+                    let number = getter.operand().and_then(|first| first.checked_sub(Numbers::QUERY.0));
+                    frame.set(to.plus(word), number.and_then(|first| beside.entry(first + word)));
+                }
+                return;
+            }
+            _ => false,
+        };
+        if judged
+            && queried.other_hit(query)
+            && let Some(found) = self.note(offset)
+        {
+            found.hits += 1;
+        }
+    }
+
+    fn enter_stage(&mut self, shader: usize, stage: Stage) {
+        let program = self.plan.programs.all[shader].clone();
+        let caller = self.frames.last();
+        let data = match stage {
+            Stage::Callable => caller.and_then(|caller| match caller.waits {
+                Waits::Call(rows) => Some(caller.entries(rows)),
+                _ => None,
+            }),
+            _ => self.rays.last().map(|ray| ray.payload.clone()),
+        };
+        let class = match stage {
+            Stage::Callable => storage::INCOMING_CALLABLE_DATA,
+            _ => storage::INCOMING_RAY_PAYLOAD,
+        };
+        let reported = matches!(caller, Some(Frame { waits: Waits::Report, .. }));
+        let (t, attributes) = match (stage, self.rays.last()) {
+            (Stage::AnyHit, Some(ray)) if reported => ray.reported.clone(),
+            (Stage::ClosestHit | Stage::Intersection, Some(ray)) => ray.accepted.clone(),
+            _ => Default::default(),
+        };
+        let beside = match stage {
+            Stage::Callable | Stage::RayGeneration => Beside::default(),
+            _ => self.rays.last().map_or_else(Beside::default, |ray| ray.beside.clone()),
+        };
+        let frame = self.enter(shader);
+        if let (Some(rows), Some(data)) = (program.interface_rows(class), data) {
+            frame.set_all(rows.rows(), &data);
+        }
+        if let Some(rows) = program.interface_rows(storage::HIT_ATTRIBUTE) {
+            frame.set_all(rows.rows(), &attributes);
+        }
+        for input in &program.inputs {
+            let entry = |word: u32| match input.builtin.number {
+                WORLD_RAY_ORIGIN => beside.entry(word),
+                WORLD_RAY_DIRECTION => beside.entry(Numbers::DIRECTION + word),
+                RAY_T_MIN => beside.entry(Numbers::T_MIN),
+                // Where nothing was reported it is the ray's own; an entry counts where its bits do.
+                RAY_T_MAX => t.or_else(|| beside.entry(Numbers::T_MAX)),
+                _ => None,
+            };
+            for word in 0..input.count {
+                frame.set(input.first.plus(word), entry(word));
+            }
+        }
+    }
+
+    fn leave(&mut self, stage: Stage, exit: Exit) {
+        let Some(frame) = self.frames.pop() else { return };
+        let program = &self.plan.programs.all[frame.shader];
+        if stage == Stage::Callable {
+            let rows = program.interface_rows(storage::INCOMING_CALLABLE_DATA);
+            if let (Some(rows), Some(caller)) = (rows, self.frames.last_mut())
+                && let Waits::Call(data) = caller.waits
+            {
+                caller.set_all(data, &frame.entries(rows.rows()));
+            }
+        } else if let Some(ray) = self.rays.last_mut() {
+            if let Some(rows) = program.interface_rows(storage::INCOMING_RAY_PAYLOAD) {
+                ray.payload = frame.entries(rows.rows());
+            }
+            if let (Stage::AnyHit, Exit::Ignored, Some(place)) = (stage, exit, ray.candidate) {
+                ray.ignored.insert(place);
+            }
+        }
+        self.spare.push(frame);
+    }
+}
+
+/// Numbers of builtins whose shadows are the trace's.
+const WORLD_RAY_ORIGIN: u32 = 5321;
+const WORLD_RAY_DIRECTION: u32 = 5322;
+const RAY_T_MIN: u32 = 5325;
+const RAY_T_MAX: u32 = 5326;
+
+/// Where the scalars of an access lie.
+fn keys<'a>(
+    batch: &Batch<1>,
+    bindings: &Bindings,
+    chunk: &'a Chunk,
+) -> Option<impl Fn(u32) -> (usize, u64) + Copy + use<'a>> {
+    let (buffer, offset) = memory::place(batch, 0, bindings, chunk)?;
+    let buffer = std::ptr::from_ref(buffer) as usize;
+    let width = u64::from(chunk.width / 8);
+    Some(move |word: u32| (buffer, offset + u64::from(word) * width))
+}
+
+/// The difference of two numbers by the greater magnitude; nothing below the normal numbers of f32,
+/// where there is no relative accuracy.
+fn relative(own: f64, value: f64) -> f64 {
+    let scale = own.abs().max(value.abs());
+    if own == value || !scale.is_finite() || scale < f64::from(f32::MIN_POSITIVE) {
+        return 0.0;
+    }
+    (own - value).abs() / scale
+}
+
+/// The relative error of one rounding to a width.
+fn unit(width: u32) -> f64 {
+    match width {
+        16 => 2f64.powi(-11),
+        32 => 2f64.powi(-24),
+        _ => 2f64.powi(-53),
+    }
+}
+
+impl Probe for Watcher<'_> {
+    fn begin(&mut self, part: Part) {
+        self.frames.clear();
+        self.rays.clear();
+        // A ray that no shader traces has none beside its numbers.
+        self.rays.push(Traced::default());
+        self.launch_id = if let Part::Invocation(id) = part { Some(id) } else { None };
+        self.dispatch = matches!(part, Part::Dispatch(_));
+    }
+
+    fn resumed(&mut self, shader: usize, batch: &mut Batch<1>) {
+        if self.dispatch {
+            let id = batch.invocations[0].launch_id;
+            self.launch_id = Some(id);
+            match self.waiting.remove(&id) {
+                Some(frame) => self.frames.push(frame),
+                None => {
+                    self.enter(shader);
+                }
+            }
+            return;
+        }
+        let Some(frame) = self.frames.last_mut() else { return };
+        match std::mem::take(&mut frame.waits) {
+            Waits::Trace(rows) => {
+                if let Some(ray) = self.rays.pop() {
+                    frame.set_all(rows, &ray.payload);
+                }
+            }
+            Waits::No | Waits::Call(_) | Waits::Report => {}
+        }
+    }
+
+    fn stopped(&mut self, batch: &Batch<1>) {
+        if self.dispatch {
+            let Some(frame) = self.frames.pop() else { return };
+            // Behind a barrier no lane runs, as behind the end; only the one of them has ended.
+            match batch.live().is_empty() {
+                true => self.spare.push(frame),
+                false => {
+                    self.waiting.insert(batch.invocations[0].launch_id, frame);
+                }
+            }
+            return;
+        }
+        let Some(frame) = self.frames.last_mut().filter(|_| !batch.mask.is_empty()) else { return };
+        let program = &self.plan.programs.all[frame.shader];
+        let Some(at) = (batch.op as usize).checked_sub(1) else { return };
+        let Some(Op::Stop(stop)) = program.ops.get(at) else { return };
+        frame.waits_at = program.origins[at].offset;
+        match *stop {
+            ray_tracing::Op::TraceRay { operands, payload }
+            | ray_tracing::Op::HitObjectTrace { operands, payload, .. } => {
+                frame.waits = Waits::Trace(payload);
+                let beside = frame.beside(Numbers::TRACE, operands);
+                let payload = frame.entries(payload);
+                self.rays.push(Traced { payload, beside, ..Traced::default() });
+            }
+            ray_tracing::Op::HitObjectExecute { payload, .. } => {
+                frame.waits = Waits::Trace(payload);
+                let payload = frame.entries(payload);
+                self.rays.push(Traced { payload, ..Traced::default() });
+            }
+            ray_tracing::Op::ExecuteCallable { data, .. } => frame.waits = Waits::Call(data),
+            ray_tracing::Op::ReportIntersection { t, accepted, .. } => {
+                frame.waits = Waits::Report;
+                frame.forget(accepted, 1);
+                let t = frame.entry(t);
+                let rows = program.interface_rows(storage::HIT_ATTRIBUTE);
+                let attributes = rows.map_or_else(Vec::new, |rows| frame.entries(rows.rows()));
+                if let Some(ray) = self.rays.last_mut() {
+                    ray.reported = (t, attributes);
+                }
+            }
+            ray_tracing::Op::HitObjectRecordHandle { to, .. } => frame.forget(to, 2),
+        }
+    }
+
+    fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: u32) {
+        let Some(frame) = self.frames.last_mut() else { return };
+        let plan = self.plan;
+        let (shader, at) = (frame.shader, op as usize);
+        let program = &plan.programs.all[shader];
+        match &program.ops[at] {
+            Op::Row { row, to, from } => {
+                let offset = program.origins[at].offset;
+                self.row(batch, offset, plan.twins[shader][at], (row, *to, from));
+            }
+            Op::Memory(op) => self.moves(batch, bindings, op),
+            Op::RayQuery(op) => self.query(batch, program.origins[at].offset, op),
+            other => other.accesses(|access| {
+                if let Access::Write(first, count) = access {
+                    frame.forget(first, count);
+                }
+            }),
+        }
+    }
+
+    fn taken(&mut self, block: u32, edge: u32) {
+        let Some(frame) = self.frames.last() else { return };
+        let program = &self.plan.programs.all[frame.shader];
+        let flips = match &program.blocks[block as usize].terminator {
+            Terminator::BranchConditional { condition, .. } => frame
+                .entry(*condition)
+                .is_some_and(|entry| entry.bits == u64::from(edge == 0) && entry.value as u64 != entry.bits),
+            Terminator::Switch { selector, cases, .. } => frame.entry(*selector).is_some_and(|entry| {
+                let case = |value: u64| cases.iter().position(|case| case.0 == value).unwrap_or(cases.len());
+                case(entry.bits) == edge as usize && case(entry.value as u64) != edge as usize
+            }),
+            _ => false,
+        };
+        let offset = self.plan.branches[frame.shader][block as usize];
+        if flips && let Some(found) = self.note(offset) {
+            found.branches += 1;
+        }
+    }
+
+    fn event(&mut self, event: &Event) {
+        match event {
+            Event::Trace { tlas, trace, .. } => {
+                if let Some(ray) = self.rays.last_mut() {
+                    ray.traced = Some((tlas.clone(), *trace));
+                }
+            }
+            Event::Candidate { candidate: Candidate { instance, geometry, primitive, .. }, .. } => {
+                if let Some(ray) = self.rays.last_mut() {
+                    ray.candidate = Some((*instance, *geometry, *primitive));
+                    ray.reported = Default::default();
+                }
+            }
+            Event::Report { accepted: true, .. } => {
+                if let Some(ray) = self.rays.last_mut() {
+                    ray.accepted = ray.reported.clone();
+                }
+            }
+            Event::Traversed { committed, .. } => {
+                let other = |ray: &Traced| ray.other_hit(committed.as_ref(), self.plan.flags);
+                if self.rays.last().is_some_and(other)
+                    && let Some(at) = self.frames.last().map(|frame| frame.waits_at)
+                    && let Some(found) = self.note(at)
+                {
+                    found.hits += 1;
+                }
+            }
+            Event::Enter { shader, stage, .. } => self.enter_stage(shader.0 as usize, *stage),
+            Event::Leave { stage, exit, .. } => self.leave(*stage, *exit),
+            _ => {}
+        }
+    }
+}
