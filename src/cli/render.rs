@@ -6,9 +6,11 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
+use crate::harness::stability::apart;
 use crate::machine::Binding;
 use crate::scene::image::Picture;
 use crate::scene::resources::Output;
@@ -39,13 +41,25 @@ pub struct RenderArgs {
     /// Prints what was done: rays, invocations, occupancy, time.
     #[arg(long)]
     stats: bool,
+
+    #[command(flatten)]
+    stability: StabilityArgs,
+
+    /// With --shadow or --perturb: print JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the command.
 ///
 /// # Errors
-/// Of the scene, of a shader that traps, or of writing the picture.
+/// Of the scene, of a shader that traps, or of writing the picture; `Expectation` where `--perturb`
+/// finds that an output is not stable, after all is written and printed.
 pub fn run(args: RenderArgs) -> Result<()> {
+    if args.json && !args.stability.asks() {
+        let message = "`--json` is for --shadow and --perturb";
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
     let options = Options { size: args.size, precision: args.precision, ..Options::default() };
     let begin = Instant::now();
     let resolved = match &args.scene {
@@ -59,6 +73,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let binding = Binding { set: output.set, binding: output.binding };
     let linear = output.output == Some(Output::Linear);
     let mut assembled = scene::assemble(&resolved)?;
+    let stability = args.stability.asks().then(|| apart(&assembled));
     let printed = Arc::default();
     assembled.resources.printed = Some(Arc::clone(&printed));
     let ready = begin.elapsed();
@@ -85,6 +100,9 @@ pub fn run(args: RenderArgs) -> Result<()> {
         output::print(stats::table(&counted, ready, traced))?;
         output::print(stats::spared(&counted, &assembled))?;
         output::print(stats::order(&assembled))?;
+    }
+    if let Some(before) = stability {
+        args.stability.run(&resolved, &before, None, args.json)?;
     }
     Ok(())
 }

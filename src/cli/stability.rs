@@ -40,6 +40,18 @@ impl StabilityArgs {
         self.shadow || self.perturb.is_some()
     }
 
+    /// `--shadow`
+    pub fn shadow(&self) -> bool {
+        self.shadow
+    }
+
+    /// `--perturb` with what belongs to it.
+    pub fn perturbation(&self) -> Option<Perturbation> {
+        let envelope = if self.envelope == "nvidia" { Envelope::Nvidia } else { Envelope::Vulkan };
+        let tolerance = self.tolerance.unwrap_or(Perturbation::default().tolerance);
+        self.perturb.map(|runs| Perturbation { runs, seed: self.seed, envelope, tolerance })
+    }
+
     /// Runs what is asked, for a whole launch or for one ray, and prints what was found.
     ///
     /// # Errors
@@ -51,8 +63,8 @@ impl StabilityArgs {
         one: Option<&Settled>,
         json: bool,
     ) -> Result<()> {
-        if let Some(runs) = self.perturb {
-            return self.perturb(scene, assembled, one, json, runs);
+        if let Some(perturbation) = self.perturbation() {
+            return perturbed(scene, assembled, one, json, &perturbation);
         }
         let (found, trap) = match one {
             Some(one) => shadow_one(scene, assembled, one)?,
@@ -64,34 +76,27 @@ impl StabilityArgs {
         }
         trap.map_or(Ok(()), Err)
     }
+}
 
-    fn perturb(
-        &self,
-        scene: &ResolvedScene,
-        assembled: &Assembled,
-        one: Option<&Settled>,
-        json: bool,
-        runs: u32,
-    ) -> Result<()> {
-        let envelope = if self.envelope == "nvidia" { Envelope::Nvidia } else { Envelope::Vulkan };
-        let tolerance = self.tolerance.unwrap_or(Perturbation::default().tolerance);
-        let perturbation = Perturbation { runs, seed: self.seed, envelope, tolerance };
-        let found = match one {
-            Some(one) => perturb_one(scene, assembled, one, &perturbation)?,
-            None => perturb(scene, assembled, &perturbation)?,
-        };
-        match json {
-            true => output::print(format_args!("{:#}\n", found.json()))?,
-            false => output::print(found.text())?,
-        }
-        match found.is_stable() {
-            true => Ok(()),
-            false => {
-                let count = found.outputs.len() + found.traps.len();
-                let message =
-                    format!("{count} {} not stable", if count == 1 { "output is" } else { "outputs are" });
-                Err(Error::new(ErrorKind::Expectation, message))
-            }
-        }
+fn perturbed(
+    scene: &ResolvedScene,
+    assembled: &Assembled,
+    one: Option<&Settled>,
+    json: bool,
+    perturbation: &Perturbation,
+) -> Result<()> {
+    let found = match one {
+        Some(one) => perturb_one(scene, assembled, one, perturbation)?,
+        None => perturb(scene, assembled, perturbation)?,
+    };
+    match json {
+        true => output::print(format_args!("{:#}\n", found.json()))?,
+        false => output::print(found.text())?,
     }
+    if found.is_stable() {
+        return Ok(());
+    }
+    let count = found.outputs.len() + found.traps.len();
+    let message = format!("{count} {} not stable", if count == 1 { "output is" } else { "outputs are" });
+    Err(Error::new(ErrorKind::Expectation, message))
 }

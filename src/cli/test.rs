@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use crate::cli::output;
+use crate::cli::stability::StabilityArgs;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
 use crate::harness::suite::{Options, Outcome, Report, Shard, Suite, junit, tell};
@@ -48,9 +49,8 @@ pub struct TestArgs {
     /// Write the coverage of the shaders' lines and branches as an lcov tracefile, and sum it up
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
-    /// Run every float operation in f64, too, and tell afterwards on which lines the two part
-    #[arg(long)]
-    shadow: bool,
+    #[command(flatten)]
+    stability: StabilityArgs,
     /// Where pictures that differ are saved [default: a folder among the system's temporary files]
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
@@ -106,8 +106,11 @@ pub fn run(args: TestArgs) -> Result<()> {
     match args.format {
         Format::Json => {
             let mut json = tell::json(&report, args.coverage.is_some());
-            if args.shadow {
+            if args.stability.shadow() {
                 json["shadow"] = report.shadow.json(None);
+            }
+            if args.stability.perturbation().is_some() {
+                json["perturbed"] = report.perturbed.into();
             }
             output::print(format_args!("{json:#}\n"))?;
         }
@@ -115,8 +118,17 @@ pub fn run(args: TestArgs) -> Result<()> {
             if args.coverage.is_some() {
                 output::print(tell::coverage(&report.coverage))?;
             }
-            if args.shadow {
+            if args.stability.shadow() {
                 output::print(format_args!("\n{}\n", report.shadow.text()))?;
+            }
+            if let Some(perturbation) = args.stability.perturbation() {
+                let all = report.finished.len();
+                let told = format!(
+                    "held to stable outputs: {} of {all} tests, {}",
+                    report.perturbed,
+                    perturbation.describe()
+                );
+                output::print(format_args!("\n{told}\n"))?;
             }
             output::print(tell::summary(&report))?;
         }
@@ -133,7 +145,8 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<Report> {
         bless: args.bless,
         fail_fast: args.fail_fast,
         coverage: args.coverage.is_some(),
-        shadow: args.shadow,
+        shadow: args.stability.shadow(),
+        perturb: args.stability.perturbation(),
         no_explanation: args.no_explanation,
         colour,
         pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::error::Error;
 use crate::harness::stability::Spot;
 use crate::harness::stability::found::{Found, Shadow};
-use crate::harness::stability::perturb::{Instability, Where};
+use crate::harness::stability::perturb::{Instability, Perturbation, Where};
 
 impl Shadow {
     /// A table of the lines that matter, worst first.
@@ -91,15 +91,19 @@ fn notes(spot: &Spot, found: &Found) -> String {
     text
 }
 
+impl Perturbation {
+    /// `16 runs with every float result moved within what Vulkan allows, seed 1`
+    pub fn describe(&self) -> String {
+        let Self { runs, seed, envelope, .. } = self;
+        let runs = if *runs == 1 { "1 run".to_owned() } else { format!("{runs} runs") };
+        format!("{runs} with every float result moved within what {} allows, seed {seed}", envelope.name())
+    }
+}
+
 impl Instability {
     /// What is not stable, in sentences; one line where everything is.
     pub fn text(&self) -> String {
-        let head = format!(
-            "{} runs with every float result moved within what {} allows, seed {}",
-            self.perturbation.runs,
-            self.perturbation.envelope.name(),
-            self.perturbation.seed
-        );
+        let head = self.perturbation.describe();
         if self.is_stable() && self.branches.is_empty() {
             return format!("{head}: {}\n", self.fine());
         }

@@ -1,6 +1,6 @@
 //! Running a suite.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
@@ -18,6 +18,7 @@ use crate::harness::expect::{Difference, Fix, Subject};
 use crate::harness::rendering;
 use crate::harness::run::{Watch, launch_covered, one_ray, rays, run_launch};
 use crate::harness::stability::found::Shadow;
+use crate::harness::stability::perturb::{Instability, Perturbation, perturb, perturb_one};
 use crate::harness::stability::shadow::{shadow, shadow_one};
 use crate::harness::suite::{Failure, Finished, Outcome, Part, Source, Suite, Test, pictures};
 use crate::scene::file::RayEntry;
@@ -37,6 +38,9 @@ pub struct Options {
     pub coverage: bool,
     /// Whether every test runs with f64 shadows, too.
     pub shadow: bool,
+    /// How every test is run again with its float results moved: one that passes fails where an
+    /// output is not stable, unless it says itself what must be.
+    pub perturb: Option<Perturbation>,
     /// Whether the explanation of the ray is left out of failures.
     pub no_explanation: bool,
     /// Whether explanations are in colour.
@@ -56,6 +60,8 @@ pub struct Report {
     pub coverage: Coverage,
     /// What the shadows of all tests showed, where they were asked for.
     pub shadow: Shadow,
+    /// How many tests passed and were held to stable outputs, where that was asked for.
+    pub perturbed: usize,
     /// Files that were written anew.
     pub renewed: Vec<PathBuf>,
 }
@@ -90,6 +96,7 @@ impl Suite {
             }
             report.coverage.add(done.coverage);
             report.shadow.add(&done.shadow);
+            report.perturbed += done.perturbed;
             Ok(())
         };
         if jobs == 1 || groups.len() <= 1 {
@@ -166,6 +173,7 @@ impl Suite {
         let mut recorder = options.coverage.then(Recorder::default);
         let mut finished = Vec::new();
         let mut shadow = Shadow::default();
+        let mut perturbed = 0;
         for test in tests {
             let begin = Instant::now();
             let tester = Tester { loaded: &loaded, test, options, is_variant: case.variant.is_some() };
@@ -173,7 +181,16 @@ impl Suite {
                 Part::Launch => tester.launch(&mut recorder),
                 Part::Ray(ray) => tester.ray(ray, &mut recorder),
             };
-            let outcome = outcome.unwrap_or_else(Outcome::Broken);
+            let mut outcome = outcome.unwrap_or_else(Outcome::Broken);
+            if let (Outcome::Passed, Some(perturbation)) = (&outcome, &options.perturb) {
+                if tester.says_what_is_stable() {
+                    perturbed += 1;
+                } else if let Ok(found) = tester.perturbed(perturbation) {
+                    perturbed += 1;
+                    let differences = unstable(&found, &file);
+                    outcome = tester.outcome(differences, None, tester.part());
+                }
+            }
             if options.shadow {
                 // What cannot run one by one is left out, as is what the trap of a test cut off.
                 if let Ok((found, _)) = tester.shadow() {
@@ -184,7 +201,7 @@ impl Suite {
             finished.push(Finished { name: test.name.clone(), file: file.clone(), outcome, took });
         }
         let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled));
-        Done { finished, coverage: coverage.unwrap_or_default(), shadow }
+        Done { finished, coverage: coverage.unwrap_or_default(), shadow, perturbed }
     }
 }
 
@@ -193,17 +210,19 @@ struct Done {
     finished: Vec<Finished>,
     coverage: Coverage,
     shadow: Shadow,
+    perturbed: usize,
 }
 
 impl Done {
-    fn broken(tests: &[Test], file: &std::path::Path, error: &Error) -> Self {
+    fn broken(tests: &[Test], file: &Path, error: &Error) -> Self {
         let finished = tests.iter().map(|test| Finished {
             name: test.name.clone(),
             file: file.to_path_buf(),
             outcome: Outcome::Broken(error.clone()),
             took: Duration::ZERO,
         });
-        Self { finished: finished.collect(), coverage: Coverage::default(), shadow: Shadow::default() }
+        let (coverage, shadow) = (Coverage::default(), Shadow::default());
+        Self { finished: finished.collect(), coverage, shadow, perturbed: 0 }
     }
 }
 
@@ -237,9 +256,35 @@ struct Tester<'a> {
 impl Tester<'_> {
     fn shadow(&self) -> Result<(Shadow, Option<Error>)> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        match self.part() {
+            None => shadow(scene, assembled),
+            Some(at) => shadow_one(scene, assembled, &Settled::of(&scene.rays[at])?),
+        }
+    }
+
+    /// Whether the test has an `[expect.stable]` of its own.
+    fn says_what_is_stable(&self) -> bool {
+        match self.part() {
+            None => self.loaded.expectations.stable.is_some(),
+            Some(at) => self.loaded.rays[at].as_ref().is_some_and(|one| one.rest.stable.is_some()),
+        }
+    }
+
+    /// What hangs on rounding. An error where that cannot be seen: invocations cannot run one by one, or
+    /// the test is of a trap.
+    fn perturbed(&self, perturbation: &Perturbation) -> Result<Instability> {
+        let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        match self.part() {
+            None => perturb(scene, assembled, perturbation),
+            Some(at) => perturb_one(scene, assembled, &Settled::of(&scene.rays[at])?, perturbation),
+        }
+    }
+
+    /// The ray's place in the file, where the test is of a ray.
+    fn part(&self) -> Option<usize> {
         match self.test.part {
-            Part::Launch => shadow(scene, assembled),
-            Part::Ray(at) => shadow_one(scene, assembled, &Settled::of(&scene.rays[at])?),
+            Part::Launch => None,
+            Part::Ray(at) => Some(at),
         }
     }
 
@@ -381,6 +426,18 @@ impl Tester<'_> {
         };
         failure.explanation = Some(render::text(&story, Look { colour: self.options.colour, all: false }));
     }
+}
+
+/// Outputs that are not stable, and the branches that went another way then.
+fn unstable(found: &Instability, file: &Path) -> Vec<Difference> {
+    if found.is_stable() {
+        return Vec::new();
+    }
+    let new = |line: String| {
+        let error = Error::new(ErrorKind::Expectation, format!("not stable: {line}"));
+        Difference::of(error.at(Place::File(file.to_path_buf())))
+    };
+    found.lines().into_iter().map(new).collect()
 }
 
 fn name_of(ray: &RayEntry) -> Option<&String> {
