@@ -116,6 +116,7 @@ pub fn spared(stats: &Stats, assembled: &Assembled) -> String {
         (spared.any_hit, "any-hit questions, of hits on opaque geometry"),
         (spared.occlusion, "rays end at any hit, as they only ask whether there is one"),
         (spared.empty, "invocations of shaders that leave nothing behind"),
+        (spared.unread, "invocations of shaders that leave only what nobody reads of a payload"),
     ];
     for (count, what) in rows.iter().filter(|(count, _)| *count > 0) {
         text += &format!("spared            {count:>9} {what}\n");

@@ -43,6 +43,8 @@ pub struct Spared {
     pub occlusion: u64,
     /// Invocations of shaders that leave nothing behind: they are counted, and not run.
     pub empty: u64,
+    /// The same of closest-hit and miss shaders that leave only words of a payload that nobody reads.
+    pub unread: u64,
 }
 
 /// How often shaders of a stage ran.
@@ -58,6 +60,16 @@ impl Stats {
     /// Counts an invocation of a shader that leaves nothing behind.
     pub(super) fn spare(&mut self, stage: Stage) {
         self.spared.empty += 1;
+        self.count_without_batch(stage);
+    }
+
+    /// Counts an invocation of a shader that leaves nothing but what nobody reads.
+    pub(super) fn spare_unread(&mut self, stage: Stage) {
+        self.spared.unread += 1;
+        self.count_without_batch(stage);
+    }
+
+    fn count_without_batch(&mut self, stage: Stage) {
         self.shaders.entry(stage).or_default().invocations += 1;
     }
 
@@ -70,6 +82,7 @@ impl Stats {
         self.spared.any_hit += other.spared.any_hit;
         self.spared.occlusion += other.spared.occlusion;
         self.spared.empty += other.spared.empty;
+        self.spared.unread += other.spared.unread;
         for (&stage, stats) in &other.shaders {
             let sum = self.shaders.entry(stage).or_default();
             sum.invocations += stats.invocations;

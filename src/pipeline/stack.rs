@@ -412,6 +412,7 @@ where
     pub(super) fn spare_trace(&mut self, shades: bool) -> Box<Trace> {
         let mut trace = self.spare_traces.pop().unwrap_or_default();
         trace.clear(shades);
+        trace.watched = T::ACTIVE || O::active();
         trace.pipeline_flags = self.pipeline.flags.ray_flags();
         trace
     }

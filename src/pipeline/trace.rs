@@ -94,6 +94,8 @@ pub(super) struct Trace {
     caller: Option<Caller>,
     /// Whether closest-hit and miss shaders run at the end.
     shades: bool,
+    /// Whether somebody watches shaders run.
+    pub watched: bool,
     /// Ray flags that every ray has besides its own, and no shader sees.
     pub pipeline_flags: u32,
     /// What its rays did not need.
@@ -293,6 +295,9 @@ impl Trace {
                 (Some(shader), _) if !T::ACTIVE && pipeline.is_empty(shader) => {
                     self.stats.spare(pipeline.programs[shader.0 as usize].stage);
                 }
+                (Some(shader), Some(caller)) if !self.watched && leaves_unread(pipeline, caller, shader) => {
+                    self.stats.spare_unread(pipeline.programs[shader.0 as usize].stage);
+                }
                 (Some(shader), _) => {
                     let record = record.and_then(Record::shader_record);
                     wait(&mut self.waiting, shader, role, (lane, record, index));
@@ -343,6 +348,13 @@ impl Trace {
             }
         }
     }
+}
+
+/// Whether a shader leaves nothing behind but words of the payload that its caller does not read.
+fn leaves_unread(pipeline: &Pipeline, caller: Caller, shader: Shader) -> bool {
+    let [caller_program, program] = [caller.shader, shader].map(|one| &pipeline.programs[one.0 as usize]);
+    let read = || caller_program.payloads.reads_behind(caller.op);
+    program.payloads.writes_only.is_some_and(|written| !written.meets(read()))
 }
 
 impl Query {

@@ -28,6 +28,7 @@ use crate::ops::ray_query;
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::forward::{drop_dead_stores, forward_copies};
+use crate::program::payload::Payloads;
 use crate::program::prune::prune;
 use crate::program::reuse::reuse_rows;
 use crate::program::sharing::touches;
@@ -410,6 +411,7 @@ impl<'m> Lowering<'m> {
             workgroup,
             addresses_records: false,
             dropped: Dropped::default(),
+            payloads: Payloads::default(),
         };
         let (operations, builtins) = (program.ops.len(), program.inputs.len());
         let addressed = &self.decoder.addressed;
@@ -422,6 +424,7 @@ impl<'m> Lowering<'m> {
             operations: (operations - program.ops.len()) as u32,
             builtins: (builtins - program.inputs.len()) as u32,
         };
+        program.payloads = Payloads::of(&program, addressed);
         reuse_rows(&mut program, addressed);
         program
     }

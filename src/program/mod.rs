@@ -5,6 +5,7 @@ pub mod control_flow;
 mod forward;
 pub mod lower;
 mod obstacles;
+pub mod payload;
 pub mod print;
 pub mod prune;
 mod reuse;
@@ -24,6 +25,7 @@ use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
 use crate::ops::{atomic, memory, ray_rules};
+use crate::program::payload::Payloads;
 use crate::program::sharing::Touch;
 
 pub use lower::{Inlining, lower, lower_with};
@@ -155,6 +157,8 @@ pub struct Program {
     pub addresses_records: bool,
     /// What lowering dropped, as nothing reads it.
     pub dropped: Dropped,
+    /// What it does with payloads.
+    pub payloads: Payloads,
 }
 
 /// What no output of a program depends on.
