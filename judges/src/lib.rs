@@ -10,7 +10,8 @@ use spirv_tools::opt::{Optimizer, Passes};
 /// What to do to a module.
 #[derive(Clone, Copy, Debug)]
 pub enum Recipe {
-    /// `--ccp --simplify-instructions` and their like: whatever folds an instruction on constants.
+    /// `--simplify-instructions`, which folds an instruction on constants. Not `--ccp`: its assertions do not
+    /// hold where an extended instruction on constants is one that it cannot fold.
     Fold,
     /// `-O`: inlining, phis for variables, unrolling, and all else of the performance recipe.
     Performance,
@@ -23,7 +24,6 @@ pub fn optimise(words: &[u32], recipe: Recipe) -> Result<Vec<u32>, String> {
         Recipe::Fold => {
             optimizer
                 .register_pass(Passes::FoldSpecConstantOpAndComposite)
-                .register_pass(Passes::ConditionalConstantPropagation)
                 .register_pass(Passes::Simplification);
         }
         Recipe::Performance => {

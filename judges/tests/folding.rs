@@ -1,9 +1,11 @@
 //! SPIRV-Tools folds instructions on constants with an implementation of its own: what it folds must
-//! have our bits. Each instruction runs here on edge values, its operands once as constants, once read
-//! from buffers.
+//! have our bits. Each instruction runs here on edge values, decorated NoContraction, its operands once as
+//! constants, once read from buffers. SPIRV-Tools is given the constants without the decoration: it folds
+//! no decorated float, and an instruction by itself has nothing to be contracted with.
 //!
 //! Where the specification leaves a result undefined, or open as that of an elementary function is,
-//! the two may differ: such inputs are not drawn, such functions are counted and told.
+//! the two may differ: such inputs are not drawn, such functions are counted and told. Where SPIRV-Tools
+//! is known to differ, [`excuse`] says in what and why; these are counted and told, too.
 
 #[path = "../../tests/support/assembly.rs"]
 mod assembly;
@@ -87,7 +89,9 @@ impl Type {
                     one + (3 << (fraction - 1)),
                     one - (1 << fraction),
                     // 1.1001100... times a small power
-                    one + (3 << fraction) + (one & ((1 << fraction) - 1)) + (infinity / 5 & ((1 << fraction) - 1)),
+                    one + (3 << fraction)
+                        + (one & ((1 << fraction) - 1))
+                        + (infinity / 5 & ((1 << fraction) - 1)),
                     infinity - 1,
                     infinity,
                 ];
@@ -195,7 +199,11 @@ const OPEN: bool = false;
 
 fn snippets() -> Vec<Snippet> {
     let mut all = Vec::new();
-    let mut add = |name: &str, operands: &[Type], result: Type, fixed: bool, defined: fn(&[(Type, u64)]) -> bool| {
+    let mut add = |name: &str,
+                   operands: &[Type],
+                   result: Type,
+                   fixed: bool,
+                   defined: fn(&[(Type, u64)]) -> bool| {
         let arguments: Vec<_> = ["%a$", "%b$", "%c$"][..operands.len()].to_vec();
         let code = match name.strip_prefix("glsl ") {
             Some(name) => format!("%r$ = OpExtInst %{} %glsl {name} {}", result.name(), arguments.join(" ")),
@@ -222,7 +230,9 @@ fn snippets() -> Vec<Snippet> {
         add("Not", &[uint], uint, FIXED, always);
         add("BitReverse", &[uint], uint, FIXED, always);
         add("BitCount", &[uint], Uint(32), FIXED, always);
-        for name in ["IEqual", "INotEqual", "UGreaterThan", "UGreaterThanEqual", "ULessThan", "ULessThanEqual"] {
+        for name in
+            ["IEqual", "INotEqual", "UGreaterThan", "UGreaterThanEqual", "ULessThan", "ULessThanEqual"]
+        {
             add(name, &[uint, uint], Bool, FIXED, always);
         }
         for name in ["SGreaterThan", "SGreaterThanEqual", "SLessThan", "SLessThanEqual"] {
@@ -321,14 +331,20 @@ fn snippets() -> Vec<Snippet> {
         add("glsl NClamp", &[float, float, float], float, FIXED, ordered_bounds);
         // x (1 - a) + y a, each rounded: what NoContraction asks for.
         add("glsl FMix", &[float, float, float], float, FIXED, always);
-        for name in [
-            "Sqrt", "InverseSqrt", "Sin", "Cos", "Tan", "Asin", "Acos", "Atan", "Sinh", "Cosh", "Tanh", "Asinh",
-            "Acosh", "Atanh", "Exp", "Exp2", "Log", "Log2", "Radians", "Degrees",
-        ] {
+        for name in ["Sqrt", "InverseSqrt"] {
             add(&format!("glsl {name}"), &[float], float, OPEN, no_nan);
         }
-        for name in ["Pow", "Atan2"] {
-            add(&format!("glsl {name}"), &[float, float], float, OPEN, no_nan);
+        // Of 16 and 32 bits alone.
+        if width < 64 {
+            for name in [
+                "Sin", "Cos", "Tan", "Asin", "Acos", "Atan", "Sinh", "Cosh", "Tanh", "Asinh", "Acosh",
+                "Atanh", "Exp", "Exp2", "Log", "Log2", "Radians", "Degrees",
+            ] {
+                add(&format!("glsl {name}"), &[float], float, OPEN, no_nan);
+            }
+            for name in ["Pow", "Atan2"] {
+                add(&format!("glsl {name}"), &[float, float], float, OPEN, no_nan);
+            }
         }
         for name in ["Fma", "SmoothStep"] {
             add(&format!("glsl {name}"), &[float, float, float], float, OPEN, no_nan);
@@ -336,33 +352,45 @@ fn snippets() -> Vec<Snippet> {
     }
     // Composites and vectors, in terms of scalars.
     let mut composite = |name: &str, ty: Type, operands: usize, code: &str| {
-        let code = code.replace('T', &ty.name());
+        let code = code.replace('@', &ty.name());
         let operands = vec![ty; operands];
-        all.push(Snippet { name: format!("{name} {}", ty.name()), operands, result: ty, code, defined: no_nan, fixed: true });
+        all.push(Snippet {
+            name: format!("{name} {}", ty.name()),
+            operands,
+            result: ty,
+            code,
+            defined: no_nan,
+            fixed: true,
+        });
     };
     for ty in [Uint(32), Float(32), Float(64), Uint(64)] {
-        composite("CompositeExtract", ty, 2, "%v$ = OpCompositeConstruct %v2T %a$ %b$\n%r$ = OpCompositeExtract %T %v$ 1");
+        composite(
+            "CompositeExtract",
+            ty,
+            2,
+            "%v$ = OpCompositeConstruct %v2@ %a$ %b$\n%r$ = OpCompositeExtract %@ %v$ 1",
+        );
         composite(
             "CompositeInsert",
             ty,
             3,
-            "%v$ = OpCompositeConstruct %v2T %a$ %b$\n%w$ = OpCompositeInsert %v2T %c$ %v$ 0\n\
-             %r$ = OpCompositeExtract %T %w$ 0",
+            "%v$ = OpCompositeConstruct %v2@ %a$ %b$\n%w$ = OpCompositeInsert %v2@ %c$ %v$ 0\n\
+             %r$ = OpCompositeExtract %@ %w$ 0",
         );
         composite(
             "VectorShuffle",
             ty,
             2,
-            "%v$ = OpCompositeConstruct %v2T %a$ %b$\n%w$ = OpVectorShuffle %v2T %v$ %v$ 3 0\n\
-             %r$ = OpCompositeExtract %T %w$ 0",
+            "%v$ = OpCompositeConstruct %v2@ %a$ %b$\n%w$ = OpVectorShuffle %v2@ %v$ %v$ 3 0\n\
+             %r$ = OpCompositeExtract %@ %w$ 0",
         );
         composite(
             "VectorExtractDynamic",
             ty,
             2,
-            "%v$ = OpCompositeConstruct %v2T %a$ %b$\n%r$ = OpVectorExtractDynamic %T %v$ %one",
+            "%v$ = OpCompositeConstruct %v2@ %a$ %b$\n%r$ = OpVectorExtractDynamic %@ %v$ %one",
         );
-        composite("CopyObject", ty, 1, "%r$ = OpCopyObject %T %a$");
+        composite("CopyObject", ty, 1, "%r$ = OpCopyObject %@ %a$");
     }
     for ty in [Float(32), Float(64)] {
         // A product and a sum of products; two terms have one order only.
@@ -370,38 +398,38 @@ fn snippets() -> Vec<Snippet> {
             "Dot",
             ty,
             3,
-            "%v$ = OpCompositeConstruct %v2T %a$ %b$\n%w$ = OpCompositeConstruct %v2T %c$ %a$\n\
-             %r$ = OpDot %T %v$ %w$",
+            "%v$ = OpCompositeConstruct %v2@ %a$ %b$\n%w$ = OpCompositeConstruct %v2@ %c$ %a$\n\
+             %r$ = OpDot %@ %v$ %w$",
         );
         composite(
             "VectorTimesScalar",
             ty,
             3,
-            "%v$ = OpCompositeConstruct %v2T %a$ %b$\n%w$ = OpVectorTimesScalar %v2T %v$ %c$\n\
-             %r$ = OpCompositeExtract %T %w$ 1",
+            "%v$ = OpCompositeConstruct %v2@ %a$ %b$\n%w$ = OpVectorTimesScalar %v2@ %v$ %c$\n\
+             %r$ = OpCompositeExtract %@ %w$ 1",
         );
         composite(
             "MatrixTimesVector",
             ty,
             3,
-            "%v$ = OpCompositeConstruct %v2T %a$ %b$\n%w$ = OpCompositeConstruct %v2T %c$ %a$\n\
-             %m$ = OpCompositeConstruct %m2T %v$ %w$\n%x$ = OpMatrixTimesVector %v2T %m$ %w$\n\
-             %r$ = OpCompositeExtract %T %x$ 1",
+            "%v$ = OpCompositeConstruct %v2@ %a$ %b$\n%w$ = OpCompositeConstruct %v2@ %c$ %a$\n\
+             %m$ = OpCompositeConstruct %m2@ %v$ %w$\n%x$ = OpMatrixTimesVector %v2@ %m$ %w$\n\
+             %r$ = OpCompositeExtract %@ %x$ 1",
         );
         composite(
             "VectorTimesMatrix",
             ty,
             3,
-            "%v$ = OpCompositeConstruct %v2T %a$ %b$\n%w$ = OpCompositeConstruct %v2T %c$ %a$\n\
-             %m$ = OpCompositeConstruct %m2T %v$ %w$\n%x$ = OpVectorTimesMatrix %v2T %w$ %m$\n\
-             %r$ = OpCompositeExtract %T %x$ 0",
+            "%v$ = OpCompositeConstruct %v2@ %a$ %b$\n%w$ = OpCompositeConstruct %v2@ %c$ %a$\n\
+             %m$ = OpCompositeConstruct %m2@ %v$ %w$\n%x$ = OpVectorTimesMatrix %v2@ %w$ %m$\n\
+             %r$ = OpCompositeExtract %@ %x$ 0",
         );
         composite(
             "FAdd of vectors",
             ty,
             3,
-            "%v$ = OpCompositeConstruct %v2T %a$ %b$\n%w$ = OpCompositeConstruct %v2T %c$ %a$\n\
-             %x$ = OpFAdd %v2T %v$ %w$\n%r$ = OpCompositeExtract %T %x$ 1",
+            "%v$ = OpCompositeConstruct %v2@ %a$ %b$\n%w$ = OpCompositeConstruct %v2@ %c$ %a$\n\
+             %x$ = OpFAdd %v2@ %v$ %w$\n%r$ = OpCompositeExtract %@ %x$ 1",
         );
     }
     all
@@ -414,7 +442,8 @@ fn inputs(snippet: &Snippet) -> Vec<Vec<u64>> {
     let count: usize = edges.iter().map(Vec::len).product();
     // A prime, so that all values of each operand turn up.
     let step = if count > MOST { count / MOST + 1 } else { 1 };
-    let step = (step..).find(|step| edges.iter().all(|one| step % one.len().min(7) != 0) || *step == 1).unwrap_or(1);
+    let step =
+        (step..).find(|step| edges.iter().all(|one| step % one.len().min(7) != 0) || *step == 1).unwrap_or(1);
     let mut found = Vec::new();
     for number in (0..count).step_by(step) {
         let mut rest = number;
@@ -426,7 +455,8 @@ fn inputs(snippet: &Snippet) -> Vec<Vec<u64>> {
                 value
             })
             .collect();
-        let typed: Vec<(Type, u64)> = snippet.operands.iter().copied().zip(operands.iter().copied()).collect();
+        let typed: Vec<(Type, u64)> =
+            snippet.operands.iter().copied().zip(operands.iter().copied()).collect();
         if (snippet.defined)(&typed) {
             found.push(operands);
         }
@@ -435,8 +465,8 @@ fn inputs(snippet: &Snippet) -> Vec<Vec<u64>> {
 }
 
 /// A compute shader that stores a snippet's result for every input: operands as constants, or read
-/// from buffers.
-fn module(snippet: &Snippet, inputs: &[Vec<u64>], constant: bool) -> String {
+/// from buffers; decorated NoContraction or not.
+fn module(snippet: &Snippet, inputs: &[Vec<u64>], constant: bool, decorated: bool) -> String {
     let mut declarations = String::new();
     let mut body = String::new();
     let mut buffers = vec![stored(snippet.result)];
@@ -496,7 +526,9 @@ fn module(snippet: &Snippet, inputs: &[Vec<u64>], constant: bool) -> String {
             }
         }
         body += &snippet.code.replace('$', &number.to_string());
-        annotations += &format!("OpDecorate %r{number} NoContraction\n");
+        if decorated {
+            annotations += &format!("OpDecorate %r{number} NoContraction\n");
+        }
         let mut value = format!("%r{number}");
         if snippet.result == Bool {
             body += &format!("\n%stored{number} = OpSelect %u32 {value} %one %nought");
@@ -563,7 +595,8 @@ fn ours(snippet: &Snippet, inputs: &[Vec<u64>], code: &[u8]) -> Vec<u64> {
 
 /// What SPIRV-Tools folded each store's value to; `None` where it is no constant.
 fn folded(snippet: &Snippet, count: usize, code: &[u8]) -> Vec<Option<u64>> {
-    let better = optimise(&words(code), Recipe::Fold).unwrap_or_else(|complaint| panic!("{}: {complaint}", snippet.name));
+    let better = optimise(&words(code), Recipe::Fold)
+        .unwrap_or_else(|complaint| panic!("{}: {complaint}", snippet.name));
     let module: Module = rspirv::dr::load_words(&better).expect("what the optimizer wrote");
     let mut constants: BTreeMap<u32, u64> = BTreeMap::new();
     for constant in &module.types_global_values {
@@ -602,24 +635,64 @@ fn folded(snippet: &Snippet, count: usize, code: &[u8]) -> Vec<Option<u64>> {
     found
 }
 
+/// The f16 of the bits of an f32 that is one.
+fn half(bits: u64) -> u16 {
+    half::f16::from_f32(f32::from_bits(bits as u32)).to_bits()
+}
+
+/// What the execution mode SignedZeroInfNanPreserve would forbid.
+const UNPRESERVED: &str = "0 x, 0 / x, x / 0: SPIRV-Tools looks at the 0 alone, not at signs and NaN";
+
+/// Why SPIRV-Tools may have another result, where that is known.
+fn excuse(snippet: &Snippet, operands: &[u64], here: u64, there: u64) -> Option<&'static str> {
+    let name = snippet.name.split(' ').find(|part| *part != "glsl").expect("a name");
+    let typed: Vec<(Type, u64)> = snippet.operands.iter().copied().zip(operands.iter().copied()).collect();
+    let zero = |bits: u64| matches!(snippet.result, Float(_)) && snippet.result.number(bits) == 0.0;
+    match name {
+        // OpSMod: "the remainder r of Operand 1 divided by Operand 2", and no remainder is as great as that.
+        "SMod" if here == 0 && there == operands[1] && typed[1].0.integer(there) < 0 => {
+            Some("SMod: SPIRV-Tools takes a negative divisor for the rest where nothing remains")
+        }
+        // 0 times an infinity or NaN is NaN, and 0 times a negative number -0.
+        "VectorTimesScalar" if zero(operands[2]) && there == 0 => Some(UNPRESERVED),
+        "FMul" if (zero(operands[0]) || zero(operands[1])) && there == 0 => Some(UNPRESERVED),
+        "FDiv" if zero(operands[0]) && there == 0 => Some(UNPRESERVED),
+        "FDiv" if zero(operands[1]) && snippet.result.is_nan(here) => Some(UNPRESERVED),
+        "FMix" if zero(operands[2]) && there == operands[0] => Some(UNPRESERVED),
+        // Vulkan: correctly rounded, in no given direction.
+        "QuantizeToF16" if half(here).abs_diff(half(there)) == 1 => {
+            Some("QuantizeToF16: SPIRV-Tools rounds towards 0, we to the nearest")
+        }
+        "VectorTimesMatrix" | "MatrixTimesVector" | "Dot" if zero(here) && zero(there) => Some(
+            "sums of products: SPIRV-Tools adds to +0, which -0 does not survive; the order of additions is open",
+        ),
+        // FMin and FMax: "either x or y if both x and y are zeros", and of them FClamp is made.
+        "FMin" | "FMax" | "NMin" | "NMax" | "FClamp" | "NClamp" if zero(here) && zero(there) => {
+            Some("minima and maxima of +0 and -0, which GLSL.std.450 leaves open")
+        }
+        _ => None,
+    }
+}
+
 /// Snippets that SPIRV-Tools folded when this was written, and results that agreed.
-const LEAST_FOLDED: usize = 1;
-const LEAST_RESULTS: usize = 1;
+const LEAST_FOLDED: usize = 221;
+const LEAST_RESULTS: usize = 35_762;
 
 #[test]
 fn folded_constants_have_our_bits() {
     let (mut judged, mut results) = (0, 0);
     let mut wrong = Vec::new();
-    let mut open: BTreeMap<String, (usize, usize)> = BTreeMap::new();
+    let mut open: BTreeMap<String, (usize, Vec<String>)> = BTreeMap::new();
+    let mut excused: BTreeMap<&str, usize> = BTreeMap::new();
     let mut unfolded = Vec::new();
     for snippet in snippets() {
         let inputs = inputs(&snippet);
         assert!(!inputs.is_empty(), "{}", snippet.name);
-        let constant = assemble(&module(&snippet, &inputs, true));
-        let read = assemble(&module(&snippet, &inputs, false));
+        let constant = assemble(&module(&snippet, &inputs, true, true));
+        let read = assemble(&module(&snippet, &inputs, false, true));
         let here = ours(&snippet, &inputs, &constant);
         assert_eq!(here, ours(&snippet, &inputs, &read), "{}: constants against buffers", snippet.name);
-        let there = folded(&snippet, inputs.len(), &constant);
+        let there = folded(&snippet, inputs.len(), &assemble(&module(&snippet, &inputs, true, false)));
         let mut count = 0;
         for ((operands, &here), there) in inputs.iter().zip(&here).zip(there) {
             let Some(there) = there else { continue };
@@ -628,9 +701,11 @@ fn folded_constants_have_our_bits() {
             let entry = open.entry(snippet.name.clone()).or_default();
             entry.0 += 1;
             if here != there && !nan {
-                entry.1 += 1;
-                if snippet.fixed {
-                    wrong.push(format!("{} of {operands:#x?}: {here:#x}, SPIRV-Tools {there:#x}", snippet.name));
+                let told = format!("{} of {operands:x?}: {here:#x}, SPIRV-Tools {there:#x}", snippet.name);
+                match excuse(&snippet, operands, here, there) {
+                    _ if !snippet.fixed => entry.1.push(told),
+                    Some(excuse) => *excused.entry(excuse).or_default() += 1,
+                    None => wrong.push(told),
                 }
             }
         }
@@ -646,9 +721,18 @@ fn folded_constants_have_our_bits() {
     }
     println!("{judged} instructions folded, {results} results");
     println!("not folded: {}", unfolded.join(", "));
+    for (excuse, count) in &excused {
+        println!("{count} results differ: {excuse}");
+    }
     for (name, (count, differ)) in open {
-        println!("open: {name}: {differ} of {count} differ");
+        println!("open: {name}: {} of {count} differ", differ.len());
+        for one in differ {
+            println!("  {one}");
+        }
     }
     assert!(wrong.is_empty(), "{} of {results}:\n{}", wrong.len(), wrong.join("\n"));
-    assert!(judged >= LEAST_FOLDED && results >= LEAST_RESULTS, "{judged} and {results}: fewer than there were");
+    assert!(
+        judged >= LEAST_FOLDED && results >= LEAST_RESULTS,
+        "{judged} and {results}: fewer than there were"
+    );
 }

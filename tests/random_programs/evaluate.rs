@@ -1,5 +1,7 @@
 //! The meaning of a program, by walking its tree for one invocation after the other.
 
+use std::cell::Cell;
+
 use crate::program::{
     COMPONENTS, ELEMENTS, Function, INPUTS, OUTPUTS, Program, Real, Selector, Statement, Truth, VARIABLES,
     Vector, Wide, Word,
@@ -7,21 +9,29 @@ use crate::program::{
 
 /// What all invocations leave in their outputs.
 pub fn run(program: &Program, inputs: &[u32], invocations: usize) -> Vec<u32> {
-    let mut left = Vec::new();
+    run_watched(program, inputs, invocations).0
+}
+
+/// The same, and of each invocation whether it divides by a float outside of 2^-126 to 2^126: for those alone
+/// Vulkan says how exact `OpFDiv` is ("Precision of Core SPIR-V Instructions").
+pub fn run_watched(program: &Program, inputs: &[u32], invocations: usize) -> (Vec<u32>, Vec<bool>) {
+    let (mut left, mut open) = (Vec::new(), Vec::new());
     for id in 0..invocations {
         let mut machine = Machine {
             program,
             inputs: &inputs[id * INPUTS..(id + 1) * INPUTS],
             outputs: [0; OUTPUTS],
             id: id as u32,
+            open: Cell::new(false),
         };
         let main = program.functions.last().expect("an entry point");
         let mut pointed = 0;
         let result = machine.call(main, [0, 0], &mut pointed);
         machine.outputs[OUTPUTS - 1] ^= result;
         left.extend(machine.outputs);
+        open.push(machine.open.get());
     }
-    left
+    (left, open)
 }
 
 struct Machine<'a> {
@@ -29,6 +39,8 @@ struct Machine<'a> {
     inputs: &'a [u32],
     outputs: [u32; OUTPUTS],
     id: u32,
+    /// Whether a division was one that Vulkan leaves open.
+    open: Cell<bool>,
 }
 
 /// The variables of a function that runs.
@@ -256,7 +268,11 @@ impl Machine<'_> {
                     "FAdd" => a + b,
                     "FSub" => a - b,
                     "FMul" => a * b,
-                    "FDiv" => a / b,
+                    "FDiv" => {
+                        let fixed = (2f64.powi(-126)..=2f64.powi(126)).contains(&b.abs());
+                        self.open.set(self.open.get() || !fixed);
+                        a / b
+                    }
                     other => unreachable!("{other}"),
                 }) as f32
             }
