@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use anyhit::accel::{GeometryFlags, Tlas};
 use anyhit::machine::{Buffer, Descriptor, Resources};
-use anyhit::pipeline::{Launch, Pipeline, Stats};
+use anyhit::pipeline::{Compute, Launch, Pipeline, Stats};
 use anyhit::program::Program;
 
-use crate::scenes::{self, Camera, Scene};
+use crate::scenes::{self, Scene};
 use crate::table::Table;
 
 /// The shaders of a pipeline by the names of their sources, without `.rgen` and so on; empty for none.
@@ -48,23 +48,18 @@ fn pipeline(shaders: Shaders) -> Pipeline {
     builder.build().expect("a valid pipeline")
 }
 
-fn resources(scene: &Scene, tlas: Arc<Tlas>, size: [u32; 2]) -> Resources {
-    let Camera { eye, forward, right, up } = scene.camera;
-    let light = [0.5f32, 0.75, 0.433];
-    let inputs: Vec<f32> =
-        [eye, forward, right, up, light].iter().flat_map(|&[x, y, z]| [x, y, z, 0.0]).collect();
-    let indices = match &scene.data {
-        anyhit::accel::GeometryData::Triangles { indices: Some(indices), .. } => indices.clone(),
-        _ => vec![0],
-    };
+/// What the shaders read, and the buffer that they write.
+fn resources(scene: &Scene, tlas: Arc<Tlas>, size: [u32; 2]) -> (Resources, Arc<Buffer>) {
     let buffer = |bytes: &[u8]| Descriptor::Buffer(Buffer::new(bytes));
-    Resources::default()
+    let outputs = Buffer::zeroed((size[0] * size[1] * 16) as usize);
+    let resources = Resources::default()
         .bind(0, 0, Descriptor::AccelerationStructure(tlas))
-        .bind(0, 1, Descriptor::Buffer(Buffer::zeroed((size[0] * size[1] * 16) as usize)))
-        .bind(0, 2, buffer(bytemuck::cast_slice(&inputs)))
-        .bind(0, 3, buffer(bytemuck::cast_slice(&indices)))
+        .bind(0, 1, Descriptor::Buffer(outputs.clone()))
+        .bind(0, 2, buffer(bytemuck::cast_slice(&scene.camera.inputs())))
+        .bind(0, 3, buffer(bytemuck::cast_slice(scene.indices())))
         .bind(0, 4, buffer(bytemuck::cast_slice(&scene.normals)))
-        .bind(0, 5, buffer(bytemuck::cast_slice(&scene.spheres)))
+        .bind(0, 5, buffer(bytemuck::cast_slice(&scene.spheres)));
+    (resources, outputs)
 }
 
 fn describe(stats: &Stats) -> String {
@@ -76,64 +71,92 @@ fn describe(stats: &Stats) -> String {
     text.trim_end_matches(", ").to_owned()
 }
 
+/// How many pixels of the outputs say that they hit.
+fn hits(outputs: &Buffer) -> u64 {
+    let bytes = outputs.bytes();
+    let last =
+        bytes.chunks_exact(16).map(|pixel| f32::from_le_bytes([pixel[12], pixel[13], pixel[14], pixel[15]]));
+    last.filter(|&t| t > 0.0).count() as u64
+}
+
 pub fn run(table: &mut Table) {
-    let size = table.size([512, 384], [8, 6]);
+    let table = &*table;
+    let size = table.picture;
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let pixels = u64::from(size[0] * size[1]);
-    let frame = |table: &Table, name: &str, shaders: Shaders, scene: &Scene, tlas: &Arc<Tlas>| {
+    let frame = |name: &str, shaders: Shaders, make: &dyn Fn() -> (Scene, Arc<Tlas>)| {
         if !table.wants(name) {
             return;
         }
         let pipeline = pipeline(shaders);
-        let resources = resources(scene, tlas.clone(), size);
+        let (scene, tlas) = make();
+        let (resources, outputs) = resources(&scene, tlas, size);
         let launch = Launch { pipeline: &pipeline, resources: &resources };
         table.rate(name, "pixels", pixels, || {
             let stats = one.install(|| launch.run::<32>([size[0], size[1], 1], &|_| ()).expect("no trap"));
             describe(&stats)
         });
+        table.hits(hits(&outputs));
     };
-    if table.wants_any("frame") {
-        let (opaque, asked) = (GeometryFlags::OPAQUE, GeometryFlags::default());
-        let terrain = scenes::heightfield(table.size(256, 8));
-        let placed = terrain.tlas(opaque);
-        frame(
-            table,
-            "frame arithmetic",
-            Shaders { ray_generation: "arithmetic", ..Shaders::default() },
-            &terrain,
-            &placed,
-        );
-        frame(
-            table,
-            "frame triangles trivial",
-            Shaders { closest_hit: "trivial", ..PRIMARY },
-            &terrain,
-            &placed,
-        );
-        frame(table, "frame triangles light", PRIMARY, &terrain, &placed);
-        frame(table, "frame triangles heavy", Shaders { closest_hit: "heavy", ..PRIMARY }, &terrain, &placed);
-        let alpha = Shaders { any_hit: "alpha", ..PRIMARY };
-        frame(table, "frame triangles any-hit", alpha, &terrain, &terrain.tlas(asked));
-        let shadow = Shaders { ray_generation: "shadow", miss: &["sky", "shadow"], ..PRIMARY };
-        frame(table, "frame triangles and shadow", shadow, &terrain, &placed);
-        frame(table, "frame 64 instances", PRIMARY, &terrain, &terrain.tiled());
-        let many = table.size(10_000, 50);
-        let boxes = scenes::boxes(many);
-        let reported = Shaders { closest_hit: "sphere", intersection: "sphere", ..PRIMARY };
-        frame(table, "frame spheres by intersection", reported, &boxes, &boxes.tlas(opaque));
-        let spheres = scenes::spheres(many);
+    let (opaque, asked) = (GeometryFlags::OPAQUE, GeometryFlags::default());
+    let (many, blades) = (table.size(10_000, 50), table.size(30_000, 50));
+    let placed = |scene: Scene, flags| {
+        let tlas = scene.tlas(flags);
+        (scene, tlas)
+    };
+    let terrain = || placed(scenes::heightfield(table.size(256, 8)), opaque);
+    frame("frame arithmetic", Shaders { ray_generation: "arithmetic", ..Shaders::default() }, &terrain);
+    frame("frame triangles trivial", Shaders { closest_hit: "trivial", ..PRIMARY }, &terrain);
+    frame("frame triangles light", PRIMARY, &terrain);
+    frame("frame triangles heavy", Shaders { closest_hit: "heavy", ..PRIMARY }, &terrain);
+    frame("frame triangles any-hit", Shaders { any_hit: "alpha", ..PRIMARY }, &|| {
+        placed(scenes::heightfield(table.size(256, 8)), asked)
+    });
+    let shadow = Shaders { ray_generation: "shadow", miss: &["sky", "shadow"], ..PRIMARY };
+    frame("frame triangles and shadow", shadow, &terrain);
+    frame("frame 64 instances", PRIMARY, &|| {
+        let scene = scenes::heightfield(table.size(256, 8));
+        let tlas = scene.tiled();
+        (scene, tlas)
+    });
+    let reported = Shaders { closest_hit: "sphere", intersection: "sphere", ..PRIMARY };
+    frame("frame spheres by intersection", reported, &|| placed(scenes::boxes(many), opaque));
+    let swept = Shaders { closest_hit: "swept", ..PRIMARY };
+    frame("frame spheres", swept, &|| {
+        let (scene, tlas) = placed(scenes::spheres(many), opaque);
         // The shader takes two ends a primitive.
-        let ends = spheres.spheres.iter().flat_map(|&s| [s, s]).collect();
-        let spheres = Scene { spheres: ends, ..spheres };
-        let swept = Shaders { closest_hit: "swept", ..PRIMARY };
-        frame(table, "frame spheres", swept, &spheres, &spheres.tlas(opaque));
-        let meadow = scenes::meadow(table.size(30_000, 50));
-        frame(table, "frame swept spheres", swept, &meadow, &meadow.tlas(opaque));
+        let ends = scene.spheres.iter().flat_map(|&s| [s, s]).collect();
+        (Scene { spheres: ends, ..scene }, tlas)
+    });
+    frame("frame swept spheres", swept, &|| placed(scenes::meadow(blades), opaque));
+    let reported = Shaders { closest_hit: "sphere", intersection: "swept", ..PRIMARY };
+    frame("frame swept by intersection", reported, &|| placed(scenes::meadow_boxes(blades), opaque));
+    if table.wants("frame ray query") {
+        let compute = Compute::new(program("query.comp")).expect("a compute shader");
+        let [width, height, _] = compute.workgroup_size();
+        let (scene, tlas) = terrain();
+        let (resources, outputs) = resources(&scene, tlas, size);
+        let groups = [size[0] / width, size[1] / height, 1];
+        table.rate("frame ray query", "pixels", pixels, || {
+            one.install(|| compute.run::<32>(&resources, groups, &|_| ()).expect("no trap"));
+            String::new()
+        });
+        table.hits(hits(&outputs));
+    }
+    if table.wants("first launch") {
+        // From the files of the shaders; the tree is there.
+        let (scene, tlas) = terrain();
+        table.time("first launch", || {
+            let pipeline = pipeline(PRIMARY);
+            let (resources, _) = resources(&scene, tlas.clone(), [8, 8]);
+            let launch = Launch { pipeline: &pipeline, resources: &resources };
+            one.install(|| describe(&launch.run::<32>([8, 8, 1], &|_| ()).expect("no trap")))
+        });
     }
     if table.wants_any("threads") {
-        let terrain = scenes::heightfield(table.size(256, 8));
+        let (terrain, tlas) = terrain();
         let pipeline = pipeline(Shaders { closest_hit: "heavy", ..PRIMARY });
-        let resources = resources(&terrain, terrain.tlas(GeometryFlags::OPAQUE), size);
+        let (resources, _) = resources(&terrain, tlas, size);
         let launch = Launch { pipeline: &pipeline, resources: &resources };
         for threads in [1, 2, 4] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");

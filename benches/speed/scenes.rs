@@ -51,6 +51,13 @@ impl Camera {
         }
     }
 
+    /// What the shaders read of it, and where light comes from: five vectors of four.
+    pub fn inputs(&self) -> Vec<f32> {
+        let light = [0.5f32, 0.75, 0.433];
+        let vectors = [self.eye, self.forward, self.right, self.up, light];
+        vectors.iter().flat_map(|&[x, y, z]| [x, y, z, 0.0]).collect()
+    }
+
     /// The rays through the centres of the pixels of a picture, in rows.
     pub fn rays(&self, [width, height]: [u32; 2]) -> Vec<Ray> {
         let mut rays = Vec::with_capacity((width * height) as usize);
@@ -137,8 +144,25 @@ pub fn spheres(count: usize) -> Scene {
 /// The boxes around those spheres.
 pub fn boxes(count: usize) -> Scene {
     let scene = spheres(count);
-    let boxes = scene.spheres.iter().map(|&[x, y, z, r]| [x - r, y - r, z - r, x + r, y + r, z + r]);
-    Scene { data: GeometryData::Aabbs(boxes.collect()), ..scene }
+    let data = GeometryData::Aabbs(boxes_around(&scene.spheres, 1));
+    Scene { data, ..scene }
+}
+
+/// The boxes around the blades.
+pub fn meadow_boxes(blades: usize) -> Scene {
+    let scene = meadow(blades);
+    let data = GeometryData::Aabbs(boxes_around(&scene.spheres, 2));
+    Scene { data, ..scene }
+}
+
+/// A box around every `each` spheres, widened so that no rounding makes it too small.
+fn boxes_around(spheres: &[[f32; 4]], each: usize) -> Vec<[f32; 6]> {
+    let around = |group: &[[f32; 4]]| {
+        let low = |k: usize| group.iter().map(|s| s[k] - s[3]).fold(f32::INFINITY, f32::min) - 1e-6;
+        let high = |k: usize| group.iter().map(|s| s[k] + s[3]).fold(f32::NEG_INFINITY, f32::max) + 1e-6;
+        [low(0), low(1), low(2), high(0), high(1), high(2)]
+    };
+    spheres.chunks(each).map(around).collect()
 }
 
 /// Blades of grass, a few spheres and chains: everything a linear swept sphere.
@@ -186,6 +210,14 @@ pub fn meadow(blades: usize) -> Scene {
 }
 
 impl Scene {
+    /// The indices of its vertices; one nought where it has none, as a buffer must hold something.
+    pub fn indices(&self) -> &[u32] {
+        match &self.data {
+            GeometryData::Triangles { indices: Some(indices), .. } => indices,
+            _ => &[0],
+        }
+    }
+
     /// Its BLAS.
     pub fn blas(&self, flags: GeometryFlags) -> Arc<Blas> {
         Blas::new(vec![Geometry::new(self.data.clone(), flags)]).expect("a valid geometry")
@@ -200,15 +232,19 @@ impl Scene {
     /// Its BLAS in 8 x 8 places, every other one turned.
     pub fn tiled(&self) -> Arc<Tlas> {
         let blas = self.blas(GeometryFlags::OPAQUE);
-        let place = |number: u32| {
-            let at = |k: u32| -5.0 + 10.0 * (k as f32 + 0.5) / 8.0;
-            let (i, j) = (number % 8, number / 8);
-            let transform = match (i + j) % 2 {
-                0 => [[0.125, 0.0, 0.0, at(i)], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 0.125, at(j)]],
-                _ => [[0.0, 0.0, 0.125, at(i)], [0.0, 0.5, 0.0, 0.0], [-0.125, 0.0, 0.0, at(j)]],
-            };
-            Instance::of(blas.clone(), transform)
-        };
-        Tlas::new((0..64).map(place).collect()).expect("valid instances")
+        let instances = tiles().map(|transform| Instance::of(blas.clone(), transform));
+        Tlas::new(instances.collect()).expect("valid instances")
     }
+}
+
+/// The 8 x 8 places: a transform each, in rows.
+pub fn tiles() -> impl Iterator<Item = [[f32; 4]; 3]> {
+    (0..64).map(|number: u32| {
+        let at = |k: u32| -5.0 + 10.0 * (k as f32 + 0.5) / 8.0;
+        let (i, j) = (number % 8, number / 8);
+        match (i + j) % 2 {
+            0 => [[0.125, 0.0, 0.0, at(i)], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 0.125, at(j)]],
+            _ => [[0.0, 0.0, 0.125, at(i)], [0.0, 0.5, 0.0, 0.0], [-0.125, 0.0, 0.0, at(j)]],
+        }
+    })
 }

@@ -1,5 +1,6 @@
 //! Runs what is measured and prints the rows.
 
+use std::cell::RefCell;
 use std::time::{Duration, Instant};
 
 use crate::clock;
@@ -7,7 +8,25 @@ use crate::clock;
 /// The printed table.
 pub struct Table {
     full: bool,
-    wanted: Option<String>,
+    wanted: Wanted,
+    /// The size of the pictures.
+    pub picture: [u32; 2],
+    measured: RefCell<Vec<Measured>>,
+}
+
+enum Wanted {
+    All,
+    Beginning(String),
+    Named(&'static str),
+}
+
+/// A row that has run.
+#[allow(dead_code, reason = "the comparison with peers reads it")]
+pub struct Measured {
+    /// Millions of things a second of processor time, or milliseconds of it a run.
+    pub value: f64,
+    /// Rays or pixels that hit, where they were counted.
+    pub hits: Option<u64>,
 }
 
 /// How long one run may take in processor time before no further one is begun.
@@ -16,7 +35,28 @@ const ENOUGH: Duration = Duration::from_millis(1500);
 impl Table {
     /// A table whose rows run at full size, or once and small; only those whose names begin so.
     pub fn new(full: bool, wanted: Option<String>) -> Self {
-        Self { full, wanted }
+        let wanted = wanted.map_or(Wanted::All, Wanted::Beginning);
+        let picture = if full { [512, 384] } else { [32, 6] };
+        Self { full, wanted, picture, measured: RefCell::default() }
+    }
+
+    /// A table of the one row of this name, with pictures of another size.
+    #[allow(dead_code, reason = "the comparison with peers asks for it")]
+    pub fn of_one(name: &'static str, picture: [u32; 2]) -> Self {
+        Self { wanted: Wanted::Named(name), picture, ..Self::new(true, None) }
+    }
+
+    /// The last row that has run.
+    #[allow(dead_code, reason = "the comparison with peers asks for it")]
+    pub fn into_last(self) -> Option<Measured> {
+        self.measured.into_inner().pop()
+    }
+
+    /// Remembers how many rays or pixels of the last row hit.
+    pub fn hits(&self, hits: u64) {
+        if let Some(last) = self.measured.borrow_mut().last_mut() {
+            last.hits = Some(hits);
+        }
     }
 
     /// A size for real measurements, or one that only shows that a row runs.
@@ -26,12 +66,22 @@ impl Table {
 
     /// Whether a row is asked for.
     pub fn wants(&self, name: &str) -> bool {
-        self.wanted.as_ref().is_none_or(|beginning| name.starts_with(beginning.as_str()))
+        match &self.wanted {
+            Wanted::All => true,
+            Wanted::Beginning(beginning) => name.starts_with(beginning.as_str()),
+            Wanted::Named(one) => name == *one,
+        }
     }
 
     /// Whether one of the rows whose names begin alike may be asked for.
     pub fn wants_any(&self, prefix: &str) -> bool {
-        self.wants(prefix) || self.wanted.as_ref().is_some_and(|beginning| beginning.starts_with(prefix))
+        match &self.wanted {
+            Wanted::All => true,
+            Wanted::Beginning(beginning) => {
+                prefix.starts_with(beginning.as_str()) || beginning.starts_with(prefix)
+            }
+            Wanted::Named(one) => one.starts_with(prefix),
+        }
     }
 
     /// Measures work that processes a number of things a run, and prints how many millions of them
@@ -43,6 +93,7 @@ impl Table {
         let (cpu, wall, note) = self.measure(&mut work);
         let rate = |time: Duration| count as f64 / time.as_secs_f64() / 1e6;
         println!("{name:<34} {:>9.3} M{unit}/cpu-s {:>9.3} M{unit}/s   {note}", rate(cpu), rate(wall));
+        self.measured.borrow_mut().push(Measured { value: rate(cpu), hits: None });
     }
 
     /// Measures work and prints how many milliseconds it takes.
@@ -53,6 +104,7 @@ impl Table {
         let (cpu, wall, note) = self.measure(&mut work);
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         println!("{name:<34} {:>9.3} ms (cpu) {:>12.3} ms (wall)   {note}", ms(cpu), ms(wall));
+        self.measured.borrow_mut().push(Measured { value: ms(cpu), hits: None });
     }
 
     fn measure(&self, work: &mut impl FnMut() -> String) -> (Duration, Duration, String) {
