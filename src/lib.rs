@@ -20,7 +20,7 @@
 //! bound on the error, and where that leaves it open in exact arithmetic. The reported t is the
 //! correctly rounded one. Trees make this fast and change nothing.
 //!
-//! **A launch** ([`pipeline::Launch`]) cuts a grid of invocations into batches of 32 lanes and runs
+//! **A launch** ([`pipeline::Launch`]) cuts a grid of invocations into batches of 64 lanes and runs
 //! the ray generation shader. The interpreter ([`interp::run()`]) never calls the host: at
 //! `OpTraceRayKHR` it [stops](machine::Stop), and the pipeline moves the ray's cursor to its next
 //! candidate. Opaque triangles are settled there and then; for the rest the record of the shader

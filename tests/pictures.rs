@@ -31,8 +31,8 @@ where
 
 #[test]
 fn glsl_and_slang_draw_the_same_picture() {
-    let glsl = picture::<32>("swept-spheres.toml");
-    let slang = picture::<32>("swept-spheres-slang.toml");
+    let glsl = picture::<64>("swept-spheres.toml");
+    let slang = picture::<64>("swept-spheres-slang.toml");
     // Not a flat picture: sky, grass, spheres and ground differ.
     let mut colours = glsl.clone();
     colours.sort_unstable();
@@ -47,6 +47,6 @@ fn glsl_and_slang_draw_the_same_picture() {
 
 #[test]
 fn one_lane_draws_the_same_bits() {
-    assert!(picture::<1>("swept-spheres.toml") == picture::<32>("swept-spheres.toml"));
-    assert!(picture::<1>("swept-spheres-slang.toml") == picture::<32>("swept-spheres-slang.toml"));
+    assert!(picture::<1>("swept-spheres.toml") == picture::<64>("swept-spheres.toml"));
+    assert!(picture::<1>("swept-spheres-slang.toml") == picture::<64>("swept-spheres-slang.toml"));
 }

@@ -47,7 +47,7 @@ where
 fn a_sphere_is_hit_where_it_stands() {
     // Four rays a side from (x, y, 4) along -z with x and y in {-0.75, -0.25, 0.25, 0.75}; the
     // sphere of radius 1/2 meets those with |x| = |y| = 1/4: z^2 = 1/4 - 1/8 = 1/8, t = 4 - z.
-    let values = outputs::<32>(4);
+    let values = outputs::<64>(4);
     for y in 0..4 {
         for x in 0..4 {
             let at = (y * 4 + x) * 8;
@@ -72,7 +72,7 @@ fn a_sphere_is_hit_where_it_stands() {
 #[test]
 fn one_lane_and_many_agree_bit_for_bit() {
     let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect::<Vec<_>>();
-    let many = bits(outputs::<32>(33));
-    assert_eq!(bits(outputs::<1>(33)), many);
-    assert_eq!(bits(outputs::<8>(33)), many);
+    let many = bits(outputs::<64>(65));
+    assert_eq!(bits(outputs::<1>(65)), many);
+    assert_eq!(bits(outputs::<8>(65)), many);
 }

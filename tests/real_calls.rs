@@ -12,7 +12,7 @@ mod files;
 
 /// The bytes of all buffers after a launch; a trap's words where it ends in one.
 fn run(assembled: &Assembled) -> (Option<String>, Vec<Vec<u8>>) {
-    let trap = assembled.launch().run::<32>(assembled.size, &|_| ()).err();
+    let trap = assembled.launch().run::<64>(assembled.size, &|_| ()).err();
     let descriptors = assembled.resources.descriptors.values().flatten();
     let buffers = descriptors.filter_map(|descriptor| match descriptor {
         Descriptor::Buffer(buffer) => Some(buffer.bytes()),

@@ -93,7 +93,7 @@ pub fn run(table: &mut Table) {
         let (resources, outputs) = resources(&scene, tlas, size);
         let launch = Launch { pipeline: &pipeline, resources: &resources };
         table.rate(name, "pixels", pixels, || {
-            let stats = one.install(|| launch.run::<32>([size[0], size[1], 1], &|_| ()).expect("no trap"));
+            let stats = one.install(|| launch.run::<64>([size[0], size[1], 1], &|_| ()).expect("no trap"));
             describe(&stats)
         });
         table.hits(hits(&outputs));
@@ -138,7 +138,7 @@ pub fn run(table: &mut Table) {
         let (resources, outputs) = resources(&scene, tlas, size);
         let groups = [size[0] / width, size[1] / height, 1];
         table.rate("frame ray query", "pixels", pixels, || {
-            one.install(|| compute.run::<32>(&resources, groups, &|_| ()).expect("no trap"));
+            one.install(|| compute.run::<64>(&resources, groups, &|_| ()).expect("no trap"));
             String::new()
         });
         table.hits(hits(&outputs));
@@ -150,7 +150,7 @@ pub fn run(table: &mut Table) {
             let pipeline = pipeline(PRIMARY);
             let (resources, _) = resources(&scene, tlas.clone(), [8, 8]);
             let launch = Launch { pipeline: &pipeline, resources: &resources };
-            one.install(|| describe(&launch.run::<32>([8, 8, 1], &|_| ()).expect("no trap")))
+            one.install(|| describe(&launch.run::<64>([8, 8, 1], &|_| ()).expect("no trap")))
         });
     }
     if table.wants_any("threads") {
@@ -161,7 +161,7 @@ pub fn run(table: &mut Table) {
         for threads in [1, 2, 4] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             table.rate(&format!("threads {threads}, triangles heavy"), "pixels", pixels, || {
-                pool.install(|| launch.run::<32>([size[0], size[1], 1], &|_| ()).expect("no trap"));
+                pool.install(|| launch.run::<64>([size[0], size[1], 1], &|_| ()).expect("no trap"));
                 String::new()
             });
         }

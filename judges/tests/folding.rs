@@ -562,7 +562,7 @@ fn stored(ty: Type) -> Type {
     if ty == Bool { Uint(32) } else { ty }
 }
 
-/// What our interpreter stores, the same at 1, 8 and 32 lanes.
+/// What our interpreter stores, the same at 1, 8 and 64 lanes.
 fn ours(snippet: &Snippet, inputs: &[Vec<u64>], code: &[u8]) -> Vec<u64> {
     let module = Arc::new(anyhit::module::load(code).unwrap_or_else(|error| panic!("{}", error.render())));
     let program = anyhit::program::lower(&module, &module.entry_points[0]);
@@ -582,7 +582,7 @@ fn ours(snippet: &Snippet, inputs: &[Vec<u64>], code: &[u8]) -> Vec<u64> {
         let result = match lanes {
             1 => compute.run::<1>(&resources, [1, 1, 1], done),
             8 => compute.run::<8>(&resources, [1, 1, 1], done),
-            _ => compute.run::<32>(&resources, [1, 1, 1], done),
+            _ => compute.run::<64>(&resources, [1, 1, 1], done),
         };
         result.unwrap_or_else(|error| panic!("{}: {}", snippet.name, error.render()));
         out.bytes()

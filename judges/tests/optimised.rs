@@ -1,5 +1,5 @@
 //! Every case of `shaders/` with each of its modules optimised by SPIRV-Tools: inlined, unrolled, its
-//! variables made phis. All of them must meet the same expectations, at 1, 8 and 32 lanes.
+//! variables made phis. All of them must meet the same expectations, at 1, 8 and 64 lanes.
 
 use std::collections::BTreeMap;
 use std::path::Path;

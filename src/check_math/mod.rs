@@ -134,7 +134,7 @@ impl Found {
     }
 }
 
-/// Runs a stretch of the inputs in batches of 32 lanes and judges them.
+/// Runs a stretch of the inputs in batches of 64 lanes and judges them.
 fn run_block(
     function: &Function,
     format: Format,
@@ -143,12 +143,12 @@ fn run_block(
     range: std::ops::Range<u64>,
 ) -> Found {
     const OPERANDS: [Reg; 3] = [Reg(2), Reg(4), Reg(6)];
-    let mut registers = Registers::<32>::new(8);
+    let mut registers = Registers::<64>::new(8);
     let mut found = Found::default();
-    let mut operands = [[0u64; 2]; 32];
+    let mut operands = [[0u64; 2]; 64];
     let mut at = range.start;
     while at < range.end {
-        let lanes = (range.end - at).min(32) as usize;
+        let lanes = (range.end - at).min(64) as usize;
         for (lane, operands) in operands[..lanes].iter_mut().enumerate() {
             *operands = inputs.at(at + lane as u64);
             for (operand, &bits) in operands.iter().enumerate() {
@@ -241,8 +241,8 @@ mod tests {
                 let row = function.family.row(format.width()).expect("a row");
                 let one = format.bits_of(1.0);
                 let operands = [format.bits_of(0.75), one];
-                let mut registers = Registers::<32>::new(8);
-                for lane in 0..32 {
+                let mut registers = Registers::<64>::new(8);
+                for lane in 0..64 {
                     for (operand, bits) in operands.iter().enumerate() {
                         registers[Reg(2 + 2 * operand as u32)].0[lane] = *bits as u32;
                         registers[Reg(3 + 2 * operand as u32)].0[lane] = (*bits >> 32) as u32;

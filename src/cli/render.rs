@@ -86,7 +86,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let outcome = match args.lanes.as_str() {
         "1" => launch.run::<1>(assembled.size, &done),
         "8" => launch.run::<8>(assembled.size, &done),
-        _ => launch.run::<32>(assembled.size, &done),
+        _ => launch.run::<64>(assembled.size, &done),
     };
     bar.finish_and_clear();
     let traced = launched.elapsed();

@@ -106,7 +106,7 @@ pub fn run(args: RunArgs) -> Result<()> {
     let outcome = match args.lanes.as_str() {
         "1" => assembled.run::<1>(&assembled.resources, &done),
         "8" => assembled.run::<8>(&assembled.resources, &done),
-        _ => assembled.run::<32>(&assembled.resources, &done),
+        _ => assembled.run::<64>(&assembled.resources, &done),
     };
     let took = launched.elapsed();
     output::printed(&printed)?;

@@ -142,8 +142,8 @@ impl Case {
         }
     }
 
-    /// Loads the scene, runs it at 1, 8 and 32 lanes, and compares: the widths with each other bit
-    /// for bit, then the result with `[expect]`, and each ray with its own. Gives the run at 32 lanes.
+    /// Loads the scene, runs it at 1, 8 and 64 lanes, and compares: the widths with each other bit
+    /// for bit, then the result with `[expect]`, and each ray with its own. Gives the run at 64 lanes.
     ///
     /// # Errors
     /// The mistakes of scene and shaders; `Expectation` for each difference.
@@ -197,15 +197,15 @@ fn each_ray<T>(document: &Document, report: &Report, read: impl Fn(usize, &Table
 }
 
 impl Loaded {
-    /// Runs it at 1, 8 and 32 lanes: all three must agree bit for bit. Gives the run at 32 lanes.
+    /// Runs it at 1, 8 and 64 lanes: all three must agree bit for bit. Gives the run at 64 lanes.
     ///
     /// # Errors
     /// `Expectation` where they do not agree; what [`run::costs`](crate::harness::run::costs) says.
     pub fn widths(&self) -> Result<Observed> {
         let (scene, assembled) = (&self.scene, &self.assembled);
         let one = run::<1>(scene, assembled);
-        let mut many = run::<32>(scene, assembled);
-        for (lanes, other) in [(8, &run::<8>(scene, assembled)), (32, &many)] {
+        let mut many = run::<64>(scene, assembled);
+        for (lanes, other) in [(8, &run::<8>(scene, assembled)), (64, &many)] {
             if let Some(difference) = difference(&one, other) {
                 let message = format!("1 and {lanes} lanes disagree: {difference}");
                 return Err(Error::new(ErrorKind::Expectation, message)

@@ -212,7 +212,7 @@ impl Pipeline {
         self.check(scene)?;
         let resources = scene.resources();
         let launch = Launch { pipeline: self, resources };
-        let stats = launch.run::<32>(size, &|_| ())?;
+        let stats = launch.run::<64>(size, &|_| ())?;
         let printed = resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
         Ok(Launched { stats, printed, bound: self.bound(scene) })
     }

@@ -34,9 +34,7 @@ where
                 return Stop::Paused;
             }
             if Row::STRETCHES && !O::active() {
-                let rest = batch.op as usize..run.end as usize;
-                let ran = Row::stretch(&mut batch.registers, &steps[rest.clone()], &ops[rest], batch.mask);
-                batch.op += ran as u32;
+                batch.op = Row::stretch(&mut batch.registers, steps, ops, batch.op..run.end, batch.mask);
                 if batch.op == run.end {
                     break;
                 }
@@ -90,7 +88,7 @@ fn leave<const W: usize, O: Observer<W>>(
         match terminator {
             Terminator::Branch(target) => go(batch, program, *target),
             Terminator::BranchConditional { condition, then, other } => {
-                let taken = Mask::of(&batch.registers[*condition]) & mask;
+                let taken = batch.registers.mask(*condition) & mask;
                 if O::active() {
                     observer.edge(from, 0, taken.count());
                     observer.edge(from, 1, mask.without(taken).count());

@@ -59,8 +59,12 @@ pub struct Batch<const W: usize> {
     accessed: Vec<(usize, Accessed)>,
     /// The lanes that have not been stopped.
     live: Mask<W>,
-    /// Operations that each lane may still spend at back edges and calls.
+    /// Operations that each lane may spend at back edges and calls, less what it has spent without the others.
     budget: [u64; W],
+    /// What every running lane has spent together with all others.
+    spent: u64,
+    /// No live lane's budget is less.
+    least: u64,
     /// Lanes that wait at later blocks, the lowest block last.
     waiting: Vec<Waiting<W>>,
     frames: Vec<Frame<W>>,
@@ -84,6 +88,8 @@ impl<const W: usize> Batch<W> {
             reorders: 0,
             live: Mask::NONE,
             budget: [0; W],
+            spent: 0,
+            least: 0,
             waiting: Vec::new(),
             frames: Vec::new(),
         }
@@ -99,6 +105,8 @@ impl<const W: usize> Batch<W> {
         self.accessed.clear();
         self.exits = [Exit::Returned; W];
         self.budget = [budget; W];
+        self.spent = 0;
+        self.least = budget;
         self.waiting.clear();
         self.frames.clear();
         self.queries.clear();
@@ -177,18 +185,29 @@ impl<const W: usize> Batch<W> {
     /// Charges lanes; those that cannot pay are stopped.
     #[inline]
     pub fn spend(&mut self, mask: Mask<W>, cost: u32, op: u32) {
-        let mut broke = Mask::NONE;
-        for lane in 0..W {
-            let charge = if mask.contains(lane) { u64::from(cost) } else { 0 };
-            let (rest, spent) = self.budget[lane].overflowing_sub(charge);
-            self.budget[lane] = rest;
-            if spent {
-                broke = broke | Mask::lane(lane);
-            }
+        let cost = u64::from(cost);
+        if self.least - self.spent < cost {
+            self.spend_the_last(mask, cost, op);
+        } else if mask == self.live {
+            self.spent += cost;
+        } else {
+            mask.lanes().for_each(|lane| self.budget[lane] -= cost);
+            self.least -= cost;
         }
-        if !broke.is_empty() {
-            self.trap(broke, TrapCode::BudgetSpent, op);
-        }
+    }
+
+    /// The same where a lane may not be able to pay.
+    #[cold]
+    fn spend_the_last(&mut self, mask: Mask<W>, cost: u64, op: u32) {
+        let broke = Mask::from_fn(|lane| {
+            let left = self.budget[lane].saturating_sub(self.spent);
+            let charge = if mask.contains(lane) { cost } else { 0 };
+            self.budget[lane] = left.saturating_sub(charge);
+            left < charge
+        });
+        self.spent = 0;
+        self.trap(broke, TrapCode::BudgetSpent, op);
+        self.least = self.live.lanes().map(|lane| self.budget[lane]).min().unwrap_or(0);
     }
 
     fn wait(&mut self, block: u32, mask: Mask<W>) {

@@ -125,6 +125,15 @@ impl<const W: usize> Mask<W> {
         word & 1 << (lane % 32) != 0
     }
 
+    /// All ones for each lane that is in it.
+    pub fn words(self) -> Lanes<W> {
+        let mut words = Lanes::splat(0);
+        for lane in 0..W {
+            words.0[lane] = if self.selects(lane) { u32::MAX } else { 0 };
+        }
+        words
+    }
+
     /// How many lanes are in it.
     pub fn count(self) -> u32 {
         self.low.count_ones() + self.high.count_ones()
@@ -212,6 +221,17 @@ impl<const W: usize> Registers<W> {
         self.simd
     }
 
+    /// The lanes for which a row of booleans holds.
+    #[inline]
+    pub fn mask(&self, condition: Reg) -> Mask<W> {
+        let row = &self[condition];
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.simd.filter(|_| W.is_multiple_of(8)) {
+            return simd.vectorize(SignsOf { simd, row });
+        }
+        Mask::of(row)
+    }
+
     /// How many rows there are.
     pub fn len(&self) -> usize {
         self.rows.len()
@@ -220,6 +240,11 @@ impl<const W: usize> Registers<W> {
     /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
+    }
+
+    /// All rows.
+    pub fn all_mut(&mut self) -> &mut [Lanes<W>] {
+        &mut self.rows
     }
 
     /// A stretch of rows.
@@ -271,6 +296,31 @@ impl<const W: usize> Registers<W> {
     }
 }
 
+/// A row of booleans whose mask is made of eight lanes at a time.
+#[cfg(target_arch = "x86_64")]
+struct SignsOf<'a, const W: usize> {
+    simd: pulp::x86::V3,
+    row: &'a Lanes<W>,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<const W: usize> pulp::NullaryFnOnce for SignsOf<'_, W> {
+    type Output = Mask<W>;
+
+    #[inline(always)]
+    fn call(self) -> Mask<W> {
+        let mut mask = Mask::NONE;
+        for (at, eight) in self.row.0.as_chunks::<8>().0.iter().enumerate() {
+            // A boolean is 0 or 1: that bit becomes the sign.
+            let signs = self.simd.avx2._mm256_slli_epi32::<31>(pulp::cast(*eight));
+            let bits = self.simd.avx._mm256_movemask_ps(pulp::cast(signs)) as u32;
+            let half = if at < 8 { &mut mask.low } else { &mut mask.high };
+            *half |= u64::from(bits) << (at % 8 * 8);
+        }
+        mask
+    }
+}
+
 impl<const W: usize> Index<Reg> for Registers<W> {
     type Output = Lanes<W>;
     #[inline]
@@ -299,6 +349,27 @@ pub trait Scalar: Copy {
     fn from_words(low: u32, high: u32) -> Self;
     /// Writes it, low word first.
     fn to_words(self) -> (u32, u32);
+    /// Its low word; a NaN of 32 bits as it is.
+    #[inline(always)]
+    fn to_word(self) -> u32 {
+        self.to_words().0
+    }
+}
+
+impl Scalar for f32 {
+    const WORDS: u32 = 1;
+    #[inline(always)]
+    fn from_words(low: u32, _high: u32) -> Self {
+        Self::from_bits(low)
+    }
+    #[inline(always)]
+    fn to_words(self) -> (u32, u32) {
+        (if self.is_nan() { 0x7FC0_0000 } else { self.to_bits() }, 0)
+    }
+    #[inline(always)]
+    fn to_word(self) -> u32 {
+        self.to_bits()
+    }
 }
 
 macro_rules! scalars {
@@ -328,8 +399,6 @@ scalars! {
         |value| (if value.is_nan() { 0x7E00 } else { value.to_bits().into() }, 0);
     u32, 1, |low, _high| low, |value| (value, 0);
     i32, 1, |low, _high| low as i32, |value| (value as u32, 0);
-    f32, 1, |low, _high| f32::from_bits(low),
-        |value| (if value.is_nan() { 0x7FC0_0000 } else { value.to_bits() }, 0);
     u64, 2, |low, high| u64::from(low) | u64::from(high) << 32, |value| (value as u32, (value >> 32) as u32);
     i64, 2, |low, high| u64::from_words(low, high) as i64, |value| (value as u64).to_words();
     f64, 2, |low, high| f64::from_bits(u64::from_words(low, high)),
@@ -429,6 +498,14 @@ mod tests {
         assert_eq!((wide & Mask::lane(126)) | Mask::lane(64), wide.without(Mask::first(64)) | Mask::lane(64));
         assert!(Mask::<128>::first(128).is_all() && Mask::<128>::ALL.without(Mask::first(128)).is_empty());
         assert!(!Mask::<128>::first(127).is_all() && !Mask::<128>::lane(127).is_empty());
+    }
+
+    #[test]
+    fn the_mask_of_a_condition() {
+        let mut registers = Registers::<128>::new(1);
+        registers[Reg(0)].0 = std::array::from_fn(|lane| u32::from(lane % 3 == 1 || lane > 120));
+        assert_eq!(registers.mask(Reg(0)), Mask::from_fn(|lane| lane % 3 == 1 || lane > 120));
+        assert_eq!(registers.mask(Reg(0)), Mask::of(&registers[Reg(0)]));
     }
 
     #[test]

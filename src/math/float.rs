@@ -200,7 +200,7 @@ macro_rules! native {
                     mantissa * power(rest) * power(low)
                 }
             }
-            // Never inlined: a row's loop over 32 lanes would hold as many copies.
+            // Never inlined: a row's loop over the lanes would hold as many copies.
             $(#[inline(never)]
             fn $method(self) -> Self {
                 $function(self)

@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 use std::fmt;
+use std::ops::Range;
 use std::sync::LazyLock;
 
 #[cfg(target_arch = "x86_64")]
@@ -12,7 +13,7 @@ use pulp::x86::V3;
 
 use crate::machine::{Mask, Reg, Registers, Scalar};
 use crate::ops::op::Op;
-use crate::ops::stretch::{self, Step};
+use crate::ops::stretch::Steps;
 
 /// Runs a row over all lanes of a batch.
 pub type Eval<const W: usize> = fn(&mut Registers<W>, Reg, &[Reg; 3]);
@@ -48,11 +49,11 @@ pub struct Row {
     pub one: Eval<1>,
     /// For batches of eight lanes.
     pub eight: Eval<8>,
-    /// For batches of 32 lanes.
-    pub full: Eval<32>,
+    /// For batches of 64 lanes.
+    pub full: Eval<64>,
     /// The same for processors with AVX2.
     #[cfg(target_arch = "x86_64")]
-    pub full_v3: fn(V3, &mut Registers<32>, Reg, &[Reg; 3]),
+    pub full_v3: fn(V3, &mut Registers<64>, Reg, &[Reg; 3]),
 }
 
 impl fmt::Debug for Row {
@@ -75,10 +76,9 @@ pub trait Width<const W: usize> {
     /// Whether batches of this width run stretches.
     const STRETCHES: bool = false;
 
-    /// Runs a program's operations up to the first that is irregular, and says how many; see
-    /// [`stretch::run`].
-    fn stretch(_: &mut Registers<W>, _: &[Step], _: &[Op], _: Mask<W>) -> usize {
-        0
+    /// Runs operations up to the first that ends a stretch, and says which; see [`Steps::run`].
+    fn stretch(_: &mut Registers<W>, _: &Steps, _: &[Op], range: Range<u32>, _: Mask<W>) -> u32 {
+        range.start
     }
 }
 
@@ -96,9 +96,9 @@ impl Width<8> for Row {
     }
 }
 
-impl Width<32> for Row {
+impl Width<64> for Row {
     #[inline]
-    fn run(&self, registers: &mut Registers<32>, to: Reg, from: &[Reg; 3]) {
+    fn run(&self, registers: &mut Registers<64>, to: Reg, from: &[Reg; 3]) {
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = registers.simd() {
             return (self.full_v3)(simd, registers, to, from);
@@ -109,26 +109,31 @@ impl Width<32> for Row {
     const STRETCHES: bool = true;
 
     #[inline]
-    fn stretch(registers: &mut Registers<32>, steps: &[Step], ops: &[Op], mask: Mask<32>) -> usize {
-        stretch::run(registers, steps, ops, mask)
+    fn stretch(
+        registers: &mut Registers<64>,
+        steps: &Steps,
+        ops: &[Op],
+        range: Range<u32>,
+        mask: Mask<64>,
+    ) -> u32 {
+        steps.run(registers, ops, range, mask)
     }
 }
 
-/// For subgroups of 64 and 128, which are rare: four stretches of 32 lanes, so that no row is
-/// compiled once more.
+/// For subgroups of 128, which are rare: twice 64 lanes, so that no row is compiled once more.
 impl Width<128> for Row {
     fn run(&self, registers: &mut Registers<128>, to: Reg, from: &[Reg; 3]) {
         const OPERANDS: [Reg; 3] = [Reg(2), Reg(4), Reg(6)];
-        let mut part = Registers::<32>::new(8);
+        let mut part = Registers::<64>::new(8);
         let mut results = [[0; 128]; 2];
-        for stretch in 0..4 {
-            let lanes = stretch * 32..(stretch + 1) * 32;
+        for half in 0..2 {
+            let lanes = half * 64..(half + 1) * 64;
             for ((&operand, &words), &place) in from.iter().zip(&self.operands).zip(&OPERANDS) {
                 for word in 0..words {
                     part[place.plus(word)].0.copy_from_slice(&registers[operand.plus(word)].0[lanes.clone()]);
                 }
             }
-            Width::<32>::run(self, &mut part, Reg(0), &OPERANDS);
+            Width::<64>::run(self, &mut part, Reg(0), &OPERANDS);
             for (word, row) in results.iter_mut().enumerate() {
                 row[lanes.clone()].copy_from_slice(&part[Reg(word as u32)].0);
             }
@@ -144,14 +149,14 @@ impl Width<128> for Row {
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
 pub struct Wide<'a, F> {
-    pub registers: &'a mut Registers<32>,
+    pub registers: &'a mut Registers<64>,
     pub to: Reg,
     pub from: &'a [Reg; 3],
     pub function: F,
 }
 
 #[cfg(target_arch = "x86_64")]
-impl<F: Fn(&mut Registers<32>, Reg, &[Reg; 3])> pulp::NullaryFnOnce for Wide<'_, F> {
+impl<F: Fn(&mut Registers<64>, Reg, &[Reg; 3])> pulp::NullaryFnOnce for Wide<'_, F> {
     type Output = ();
 
     #[inline(always)]
@@ -263,6 +268,20 @@ pub trait Binary {
     fn apply(a: Self::A, b: Self::B) -> Self::R;
 }
 
+/// The scalar function of a row of three operands.
+pub trait Ternary {
+    /// The first operand.
+    type A: Scalar;
+    /// The second operand.
+    type B: Scalar;
+    /// The third operand.
+    type C: Scalar;
+    /// The result.
+    type R: Scalar;
+    /// The value for one lane.
+    fn apply(a: Self::A, b: Self::B, c: Self::C) -> Self::R;
+}
+
 /// The lane loop of one row of [`rows!`](crate::rows).
 #[doc(hidden)]
 #[macro_export]
@@ -300,7 +319,18 @@ macro_rules! lane_loop {
         $crate::lane_loop!(@ $name, [$at, $bt, $result], map2, <$name as $crate::ops::row::Binary>::apply);
     };
     (@ $name:ty, ($a:ident: $at:ty, $b:ident: $bt:ty, $c:ident: $ct:ty), $result:ty, $body:block) => {
-        $crate::lane_loop!(@ $name, [$at, $bt, $ct, $result], map3, |$a: $at, $b: $bt, $c: $ct| $body);
+        impl $crate::ops::row::Ternary for $name {
+            type A = $at;
+            type B = $bt;
+            type C = $ct;
+            type R = $result;
+
+            #[inline(always)]
+            fn apply($a: $at, $b: $bt, $c: $ct) -> $result {
+                $body
+            }
+        }
+        $crate::lane_loop!(@ $name, [$at, $bt, $ct, $result], map3, <$name as $crate::ops::row::Ternary>::apply);
     };
     (@ $name:ty, [$($ty:ty),*], $map:ident, $function:expr) => {
         impl $crate::ops::row::LaneLoop for $name {
@@ -333,11 +363,11 @@ macro_rules! row {
         #[cfg(target_arch = "x86_64")]
         fn eval_v3(
             simd: pulp::x86::V3,
-            registers: &mut $crate::machine::Registers<32>,
+            registers: &mut $crate::machine::Registers<64>,
             to: $crate::machine::Reg,
             from: &[$crate::machine::Reg; 3],
         ) {
-            let function = <$lanes as $crate::ops::row::LaneLoop>::run::<32>;
+            let function = <$lanes as $crate::ops::row::LaneLoop>::run::<64>;
             simd.vectorize($crate::ops::row::Wide { registers, to, from, function });
         }
         $crate::ops::row::Row {
@@ -350,7 +380,7 @@ macro_rules! row {
             signed: <$ty as $crate::ops::row::Bits>::SIGNED,
             one: eval::<1>,
             eight: eval::<8>,
-            full: eval::<32>,
+            full: eval::<64>,
             #[cfg(target_arch = "x86_64")]
             full_v3: eval_v3,
         }
@@ -422,7 +452,7 @@ pub(crate) mod tests {
 
     /// What a row gives in every lane of every width of a batch.
     pub(crate) fn results(row: &Row, inputs: &[u64]) -> Vec<u64> {
-        [run::<1>(row, inputs), run::<8>(row, inputs), run::<32>(row, inputs), run::<128>(row, inputs)]
+        [run::<1>(row, inputs), run::<8>(row, inputs), run::<64>(row, inputs), run::<128>(row, inputs)]
             .concat()
     }
 

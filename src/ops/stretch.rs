@@ -1,386 +1,489 @@
-//! Stretches of regular operations, run without leaving one loop.
+//! Steps of regular operations, run without leaving one loop.
 //!
-//! Most of what a shader does are some sixty regular instructions on 32-bit values, and moves. A
-//! [`Step`] names one of them by a number, and its loop over the lanes stands in the arm of one
-//! `match`, compiled for the processor's vectors as a whole: from one operation to the next it is a
-//! jump, not a call. Where an operation's result goes into the next one alone, the frequent pairs
-//! have a number together, and the value between them stays in a vector register; each of the two
-//! rounds as it does by itself. Other regular operations are called as ever, and irregular ones end
-//! a stretch.
+//! Most of what a shader does are some ninety regular instructions on 32-bit values, and moves. A
+//! [`Step`] names one of them by a code, and its loop over the lanes stands in the arm of one `match`,
+//! compiled for the processor's vectors as a whole. The result of each step stays in an *accumulator*, a
+//! row that the compiler keeps in vector registers from one step to the next: where a step needs what
+//! the one before it gave, nothing is loaded, and what nobody else needs is never stored. Frequent pairs
+//! have a code together; each of the two rounds as it does by itself.
+//!
+//! Rows write every NaN as the same bits ([`crate::machine::Scalar::to_words`]); here that is a step of its
+//! own, [`Settled`], and stands only behind results whose bits somebody may see: an operation on floats
+//! takes every NaN for the same.
+//!
+//! [`plan`] makes the steps. Rows without a code are called as ever, irregular operations end a stretch. Only what takes few
+//! vector registers has a code: one arm that takes all sixteen, and the compiler keeps the accumulator in
+//! memory in every arm.
 
-use std::collections::HashMap;
-use std::marker::PhantomData;
+mod pairs;
+mod plan;
 
-use crate::machine::lanes::{map2, map3};
-use crate::machine::{Mask, Reg, Registers};
+use std::ops::Range;
+
+use crate::machine::lanes::Lanes;
+use crate::machine::{Mask, Registers, Scalar};
 use crate::ops::conversion::{self, Between, Conversion};
-use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select;
-use crate::ops::row::{Binary, Bits, LaneLoop, Row, Unary, Width};
+use crate::ops::row::{Binary, Bits, Row, Ternary, Unary, Width};
 use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
+use pairs::{After, Shape, Then, ThenWith, WithItself};
+pub use plan::{Fate, takes_float};
 
-/// An operation of a program as a stretch runs it.
+/// What a stretch does at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    kind: Kind,
-    /// How many operations on the next step is.
-    next: u8,
-    to: Reg,
-    from: [Reg; 3],
+    /// The function, which operand the accumulator is, and whether the result goes to its row, too.
+    code: u16,
+    to: u16,
+    from: [u16; 3],
 }
 
-/// `F(a, b)`, then `G(that, c)`.
-struct Then<F, G>(PhantomData<(F, G)>);
+/// The operations of a program in steps.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Steps {
+    steps: Vec<Step>,
+    /// The operation of each step.
+    ops: Vec<u32>,
+    /// The step with which each operation begins, and one more.
+    first: Vec<u32>,
+    /// Whether a step names a row behind the window.
+    wide: bool,
+}
 
-impl<F: Binary, G: Binary<A = F::R>> LaneLoop for Then<F, G> {
+/// The rows that steps name: a window, in which a number of one byte is always inside, or any.
+trait Rows<const W: usize> {
+    fn row(&self, number: u16) -> &Lanes<W>;
+    fn row_mut(&mut self, number: u16) -> &mut Lanes<W>;
+}
+
+/// How many rows a window has.
+pub const WINDOW: usize = 256;
+
+impl<const W: usize> Rows<W> for [Lanes<W>; WINDOW] {
     #[inline(always)]
-    fn run<const W: usize>(registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]) {
-        map3::<W, F::A, F::B, G::B, G::R>(registers, to, from, |a, b, c| G::apply(F::apply(a, b), c));
+    fn row(&self, number: u16) -> &Lanes<W> {
+        &self[usize::from(number as u8)]
+    }
+
+    #[inline(always)]
+    fn row_mut(&mut self, number: u16) -> &mut Lanes<W> {
+        &mut self[usize::from(number as u8)]
     }
 }
 
-/// `F(a, b)`, then `G(c, that)`.
-struct After<F, G>(PhantomData<(F, G)>);
-
-impl<F: Binary, G: Binary<B = F::R>> LaneLoop for After<F, G> {
+impl<const W: usize> Rows<W> for [Lanes<W>] {
     #[inline(always)]
-    fn run<const W: usize>(registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]) {
-        map3::<W, F::A, F::B, G::A, G::R>(registers, to, from, |a, b, c| G::apply(c, F::apply(a, b)));
+    fn row(&self, number: u16) -> &Lanes<W> {
+        &self[usize::from(number)]
+    }
+
+    #[inline(always)]
+    fn row_mut(&mut self, number: u16) -> &mut Lanes<W> {
+        &mut self[usize::from(number)]
     }
 }
 
-/// `F(a)`, then `G(that, b)`.
-struct ThenWith<F, G>(PhantomData<(F, G)>);
+/// A function of words, of which the first [`Words::OPERANDS`] count.
+trait Words {
+    const OPERANDS: usize;
+    /// The result, a NaN as the processor made it.
+    fn apply(words: [u32; 3]) -> u32;
+}
 
-impl<F: Unary, G: Binary<A = F::R>> LaneLoop for ThenWith<F, G> {
+struct One<F>(F);
+struct Two<F>(F);
+struct Three<F>(F);
+
+impl<F: Unary> Words for One<F> {
+    const OPERANDS: usize = 1;
     #[inline(always)]
-    fn run<const W: usize>(registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]) {
-        map2::<W, F::A, G::B, G::R>(registers, to, from, |a, b| G::apply(F::apply(a), b));
+    fn apply([a, ..]: [u32; 3]) -> u32 {
+        F::apply(F::A::from_words(a, 0)).to_word()
     }
 }
 
-/// `F(a, b)`, then `G(that)`.
-struct ThenOne<F, G>(PhantomData<(F, G)>);
-
-impl<F: Binary, G: Unary<A = F::R>> LaneLoop for ThenOne<F, G> {
+impl<F: Binary> Words for Two<F> {
+    const OPERANDS: usize = 2;
     #[inline(always)]
-    fn run<const W: usize>(registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]) {
-        map2::<W, F::A, F::B, G::R>(registers, to, from, |a, b| G::apply(F::apply(a, b)));
+    fn apply([a, b, _]: [u32; 3]) -> u32 {
+        F::apply(F::A::from_words(a, 0), F::B::from_words(b, 0)).to_word()
     }
 }
 
-macro_rules! kinds {
+impl<F: Ternary> Words for Three<F> {
+    const OPERANDS: usize = 3;
+    #[inline(always)]
+    fn apply([a, b, c]: [u32; 3]) -> u32 {
+        F::apply(F::A::from_words(a, 0), F::B::from_words(b, 0), F::C::from_words(c, 0)).to_word()
+    }
+}
+
+/// A value as it is.
+struct Same;
+
+impl Unary for Same {
+    type A = u32;
+    type R = u32;
+    #[inline(always)]
+    fn apply(a: u32) -> u32 {
+        a
+    }
+}
+
+/// A float as rows write it: every NaN the same.
+struct Settled;
+
+impl Unary for Settled {
+    type A = u32;
+    type R = u32;
+    #[inline(always)]
+    fn apply(a: u32) -> u32 {
+        f32::from_bits(a).to_words().0
+    }
+}
+
+/// The accumulator takes what a function gives of rows, and of what it held, which is operand `AT` (none
+/// for 0); the result goes to its row, too, where it is `STORED`.
+#[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
+#[inline(always)]
+fn apply<const W: usize, F: Words, const AT: usize, const STORED: bool>(
+    accumulator: &mut [u32; W],
+    rows: &mut (impl Rows<W> + ?Sized),
+    step: &Step,
+) {
+    let held = Lanes(*accumulator);
+    let row = |at: usize| {
+        if at < F::OPERANDS && at + 1 != AT { rows.row(step.from[at]) } else { &held }
+    };
+    let (a, b, c) = (row(0), row(1), row(2));
+    let mut result = [0; W];
+    for lane in 0..W {
+        result[lane] = F::apply([a.0[lane], b.0[lane], c.0[lane]]);
+    }
+    if STORED {
+        rows.row_mut(step.to).0 = result;
+    }
+    *accumulator = result;
+}
+
+/// Stores the accumulator, or a row; where not every lane runs, for those whose word is all ones.
+#[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
+#[inline(always)]
+fn store<const W: usize, const AT: usize>(
+    accumulator: &mut [u32; W],
+    rows: &mut (impl Rows<W> + ?Sized),
+    step: &Step,
+    running: Option<&Lanes<W>>,
+) {
+    if AT == 0 {
+        *accumulator = rows.row(step.from[0]).0;
+    }
+    let to = rows.row_mut(step.to);
+    match running {
+        None => to.0 = *accumulator,
+        Some(running) => {
+            for lane in 0..W {
+                let mask = running.0[lane];
+                to.0[lane] = accumulator[lane] & mask | to.0[lane] & !mask;
+            }
+        }
+    }
+}
+
+/// Codes of a function: the operand that is the accumulator, and whether the result is stored.
+const fn code(function: Function, at: usize, stored: bool) -> u16 {
+    (function as u16) << 3 | (at as u16) << 1 | stored as u16
+}
+
+macro_rules! functions {
     (
-        rows { $($name:ident $section:ident $ty:ident,)* }
+        unary { $($unary:ident $unary_section:ident $unary_type:ident,)* }
+        commuting { $($commuting:ident $commuting_section:ident $commuting_type:ident,)* }
+        binary { $($binary:ident $binary_section:ident $binary_type:ident,)* }
+        ternary { $($ternary:ident $ternary_section:ident $ternary_type:ident,)* }
         conversions { $($conversion:ident $from:ident $into:ident,)* }
-        pairs { $($pair:ident $shape:ident $first:ident $first_type:ty, $second:ident $second_type:ty;)* }
+        two { $($two:ident $two_shape:ident $two_first:ident $two_second:ident $two_type:ty;)* }
+        three { $($three:ident $three_shape:ident $three_first:ident $three_second:ident $three_type:ty;)* }
     ) => {
-        /// Which operation.
+        /// What a step calculates.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[repr(u8)]
-        enum Kind {
+        enum Function {
             /// Ends a stretch.
             Other,
-            /// Does nothing.
-            Idle,
-            /// A row without a number.
-            Row,
             Move,
             MoveMasked,
-            $($name,)*
-            $($conversion,)*
-            $($pair,)*
+            Settle,
+            $($unary,)* $($commuting,)* $($binary,)* $($ternary,)* $($conversion,)* $($two,)* $($three,)*
         }
 
-        impl Kind {
-            /// The rows that have a number.
-            fn numbered() -> Vec<(&'static Row, Self)> {
-                let families = [$(($section::$name.row(<$ty as Bits>::BITS), Self::$name)),*];
+        /// Codes by the names of their functions, as patterns.
+        #[allow(non_snake_case)]
+        mod codes {
+            functions! { @codes Other Move MoveMasked Settle
+                $($unary)* $($commuting)* $($binary)* $($ternary)* $($conversion)* $($two)* $($three)* }
+        }
+
+        impl Function {
+            /// The rows that have a code.
+            fn rows() -> Vec<(&'static Row, Self)> {
+                let families = [
+                    $(($unary_section::$unary.row(<$unary_type as Bits>::BITS), Self::$unary),)*
+                    $(($commuting_section::$commuting.row(<$commuting_type as Bits>::BITS), Self::$commuting),)*
+                    $(($binary_section::$binary.row(<$binary_type as Bits>::BITS), Self::$binary),)*
+                    $(($ternary_section::$ternary.row(<$ternary_type as Bits>::BITS), Self::$ternary),)*
+                ];
                 let conversions = [$((
                     conversion::row(Conversion::$conversion, <$from as Bits>::BITS, <$into as Bits>::BITS),
                     Self::$conversion,
                 )),*];
                 let all = families.into_iter().chain(conversions);
-                all.filter_map(|(row, kind)| Some((row?, kind))).collect()
+                all.filter_map(|(row, function)| Some((row?, function))).collect()
             }
 
-            /// The pairs that have a number: both kinds, and how they hang together.
-            const PAIRS: &'static [(Self, Self, Shape, Self)] =
-                &[$((Self::$first, Self::$second, Shape::$shape, Self::$pair)),*];
+            /// Whether the two operands may change places.
+            fn commutes(self) -> bool {
+                matches!(self, $(Self::$commuting)|*)
+            }
+
+            /// Pairs: both functions, how they hang together, and the function that is both.
+            const PAIRS: &'static [(Self, Self, Shape, Self)] = &[
+                $((Self::$two_first, Self::$two_second, Shape::$two_shape, Self::$two),)*
+                $((Self::$three_first, Self::$three_second, Shape::$three_shape, Self::$three),)*
+            ];
         }
 
-        /// Runs the steps of a stretch; how many operations there were before one that is irregular.
+        /// Runs steps; how many before one that ends the stretch.
         #[inline(always)]
-        fn run_steps(
-            registers: &mut Registers<32>,
-            (steps, ops): (&[Step], &[Op]),
-            mask: Mask<32>,
+        fn run_steps<const W: usize, R: Rows<W> + ?Sized>(
+            rows: &mut R,
+            steps: &[Step],
+            running: Option<&Lanes<W>>,
         ) -> usize {
-            let mut at = 0;
-            while let Some(Step { kind, next, to, from }) = steps.get(at) {
-                match kind {
-                    Kind::Other => return at,
-                    Kind::Idle => {}
-                    Kind::Row => {
-                        if let Op::Row { row, to, from } = &ops[at] {
-                            Width::<32>::run(*row, registers, *to, from);
-                        }
-                    }
-                    Kind::Move => registers.copy(*to, from[0], Mask::ALL),
-                    Kind::MoveMasked => registers.copy(*to, from[0], mask),
-                    $(Kind::$name => $section::$name::<$ty>::run(registers, *to, from),)*
-                    $(Kind::$conversion => Between::<$from, $into>::run(registers, *to, from),)*
-                    $(Kind::$pair => $shape::<$first_type, $second_type>::run(registers, *to, from),)*
+            let mut accumulator = [0; W];
+            let acc = &mut accumulator;
+            for (at, step) in steps.iter().enumerate() {
+                match step.code {
+                    codes::Move::ROWS => apply::<W, One<Same>, 0, false>(acc, rows, step),
+                    codes::Move::FIRST => {}
+                    codes::Move::ROWS_STORED => apply::<W, One<Same>, 0, true>(acc, rows, step),
+                    codes::Move::FIRST_STORED => apply::<W, One<Same>, 1, true>(acc, rows, step),
+                    codes::MoveMasked::ROWS_STORED => store::<W, 0>(acc, rows, step, running),
+                    codes::MoveMasked::FIRST_STORED => store::<W, 1>(acc, rows, step, running),
+                    codes::Settle::FIRST => apply::<W, One<Settled>, 1, false>(acc, rows, step),
+                    codes::Settle::FIRST_STORED => apply::<W, One<Settled>, 1, true>(acc, rows, step),
+                    $(
+                    codes::$unary::ROWS => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, false>(acc, rows, step),
+                    codes::$unary::ROWS_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, true>(acc, rows, step),
+                    codes::$unary::FIRST => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, false>(acc, rows, step),
+                    codes::$unary::FIRST_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, true>(acc, rows, step),
+                    )*
+                    $(
+                    codes::$conversion::ROWS => apply::<W, One<Between<$from, $into>>, 0, false>(acc, rows, step),
+                    codes::$conversion::ROWS_STORED => apply::<W, One<Between<$from, $into>>, 0, true>(acc, rows, step),
+                    codes::$conversion::FIRST => apply::<W, One<Between<$from, $into>>, 1, false>(acc, rows, step),
+                    codes::$conversion::FIRST_STORED => apply::<W, One<Between<$from, $into>>, 1, true>(acc, rows, step),
+                    )*
+                    $(
+                    codes::$commuting::ROWS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false>(acc, rows, step),
+                    codes::$commuting::ROWS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true>(acc, rows, step),
+                    codes::$commuting::FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false>(acc, rows, step),
+                    codes::$commuting::FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true>(acc, rows, step),
+                    )*
+                    $(
+                    codes::$binary::ROWS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false>(acc, rows, step),
+                    codes::$binary::ROWS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true>(acc, rows, step),
+                    codes::$binary::FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false>(acc, rows, step),
+                    codes::$binary::FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true>(acc, rows, step),
+                    codes::$binary::SECOND => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, false>(acc, rows, step),
+                    codes::$binary::SECOND_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, true>(acc, rows, step),
+                    )*
+                    $(
+                    codes::$two::ROWS => apply::<W, Two<$two_type>, 0, false>(acc, rows, step),
+                    codes::$two::ROWS_STORED => apply::<W, Two<$two_type>, 0, true>(acc, rows, step),
+                    codes::$two::FIRST => apply::<W, Two<$two_type>, 1, false>(acc, rows, step),
+                    codes::$two::FIRST_STORED => apply::<W, Two<$two_type>, 1, true>(acc, rows, step),
+                    codes::$two::SECOND => apply::<W, Two<$two_type>, 2, false>(acc, rows, step),
+                    codes::$two::SECOND_STORED => apply::<W, Two<$two_type>, 2, true>(acc, rows, step),
+                    )*
+                    $(
+                    codes::$ternary::ROWS => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, false>(acc, rows, step),
+                    codes::$ternary::ROWS_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, true>(acc, rows, step),
+                    codes::$ternary::FIRST => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, false>(acc, rows, step),
+                    codes::$ternary::FIRST_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, true>(acc, rows, step),
+                    codes::$ternary::SECOND => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, false>(acc, rows, step),
+                    codes::$ternary::SECOND_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, true>(acc, rows, step),
+                    codes::$ternary::THIRD => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, false>(acc, rows, step),
+                    codes::$ternary::THIRD_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, true>(acc, rows, step),
+                    )*
+                    $(
+                    codes::$three::ROWS => apply::<W, Three<$three_type>, 0, false>(acc, rows, step),
+                    codes::$three::ROWS_STORED => apply::<W, Three<$three_type>, 0, true>(acc, rows, step),
+                    codes::$three::FIRST => apply::<W, Three<$three_type>, 1, false>(acc, rows, step),
+                    codes::$three::FIRST_STORED => apply::<W, Three<$three_type>, 1, true>(acc, rows, step),
+                    codes::$three::SECOND => apply::<W, Three<$three_type>, 2, false>(acc, rows, step),
+                    codes::$three::SECOND_STORED => apply::<W, Three<$three_type>, 2, true>(acc, rows, step),
+                    codes::$three::THIRD => apply::<W, Three<$three_type>, 3, false>(acc, rows, step),
+                    codes::$three::THIRD_STORED => apply::<W, Three<$three_type>, 3, true>(acc, rows, step),
+                    )*
+                    _ => return at,
                 }
-                at += usize::from(*next);
             }
             steps.len()
         }
     };
+    (@codes $($name:ident)*) => {$(
+        #[allow(dead_code)]
+        pub mod $name {
+            use super::super::{Function, code};
+            pub const ROWS: u16 = code(Function::$name, 0, false);
+            pub const ROWS_STORED: u16 = code(Function::$name, 0, true);
+            pub const FIRST: u16 = code(Function::$name, 1, false);
+            pub const FIRST_STORED: u16 = code(Function::$name, 1, true);
+            pub const SECOND: u16 = code(Function::$name, 2, false);
+            pub const SECOND_STORED: u16 = code(Function::$name, 2, true);
+            pub const THIRD: u16 = code(Function::$name, 3, false);
+            pub const THIRD_STORED: u16 = code(Function::$name, 3, true);
+        }
+    )*};
 }
 
-/// How the operations of a pair hang together: see the types of these names.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Shape {
-    Then,
-    After,
-    ThenWith,
-    ThenOne,
-}
+type FMul = arithmetic::FMul<f32>;
+type FAdd = arithmetic::FAdd<f32>;
+type FSub = arithmetic::FSub<f32>;
+type IMul = arithmetic::IMul<u32>;
+type IAdd = arithmetic::IAdd<u32>;
+type Right = bit::ShiftRightLogical<u32>;
+type Left = bit::ShiftLeftLogical<u32>;
+type Xor = bit::BitwiseXor<u32>;
+type And = bit::BitwiseAnd<u32>;
+type Or = bit::BitwiseOr<u32>;
 
-kinds! {
-    rows {
-    SNegate arithmetic i32, IAdd arithmetic u32, ISub arithmetic u32, IMul arithmetic u32,
-    FNegate arithmetic f32, FAdd arithmetic f32, FSub arithmetic f32, FMul arithmetic f32,
-    FDiv arithmetic f32,
-    ShiftRightLogical bit u32, ShiftRightArithmetic bit i32, ShiftLeftLogical bit u32, BitwiseOr bit u32,
-    BitwiseXor bit u32, BitwiseAnd bit u32, Not bit u32,
-    LogicalEqual logical bool, LogicalNotEqual logical bool, LogicalOr logical bool,
-    LogicalAnd logical bool, LogicalNot logical bool,
-    IEqual logical u32, INotEqual logical u32, UGreaterThan logical u32, SGreaterThan logical i32,
-    UGreaterThanEqual logical u32, SGreaterThanEqual logical i32, ULessThan logical u32,
-    SLessThan logical i32, ULessThanEqual logical u32, SLessThanEqual logical i32,
-    FOrdEqual logical f32, FOrdNotEqual logical f32, FUnordNotEqual logical f32,
-    FOrdLessThan logical f32, FOrdGreaterThan logical f32, FOrdLessThanEqual logical f32,
-    FOrdGreaterThanEqual logical f32, IsNan logical f32,
-    SelectWord select bool,
-    FAbs glsl f32, Trunc glsl f32, Floor glsl f32, Ceil glsl f32, Fract glsl f32, FMin glsl f32,
-    UMin glsl u32, SMin glsl i32, FMax glsl f32, UMax glsl u32, SMax glsl i32, FClamp glsl f32,
-    FMix glsl f32, Step glsl f32, SmoothStep glsl f32, Sqrt glsl f32, Fma glsl f32, NMin glsl f32,
-    NMax glsl f32, NClamp glsl f32,
+functions! {
+    unary {
+    SNegate arithmetic i32, FNegate arithmetic f32, Not bit u32, LogicalNot logical bool, IsNan logical f32,
+    IsInf logical f32, FAbs glsl f32, SAbs glsl i32, Trunc glsl f32, Floor glsl f32, Ceil glsl f32,
+    Fract glsl f32, RoundEven glsl f32, Sqrt glsl f32,
+    }
+    commuting {
+    IAdd arithmetic u32, IMul arithmetic u32, FAdd arithmetic f32, FMul arithmetic f32,
+    BitwiseOr bit u32, BitwiseXor bit u32, BitwiseAnd bit u32,
+    LogicalEqual logical bool, LogicalNotEqual logical bool, LogicalOr logical bool, LogicalAnd logical bool,
+    IEqual logical u32, INotEqual logical u32, FOrdEqual logical f32, FOrdNotEqual logical f32,
+    FUnordNotEqual logical f32, UMin glsl u32, SMin glsl i32, UMax glsl u32, SMax glsl i32,
+    }
+    binary {
+    ISub arithmetic u32, FSub arithmetic f32, FDiv arithmetic f32,
+    ShiftRightLogical bit u32, ShiftRightArithmetic bit i32, ShiftLeftLogical bit u32,
+    UGreaterThan logical u32, SGreaterThan logical i32, UGreaterThanEqual logical u32,
+    SGreaterThanEqual logical i32, ULessThan logical u32, SLessThan logical i32, ULessThanEqual logical u32,
+    SLessThanEqual logical i32, FOrdLessThan logical f32, FOrdGreaterThan logical f32,
+    FOrdLessThanEqual logical f32, FOrdGreaterThanEqual logical f32, FUnordLessThan logical f32,
+    FUnordGreaterThan logical f32, FUnordLessThanEqual logical f32, FUnordGreaterThanEqual logical f32,
+    FMin glsl f32, FMax glsl f32, NMin glsl f32, NMax glsl f32, Step glsl f32,
+    }
+    ternary {
+    SelectWord select bool, FMix glsl f32, Fma glsl f32,
     }
     conversions {
-    FToU f32 u32, FToS f32 i32, SToF i32 f32, UToF u32 f32,
+    SToF i32 f32, UToF u32 f32,
     }
-    pairs {
-    MulAdd Then FMul arithmetic::FMul<f32>, FAdd arithmetic::FAdd<f32>;
-    AddMul After FMul arithmetic::FMul<f32>, FAdd arithmetic::FAdd<f32>;
-    MulSub Then FMul arithmetic::FMul<f32>, FSub arithmetic::FSub<f32>;
-    SubMul After FMul arithmetic::FMul<f32>, FSub arithmetic::FSub<f32>;
-    MulMul Then FMul arithmetic::FMul<f32>, FMul arithmetic::FMul<f32>;
-    TimesMul After FMul arithmetic::FMul<f32>, FMul arithmetic::FMul<f32>;
-    TimesAdd After FAdd arithmetic::FAdd<f32>, FMul arithmetic::FMul<f32>;
-    TimesSub After FSub arithmetic::FSub<f32>, FMul arithmetic::FMul<f32>;
-    PlusAdd After FAdd arithmetic::FAdd<f32>, FAdd arithmetic::FAdd<f32>;
-    AddThenMul Then FAdd arithmetic::FAdd<f32>, FMul arithmetic::FMul<f32>;
-    SubThenMul Then FSub arithmetic::FSub<f32>, FMul arithmetic::FMul<f32>;
-    AddAdd Then FAdd arithmetic::FAdd<f32>, FAdd arithmetic::FAdd<f32>;
-    SubAdd Then FSub arithmetic::FSub<f32>, FAdd arithmetic::FAdd<f32>;
-    UnsignedTimes ThenWith UToF Between<u32, f32>, FMul arithmetic::FMul<f32>;
-    SignedTimes ThenWith SToF Between<i32, f32>, FMul arithmetic::FMul<f32>;
-    ShiftUToF ThenOne ShiftRightLogical bit::ShiftRightLogical<u32>, UToF Between<u32, f32>;
-    ShiftXor Then ShiftRightLogical bit::ShiftRightLogical<u32>, BitwiseXor bit::BitwiseXor<u32>;
-    ShiftLeftXor Then ShiftLeftLogical bit::ShiftLeftLogical<u32>, BitwiseXor bit::BitwiseXor<u32>;
-    ShiftAnd Then ShiftRightLogical bit::ShiftRightLogical<u32>, BitwiseAnd bit::BitwiseAnd<u32>;
-    ShiftLeftOr Then ShiftLeftLogical bit::ShiftLeftLogical<u32>, BitwiseOr bit::BitwiseOr<u32>;
-    ShiftOr Then ShiftRightLogical bit::ShiftRightLogical<u32>, BitwiseOr bit::BitwiseOr<u32>;
-    XorTimes Then BitwiseXor bit::BitwiseXor<u32>, IMul arithmetic::IMul<u32>;
-    XorXor Then BitwiseXor bit::BitwiseXor<u32>, BitwiseXor bit::BitwiseXor<u32>;
-    TimesPlus Then IMul arithmetic::IMul<u32>, IAdd arithmetic::IAdd<u32>;
-    PlusPlus Then IAdd arithmetic::IAdd<u32>, IAdd arithmetic::IAdd<u32>;
-    PlusTimes Then IAdd arithmetic::IAdd<u32>, IMul arithmetic::IMul<u32>;
+    two {
+    ShiftXor WithItself ShiftRightLogical BitwiseXor WithItself<Right, Xor>;
+    ShiftLeftXor WithItself ShiftLeftLogical BitwiseXor WithItself<Left, Xor>;
+    UnsignedTimes ThenWith UToF FMul ThenWith<Between<u32, f32>, FMul>;
+    SignedTimes ThenWith SToF FMul ThenWith<Between<i32, f32>, FMul>;
+    }
+    three {
+    ShiftXorTimes Then ShiftXor IMul Then<WithItself<Right, Xor>, IMul>;
+    ShiftTimes Then ShiftRightLogical UnsignedTimes Then<Right, ThenWith<Between<u32, f32>, FMul>>;
+    MulAdd Then FMul FAdd Then<FMul, FAdd>;
+    MulSub Then FMul FSub Then<FMul, FSub>;
+    SubMul After FMul FSub After<FMul, FSub>;
+    MulMul Then FMul FMul Then<FMul, FMul>;
+    AddTimes Then FAdd FMul Then<FAdd, FMul>;
+    SubTimes Then FSub FMul Then<FSub, FMul>;
+    AddAdd Then FAdd FAdd Then<FAdd, FAdd>;
+    SubAdd Then FSub FAdd Then<FSub, FAdd>;
+    ShiftAnd Then ShiftRightLogical BitwiseAnd Then<Right, And>;
+    ShiftOr Then ShiftRightLogical BitwiseOr Then<Right, Or>;
+    ShiftLeftOr Then ShiftLeftLogical BitwiseOr Then<Left, Or>;
+    XorTimes Then BitwiseXor IMul Then<Xor, IMul>;
+    TimesPlus Then IMul IAdd Then<IMul, IAdd>;
+    PlusPlus Then IAdd IAdd Then<IAdd, IAdd>;
+    PlusTimes Then IAdd IMul Then<IAdd, IMul>;
     }
 }
 
-/// Whether operands may change places: of integers, as of two NaNs the first is kept.
-fn commutes(kind: Kind) -> bool {
-    matches!(kind, Kind::IAdd | Kind::IMul | Kind::BitwiseXor | Kind::BitwiseAnd | Kind::BitwiseOr)
-}
-
-/// The steps of a program's operations, one each. `passes` says of an operation whether its result
-/// goes into the next one that is not idle, once, and nowhere else.
-pub fn steps(ops: &[Op], passes: &[bool]) -> Vec<Step> {
-    let numbered: HashMap<*const Row, Kind> =
-        Kind::numbered().into_iter().map(|(row, kind)| (std::ptr::from_ref(row), kind)).collect();
-    let step = |op: &Op| {
-        let (kind, to, from) = match op {
-            Op::Row { row, to, from } => {
-                let known = numbered.get(&std::ptr::from_ref(*row));
-                (known.copied().unwrap_or(Kind::Row), *to, *from)
-            }
-            Op::Memory(memory::Op::Move { to, from }) if to == from => (Kind::Idle, *to, [*from; 3]),
-            Op::Memory(memory::Op::Move { to, from }) => (Kind::Move, *to, [*from; 3]),
-            Op::Memory(memory::Op::MoveMasked { to, from }) => (Kind::MoveMasked, *to, [*from; 3]),
-            _ => (Kind::Other, Reg(0), [Reg(0); 3]),
-        };
-        Step { kind, next: 1, to, from }
-    };
-    let mut steps: Vec<Step> = ops.iter().map(step).collect();
-    // Idle steps are left out.
-    for at in (1..steps.len()).rev() {
-        let Step { kind, next, .. } = steps[at];
-        let before = &mut steps[at - 1];
-        if kind == Kind::Idle
-            && let Some(sum) = before.next.checked_add(next)
-        {
-            before.next = sum;
+impl Steps {
+    /// Runs operations until one that ends a stretch, or all of them, with what the processor has; the
+    /// operation to go on with.
+    #[inline]
+    pub fn run<const W: usize>(
+        &self,
+        registers: &mut Registers<W>,
+        ops: &[Op],
+        range: Range<u32>,
+        mask: Mask<W>,
+    ) -> u32
+    where
+        Row: Width<W>,
+    {
+        let [mut first, end] = [range.start, range.end].map(|op| self.first[op as usize] as usize);
+        let running = (!mask.is_all()).then(|| mask.words());
+        loop {
+            let steps = &self.steps[first..end];
+            first += self.run_some(registers, steps, running.as_ref());
+            let Some(&op) = self.ops[..end].get(first) else { return range.end };
+            // Rows without a code.
+            let Op::Row { row, to, from } = &ops[op as usize] else { return op };
+            row.run(registers, *to, from);
+            first += 1;
         }
     }
-    let mut at = 0;
-    while at < steps.len() {
-        let next = at + usize::from(steps[at].next);
-        let pair = steps.get(next).filter(|_| passes[at]).and_then(|second| pair(&steps[at], second));
-        if let Some(pair) = pair {
-            steps[at] = pair;
+
+    /// Runs steps; how many before one that ends the stretch.
+    fn run_some<const W: usize>(
+        &self,
+        registers: &mut Registers<W>,
+        steps: &[Step],
+        running: Option<&Lanes<W>>,
+    ) -> usize {
+        #[cfg(target_arch = "x86_64")]
+        let simd = registers.simd();
+        let rows = registers.all_mut();
+        let window = if self.wide { None } else { rows.first_chunk_mut::<WINDOW>() };
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = simd {
+            return match window {
+                Some(rows) => simd.vectorize(Wide { rows, steps, running }),
+                None => simd.vectorize(Wide { rows, steps, running }),
+            };
         }
-        at += usize::from(steps[at].next);
+        match window {
+            Some(rows) => run_steps(rows, steps, running),
+            None => run_steps(rows, steps, running),
+        }
     }
-    steps
-}
-
-/// Two steps as one, where they have a number together and the first one's result goes nowhere else.
-fn pair(first: &Step, second: &Step) -> Option<Step> {
-    let next = first.next.checked_add(second.next)?;
-    let [a, b, _] = first.from;
-    let Step { kind, to, from: [c, d, _], .. } = *second;
-    let found = |wanted: &[Shape]| {
-        let mut pairs = Kind::PAIRS.iter();
-        pairs.find(|known| known.0 == first.kind && known.1 == kind && wanted.contains(&known.2))
-    };
-    let both = c == first.to && d == first.to;
-    let (known, from) = match found(&[Shape::ThenOne]) {
-        Some(known) if c == first.to => (known, [a, b, a]),
-        _ if both => return None,
-        _ if c == first.to => match found(&[Shape::Then, Shape::ThenWith])? {
-            known if known.2 == Shape::Then => (known, [a, b, d]),
-            known => (known, [a, d, a]),
-        },
-        _ if d == first.to => match found(&[Shape::After]) {
-            Some(known) => (known, [a, b, c]),
-            None if commutes(kind) => (found(&[Shape::Then])?, [a, b, c]),
-            None => return None,
-        },
-        _ => return None,
-    };
-    Some(Step { kind: known.3, next, to, from })
-}
-
-/// Runs steps from the first on, which those operations are, with what the processor has; how many
-/// operations there were before one that is irregular.
-#[inline]
-pub fn run(registers: &mut Registers<32>, steps: &[Step], ops: &[Op], mask: Mask<32>) -> usize {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(simd) = registers.simd() {
-        return simd.vectorize(Wide { registers, steps, ops, mask });
-    }
-    run_steps(registers, (steps, ops), mask)
 }
 
 /// The loop with its arguments, to be compiled for AVX2.
 #[cfg(target_arch = "x86_64")]
-struct Wide<'a> {
-    registers: &'a mut Registers<32>,
+struct Wide<'a, const W: usize, R: ?Sized> {
+    rows: &'a mut R,
     steps: &'a [Step],
-    ops: &'a [Op],
-    mask: Mask<32>,
+    running: Option<&'a Lanes<W>>,
 }
 
 #[cfg(target_arch = "x86_64")]
-impl pulp::NullaryFnOnce for Wide<'_> {
+impl<const W: usize, R: Rows<W> + ?Sized> pulp::NullaryFnOnce for Wide<'_, W, R> {
     type Output = usize;
 
     #[inline(always)]
     fn call(self) -> usize {
-        run_steps(self.registers, (self.steps, self.ops), self.mask)
+        run_steps(self.rows, self.steps, self.running)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const SPECIAL: [u32; 8] =
-        [0, 0x8000_0000, 0x3F80_0001, 0xC120_0000, 1, 0x7F7F_FFFF, 0x7F80_0000, 0x0000_4321];
-
-    /// Row 0 to 2 hold special numbers, in every combination over the lanes of several rounds.
-    fn registers(round: u32) -> Registers<32> {
-        let mut registers = Registers::new(8);
-        for operand in 0..3u32 {
-            for lane in 0..32u32 {
-                let pick = (round * 32 + lane) >> (3 * operand) & 7;
-                registers[Reg(operand)].0[lane as usize] = SPECIAL[pick as usize];
-            }
-        }
-        registers
-    }
-
-    /// What two operations leave in row 4, as one step or as two.
-    fn result(ops: &[Op], passes: bool, round: u32) -> [u32; 32] {
-        let steps = steps(ops, &[passes, false]);
-        assert_eq!(usize::from(steps[0].next), if passes { 2 } else { 1 });
-        let mut registers = registers(round);
-        assert_eq!(run(&mut registers, &steps, ops, Mask::ALL), ops.len());
-        registers[Reg(4)].0
-    }
-
-    #[test]
-    fn a_pair_is_its_two_operations() {
-        let rows: HashMap<Kind, &'static Row> =
-            Kind::numbered().into_iter().map(|(row, kind)| (kind, row)).collect();
-        let mut count = 0;
-        for &(first, second, shape, _) in Kind::PAIRS {
-            let (first, second) = (rows[&first], rows[&second]);
-            let reads = match shape {
-                Shape::Then | Shape::ThenWith => vec![[3, 2]],
-                Shape::After => vec![[2, 3]],
-                Shape::ThenOne => vec![[3, 3]],
-            };
-            for [c, d] in reads {
-                let ops = [
-                    Op::Row { row: first, to: Reg(3), from: [Reg(0), Reg(1), Reg(0)] },
-                    Op::Row { row: second, to: Reg(4), from: [Reg(c), Reg(d), Reg(c)] },
-                ];
-                for round in 0..16 {
-                    assert_eq!(
-                        result(&ops, true, round),
-                        result(&ops, false, round),
-                        "{first:?} {second:?} {shape:?}"
-                    );
-                    count += 1;
-                }
-            }
-        }
-        assert!(count > 0);
-    }
-
-    #[test]
-    fn every_numbered_row_is_there_once() {
-        let numbered = Kind::numbered();
-        assert!(numbered.len() > 60, "{}", numbered.len());
-        let kinds: std::collections::HashSet<Kind> = numbered.iter().map(|&(_, kind)| kind).collect();
-        assert_eq!(kinds.len(), numbered.len());
-    }
-
-    #[test]
-    fn a_stretch_ends_before_an_irregular_operation_and_leaves_idle_ones_out() {
-        let copy = |to, from| Op::Memory(memory::Op::Move { to: Reg(to), from: Reg(from) });
-        let ops = [copy(5, 0), copy(1, 1), copy(2, 2), copy(6, 5), Op::Barrier, copy(7, 6)];
-        let steps = steps(&ops, &[false; 6]);
-        assert_eq!(steps[0].next, 3);
-        let mut registers = registers(0);
-        assert_eq!(run(&mut registers, &steps, &ops, Mask::ALL), 4);
-        assert_eq!(registers[Reg(6)], registers[Reg(0)]);
-        assert_eq!(registers[Reg(7)].0, [0; 32]);
-    }
-}
+mod tests;

@@ -88,12 +88,12 @@ impl Compute {
         self.layout.size
     }
 
-    /// Runs `groups` workgroups (`vkCmdDispatch`), 32 lanes at a time.
+    /// Runs `groups` workgroups (`vkCmdDispatch`), 64 lanes at a time.
     ///
     /// # Errors
     /// As [`Compute::run`].
     pub fn dispatch(&self, resources: &Resources, groups: [u32; 3]) -> Result<Stats> {
-        self.run::<32>(resources, groups, &|_| ())
+        self.run::<64>(resources, groups, &|_| ())
     }
 
     /// Runs `groups` workgroups, W lanes at a time, on all threads; `done` is told how many more
@@ -116,7 +116,7 @@ impl Compute {
     }
 
     /// The same, watched: in the order of the workgroups, on one thread. Events are those of ray
-    /// queries. A dispatch that needs subgroups of more than 32 is not watched.
+    /// queries. A dispatch that needs subgroups of more than 64 is not watched.
     ///
     /// # Errors
     /// As [`Compute::run`].
@@ -125,12 +125,12 @@ impl Compute {
         resources: &Resources,
         groups: [u32; 3],
         witness: &mut dyn FnMut(Event),
-        observer: &mut (impl Observer<1> + Observer<32>),
+        observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats> {
         self.check(groups)?;
         let whole = self.program.uses_subgroups.then_some(self.subgroup_size);
-        if whole.is_some_and(|size| size > 32) {
-            return self.run::<32>(resources, groups, &|_| ());
+        if whole.is_some_and(|size| size > 64) {
+            return self.run::<64>(resources, groups, &|_| ());
         }
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
@@ -144,9 +144,9 @@ impl Compute {
                 let mut watch = Watch::new(observer, &mut *witness);
                 Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut watch)
             } else {
-                let observer: &mut dyn Observer<32> = &mut *observer;
+                let observer: &mut dyn Observer<64> = &mut *observer;
                 let mut watch = Watch::new(observer, &mut *witness);
-                Gang::<32>::new(self, &bindings, self.layout).run(groups, &mut watch)
+                Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut watch)
             };
             if let Some(trapped) = trapped {
                 return Err(trapped.error);
@@ -189,8 +189,8 @@ impl Compute {
             let whole = self.program.uses_subgroups.then_some(self.subgroup_size);
             let result = match whole {
                 // A batch must hold whole subgroups, and their size divides the batch's.
-                Some(..=32) => {
-                    Gang::<32>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
+                Some(..=64) => {
+                    Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
                 }
                 Some(_) => Gang::<128>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody()),
                 // One invocation after the other, so that every width gives the same.
@@ -198,7 +198,7 @@ impl Compute {
                     Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
                 }
                 None if shares => {
-                    Gang::<32>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
+                    Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
                 }
                 None => Gang::<W>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody()),
             };
@@ -239,7 +239,7 @@ impl Compute {
     }
 
     /// The memory that the invocations of a dispatch share without atomic instructions between them,
-    /// where there is any; they then run on one thread, 32 together in their order, at every width.
+    /// where there is any; they then run on one thread, 64 together in their order, at every width.
     pub fn shared_memory(&self, groups: [u32; 3], resources: &Resources) -> Option<Memory> {
         Extent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
     }

@@ -148,12 +148,12 @@ impl Launch<'_> {
         let mut results: Vec<(Stats, Option<Trapped>)> = Vec::new();
         let ordered = self.pipeline.order_dependent();
         if ordered || self.pipeline.shared_memory(size, self.resources).is_some() {
-            // The same schedule for every width of a batch: one after the other, or 32 together.
+            // The same schedule for every width of a batch: one after the other, or 64 together.
             for task in tasks {
                 results.push(match self.pipeline.whole_subgroups() {
-                    Some(33..) => self.task::<128>(&bindings, record, range(task), size),
+                    Some(65..) => self.task::<128>(&bindings, record, range(task), size),
                     None if ordered => self.task::<1>(&bindings, record, range(task), size),
-                    _ => self.task::<32>(&bindings, record, range(task), size),
+                    _ => self.task::<64>(&bindings, record, range(task), size),
                 });
                 done(range(task).end - range(task).start);
                 if results.last().is_some_and(|(_, trapped)| trapped.is_some()) {
@@ -169,7 +169,7 @@ impl Launch<'_> {
                     return (Stats::default(), None);
                 }
                 let result = match self.pipeline.whole_subgroups() {
-                    Some(..=32) => self.task::<32>(&bindings, record, range.clone(), size),
+                    Some(..=64) => self.task::<64>(&bindings, record, range.clone(), size),
                     Some(_) => self.task::<128>(&bindings, record, range.clone(), size),
                     None => self.task::<W>(&bindings, record, range.clone(), size),
                 };
@@ -256,7 +256,7 @@ impl Launch<'_> {
 
     /// Runs the ray generation shader over a grid, watched: in launch order, on one thread, with the
     /// same results as [`Launch::run`]. Events of the lanes of a batch are mixed. A launch that needs
-    /// subgroups of more than 32 is not watched.
+    /// subgroups of more than 64 is not watched.
     ///
     /// # Errors
     /// As [`Launch::run`].
@@ -264,14 +264,14 @@ impl Launch<'_> {
         &self,
         size: [u32; 3],
         mut witness: &mut dyn FnMut(Event),
-        observer: &mut (impl Observer<1> + Observer<32>),
+        observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
         let count = self.count(size)?;
         let bindings = bindings(self.pipeline, self.resources);
         let subgroups = self.pipeline.whole_subgroups();
-        if subgroups.is_some_and(|size| size > 32) {
-            return self.run::<32>(size, &|_| ());
+        if subgroups.is_some_and(|size| size > 64) {
+            return self.run::<64>(size, &|_| ());
         }
         let one = self.pipeline.order_dependent() && subgroups.is_none();
         let mut stats = Stats::default();
@@ -283,7 +283,7 @@ impl Launch<'_> {
                     self.watched_task(&bindings, record, range, size, (&mut witness, &mut observer))
                 }
                 false => {
-                    let mut observer: &mut dyn Observer<32> = &mut *observer;
+                    let mut observer: &mut dyn Observer<64> = &mut *observer;
                     self.watched_task(&bindings, record, range, size, (&mut witness, &mut observer))
                 }
             };
@@ -311,7 +311,7 @@ impl Launch<'_> {
         let record = self.ray_generation()?;
         if self.pipeline.uses_subgroups() && self.pipeline.subgroup_size > 1 {
             return match self.pipeline.subgroup_size {
-                ..=32 => self.run_subgroup::<32, T>(record, id, size, witness),
+                ..=64 => self.run_subgroup::<64, T>(record, id, size, witness),
                 _ => self.run_subgroup::<128, T>(record, id, size, witness),
             };
         }

@@ -464,7 +464,7 @@ fn wait(waiting: &mut Vec<Waiting>, shader: Shader, role: Role, lane: WaitingLan
     match waiting.iter_mut().find(|group| group.shader == shader && group.role == role) {
         Some(group) => group.lanes.push(lane),
         None => {
-            let mut lanes = Vec::with_capacity(32);
+            let mut lanes = Vec::with_capacity(64);
             lanes.push(lane);
             waiting.push(Waiting { shader, role, lanes });
         }

@@ -9,6 +9,7 @@ pub mod payload;
 pub mod print;
 pub mod prune;
 mod reuse;
+mod schedule;
 pub mod sharing;
 pub mod source_map;
 pub mod workgroup;
@@ -24,7 +25,7 @@ use crate::module::{Id, Module};
 use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
-use crate::ops::{atomic, memory, ray_rules};
+use crate::ops::{atomic, memory, ray_rules, stretch};
 use crate::program::payload::Payloads;
 use crate::program::sharing::Touch;
 
@@ -211,7 +212,7 @@ impl Program {
 
     /// A batch with the constants in place, ready for [`Program::begin`].
     pub fn batch<const W: usize>(&self) -> Batch<W> {
-        let mut registers = Registers::new(self.rows as usize);
+        let mut registers = Registers::new((self.rows as usize).max(stretch::WINDOW));
         for &(reg, word) in &self.constants {
             registers[reg].0 = [word; W];
         }

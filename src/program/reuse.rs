@@ -4,13 +4,15 @@
 //! time later. A copy of the operations, made here, is free of that:
 //!
 //! * blocks that only follow one another make one *run*;
-//! * a value that is written and read in one run, by operations that name its row alone, gets a row
+//! * a value, or a variable, that is written and then read in one run, by operations that name its row alone, gets a row
 //!   that the last of another such value has left, so that a batch's registers stay in the
 //!   processor's first cache;
-//! * copies of such values give way to what they are copies of.
+//! * copies of such values give way to what they are copies of;
+//! * regular operations stand in an order in which each goes on with the result of the one before it,
+//!   where there is one ([`crate::program::schedule`]).
 //!
-//! All other values keep their rows, so that everything outside (constants, variables, interfaces,
-//! terminators) is as it was, and operations keep their numbers, by which traps name them.
+//! All other values keep their rows, so that everything outside (constants, interfaces, what loops carry,
+//! terminators) is as it was, and operations that can trap keep their numbers, by which traps name them.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -18,8 +20,9 @@ use std::ops::Range;
 use crate::machine::Reg;
 use crate::ops::memory;
 use crate::ops::op::{Access, Op};
-use crate::ops::stretch::{Step, steps};
+use crate::ops::stretch::{Fate, Steps, WINDOW, takes_float};
 use crate::program::forward::{Shared, each_read};
+use crate::program::schedule::Schedule;
 use crate::program::{Program, Terminator};
 
 /// The operations of a program as a batch runs them that nobody watches.
@@ -28,7 +31,7 @@ pub struct Unwatched {
     /// One for each of [`Program::ops`].
     pub ops: Vec<Op>,
     /// The same in short.
-    pub steps: Vec<Step>,
+    pub steps: Steps,
     /// One for each of [`Program::blocks`].
     pub runs: Vec<Run>,
 }
@@ -69,8 +72,12 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
         forward(&mut ops, run, &values, &shared, &mut written);
     }
-    let passes = passes(&mut ops, &starts, program, &values);
-    let mut places = Places { next: program.rows, free: Vec::new() };
+    let mut schedule = Schedule::new(program.rows);
+    for &(start, run) in &starts {
+        schedule.order(&mut ops[program.blocks[start as usize].first as usize..run.end as usize]);
+    }
+    let fates = fates(&mut ops, program.rows, &values);
+    let mut places = Places::new(program.rows, values.vanishing());
     // Where a value is now, and the operation that reads it last.
     let mut place = vec![Reg(0); program.rows as usize];
     let mut last = vec![0; program.rows as usize];
@@ -111,41 +118,39 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
             places.free.append(&mut left);
         }
     }
+    near_constants(program, &mut ops, &places);
     program.rows = places.next;
-    program.unwatched = Unwatched { steps: steps(&ops, &passes), ops, runs };
+    let ranges =
+        starts.iter().map(|&(start, run)| program.blocks[start as usize].first as usize..run.end as usize);
+    program.unwatched = Unwatched { steps: Steps::of(&ops, ranges, &fates), ops, runs };
 }
 
-/// Whether each operation's result goes into the next one of its run that is not idle, and nowhere
-/// else.
-fn passes(ops: &mut [Op], starts: &[(u32, Run)], program: &Program, values: &Values) -> Vec<bool> {
-    let mut reads = vec![0u32; program.rows as usize];
+/// What becomes of each operation's result.
+fn fates(ops: &mut [Op], rows: u32, values: &Values) -> Vec<Fate> {
+    let mut reads = vec![0u32; rows as usize];
+    let mut bits_seen = vec![false; rows as usize];
     for op in ops.iter_mut().filter(|op| !is_idle(op)) {
-        each_single(op, |reg, single| reads[reg.0 as usize] += u32::from(single == Single::Read));
-    }
-    let mut passes = vec![false; ops.len()];
-    for &(start, run) in starts {
-        let mut before: Option<(usize, Reg)> = None;
-        let first = program.blocks[start as usize].first as usize;
-        for (at, op) in (first..).zip(&mut ops[first..run.end as usize]) {
-            if is_idle(op) {
-                continue;
+        let row = match op {
+            Op::Row { row, .. } => Some(*row),
+            _ => None,
+        };
+        let mut operand = 0;
+        each_single(op, |reg, single| {
+            if single == Single::Read {
+                reads[reg.0 as usize] += 1;
+                bits_seen[reg.0 as usize] |= !row.is_some_and(|row| takes_float(row, operand));
+                operand += 1;
             }
-            if let Some((before, result)) = before {
-                each_single(op, |reg, single| {
-                    passes[before] |= single == Single::Read && *reg == result;
-                });
-            }
-            before = match *op {
-                Op::Row { to, .. } => {
-                    let alone =
-                        values.is_local(to) && values.is_written_once(to) && reads[to.0 as usize] == 1;
-                    alone.then_some((at, to))
-                }
-                _ => None,
-            };
-        }
+        });
     }
-    passes
+    let fate = |op: &Op| match *op {
+        Op::Row { to, .. } | Op::Memory(memory::Op::Move { to, .. }) if values.is_local(to) => Fate {
+            reads: values.is_written_once(to).then(|| reads[to.0 as usize]),
+            bits_seen: bits_seen[to.0 as usize],
+        },
+        _ => Fate::UNKNOWN,
+    };
+    ops.iter().map(fate).collect()
 }
 
 /// The run that begins with each block.
@@ -250,22 +255,57 @@ fn forward(ops: &mut [Op], run: Range<usize>, values: &Values, shared: &Shared, 
 }
 
 /// Whether an operation copies a row onto itself.
-fn is_idle(op: &Op) -> bool {
+pub(super) fn is_idle(op: &Op) -> bool {
     matches!(op, Op::Memory(memory::Op::Move { to, from }) if to == from)
 }
 
-/// Rows to share: the one left last is taken next.
+/// Gives constants behind the window of steps a row in it, as long as there are any that nobody takes.
+fn near_constants(program: &mut Program, ops: &mut [Op], places: &Places) {
+    let far = |reg: Reg| reg.0 as usize >= WINDOW;
+    let words: HashMap<Reg, u32> = program.constants.iter().copied().filter(|&(reg, _)| far(reg)).collect();
+    let mut near: HashMap<Reg, Reg> = HashMap::new();
+    let mut untaken = places.untaken().iter().copied().filter(|&reg| !far(reg));
+    for op in ops {
+        if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }) = op {
+            each_single(op, |reg, single| {
+                let Some(&word) = words.get(reg).filter(|_| single == Single::Read) else { return };
+                let known = near.get(reg).copied().or_else(|| {
+                    let row = untaken.next()?;
+                    program.constants.push((row, word));
+                    near.insert(*reg, row);
+                    Some(row)
+                });
+                *reg = known.unwrap_or(*reg);
+            });
+        }
+    }
+}
+
+/// Rows to share: the one left last is taken next; at first the lowest, so that steps name few rows behind
+/// their window.
 struct Places {
     next: u32,
     free: Vec<Reg>,
+    /// As many of the free rows have never been taken.
+    untaken: usize,
 }
 
 impl Places {
+    fn new(next: u32, free: Vec<Reg>) -> Self {
+        Self { next, untaken: free.len(), free }
+    }
+
     fn take(&mut self) -> Reg {
-        self.free.pop().unwrap_or_else(|| {
+        let free = self.free.pop();
+        self.untaken = self.untaken.min(self.free.len());
+        free.unwrap_or_else(|| {
             self.next += 1;
             Reg(self.next - 1)
         })
+    }
+
+    fn untaken(&self) -> &[Reg] {
+        &self.free[..self.untaken]
     }
 }
 
@@ -284,7 +324,6 @@ impl Values {
             (first.0..first.0 + count).for_each(|row| local[row as usize] = false);
         };
         program.constants.iter().for_each(|&(reg, _)| keep(reg, 1, &mut local));
-        program.variables.iter().for_each(|&(first, count)| keep(first, count, &mut local));
         // How often a row is accessed and written, and how often it is named.
         let mut home = vec![NOWHERE; rows];
         let (mut accesses, mut writes, mut named) = (vec![0u32; rows], vec![0u32; rows], vec![0u32; rows]);
@@ -317,6 +356,12 @@ impl Values {
     /// Rows that are shared already stand behind all others, and are not local.
     fn is_local(&self, reg: Reg) -> bool {
         self.local.get(reg.0 as usize).copied().unwrap_or(false)
+    }
+
+    /// The rows that nobody names when local values share rows, the lowest last.
+    fn vanishing(&self) -> Vec<Reg> {
+        let rows = (0..self.writes.len()).rev();
+        rows.filter(|&row| self.local[row] && self.writes[row] > 0).map(|row| Reg(row as u32)).collect()
     }
 
     fn is_written_once(&self, reg: Reg) -> bool {

@@ -189,7 +189,7 @@ impl Rig {
             .descriptor(0, 1, Descriptor::Buffer(outputs.clone()))
             .buffer(0, 2, shots);
         let launch = Launch { pipeline: &pipeline, resources: scene.resources() };
-        launch.run::<32>(size, &|_| ())?;
+        launch.run::<64>(size, &|_| ())?;
         Ok(bytemuck::pod_collect_to_vec(&outputs.bytes()))
     }
 

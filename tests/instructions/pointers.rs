@@ -61,6 +61,7 @@ fn run(body: &str, functions: &str) -> Vec<[u32; 16]> {
              {body}"
         ),
         functions,
+        invocations: None,
     };
     shader.run_with(&mut blocks).unwrap_or_else(|error| panic!("{}", error.render()))
 }

@@ -10,8 +10,8 @@ use anyhit::pipeline::{Launch, Pipeline};
 
 use crate::assembly::assemble;
 
-/// Invocations of a launch: a full batch of 32 and a part of one.
-pub const INVOCATIONS: usize = 40;
+/// Invocations of a launch: a full batch of 64 and a part of one.
+pub const INVOCATIONS: usize = 72;
 /// Words that each invocation may write.
 const WORDS: usize = 16;
 
@@ -28,6 +28,8 @@ pub struct Shader<'a> {
     /// The body of the entry point, with `out N %value` for a store of a `uint` to the
     /// invocation's N-th word.
     pub body: &'a str,
+    /// How many invocations, where not [`INVOCATIONS`].
+    pub invocations: Option<usize>,
     /// Whole functions behind the entry point.
     pub functions: &'a str,
 }
@@ -48,9 +50,10 @@ impl Shader<'_> {
             builder.callable(anyhit::program::lower(&module, entry)?)?;
         }
         let pipeline = builder.build()?;
-        let one = launch::<1>(&pipeline, resources());
-        let eight = launch::<8>(&pipeline, resources());
-        let full = launch::<32>(&pipeline, resources());
+        let count = self.invocations.unwrap_or(INVOCATIONS);
+        let one = launch::<1>(&pipeline, resources(), count);
+        let eight = launch::<8>(&pipeline, resources(), count);
+        let full = launch::<64>(&pipeline, resources(), count);
         match (&one, &eight, &full) {
             (Ok(one), Ok(eight), Ok(full)) => assert!(one == eight && one == full, "the widths differ"),
             (Err(one), Err(eight), Err(full)) => {
@@ -166,14 +169,18 @@ impl Shader<'_> {
     }
 }
 
-fn launch<const W: usize>(pipeline: &Pipeline, resources: Resources) -> Result<Vec<[u32; WORDS]>>
+fn launch<const W: usize>(
+    pipeline: &Pipeline,
+    resources: Resources,
+    count: usize,
+) -> Result<Vec<[u32; WORDS]>>
 where
     Row: Width<W>,
 {
-    let out = Buffer::zeroed(INVOCATIONS * WORDS * 4);
+    let out = Buffer::zeroed(count * WORDS * 4);
     let resources = resources.bind(0, 0, Descriptor::Buffer(out.clone()));
     let launch = Launch { pipeline, resources: &resources };
-    launch.run::<W>([INVOCATIONS as u32, 1, 1], &|_| ())?;
+    launch.run::<W>([count as u32, 1, 1], &|_| ())?;
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(&out.bytes());
     Ok(words.chunks_exact(WORDS).map(|words| words.try_into().unwrap()).collect())
 }

@@ -160,8 +160,8 @@ fn one_schedule_at_every_width() {
     let found =
         shader.run_with(&mut || Resources::default().bind(0, 1, Descriptor::Buffer(Buffer::zeroed(4))));
     let found = found.unwrap_or_else(|error| panic!("{}", error.render()));
-    // 32 together, in launch order: the last of them is read by all.
+    // 64 together, in launch order: the last of them is read by all.
     for (id, words) in found.iter().enumerate() {
-        assert_eq!(words[0], if id < 32 { 31 } else { 39 });
+        assert_eq!(words[0], if id < 64 { 63 } else { 71 });
     }
 }

@@ -22,7 +22,7 @@ const CAPABILITIES: &str = "
 
 /// Runs a body for all invocations; gives each one's words with its place and its subgroup's size.
 fn run(body: &str) -> Vec<([u32; 16], u32, u32)> {
-    let found = Shader { capabilities: CAPABILITIES, body, ..Shader::default() }.run();
+    let found = Shader { capabilities: CAPABILITIES, body, invocations: Some(40), ..Shader::default() }.run();
     let place = |id: usize| (id as u32 % 32, if id < 32 { 32 } else { 8 });
     found.into_iter().enumerate().map(|(id, words)| (words, place(id).0, place(id).1)).collect()
 }
@@ -372,6 +372,7 @@ const SWIZZLES: &str = "
 #[test]
 fn invocations_are_swizzled_written_and_counted() {
     let found = Shader {
+        invocations: Some(40),
         capabilities: CAPABILITIES,
         declarations: SWIZZLES,
         body: "

@@ -51,8 +51,8 @@ const LAUNCH: [u32; 3] = [8, 4, 1];
 const GROUPS: [u32; 3] = [2, 2, 1];
 /// Invocations of a workgroup that is dispatched once only.
 const LARGE: u64 = 1024;
-/// Lanes: as many as a subgroup has.
-const LANES: usize = 32;
+/// Lanes of a batch.
+const LANES: usize = 64;
 /// Null records of each shader binding table.
 const RECORDS: usize = 1024;
 /// Addresses that one shader may be taught.

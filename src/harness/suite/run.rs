@@ -28,7 +28,7 @@ use crate::scene::file::RayEntry;
 pub struct Options {
     /// How many cases run side by side; 0 is as many as there are processors.
     pub jobs: usize,
-    /// Whether launches run at 1, 8 and 32 lanes, which must agree bit for bit.
+    /// Whether launches run at 1, 8 and 64 lanes, which must agree bit for bit.
     pub all_widths: bool,
     /// Whether recorded expectations are written anew.
     pub bless: bool,

@@ -1,0 +1,263 @@
+//! Makes the steps of operations.
+
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::LazyLock;
+
+use smallvec::{SmallVec, smallvec};
+
+use crate::machine::Reg;
+use crate::ops::memory;
+use crate::ops::op::Op;
+use crate::ops::row::Row;
+use crate::ops::stretch::pairs::Shape;
+use crate::ops::stretch::{Function, Step, Steps, WINDOW, code};
+
+/// What becomes of an operation's result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fate {
+    /// How often it is read, where all that read it are operations of the same run that name its row
+    /// alone, and no other operation writes that row; else `None`.
+    pub reads: Option<u32>,
+    /// Whether somebody reads its bits: anything but an operation that takes it for a float.
+    pub bits_seen: bool,
+}
+
+impl Fate {
+    /// Nothing is known.
+    pub const UNKNOWN: Self = Self { reads: None, bits_seen: true };
+}
+
+/// Whether an operation takes an operand for a float of 32 bits, so that all NaNs are the same to it.
+pub fn takes_float(row: &'static Row, operand: usize) -> bool {
+    // Packing keeps what it can of a NaN.
+    row.float_operands[operand] == 32 && row.name != "Half"
+}
+
+/// The two functions that a clamp is: the first of the value and the lower bound, the second of that and
+/// the upper one.
+fn clamp(row: &'static Row) -> Option<[Function; 2]> {
+    Some(match (row.name, row.width) {
+        ("FClamp", 32) => [Function::FMax, Function::FMin],
+        ("NClamp", 32) => [Function::NMax, Function::NMin],
+        ("UClamp", 32) => [Function::UMax, Function::UMin],
+        ("SClamp", 32) => [Function::SMax, Function::SMin],
+        _ => return None,
+    })
+}
+
+/// The function of a row, where it has a code.
+fn function(row: &'static Row) -> Option<Function> {
+    static FUNCTIONS: LazyLock<HashMap<usize, Function>> = LazyLock::new(|| {
+        Function::rows().into_iter().map(|(row, function)| (address(row), function)).collect()
+    });
+    FUNCTIONS.get(&address(row)).copied()
+}
+
+/// What identifies a row of the tables.
+fn address(row: &'static Row) -> usize {
+    std::ptr::from_ref(row) as usize
+}
+
+/// An operation, or a pair, on its way to a step.
+#[derive(Clone, Copy)]
+struct Planned {
+    function: Function,
+    to: u16,
+    from: [u16; 3],
+    operands: usize,
+    fate: Fate,
+    /// Whether its first operand stands for two.
+    twice: bool,
+    /// Whether it gives a float that may be any NaN.
+    float: bool,
+    op: u32,
+}
+
+/// The value that the accumulator holds.
+struct Held {
+    /// The row that it stands for.
+    row: u16,
+    /// The step that gave it.
+    step: usize,
+    /// How often it is read, and was read from the accumulator.
+    reads: Option<u32>,
+    served: u32,
+}
+
+impl Steps {
+    /// The steps of operations, `runs` of which follow each other without a choice.
+    pub fn of(ops: &[Op], runs: impl IntoIterator<Item = Range<usize>>, fates: &[Fate]) -> Self {
+        let mut steps = Self::default();
+        for run in runs {
+            let planned = pairs(run.clone().flat_map(|at| planned(at, &ops[at], fates[at])));
+            let mut held = None;
+            for planned in planned {
+                steps.add(planned, &mut held);
+            }
+            steps.let_go(held);
+        }
+        let window = |row: u16| usize::from(row) < WINDOW;
+        steps.wide =
+            !steps.steps.iter().all(|step| window(step.to) && step.from.iter().all(|&row| window(row)));
+        let mut first = 0;
+        steps.first = (0..=ops.len() as u32)
+            .map(|op| {
+                while steps.ops.get(first).is_some_and(|&of| of < op) {
+                    first += 1;
+                }
+                first as u32
+            })
+            .collect();
+        steps
+    }
+
+    fn add(&mut self, mut planned: Planned, held: &mut Option<Held>) {
+        let mut at = 0;
+        if let Some(held) = held {
+            let operands = &mut planned.from[..planned.operands];
+            if planned.function.commutes() && operands[0] != held.row && operands[1] == held.row {
+                operands.swap(0, 1);
+            }
+            if let Some(place) = operands.iter().position(|&row| row == held.row) {
+                at = place + 1;
+                held.served += if planned.twice && place == 0 { 2 } else { 1 };
+            }
+        }
+        let function = planned.function;
+        let seen = planned.float && planned.fate.bits_seen;
+        self.push(Step { code: code(function, at, !seen), to: planned.to, from: planned.from }, planned.op);
+        if seen {
+            let settle = Step { code: code(Function::Settle, 1, true), to: planned.to, from: planned.from };
+            self.push(settle, planned.op);
+        }
+        match function {
+            Function::Other => self.let_go(held.take()),
+            // The lanes that do not run keep what the row has.
+            Function::MoveMasked => {
+                if at == 0 {
+                    self.let_go(held.take());
+                    let step = self.steps.len() - 1;
+                    *held = Some(Held { row: planned.from[0], step, reads: None, served: 0 });
+                }
+            }
+            _ => {
+                self.let_go(held.take());
+                let step = self.steps.len() - 1;
+                *held = Some(Held { row: planned.to, step, reads: planned.fate.reads, served: 0 });
+            }
+        }
+    }
+
+    fn push(&mut self, step: Step, op: u32) {
+        self.steps.push(step);
+        self.ops.push(op);
+    }
+
+    /// The accumulator takes another value: what all that need it had from there is not stored.
+    fn let_go(&mut self, held: Option<Held>) {
+        if let Some(Held { step, reads: Some(reads), served, .. }) = held
+            && reads == served
+        {
+            self.steps[step].code &= !1;
+        }
+    }
+}
+
+/// What an operation calculates: nothing where it does nothing, twice something where it is a clamp.
+fn planned(at: usize, op: &Op, fate: Fate) -> SmallVec<[Planned; 2]> {
+    if let Op::Row { row, to, from } = op
+        && let Some([lower, upper]) = clamp(row)
+        && let [Ok(to), Ok(a), Ok(low), Ok(high)] =
+            [to, &from[0], &from[1], &from[2]].map(|reg| u16::try_from(reg.0))
+        && to != high
+    {
+        let float = row.float_result == 32;
+        let half = |function, from, fate| Planned {
+            function,
+            to,
+            from,
+            operands: 2,
+            fate,
+            twice: false,
+            float,
+            op: at as u32,
+        };
+        let inner = Fate { reads: Some(1), bits_seen: false };
+        return smallvec![half(lower, [a, low, low], inner), half(upper, [to, high, high], fate)];
+    }
+    single(at, op, fate).into_iter().collect()
+}
+
+/// The same for other operations.
+fn single(at: usize, op: &Op, fate: Fate) -> Option<Planned> {
+    let word = |reg: Reg| u16::try_from(reg.0).ok();
+    let known = match op {
+        Op::Row { row, to, from } => function(row).and_then(|function| {
+            let operands = row.operands.iter().take_while(|&&words| words > 0).count();
+            let words = [from[0], from[1.min(operands - 1)], from[2.min(operands - 1)]].map(word);
+            Some((function, word(*to)?, [words[0]?, words[1]?, words[2]?], operands, row.float_result == 32))
+        }),
+        Op::Memory(memory::Op::Move { to, from }) if to == from => return None,
+        Op::Memory(memory::Op::Move { to, from }) => {
+            word(*to).zip(word(*from)).map(|(to, from)| (Function::Move, to, [from; 3], 1, false))
+        }
+        Op::Memory(memory::Op::MoveMasked { to, from }) => {
+            word(*to).zip(word(*from)).map(|(to, from)| (Function::MoveMasked, to, [from; 3], 1, false))
+        }
+        _ => None,
+    };
+    let (function, to, from, operands, float) = known.unwrap_or((Function::Other, 0, [0; 3], 0, false));
+    // Conversions of integers, and choices between numbers, make none.
+    let float = float && !matches!(function, Function::UToF | Function::SToF | Function::Step);
+    Some(Planned { function, to, from, operands, fate, twice: false, float, op: at as u32 })
+}
+
+/// Puts those together that have a function as a pair.
+fn pairs(all: impl Iterator<Item = Planned>) -> Vec<Planned> {
+    let mut planned: Vec<Planned> = Vec::new();
+    for mut last in all {
+        while let Some(both) = planned.last().and_then(|first| pair(first, &last)) {
+            planned.pop();
+            last = both;
+        }
+        planned.push(last);
+    }
+    planned
+}
+
+/// Two as one, where they have a function together and the first one's result goes nowhere else.
+fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
+    if first.fate.reads != Some(1) || second.operands == 0 {
+        return None;
+    }
+    let found = |wanted: Shape| {
+        let mut pairs = Function::PAIRS.iter();
+        pairs.find(|known| known.0 == first.function && known.1 == second.function && known.2 == wanted)
+    };
+    let [a, b, _] = first.from;
+    let [mut c, mut d, _] = second.from;
+    let two = second.operands == 2 && (c == first.to) != (d == first.to);
+    if !two {
+        return None;
+    }
+    if second.function.commutes() && d == first.to {
+        (c, d) = (d, c);
+    }
+    let mut twice = first.twice;
+    let (function, from, operands) = if c == first.to {
+        let itself = found(Shape::WithItself).filter(|_| d == a && second.function.commutes());
+        match (itself, found(Shape::Then), found(Shape::ThenWith)) {
+            (Some(known), ..) => {
+                twice = true;
+                (known.3, [a, b, b], 2)
+            }
+            (None, Some(known), _) => (known.3, [a, b, d], 3),
+            (None, None, Some(known)) => (known.3, [a, d, d], 2),
+            _ => return None,
+        }
+    } else {
+        (found(Shape::After)?.3, [a, b, c], 3)
+    };
+    Some(Planned { function, from, operands, twice, ..*second })
+}

@@ -1,0 +1,263 @@
+use super::*;
+use crate::machine::Reg;
+use crate::ops::memory;
+use crate::ops::op::Op;
+use crate::ops::row::Width;
+
+/// Zeros, ordinary numbers, the least and the greatest, infinity, and three NaNs with different bits.
+const SPECIAL: [u32; 16] = [
+    0,
+    0x8000_0000,
+    0x3F80_0001,
+    0xC120_0000,
+    1,
+    0x7F7F_FFFF,
+    0x7F80_0000,
+    0x0000_4321,
+    0xFF80_0000,
+    0x7FC0_0000,
+    0xFFC0_0000,
+    0x7FA0_0005,
+    0x4EFF_FFFF,
+    0xFFFF_FFFF,
+    0x3F00_0000,
+    0x0000_001F,
+];
+
+const ROUNDS: u32 = 64;
+
+/// Rows 0 to 2 hold special numbers, in every combination over the lanes of all rounds.
+fn registers(round: u32) -> Registers<64> {
+    let mut registers = Registers::new(12);
+    for operand in 0..3u32 {
+        for lane in 0..64u32 {
+            let pick = (round * 64 + lane) >> (4 * operand) & 15;
+            registers[Reg(operand)].0[lane as usize] = SPECIAL[pick as usize];
+        }
+    }
+    registers
+}
+
+fn row(row: &'static Row, to: u32, from: [u32; 3]) -> Op {
+    Op::Row { row, to: Reg(to), from: from.map(Reg) }
+}
+
+fn copy(to: u32, from: u32) -> Op {
+    Op::Memory(memory::Op::Move { to: Reg(to), from: Reg(from) })
+}
+
+/// The steps of operations that are one run.
+fn steps(ops: &[Op], fates: &[Fate]) -> Steps {
+    Steps::of(ops, std::iter::once(0..ops.len()), fates)
+}
+
+/// What operations leave, one by one.
+fn one_by_one(ops: &[Op], round: u32) -> Registers<64> {
+    let mut registers = registers(round);
+    for op in ops {
+        match op {
+            Op::Row { row, to, from } => Width::<64>::run(*row, &mut registers, *to, from),
+            Op::Memory(memory::Op::Move { to, from }) => registers.copy(*to, *from, Mask::ALL),
+            _ => unreachable!("a regular operation"),
+        }
+    }
+    registers
+}
+
+/// A value that the next operation alone reads, and its bits, or not.
+const fn once(bits_seen: bool) -> Fate {
+    Fate { reads: Some(1), bits_seen }
+}
+
+fn operands(row: &Row) -> usize {
+    row.operands.iter().take_while(|&&words| words > 0).count()
+}
+
+/// Booleans are 0 or 1.
+fn make_boolean(row: &Row, registers: &mut Registers<64>) {
+    let boolean = match row.name {
+        "SelectWord" => 0..1,
+        name if name.starts_with("Logical") => 0..2,
+        _ => return,
+    };
+    for at in boolean {
+        registers[Reg(at)].0.iter_mut().for_each(|word| *word &= 1);
+    }
+}
+
+#[test]
+fn every_function_gives_what_its_row_gives_from_rows_and_from_the_accumulator() {
+    let rows = Function::rows();
+    assert!(rows.len() > 60, "{}", rows.len());
+    for (function, _) in rows {
+        for at in 0..=operands(function) {
+            // A copy before it, which it reads as its operand `at`; stored, and not.
+            let mut from = [0, 1, 2];
+            let mut ops = Vec::new();
+            if at > 0 {
+                ops.push(copy(4, at as u32 - 1));
+                from[at - 1] = 4;
+            }
+            ops.push(row(function, 5, from));
+            for fate in [Fate::UNKNOWN, once(true)] {
+                let steps = steps(&ops, &[vec![fate; ops.len() - 1], vec![Fate::UNKNOWN]].concat());
+                for round in 0..ROUNDS {
+                    let mut ran = registers(round);
+                    make_boolean(function, &mut ran);
+                    let mut expected = ran.clone();
+                    let ended = steps.run(&mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
+                    assert_eq!(ended, ops.len() as u32);
+                    Width::<64>::run(function, &mut expected, Reg(5), &[Reg(0), Reg(1), Reg(2)]);
+                    assert_eq!(ran[Reg(5)], expected[Reg(5)], "{function:?} with its operand {at} at hand");
+                }
+            }
+        }
+    }
+}
+
+/// The rows that a function is made of, each with what it reads: rows 0 to 2, and the one before it.
+fn parts(function: Function, rows: &[(&'static Row, Function)]) -> Vec<Op> {
+    if let Some(&(single, _)) = rows.iter().find(|known| known.1 == function) {
+        return vec![row(single, 3, [0, 1, 2])];
+    }
+    let &(first, second, shape, _) =
+        Function::PAIRS.iter().find(|pair| pair.3 == function).expect("a pair, as it is no row");
+    let mut ops = parts(first, rows);
+    let next = ops.len() as u32 + 2;
+    let from = match shape {
+        Shape::Then | Shape::ThenWith => [next, 2, 2],
+        Shape::After => [2, next, next],
+        Shape::WithItself => [0, next, next],
+    };
+    // The second may be a pair itself.
+    let second = parts(second, rows);
+    for (at, op) in second.iter().enumerate() {
+        let Op::Row { row: part, .. } = op else { unreachable!("a row") };
+        let to = next + 1 + at as u32;
+        // Its own operands stand one further on, as its first is what was before it.
+        let from = if at == 0 && second.len() == 1 { from } else { [to - 1, 2, 2] };
+        ops.push(row(part, to, from));
+    }
+    ops
+}
+
+#[test]
+fn a_pair_is_its_operations() {
+    let rows = Function::rows();
+    for &(.., pair) in Function::PAIRS {
+        let ops = parts(pair, &rows);
+        let mut fates = vec![once(false); ops.len()];
+        fates[ops.len() - 1] = Fate::UNKNOWN;
+        let steps = steps(&ops, &fates);
+        assert_eq!(steps.steps[0].code >> 3, pair as u16, "{ops:?}");
+        let last = Reg(ops.len() as u32 + 2);
+        for round in 0..ROUNDS {
+            let mut ran = registers(round);
+            steps.run(&mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
+            assert_eq!(ran[last], one_by_one(&ops, round)[last], "{ops:?}");
+        }
+    }
+}
+
+#[test]
+fn a_clamp_is_a_greater_and_a_lesser_of_two() {
+    let families = [&glsl::FClamp, &glsl::NClamp, &glsl::UClamp, &glsl::SClamp];
+    for clamp in families.map(|family| family.row(32).expect("a row")) {
+        let ops = [row(clamp, 3, [0, 1, 2])];
+        let steps = steps(&ops, &[Fate::UNKNOWN]);
+        assert!(steps.steps.iter().all(|step| step.code >> 3 != Function::Other as u16));
+        for round in 0..ROUNDS {
+            let mut ran = registers(round);
+            steps.run(&mut ran, &ops, 0..1, Mask::ALL);
+            assert_eq!(ran[Reg(3)], one_by_one(&ops, round)[Reg(3)], "{clamp:?}");
+        }
+    }
+}
+
+#[test]
+fn what_the_next_step_alone_needs_is_not_stored() {
+    let [add, times] = [&arithmetic::FSub, &arithmetic::FDiv].map(|family| family.row(32).expect("a row"));
+    let ops = [row(add, 3, [0, 1, 0]), row(times, 4, [3, 2, 3]), row(add, 5, [2, 4, 2])];
+    let steps = steps(&ops, &[once(false), once(false), Fate::UNKNOWN]);
+    for round in 0..ROUNDS {
+        let mut ran = registers(round);
+        steps.run(&mut ran, &ops, 0..3, Mask::ALL);
+        assert_eq!(ran[Reg(5)], one_by_one(&ops, round)[Reg(5)]);
+        assert_eq!([ran[Reg(3)].0, ran[Reg(4)].0], [[0; 64]; 2]);
+    }
+}
+
+#[test]
+fn a_nan_whose_bits_are_seen_has_the_bits_of_all() {
+    // Infinity minus itself, to be stored and to be read as a float: quiet, positive, no payload.
+    let subtract = arithmetic::FSub.row(32).expect("a row");
+    let ops = [row(subtract, 3, [0, 0, 0]), row(subtract, 4, [3, 1, 3])];
+    for bits_seen in [true, false] {
+        let steps = steps(&ops, &[Fate { reads: None, bits_seen }, Fate::UNKNOWN]);
+        let mut ran = registers(0);
+        ran[Reg(0)].0 = [0x7F80_0000; 64];
+        steps.run(&mut ran, &ops, 0..2, Mask::ALL);
+        assert_eq!(ran[Reg(4)].0, [0x7FC0_0000; 64]);
+        if bits_seen {
+            assert_eq!(ran[Reg(3)].0, [0x7FC0_0000; 64]);
+        }
+    }
+}
+
+#[test]
+fn a_store_leaves_the_lanes_alone_that_do_not_run() {
+    let ops = [
+        copy(4, 0),
+        Op::Memory(memory::Op::MoveMasked { to: Reg(5), from: Reg(4) }),
+        row(arithmetic::IAdd.row(32).expect("a row"), 6, [5, 4, 5]),
+    ];
+    let steps = steps(&ops, &[Fate { reads: Some(2), bits_seen: true }, Fate::UNKNOWN, Fate::UNKNOWN]);
+    let mut ran = registers(1);
+    ran[Reg(5)].0 = [7; 64];
+    steps.run(&mut ran, &ops, 0..3, Mask::first(3));
+    for lane in 0..64 {
+        let word = ran[Reg(0)].0[lane];
+        let stored = if lane < 3 { word } else { 7 };
+        assert_eq!((ran[Reg(5)].0[lane], ran[Reg(6)].0[lane]), (stored, stored.wrapping_add(word)));
+    }
+}
+
+#[test]
+fn a_stretch_ends_before_an_irregular_operation_and_leaves_idle_ones_out() {
+    let ops = [copy(5, 0), copy(1, 1), copy(2, 2), copy(6, 5), Op::Barrier, copy(7, 6)];
+    let steps = steps(&ops, &[Fate::UNKNOWN; 6]);
+    assert_eq!(steps.steps.len(), 4);
+    let mut ran = registers(0);
+    assert_eq!(steps.run(&mut ran, &ops, 0..6, Mask::ALL), 4);
+    assert_eq!(ran[Reg(6)], ran[Reg(0)]);
+    assert_eq!(ran[Reg(7)].0, [0; 64]);
+    assert_eq!(steps.run(&mut ran, &ops, 5..6, Mask::ALL), 6);
+    assert_eq!(ran[Reg(7)], ran[Reg(0)]);
+}
+
+#[test]
+fn what_takes_a_float_takes_every_nan_for_the_same() {
+    const NANS: [u32; 5] = [0x7FC0_0000, 0xFFC0_0000, 0x7FA0_0005, 0xFF80_0001, 0xFFFF_FFFF];
+    let families = crate::ops::SECTIONS.iter().flat_map(|section| section.iter().copied());
+    let conversions = [Conversion::FToS, Conversion::FToU, Conversion::F]
+        .into_iter()
+        .flat_map(|kind| [8, 16, 32, 64].into_iter().filter_map(move |to| conversion::row(kind, 32, to)));
+    let mut count = 0;
+    for row in families.flat_map(|family| family.rows).chain(conversions) {
+        for operand in (0..operands(row)).filter(|&operand| takes_float(row, operand)) {
+            count += 1;
+            for round in 0..ROUNDS {
+                // Operands of two words stand behind each other.
+                let from = [Reg(0), Reg(row.operands[0]), Reg(row.operands[0] + row.operands[1])];
+                let results = NANS.map(|nan| {
+                    let mut ran = registers(round);
+                    ran[from[operand]].0 = [nan; 64];
+                    Width::<64>::run(row, &mut ran, Reg(8), &from);
+                    [ran[Reg(8)], ran[Reg(9)]]
+                });
+                assert!(results.iter().all(|result| *result == results[0]), "{row:?}, operand {operand}");
+            }
+        }
+    }
+    assert!(count > 80, "{count}");
+}
