@@ -155,8 +155,8 @@ fn the_suite_sums_the_shadows_of_its_tests_up() {
 fn ray_queries_have_shadows_of_their_rays() {
     let report = json(&anyhit(&["run", &scene("query"), "--shadow", "--json"], "1"));
     let line = |number: u64| {
-        let lines = report["lines"].as_array().expect("lines").iter();
-        lines.filter(|line| line["line"] == number).next().cloned().expect("the line")
+        let mut lines = report["lines"].as_array().expect("lines").iter();
+        lines.find(|line| line["line"] == number).cloned().expect("the line")
     };
     // 0.25 in f32, 0.3 in f64, and the floor's edge between: of two queries on each of these lines one
     // has an origin that does not cancel, or ignores its candidate.

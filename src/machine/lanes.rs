@@ -254,8 +254,8 @@ impl<const W: usize> Registers<W> {
 
     /// The words of one lane in a stretch of rows.
     #[inline]
-    pub fn lane_words(&self, first: Reg, count: u32, lane: usize) -> impl Iterator<Item = u32> {
-        self.rows[first.0 as usize..(first.0 + count) as usize].iter().map(move |row| row.0[lane])
+    pub fn lane_words(&self, first: Reg, count: u32, lane: usize) -> LaneWords<'_, W> {
+        LaneWords { rows: self.rows[first.0 as usize..(first.0 + count) as usize].iter(), lane }
     }
 
     /// Sets the words of one lane in consecutive rows.
@@ -295,6 +295,29 @@ impl<const W: usize> Registers<W> {
         }
     }
 }
+
+/// The words of one lane in a stretch of rows.
+#[derive(Clone, Debug)]
+pub struct LaneWords<'a, const W: usize> {
+    rows: std::slice::Iter<'a, Lanes<W>>,
+    lane: usize,
+}
+
+impl<const W: usize> Iterator for LaneWords<'_, W> {
+    type Item = u32;
+
+    #[inline]
+    fn next(&mut self) -> Option<u32> {
+        self.rows.next().map(|row| row.0[self.lane])
+    }
+
+    #[inline]
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        self.rows.size_hint()
+    }
+}
+
+impl<const W: usize> ExactSizeIterator for LaneWords<'_, W> {}
 
 /// A row of booleans whose mask is made of eight lanes at a time.
 #[cfg(target_arch = "x86_64")]

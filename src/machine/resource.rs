@@ -99,6 +99,12 @@ impl Buffer {
         self.size
     }
 
+    /// The words, the last of which may lie behind the size in part.
+    #[inline]
+    pub fn words(&self) -> &[AtomicU32] {
+        &self.words
+    }
+
     /// A copy of the bytes.
     pub fn bytes(&self) -> Vec<u8> {
         let mut bytes: Vec<u8> =

@@ -4,9 +4,12 @@
 //! load or store through constant indices is a move, and only a computed index needs a
 //! [`Op::Gather`]. Buffers are addressed by bytes.
 
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
+
 use smallvec::SmallVec;
 
-use crate::machine::{Accessed, Batch, Bindings, Buffer, Invocation, Mask, Reg, Registers, TrapCode};
+use crate::machine::{Accessed, Batch, Bindings, Buffer, Invocation, Lanes, Mask, Reg, Registers, TrapCode};
 use crate::ops::op::Access;
 
 pub use crate::ops::pointer::{
@@ -178,6 +181,15 @@ impl Op {
                 if load_once(batch, bindings, to, &chunk) {
                     return;
                 }
+                if let Some((words, places)) = words(batch, bindings, &chunk) {
+                    for scalar in 0..chunk.count {
+                        let row = &mut batch.registers[to.plus(scalar)];
+                        for lane in batch.mask.lanes() {
+                            row.0[lane] = words[(places.0[lane] + scalar) as usize].load(Relaxed);
+                        }
+                    }
+                    return;
+                }
                 each_access(
                     batch,
                     bindings,
@@ -193,6 +205,15 @@ impl Op {
                 );
             }
             Self::BufferStore { from, chunk } => {
+                if let Some((words, places)) = words(batch, bindings, &chunk) {
+                    let rows = batch.registers.rows_mut(from, chunk.count);
+                    // Lane by lane, as their words may lie on each other.
+                    for lane in batch.mask.lanes() {
+                        let words = words[places.0[lane] as usize..].iter();
+                        rows.iter().zip(words).for_each(|(row, word)| word.store(row.0[lane], Relaxed));
+                    }
+                    return;
+                }
                 each_access(
                     batch,
                     bindings,
@@ -384,6 +405,30 @@ fn load_once<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, to: Reg,
         batch.registers.set(to.plus(scalar), word, batch.mask);
     }
     true
+}
+
+/// The words of the buffer that all lanes access, and where in them each running lane's scalars begin, where
+/// they are words and all lie inside.
+#[inline]
+fn words<'a, const W: usize>(
+    batch: &Batch<W>,
+    bindings: &'a Bindings,
+    chunk: &Chunk,
+) -> Option<(&'a [AtomicU32], Lanes<W>)> {
+    let buffer = shared(bindings, chunk).filter(|_| chunk.width == 32 && chunk.offset.is_multiple_of(4))?;
+    let end = u64::from(chunk.offset) + u64::from(chunk.count * 4);
+    // The greatest index is out of bounds whatever the buffer has.
+    let most = u32::try_from(buffer.size().checked_sub(end)?).unwrap_or(u32::MAX).min(OUT_OF_BOUNDS - 1);
+    let indices = &batch.registers[chunk.index?];
+    let running = batch.mask.words();
+    let mut places = Lanes::splat(0);
+    let mut outside = 0;
+    for lane in 0..W {
+        let index = indices.0[lane] & running.0[lane];
+        outside |= u32::from(index > most) | index & 3;
+        places.0[lane] = (index >> 2) + (chunk.offset >> 2);
+    }
+    (outside == 0).then(|| (buffer.words(), places))
 }
 
 /// Calls a function for each running lane, in ascending order, with the buffer and the byte offset

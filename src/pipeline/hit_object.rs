@@ -45,13 +45,14 @@ where
             let batch = &running.batch;
             let invocation = &batch.invocations[lane];
             let depth = invocation.depth + 1;
-            let query = |encoded: &Encoded, tlas: &std::sync::Arc<Tlas>| Query {
-                tlas: tlas.clone(),
+            let words = || batch.registers.lane_words(payload.first, payload.count, lane);
+            let query = |encoded: &Encoded, tlas| Query {
+                tlas,
                 trace: encoded.trace,
                 sbt_offset: 0,
                 sbt_stride: 0,
                 miss_index: 0,
-                payload: batch.registers.lane_words(payload.first, payload.count, lane).collect(),
+                payload: words(),
                 launch_id: invocation.launch_id,
                 launch_size: invocation.launch_size,
                 depth,

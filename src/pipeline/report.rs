@@ -3,6 +3,7 @@
 use smallvec::SmallVec;
 
 use crate::accel::HitKind;
+use crate::machine::stop::Rows;
 use crate::machine::{Batch, Exit, Mask, Reg, TrapCode};
 use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
@@ -112,14 +113,14 @@ impl Report {
         trace: &mut Trace,
         intersection: &mut Batch<W>,
         lane: usize,
-        program: &Program,
+        payload: Option<Rows>,
         any_hit: &Batch<W>,
         from: usize,
         witness: &mut T,
     ) {
         let Some(reported) = self.reports[lane].take() else { return };
         let ray = trace.ray_mut(reported.ray);
-        ray.take_payload(program, any_hit, from);
+        ray.take_payload(payload, any_hit, from);
         let accepted = match any_hit.exits[from] {
             Exit::Ignored => false,
             Exit::Trapped(_) => {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::accel::Tlas;
 use crate::interp;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::Rows;
@@ -75,14 +76,12 @@ pub(super) struct Running<const W: usize> {
 }
 
 impl<const W: usize> Running<W> {
-    /// Gives a lane what it begins with: payload (or callable data) and attributes.
+    /// Gives a lane what it begins with: the words of its payload (or callable data), or of its attributes.
     #[inline]
-    fn give(&mut self, lane: usize, payload: &[u32], attributes: &[u32]) {
-        for (rows, words) in [(self.data, payload), (self.attributes, attributes)] {
-            if let Some(rows) = rows {
-                let words = words.iter().copied().take(rows.count as usize);
-                self.batch.registers.set_lane_words(rows.first, lane, words);
-            }
+    fn give(&mut self, rows: Option<Rows>, lane: usize, words: &[u32]) {
+        if let Some(rows) = rows {
+            let rows = self.batch.registers.rows_mut(rows.first, rows.count);
+            rows.iter_mut().zip(words).for_each(|(row, &word)| row.0[lane] = word);
         }
     }
 }
@@ -175,13 +174,17 @@ where
     /// Runs the ray generation shader for invocations with these launch indices.
     pub fn launch(&mut self, record: &Record, ids: &[[u32; 3]], launch_size: [u32; 3]) {
         let Some(shader) = general(self.pipeline, record) else { return };
-        let mut called = Called::new(shader, Role::RayGeneration, ids.len());
-        for (lane, &launch_id) in ids.iter().enumerate() {
+        let mut running = self.ready(shader, Role::RayGeneration);
+        let subgroup_size = self.pipeline.subgroup_size;
+        for ((lane, &launch_id), invocation) in ids.iter().enumerate().zip(&mut running.batch.invocations) {
+            running.callers.push(lane);
             let record = record.shader_record();
-            let invocation = Invocation { launch_id, launch_size, record, ..Invocation::default() };
-            called.push(lane, invocation, Data::new(), Data::new());
+            *invocation =
+                Invocation { launch_id, launch_size, record, subgroup_size, ..Invocation::default() };
         }
-        self.enter(called);
+        let program = &*self.pipeline.programs[shader.0 as usize];
+        program.begin(&mut running.batch, Mask::first(ids.len()), self.pipeline.budget);
+        self.push(running);
         self.run();
     }
 
@@ -201,7 +204,7 @@ where
     }
 
     /// Traces one ray without a ray generation shader; the ray's state afterwards.
-    pub fn trace(&mut self, query: Query) -> Option<RayState> {
+    pub fn trace(&mut self, query: Query<&Arc<Tlas>, impl Iterator<Item = u32>>) -> Option<RayState> {
         self.stats.rays += 1;
         let mut trace = self.spare_trace(true);
         trace.push(0, query, None, self.witness);
@@ -279,7 +282,8 @@ where
         }
         program.begin(&mut running.batch, Mask::first(lanes.len()), self.pipeline.budget);
         for (lane, entry) in lanes.iter().enumerate() {
-            running.give(lane, &entry.payload, &entry.attributes);
+            running.give(running.data, lane, &entry.payload);
+            running.give(running.attributes, lane, &entry.attributes);
         }
         self.push(running);
     }
@@ -303,7 +307,10 @@ where
         program.begin(&mut running.batch, Mask::first(count), self.pipeline.budget);
         for at in 0..count {
             let ray = trace.ray(running.callers[at]);
-            running.give(at, &ray.query.payload, &ray.shown_attributes(waiting.role));
+            running.give(running.data, at, &ray.query.payload);
+            if running.attributes.is_some() {
+                running.give(running.attributes, at, &ray.shown_attributes(waiting.role));
+            }
         }
         self.push(running);
     }
@@ -385,7 +392,7 @@ where
             match &mut self.levels[..] {
                 [] => {}
                 [.., Level::Trace { trace, .. }] => {
-                    trace.deliver(running.role, caller, program, &running.batch, lane);
+                    trace.deliver(running.role, caller, running.data, &running.batch, lane);
                 }
                 [.., Level::Shader(below), Level::Call(call)] => {
                     if let Some(rows) = running.data {
@@ -401,7 +408,15 @@ where
                 }
                 [.., Level::Trace { trace, .. }, Level::Shader(below), Level::Report(report)] => {
                     let witness = &mut *self.witness;
-                    report.deliver(trace, &mut below.batch, caller, program, &running.batch, lane, witness);
+                    report.deliver(
+                        trace,
+                        &mut below.batch,
+                        caller,
+                        running.data,
+                        &running.batch,
+                        lane,
+                        witness,
+                    );
                 }
                 _ => unreachable!("bug in anyhit: a shader without a caller"),
             }

@@ -6,9 +6,9 @@ use smallvec::SmallVec;
 
 use crate::accel::{Candidate, Cursor, HitKind, RayFlags, Tlas, TraceRay, hit_record_index};
 use crate::machine::hit_object::HitEncoded;
+use crate::machine::stop::Rows;
 use crate::machine::{Batch, Exit, Hit, Invocation, ShaderRecord, TrapCode};
 use crate::module::interface::Stage;
-use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
 use crate::pipeline::launch::{RayOperands, Stats};
@@ -23,35 +23,59 @@ pub(super) type Data = SmallVec<[u32; 16]>;
 /// `SkipClosestHitShaderKHR`
 const SKIP_CLOSEST_HIT: u32 = 8;
 
-/// What one ray is traced with, beside the ray.
+/// What one ray is traced with; at first with what it is taken from.
 #[derive(Clone, Debug)]
-pub(super) struct Query {
-    pub tlas: Arc<Tlas>,
+pub(super) struct Query<S = Arc<Tlas>, P = Data> {
+    pub tlas: S,
     pub trace: TraceRay,
     pub sbt_offset: u32,
     pub sbt_stride: u32,
     pub miss_index: u32,
-    pub payload: Data,
+    pub payload: P,
     pub launch_id: [u32; 3],
     pub launch_size: [u32; 3],
     /// 1 for a trace by ray generation.
     pub depth: u32,
 }
 
-impl Query {
+impl<'a> Query<&'a Arc<Tlas>, std::vec::IntoIter<u32>> {
     /// A ray that no shader traces.
-    pub fn by_nobody(tlas: &Arc<Tlas>, operands: RayOperands) -> Self {
+    pub fn by_nobody(tlas: &'a Arc<Tlas>, operands: RayOperands) -> Self {
         Self {
-            tlas: tlas.clone(),
+            tlas,
             trace: operands.trace,
             sbt_offset: operands.sbt_offset,
             sbt_stride: operands.sbt_stride,
             miss_index: operands.miss_index,
-            payload: operands.payload.into(),
+            payload: operands.payload.into_iter(),
             launch_id: [0; 3],
             launch_size: [1; 3],
             depth: 1,
         }
+    }
+}
+
+impl<P: Iterator<Item = u32>> Query<&Arc<Tlas>, P> {
+    /// With a structure and a payload of its own.
+    fn owned(self) -> Query {
+        let Self { tlas, trace, sbt_offset, sbt_stride, miss_index, payload, launch_id, launch_size, depth } =
+            self;
+        let (tlas, payload) = (tlas.clone(), payload.collect());
+        Query { tlas, trace, sbt_offset, sbt_stride, miss_index, payload, launch_id, launch_size, depth }
+    }
+
+    /// The same in the memory of another one. Threads share the count of a structure's references: it is left
+    /// alone where that will do.
+    fn replace(self, old: &mut Query) {
+        if !Arc::ptr_eq(&old.tlas, self.tlas) {
+            old.tlas = self.tlas.clone();
+        }
+        old.trace = self.trace;
+        (old.sbt_offset, old.sbt_stride, old.miss_index) =
+            (self.sbt_offset, self.sbt_stride, self.miss_index);
+        (old.launch_id, old.launch_size, old.depth) = (self.launch_id, self.launch_size, self.depth);
+        old.payload.clear();
+        old.payload.extend(self.payload);
     }
 }
 
@@ -114,24 +138,13 @@ impl Trace {
     }
 
     /// Adds the ray of a lane; lanes come in ascending order.
-    pub fn push<T: Witness>(&mut self, lane: usize, query: Query, caller: Option<Caller>, witness: &mut T) {
-        if T::ACTIVE {
-            witness.invocation(query.launch_id);
-            witness.event(Event::Trace {
-                caller,
-                tlas: query.tlas.clone(),
-                launch_id: query.launch_id,
-                depth: query.depth,
-                trace: query.trace,
-                sbt: [query.sbt_offset, query.sbt_stride, query.miss_index],
-                payload: query.payload.to_vec(),
-            });
-        }
-        let mut traversal = query.trace;
-        traversal.flags = traversal.flags | RayFlags(self.pipeline_flags);
-        if self.rays.len() <= lane {
-            self.rays.resize_with(lane + 1, || None);
-        }
+    pub fn push<T: Witness>(
+        &mut self,
+        lane: usize,
+        query: Query<&Arc<Tlas>, impl Iterator<Item = u32>>,
+        caller: Option<Caller>,
+        witness: &mut T,
+    ) {
         self.lanes.push(lane);
         self.caller = caller;
         // Nobody sees which hit a shadow ray commits, where no shader is asked on the way and no
@@ -143,19 +156,27 @@ impl Trace {
             && caller.is_some()
             && flags.contains(only_whether)
             && query.tlas.is_decided_without_shaders(flags);
-        match &mut self.rays[lane] {
-            Some(ray) => {
-                ray.cursor.reset(&query.tlas, traversal);
-                ray.query = query;
-                ray.record = None;
-                ray.traversing = true;
-                ray.trapped = None;
-            }
-            idle => *idle = Some(RayState::new(query, traversal)),
-        }
-        if any_will_do && let Some(ray) = &mut self.rays[lane] {
+        let mut traversal = query.trace;
+        traversal.flags = traversal.flags | RayFlags(self.pipeline_flags);
+        let ray = self.place(lane, query, |ray| ray.cursor.reset(&ray.query.tlas, traversal), traversal);
+        ray.record = None;
+        ray.traversing = true;
+        if any_will_do {
             ray.cursor.end_at_any_opaque_hit();
             self.stats.spared.occlusion += 1;
+        }
+        if T::ACTIVE {
+            let query = &self.ray(lane).query;
+            witness.invocation(query.launch_id);
+            witness.event(Event::Trace {
+                caller,
+                tlas: query.tlas.clone(),
+                launch_id: query.launch_id,
+                depth: query.depth,
+                trace: query.trace,
+                sbt: [query.sbt_offset, query.sbt_stride, query.miss_index],
+                payload: query.payload.to_vec(),
+            });
         }
     }
 
@@ -163,23 +184,41 @@ impl Trace {
     pub fn push_settled(
         &mut self,
         lane: usize,
-        query: Query,
+        query: Query<&Arc<Tlas>, impl Iterator<Item = u32>>,
         caller: Caller,
         (record, hit): (u64, Option<&HitEncoded>),
     ) {
-        if self.rays.len() <= lane {
-            self.rays.resize_with(lane + 1, || None);
-        }
         self.lanes.push(lane);
         self.caller = Some(caller);
         let trace = query.trace;
-        let ray = self.rays[lane].get_or_insert_with(|| RayState::new(query.clone(), query.trace));
+        let ray = self.place(lane, query, |_| (), trace);
         ray.cursor.settle(trace, hit.map(|hit| hit.committed));
         ray.attributes = hit.map_or_else(Data::new, |hit| hit.attributes.iter().copied().collect());
-        ray.query = query;
         ray.record = Some(record);
         ray.traversing = false;
-        ray.trapped = None;
+    }
+
+    /// The state of a lane's ray, in the memory of the ray before it where there was one, which is `reset`.
+    fn place(
+        &mut self,
+        lane: usize,
+        query: Query<&Arc<Tlas>, impl Iterator<Item = u32>>,
+        reset: impl FnOnce(&mut RayState),
+        traversal: TraceRay,
+    ) -> &mut RayState {
+        if self.rays.len() <= lane {
+            self.rays.resize_with(lane + 1, || None);
+        }
+        let place = &mut self.rays[lane];
+        match place {
+            Some(ray) => {
+                query.replace(&mut ray.query);
+                ray.trapped = None;
+                reset(ray);
+                ray
+            }
+            None => place.insert(RayState::new(query.owned(), traversal)),
+        }
     }
 
     /// The lanes that trace.
@@ -325,12 +364,12 @@ impl Trace {
         &mut self,
         role: Role,
         lane: usize,
-        program: &Program,
+        payload: Option<Rows>,
         batch: &Batch<W>,
         from: usize,
     ) {
         let ray = self.ray_mut(lane);
-        ray.take_payload(program, batch, from);
+        ray.take_payload(payload, batch, from);
         let exit = batch.exits[from];
         if let Exit::Trapped(_) = exit {
             ray.trap(TrapCode::Callee);
@@ -379,8 +418,9 @@ impl RayState {
     }
 
     /// Takes the payload as a lane of a shader that this ray called leaves it.
-    pub fn take_payload<const W: usize>(&mut self, program: &Program, batch: &Batch<W>, lane: usize) {
-        if let Some(rows) = program.interface_rows(storage::INCOMING_RAY_PAYLOAD) {
+    #[inline]
+    pub fn take_payload<const W: usize>(&mut self, rows: Option<Rows>, batch: &Batch<W>, lane: usize) {
+        if let Some(rows) = rows {
             let words = batch.registers.lane_words(rows.first, rows.count, lane);
             self.query.payload.iter_mut().zip(words).for_each(|(to, word)| *to = word);
         }

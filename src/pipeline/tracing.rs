@@ -12,7 +12,7 @@ use crate::ops::ray_tracing::TRACE_OPERANDS;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::PipelineFlags;
 use crate::pipeline::stack::{Level, Stack};
-use crate::pipeline::trace::{Data, Query, RayState};
+use crate::pipeline::trace::{Query, RayState};
 use crate::pipeline::witness::{Caller, Event, Witness};
 
 impl<const W: usize, T: Witness, O: Observer<W>> Stack<'_, W, T, O>
@@ -44,7 +44,7 @@ where
                 None => Err(TrapCode::AccelerationStructureMissing),
                 Some(_) if depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
                 Some(tlas) => {
-                    let payload = batch.registers.lane_words(payload.first, payload.count, lane).collect();
+                    let payload = batch.registers.lane_words(payload.first, payload.count, lane);
                     query(tlas, &words, payload, invocation, depth, self.pipeline.flags).map_err(|broken| {
                         asked = broken as u64;
                         TrapCode::InvalidTrace
@@ -99,14 +99,14 @@ const SKIPS: u32 = 0x300;
 
 /// A trace as the operands of its instruction say. Where the pipeline skips one kind of primitive the
 /// ray must not skip the other.
-fn query(
-    tlas: &Arc<Tlas>,
+fn query<'a, P: Iterator<Item = u32>>(
+    tlas: &'a Arc<Tlas>,
     words: &[u32; TRACE_OPERANDS as usize],
-    payload: Data,
+    payload: P,
     invocation: &Invocation,
     depth: u32,
     flags: PipelineFlags,
-) -> Result<Query, RayRule> {
+) -> Result<Query<&'a Arc<Tlas>, P>, RayRule> {
     let trace = trace_operands(words)?;
     if (trace.flags.0 | flags.ray_flags()) & SKIPS == SKIPS {
         return Err(match trace.flags.contains(RayFlags::SKIP_TRIANGLES) {
@@ -115,7 +115,7 @@ fn query(
         });
     }
     Ok(Query {
-        tlas: tlas.clone(),
+        tlas,
         trace,
         sbt_offset: words[4],
         sbt_stride: words[5],

@@ -235,11 +235,14 @@ impl Program {
     pub fn refresh_inputs<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, volatile: bool) {
         for input in self.inputs.iter().filter(|input| !volatile || input.builtin.volatile) {
             let mut words = [0; 12];
-            for lane in mask.lanes() {
-                let words = &mut words[..input.count as usize];
-                words.fill(0);
-                (input.builtin.read)(&batch.invocations[lane], words);
-                batch.registers.set_lane_words(input.first, lane, words.iter().copied());
+            let words = &mut words[..input.count as usize];
+            let rows = batch.registers.rows_mut(input.first, input.count);
+            for (lane, invocation) in batch.invocations.iter().enumerate() {
+                if mask.contains(lane) {
+                    words.fill(0);
+                    (input.builtin.read)(invocation, words);
+                    rows.iter_mut().zip(words.iter()).for_each(|(row, &word)| row.0[lane] = word);
+                }
             }
         }
     }
