@@ -1,6 +1,6 @@
 //! `anyhit render`: launches a scene's ray generation shader over its image.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
 use crate::harness::stability::apart;
 use crate::machine::Binding;
-use crate::scene::image::Picture;
+use crate::scene::image::write_png;
 use crate::scene::resources::Output;
 use crate::scene::{self, DiskFiles, Options};
 
@@ -95,7 +95,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
 
     let image = assembled.resources.image(binding.set, binding.binding);
     let image = image.expect("bug in anyhit: the output image is not bound");
-    save(&args.output, image, linear)?;
+    write_png(&args.output, image, linear)?;
     if args.stats {
         output::print(stats::table(&counted, ready, traced))?;
         output::print(stats::spared(&counted, &assembled))?;
@@ -123,11 +123,6 @@ fn progress(count: u64) -> ProgressBar {
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar.enable_steady_tick(Duration::from_millis(250));
     bar
-}
-
-fn save(path: &Path, image: &crate::machine::image::Image, linear: bool) -> Result<()> {
-    let png = Picture::of(image).encode_png(linear)?;
-    std::fs::write(path, png).map_err(|error| Error::io(path, error))
 }
 
 #[cfg(test)]

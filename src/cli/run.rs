@@ -11,10 +11,10 @@ use clap::Args;
 
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::Precision;
 use crate::machine::MemoryPolicy;
-use crate::scene::image::Picture;
+use crate::scene::image::write_png;
 use crate::scene::{self, DiskFiles, Options};
 
 /// Runs a scene's launch and dispatches, or a module's compute shader by itself.
@@ -114,8 +114,7 @@ pub fn run(args: RunArgs) -> Result<()> {
         output::print(one.text(&assembled)?)?;
     }
     for (path, image) in saved {
-        let png = Picture::of(&image).encode_png(false)?;
-        std::fs::write(&path, png).map_err(|error| Error::io(&path, error))?;
+        write_png(&path, &image, false)?;
     }
     let counted = outcome?;
     if args.stats {

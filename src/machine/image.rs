@@ -1,5 +1,6 @@
 //! Images as plain data: their shape, and texels that threads may share.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
 
@@ -307,10 +308,26 @@ impl Image {
 
     /// A copy of the bytes of a level that exists.
     pub fn level_bytes(&self, level: u32) -> Vec<u8> {
-        let size = self.format.texel_size() as usize;
         let first = self.levels[level as usize].first;
-        let texels = first..first + self.shape.level_texels(level) as usize;
-        texels.flat_map(|index| self.load(index).to_le_bytes().into_iter().take(size)).collect()
+        self.texel_bytes(first..first + self.shape.level_texels(level) as usize, 1)
+    }
+
+    /// A copy of the bytes of a row of level 0, in its first layer and slice; of several samples the
+    /// first.
+    pub fn row_bytes(&self, row: u32) -> Vec<u8> {
+        let each = self.shape.samples as usize;
+        let width = self.shape.extent[0] as usize * each;
+        let first = self.levels[0].first + row as usize * width;
+        self.texel_bytes(first..first + width, each)
+    }
+
+    fn texel_bytes(&self, texels: Range<usize>, each: usize) -> Vec<u8> {
+        let size = self.format.texel_size() as usize;
+        let mut bytes = Vec::with_capacity(texels.len() / each * size);
+        for index in texels.step_by(each) {
+            bytes.extend_from_slice(&self.load(index).to_le_bytes()[..size]);
+        }
+        bytes
     }
 }
 

@@ -145,18 +145,19 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let tasks = 0..count.div_ceil(TASK);
         let range = |task: u64| task * TASK..count.min((task + 1) * TASK);
-        let mut results: Vec<(Stats, Option<Trapped>)> = Vec::new();
+        let mut all = Done::default();
         let ordered = self.pipeline.order_dependent();
         if ordered || self.pipeline.shared_memory(size, self.resources).is_some() {
             // The same schedule for every width of a batch: one after the other, or 64 together.
             for task in tasks {
-                results.push(match self.pipeline.whole_subgroups() {
+                let result = match self.pipeline.whole_subgroups() {
                     Some(65..) => self.task::<128>(&bindings, record, range(task), size),
                     None if ordered => self.task::<1>(&bindings, record, range(task), size),
                     _ => self.task::<64>(&bindings, record, range(task), size),
-                });
+                };
                 done(range(task).end - range(task).start);
-                if results.last().is_some_and(|(_, trapped)| trapped.is_some()) {
+                all = all.and(Done::of(task, result));
+                if all.trapped.is_some() {
                     break;
                 }
             }
@@ -166,7 +167,7 @@ impl Launch<'_> {
             let run = |task| {
                 let range = range(task);
                 if trapped_at.load(Relaxed) < range.start {
-                    return (Stats::default(), None);
+                    return Done::default();
                 }
                 let result = match self.pipeline.whole_subgroups() {
                     Some(..=64) => self.task::<64>(&bindings, record, range.clone(), size),
@@ -177,22 +178,18 @@ impl Launch<'_> {
                     trapped_at.fetch_min(range.start, Relaxed);
                 }
                 done(range.end - range.start);
-                result
+                Done::of(task, result)
             };
             // One task needs no threads: starting them would take longer.
-            results = match tasks.end {
-                0 | 1 => tasks.map(run).collect(),
-                _ => tasks.into_par_iter().map(run).collect(),
+            all = match tasks.end {
+                0 | 1 => tasks.map(run).fold(Done::default(), Done::and),
+                _ => tasks.into_par_iter().map(run).reduce(Done::default, Done::and),
             };
         }
-        let mut stats = Stats::default();
-        for (task, trapped) in results {
-            if let Some(trapped) = trapped {
-                return Err(trapped.error);
-            }
-            stats = stats.plus(&task);
+        match all.trapped {
+            Some((_, trapped)) => Err(trapped.error),
+            None => Ok(all.stats),
         }
-        Ok(stats)
     }
 
     /// Runs a stretch of launch indices.
@@ -390,6 +387,25 @@ impl Launch<'_> {
             }),
             (None, None) => unreachable!("bug in anyhit: a trace without a ray"),
         }
+    }
+}
+
+/// What tasks did together.
+#[derive(Default)]
+struct Done {
+    stats: Stats,
+    /// The trap of the first task that has one, with its number.
+    trapped: Option<(u64, Trapped)>,
+}
+
+impl Done {
+    fn of(task: u64, (stats, trapped): (Stats, Option<Trapped>)) -> Self {
+        Self { stats, trapped: trapped.map(|trapped| (task, trapped)) }
+    }
+
+    fn and(self, other: Self) -> Self {
+        let trapped = self.trapped.into_iter().chain(other.trapped).min_by_key(|(task, _)| *task);
+        Self { stats: self.stats.plus(&other.stats), trapped }
     }
 }
 

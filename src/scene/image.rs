@@ -1,11 +1,13 @@
 //! Pictures: from files to texels, and from texels to PNG.
 
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{BufWriter, Cursor, Write};
 use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::machine;
 use crate::machine::format::{Class, Component, Format};
 use crate::module::Module;
 use crate::module::ty::{ImageType, Type};
@@ -186,14 +188,10 @@ impl Picture {
     }
 
     /// The first layer and slice of an image's level 0, of several samples the first.
-    pub fn of(image: &crate::machine::image::Image) -> Self {
-        let (format, shape) = (image.format(), image.shape());
-        let [width, height, _] = shape.extent;
-        let size = format.texel_size() as usize;
-        let bytes = image.level_bytes(0);
-        let every = bytes.chunks_exact(size * shape.samples as usize);
-        let texels = every.take(width as usize * height as usize).flat_map(|texel| texel[..size].to_vec());
-        Self { format, extent: [width, height], texels: texels.collect() }
+    pub fn of(image: &machine::image::Image) -> Self {
+        let [width, height, _] = image.shape().extent;
+        let texels = (0..height).flat_map(|row| image.row_bytes(row)).collect();
+        Self { format: image.format(), extent: [width, height], texels }
     }
 
     /// The pixels as 8-bit RGBA. With `to_srgb`, linear colours are encoded as sRGB, which is what
@@ -203,30 +201,12 @@ impl Picture {
     /// # Errors
     /// `InvalidImage` for integer texels wider than 8 bits or a size that does not match.
     pub fn rgba8(&self, to_srgb: bool) -> Result<Vec<u8>> {
-        let invalid = |message: String| Error::new(ErrorKind::InvalidImage, message);
         let size = self.format.texel_size() as usize;
         let count = self.extent[0] as usize * self.extent[1] as usize;
         if self.texels.len() != count * size {
             return Err(invalid(format!("{} bytes are not {count} texels of {size}", self.texels.len())));
         }
-        if self.format.class() != Class::Float && self.format.component != Component::Uint8 {
-            return Err(invalid(format!("a PNG shows colours, not {} texels", format_name(self.format))));
-        }
-        let target = Format { srgb: to_srgb || self.format.srgb, ..Format::new(Component::Unorm8, 4) };
-        let mut pixels = Vec::with_capacity(4 * count);
-        for texel in self.texels.chunks_exact(size) {
-            let mut color = texel_numbers(self.format, texel);
-            if self.format.component == Component::Uint8 {
-                pixels.extend(color.map(|x| x as u8));
-                continue;
-            }
-            // Not a number is shown in magenta: black would hide it.
-            if color.iter().any(|x| x.is_nan()) {
-                color = [1.0, 0.0, 1.0, 1.0];
-            }
-            pixels.extend(texel_bytes(target, color));
-        }
-        Ok(pixels)
+        Ok(Shown::new(self.format, to_srgb)?.pixels(&self.texels))
     }
 
     /// Four numbers for every texel.
@@ -241,9 +221,10 @@ impl Picture {
     /// As [`Picture::rgba8`].
     pub fn encode_png(&self, to_srgb: bool) -> Result<Vec<u8>> {
         let pixels = self.rgba8(to_srgb)?;
-        let picture = image::RgbaImage::from_raw(self.extent[0], self.extent[1], pixels)
-            .expect("bug in anyhit: four bytes for every pixel");
-        encode(&picture.into(), image::ImageFormat::Png)
+        let mut bytes = Vec::new();
+        let rows = pixels.chunks_exact(4 * self.extent[0] as usize).map(<[u8]>::to_vec);
+        png_of_rows(self.extent, rows, &mut bytes).map_err(|error| invalid(error.to_string()))?;
+        Ok(bytes)
     }
 
     /// Writes an OpenEXR file of the numbers, as 32-bit floats.
@@ -256,6 +237,83 @@ impl Picture {
             .expect("bug in anyhit: four numbers for every pixel");
         encode(&picture.into(), image::ImageFormat::OpenExr)
     }
+}
+
+/// Writes the first layer and slice of an image's level 0 as a PNG, as [`Picture::encode_png`] would: row by
+/// row, so that beside the image itself hardly any memory is needed.
+///
+/// # Errors
+/// As [`Picture::rgba8`], and `Io`.
+pub fn write_png(path: &Path, image: &machine::image::Image, to_srgb: bool) -> Result<()> {
+    let shown = Shown::new(image.format(), to_srgb)?;
+    let [width, height, _] = image.shape().extent;
+    let rows = (0..height).map(|row| shown.pixels(&image.row_bytes(row)));
+    let write = || {
+        let mut file = BufWriter::new(File::create(path)?);
+        png_of_rows([width, height], rows, &mut file)?;
+        file.flush()
+    };
+    write().map_err(|error| Error::io(path, error))
+}
+
+/// Writes rows of RGBA8 pixels as a PNG.
+fn png_of_rows(
+    [width, height]: [u32; 2],
+    rows: impl Iterator<Item = Vec<u8>>,
+    to: &mut impl Write,
+) -> std::io::Result<()> {
+    let mut encoder = png::Encoder::new(to, width, height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    let mut header = encoder.write_header()?;
+    let mut stream = header.stream_writer()?;
+    for row in rows {
+        stream.write_all(&row)?;
+    }
+    stream.finish()?;
+    header.finish()?;
+    Ok(())
+}
+
+/// How texels of a format are shown as 8-bit RGBA.
+struct Shown {
+    format: Format,
+    target: Format,
+}
+
+impl Shown {
+    fn new(format: Format, to_srgb: bool) -> Result<Self> {
+        if format.class() != Class::Float && format.component != Component::Uint8 {
+            return Err(invalid(format!("a PNG shows colours, not {} texels", format_name(format))));
+        }
+        Ok(Self {
+            format,
+            target: Format { srgb: to_srgb || format.srgb, ..Format::new(Component::Unorm8, 4) },
+        })
+    }
+
+    fn pixels(&self, texels: &[u8]) -> Vec<u8> {
+        let size = self.format.texel_size() as usize;
+        let mut pixels = Vec::with_capacity(texels.len() / size * 4);
+        for texel in texels.chunks_exact(size) {
+            let mut color = texel_numbers(self.format, texel);
+            if self.format.component == Component::Uint8 {
+                pixels.extend(color.map(|x| x as u8));
+                continue;
+            }
+            // Not a number is shown in magenta: black would hide it.
+            if color.iter().any(|x| x.is_nan()) {
+                color = [1.0, 0.0, 1.0, 1.0];
+            }
+            pixels.extend_from_slice(&self.target.encode_numbers(color).to_le_bytes()[..4]);
+        }
+        pixels
+    }
+}
+
+fn invalid(message: String) -> Error {
+    Error::new(ErrorKind::InvalidImage, message)
 }
 
 fn encode(picture: &DynamicImage, format: image::ImageFormat) -> Result<Vec<u8>> {
@@ -318,6 +376,22 @@ mod tests {
         assert_eq!(srgb.texels[..4], [0, 255, 188, 255]);
         let wrong = Picture { extent: [2, 2], ..picture };
         assert!(wrong.encode_png(false).is_err());
+    }
+
+    #[test]
+    fn an_image_is_written_row_by_row_as_its_picture_would_be() {
+        let shape = machine::image::Shape::plane(3, 2);
+        let texels: Vec<u8> = (0..24).map(|number| number * 10).collect();
+        let image = machine::image::Image::new(format("rgba8"), shape, &texels).unwrap();
+        let path = std::env::temp_dir().join(format!("anyhit-rows-{}.png", std::process::id()));
+        write_png(&path, &image, false).unwrap();
+        let written = std::fs::read(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let back = Picture::decode(&path, &written, Some(format("rgba8"))).unwrap();
+        assert_eq!((back.extent, back.texels), ([3, 2], texels));
+        assert_eq!(written, Picture::of(&image).encode_png(false).unwrap());
+        let error = write_png(Path::new("no/such/folder/a.png"), &image, false).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Io);
     }
 
     #[test]
