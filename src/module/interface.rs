@@ -115,28 +115,35 @@ impl Module {
     /// compilers list more than is used: so this looks at the instructions. Initializers count.
     /// Linear in the size of the functions reached.
     pub fn interface_of(&self, entry_point: &EntryPoint) -> Vec<InterfaceVariable> {
-        let mut used = HashSet::new();
+        let mut used = vec![false; self.variables.len()];
+        let mut mark = |id: Id| {
+            if let Some(Definition::Variable(index)) = self.definition(id) {
+                used[index as usize] = true;
+            }
+        };
         for function in self.call_tree(entry_point.function) {
             let blocks = &self.functions[function as usize].blocks;
             for instruction in blocks.iter().flat_map(|block| &block.instructions) {
                 if opcode(instruction.opcode).is_some() {
-                    used.extend(self.operand_ids(instruction));
+                    self.operand_ids(instruction).into_iter().for_each(&mut mark);
                 } else {
                     // Which words of an unknown instruction are ids nobody knows: take them all.
-                    used.extend(self.operands(instruction).iter().copied().map(Id));
+                    self.operands(instruction).iter().copied().map(Id).for_each(&mut mark);
                 }
             }
         }
         // An initializer that is a variable stands before the variable it initializes.
-        for variable in self.variables.iter().rev() {
-            if used.contains(&variable.id) {
-                used.extend(variable.initializer);
+        for (at, variable) in self.variables.iter().enumerate().rev() {
+            let initializer = variable.initializer.and_then(|id| self.definition(id));
+            if let (true, Some(Definition::Variable(index))) = (used[at], initializer) {
+                used[index as usize] = true;
             }
         }
         let literal = |id: Id, decoration: Decoration| self.decorations.literal(id, decoration as u32);
         self.variables
             .iter()
-            .filter(|variable| used.contains(&variable.id))
+            .zip(used)
+            .filter_map(|(variable, used)| used.then_some(variable))
             .map(|variable| {
                 let ty = match self.ty(variable.pointer) {
                     Type::Pointer { pointee, .. } => *pointee,

@@ -5,8 +5,7 @@
 
 mod words;
 
-use std::collections::HashMap;
-
+use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -127,14 +126,14 @@ pub struct Decoder<'m> {
     /// Instructions since the clock was set last.
     ticks: u32,
     /// Ids of the function that is lowered.
-    pub locals: HashMap<Id, Value>,
-    globals: HashMap<Id, Value>,
+    pub locals: FxHashMap<Id, Value>,
+    globals: FxHashMap<Id, Value>,
     rows: u32,
-    constants: HashMap<u32, Reg>,
-    wide_constants: HashMap<u64, Reg>,
-    words: HashMap<Reg, u32>,
+    constants: FxHashMap<u32, Reg>,
+    wide_constants: FxHashMap<u64, Reg>,
+    words: FxHashMap<Reg, u32>,
     /// Variables' rows whose current value also stands in another row, within the current block.
-    known: HashMap<Reg, Reg>,
+    known: FxHashMap<Reg, Reg>,
 }
 
 impl<'m> Decoder<'m> {
@@ -158,13 +157,13 @@ impl<'m> Decoder<'m> {
             variables: Vec::new(),
             clock: None,
             ticks: 0,
-            locals: HashMap::new(),
-            globals: HashMap::new(),
+            locals: FxHashMap::default(),
+            globals: FxHashMap::default(),
             rows: 0,
-            constants: HashMap::new(),
-            wide_constants: HashMap::new(),
-            words: HashMap::new(),
-            known: HashMap::new(),
+            constants: FxHashMap::default(),
+            wide_constants: FxHashMap::default(),
+            words: FxHashMap::default(),
+            known: FxHashMap::default(),
         }
     }
 

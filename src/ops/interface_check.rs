@@ -78,17 +78,16 @@ const INSTRUCTION_STAGES: &[(Opcode, &str)] = &[
     (Opcode::TerminateRayNV, "A"),
 ];
 
-/// Checks the variables and instructions of an entry point.
+/// Checks the variables (those of its interface) and instructions of an entry point.
 ///
 /// # Errors
 /// `InvalidModule` with the rule: a builtin in another stage, storage class or type than its own, a
 /// ray-tracing storage class in another stage, two incoming variables, a write to hit attributes
 /// outside an intersection shader, an instruction of another stage.
-pub fn check(decoder: &mut Decoder<'_>, entry: &EntryPoint) -> Result<()> {
+pub fn check(decoder: &mut Decoder<'_>, entry: &EntryPoint, variables: &[InterfaceVariable]) -> Result<()> {
     let before = decoder.origin;
     let module = decoder.module;
-    let variables = module.interface_of(entry);
-    for variable in &variables {
+    for variable in variables {
         decoder.origin.offset = offset(module, variable.id);
         check_builtin(decoder, variable)?;
         check_storage(decoder, variable)?;
@@ -244,7 +243,7 @@ mod tests {
 
     fn check_first(module: &Arc<Module>) -> Result<()> {
         let entry = &module.entry_points[0];
-        check(&mut Decoder::new(module, entry.stage), entry)
+        check(&mut Decoder::new(module, entry.stage), entry, &module.interface_of(entry))
     }
 
     fn rule(result: Result<()>) -> Option<String> {

@@ -1,6 +1,6 @@
 //! How large functions are and how often they are called: what decides whether a call is inlined.
 
-use std::collections::{HashMap, HashSet};
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::module::{Id, Module};
 
@@ -14,10 +14,10 @@ pub(super) struct Size {
 }
 
 /// The size of every function.
-pub(super) fn sizes(module: &Module) -> HashMap<Id, Size> {
+pub(super) fn sizes(module: &Module) -> FxHashMap<Id, Size> {
     const CALL: u16 = 57;
-    let mut sizes: HashMap<Id, Size> = HashMap::new();
-    let mut callees: HashMap<Id, Vec<Id>> = HashMap::new();
+    let mut sizes: FxHashMap<Id, Size> = FxHashMap::default();
+    let mut callees: FxHashMap<Id, Vec<Id>> = FxHashMap::default();
     for function in &module.functions {
         let instructions = function.blocks.iter().flat_map(|block| &block.instructions);
         let own = sizes.entry(function.id).or_default();
@@ -32,7 +32,7 @@ pub(super) fn sizes(module: &Module) -> HashMap<Id, Size> {
         sizes.entry(*callee).or_default().calls += 1;
     }
     // Callees first: a walk without recursion, as the depth is the module's.
-    let mut done = HashSet::new();
+    let mut done = FxHashSet::default();
     for function in &module.functions {
         let mut stack = vec![(function.id, false)];
         while let Some((id, ready)) = stack.pop() {

@@ -1,6 +1,6 @@
 //! The order of a function's blocks, and which values outlive the loop that makes them.
 
-use std::collections::{HashMap, HashSet};
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::module::{Function, Id, Module};
 
@@ -16,7 +16,7 @@ const PHI: u16 = 245;
 /// It is the reverse postorder of a walk that visits merge block and continue target before the
 /// other successors.
 pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
-    let positions: HashMap<Id, usize> =
+    let positions: FxHashMap<Id, usize> =
         function.blocks.iter().enumerate().map(|(at, block)| (block.label, at)).collect();
     let mut seen = vec![false; function.blocks.len()];
     let mut order = Vec::with_capacity(function.blocks.len());
@@ -50,7 +50,7 @@ fn successors(
     module: &Module,
     function: &Function,
     block: usize,
-    positions: &HashMap<Id, usize>,
+    positions: &FxHashMap<Id, usize>,
 ) -> Vec<usize> {
     let instructions = &function.blocks[block].instructions;
     let mut ids = Vec::new();
@@ -72,12 +72,12 @@ fn successors(
 ///
 /// A lane that has left a loop waits while others go round again, and an operation writes all
 /// lanes: such a value needs a row of its own that is written for the running lanes only.
-pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) -> HashSet<Id> {
+pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) -> FxHashSet<Id> {
     let mut place = vec![usize::MAX; function.blocks.len()];
     for (position, &block) in order.iter().enumerate() {
         place[block] = position;
     }
-    let positions: HashMap<Id, usize> =
+    let positions: FxHashMap<Id, usize> =
         function.blocks.iter().enumerate().map(|(at, block)| (block.label, place[at])).collect();
     // The loop around each position, innermost: its end. Loops nest, so a stack serves.
     let mut loop_end = vec![usize::MAX; order.len()];
@@ -93,7 +93,7 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
         }
         loop_end[position] = open.iter().copied().min().unwrap_or(usize::MAX);
     }
-    let mut made: HashMap<Id, usize> = HashMap::new();
+    let mut made: FxHashMap<Id, usize> = FxHashMap::default();
     for (position, &block) in order.iter().enumerate() {
         for instruction in &function.blocks[block].instructions {
             if let Some(result) = instruction.result {
@@ -101,7 +101,7 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
             }
         }
     }
-    let mut escaping = HashSet::new();
+    let mut escaping = FxHashSet::default();
     let mut used = |id: Id, position: usize| {
         if let Some(&at) = made.get(&id)
             && position >= loop_end[at]

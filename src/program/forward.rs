@@ -8,7 +8,7 @@
 //! Both passes follow one lane. A masked store to a row is, for a lane that runs it, a whole write,
 //! and nothing at all for the others; so the ordinary rules hold, lane by lane.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use crate::machine::Reg;
 use crate::ops::memory;
@@ -64,7 +64,7 @@ pub fn forward_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
     }
     for block in &mut program.blocks {
         // Each copy that is still the same as its original, and the reads that it has left.
-        let mut copies: HashMap<Reg, Reg> = HashMap::new();
+        let mut copies: FxHashMap<Reg, Reg> = FxHashMap::default();
         for at in block.first as usize..block.end as usize {
             if !copies.is_empty() {
                 let op = &mut program.ops[at];
@@ -144,92 +144,173 @@ fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
 /// Removes masked stores to rows that no lane reads before it writes them again.
 pub fn drop_dead_stores(program: &mut Program, addressed: &[(Reg, u32)]) {
     let shared = Shared::of(program, addressed);
-    // Only rows that are stored to take part: each has a bit.
-    let mut bits: HashMap<Reg, usize> = HashMap::new();
-    for op in &program.ops {
-        if let Op::Memory(memory::Op::MoveMasked { to, .. }) = op
-            && !shared.holds(*to)
-        {
-            let next = bits.len();
-            bits.entry(*to).or_insert(next);
-        }
-    }
-    let words = bits.len().div_ceil(64);
-    if bits.is_empty() || words * 64 * program.blocks.len() > MOST_BITS {
-        return;
-    }
-    let each_bit = |first: Reg, count: u32, visit: &mut dyn FnMut(usize)| {
-        for row in first.0..first.0 + count {
-            if let Some(&bit) = bits.get(&Reg(row)) {
-                visit(bit);
-            }
-        }
-    };
-    // Runs backwards over a block from what is live behind it.
-    let before = |program: &Program, block: usize, live: &mut [u64], dead: &mut dyn FnMut(usize)| {
-        let block = &program.blocks[block];
-        each_read(&block.terminator, |reg| {
-            each_bit(reg, 1, &mut |bit| live[bit / 64] |= 1 << (bit % 64));
-        });
-        for at in (block.first as usize..block.end as usize).rev() {
-            let op = &program.ops[at];
-            if let Op::Memory(memory::Op::MoveMasked { to, .. }) = op
-                && let Some(&bit) = bits.get(to)
-                && live[bit / 64] >> (bit % 64) & 1 == 0
-            {
-                dead(at);
-                continue;
-            }
-            op.accesses(|access| {
-                if let Access::Write(first, count) = access {
-                    each_bit(first, count, &mut |bit| live[bit / 64] &= !(1 << (bit % 64)));
-                }
-            });
-            op.accesses(|access| {
-                if let Access::Read(first, count) = access {
-                    each_bit(first, count, &mut |bit| live[bit / 64] |= 1 << (bit % 64));
-                }
-            });
-        }
-    };
+    let Some(stores) = Stores::of(program, &shared) else { return };
+    let words = stores.words;
     let count = program.blocks.len();
-    let mut entry = vec![vec![0u64; words]; count];
+    let mut entry = vec![0u64; words * count];
+    let mut live = vec![0u64; words];
+    let mut before: Vec<Vec<u32>> = vec![Vec::new(); count];
+    for (at, block) in program.blocks.iter().enumerate() {
+        each_target(&block.terminator, |to| before[to as usize].push(at as u32));
+    }
+    // Blocks behind which something has become live that was not known to be.
+    let mut stale = vec![true; count];
     let mut changed = true;
     while changed {
         changed = false;
         for block in (0..count).rev() {
-            let mut live = behind(&program.blocks[block].terminator, &entry, words);
-            before(program, block, &mut live, &mut |_| {});
-            if live != entry[block] {
-                entry[block] = live;
+            if !std::mem::take(&mut stale[block]) {
+                continue;
+            }
+            behind(&program.blocks[block].terminator, &entry, &mut live);
+            stores.back(block, &mut live, &mut |_| {});
+            let entry = &mut entry[block * words..(block + 1) * words];
+            if live != entry {
+                entry.copy_from_slice(&live);
+                before[block].iter().for_each(|&block| stale[block as usize] = true);
                 changed = true;
             }
         }
     }
     let mut needed = vec![true; program.ops.len()];
     for block in 0..count {
-        let mut live = behind(&program.blocks[block].terminator, &entry, words);
-        before(program, block, &mut live, &mut |at| needed[at] = false);
+        behind(&program.blocks[block].terminator, &entry, &mut live);
+        stores.back(block, &mut live, &mut |at| needed[at as usize] = false);
     }
     remove(program, &needed);
 }
 
+/// No bit.
+const NONE: u32 = u32::MAX;
+
+/// What operations do with rows that are stored to, each of which has a bit.
+struct Stores {
+    /// Words of 64 bits.
+    words: usize,
+    /// By block, the last first.
+    events: Vec<Event>,
+    /// Where each block's events end; they begin where the block's before it end.
+    ends: Vec<usize>,
+}
+
+/// What an operation or a terminator does with a bit.
+#[derive(Clone, Copy)]
+enum Event {
+    Read(u32),
+    Write(u32),
+    /// A masked store by an operation: from what is read, or [`NONE`].
+    Store {
+        at: u32,
+        to: u32,
+        from: u32,
+    },
+}
+
+impl Stores {
+    /// `None` where nothing is stored, or there is too much.
+    fn of(program: &Program, shared: &Shared) -> Option<Self> {
+        let mut bits = vec![NONE; program.rows as usize + 1];
+        let mut used = 0;
+        for op in &program.ops {
+            if let Op::Memory(memory::Op::MoveMasked { to, .. }) = op
+                && !shared.holds(*to)
+                && bits[to.0 as usize] == NONE
+            {
+                bits[to.0 as usize] = used;
+                used += 1;
+            }
+        }
+        let words = (used as usize).div_ceil(64);
+        if used == 0 || words * 64 * program.blocks.len() > MOST_BITS {
+            return None;
+        }
+        let mut stores = Self { words, events: Vec::new(), ends: Vec::new() };
+        for block in &program.blocks {
+            each_read(&block.terminator, |reg| stores.note(&bits, reg, 1, Event::Read));
+            for at in (block.first..block.end).rev() {
+                let op = &program.ops[at as usize];
+                if let &Op::Memory(memory::Op::MoveMasked { to, from }) = op
+                    && bits[to.0 as usize] != NONE
+                {
+                    let [to, from] = [to, from].map(|reg| bits[reg.0 as usize]);
+                    stores.events.push(Event::Store { at, to, from });
+                    continue;
+                }
+                op.accesses(|access| {
+                    if let Access::Write(first, count) = access {
+                        stores.note(&bits, first, count, Event::Write);
+                    }
+                });
+                op.accesses(|access| {
+                    if let Access::Read(first, count) = access {
+                        stores.note(&bits, first, count, Event::Read);
+                    }
+                });
+            }
+            stores.ends.push(stores.events.len());
+        }
+        Some(stores)
+    }
+
+    fn note(&mut self, bits: &[u32], first: Reg, count: u32, event: fn(u32) -> Event) {
+        let bits = &bits[first.0 as usize..(first.0 + count) as usize];
+        self.events.extend(bits.iter().filter(|&&bit| bit != NONE).map(|&bit| event(bit)));
+    }
+
+    /// Runs backwards over a block from what is live behind it; operations that store what is not live
+    /// are told, and read nothing.
+    fn back(&self, block: usize, live: &mut [u64], dead: &mut dyn FnMut(u32)) {
+        let first = if block == 0 { 0 } else { self.ends[block - 1] };
+        for event in &self.events[first..self.ends[block]] {
+            let place = |bit: u32| (bit as usize / 64, 1u64 << (bit % 64));
+            let (read, written) = match *event {
+                Event::Read(bit) => (bit, NONE),
+                Event::Write(bit) => (NONE, bit),
+                Event::Store { at, to, from } => {
+                    let (word, bit) = place(to);
+                    if live[word] & bit == 0 {
+                        dead(at);
+                        continue;
+                    }
+                    (from, to)
+                }
+            };
+            if written != NONE {
+                let (word, bit) = place(written);
+                live[word] &= !bit;
+            }
+            if read != NONE {
+                let (word, bit) = place(read);
+                live[word] |= bit;
+            }
+        }
+    }
+}
+
 /// What is live behind a terminator.
-fn behind(terminator: &Terminator, entry: &[Vec<u64>], words: usize) -> Vec<u64> {
-    let mut live = vec![0u64; words];
-    let mut join = |block: u32| {
-        live.iter_mut().zip(&entry[block as usize]).for_each(|(live, more)| *live |= more);
+fn behind(terminator: &Terminator, entry: &[u64], live: &mut [u64]) {
+    live.fill(0);
+    let words = live.len();
+    let join = |block: u32| {
+        let entry = &entry[block as usize * words..(block as usize + 1) * words];
+        live.iter_mut().zip(entry).for_each(|(live, more)| *live |= more);
     };
     match terminator {
-        Terminator::Branch(to) => join(*to),
-        Terminator::BranchConditional { then, other, .. } => [*then, *other].into_iter().for_each(join),
-        Terminator::Switch { cases, default, .. } => {
-            join(*default);
-            cases.iter().for_each(|&(_, to)| join(to));
-        }
         // Functions share rows with their callers.
         Terminator::Call { .. } | Terminator::Return => live.fill(u64::MAX),
-        Terminator::Exit(_) | Terminator::Unreachable => {}
+        other => each_target(other, join),
     }
-    live
+}
+
+/// The blocks that a terminator goes on to, but for calls.
+fn each_target(terminator: &Terminator, mut visit: impl FnMut(u32)) {
+    match terminator {
+        Terminator::Branch(to) => visit(*to),
+        Terminator::BranchConditional { then, other, .. } => [*then, *other].into_iter().for_each(visit),
+        Terminator::Switch { cases, default, .. } => {
+            visit(*default);
+            cases.iter().for_each(|&(_, to)| visit(to));
+        }
+        Terminator::Call { .. } | Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
+    }
 }

@@ -8,12 +8,14 @@
 mod branch;
 mod call;
 
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
+
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::machine::Exit;
-use crate::module::interface::{EntryPoint, Stage};
+use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
 use crate::ops::decode::{Decoder, Value, Words};
@@ -83,7 +85,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         decoder: Decoder::new(module, entry.stage),
         module,
         labels: 0,
-        placed: HashMap::new(),
+        placed: FxHashMap::default(),
         blocks: Vec::new(),
         stretches: Vec::new(),
         first: 0,
@@ -91,11 +93,12 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         depth: 0,
         inlining,
         sizes: sizes(module),
-        standing: HashMap::new(),
+        standing: FxHashMap::default(),
         queue: VecDeque::new(),
     };
     lowering.decoder.float_controls = FloatControls::of(entry);
-    interface_check::check(&mut lowering.decoder, entry)?;
+    let variables = module.interface_of(entry);
+    interface_check::check(&mut lowering.decoder, entry, &variables)?;
     lowering.decoder.micromap_mode = entry.modes.iter().find_map(|(mode, operands)| match operands[..] {
         [id] if *mode == OPACITY_MICROMAP_ID => Some(Id(id)),
         _ => None,
@@ -103,7 +106,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
     lowering.decoder.derivatives = entry.stage == Stage::Compute && DerivativeGroup::of(entry).is_some();
     let start = lowering.label();
     lowering.begin(start);
-    lowering.initialize_globals(entry)?;
+    lowering.initialize_globals(&variables)?;
     lowering.body(&module.functions[function as usize], &Return::Entry)?;
     while let Some(function) = lowering.queue.pop_front() {
         lowering.stand_alone(function)?;
@@ -158,7 +161,7 @@ struct Lowering<'m> {
     module: &'m Module,
     labels: u32,
     /// Where each label was placed.
-    placed: HashMap<u32, u32>,
+    placed: FxHashMap<u32, u32>,
     blocks: Vec<Block>,
     stretches: Vec<Stretch>,
     /// The first operation of the open block.
@@ -166,8 +169,8 @@ struct Lowering<'m> {
     scopes: Vec<Scope>,
     depth: usize,
     inlining: Inlining,
-    sizes: HashMap<Id, Size>,
-    standing: HashMap<Id, Standing>,
+    sizes: FxHashMap<Id, Size>,
+    standing: FxHashMap<Id, Standing>,
     queue: VecDeque<Id>,
 }
 
@@ -191,9 +194,8 @@ impl<'m> Lowering<'m> {
     }
 
     /// Variables of module scope that have an initialiser.
-    fn initialize_globals(&mut self, entry: &EntryPoint) -> Result<()> {
-        let reachable: HashSet<Id> =
-            self.module.interface_of(entry).iter().map(|variable| variable.id).collect();
+    fn initialize_globals(&mut self, reachable: &[InterfaceVariable]) -> Result<()> {
+        let reachable: FxHashSet<Id> = reachable.iter().map(|variable| variable.id).collect();
         for index in 0..self.module.variables.len() {
             let variable = &self.module.variables[index];
             let Some(initializer) = variable.initializer.filter(|_| reachable.contains(&variable.id)) else {
@@ -225,8 +227,8 @@ impl<'m> Lowering<'m> {
             )));
         }
         let escaping = escaping_values(module, function, &order);
-        let labels: HashMap<Id, u32> =
-            order.iter().map(|&block| (function.blocks[block].label, self.label())).collect();
+        let labels: FxHashMap<Id, (u32, usize)> =
+            order.iter().map(|&block| (function.blocks[block].label, (self.label(), block))).collect();
         for &block in &order {
             for instruction in &function.blocks[block].instructions {
                 if instruction.opcode == opcode::PHI {
@@ -240,7 +242,7 @@ impl<'m> Lowering<'m> {
         }
         for (position, &block) in order.iter().enumerate() {
             let block = &function.blocks[block];
-            let label = labels[&block.label];
+            let (label, _) = labels[&block.label];
             if position == 0 {
                 // The function's first block goes on in the block that is open.
                 self.placed.insert(label, self.blocks.len() as u32);
@@ -442,7 +444,8 @@ fn is_query(module: &Module, mut ty: TypeId) -> bool {
 struct Site<'a> {
     function: &'a Function,
     block: Id,
-    labels: &'a HashMap<Id, u32>,
+    /// By the block's own label: the lowering's, and its place in the function.
+    labels: &'a FxHashMap<Id, (u32, usize)>,
     plan: &'a Return,
 }
 

@@ -13,24 +13,40 @@ use crate::program::{Program, Terminator};
 pub fn prune(program: &mut Program, addressed: &[(Reg, u32)]) {
     let mut live = vec![false; program.rows as usize + 1];
     let mut work: Vec<usize> = Vec::new();
-    let mut writers: Vec<Vec<u32>> = vec![Vec::new(); program.rows as usize + 1];
     let mut effects = Vec::new();
+    // The operations that write each row, all in one list: row by row.
+    let mut ends = vec![0usize; program.rows as usize + 2];
     for (at, op) in program.ops.iter().enumerate() {
         op.accesses(|access| match access {
             Access::Write(first, count) => {
-                for word in 0..count {
-                    writers[(first.0 + word) as usize].push(at as u32);
-                }
+                (first.0..first.0 + count).for_each(|row| ends[row as usize + 1] += 1);
             }
             Access::Effect => effects.push(at),
             Access::Read(..) => {}
         });
     }
-    let mut rows = |first: Reg, count: u32, live: &mut Vec<bool>, work: &mut Vec<usize>| {
+    for row in 1..ends.len() {
+        ends[row] += ends[row - 1];
+    }
+    let mut writers = vec![0u32; ends[ends.len() - 1]];
+    for (at, op) in program.ops.iter().enumerate() {
+        op.accesses(|access| {
+            if let Access::Write(first, count) = access {
+                for row in first.0..first.0 + count {
+                    // Each row's end begins as where it begins.
+                    let end = &mut ends[row as usize];
+                    writers[*end] = at as u32;
+                    *end += 1;
+                }
+            }
+        });
+    }
+    let rows = |first: Reg, count: u32, live: &mut Vec<bool>, work: &mut Vec<usize>| {
         for row in first.0..first.0 + count {
             let row = row as usize;
             if row < live.len() && !std::mem::replace(&mut live[row], true) {
-                work.extend(writers[row].drain(..).map(|op| op as usize));
+                let begin = if row == 0 { 0 } else { ends[row - 1] };
+                work.extend(writers[begin..ends[row]].iter().map(|&op| op as usize));
             }
         }
     };

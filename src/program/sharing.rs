@@ -9,8 +9,7 @@
 //! Workgroup memory is left out: it is there to be shared, between barriers. So are two descriptors of
 //! one buffer.
 
-use std::collections::HashMap;
-
+use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use crate::machine::resource::ELEMENT_BITS;
@@ -296,14 +295,14 @@ pub fn touches(program: &Program) -> Vec<Touch> {
 struct Trace<'a> {
     program: &'a Program,
     /// The only operation that writes a row; `None` where several do.
-    writers: HashMap<Reg, Option<u32>>,
-    constants: HashMap<Reg, u32>,
-    known: HashMap<Reg, Option<Reach>>,
+    writers: FxHashMap<Reg, Option<u32>>,
+    constants: FxHashMap<Reg, u32>,
+    known: FxHashMap<Reg, Option<Reach>>,
 }
 
 impl<'a> Trace<'a> {
     fn new(program: &'a Program) -> Self {
-        let mut writers = HashMap::new();
+        let mut writers = FxHashMap::default();
         for (at, op) in program.ops.iter().enumerate() {
             op.accesses(|access| {
                 if let Access::Write(first, count) = access {
@@ -317,7 +316,7 @@ impl<'a> Trace<'a> {
             });
         }
         let constants = program.constants.iter().copied().collect();
-        Self { program, writers, constants, known: HashMap::new() }
+        Self { program, writers, constants, known: FxHashMap::default() }
     }
 
     /// The access to a stretch of a buffer; `None` for memory that is not shared, or only read.

@@ -1,6 +1,6 @@
 //! The ends of blocks: branches, and the moves of phis on their edges.
 
-use std::collections::HashSet;
+use rustc_hash::FxHashSet;
 
 use crate::error::Result;
 use crate::machine::Exit;
@@ -90,7 +90,7 @@ impl Lowering<'_> {
     }
 
     fn target(&self, place: &Site<'_>, target: Id) -> Result<u32> {
-        let label = place.labels.get(&target).copied();
+        let label = place.labels.get(&target).map(|&(label, _)| label);
         label.ok_or_else(|| self.decoder.invalid(format!("a branch to %{}, which is no block", target.0)))
     }
 
@@ -135,7 +135,7 @@ impl Lowering<'_> {
             }
         }
         // All phis read before any is written: a source that is also a target is saved first.
-        let targets: HashSet<_> = moves.iter().flat_map(|(to, _)| to.iter().copied()).collect();
+        let targets: FxHashSet<_> = moves.iter().flat_map(|(to, _)| to.iter().copied()).collect();
         for (_, from) in &mut moves {
             for reg in from.iter_mut().filter(|reg| targets.contains(*reg)) {
                 let saved = self.decoder.fresh(1)?;
@@ -153,7 +153,7 @@ impl Lowering<'_> {
 }
 
 fn phis<'a>(place: &Site<'a>, target: Id) -> impl Iterator<Item = &'a Instruction> + use<'a> {
-    let block = place.function.blocks.iter().find(move |block| block.label == target);
-    let instructions = block.map_or(&[][..], |block| &block.instructions);
+    let block = place.labels.get(&target);
+    let instructions = block.map_or(&[][..], |&(_, block)| &place.function.blocks[block].instructions);
     instructions.iter().take_while(|instruction| instruction.opcode == opcode::PHI)
 }

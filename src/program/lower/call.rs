@@ -1,6 +1,6 @@
 //! Calls: inlined where that pays, else real ones.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use crate::error::Result;
 use crate::module::{Definition, Function, Id, Instruction};
@@ -38,7 +38,7 @@ impl Lowering<'_> {
     }
 
     fn inline(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
-        let mut locals = HashMap::new();
+        let mut locals = FxHashMap::default();
         for (&argument, &(parameter, _)) in arguments.iter().zip(&function.parameters) {
             locals.insert(parameter, self.decoder.value(argument)?);
         }
