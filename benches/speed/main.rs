@@ -13,6 +13,7 @@ mod clock;
 mod frames;
 mod ready;
 mod scenes;
+mod synthetic;
 mod table;
 mod traverse;
 

@@ -8,17 +8,26 @@ use anyhit::pipeline::{Launch, Pipeline};
 
 use crate::frames::program;
 use crate::scenes::{self, Scene};
+use crate::synthetic;
 use crate::table::Table;
 
 pub fn run(table: &mut Table) {
     for module in ["bench/light.rchit.spv", "demo/swept-spheres/grass.rchit.spv"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures").join(module);
-        load_and_lower(table, module, &path);
+        load_and_lower(table, module, || std::fs::read(path).expect("a module"));
+    }
+    // The largest module among those of published renderers has 98,390 instructions.
+    for count in table.size(vec![1_000, 10_000, 98_390, 300_000], vec![1_000]) {
+        for (name, each) in [("in functions", 400), ("in one function", count)] {
+            load_and_lower(table, &format!("{count} instructions {name}"), || {
+                synthetic::module(count, each).iter().flat_map(|word| word.to_le_bytes()).collect()
+            });
+        }
     }
     // Modules of one's own: how load and lower grow with them.
     for path in std::env::var_os("MODULES").iter().flat_map(std::env::split_paths) {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        load_and_lower(table, &name, &path);
+        load_and_lower(table, &name, || std::fs::read(path).expect("a module"));
     }
     let build = |name: &str, make: &dyn Fn() -> Scene| {
         if !table.wants(name) {
@@ -53,12 +62,12 @@ pub fn run(table: &mut Table) {
     }
 }
 
-fn load_and_lower(table: &Table, name: &str, path: &Path) {
+fn load_and_lower(table: &Table, name: &str, make: impl FnOnce() -> Vec<u8>) {
     let (loading, lowering) = (format!("load {name}"), format!("lower {name}"));
     if !table.wants(&loading) && !table.wants(&lowering) {
         return;
     }
-    let bytes = std::fs::read(path).expect("a module");
+    let bytes = make();
     table.time(&loading, || {
         let module = anyhit::module::load(&bytes).expect("a valid module");
         format!(
