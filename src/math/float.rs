@@ -9,34 +9,29 @@ use half::f16;
 
 use crate::math::{hard, power};
 
-/// `a as i32`, in operations that loops over lanes are vectorised with.
+/// `a as i32`, in operations that loops over lanes are vectorised with: behind 1.5 * 2^52 a whole number of 32 bits
+/// lies in a f64's lowest bits, in two's complement.
 #[inline(always)]
 pub fn to_i32(a: f32) -> i32 {
-    let (exponent, magnitude) = whole(a);
-    let negative = a.to_bits() >> 31 != 0;
-    let inside = if negative { (magnitude as i32).wrapping_neg() } else { magnitude as i32 };
-    let beyond = if negative { i32::MIN } else { i32::MAX };
-    // From 2^31 on; the NaNs are the greatest of all.
-    let settled = if exponent > 7 { beyond } else { inside };
-    if a.to_bits() << 1 > 0xFF00_0000 { 0 } else { settled }
+    let inside = within(a, i32::MIN.into(), i32::MAX.into());
+    if a.is_nan() { 0 } else { (inside + 1.5 * TWO_TO_52).to_bits() as i32 }
 }
 
 /// `a as u32`, likewise.
 #[inline(always)]
 pub fn to_u32(a: f32) -> u32 {
-    let (exponent, magnitude) = whole(a);
-    let settled = if exponent > 8 { u32::MAX } else { magnitude };
-    if a.to_bits() > 0x7F80_0000 { 0 } else { settled }
+    let inside = within(a, 0.0, u32::MAX.into());
+    if a.is_nan() { 0 } else { (inside + TWO_TO_52).to_bits() as u32 }
 }
 
-/// The exponent of a float's last bit, and its magnitude without fraction where that is below 2^32.
+const TWO_TO_52: f64 = 4_503_599_627_370_496.0;
+
+/// The whole part of a number, or the bound that it lies behind.
 #[inline(always)]
-fn whole(a: f32) -> (i32, u32) {
-    let exponent = (a.to_bits() >> 23 & 0xFF) as i32 - 150;
-    let mantissa = a.to_bits() & 0x7F_FFFF | 0x80_0000;
-    let left = mantissa << exponent.clamp(0, 8);
-    let right = mantissa >> (-exponent).clamp(0, 31);
-    (exponent, if exponent < 0 { right } else { left })
+fn within(a: f32, low: f64, high: f64) -> f64 {
+    let whole = f64::from(a.trunc());
+    let raised = if whole > low { whole } else { low };
+    if raised < high { raised } else { high }
 }
 
 /// A float type of SPIR-V.
