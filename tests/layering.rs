@@ -30,7 +30,6 @@ const LAYERS: &[&[&str]] = &[
 /// Crates, and the modules that may name them.
 const CRATES: &[(&str, &[&str])] = &[
     ("rspirv", &["module", "ops"]),
-    ("obvhs", &["accel"]),
     ("codespan_reporting", &["error"]),
     ("naga", &["compile"]),
     ("glslang", &["compile"]),

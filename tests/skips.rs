@@ -57,6 +57,27 @@ fn a_few_primitives_have_no_tree() -> Result<()> {
 }
 
 #[test]
+fn a_few_rays_have_no_tree() -> Result<()> {
+    let blas = spheres(1000, GeometryFlags::OPAQUE);
+    let tlas = Tlas::new(vec![instance(&blas, 0.0)])?;
+    assert!(!blas.is_built(), "nothing is built before the first ray");
+    let of_first = walk(&tlas, ray(999.0, 0.0));
+    assert!(blas.is_built() && !blas.has_tree());
+    // All are looked through.
+    assert_eq!((of_first.nodes, of_first.primitives), (0, 1000));
+    let mut rays = 1;
+    while !blas.has_tree() {
+        rays += 1;
+        assert!(rays < 100, "no tree comes after {rays} rays");
+        walk(&tlas, ray(0.0, 0.0));
+    }
+    assert!(rays > 4, "a tree comes with ray {rays}");
+    let of_last = walk(&tlas, ray(999.0, 0.0));
+    assert!(of_last.nodes > 0 && of_last.primitives < 20, "{of_last:?}");
+    Ok(())
+}
+
+#[test]
 fn only_what_a_ray_reaches_is_built() -> Result<()> {
     // More instances than are looked at without a tree over them: that needs the box around each BLAS
     // and nothing else of it.

@@ -252,7 +252,7 @@ impl Draw {
         let radii = |draw: &mut Self, n: usize| {
             (0..n)
                 .map(|_| if draw.below(20) == 0 { f32::NAN } else { draw.unit().abs() * 0.5 * scale })
-                .collect()
+                .collect::<Vec<f32>>()
         };
         match kind {
             0 => {
@@ -285,7 +285,9 @@ impl Draw {
                     let last = positions[positions.len() - 1];
                     positions.push(near(self, last));
                 }
-                let radii = radii(self, count + 1);
+                // Thin ones stand in several leaves.
+                let thin = [1.0, 0.01][self.below(2) as usize];
+                let radii = radii(self, count + 1).into_iter().map(|radius: f32| radius * thin).collect();
                 let indices = (0..count as u32).map(|k| if self.below(9) == 0 { k / 2 } else { k }).collect();
                 GeometryData::LinearSweptSpheres {
                     positions,
@@ -339,9 +341,23 @@ impl Draw {
         m
     }
 
-    fn tlas(&mut self, scale: f32) -> Arc<Tlas> {
+    /// Nothing in it asks a shader.
+    fn plain_blas(&mut self, scale: f32) -> Arc<Blas> {
+        let kind = [0, 2, 3][self.below(3) as usize];
+        let count = [1, 9, 150][self.below(3) as usize];
+        Blas::new(vec![Geometry::new(self.data(kind, scale, count), GeometryFlags::OPAQUE)]).unwrap()
+    }
+
+    /// So many that the first rays look through all of them.
+    fn great_blas(&mut self, scale: f32) -> Arc<Blas> {
+        let kind = self.below(4);
+        let flags = GeometryFlags(self.below(4) as u32);
+        Blas::new(vec![Geometry::new(self.data(kind, scale, 600), flags)]).unwrap()
+    }
+
+    fn tlas(&mut self, scale: f32, blas: impl Fn(&mut Self, f32) -> Arc<Blas>) -> Arc<Tlas> {
         let count = [1, 2, 4, 5, 30][self.below(5) as usize];
-        let shared: Vec<_> = (0..3).map(|_| self.blas(scale)).collect();
+        let shared: Vec<_> = (0..3).map(|_| blas(self, scale)).collect();
         let mut transform = self.transform(scale);
         let instances = (0..count)
             .map(|_| {
@@ -403,8 +419,12 @@ impl Draw {
 }
 
 fn compare(seed: u64, scale: f32, rays: usize) -> usize {
+    compare_in(seed, scale, rays, Draw::blas)
+}
+
+fn compare_in(seed: u64, scale: f32, rays: usize, blas: impl Fn(&mut Draw, f32) -> Arc<Blas>) -> usize {
     let mut draw = Draw(seed);
-    let tlas = draw.tlas(scale);
+    let tlas = draw.tlas(scale, blas);
     let mut met = 0;
     for _ in 0..rays {
         let trace = draw.trace(scale);
@@ -425,10 +445,23 @@ fn compare(seed: u64, scale: f32, rays: usize) -> usize {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(30))]
+    #[test]
+    fn a_few_rays_without_a_tree_walk_the_same_list(seed in any::<u64>()) {
+        compare_in(seed, 1.0, 12, Draw::great_blas);
+    }
+}
+
+proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
     #[test]
     fn the_cursor_walks_the_sorted_list(seed in any::<u64>()) {
         compare(seed, 1.0, 20);
+    }
+
+    #[test]
+    fn without_shaders_the_closest_is_committed(seed in any::<u64>(), exponent in prop_oneof![Just(0i32), -30i32..30]) {
+        compare_in(seed, 10f32.powi(exponent), 20, Draw::plain_blas);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! plain f32. Every contender has a test of a block of four  and a test of one
 //! lane that passed it.
 
-use anyhit::geometry::block::{self, BlockRay};
+use anyhit::geometry::block::{self, BlockRay, BoxRay};
 use anyhit::geometry::{Bounds, ObjectRay, Precision, Ray, Transform};
 
 use crate::shape::Shape;
@@ -47,7 +47,7 @@ macro_rules! ours {
     ($block:ty, $block_ray:ident, $shape:pat => $block_name:ident, $lane:ident, $set:expr) => {
         impl<const P: u8> Contender for Ours<$block, P> {
             type Block = $block;
-            type Ray = (ObjectRay, BlockRay);
+            type Ray = (ObjectRay, $block_ray);
 
             fn block(shapes: &[Shape]) -> Self::Block {
                 let mut $block_name = <$block>::EMPTY;
@@ -65,7 +65,7 @@ macro_rules! ours {
                     None => ObjectRay::in_world(ray),
                 };
                 let object = object.expect("a finite ray");
-                (object, BlockRay::$block_ray(&object, around))
+                (object, $block_ray::new(&object, around))
             }
 
             #[inline(always)]
@@ -81,8 +81,8 @@ macro_rules! ours {
     };
 }
 
-ours!(block::Spheres, new, Shape::Sphere(center, radius) => block, lane, block.set(lane, center, radius));
-ours!(block::LinearSweptSpheres, new, Shape::Swept(positions, radii) => block, lane,
+ours!(block::Spheres, BlockRay, Shape::Sphere(center, radius) => block, lane, block.set(lane, center, radius));
+ours!(block::LinearSweptSpheres, BlockRay, Shape::Swept(positions, radii) => block, lane,
     block.set(lane, positions, radii, [true; 2]));
-ours!(block::Triangles, new, Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));
-ours!(block::Aabbs, for_boxes, Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));
+ours!(block::Triangles, BlockRay, Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));
+ours!(block::Aabbs, BoxRay, Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));

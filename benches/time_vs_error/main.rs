@@ -25,7 +25,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhit::accel::{Blas, Cursor, Instance, RayFlags, Tlas, TraceRay};
-use anyhit::geometry::block::{self, BlockRay};
+use anyhit::geometry::block::{self, BlockRay, BoxRay};
 use anyhit::geometry::{ObjectRay, Precision, Ray, linear_swept_sphere, sphere, triangle};
 
 use contender::{Contender, DOUBLE, EXACT, FLOAT, Ours};
@@ -266,10 +266,10 @@ fn steps(scene: &Scene) -> String {
                 None => ObjectRay::in_world(ray),
             };
             let object = object.expect("a finite ray");
-            let block_ray = BlockRay::for_boxes(&object, &scene.bounds);
+            let block_rays = (BlockRay::new(&object, &scene.bounds), BoxRay::new(&object, &scene.bounds));
             tree.traverse(&object_node_ray(ray, placed), f32::INFINITY, |at, limit| {
                 for &number in &tree.blocks[at] {
-                    counts[step(&scene.shapes[number as usize], &object, &block_ray)] += 1;
+                    counts[step(&scene.shapes[number as usize], &object, &block_rays)] += 1;
                 }
                 limit
             });
@@ -286,7 +286,7 @@ fn steps(scene: &Scene) -> String {
     )
 }
 
-fn step(shape: &Shape, ray: &ObjectRay, block_ray: &BlockRay) -> usize {
+fn step(shape: &Shape, ray: &ObjectRay, (block_ray, box_ray): &(BlockRay, BoxRay)) -> usize {
     let (met, in_f64) = match *shape {
         Shape::Sphere(center, radius) => {
             let mut block = block::Spheres::EMPTY;
@@ -306,7 +306,7 @@ fn step(shape: &Shape, ray: &ObjectRay, block_ray: &BlockRay) -> usize {
         Shape::Aabb([min, max]) => {
             let mut block = block::Aabbs::EMPTY;
             block.set(0, min, max);
-            (block.met(block_ray), anyhit::geometry::aabb::is_decided_in_f64(ray, min, max))
+            (block.met(box_ray), anyhit::geometry::aabb::is_decided_in_f64(ray, min, max))
         }
     };
     if met & 1 == 0 {

@@ -1,5 +1,6 @@
 //! Bottom-level acceleration structures.
 
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use crate::accel::body::Body;
@@ -82,14 +83,24 @@ pub(super) fn between([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32;
 
 /// A bottom-level acceleration structure: geometries of one kind over one tree.
 ///
-/// Making one checks its numbers and no more: boxes and tree come with the first ray that reaches
-/// it, and not at all where it holds only a few primitives.
+/// Making one checks its numbers and no more: boxes and tree come with the rays that reach it, and not
+/// at all where it holds, or is reached by, only a few.
 #[derive(Debug)]
 pub struct Blas {
     geometries: Vec<Geometry>,
     bounds: OnceLock<Bounds>,
+    /// For the first few rays, where a tree is not built for them.
+    listed: OnceLock<Body>,
+    /// How many rays those were.
+    rays: AtomicU32,
     body: OnceLock<Body>,
 }
+
+/// So many rays, where more primitives than that are reached, look through all of them: building a tree
+/// takes as long as fifty or a hundred do, most scenes of a few rays never see more, and the others
+/// lose little.
+const FEW_RAYS: u32 = 8;
+const MANY_PRIMITIVES: usize = 512;
 
 impl Blas {
     /// Takes the geometries; the tree is built on first use.
@@ -106,7 +117,13 @@ impl Blas {
         if !mistakes.is_empty() {
             return Err(Error::several(mistakes));
         }
-        Ok(Arc::new(Self { geometries, bounds: OnceLock::new(), body: OnceLock::new() }))
+        Ok(Arc::new(Self {
+            geometries,
+            bounds: OnceLock::new(),
+            listed: OnceLock::new(),
+            rays: AtomicU32::new(0),
+            body: OnceLock::new(),
+        }))
     }
 
     /// The geometries in the order of their `RayGeometryIndexKHR`.
@@ -135,10 +152,11 @@ impl Blas {
 
     /// Whether rays have reached it, so that its boxes (and tree) exist.
     pub fn is_built(&self) -> bool {
-        self.body.get().is_some()
+        self.body.get().or(self.listed.get()).is_some()
     }
 
-    /// Whether rays have reached it, and it has a tree: a few primitives have none.
+    /// Whether rays have reached it, and it has a tree: a few primitives have none, and neither have
+    /// many that only a few rays reached.
     pub fn has_tree(&self) -> bool {
         self.body.get().is_some_and(|body| body.tree().is_some())
     }
@@ -146,9 +164,9 @@ impl Blas {
     /// The box around all active primitives, in object space; empty where there are none. Builds
     /// nothing else, unless vertices move.
     pub fn bounds(&self) -> Bounds {
-        match self.body.get() {
-            Some(body) => body.bounds(),
-            None if self.moves() => self.body().bounds(),
+        match self.body.get().or(self.listed.get()) {
+            Some(body) => *body.bounds(),
+            None if self.moves() => *self.body().bounds(),
             None => *self.bounds.get_or_init(|| Body::bounds_of(&self.geometries)),
         }
     }
@@ -157,5 +175,23 @@ impl Blas {
     #[inline]
     pub(super) fn body(&self) -> &Body {
         self.body.get_or_init(|| Body::build(&self.geometries))
+    }
+
+    /// The same for a ray that reaches it. `may_list`: whether results don't depend on a tree.
+    #[inline]
+    pub(super) fn reached(&self, may_list: bool) -> &Body {
+        match self.body.get() {
+            Some(body) => body,
+            None => self.reached_anew(may_list),
+        }
+    }
+
+    #[cold]
+    fn reached_anew(&self, may_list: bool) -> &Body {
+        let count: usize = self.geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
+        if may_list && count > MANY_PRIMITIVES && self.rays.fetch_add(1, Ordering::Relaxed) < FEW_RAYS {
+            return self.listed.get_or_init(|| Body::without_tree(&self.geometries));
+        }
+        self.body()
     }
 }

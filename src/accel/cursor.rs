@@ -24,12 +24,11 @@
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-use crate::accel::node_ray::NodeRay;
 use crate::accel::primitive::Primitive;
 pub use crate::accel::rules::{RayFlags, RayRule};
 use crate::accel::tlas::{Instance, Tlas};
-use crate::accel::visit::{Place, Visit};
-use crate::accel::walk::{Level, Open};
+use crate::accel::visit::{Onlooker, Place, Told, Visit};
+use crate::accel::walk::Walk;
 use crate::geometry::{Intersection, Ray, Surface};
 
 /// A hit kind: 254 and 255 for triangles, 0 to 127 for reported ones.
@@ -227,6 +226,8 @@ impl Ord for Waiting {
 /// Whether a traversal goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
+    /// Nothing was visited.
+    Fresh,
     Underway,
     /// No further candidate and no further commit.
     Ended,
@@ -236,70 +237,65 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Cursor {
     pub(super) trace: TraceRay,
-    pub(super) open: Vec<Open>,
-    /// The ray for the nodes of the TLAS; `None` where that has no tree.
-    pub(super) world: Option<NodeRay>,
-    pub(super) level: Option<Box<Level>>,
-    /// Memory for the next level.
-    pub(super) spare_level: Option<Box<Level>>,
+    pub(super) walk: Walk,
+    pub(super) hits: Hits,
+    state: State,
+}
+
+/// What a traversal has found.
+#[derive(Clone, Debug)]
+pub(super) struct Hits {
     /// No hit behind it matters; a rounded t.
-    pub(super) cull_t: f32,
+    pub cull_t: f32,
     waiting: BinaryHeap<Reverse<Waiting>>,
     /// The closest opaque hit that was found and whose turn has not come.
     opaque: Option<Committed>,
     committed: Option<Committed>,
     /// The candidate that is with the caller.
     presented: Option<Candidate>,
-    state: State,
+    /// The key of the last one that was: all later ones lie behind it.
+    last: Option<Key>,
+    /// What an onlooker was told of, where a ray may come to one primitive several times.
+    told: Vec<Place>,
     any_opaque_hit_ends: bool,
 }
 
 impl Cursor {
     /// Begins a traversal. A ray that holds a NaN or an infinite origin or direction meets nothing.
-    pub fn new(tlas: &Tlas, trace: TraceRay) -> Self {
-        let mut cursor = Self {
-            trace,
-            open: Vec::new(),
-            world: None,
-            level: None,
-            spare_level: None,
-            cull_t: 0.0,
+    pub fn new(_tlas: &Tlas, trace: TraceRay) -> Self {
+        let hits = Hits {
+            cull_t: trace.ray.t_max,
             waiting: BinaryHeap::new(),
             opaque: None,
             committed: None,
             presented: None,
-            state: State::Underway,
+            last: None,
+            told: Vec::new(),
             any_opaque_hit_ends: false,
         };
-        cursor.reset(tlas, trace);
-        cursor
+        Self { trace, walk: Walk::IDLE, hits, state: State::Fresh }
     }
 
     /// Begins another traversal in the memory of this one.
-    pub fn reset(&mut self, tlas: &Tlas, trace: TraceRay) {
+    pub fn reset(&mut self, _tlas: &Tlas, trace: TraceRay) {
         self.trace = trace;
-        self.cull_t = trace.ray.t_max;
-        self.waiting.clear();
-        self.opaque = None;
-        self.committed = None;
-        self.presented = None;
-        self.state = State::Underway;
-        self.any_opaque_hit_ends = false;
-        self.start(tlas);
+        self.hits.clear();
+        self.hits.cull_t = trace.ray.t_max;
+        self.state = State::Fresh;
     }
 
     /// Takes the memory of this one for a traversal that is over already, with this outcome.
     pub fn settle(&mut self, trace: TraceRay, committed: Option<Committed>) {
         self.trace = trace;
         self.terminate();
-        self.committed = committed;
+        self.hits.committed = committed;
     }
 
     /// Lets the traversal end at *any* opaque hit, the first that it comes upon. For rays that only
     /// ask whether something is hit: the caller must see to it that nobody can observe which hit
     /// was committed, or which candidates were handed out before.
     pub fn end_at_any_opaque_hit(&mut self) {
-        self.any_opaque_hit_ends = true;
+        self.hits.any_opaque_hit_ends = true;
     }
 
     /// The operands of the trace.
@@ -310,41 +306,78 @@ impl Cursor {
     /// Goes on to the next candidate; `None` at the end. What was handed out before and not
     /// confirmed is passed over.
     pub fn proceed(&mut self, tlas: &Tlas) -> Option<Candidate> {
-        self.proceed_with(tlas, &mut ())
+        if self.state == State::Fresh && tlas.is_decided_without_shaders(self.trace.flags) {
+            self.state = State::Ended;
+            self.advance::<(), true>(tlas, true, &mut ());
+            self.hits.committed = self.hits.opaque;
+            return None;
+        }
+        self.proceed_told(tlas, &mut ())
     }
 
     /// The same under the eyes of an onlooker.
-    pub fn proceed_with(&mut self, tlas: &Tlas, visit: &mut impl Visit) -> Option<Candidate> {
-        self.presented = None;
-        if self.state == State::Ended {
-            return None;
+    #[inline]
+    pub fn proceed_with<V: Visit>(&mut self, tlas: &Tlas, visit: &mut V) -> Option<Candidate> {
+        if V::QUIET {
+            self.proceed(tlas)
+        } else if V::REASONS {
+            self.proceed_told(tlas, &mut Onlooker::<true>::new(&mut Told(visit)))
+        } else {
+            self.proceed_told(tlas, &mut Onlooker::<false>::new(&mut Told(visit)))
         }
+    }
+
+    fn proceed_told<V: Visit>(&mut self, tlas: &Tlas, visit: &mut V) -> Option<Candidate> {
+        let start = match self.state {
+            State::Fresh => true,
+            State::Underway => false,
+            State::Ended => {
+                self.hits.presented = None;
+                return None;
+            }
+        };
+        self.state = State::Underway;
+        self.hits.presented = None;
+        let next = self.next(tlas, start, visit);
+        if next.is_none() {
+            self.finish(visit);
+        }
+        next
+    }
+
+    /// The next candidate; `None` where the turn of the closest opaque hit has come.
+    fn next<V: Visit>(&mut self, tlas: &Tlas, mut start: bool, visit: &mut V) -> Option<Candidate> {
         loop {
-            if let Some(&Reverse(first)) = self.waiting.peek()
-                && self.is_next(&first)
+            if let Some(&Reverse(first)) = self.hits.waiting.peek()
+                && self.walk.is_past(first.0.intersection.t)
             {
-                self.waiting.pop();
-                if self.is_behind(&first) {
-                    break;
+                self.hits.waiting.pop();
+                if self.hits.is_behind(&first) {
+                    return None;
                 }
-                self.presented = Some(first.0);
+                if self.hits.was_presented(&first) {
+                    continue;
+                }
+                self.hits.last = Some(first.key());
+                self.hits.presented = Some(first.0);
                 visit.present(&first.0);
                 return Some(first.0);
             }
-            if !self.advance(tlas, visit) {
-                break;
+            if !self.advance::<V, false>(tlas, start, visit) {
+                return None;
             }
+            start = false;
         }
-        self.finish(visit);
-        None
     }
 
     /// Commits the candidate that [`Cursor::proceed`] returned last (not a box); the traversal is
     /// over then, as all else lies behind. Returns whether there was one to commit.
     pub fn confirm(&mut self) -> bool {
-        let Some(candidate) = self.presented.filter(|candidate| !candidate.is_box()) else { return false };
+        let Some(candidate) = self.hits.presented.filter(|candidate| !candidate.is_box()) else {
+            return false;
+        };
         let Some(hit_kind) = candidate.hit_kind() else { return false };
-        self.committed = Some(Committed { candidate, t: candidate.intersection.t, hit_kind });
+        self.hits.committed = Some(Committed { candidate, t: candidate.intersection.t, hit_kind });
         self.terminate();
         true
     }
@@ -352,17 +385,17 @@ impl Cursor {
     /// Whether a hit at t in the current box would be accepted now.
     #[inline]
     pub fn accepts(&self, t: f32) -> bool {
-        let Some(candidate) = self.presented.filter(Candidate::is_box) else { return false };
+        let Some(candidate) = self.hits.presented.filter(Candidate::is_box) else { return false };
         let in_interval = t >= self.trace.ray.t_min && t <= self.t_max();
-        in_interval && self.committed.is_none_or(|committed| candidate.key(t) <= committed.key())
+        in_interval && self.hits.committed.is_none_or(|committed| candidate.key(t) <= committed.key())
     }
 
     /// Commits a hit at t in the current box, where it is accepted; says whether it was. Several
     /// may follow each other for one box.
     pub fn generate(&mut self, t: f32, hit_kind: HitKind) -> bool {
-        let Some(candidate) = self.presented.filter(|_| self.accepts(t)) else { return false };
-        self.committed = Some(Committed { candidate, t, hit_kind });
-        self.cull_t = self.cull_t.min(t);
+        let Some(candidate) = self.hits.presented.filter(|_| self.accepts(t)) else { return false };
+        self.hits.committed = Some(Committed { candidate, t, hit_kind });
+        self.hits.cull_t = self.hits.cull_t.min(t);
         if self.trace.flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT) {
             self.terminate();
         }
@@ -372,85 +405,117 @@ impl Cursor {
     /// Ends the traversal; what is committed stays, and nothing is added.
     pub fn terminate(&mut self) {
         self.state = State::Ended;
-        self.presented = None;
-        self.opaque = None;
-        self.waiting.clear();
-        self.open.clear();
-        self.level = None;
+        let committed = self.hits.committed;
+        self.hits.clear();
+        self.hits.committed = committed;
     }
 
     /// The candidate that is with the caller.
     pub fn candidate(&self) -> Option<&Candidate> {
-        self.presented.as_ref()
+        self.hits.presented.as_ref()
     }
 
     /// The closest hit so far; after the end, the hit.
     pub fn committed(&self) -> Option<&Committed> {
-        self.committed.as_ref()
+        self.hits.committed.as_ref()
     }
 
     /// The current `RayTmaxKHR`: the committed t, or the ray's own.
     #[inline]
     pub fn t_max(&self) -> f32 {
-        self.committed.map_or(self.trace.ray.t_max, |committed| committed.t)
+        self.hits.committed.map_or(self.trace.ray.t_max, |committed| committed.t)
+    }
+
+    /// The turn of the closest opaque hit: every candidate before it had its own.
+    fn finish(&mut self, visit: &mut impl Visit) {
+        if let Some(hit) = self.hits.opaque.take()
+            && self.hits.committed.is_none_or(|committed| hit.key() < committed.key())
+        {
+            self.hits.committed = Some(hit);
+            visit.commit(&hit);
+        }
+        visit.end(self.walk.is_over());
+        self.terminate();
+    }
+}
+
+impl Hits {
+    /// Forgets all.
+    #[inline(always)]
+    fn clear(&mut self) {
+        self.forget_waiting();
+        self.opaque = None;
+        self.committed = None;
+        self.presented = None;
+        self.last = None;
+        if !self.told.is_empty() {
+            self.told.clear();
+        }
+        self.any_opaque_hit_ends = false;
+    }
+
+    /// Whether it is a candidate that had its turn, found again in another leaf.
+    fn was_presented(&self, waiting: &Waiting) -> bool {
+        self.last.is_some_and(|last| waiting.key() <= last)
+    }
+
+    /// Whether an onlooker hears of a primitive for the first time.
+    #[cold]
+    pub fn tell_once(&mut self, place: Place) -> bool {
+        let first = !self.told.contains(&place);
+        if first {
+            self.told.push(place);
+        }
+        first
     }
 
     /// Takes an opaque hit; says whether it is the closest so far.
     #[inline(always)]
-    pub(super) fn take_opaque(&mut self, candidate: Candidate) -> bool {
+    pub fn take_opaque(&mut self, candidate: Candidate) -> bool {
+        let t = candidate.intersection.t;
         let Some(hit_kind) = candidate.hit_kind() else { return false };
-        let hit = Committed { candidate, t: candidate.intersection.t, hit_kind };
-        let closest =
-            [&self.opaque, &self.committed].into_iter().flatten().all(|other| hit.key() < other.key());
+        let hit = Committed { candidate, t, hit_kind };
+        let others = [&self.opaque, &self.committed];
+        let closest = t < self.cull_t || others.into_iter().flatten().all(|other| hit.key() < other.key());
         if closest {
             self.opaque = Some(hit);
-            self.cull_t = self.cull_t.min(hit.t);
-            if self.any_opaque_hit_ends {
-                self.open.clear();
-                self.waiting.clear();
-            }
+            self.cull_t = self.cull_t.min(t);
         }
         closest
     }
 
     /// Takes a candidate that will be handed out in its turn; says whether it may have one.
     #[inline]
-    pub(super) fn take_candidate(&mut self, candidate: Candidate) -> bool {
+    pub fn take_candidate(&mut self, candidate: Candidate) -> bool {
         let waiting = Waiting(candidate);
-        if self.is_behind(&waiting) {
+        if self.is_behind(&waiting) || self.was_presented(&waiting) {
             return false;
         }
         self.waiting.push(Reverse(waiting));
         true
     }
 
-    /// Whether candidates wait for their turn.
+    /// The t of the first candidate that waits for its turn.
     #[inline(always)]
-    pub(super) fn has_waiting(&self) -> bool {
-        !self.waiting.is_empty()
+    pub fn first_waiting(&self) -> Option<f32> {
+        self.waiting.peek().map(|Reverse(first)| first.0.intersection.t)
+    }
+
+    /// Lets no candidate have its turn.
+    #[inline(always)]
+    pub fn forget_waiting(&mut self) {
+        if !self.waiting.is_empty() {
+            self.waiting.clear();
+        }
+    }
+
+    /// Whether nothing else need be visited.
+    #[inline(always)]
+    pub fn is_enough(&self) -> bool {
+        self.any_opaque_hit_ends && self.opaque.is_some()
     }
 
     fn is_behind(&self, waiting: &Waiting) -> bool {
         [&self.opaque, &self.committed].into_iter().flatten().any(|other| other.key() < waiting.key())
-    }
-
-    /// Whether nothing unvisited can have a smaller key: a node whose entry is equal may hide an
-    /// equal t.
-    #[inline]
-    fn is_next(&self, waiting: &Waiting) -> bool {
-        self.open.last().is_none_or(|open| waiting.0.intersection.t < open.floor)
-    }
-
-    /// The turn of the closest opaque hit: every candidate before it had its own.
-    fn finish(&mut self, visit: &mut impl Visit) {
-        let complete = self.open.is_empty();
-        if let Some(hit) = self.opaque
-            && self.committed.is_none_or(|committed| hit.key() < committed.key())
-        {
-            self.committed = Some(hit);
-            visit.commit(&hit);
-        }
-        self.terminate();
-        visit.end(complete);
     }
 }

@@ -6,24 +6,82 @@ use crate::math::eight::Eights;
 /// How many children a node has at most: the lanes of a vector register (AVX) or of two (SSE, NEON).
 pub const WIDTH: usize = 8;
 
-/// A child: an inner node, or a run of primitives.
+/// A child: an inner node, or a leaf of primitives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Child {
-    /// The node's index, or the first primitive's place in tree order.
-    pub first: u32,
+pub struct Child(u32);
+
+/// The bits of a child that say how many primitives it has.
+const COUNT_BITS: u32 = 3;
+
+impl Child {
+    /// An inner node.
+    pub fn inner(node: usize) -> Self {
+        Self::of(node, 0)
+    }
+
+    /// A leaf of up to 7 primitives. Leaves stand in tree order at multiples of the tree's leaf size;
+    /// `index` counts in those.
+    pub fn leaf(index: usize, count: usize) -> Self {
+        assert!((1..1 << COUNT_BITS).contains(&count), "bug in anyhit: a leaf of {count} primitives");
+        Self::of(index, count)
+    }
+
+    fn of(index: usize, count: usize) -> Self {
+        assert!(index < 1 << (u32::BITS - COUNT_BITS), "bug in anyhit: a tree of too many nodes");
+        Self((index << COUNT_BITS | count) as u32)
+    }
+
+    /// As a number.
+    #[inline(always)]
+    pub fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// What [`Child::bits`] gave.
+    #[inline(always)]
+    pub fn from_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
+    /// Which node, or which leaf.
+    #[inline(always)]
+    pub fn index(self) -> usize {
+        (self.0 >> COUNT_BITS) as usize
+    }
+
     /// How many primitives; 0 for an inner node.
-    pub count: u32,
+    #[inline(always)]
+    pub fn count(self) -> u32 {
+        self.0 & ((1 << COUNT_BITS) - 1)
+    }
+
+    #[inline(always)]
+    pub fn is_leaf(self) -> bool {
+        self.count() != 0
+    }
+
+    /// The same where nodes and leaves stand so many further on.
+    pub fn moved(self, nodes: usize, leaves: usize) -> Self {
+        let by = if self.is_leaf() { leaves } else { nodes };
+        Self::of(self.index() + by, self.count() as usize)
+    }
+
+    /// As many primitives, each as a leaf of one, in a tree whose leaf size is 1.
+    pub fn singles(self) -> impl DoubleEndedIterator<Item = Self> {
+        (0..self.count() as usize).map(move |at| Self::leaf(self.index() + at, 1))
+    }
 }
 
-/// An inner node: the boxes of its children side by side (structure of arrays), in scaled units.
+/// An inner node: the boxes of its children side by side (structure of arrays), in scaled units. Four
+/// cache lines.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub struct Node {
     /// Per axis the lower planes, then the upper ones.
     planes: [[[f32; WIDTH]; 2]; 3],
     children: [Child; WIDTH],
-    /// How many children there are.
-    len: u32,
+    /// A bit for each slot that has a child.
+    filled: u32,
 }
 
 impl Node {
@@ -33,7 +91,7 @@ impl Node {
         let mut node = Self {
             planes: [[[0.0; WIDTH]; 2]; 3],
             children: [Child::default(); WIDTH],
-            len: children.len() as u32,
+            filled: (1 << children.len()) - 1,
         };
         for (slot, (child, corners)) in children.iter().enumerate() {
             node.children[slot] = *child;
@@ -50,18 +108,25 @@ impl Node {
         self.children[slot] = child;
     }
 
+    /// Adapts the children where nodes and leaves stand so many further on.
+    pub fn move_children(&mut self, nodes: usize, leaves: usize) {
+        for slot in 0..self.filled.count_ones() as usize {
+            self.children[slot] = self.children[slot].moved(nodes, leaves);
+        }
+    }
+
     /// The children with their boxes (scaled).
     #[cfg(test)]
     pub fn children(&self) -> impl Iterator<Item = (Child, [[f32; 3]; 2])> + '_ {
-        (0..self.len as usize).map(|slot| {
+        (0..self.filled.count_ones() as usize).map(|slot| {
             let corner = |side: usize| std::array::from_fn(|axis| self.planes[axis][side][slot]);
             (self.children[slot], [corner(0), corner(1)])
         })
     }
 
-    /// Where the ray enters each child's box: a lower bound of the rounded t (absolute, at least
-    /// `t_min`) of any hit in it, and a bit for each child that it does not surely miss before
-    /// `limit`.
+    /// Where the ray enters each child's box: a lower bound of the rounded t (in the ray's units, see
+    /// [`NodeRay::absolute`](super::node_ray::NodeRay::absolute)) of any hit in it, and a bit for each
+    /// child that it does not surely miss before `limit`.
     #[inline(always)]
     pub fn entries<E: Eights>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
         let eights = ray.eights;
@@ -76,11 +141,11 @@ impl Node {
             far = eights.if_below(eights.mul(leave, ray.far_reciprocal[axis]), far);
         }
         let met = eights.at_least(far, near);
-        (eights.lanes(near), met & ((1 << self.len) - 1))
+        (eights.lanes(near), met & self.filled)
     }
 
     /// The child in a slot.
-    #[inline]
+    #[inline(always)]
     pub fn child(&self, slot: usize) -> Child {
         self.children[slot % WIDTH]
     }

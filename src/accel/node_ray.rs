@@ -24,9 +24,9 @@
 //! reciprocals are infinite, and the slab only asks whether the origin lies within; infinity times
 //! zero gives NaN, which each comparison below ignores (the box is kept).
 
-use crate::geometry::{Bounds, ObjectRay, Ray};
+use crate::geometry::{Bounds, ObjectRay, Ray, RoughRay};
 use crate::math::eight::Eights;
-use crate::math::four::Four;
+use crate::math::four::{Four, LANES};
 
 /// The unit roundoff of f64.
 const U: f64 = 1.0 / 9_007_199_254_740_992.0;
@@ -38,15 +38,16 @@ pub struct NodeLimit(pub(super) f32);
 /// A ray made ready for the nodes of one tree.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeRay {
-    pub(super) near_origin: [f32; 3],
-    pub(super) far_origin: [f32; 3],
-    pub(super) near_reciprocal: [f32; 3],
-    pub(super) far_reciprocal: [f32; 3],
+    /// Of each row three numbers count, one an axis.
+    pub(super) near_origin: [f32; LANES],
+    pub(super) far_origin: [f32; LANES],
+    pub(super) near_reciprocal: [f32; LANES],
+    pub(super) far_reciprocal: [f32; LANES],
     /// Per axis which plane is entered first: 0 the lower, 1 the upper.
     pub(super) near_side: [usize; 3],
     t_shift: f32,
     t_min: f32,
-    /// `t_min` counted from the shift, rounded down.
+    /// `t_min` counted from the shift, rounded down; not -0.
     pub(super) near_floor: f32,
 }
 
@@ -73,22 +74,28 @@ const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
 impl NodeRay {
     /// Memory for a ray.
     pub const IDLE: Self = Self {
-        near_origin: [0.0; 3],
-        far_origin: [0.0; 3],
-        near_reciprocal: [0.0; 3],
-        far_reciprocal: [0.0; 3],
+        near_origin: [0.0; LANES],
+        far_origin: [0.0; LANES],
+        near_reciprocal: [0.0; LANES],
+        far_reciprocal: [0.0; LANES],
         near_side: [0; 3],
         t_shift: 0.0,
         t_min: 0.0,
         near_floor: 0.0,
     };
 
+    /// A ray that only knows where it starts, for what has no tree.
+    pub fn from(t_min: f32) -> Self {
+        Self { t_min, near_floor: t_min + 0.0, ..Self::IDLE }
+    }
+
     /// Prepares a ray for a tree with the given root box (in the tree's space, not scaled) and
     /// scale (a power of two). `None` where it is plain that the ray misses the root within
     /// `t_min..=t_max`.
     #[inline]
     pub fn new(ray: &ObjectRay, t_max: f32, root: &Bounds, scale: f64) -> Option<Self> {
-        if let Some(simple) = Self::simple(ray, scale) {
+        let mut simple = Self::IDLE;
+        if ray.is_in_world() && simple.set_simple(ray.world(), scale) {
             return Some(simple);
         }
         let (origin, _) = ray.origin_bounded();
@@ -104,43 +111,75 @@ impl NodeRay {
         Some(Self::counted_from(ray, 0.0, f64::INFINITY, scale))
     }
 
-    /// The common case in f32 throughout: a ray of exactly these f32 numbers, none of them extreme,
-    /// that starts near the tree. `None` for any other.
+    /// The common case in f32 throughout: a ray that [is ordinary](Ray::is_ordinary), in world space,
+    /// that starts near the tree. Says whether it is one.
     ///
     /// Scaling such numbers is exact. A reciprocal rounds once, and once more when it is shrunk or
     /// widened by 2^-22: 2^-23 of that is left, where the difference needs 2^-24.
     #[inline(always)]
-    fn simple(ray: &ObjectRay, scale: f64) -> Option<Self> {
+    pub fn set_simple(&mut self, ray: &Ray, scale: f64) -> bool {
         const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
         const MOST: f32 = (1u64 << 60) as f32;
-        let Ray { origin: [x, y, z], direction, t_min, .. } = *ray.world();
+        let Ray { origin: [x, y, z], direction: [dx, dy, dz], t_min, .. } = *ray;
         let scale = scale as f32;
-        let scaled = Four::new([x, y, z, 0.0]) * Four::splat(scale);
-        let near = Four::splat(FAR_AWAY as f32).at_least(scaled.abs()) == 0b1111;
-        if !(ray.is_ordinary() && near && (LEAST..=MOST).contains(&scale)) {
-            return None;
+        let origin = Four::new([x, y, z, 0.0]) * Four::splat(scale);
+        let near_by = Four::splat(FAR_AWAY as f32).at_least(origin.abs()) == 0b1111;
+        if !(near_by && (LEAST..=MOST).contains(&scale) && ray.is_ordinary()) {
+            return false;
         }
-        // Infinite for a direction of 0.
-        let [dx, dy, dz] = direction;
-        let magnitudes = Four::splat(1.0) / (Four::new([dx, dy, dz, 1.0]).abs() * Four::splat(scale));
-        let near = (magnitudes * Four::splat(SHRINK as f32)).to_array();
-        let far = (magnitudes * Four::splat(WIDEN as f32)).to_array();
-        let [x, y, z, _] = scaled.to_array();
-        let mut out = Self { t_min, near_floor: t_min, ..Self::IDLE };
-        (out.near_origin, out.far_origin) = ([x, y, z], [x, y, z]);
+        // A direction of -0 counts as upwards, like 0: both have an infinite reciprocal.
+        let direction = (Four::new([dx, dy, dz, 1.0]) + Four::splat(0.0)) * Four::splat(scale);
+        let reciprocal = Four::splat(1.0) / direction;
+        self.near_origin = origin.to_array();
+        self.far_origin = self.near_origin;
+        self.near_reciprocal = (reciprocal * Four::splat(SHRINK as f32)).to_array();
+        self.far_reciprocal = (reciprocal * Four::splat(WIDEN as f32)).to_array();
+        self.near_side = [dx, dy, dz].map(|component| usize::from(component < 0.0));
+        (self.t_shift, self.t_min, self.near_floor) = (0.0, t_min, t_min + 0.0);
+        true
+    }
+
+    /// The common case in an instance, in f32 throughout: a ray that starts near the tree, of which each
+    /// component of the direction is either 0 or known well. Says whether it is one.
+    ///
+    /// Scaling is exact. The origin's sum rounds, and so does a reciprocal's sum, its division and its
+    /// product; the bounds of a rough ray are twice what is needed and pay for 6u of that.
+    #[inline(always)]
+    pub fn set_rough(&mut self, ray: &RoughRay, t_min: f32, scale: f64) -> bool {
+        const LEAST: f32 = 1.0 / (1u64 << 20) as f32;
+        const MOST: f32 = (1u64 << 20) as f32;
+        let scale = scale as f32;
+        let all = |x: f32| Four::splat(x);
+        let origin = ray.origin * all(scale);
+        let size = ray.direction.abs();
+        let near_by = all(FAR_AWAY as f32).at_least(origin.abs());
+        let known = size.at_least(ray.direction_error * all(4.0));
+        if !(near_by & known == 0b1111 && (LEAST..=MOST).contains(&scale)) {
+            return false;
+        }
+        let slack = ray.origin_error * all(scale);
+        let (below, above) = (origin - slack, origin + slack);
+        let slow = all(1.0) / ((size + ray.direction_error) * all(scale));
+        let fast = all(1.0) / ((size - ray.direction_error) * all(scale));
+        let near = (slow * all(SHRINK as f32)).to_array();
+        let far = (fast * all(WIDEN as f32)).to_array();
+        let (below, above, direction) = (below.to_array(), above.to_array(), ray.direction.to_array());
         for axis in 0..3 {
             let downwards = direction[axis] < 0.0;
-            out.near_side[axis] = usize::from(downwards);
-            out.near_reciprocal[axis] = if downwards { -near[axis] } else { near[axis] };
-            out.far_reciprocal[axis] = if downwards { -far[axis] } else { far[axis] };
+            let (first, last, sign) =
+                if downwards { (below[axis], above[axis], -1.0) } else { (above[axis], below[axis], 1.0) };
+            self.near_side[axis] = usize::from(downwards);
+            (self.near_origin[axis], self.far_origin[axis]) = (first, last);
+            (self.near_reciprocal[axis], self.far_reciprocal[axis]) = (near[axis] * sign, far[axis] * sign);
         }
-        Some(out)
+        (self.t_shift, self.t_min, self.near_floor) = (0.0, t_min, t_min + 0.0);
+        true
     }
 
     /// The ray as the nodes' test takes it.
     #[inline(always)]
     pub fn slabs<E: Eights>(&self, eights: E) -> Slabs<E> {
-        let all = |numbers: &[f32; 3]| numbers.map(|number| eights.splat(number));
+        let all = |&[x, y, z, _]: &[f32; LANES]| [x, y, z].map(|number| eights.splat(number));
         Slabs {
             eights,
             near_origin: all(&self.near_origin),
@@ -164,11 +203,11 @@ impl NodeRay {
         let (near_by, origin_bounds) = ray.origin_bounded();
         let (along, direction_bounds) = ray.direction_bounded();
         let mut out = Self {
-            near_reciprocal: [f32::INFINITY; 3],
-            far_reciprocal: [f32::INFINITY; 3],
+            near_reciprocal: [f32::INFINITY; LANES],
+            far_reciprocal: [f32::INFINITY; LANES],
             t_shift,
             t_min,
-            near_floor: if t_shift == 0.0 { t_min } else { 0.0 },
+            near_floor: if t_shift == 0.0 { t_min + 0.0 } else { 0.0 },
             ..Self::IDLE
         };
         let shift = f64::from(t_shift);
@@ -246,12 +285,6 @@ impl NodeRay {
             (self.t_shift + near) * (1.0 - 1.0 / 2_097_152.0)
         };
         if entry > self.t_min { entry } else { self.t_min }
-    }
-
-    /// A lower bound of the rounded t of any hit in the tree.
-    #[inline]
-    pub fn root_entry(&self) -> f32 {
-        self.absolute(self.near_floor)
     }
 }
 
@@ -331,7 +364,9 @@ mod tests {
 
     use super::*;
     use crate::accel::node::{Node, WIDTH};
+    use crate::accel::split::LeafCost;
     use crate::accel::tree::Tree;
+    use crate::geometry::Transform;
     use crate::math::eight::TwoFours;
 
     fn exact(x: f32) -> RBig {
@@ -404,8 +439,14 @@ mod tests {
     /// Nothing that the ray meets exactly may be lost, and no entry may lie above the rounded t.
     fn check(boxes: &[Bounds], matrix: Option<[[f32; 4]; 3]>, ray: Ray) -> Result<bool, TestCaseError> {
         let Some(object_ray) = ObjectRay::new(&ray, matrix.as_ref()) else { return Ok(false) };
-        let (tree, order) = Tree::build(boxes, 1).expect("boxes");
-        let node_ray = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale());
+        let (tree, order) =
+            Tree::build(boxes, LeafCost { most: 1, visit: 1.0, primitive: 1.0 }).expect("boxes");
+        let prepared = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale());
+        let transform = matrix.as_ref().and_then(Transform::new);
+        let rough = transform.and_then(|transform| transform.rough(&ray)).and_then(|rough| {
+            let mut node_ray = NodeRay::IDLE;
+            node_ray.set_rough(&rough, ray.t_min, tree.scale()).then_some(node_ray)
+        });
         let (mut o, mut d) = (ray.origin.map(exact), ray.direction.map(exact));
         if let Some(m) = matrix {
             let from = std::array::from_fn(|k| &o[k] - exact(m[k][3]));
@@ -416,28 +457,30 @@ mod tests {
             let bounds = &boxes[order[place as usize] as usize];
             let Some(t) = exact_entry(&o, &d, bounds, ray.t_min, ray.t_max) else { continue };
             any = true;
-            let Some(node_ray) = &node_ray else {
+            if prepared.is_none() {
                 return Err(TestCaseError::fail(format!("the root is lost: {bounds:?}")));
-            };
-            // From the root down to the box, each step must let the ray through.
-            let rounded = t.to_f32().value();
-            let limit = node_ray.limit(rounded);
-            let mut at = tree.root();
-            prop_assert!(node_ray.root_entry() <= rounded);
-            while at.count == 0 {
-                let node: &Node = tree.node(at.first);
-                let (near, met) = node.entries(&node_ray.slabs(TwoFours), limit);
-                let entries: [f32; WIDTH] = std::array::from_fn(|slot| {
-                    if met >> slot & 1 != 0 { node_ray.absolute(near[slot]) } else { f32::INFINITY }
-                });
-                let slot = (0..entries.len()).find(|&slot| holds(&tree, node, slot, place));
-                let slot = slot.expect("every box is in the tree");
-                prop_assert!(
-                    entries[slot] <= rounded,
-                    "{bounds:?} is entered at {rounded:e}, the node test says {:e}",
-                    entries[slot]
-                );
-                at = node.child(slot);
+            }
+            for node_ray in [&prepared, &rough].into_iter().flatten() {
+                // From the root down to the box, each step must let the ray through.
+                let rounded = t.to_f32().value();
+                let limit = node_ray.limit(rounded);
+                let mut at = tree.root();
+                prop_assert!(node_ray.absolute(node_ray.near_floor) <= rounded);
+                while !at.is_leaf() {
+                    let node: &Node = tree.node(at);
+                    let (near, met) = node.entries(&node_ray.slabs(TwoFours), limit);
+                    let entries: [f32; WIDTH] = std::array::from_fn(|slot| {
+                        if met >> slot & 1 != 0 { node_ray.absolute(near[slot]) } else { f32::INFINITY }
+                    });
+                    let slot = (0..entries.len()).find(|&slot| holds(&tree, node, slot, place));
+                    let slot = slot.expect("every box is in the tree");
+                    prop_assert!(
+                        entries[slot] <= rounded,
+                        "{bounds:?} is entered at {rounded:e}, the node test says {:e}",
+                        entries[slot]
+                    );
+                    at = node.child(slot);
+                }
             }
         }
         Ok(any)
@@ -446,10 +489,10 @@ mod tests {
     /// Whether a place in tree order lies below a node's slot.
     fn holds(tree: &Tree, node: &Node, slot: usize, place: u32) -> bool {
         let Some((child, _)) = node.children().nth(slot) else { return false };
-        if child.count > 0 {
-            return (child.first..child.first + child.count).contains(&place);
+        if child.is_leaf() {
+            return child.index() == place as usize;
         }
-        let below = tree.node(child.first);
+        let below = tree.node(child);
         (0..WIDTH).any(|slot| holds(tree, below, slot, place))
     }
 

@@ -69,10 +69,20 @@ pub(super) fn triangle(
     transform: &Option<[[f32; 4]; 3]>,
     primitive: u32,
 ) -> [[f32; 3]; 3] {
-    std::array::from_fn(|corner| {
-        let vertex = vertices[entry_of(indices, 3 * primitive as usize + corner)];
-        transform.as_ref().map_or(vertex, |matrix| transform_point(matrix, vertex))
-    })
+    let first = 3 * primitive as usize;
+    let mut corners = match indices {
+        Some(indices) => {
+            let [a, b, c] = [indices[first], indices[first + 1], indices[first + 2]];
+            [vertices[a as usize], vertices[b as usize], vertices[c as usize]]
+        }
+        None => [vertices[first], vertices[first + 1], vertices[first + 2]],
+    };
+    if let Some(matrix) = transform {
+        for corner in &mut corners {
+            *corner = transform_point(matrix, *corner);
+        }
+    }
+    corners
 }
 
 /// The vertex that an entry of the (perhaps absent) index buffer names.

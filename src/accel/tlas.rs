@@ -10,6 +10,7 @@ use crate::accel::geometry_data::GeometryKind;
 use crate::accel::motion::{Motion, or_identity};
 use crate::accel::motion_bounds;
 use crate::accel::rules::{RayFlags, is_opaque};
+use crate::accel::split::LeafCost;
 use crate::accel::transform::IDENTITY;
 use crate::accel::tree::Tree;
 use crate::accel::validate;
@@ -88,7 +89,7 @@ impl Instance {
 
 /// How the rays of an instance come into its object space.
 #[derive(Debug)]
-enum Placed {
+pub(super) enum Placed {
     /// By the identity.
     InWorld,
     /// By a transform that stays.
@@ -254,6 +255,12 @@ impl Tlas {
         ObjectRay::new(ray, Some(&matrix))
     }
 
+    /// How rays come into an instance.
+    #[inline(always)]
+    pub(super) fn transform(&self, instance: u32) -> &Placed {
+        &self.placed[instance as usize]
+    }
+
     /// [`Tlas::object_ray`] in the memory of another; says whether there is one.
     #[inline]
     pub(super) fn set_object_ray(&self, instance: u32, ray: &Ray, time: f32, out: &mut ObjectRay) -> bool {
@@ -302,7 +309,7 @@ impl Tlas {
             });
             numbers.push(number as u32);
         }
-        let (tree, order) = Tree::build(&boxes, 1)?;
+        let (tree, order) = Tree::build(&boxes, LeafCost { most: 1, visit: 4.0, primitive: 0.0 })?;
         Some((tree, order.into_iter().map(|place| numbers[place as usize]).collect()))
     }
 }

@@ -11,6 +11,9 @@ pub trait Visit {
     /// Whether reasons are wanted. They cost a second test of each primitive that is not hit.
     const REASONS: bool;
 
+    /// Whether it looks away: then nothing is told, and traversal takes the shortest way.
+    const QUIET: bool = false;
+
     /// A node was opened: of an instance's tree, or (`None`) of the tree over the instances.
     fn node(&mut self, _instance: Option<u32>) {}
 
@@ -35,6 +38,7 @@ pub trait Visit {
 
 impl Visit for () {
     const REASONS: bool = false;
+    const QUIET: bool = true;
 }
 
 /// Which primitive of a TLAS.
@@ -117,4 +121,54 @@ impl Visit for Counters {
     fn present(&mut self, _: &Candidate) {
         self.candidates += 1;
     }
+}
+
+/// What can be told to an onlooker of any kind.
+trait Listener {
+    fn node(&mut self, instance: Option<u32>);
+    fn instance(&mut self, instance: u32, verdict: InstanceVerdict);
+    fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict);
+    fn missed(&mut self, count: u32);
+    fn present(&mut self, candidate: &Candidate);
+    fn commit(&mut self, committed: &Committed);
+    fn end(&mut self, complete: bool);
+}
+
+/// An onlooker of any kind, so that traversal is compiled for two of them and not for each.
+pub(super) struct Onlooker<'a, const REASONS: bool>(&'a mut dyn Listener);
+
+impl<'a, const REASONS: bool> Onlooker<'a, REASONS> {
+    pub fn new<V: Visit>(visit: &'a mut Told<V>) -> Self {
+        Self(visit)
+    }
+}
+
+/// An onlooker as a listener.
+pub(super) struct Told<'a, V>(pub &'a mut V);
+
+macro_rules! tell {
+    ($($method:ident($($argument:ident: $type:ty),*))*) => {
+        impl<V: Visit> Listener for Told<'_, V> {
+            $(fn $method(&mut self, $($argument: $type),*) {
+                self.0.$method($($argument),*);
+            })*
+        }
+
+        impl<const REASONS: bool> Visit for Onlooker<'_, REASONS> {
+            const REASONS: bool = REASONS;
+
+            $(fn $method(&mut self, $($argument: $type),*) {
+                self.0.$method($($argument),*);
+            })*
+        }
+    };
+}
+tell! {
+    node(instance: Option<u32>)
+    instance(instance: u32, verdict: InstanceVerdict)
+    primitive(place: Place, verdict: PrimitiveVerdict)
+    missed(count: u32)
+    present(candidate: &Candidate)
+    commit(committed: &Committed)
+    end(complete: bool)
 }

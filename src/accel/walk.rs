@@ -1,11 +1,12 @@
-//! One step of a traversal through the trees of a TLAS and its BLASes.
+//! The way of a traversal through the trees of a TLAS and its BLASes.
 
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
 use crate::accel::blas::GeometryFlags;
 use crate::accel::body::Body;
-use crate::accel::cursor::{Candidate, Cursor};
+use crate::accel::cursor::{Candidate, Cursor, Hits, TraceRay};
+use crate::accel::level::Level;
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Child, Node, WIDTH};
 use crate::accel::node_ray::{NodeLimit, NodeRay, Slabs};
@@ -14,276 +15,405 @@ use crate::accel::rules::{
 };
 use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
-use crate::geometry::block::BlockRay;
-use crate::geometry::{Intersection, ObjectRay};
+use crate::geometry::{Intersection, ObjectRay, Precision};
 use crate::math::eight::{Eights, TwoFours};
 
-/// A part of a tree that is still to be visited.
-#[derive(Clone, Copy, Debug)]
-pub struct Open {
-    child: Child,
-    /// A lower bound of the rounded t of any hit in it.
-    entry: f32,
-    /// The least entry of this and all below it on the stack.
-    pub floor: f32,
+/// A part of a tree that is still to be visited: above a lower bound of the rounded t of any hit in
+/// it, in the units of its tree's ray, as bits (it is not negative, so that they are ordered like
+/// numbers), below which part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Open(u64);
+
+impl Open {
+    #[inline(always)]
+    fn new(child: Child, entry: f32) -> Self {
+        Self(u64::from(entry.to_bits()) << 32 | u64::from(child.bits()))
+    }
+
+    #[inline(always)]
+    fn child(self) -> Child {
+        Child::from_bits(self.0 as u32)
+    }
+
+    #[inline(always)]
+    fn entry(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
 }
 
-/// The BLAS that the upper end of the stack belongs to.
+/// The stack.
 #[derive(Clone, Debug)]
-pub struct Level {
-    instance: u32,
-    /// How many entries of the stack lie below it.
-    base: usize,
-    object_ray: ObjectRay,
-    node_ray: NodeRay,
-    block_ray: Option<BlockRay>,
+struct Stack {
+    open: Vec<Open>,
+    /// For each the least t, rounded, of any hit in it and all below; not kept where no candidate can
+    /// wait for its turn.
+    floors: Vec<f32>,
 }
 
-impl Level {
-    /// Memory for a level.
-    const IDLE: Self =
-        Self { instance: 0, base: 0, object_ray: ObjectRay::IDLE, node_ray: NodeRay::IDLE, block_ray: None };
+impl Stack {
+    #[inline(always)]
+    fn len(&self) -> usize {
+        self.open.len()
+    }
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        self.open.clear();
+        self.floors.clear();
+    }
+
+    #[inline(always)]
+    fn pop<const PLAIN: bool>(&mut self) -> Option<Open> {
+        if !PLAIN {
+            self.floors.pop();
+        }
+        self.open.pop()
+    }
+
+    /// Puts a part on top; `ray` is that of its tree.
+    #[inline(always)]
+    fn push<const PLAIN: bool>(&mut self, open: Open, ray: &NodeRay) {
+        self.open.push(open);
+        if !PLAIN {
+            self.push_floor(ray.absolute(open.entry()));
+        }
+    }
+
+    #[inline(always)]
+    fn push_floor(&mut self, t: f32) {
+        let floor = self.floors.last().map_or(t, |&below| if below < t { below } else { t });
+        self.floors.push(floor);
+    }
+}
+
+/// What is still to be visited: first what the stack holds of the level, then the instances.
+#[derive(Clone, Debug)]
+pub struct Walk {
+    stack: Stack,
+    /// The ray for the nodes of the TLAS, where that has a tree.
+    world: NodeRay,
+    level: Level,
+    in_level: bool,
+}
+
+impl Walk {
+    /// Memory for a walk.
+    pub const IDLE: Self = Self {
+        stack: Stack { open: Vec::new(), floors: Vec::new() },
+        world: NodeRay::IDLE,
+        level: Level::IDLE,
+        in_level: false,
+    };
+
+    /// Whether nothing unvisited can have a hit at t or before: a node whose entry is equal may hide
+    /// an equal t.
+    #[inline]
+    pub fn is_past(&self, t: f32) -> bool {
+        self.stack.floors.last().is_none_or(|&floor| t < floor)
+    }
+
+    /// Whether nothing is left.
+    pub fn is_over(&self) -> bool {
+        self.stack.open.is_empty()
+    }
 }
 
 impl Cursor {
-    /// Puts the root on the stack.
-    pub(super) fn start(&mut self, tlas: &Tlas) {
-        self.open.clear();
-        self.level = None;
-        self.world = None;
-        let ray = &self.trace.ray;
-        let Some((tree, _)) = tlas.tree() else {
-            let count = tlas.instances().len() as u32;
-            if count > 0 && ray.is_finite() {
-                push(&mut self.open, Child { first: 0, count }, ray.t_min);
-            }
-            return;
-        };
-        let Some(object_ray) = ObjectRay::in_world(ray) else { return };
-        if let Some(node_ray) = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale()) {
-            push(&mut self.open, tree.root(), node_ray.root_entry());
-            self.world = Some(node_ray);
-        }
-    }
-
-    /// Goes on until a candidate waits for its turn; `false` where nothing is left to visit.
-    pub(super) fn advance(&mut self, tlas: &Tlas, visit: &mut impl Visit) -> bool {
-        loop {
-            if let Some(level) = self.level.take() {
-                self.visit_level(tlas, &level, visit);
-                if self.open.len() > level.base {
-                    self.level = Some(level);
-                } else {
-                    self.spare_level = Some(level);
-                }
-            } else {
-                let Some(Open { child, entry, .. }) = self.open.pop() else { return false };
-                if entry <= self.cull_t {
-                    self.step_in_world(tlas, child, entry, visit);
-                }
-            }
-            if self.has_waiting() {
-                return true;
-            }
-        }
-    }
-
-    /// Visits what the stack holds of a BLAS, until a candidate waits.
-    fn visit_level<V: Visit>(&mut self, tlas: &Tlas, level: &Level, visit: &mut V) {
+    /// Goes on (from the `start`, where that is said) until a candidate's turn has come; `false` where
+    /// nothing is left to visit. `PLAIN`: no candidate is possible.
+    pub(super) fn advance<V: Visit, const PLAIN: bool>(
+        &mut self,
+        tlas: &Tlas,
+        start: bool,
+        visit: &mut V,
+    ) -> bool {
+        let trace = &self.trace;
+        let (walk, hits) = (&mut self.walk, &mut self.hits);
+        let advance = Advance::<V, PLAIN> { walk, hits, trace, tlas, visit, start };
         #[cfg(target_arch = "x86_64")]
         if !V::REASONS
             && let Some(simd) = tlas.simd()
         {
-            return simd.vectorize(VisitLevel { cursor: self, tlas, level, visit, simd });
+            return simd.vectorize(Vectorized { advance, simd });
         }
-        self.visit_level_with(TwoFours, tlas, level, visit);
+        advance.run(TwoFours)
+    }
+}
+
+/// A part of a traversal with its arguments.
+struct Advance<'a, V, const PLAIN: bool> {
+    walk: &'a mut Walk,
+    hits: &'a mut Hits,
+    trace: &'a TraceRay,
+    tlas: &'a Tlas,
+    visit: &'a mut V,
+    start: bool,
+}
+
+/// To be compiled for AVX2: the same operations, and the same results.
+#[cfg(target_arch = "x86_64")]
+struct Vectorized<'a, V, const PLAIN: bool> {
+    advance: Advance<'a, V, PLAIN>,
+    simd: V3,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<V: Visit, const PLAIN: bool> pulp::NullaryFnOnce for Vectorized<'_, V, PLAIN> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn call(self) -> bool {
+        self.advance.run(self.simd)
+    }
+}
+
+impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
+    #[inline(always)]
+    fn run<E: Eights>(mut self, eights: E) -> bool {
+        if self.start {
+            self.begin();
+        }
+        loop {
+            if !PLAIN && self.is_turn() {
+                return true;
+            }
+            if self.walk.in_level {
+                self.visit_level(eights);
+                self.walk.in_level = self.walk.stack.len() > self.walk.level.base;
+            } else {
+                let Some(open) = self.walk.stack.pop::<PLAIN>() else { return false };
+                if open.entry() <= self.walk.world.limit(self.hits.cull_t).0 {
+                    self.step_in_world(eights, open);
+                }
+            }
+            if self.hits.is_enough() {
+                self.hits.forget_waiting();
+                self.walk.stack.clear();
+                self.walk.in_level = false;
+                return false;
+            }
+        }
+    }
+
+    /// Whether the turn of a candidate has come.
+    #[inline(always)]
+    fn is_turn(&self) -> bool {
+        self.hits.first_waiting().is_some_and(|t| self.walk.is_past(t))
+    }
+
+    /// Puts the root on the stack; a lone instance is entered at once.
+    #[inline(always)]
+    fn begin(&mut self) {
+        self.walk.stack.clear();
+        self.walk.in_level = false;
+        let count = self.tlas.instances().len();
+        if count == 1 {
+            self.reach(0);
+        } else if count > 1 && self.trace.ray.is_finite() {
+            self.begin_in_world(count);
+        }
+    }
+
+    #[inline(never)]
+    fn begin_in_world(&mut self, count: usize) {
+        let ray = &self.trace.ray;
+        let Walk { stack, world, .. } = &mut *self.walk;
+        let root = match self.tlas.tree() {
+            None => {
+                *world = NodeRay::from(ray.t_min);
+                Child::leaf(0, count)
+            }
+            Some((tree, _)) => {
+                if !world.set_simple(ray, tree.scale()) {
+                    let Some(object_ray) = ObjectRay::in_world(ray) else { return };
+                    let node_ray = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale());
+                    let Some(node_ray) = node_ray else { return };
+                    *world = node_ray;
+                }
+                tree.root()
+            }
+        };
+        stack.push::<PLAIN>(Open::new(root, world.near_floor), world);
     }
 
     #[inline(always)]
-    fn visit_level_with<E: Eights, V: Visit>(
-        &mut self,
-        eights: E,
-        tlas: &Tlas,
-        level: &Level,
-        visit: &mut V,
-    ) {
-        let body = tlas.instances()[level.instance as usize].blas.body();
-        let Some(tree) = body.tree() else { return };
-        let slabs = level.node_ray.slabs(eights);
-        let mut limit = level.node_ray.limit(self.cull_t);
-        while self.open.len() > level.base {
-            let Some(Open { mut child, entry, .. }) = self.open.pop() else { return };
-            if entry > self.cull_t {
-                continue;
-            }
-            // Down to a leaf; what is farther waits on the stack.
-            loop {
-                if child.count > 0 {
-                    let (ray, block_ray) = (&level.object_ray, level.block_ray.as_ref());
-                    self.test(tlas, level.instance, body, child, ray, block_ray, visit);
-                    if self.has_waiting() {
-                        return;
-                    }
-                    limit = level.node_ray.limit(self.cull_t);
-                    break;
+    fn step_in_world<E: Eights>(&mut self, eights: E, open: Open) {
+        let Walk { stack, world, .. } = &mut *self.walk;
+        let child = open.child();
+        match (child.count(), self.tlas.tree()) {
+            (0, Some((tree, _))) => {
+                self.visit.node(None);
+                let (limit, slabs) = (world.limit(self.hits.cull_t), world.slabs(eights));
+                let ray = (&*world, &slabs);
+                if let Some(nearest) = push_children::<_, PLAIN>(stack, limit, tree.node(child), ray) {
+                    stack.push::<PLAIN>(nearest, world);
                 }
-                visit.node(Some(level.instance));
-                let node = tree.node(child.first);
-                match push_children(&mut self.open, limit, node, (&level.node_ray, &slabs)) {
-                    Some((nearest, _)) => child = nearest,
-                    None => break,
+            }
+            (1, tree) => {
+                self.reach(tree.map_or(child.index() as u32, |(_, order)| order[child.index()]));
+            }
+            _ => {
+                // The lowest place is looked at first.
+                for single in child.singles().rev() {
+                    stack.push::<PLAIN>(Open::new(single, open.entry()), world);
                 }
             }
         }
     }
 
-    fn step_in_world(&mut self, tlas: &Tlas, child: Child, entry: f32, visit: &mut impl Visit) {
-        match (child.count, tlas.tree()) {
-            (0, Some((tree, _))) => {
-                let Some(world) = &self.world else { return };
-                visit.node(None);
-                let limit = world.limit(self.cull_t);
-                let slabs = world.slabs(TwoFours);
-                if let Some((nearest, entry)) =
-                    push_children(&mut self.open, limit, tree.node(child.first), (world, &slabs))
-                {
-                    push(&mut self.open, nearest, entry);
-                }
-            }
-            (1, tree) => {
-                let instance = tree.map_or(child.first, |(_, order)| order[child.first as usize]);
-                let verdict = self.enter(tlas, instance, visit);
-                visit.instance(instance, verdict);
-            }
-            (count, _) => {
-                // The lowest place is looked at first.
-                for place in (child.first..child.first + count).rev() {
-                    push(&mut self.open, Child { first: place, count: 1 }, entry);
-                }
-            }
-        }
+    #[inline(always)]
+    fn reach(&mut self, number: u32) {
+        let verdict = self.enter(number);
+        self.visit.instance(number, verdict);
     }
 
     /// Goes into an instance: its primitives are tested at once where they are few, otherwise the
     /// root of its tree comes on the stack.
-    fn enter<V: Visit>(&mut self, tlas: &Tlas, number: u32, visit: &mut V) -> InstanceVerdict {
-        let instance = &tlas.instances()[number as usize];
+    #[inline(always)]
+    fn enter(&mut self, number: u32) -> InstanceVerdict {
+        let instance = &self.tlas.instances()[number as usize];
         if !is_visible(instance.mask, self.trace.cull_mask) {
             return InstanceVerdict::Masked;
         }
         if instance.blas.kind().is_some_and(|kind| is_skipped(self.trace.flags, kind)) {
             return InstanceVerdict::Skipped;
         }
-        let mut level = self.spare_level.take().unwrap_or_else(|| Box::new(Level::IDLE));
-        if !tlas.set_object_ray(number, &self.trace.ray, self.trace.time, &mut level.object_ray) {
-            self.spare_level = Some(level);
+        let body = instance.blas.reached(self.tlas.precision() == Precision::Exact);
+        let Walk { stack, level, in_level, .. } = &mut *self.walk;
+        if !level.enter(self.tlas, number, body.tree(), self.trace, self.hits.cull_t) {
             return InstanceVerdict::Missed;
         }
-        let verdict = self.enter_body(tlas, number, &mut level, visit);
-        let goes_on = verdict == InstanceVerdict::Entered && self.open.len() > level.base;
-        *(if goes_on { &mut self.level } else { &mut self.spare_level }) = Some(level);
-        verdict
-    }
-
-    /// Goes into an instance with the ray in its space.
-    #[inline(always)]
-    fn enter_body<V: Visit>(
-        &mut self,
-        tlas: &Tlas,
-        number: u32,
-        level: &mut Level,
-        visit: &mut V,
-    ) -> InstanceVerdict {
-        let body = tlas.instances()[number as usize].blas.body();
-        level.base = self.open.len();
-        let ray = &level.object_ray;
         let Some(tree) = body.tree() else {
-            let all = body.all();
-            if all.count > 0 {
-                self.test_few(tlas, number, body, all, ray, visit);
-            }
+            self.test_all(body);
             return InstanceVerdict::Entered;
         };
-        if V::REASONS && NodeRay::misses(ray, self.cull_t, tree.bounds()) {
+        if V::REASONS
+            && NodeRay::misses(level.object_ray(self.tlas, self.trace), self.hits.cull_t, tree.bounds())
+        {
             return InstanceVerdict::Missed;
         }
-        let Some(node_ray) = NodeRay::new(ray, self.cull_t, tree.bounds(), tree.scale()) else {
-            return InstanceVerdict::Missed;
-        };
-        level.instance = number;
-        level.block_ray = body.block_ray(ray);
-        level.node_ray = node_ray;
-        push(&mut self.open, tree.root(), node_ray.root_entry());
+        level.base = stack.len();
+        stack.push::<PLAIN>(Open::new(tree.root(), level.node_ray.near_floor), &level.node_ray);
+        *in_level = true;
         InstanceVerdict::Entered
+    }
+
+    /// Visits what the stack holds of a BLAS, until a candidate's turn has come.
+    #[inline(always)]
+    fn visit_level<E: Eights>(&mut self, eights: E) {
+        let number = self.walk.level.instance;
+        let base = self.walk.level.base;
+        let body = self.tlas.instances()[number as usize].blas.body();
+        let Some(tree) = body.tree() else { return };
+        let slabs = self.walk.level.node_ray.slabs(eights);
+        let mut limit = self.walk.level.node_ray.limit(self.hits.cull_t);
+        while self.walk.stack.len() > base {
+            let Some(open) = self.walk.stack.pop::<PLAIN>() else { return };
+            if open.entry() > limit.0 {
+                continue;
+            }
+            let mut child = open.child();
+            // Down to a leaf; what is farther waits on the stack.
+            while !child.is_leaf() {
+                self.visit.node(Some(number));
+                let Walk { stack, level, .. } = &mut *self.walk;
+                let ray = (&level.node_ray, &slabs);
+                match push_children::<E, PLAIN>(stack, limit, tree.node(child), ray) {
+                    Some(nearest) => child = nearest.child(),
+                    None => break,
+                }
+            }
+            if child.is_leaf() {
+                let met = self.met(body, child);
+                if met == 0 {
+                    continue;
+                }
+                self.test(body, child, met);
+                if self.hits.is_enough() || !PLAIN && self.is_turn() {
+                    return;
+                }
+                limit = self.walk.level.node_ray.limit(self.hits.cull_t);
+            }
+        }
     }
 
     /// Tests the primitives of an instance without a tree.
     #[inline(never)]
-    fn test_few<V: Visit>(
-        &mut self,
-        tlas: &Tlas,
-        number: u32,
-        body: &Body,
-        all: Child,
-        ray: &ObjectRay,
-        visit: &mut V,
-    ) {
-        self.test(tlas, number, body, all, ray, None, visit);
+    fn test_all(&mut self, body: &Body) {
+        let mut leaves = body.leaves();
+        let Some(first) = leaves.next() else { return };
+        self.test(body, first, body.every(first));
+        for leaf in leaves {
+            if self.hits.is_enough() {
+                break;
+            }
+            let met = self.met(body, leaf);
+            self.test(body, leaf, met);
+        }
     }
 
-    /// Tests a leaf of an instance.
-    #[allow(clippy::too_many_arguments)]
+    /// A bit for each of a leaf's primitives that the ray may meet.
     #[inline(always)]
-    fn test<V: Visit>(
-        &mut self,
-        tlas: &Tlas,
-        number: u32,
-        body: &Body,
-        leaf: Child,
-        ray: &ObjectRay,
-        block_ray: Option<&BlockRay>,
-        visit: &mut V,
-    ) {
-        let mut rest = if V::REASONS { body.every(leaf) } else { body.met(leaf, block_ray) };
-        visit.missed(leaf.count - rest.count_ones());
-        if rest == 0 {
-            return;
-        }
-        let instance = &tlas.instances()[number as usize];
+    fn met(&mut self, body: &Body, leaf: Child) -> u32 {
+        let met = if V::REASONS {
+            body.every(leaf)
+        } else {
+            self.walk.level.met(self.tlas, body, leaf, self.trace)
+        };
+        self.visit.missed(leaf.count() - met.count_ones());
+        met
+    }
+
+    /// Tests some of a leaf's primitives, a bit for each.
+    #[inline(always)]
+    fn test(&mut self, body: &Body, leaf: Child, mut rest: u32) {
+        let number = self.walk.level.instance;
+        let instance = &self.tlas.instances()[number as usize];
         let flags = self.trace.flags;
         let common = body.common_flags();
+        let precision = self.tlas.precision();
         while rest != 0 {
-            let at = leaf.first as usize + rest.trailing_zeros() as usize;
+            let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            let name = body.name(at);
-            let place = Place { instance: number, geometry: name.geometry, primitive: name.primitive };
             let (geometry_flags, micromap) = match common {
+                _ if PLAIN => (GeometryFlags::OPAQUE, None),
                 Some(flags) => (flags, None),
                 None => {
+                    let name = body.name(leaf, lane);
                     let geometry = &instance.blas.geometries()[name.geometry as usize];
                     let enabled = !instance.flags.contains(InstanceFlags::DISABLE_OPACITY_MICROMAPS);
                     (geometry.flags, geometry.opacity_micromap.as_deref().filter(|_| enabled))
                 }
             };
-            let mut opaque = is_opaque(flags, instance.flags, geometry_flags);
+            let mut opaque = PLAIN || is_opaque(flags, instance.flags, geometry_flags);
             let mut culled = is_culled_by_opacity(flags, opaque);
             if culled && micromap.is_none() && !V::REASONS {
                 continue;
             }
-            let Some(found) = body.intersect(at, ray, self.trace.time, tlas.precision()) else {
+            let ray = self.walk.level.object_ray(self.tlas, self.trace);
+            let place = || {
+                let name = body.name(leaf, lane);
+                Place { instance: number, geometry: name.geometry, primitive: name.primitive }
+            };
+            if !V::QUIET && body.has_pieces() && !self.hits.tell_once(place()) {
+                continue;
+            }
+            let found = body.intersect((leaf, lane), ray, self.trace.time, precision);
+            let Some(found) = found.filter(|found| !V::QUIET || found.t <= self.hits.cull_t) else {
                 let verdict = if V::REASONS {
-                    missed_or_outside(tlas, place, body, at, ray, self.trace.time)
+                    missed_or_outside(self.tlas, place(), body, (leaf, lane), ray, self.trace.time)
                 } else {
                     PrimitiveVerdict::Missed
                 };
-                visit.primitive(place, verdict);
+                self.visit.primitive(place(), verdict);
                 continue;
             };
+            let place = place();
             let found = Intersection { surface: presented(found.surface, instance.flags), ..found };
             if let Some(micromap) = micromap {
-                let opacity = micromap.opacity(name.primitive, found.attributes);
+                let opacity = micromap.opacity(place.primitive, found.attributes);
                 let Some(of_part) = opacity.is_opaque(is_two_state(flags, instance.flags)) else {
-                    visit.primitive(place, PrimitiveVerdict::Transparent(found));
+                    self.visit.primitive(place, PrimitiveVerdict::Transparent(found));
                     continue;
                 };
                 let of_part = if of_part { GeometryFlags::OPAQUE } else { GeometryFlags::default() };
@@ -295,47 +425,36 @@ impl Cursor {
             } else if is_culled_by_face(flags, instance.flags, found.surface) {
                 PrimitiveVerdict::CulledByFace(found)
             } else {
-                self.take(Candidate {
-                    instance: number,
-                    geometry: name.geometry,
-                    primitive: name.primitive,
-                    intersection: found,
-                    opaque,
-                })
+                let Place { instance, geometry, primitive } = place;
+                self.take(Candidate { instance, geometry, primitive, intersection: found, opaque })
             };
-            visit.primitive(place, verdict);
+            self.visit.primitive(place, verdict);
         }
     }
 
     #[inline(always)]
     fn take(&mut self, candidate: Candidate) -> PrimitiveVerdict {
         let found = candidate.intersection;
-        if candidate.opaque && !candidate.is_box() {
-            if self.take_opaque(candidate) {
+        if PLAIN || candidate.opaque && !candidate.is_box() {
+            if self.hits.take_opaque(candidate) {
                 return PrimitiveVerdict::Opaque(found);
             }
-        } else if self.take_candidate(candidate) {
+        } else if self.hits.take_candidate(candidate) {
             return PrimitiveVerdict::Candidate(found);
         }
         PrimitiveVerdict::Behind(found)
     }
 }
 
+/// The nearest of the children that the ray meets; the others come on the stack, the nearest of them
+/// on top.
 #[inline(always)]
-fn push(open: &mut Vec<Open>, child: Child, entry: f32) {
-    let floor = open.last().map_or(entry, |below| if below.floor < entry { below.floor } else { entry });
-    open.push(Open { child, entry, floor });
-}
-
-/// The nearest of the children that the ray meets, with its entry; the others come on the stack, the
-/// nearest of them on top.
-#[inline(always)]
-fn push_children<E: Eights>(
-    open: &mut Vec<Open>,
+fn push_children<E: Eights, const PLAIN: bool>(
+    stack: &mut Stack,
     limit: NodeLimit,
     node: &Node,
     (ray, slabs): (&NodeRay, &Slabs<E>),
-) -> Option<(Child, f32)> {
+) -> Option<Open> {
     let (near, mut rest) = node.entries(slabs, limit);
     if rest == 0 {
         return None;
@@ -343,63 +462,43 @@ fn push_children<E: Eights>(
     let mut next = || {
         let slot = rest.trailing_zeros() as usize % WIDTH;
         rest &= rest - 1;
-        (rest != 0, (ray.absolute(near[slot]), slot))
+        (rest != 0, Open::new(node.child(slot), near[slot]))
     };
     let (more, first) = next();
     if !more {
-        return Some((node.child(first.1), first.0));
+        return Some(first);
     }
     // Most nodes leave one child or two.
     let (more, second) = next();
-    let (mut nearest, other) = if second.0 < first.0 { (second, first) } else { (first, second) };
-    if !more {
-        push(open, node.child(other.1), other.0);
-        return Some((node.child(nearest.1), nearest.0));
-    }
-    // Insertion, the farthest first.
-    let mut met = [(0.0f32, 0usize); WIDTH];
-    met[0] = other;
-    let mut count = 1;
-    loop {
-        let (more, mut one) = next();
-        if one.0 < nearest.0 {
-            std::mem::swap(&mut one, &mut nearest);
+    let (mut nearest, mut other) = (first.min(second), first.max(second));
+    if more {
+        // Insertion into the top of the stack, the farthest first.
+        let bottom = stack.len();
+        stack.open.push(other);
+        loop {
+            let (more, one) = next();
+            (nearest, other) = (nearest.min(one), nearest.max(one));
+            stack.open.push(other);
+            let top = &mut stack.open[bottom..];
+            let mut at = top.len() - 1;
+            while at > 0 && top[at - 1] < other {
+                top[at] = top[at - 1];
+                at -= 1;
+            }
+            top[at] = other;
+            if !more {
+                break;
+            }
         }
-        let mut at = count;
-        while at > 0 && met[at - 1].0 < one.0 {
-            met[at] = met[at - 1];
-            at -= 1;
+        if !PLAIN {
+            for at in bottom..stack.len() {
+                stack.push_floor(ray.absolute(stack.open[at].entry()));
+            }
         }
-        met[at] = one;
-        count += 1;
-        if !more {
-            break;
-        }
+    } else {
+        stack.push::<PLAIN>(other, ray);
     }
-    for &(entry, slot) in &met[..count] {
-        push(open, node.child(slot), entry);
-    }
-    Some((node.child(nearest.1), nearest.0))
-}
-
-/// A visit with its arguments, to be compiled for AVX2: the same operations, and the same results.
-#[cfg(target_arch = "x86_64")]
-struct VisitLevel<'a, V> {
-    cursor: &'a mut Cursor,
-    tlas: &'a Tlas,
-    level: &'a Level,
-    visit: &'a mut V,
-    simd: V3,
-}
-
-#[cfg(target_arch = "x86_64")]
-impl<V: Visit> pulp::NullaryFnOnce for VisitLevel<'_, V> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        self.cursor.visit_level_with(self.simd, self.tlas, self.level, self.visit);
-    }
+    Some(nearest)
 }
 
 /// Why a primitive was not hit: tests it again over all t >= 0.
@@ -408,7 +507,7 @@ fn missed_or_outside(
     tlas: &Tlas,
     place: Place,
     body: &Body,
-    at: usize,
+    at: (Child, usize),
     ray: &ObjectRay,
     time: f32,
 ) -> PrimitiveVerdict {

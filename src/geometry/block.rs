@@ -37,7 +37,7 @@ mod linear_swept_sphere;
 mod sphere;
 mod triangle;
 
-pub use aabb::Aabbs;
+pub use aabb::{Aabbs, BoxRay};
 pub use linear_swept_sphere::LinearSweptSpheres;
 pub use sphere::Spheres;
 pub use triangle::Triangles;
@@ -45,7 +45,7 @@ pub use triangle::Triangles;
 /// How many primitives a block holds.
 pub use crate::math::four::LANES;
 
-use crate::geometry::{Bounds, ObjectRay, Ray};
+use crate::geometry::{Bounds, ObjectRay, Ray, RoughRay};
 use crate::math::four::Four;
 
 /// A bit for every lane.
@@ -71,40 +71,52 @@ pub struct BlockRay {
     growing: f32,
     /// The 2-norm of D at most.
     length: f32,
-    slabs: aabb::Slabs,
+}
+
+/// What [`BlockRay::prepare`] knows besides.
+struct Errors {
+    /// Of each component.
+    origin: [f64; 3],
+    direction: [f64; 3],
+    t0: f64,
 }
 
 impl BlockRay {
-    /// Makes a ray ready for primitives that lie within the given box (object space). For blocks of
-    /// boxes see [`BlockRay::for_boxes`].
+    /// Memory for a ray; for it, all is met.
+    pub const IDLE: Self = Self {
+        origin: [0.0; 3],
+        direction: [0.0; 3],
+        axis: 0,
+        fixed: f32::INFINITY,
+        growing: f32::INFINITY,
+        length: f32::INFINITY,
+    };
+
+    /// Makes a ray ready for primitives that lie within the given box (object space); for boxes there is
+    /// [`BoxRay`].
     #[inline]
     pub fn new(ray: &ObjectRay, around: &Bounds) -> Self {
-        Self::simple(ray, around).unwrap_or_else(|| Self::prepare::<false>(ray, around))
+        let simple = if ray.is_in_world() { Self::simple(ray.world(), around) } else { None };
+        simple.unwrap_or_else(|| Self::prepare(ray, around).0)
     }
 
-    /// The same for boxes, which need reciprocals.
-    #[inline]
-    pub fn for_boxes(ray: &ObjectRay, around: &Bounds) -> Self {
-        Self::prepare::<true>(ray, around)
-    }
-
-    /// The common case in f32 throughout: a ray in world space of ordinary numbers that starts near
-    /// the primitives. `None` for any other.
+    /// The common case in f32 throughout: a ray that [is ordinary](Ray::is_ordinary), in world space,
+    /// that starts near the primitives. `None` for any other.
     ///
     /// The origin is exact then, e = 2^-60, and a component of the direction rounds twice: its
     /// reciprocal and a product, together less than 2.5u of it. 16u pays for that, for 12u, and for
     /// the roundings here.
     #[inline(always)]
-    pub fn simple(ray: &ObjectRay, around: &Bounds) -> Option<Self> {
+    pub fn simple(ray: &Ray, around: &Bounds) -> Option<Self> {
         const MOST: f32 = (1u64 << 60) as f32;
-        let Ray { origin, direction, .. } = *ray.world();
+        let Ray { origin, direction, .. } = *ray;
         let four = |[x, y, z]: [f32; 3]| Four::new([x, y, z, 0.0]).abs();
         let [x, y, z, _] = four(around.min).greater(four(around.max)).to_array();
         let size = x.max(y).max(z);
         let near = Four::splat(4.0 * size).at_least(four(origin)) == 0b1111;
         let first = if direction[1].abs() > direction[0].abs() { 1 } else { 0 };
         let axis = if direction[2].abs() > direction[first].abs() { 2 } else { first };
-        if !(ray.is_ordinary() && near && size <= MOST) || direction[axis] == 0.0 {
+        if !(near && size <= MOST && ray.is_ordinary()) {
             return None;
         }
         let inverse = 1.0 / direction[axis].abs();
@@ -119,12 +131,46 @@ impl BlockRay {
             fixed: norm * (TINY * MARGIN * MARGIN) as f32,
             growing: norm * (16.0 * UNIT) as f32,
             length: square.sqrt() * (1.0 + 1.0 / 65_536.0),
-            slabs: aabb::Slabs::OPEN,
+        })
+    }
+
+    /// A ray in the object space of an instance, in f32 throughout. `None` where its direction is not
+    /// known well, or origin or primitives are very far.
+    ///
+    /// The sum of the errors of o' is e; D's component i is off by its error over the greatest
+    /// component, as the latter is divided by, and by the two roundings of [`BlockRay::simple`].
+    #[inline(always)]
+    pub fn rough(ray: &RoughRay, around: &Bounds) -> Option<Self> {
+        const MOST: f32 = (1u64 << 60) as f32;
+        let (origin, direction) = (ray.origin.to_array(), ray.direction.to_array());
+        let four = |[x, y, z]: [f32; 3]| Four::new([x, y, z, 0.0]).abs();
+        let reach = four(around.min).greater(four(around.max)).greater(ray.origin.abs());
+        let [x, y, z, _] = direction.map(f32::abs);
+        let first = if y > x { 1 } else { 0 };
+        let axis = if z > direction[first].abs() { 2 } else { first };
+        let inverse = 1.0 / direction[axis].abs();
+        let along =
+            [0, 1, 2].map(|i| if i == axis { 1f32.copysign(direction[i]) } else { direction[i] * inverse });
+        let norm = along[0].abs() + along[1].abs() + along[2].abs();
+        let sum = |errors: Four| {
+            let [x, y, z, _] = errors.to_array();
+            (x + y + z) * (MARGIN * MARGIN) as f32
+        };
+        let turn = sum(ray.direction_error) * inverse;
+        let fits = Four::splat(MOST).at_least(reach) == 0b1111 && turn <= 0.5;
+        let square = along[0] * along[0] + along[1] * along[1] + along[2] * along[2];
+        fits.then(|| Self {
+            origin: [origin[0], origin[1], origin[2]],
+            direction: along,
+            axis,
+            fixed: norm * (sum(ray.origin_error) + (TINY * MARGIN * MARGIN) as f32),
+            growing: turn + norm * (16.0 * UNIT) as f32,
+            length: square.sqrt() * (1.0 + 1.0 / 65_536.0) + turn,
         })
     }
 
     #[inline(always)]
-    fn prepare<const BOXES: bool>(ray: &ObjectRay, around: &Bounds) -> Self {
+    fn prepare(ray: &ObjectRay, around: &Bounds) -> (Self, Option<Errors>) {
         let (o, o_error) = ray.origin_bounded();
         let (d, d_error) = ray.direction_bounded();
         let size = around.min.iter().chain(&around.max).fold(0.0f32, |a, x| a.max(x.abs()));
@@ -134,15 +180,7 @@ impl BlockRay {
 
         let axis = greatest(d);
         let inverse = 1.0 / d[axis].abs();
-        let mut out = Self {
-            origin: [0.0; 3],
-            direction: [0.0; 3],
-            axis,
-            fixed: f32::INFINITY,
-            growing: f32::INFINITY,
-            length: f32::INFINITY,
-            slabs: aabb::Slabs::OPEN,
-        };
+        let mut out = Self { axis, ..Self::IDLE };
         const U: f64 = f64::EPSILON;
         // Bounds of each component, in f64 with twice the error that theory asks for.
         let mut origin_error = [0.0; 3];
@@ -164,7 +202,7 @@ impl BlockRay {
         }
         // Written so that a NaN is not within.
         if !(reach <= 1_152_921_504_606_846_976.0) || !(direction_error[axis] <= 0.5) {
-            return out;
+            return (out, None);
         }
         let e = origin_error[0] + origin_error[1] + origin_error[2] + TINY;
         let norm = out.direction.iter().map(|x| f64::from(x.abs())).sum::<f64>();
@@ -173,10 +211,7 @@ impl BlockRay {
         out.fixed = (norm * e * MARGIN) as f32;
         out.growing = ((kappa + norm * (12.0 * UNIT)) * MARGIN) as f32;
         out.length = ((square.sqrt() + kappa) * MARGIN) as f32;
-        if BOXES {
-            out.slabs = aabb::Slabs::new(&out, origin_error, direction_error, ray, t0);
-        }
-        out
+        (out, Some(Errors { origin: origin_error, direction: direction_error, t0 }))
     }
 
     #[inline(always)]
@@ -248,13 +283,13 @@ mod tests {
 
     /// Rays along z at a distance from the axis, near and far, and under a matrix with thirds in
     /// its inverse: all alike for what lies around the origin.
-    fn rays(x: f32) -> Vec<BlockRay> {
+    fn rays(x: f32) -> Vec<ObjectRay> {
         let near = Ray::new([x, 0.0, 4.0], [0.0, 0.0, -0.5]);
         let far = Ray::new([x, 0.0, 4096.0], [0.0, 0.0, -1e-20]);
         let thirds = [[3.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]];
         let placed = Ray::new([3.0 * x, 0.0, 12.0], [0.0, 0.0, -1.0]);
         [(near, None), (far, None), (placed, Some(&thirds))]
-            .map(|(ray, matrix)| BlockRay::for_boxes(&ObjectRay::new(&ray, matrix).unwrap(), &UNIT_BOX))
+            .map(|(ray, matrix)| ObjectRay::new(&ray, matrix).unwrap())
             .into()
     }
 
@@ -275,13 +310,15 @@ mod tests {
         // Between the half-widths, a thousandth outside of one and inside the next.
         for (x, kept) in [(0.1, 0b1111), (0.251, 0b1110), (0.501, 0b1100), (0.751, 0b1000), (1.001, 0)] {
             for ray in rays(x) {
+                assert_eq!(boxes.met(&BoxRay::new(&ray, &UNIT_BOX)), kept, "{x} {ray:?}");
+                let ray = BlockRay::new(&ray, &UNIT_BOX);
                 assert_eq!(spheres.met(&ray), kept, "{x} {ray:?}");
                 assert_eq!(triangles.met(&ray), kept, "{x} {ray:?}");
-                assert_eq!(boxes.met(&ray), kept, "{x} {ray:?}");
                 // Its bound is looser: radii within 2 in a hundred.
                 assert_eq!(swept.met(&ray) & kept, kept, "{x} {ray:?}");
             }
             for ray in rays(x * 1.02) {
+                let ray = BlockRay::new(&ray, &UNIT_BOX);
                 assert_eq!(swept.met(&ray), kept, "{x} {ray:?}");
             }
         }

@@ -17,26 +17,38 @@ impl Bounds {
 
     /// The least box around points; empty for none. NaNs are passed over.
     pub fn of_points(points: &[[f32; 3]]) -> Self {
-        points.iter().fold(Self::EMPTY, |b, &p| b.union(&Self { min: p, max: p }))
+        let mut out = Self::EMPTY;
+        for point in points {
+            for (axis, &x) in point.iter().enumerate() {
+                out.min[axis] = out.min[axis].min(x);
+                out.max[axis] = out.max[axis].max(x);
+            }
+        }
+        out
     }
 
     /// The box around a sphere of finite centre and radius, rounded outwards.
     pub fn around(center: [f32; 3], radius: f32) -> Self {
         let radius = f64::from(radius.abs());
+        let mut out = Self::EMPTY;
         // One rounding in f64 each, undone by one step outwards.
-        Self {
-            min: center.map(|c| round_down((f64::from(c) - radius).next_down())),
-            max: center.map(|c| round_up((f64::from(c) + radius).next_up())),
+        for (axis, &c) in center.iter().enumerate() {
+            out.min[axis] = round_down((f64::from(c) - radius).next_down());
+            out.max[axis] = round_up((f64::from(c) + radius).next_up());
         }
+        out
     }
 
     /// The least box that holds both.
     #[must_use]
+    #[inline]
     pub fn union(&self, other: &Self) -> Self {
-        Self {
-            min: std::array::from_fn(|i| self.min[i].min(other.min[i])),
-            max: std::array::from_fn(|i| self.max[i].max(other.max[i])),
+        let mut out = *self;
+        for axis in 0..3 {
+            out.min[axis] = out.min[axis].min(other.min[axis]);
+            out.max[axis] = out.max[axis].max(other.max[axis]);
         }
+        out
     }
 
     /// A box around this box's image under a row-major 3x4 matrix.

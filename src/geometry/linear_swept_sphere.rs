@@ -66,7 +66,7 @@ mod exact;
 use crate::geometry::object_ray::{ObjectRay, View};
 use crate::geometry::verdict::{Verdict, rounded, settle_closed, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface, sphere};
-use crate::math::error_bound::{product_error, quotient_error, two_units};
+use crate::math::error_bound::{product_error, quotient_error, round_down, round_up, two_units};
 use crate::math::real::{Real, add, cross, dot, from_f32, norm1, scale, sub};
 
 /// Where a ray enters a linear swept sphere, within the closed interval: ends `positions` and
@@ -116,6 +116,58 @@ pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
         let end = |k: usize| Bounds::around(positions[k], radii[k].max(0.0));
         end(0).union(&end(1))
     })
+}
+
+/// Into how many pieces a long one is cut at most.
+const MOST_PIECES: u32 = 4;
+
+/// Boxes that together hold a linear swept sphere: one, or where several are much tighter, one for
+/// each of some pieces of equal length. None where it is never hit.
+///
+/// The shape is the union of the balls that lie at P0 + u D and have the radius r0 + u δ, 0 <= u <= 1; those
+/// of a piece lie within the hull of its two end balls. Such an end is found in f64 with four
+/// roundings, of magnitudes |P0| + |P1| or r0 + r1 at most.
+pub fn pieces(positions: [[f32; 3]; 2], radii: [f32; 2], mut take: impl FnMut(Bounds)) {
+    let Some(whole) = bounds(positions, radii) else { return };
+    let [p0, p1] = positions.map(from_f32::<f64>);
+    let [r0, r1] = radii.map(f64::from);
+    let length = sub(p1, p0);
+    // About the surface of the boxes, so many times a piece's.
+    let width = r0 + r1;
+    let area = |count: f64| {
+        let [x, y, z] = length.map(|side| side.abs() / count + width);
+        count * (x * y + y * z + z * x)
+    };
+    let (mut count, mut least) = (1, area(1.0));
+    while count < MOST_PIECES && r0 >= 0.0 && r1 >= 0.0 {
+        let finer = area(2.0 * f64::from(count));
+        // A piece more costs something, too. (Written so that no infinity is cut.)
+        if !(finer < 0.75 * least) {
+            break;
+        }
+        (count, least) = (2 * count, finer);
+    }
+    if count == 1 {
+        return take(whole);
+    }
+    let end = |k: u32| {
+        let u = f64::from(k) / f64::from(count);
+        let radius = r0 + u * (r1 - r0);
+        let mut ball = Bounds::EMPTY;
+        for axis in 0..3 {
+            let center = p0[axis] + u * length[axis];
+            let slack = (p0[axis].abs() + p1[axis].abs() + width) * (8.0 * f64::EPSILON);
+            ball.min[axis] = round_down(center - radius - slack);
+            ball.max[axis] = round_up(center + radius + slack);
+        }
+        ball
+    };
+    let mut first = end(0);
+    for at in 1..=count {
+        let next = end(at);
+        take(first.union(&next));
+        first = next;
+    }
 }
 
 fn is_solid(positions: [[f32; 3]; 2], radii: [f32; 2]) -> bool {

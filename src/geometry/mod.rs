@@ -26,7 +26,7 @@ pub mod triangle;
 mod verdict;
 
 pub use bounds::Bounds;
-pub use object_ray::{ObjectRay, Transform, world_to_object};
+pub use object_ray::{ObjectRay, RoughRay, Transform, world_to_object};
 pub use ray::{Intersection, Ray, Surface};
 
 /// How intersections are computed.

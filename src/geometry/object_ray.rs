@@ -39,6 +39,16 @@ pub struct Transform {
     inverse: [[f64; 3]; 3],
     /// Relative error of each of its entries; infinite where only exact arithmetic will do.
     inverse_error: f64,
+    /// The same in f32, where that is good for something.
+    rough: Option<Rough>,
+}
+
+/// An inverse transform in f32: columns of the linear part, and the translation that goes before. Of
+/// each row three numbers count.
+#[derive(Clone, Copy, Debug)]
+struct Rough {
+    columns: [[f32; 4]; 3],
+    translation: [f32; 4],
 }
 
 impl Transform {
@@ -62,7 +72,8 @@ impl Transform {
         }
         let inverse = adjugate.map(|row| row.map(|x| x / determinant));
         let inverse_error = if sure { 6.0 * UNIT + 2.0 * error } else { f64::INFINITY };
-        Some(Self { matrix: *m, inverse, inverse_error })
+        let rough = Rough::new(m, &inverse).filter(|_| inverse_error <= 2f64.powi(-30));
+        Some(Self { matrix: *m, inverse, inverse_error, rough })
     }
 
     /// The matrix it was made from.
@@ -83,12 +94,85 @@ impl Transform {
         })
     }
 
+    /// A ray in object space in f32, with bounds; `None` where the ray [is not
+    /// ordinary](Ray::is_ordinary) or the transform too extreme.
+    ///
+    /// An entry of the inverse is off by u (and 2^-30), u = 2^-24, the difference of origin and
+    /// translation by u, a product and the two sums by 3u: together less than 6u of sum |inv_kj v_j|,
+    /// for which 12u stand. A difference is at least 2^-84 where it is not 0, so that a product may
+    /// underflow: 2^-100 pays for that. The direction's products don't.
+    #[inline(always)]
+    pub fn rough(&self, ray: &Ray) -> Option<RoughRay> {
+        let rough = self.rough.as_ref().filter(|_| ray.is_ordinary())?;
+        let columns = rough.columns.map(Four::new);
+        let apply = |[x, y, z]: [Four; 3]| {
+            let terms = [columns[0] * x, columns[1] * y, columns[2] * z];
+            let sizes = terms.map(Four::abs);
+            (
+                terms[0] + terms[1] + terms[2],
+                (sizes[0] + sizes[1] + sizes[2]) * Four::splat(12.0 * ROUGH_UNIT),
+            )
+        };
+        let [bx, by, bz, _] = rough.translation;
+        let [x, y, z] = ray.origin;
+        let (origin, origin_error) = apply([x - bx, y - by, z - bz].map(Four::splat));
+        let (direction, direction_error) = apply(ray.direction.map(Four::splat));
+        let origin_error = origin_error + Four::splat(ROUGH_UNDERFLOW);
+        Some(RoughRay { origin, direction, origin_error, direction_error })
+    }
+
     /// `A^-1 v` and a bound of each component's error.
     fn apply(&self, v: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let terms = self.inverse.map(|row| [row[0] * v[0], row[1] * v[1], row[2] * v[2]]);
         let error = self.inverse_error + 8.0 * UNIT;
         (terms.map(|[x, y, z]| x + y + z), terms.map(|row| error * norm1(row)))
     }
+}
+
+/// The unit roundoff of f32.
+const ROUGH_UNIT: f32 = 1.0 / 16_777_216.0;
+
+/// 2^-100
+const ROUGH_UNDERFLOW: f32 = ROUGH_UNIT * ROUGH_UNIT * ROUGH_UNIT * ROUGH_UNIT / 16.0;
+
+impl Rough {
+    /// `None` where an entry is neither 0 nor of a magnitude from 2^-40 to 2^40, or the translation is
+    /// not as an ordinary ray's origin.
+    fn new(matrix: &[[f32; 4]; 3], inverse: &[[f64; 3]; 3]) -> Option<Self> {
+        let within =
+            |x: f32, power: i32| x == 0.0 || x.abs() >= 2f32.powi(-power) && x.abs() <= 2f32.powi(power);
+        let row = |k: usize| [0, 1, 2].map(|i| inverse[i][k] as f32);
+        let columns = [0, 1, 2].map(|k| [row(k)[0], row(k)[1], row(k)[2], 0.0]);
+        let [x, y, z] = matrix.map(|row| row[3]);
+        let fits =
+            columns.as_flattened().iter().all(|&x| within(x, 40)) && [x, y, z].iter().all(|&x| within(x, 60));
+        fits.then_some(Self { columns, translation: [x, y, z, 0.0] })
+    }
+}
+
+/// A ray in object space in f32, with a bound of each component's error. Of each vector three numbers
+/// count, the fourth is no NaN.
+#[derive(Clone, Copy, Debug)]
+pub struct RoughRay {
+    /// Where t is 0.
+    pub origin: Four,
+    /// The way per unit of t. A component is off by nothing where its bound is 0, and by at most half
+    /// of what the bound says elsewhere.
+    pub direction: Four,
+    /// Of the origin, per component.
+    pub origin_error: Four,
+    /// Of the direction, per component.
+    pub direction_error: Four,
+}
+
+impl RoughRay {
+    /// Memory for a ray.
+    pub const IDLE: Self = Self {
+        origin: Four::ZERO,
+        direction: Four::ZERO,
+        origin_error: Four::ZERO,
+        direction_error: Four::ZERO,
+    };
 }
 
 /// The exact inverse of a 3x4 matrix, each entry correctly rounded; `None` where it has none.
@@ -110,7 +194,6 @@ pub struct ObjectRay {
     origin_slack: f64,
     direction_slack: f64,
     direction_norm: f64,
-    is_ordinary: bool,
 }
 
 impl ObjectRay {
@@ -150,7 +233,6 @@ impl ObjectRay {
         origin_slack: 0.0,
         direction_slack: 0.0,
         direction_norm: 0.0,
-        is_ordinary: false,
     };
 
     /// [`ObjectRay::in_world`] in the memory of this one; says whether there is one.
@@ -203,7 +285,6 @@ impl ObjectRay {
             origin_slack = f64::INFINITY;
             direction_slack = f64::INFINITY;
         }
-        let is_ordinary = is_sure && matrix.is_none() && ordinary(ray.origin) && ordinary(ray.direction);
         *self = Self {
             world: *ray,
             matrix,
@@ -214,7 +295,6 @@ impl ObjectRay {
             origin_slack,
             direction_slack,
             direction_norm,
-            is_ordinary,
         };
     }
 
@@ -223,11 +303,10 @@ impl ObjectRay {
         &self.world
     }
 
-    /// Whether object space is world space and each component of origin and direction is 0 or of a
-    /// magnitude from 2^-60 to 2^60.
+    /// Whether object space is world space.
     #[inline(always)]
-    pub fn is_ordinary(&self) -> bool {
-        self.is_ordinary
+    pub fn is_in_world(&self) -> bool {
+        self.matrix.is_none()
     }
 
     /// The lower end of the interval.
@@ -385,16 +464,6 @@ impl ExactRay {
     pub fn origin_from(&self, point: &Vector) -> Vector {
         exact::sub(&self.origin, &exact::scale(&self.weight, point))
     }
-}
-
-/// Whether each component is 0 or neither very small nor very great.
-#[inline(always)]
-fn ordinary([x, y, z]: [f32; 3]) -> bool {
-    const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
-    const MOST: f32 = (1u64 << 60) as f32;
-    let magnitudes = Four::new([x, y, z, 0.0]).abs();
-    let some = magnitudes.at_least(Four::splat(LEAST)) | Four::splat(0.0).at_least(magnitudes);
-    some & Four::splat(MOST).at_least(magnitudes) == 0b1111
 }
 
 /// The components rounded to f32: at once where the bound allows, from the exact ones otherwise.

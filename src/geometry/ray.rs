@@ -1,5 +1,7 @@
 //! What every intersector takes and gives.
 
+use crate::math::four::Four;
+
 /// A ray as a shader passes it to a trace: world space, direction not normalised, t in units of
 /// the direction's length.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,6 +28,26 @@ impl Ray {
         // Zero times what is not finite is a NaN, and no sum of zeros is.
         let zero = |v: [f32; 3]| v[0] * 0.0 + v[1] * 0.0 + v[2] * 0.0;
         zero(self.origin) + zero(self.direction) == 0.0 && !self.t_min.is_nan() && !self.t_max.is_nan()
+    }
+
+    /// Whether each component of origin and direction is 0 or of a magnitude from 2^-60 to 2^60, the
+    /// direction is not 0, and the interval holds no NaN.
+    #[inline(always)]
+    pub fn is_ordinary(&self) -> bool {
+        const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
+        const MOST: f32 = (1u64 << 60) as f32;
+        let zero = Four::splat(0.0);
+        let [ox, oy, oz] = self.origin;
+        let [dx, dy, dz] = self.direction;
+        let origin = Four::new([ox, oy, oz, 0.0]).abs();
+        let direction = Four::new([dx, dy, dz, 0.0]).abs();
+        let within = |magnitudes: Four| {
+            let some = magnitudes.at_least(Four::splat(LEAST)) | zero.at_least(magnitudes);
+            some & Four::splat(MOST).at_least(magnitudes)
+        };
+        within(origin) & within(direction) == 0b1111
+            && zero.at_least(direction) != 0b1111
+            && !(self.t_min.is_nan() || self.t_max.is_nan())
     }
 
     /// The same ray over another interval.

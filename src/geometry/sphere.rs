@@ -23,7 +23,7 @@
 //! # Error
 //! Norms are 1-norms, which bound the length from above. d x m and d.m have the bounds of the table at
 //! `object_ray::View`, d.d that of d.v with κ twice; a product of two such values has
-//! `math::error_bound::product_error`, a quotient `quotient_error`; sqrt(x) for x > e is off by at most
+//! `math::error_bound::product_error`, a quotient `Divisor`; sqrt(x) for x > e is off by at most
 //! (e / x + u) sqrt(x). Nothing over- or underflows for
 //! f32-sized centres and radii and the rays that `ObjectRay` lets into f64: the greatest product is
 //! r^2 d.d <= 2^516, the least r^2 d.d >= 2^-598.
@@ -31,7 +31,7 @@
 use crate::geometry::object_ray::{ObjectRay, View};
 use crate::geometry::verdict::{Verdict, settle_closed, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
-use crate::math::error_bound::{product_error, quotient_error, two_units};
+use crate::math::error_bound::{Divisor, product_error, two_units};
 use crate::math::exact::{self, Dyadic, Vector};
 use crate::math::real::{Real, cross, dot, from_f32, norm1, sub};
 use crate::math::surd::Surd;
@@ -127,8 +127,10 @@ pub(super) fn entry<R: Real, const BOUNDED: bool>(
         let num = -(b + s);
         (num, e_s + e_dm - u2 * num, dd, e_dd)
     };
-    let t = numerator / denominator;
-    Verdict::Hit((t, quotient_error(t, e_numerator, denominator, e_denominator)))
+    if !BOUNDED {
+        return Verdict::Hit((numerator / denominator, R::ZERO));
+    }
+    Verdict::Hit(Divisor::new(denominator, e_denominator).quotient(numerator, e_numerator))
 }
 
 #[cold]

@@ -27,13 +27,13 @@
 //!
 //! # Error
 //! The bounds of det, beta, gamma and e2.q are rows of the table at `object_ray::View`; alpha adds two
-//! roundings; quotients have `math::error_bound::quotient_error`. Two of alpha, beta, gamma with certain
+//! roundings; quotients have `math::error_bound::Divisor`. Two of alpha, beta, gamma with certain
 //! and opposite signs are a miss whatever det is. Products stay within 2^-450 and 2^520.
 
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded, settle_open, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
-use crate::math::error_bound::{quotient_error, two_units};
+use crate::math::error_bound::{Divisor, two_units};
 use crate::math::exact::{self, Dyadic};
 use crate::math::real::{Real, cross, dot, from_f32, norm1, sub};
 use crate::math::surd::Surd;
@@ -110,17 +110,18 @@ fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, vertices: [[f32; 3]; 
         return Verdict::Miss;
     }
 
-    let numerator = dot(e2, q);
-    let t = numerator / det;
-    let e_t = quotient_error(t, e1n * e2n * reach, det, e_det);
+    let divisor = Divisor::new(det, e_det);
+    let quotient = |numerator: R, error: R| {
+        if BOUNDED { divisor.quotient(numerator, error) } else { (numerator / det, R::ZERO) }
+    };
+    let (t, e_t) = quotient(dot(e2, q), e1n * e2n * reach);
     let t = match settle_open::<R, BOUNDED>(ray, t, e_t) {
         Verdict::Hit(t) => t,
         Verdict::Miss => return Verdict::Miss,
         Verdict::Undecided => return Verdict::Undecided,
     };
     let barycentric = |numerator: R, error: R| {
-        let value = numerator / det;
-        let error = when::<R, BOUNDED>(quotient_error(value, error, det, e_det));
+        let (value, error) = quotient(numerator, error);
         rounded(value - error, value + error)
     };
     match (barycentric(beta, e_beta), barycentric(gamma, e_gamma)) {

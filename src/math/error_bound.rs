@@ -39,6 +39,46 @@ pub fn quotient_error<R: Real>(q: R, en: R, d: R, ed: R) -> R {
     if room > R::ZERO { error } else { R::ONE / R::ZERO }
 }
 
+/// A denominator by which several numerators are divided: one division for all quotients and their
+/// errors.
+#[derive(Clone, Copy, Debug)]
+pub struct Divisor<R> {
+    inverse: R,
+    /// Its own relative error, or more.
+    relative: R,
+    /// At least 1 / |D| for the exact D; infinite where its sign is not certain enough.
+    most: R,
+}
+
+impl<R: Real> Divisor<R> {
+    /// A computed denominator that is off by at most `error`.
+    ///
+    /// With r = error / |d| <= 1/2: 1 / |D| <= (1 / |d|) / (1 - r) <= (1 / |d|) (1 + 2 r).
+    #[inline(always)]
+    pub fn new(denominator: R, error: R) -> Self {
+        let inverse = R::ONE / denominator;
+        let size = inverse.abs();
+        let relative = error * size;
+        let most = if relative + relative <= R::ONE {
+            size + (relative + relative) * size
+        } else {
+            R::ONE / R::ZERO
+        };
+        Self { inverse, relative, most }
+    }
+
+    /// The quotient of a computed numerator that is off by at most `error`, and its own error.
+    ///
+    /// |n/d - N/D| <= (en + |n/d| ed) / |D|. The reciprocal and the product round once each, 2u and
+    /// u^2 together, for which 4u stand. ed / |D| is taken as 2 ed / |d|.
+    #[inline(always)]
+    pub fn quotient(&self, numerator: R, error: R) -> (R, R) {
+        let quotient = numerator * self.inverse;
+        let relative = self.relative + self.relative + four_units::<R>();
+        (quotient, error * self.most + quotient.abs() * relative)
+    }
+}
+
 /// 2u: one rounding, with slack.
 #[inline(always)]
 pub fn two_units<R: Real>() -> R {
@@ -82,5 +122,10 @@ mod tests {
     fn an_uncertain_denominator_bounds_nothing() {
         assert_eq!(quotient_error(1.0f64, 0.1, 1.0, 1.5), f64::INFINITY);
         assert!(quotient_error(1.0f64, 0.25, 1.0, 0.5) >= 1.5);
+        // N / D of N in 1 ± 1/4 and D in 1 ± 1/2 lies in 1/2 to 5/2.
+        let (quotient, error) = Divisor::new(1.0f64, 0.5).quotient(1.0, 0.25);
+        assert!(quotient == 1.0 && error >= 1.5 && error.is_finite());
+        assert_eq!(Divisor::new(1.0f64, 0.75).quotient(1.0, 0.1).1, f64::INFINITY);
+        assert!(Divisor::new(0.0f64, 0.0).quotient(1.0, 0.0).1.is_nan());
     }
 }

@@ -16,6 +16,9 @@ pub const LANES: usize = 4;
 pub struct Four(Vec4);
 
 impl Four {
+    /// 0 in all lanes.
+    pub const ZERO: Self = Self(Vec4::ZERO);
+
     /// Lane by lane.
     #[inline(always)]
     pub fn new(values: [f32; LANES]) -> Self {

@@ -203,6 +203,7 @@ pub(super) struct Traversal<'a, T>(pub &'a mut T);
 
 impl<T: Witness> Visit for Traversal<'_, T> {
     const REASONS: bool = T::ACTIVE;
+    const QUIET: bool = !T::ACTIVE;
 
     fn node(&mut self, instance: Option<u32>) {
         if T::ACTIVE {

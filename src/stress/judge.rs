@@ -9,9 +9,10 @@ use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::accel::{Blas, Cursor, Geometry, GeometryFlags, Instance, RayFlags, Tlas, TraceRay};
-use crate::geometry::block::{self, BlockRay, LANES};
+use crate::geometry::block::{self, BlockRay, BoxRay, LANES};
 use crate::geometry::{
-    Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
+    Bounds, Intersection, ObjectRay, Precision, Ray, Surface, Transform, aabb, linear_swept_sphere, sphere,
+    triangle,
 };
 use crate::stress::case::{Case, Shape};
 use crate::stress::reference::{Expected, LineOf};
@@ -139,31 +140,38 @@ impl One<'_> {
         tally: &mut Tally,
     ) -> Result<(), Failure> {
         let lane = self.index % LANES;
+        // As it is prepared, and in an instance in f32 as well.
+        let transform = self.matrix.and_then(Transform::new);
+        let rough = transform.and_then(|transform| transform.rough(ray.world()));
+        let block_rays = |bounds: &Bounds| {
+            let rough = rough.and_then(|rough| BlockRay::rough(&rough, bounds));
+            [Some(BlockRay::new(ray, bounds)), rough].into_iter().flatten()
+        };
         let (met, is_met) = match *self.shape {
             Shape::Triangle(vertices) => {
                 let Some(bounds) = triangle::bounds(vertices) else { return Ok(()) };
                 let mut block = block::Triangles::EMPTY;
                 block.set(lane, vertices);
-                (block.met(&BlockRay::new(ray, &bounds)), expected.is_some())
+                (block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(&ray)), expected.is_some())
             }
             Shape::Aabb([min, max]) => {
                 let Some(bounds) = aabb::bounds(min, max) else { return Ok(()) };
                 let mut block = block::Aabbs::EMPTY;
                 block.set(lane, min, max);
                 let is_met = self.line.aabb(min, max, ray.t_min(), ray.t_max()).is_some();
-                (block.met(&BlockRay::for_boxes(ray, &bounds)), is_met)
+                (block.met(&BoxRay::new(ray, &bounds)), is_met)
             }
             Shape::Sphere { center, radius } => {
                 let Some(bounds) = sphere::bounds(center, radius) else { return Ok(()) };
                 let mut block = block::Spheres::EMPTY;
                 block.set(lane, center, radius);
-                (block.met(&BlockRay::new(ray, &bounds)), expected.is_some())
+                (block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(&ray)), expected.is_some())
             }
             Shape::LinearSweptSphere { positions, radii, caps } => {
                 let Some(bounds) = linear_swept_sphere::bounds(positions, radii) else { return Ok(()) };
                 let mut block = block::LinearSweptSpheres::EMPTY;
                 block.set(lane, positions, radii, caps);
-                (block.met(&BlockRay::new(ray, &bounds)), expected.is_some())
+                (block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(&ray)), expected.is_some())
             }
         };
         let kept = met >> lane & 1 != 0;

@@ -7,7 +7,7 @@
 
 mod boxes;
 
-use anyhit::geometry::block::{self, BlockRay, LANES};
+use anyhit::geometry::block::{self, BlockRay, BoxRay, LANES};
 use anyhit::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
     world_to_object,
@@ -167,7 +167,7 @@ fn boxes() {
             if let Some(bounds) = aabb::bounds(min, max) {
                 let mut block = block::Aabbs::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, min, max));
-                let met = block.met(&BlockRay::for_boxes(&object, &bounds));
+                let met = block.met(&BoxRay::new(&object, &bounds));
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             match (found, expected) {

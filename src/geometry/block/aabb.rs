@@ -15,6 +15,7 @@
 //! times infinity) confines nothing.
 
 use super::{ALL, BlockRay, LANES, Row};
+use crate::geometry::Bounds;
 use crate::geometry::{Intersection, ObjectRay, Precision, aabb};
 use crate::math::error_bound::{round_down, round_up};
 use crate::math::four::Four;
@@ -27,9 +28,9 @@ pub struct Aabbs {
     sides: [[Row; 3]; 2],
 }
 
-/// The ray's part of the test.
+/// A ray made ready for the boxes of one BLAS: the ray's part of the test.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Slabs {
+pub struct BoxRay {
     near_origin: [f32; 3],
     far_origin: [f32; 3],
     near_reciprocal: [f32; 3],
@@ -38,9 +39,9 @@ pub(super) struct Slabs {
     near_side: [usize; 3],
 }
 
-impl Slabs {
+impl BoxRay {
     /// Confines nothing.
-    pub const OPEN: Self = Self {
+    const OPEN: Self = Self {
         near_origin: [f32::NAN; 3],
         far_origin: [f32::NAN; 3],
         near_reciprocal: [0.0; 3],
@@ -48,17 +49,14 @@ impl Slabs {
         near_side: [0; 3],
     };
 
-    #[inline(always)]
-    pub fn new(
-        ray: &BlockRay,
-        origin_error: [f64; 3],
-        direction_error: [f64; 3],
-        object_ray: &ObjectRay,
-        t0: f64,
-    ) -> Self {
+    /// Makes a ray ready for boxes that lie within the given one (object space).
+    pub fn new(object_ray: &ObjectRay, around: &Bounds) -> Self {
         let mut out = Self::OPEN;
+        let (ray, errors) = BlockRay::prepare(object_ray, around);
+        let Some(errors) = errors else { return out };
+        let (origin_error, direction_error) = (errors.origin, errors.direction);
         // Points behind the moved origin would need the bounds mirrored.
-        if f64::from(object_ray.t_min()) < 0.0 && t0 == 0.0 {
+        if f64::from(object_ray.t_min()) < 0.0 && errors.t0 == 0.0 {
             return out;
         }
         for i in 0..3 {
@@ -101,8 +99,7 @@ impl Aabbs {
 
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline]
-    pub fn met(&self, ray: &BlockRay) -> u32 {
-        let slabs = &ray.slabs;
+    pub fn met(&self, slabs: &BoxRay) -> u32 {
         let mut near = Four::splat(0.0);
         let mut far = Four::splat(f32::INFINITY);
         for i in 0..3 {

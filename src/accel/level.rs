@@ -1,0 +1,155 @@
+//! A ray in the instance whose tree it is in, with what its tests need; parts that only some tests
+//! need are made by the first of them.
+
+use crate::accel::body::{Body, Drops};
+use crate::accel::cursor::TraceRay;
+use crate::accel::node::Child;
+use crate::accel::node_ray::NodeRay;
+use crate::accel::tlas::{Placed, Tlas};
+use crate::accel::tree::Tree;
+use crate::geometry::block::BlockRay;
+use crate::geometry::{ObjectRay, RoughRay};
+
+/// The instance that the upper end of the stack belongs to.
+#[derive(Clone, Debug)]
+pub struct Level {
+    pub instance: u32,
+    /// How many entries of the stack lie below it.
+    pub base: usize,
+    pub node_ray: NodeRay,
+    object_ray: ObjectRay,
+    has_object_ray: bool,
+    block_ray: BlockRay,
+    /// Whether there is a ray for blocks, if it is known already.
+    drops: bool,
+    has_block_ray: bool,
+    approach: Approach,
+    /// Where it came as one.
+    rough_ray: RoughRay,
+}
+
+impl Level {
+    /// Memory for a level.
+    pub const IDLE: Self = Self {
+        instance: 0,
+        base: 0,
+        node_ray: NodeRay::IDLE,
+        object_ray: ObjectRay::IDLE,
+        has_object_ray: false,
+        block_ray: BlockRay::IDLE,
+        drops: false,
+        has_block_ray: false,
+        approach: Approach::Prepared,
+        rough_ray: RoughRay::IDLE,
+    };
+
+    /// Takes the ray into an instance; `false` where it surely meets nothing before `cull_t` there.
+    #[inline(always)]
+    pub fn enter(
+        &mut self,
+        tlas: &Tlas,
+        instance: u32,
+        tree: Option<&Tree>,
+        trace: &TraceRay,
+        cull_t: f32,
+    ) -> bool {
+        self.instance = instance;
+        self.has_object_ray = false;
+        self.has_block_ray = false;
+        let simple = tree.is_some_and(|tree| match tlas.transform(instance) {
+            Placed::InWorld => {
+                self.approach = Approach::Simple;
+                self.node_ray.set_simple(&trace.ray, tree.scale())
+            }
+            Placed::Still(transform) => {
+                self.approach = Approach::Rough;
+                transform.rough(&trace.ray).is_some_and(|ray| {
+                    self.rough_ray = ray;
+                    self.node_ray.set_rough(&ray, trace.ray.t_min, tree.scale())
+                })
+            }
+            Placed::Moving => false,
+        });
+        simple || self.enter_prepared(tlas, tree, trace, cull_t)
+    }
+
+    /// The same where the ray in object space must be known.
+    #[inline(never)]
+    fn enter_prepared(&mut self, tlas: &Tlas, tree: Option<&Tree>, trace: &TraceRay, cull_t: f32) -> bool {
+        self.approach = Approach::Prepared;
+        self.has_object_ray =
+            tlas.set_object_ray(self.instance, &trace.ray, trace.time, &mut self.object_ray);
+        if !self.has_object_ray {
+            return false;
+        }
+        let Some(tree) = tree else {
+            // Blocks are dropped all the same.
+            self.approach = match tlas.transform(self.instance) {
+                Placed::InWorld => Approach::Simple,
+                Placed::Still(transform) => match transform.rough(&trace.ray) {
+                    Some(ray) => {
+                        self.rough_ray = ray;
+                        Approach::Rough
+                    }
+                    None => Approach::Prepared,
+                },
+                Placed::Moving => Approach::Prepared,
+            };
+            return true;
+        };
+        let node_ray = NodeRay::new(&self.object_ray, cull_t, tree.bounds(), tree.scale());
+        node_ray.map(|node_ray| self.node_ray = node_ray).is_some()
+    }
+
+    /// The ray in object space.
+    #[inline(always)]
+    pub fn object_ray(&mut self, tlas: &Tlas, trace: &TraceRay) -> &ObjectRay {
+        if !self.has_object_ray {
+            // A ray that is not finite or an instance without inverse was refused before.
+            tlas.set_object_ray(self.instance, &trace.ray, trace.time, &mut self.object_ray);
+            self.has_object_ray = true;
+        }
+        &self.object_ray
+    }
+
+    /// A bit for each of a leaf's primitives that the ray may meet.
+    #[inline(always)]
+    pub fn met(&mut self, tlas: &Tlas, body: &Body, leaf: Child, trace: &TraceRay) -> u32 {
+        if !self.has_block_ray {
+            self.has_block_ray = true;
+            self.make_block_ray(tlas, body, trace);
+        }
+        if self.drops { body.met(leaf, &self.block_ray) } else { body.every(leaf) }
+    }
+
+    #[inline(always)]
+    fn make_block_ray(&mut self, tlas: &Tlas, body: &Body, trace: &TraceRay) {
+        let drops = body.drops();
+        if drops == Drops::Never {
+            self.drops = false;
+            return;
+        }
+        let ray = match self.approach {
+            Approach::Simple => BlockRay::simple(&trace.ray, body.bounds()),
+            Approach::Rough => BlockRay::rough(&self.rough_ray, body.bounds()),
+            Approach::Prepared => None,
+        };
+        self.drops = ray.is_some() || drops == Drops::Always;
+        if let Some(ray) = ray {
+            self.block_ray = ray;
+        } else if self.drops {
+            self.block_ray = BlockRay::new(self.object_ray(tlas, trace), body.bounds());
+        }
+    }
+}
+
+/// How the ray came into the instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Approach {
+    /// As a simple ray of the world.
+    Simple,
+    /// In f32 with bounds.
+    Rough,
+    /// In f64 with bounds.
+    Prepared,
+}
