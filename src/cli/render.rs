@@ -31,7 +31,7 @@ pub struct RenderArgs {
     size: Option<[u32; 2]>,
 
     /// Lanes that run together; the picture does not depend on it.
-    #[arg(long, value_name = "N", default_value = "32", value_parser = ["1", "8", "32"])]
+    #[arg(long, value_name = "N", default_value = "64", value_parser = ["1", "8", "64"])]
     lanes: String,
 
     /// How hits are computed, instead of the scene's own choice; only `exact` is right on every ray

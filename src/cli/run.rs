@@ -43,7 +43,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
     /// Lanes that run together; results do not depend on it
-    #[arg(long, value_name = "N", default_value = "32", value_parser = ["1", "8", "32"])]
+    #[arg(long, value_name = "N", default_value = "64", value_parser = ["1", "8", "64"])]
     lanes: String,
     /// Print what was done: invocations, batches, occupancy, time
     #[arg(long)]

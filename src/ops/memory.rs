@@ -275,19 +275,21 @@ fn index_lanes<const W: usize>(
     stride: u32,
     length: Length,
 ) {
+    const MOST: u32 = OUT_OF_BOUNDS - 1;
     let indices = batch.registers[index];
-    let bases = base.map(|base| batch.registers[base]);
+    let bases = base.map_or(Lanes::splat(0), |base| batch.registers[base]);
     let row = &mut batch.registers[to];
+    // How many indices there are whose products are no greater than what a sum may be.
+    let products = (MOST / stride.max(1)).saturating_add(1);
+    let count = match length {
+        Length::Known(length) => length.min(products),
+        Length::Unknown => products,
+    };
     for lane in 0..W {
-        let index = indices.0[lane];
-        let base = bases.map_or(0, |bases| bases.0[lane]);
-        let inside = match length {
-            Length::Known(length) => index < length,
-            Length::Unknown => true,
-        };
-        let sum = u64::from(index) * u64::from(stride) + u64::from(base);
-        let fits = inside && base != OUT_OF_BOUNDS && sum < u64::from(OUT_OF_BOUNDS);
-        row.0[lane] = if fits { sum as u32 } else { OUT_OF_BOUNDS };
+        let (index, base) = (indices.0[lane], bases.0[lane]);
+        let product = index.wrapping_mul(stride);
+        let fits = index < count && base <= MOST.wrapping_sub(product);
+        row.0[lane] = if fits { product.wrapping_add(base) } else { OUT_OF_BOUNDS };
     }
 }
 
