@@ -4,7 +4,8 @@ use dashu_float::Context;
 use dashu_float::round::mode::HalfEven;
 
 use crate::check_math::judge::{Big, Format, big};
-use crate::ops::row::Family;
+use crate::ops::conversion::Conversion;
+use crate::ops::row::{Family, Row};
 use crate::ops::{arithmetic, conversion, glsl};
 
 /// An evaluation in f64.
@@ -24,37 +25,68 @@ pub enum How {
     Elementary(Estimate, fn(&Big) -> Big),
     /// The same for two operands.
     ElementaryPair(EstimateOfTwo, fn(&Big, &Big) -> Big),
+    /// The integer part, as an integer of so many bits with or without sign: the nearest one where the
+    /// type does not hold it, and 0 for a NaN.
+    Whole {
+        /// `OpConvertFToS`, not `OpConvertFToU`.
+        signed: bool,
+        /// Bits of the integer.
+        bits: u32,
+    },
 }
 
 /// A function.
 #[derive(Debug)]
 pub struct Function {
-    /// The rows that are judged.
-    pub family: &'static Family,
+    /// The specification's name, and behind it the type of an integer result.
+    pub name: &'static str,
+    rows: Rows,
     /// What they have to give.
     pub how: How,
 }
 
+/// The rows that are judged.
+#[derive(Debug)]
+enum Rows {
+    /// One for every width.
+    Of(&'static Family),
+    /// Those to an integer.
+    To(Conversion, u32),
+}
+
 impl Function {
+    /// The row for floats of this format.
+    pub fn row(&self, format: Format) -> Option<&'static Row> {
+        match self.rows {
+            Rows::Of(family) => family.row(format.width()).filter(|row| row.float_result == format.width()),
+            Rows::To(conversion, bits) => conversion::row(conversion, format.width(), bits),
+        }
+    }
+
+    /// Its name without the type of its result.
+    pub fn instruction(&self) -> &'static str {
+        self.name.split(' ').next().unwrap_or(self.name)
+    }
+
     /// Whether it is judged at this width.
     pub fn exists(&self, format: Format) -> bool {
-        let elementary = matches!(self.how, How::Elementary(..) | How::ElementaryPair(..));
+        let exact = matches!(self.how, How::Rounded(_) | How::RoundedPair(_));
         let pair = matches!(self.how, How::RoundedPair(_));
-        self.family.row(format.width()).is_some_and(|row| row.float_result == format.width())
-            && (elementary || format == Format::Half || (format == Format::Single && !pair))
+        self.row(format).is_some()
+            && (!exact || format == Format::Half || (format == Format::Single && !pair))
     }
 }
 
 const fn rounded(family: &'static Family, value: Estimate) -> Function {
-    Function { family, how: How::Rounded(value) }
+    Function { name: family.name, rows: Rows::Of(family), how: How::Rounded(value) }
 }
 
 const fn rounded_pair(family: &'static Family, value: EstimateOfTwo) -> Function {
-    Function { family, how: How::RoundedPair(value) }
+    Function { name: family.name, rows: Rows::Of(family), how: How::RoundedPair(value) }
 }
 
 const fn elementary(family: &'static Family, estimate: Estimate, precise: fn(&Big) -> Big) -> Function {
-    Function { family, how: How::Elementary(estimate, precise) }
+    Function { name: family.name, rows: Rows::Of(family), how: How::Elementary(estimate, precise) }
 }
 
 const fn elementary_pair(
@@ -62,7 +94,15 @@ const fn elementary_pair(
     estimate: EstimateOfTwo,
     precise: fn(&Big, &Big) -> Big,
 ) -> Function {
-    Function { family, how: How::ElementaryPair(estimate, precise) }
+    Function { name: family.name, rows: Rows::Of(family), how: How::ElementaryPair(estimate, precise) }
+}
+
+const fn to_signed(name: &'static str, bits: u32) -> Function {
+    Function { name, rows: Rows::To(Conversion::FToS, bits), how: How::Whole { signed: true, bits } }
+}
+
+const fn to_unsigned(name: &'static str, bits: u32) -> Function {
+    Function { name, rows: Rows::To(Conversion::FToU, bits), how: How::Whole { signed: false, bits } }
 }
 
 /// Every function, in the order of the specification.
@@ -72,6 +112,14 @@ pub static FUNCTIONS: &[Function] = &[
     rounded_pair(&arithmetic::FSub, |a, b| a - b),
     rounded_pair(&arithmetic::FMul, |a, b| a * b),
     rounded_pair(&arithmetic::FDiv, |a, b| a / b),
+    to_unsigned("ConvertFToU u8", 8),
+    to_unsigned("ConvertFToU u16", 16),
+    to_unsigned("ConvertFToU u32", 32),
+    to_unsigned("ConvertFToU u64", 64),
+    to_signed("ConvertFToS i8", 8),
+    to_signed("ConvertFToS i16", 16),
+    to_signed("ConvertFToS i32", 32),
+    to_signed("ConvertFToS i64", 64),
     rounded(&conversion::QuantizeToF16, quantized),
     rounded(&glsl::Round, |a| trunc(a + 0.5f64.copysign(a)).copysign(a)),
     rounded(&glsl::RoundEven, round_even),

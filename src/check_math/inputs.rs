@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn a_stride_begins_where_the_seed_says_and_reaches_the_end() {
-        let sin = FUNCTIONS.iter().find(|function| function.family.name == "Sin").unwrap();
+        let sin = FUNCTIONS.iter().find(|function| function.name == "Sin").unwrap();
         let inputs = Inputs::of(sin, Format::Single, &SETTINGS);
         // 1, 4, ... 2^32 - 3
         assert_eq!([inputs.at(0)[0], inputs.at(inputs.count() - 1)[0]], [1, (1 << 32) - 3]);
@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn pairs_are_the_same_for_a_seed_and_reach_all_kinds() {
-        let pow = FUNCTIONS.iter().find(|function| function.family.name == "Pow").unwrap();
+        let pow = FUNCTIONS.iter().find(|function| function.name == "Pow").unwrap();
         let inputs = Inputs::of(pow, Format::Single, &SETTINGS);
         assert_eq!(inputs.count(), 1000);
         let again = Inputs::of(pow, Format::Single, &SETTINGS);

@@ -140,6 +140,7 @@ impl Function {
             How::RoundedPair(value) => (value(a, b), true),
             How::Elementary(estimate, _) => (estimate(a), false),
             How::ElementaryPair(estimate, _) => (estimate(a, b), false),
+            How::Whole { signed, bits } => return judge_whole(a, signed, bits, result),
         };
         if estimate.is_nan() {
             let right = format.value(result).is_nan();
@@ -208,6 +209,16 @@ impl Function {
 }
 
 /// Compares bits.
+/// Every value that any of the types holds is one of i128.
+fn judge_whole(value: f64, signed: bool, bits: u32, result: u64) -> Judgement {
+    let (least, greatest) =
+        if signed { (-(1i128 << (bits - 1)), (1 << (bits - 1)) - 1) } else { (0, (1i128 << bits) - 1) };
+    let right = (value as i128).clamp(least, greatest);
+    let mask = u64::MAX >> (64 - bits);
+    let same = (right as u64 ^ result) & mask == 0;
+    if same { Judgement::Right } else { Judgement::Wrong(right.to_string()) }
+}
+
 fn same(format: Format, result: u64, right: u64) -> Judgement {
     if result == right {
         return Judgement::Right;

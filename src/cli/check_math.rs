@@ -57,11 +57,12 @@ pub fn run(args: CheckMathArgs) -> Result<()> {
     }
     for format in Format::ALL {
         let wanted = args.width.is_empty() || args.width.contains(&format.width().to_string());
-        let named =
-            |function: &&Function| args.function.is_empty() || args.function.contains(&function.family.name);
+        let named = |function: &&Function| {
+            args.function.is_empty() || args.function.contains(&function.instruction())
+        };
         for function in FUNCTIONS.iter().filter(named).filter(|one| wanted && one.exists(format)) {
             let style = ProgressStyle::with_template("{msg} {wide_bar} {percent}% {eta}");
-            let bar = ProgressBar::new(0).with_message(function.family.name);
+            let bar = ProgressBar::new(0).with_message(function.name);
             let bar = style.map_or_else(|_| bar.clone(), |style| bar.clone().with_style(style));
             let report = check_math::run(function, format, &settings, |count, total| {
                 bar.set_length(total);
@@ -91,10 +92,10 @@ pub fn run(args: CheckMathArgs) -> Result<()> {
 }
 
 fn function(name: &str) -> std::result::Result<&'static str, String> {
-    let found =
-        FUNCTIONS.iter().map(|function| function.family.name).find(|one| one.eq_ignore_ascii_case(name));
+    let found = FUNCTIONS.iter().map(Function::instruction).find(|one| one.eq_ignore_ascii_case(name));
     found.ok_or_else(|| {
-        let names: Vec<_> = FUNCTIONS.iter().map(|function| function.family.name).collect();
+        let mut names: Vec<_> = FUNCTIONS.iter().map(Function::instruction).collect();
+        names.dedup();
         format!("the functions are {}", names.join(", "))
     })
 }
