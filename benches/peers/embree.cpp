@@ -150,7 +150,7 @@ int main(int count, char** arguments) {
     const auto rays = read<float>(folder + "/rays");
     size_t hits = 0;
     std::vector<double> times;
-    for (int run = 0; run < 6; run++) {
+    for (int run = 0; run < 4; run++) {
         const double begin = processor_time();
         hits = together == 1 ? single(scene, rays) : packets(scene, rays);
         // The first one warms up.

@@ -21,10 +21,10 @@ impl Installed {
         Some(Self { share: root.join("share"), root })
     }
 
-    /// Runs lavapipe's program, on one thread and without its cache of shaders.
-    pub fn lavapipe(&self, arguments: &[&str]) -> Result<Printed, String> {
-        let settings = ["LP_NUM_THREADS=1", "MESA_SHADER_CACHE_DISABLE=true", "/share/bin/lavapipe"];
-        self.run("sid", &[&settings, arguments].concat())
+    /// Runs lavapipe's program, on one thread, with or without its cache of shaders.
+    pub fn lavapipe(&self, cache: bool, arguments: &[&str]) -> Result<Printed, String> {
+        let cache = if cache { "MESA_SHADER_CACHE_DISABLE=false" } else { "MESA_SHADER_CACHE_DISABLE=true" };
+        self.run("sid", &[&["LP_NUM_THREADS=1", cache, "/share/bin/lavapipe"], arguments].concat())
     }
 
     /// Runs Embree's program.

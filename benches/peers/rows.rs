@@ -181,13 +181,13 @@ impl Peer {
                 let (scene, shaders) = (folder(scene), modules(shaders));
                 let shaders = shaders.iter().map(String::as_str);
                 let words: Vec<&str> = [&*scene, &width, &height].into_iter().chain(shaders).collect();
-                (installed.lavapipe(&words)?, "rate")
+                (installed.lavapipe(true, &words)?, "rate")
             }
             Self::LavapipeFirstLaunch => {
                 let (scene, shaders) = (folder("terrain"), modules(LIGHT));
                 let shaders = shaders.iter().map(String::as_str);
                 let words: Vec<&str> = [&*scene, "8", "8"].into_iter().chain(shaders).collect();
-                (installed.lavapipe(&words)?, "first_launch")
+                (installed.lavapipe(false, &words)?, "first_launch")
             }
             Self::Embree(scene, Rays::Single) => (installed.embree(&[&folder(scene), "1"])?, "rate"),
             Self::Embree(scene, Rays::Packets) => (installed.embree(&[&folder(scene), "8"])?, "rate"),

@@ -6,8 +6,11 @@
 //! where it is a linear function of these that takes no value twice. What this cannot show (an index
 //! that was loaded lane by lane, the neighbour's texel) counts as shared, be it or not.
 //!
-//! Workgroup memory is left out: it is there to be shared, between barriers. So are two descriptors of
-//! one buffer.
+//! Bindings that hold one buffer or image count as one. Workgroup memory is left out: it is there to be
+//! shared, between barriers. So is a buffer reached both by a binding and by its device address.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
@@ -205,17 +208,52 @@ impl Extent<'_> {
         buffer.load(offset.into(), 32).map(u64::from)
     }
 
-    /// Whether every invocation has a place of its own for these accesses; `stored` are the memories
-    /// that something is stored to.
-    fn keeps_apart(&self, touches: &[&Touch], stored: &[Memory]) -> bool {
+    /// For each binding that a buffer or image of another one is bound to, too, the first of these.
+    fn one_memory(&self, touches: &[&Touch]) -> BTreeMap<Binding, Binding> {
+        let binding = |touch: &&Touch| match touch.memory {
+            Memory::Binding(binding) => Some(binding),
+            _ => None,
+        };
+        let mut bindings: Vec<Binding> = touches.iter().filter_map(binding).collect();
+        bindings.sort_unstable();
+        bindings.dedup();
+        let mut first = BTreeMap::new();
+        if bindings.len() < 2 {
+            return first;
+        }
+        let mut owners: FxHashMap<usize, Binding> = FxHashMap::default();
+        for &binding in &bindings {
+            for descriptor in self.resources.descriptors.get(&binding).into_iter().flatten() {
+                let place = descriptor.find(|kind| match kind {
+                    Descriptor::Buffer(buffer) => Some(Arc::as_ptr(buffer).addr()),
+                    Descriptor::Image(image) | Descriptor::ImageSampler(image, _) => {
+                        Some(Arc::as_ptr(image).addr())
+                    }
+                    _ => None,
+                });
+                let Some(place) = place else { continue };
+                let owner = *owners.entry(place).or_insert(binding);
+                let [owner, own] = [owner, binding].map(|one| *first.get(&one).unwrap_or(&one));
+                if owner != own {
+                    // Those that stand for the later one stand for the earlier one now.
+                    let [owner, own] = [owner.min(own), owner.max(own)];
+                    first.values_mut().filter(|one| **one == own).for_each(|one| *one = owner);
+                    first.insert(own, owner);
+                }
+            }
+        }
+        first
+    }
+
+    /// Whether every invocation has a place of its own for these accesses; `stored` tells of a binding
+    /// whether something may be stored to it.
+    fn keeps_apart(&self, touches: &[&Touch], stored: impl Fn(Binding) -> bool) -> bool {
         let Some(first) = touches[0].place.as_ref() else { return false };
         let mut told: SmallVec<[Symbol; 6]> = SmallVec::new();
         for (at, stretch) in first.iter().enumerate() {
             let (_, rest) = stretch.from.split();
             let changes = |symbol: &Symbol| match symbol {
-                Symbol::Word(Some((binding, _)), _) => {
-                    stored.contains(&Memory::Binding(*binding)) || stored.contains(&Memory::Unknown)
-                }
+                Symbol::Word(Some((binding, _)), _) => stored(*binding),
                 _ => false,
             };
             if rest.0.iter().any(|(symbols, _)| symbols.iter().any(changes)) {
@@ -240,15 +278,23 @@ impl Extent<'_> {
     pub fn shared(&self, programs: &[&Program]) -> Option<Memory> {
         self.sides().next()?;
         let touches: Vec<&Touch> = programs.iter().flat_map(|program| &program.touches).collect();
-        let stored = touches.iter().filter(|touch| touch.stores).map(|touch| touch.memory);
+        let first = self.one_memory(&touches);
+        let of = |memory: Memory| match memory {
+            Memory::Binding(binding) => Memory::Binding(*first.get(&binding).unwrap_or(&binding)),
+            other => other,
+        };
+        let stored = touches.iter().filter(|touch| touch.stores).map(|touch| of(touch.memory));
         let mut memories: Vec<Memory> = stored.collect();
         memories.sort_unstable();
         memories.dedup();
         memories.iter().copied().find(|&memory| {
             let unknown = memory == Memory::Unknown;
-            let same = |touch: &&&Touch| unknown || [memory, Memory::Unknown].contains(&touch.memory);
+            let same = |touch: &&&Touch| unknown || [memory, Memory::Unknown].contains(&of(touch.memory));
             let same: Vec<&Touch> = touches.iter().filter(same).copied().collect();
-            !same.iter().all(|touch| touch.atomic) && !self.keeps_apart(&same, &memories)
+            let stored = |binding| {
+                [of(Memory::Binding(binding)), Memory::Unknown].iter().any(|one| memories.contains(one))
+            };
+            !same.iter().all(|touch| touch.atomic) && !self.keeps_apart(&same, stored)
         })
     }
 }

@@ -127,6 +127,23 @@ fn loads_count_where_somebody_stores() {
 }
 
 #[test]
+fn a_buffer_bound_twice_is_one_memory() {
+    // Invocation 15 loads word 16, which is where invocation 1 stores.
+    let body = "
+        %index = OpIAdd %uint %x %u1
+        %pointer = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %index
+        %loaded = OpLoad %uint %pointer
+        out 0 %loaded";
+    let (one, other) = (Buffer::zeroed(4096), Buffer::zeroed(4096));
+    let bound = |cells: &std::sync::Arc<Buffer>| {
+        let resources = Resources::default().bind(0, 0, Descriptor::Buffer(one.clone()));
+        resources.bind(0, 1, Descriptor::Buffer(cells.clone()))
+    };
+    assert_eq!(shared_with(body, [40, 1, 1], &bound(&other)), None);
+    assert_eq!(shared_with(body, [40, 1, 1], &bound(&one)), Some(OUT));
+}
+
+#[test]
 fn texels_are_told_by_their_coordinates() {
     let accumulate = |coordinate: &str| {
         format!(
