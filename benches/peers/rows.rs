@@ -219,7 +219,7 @@ impl Ours {
             Self::Traverse(name) => last(Table::of_one(name, PICTURE), traverse::run),
             Self::Build(make) => {
                 let (table, scene) = (Table::of_one("build", PICTURE), make());
-                table.time("build", || format!("{:?}", scene.blas(GeometryFlags::OPAQUE).bounds().max));
+                table.time("build", || format!("{:?}", scene.built(GeometryFlags::OPAQUE).bounds().max));
                 table.into_last().expect("a row")
             }
         }

@@ -35,7 +35,7 @@ pub fn run(table: &mut Table) {
         }
         let scene = make();
         table.time(name, || {
-            let blas = scene.blas(GeometryFlags::OPAQUE);
+            let blas = scene.built(GeometryFlags::OPAQUE);
             format!("{:?}", blas.bounds().max)
         });
     };
