@@ -8,7 +8,7 @@ use crate::accel::node_ray::NodeRay;
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::tree::Tree;
 use crate::geometry::block::BlockRay;
-use crate::geometry::{ObjectRay, RoughRay};
+use crate::geometry::{ObjectRay, Ray, RoughRay, Transform};
 
 /// The instance that the upper end of the stack belongs to.
 #[derive(Clone, Debug)]
@@ -56,21 +56,24 @@ impl Level {
         self.instance = instance;
         self.has_object_ray = false;
         self.has_block_ray = false;
-        let simple = tree.is_some_and(|tree| match tlas.transform(instance) {
-            Placed::InWorld => {
+        let entered = match (tree, tlas.transform(instance)) {
+            (Some(tree), Placed::InWorld) => {
                 self.approach = Approach::Simple;
                 self.node_ray.set_simple(&trace.ray, tree.scale())
             }
-            Placed::Still(transform) => {
-                self.approach = Approach::Rough;
-                transform.rough(&trace.ray).is_some_and(|ray| {
-                    self.rough_ray = ray;
-                    self.node_ray.set_rough(&ray, trace.ray.t_min, tree.scale())
-                })
-            }
-            Placed::Moving => false,
-        });
-        simple || self.enter_prepared(tlas, tree, trace, cull_t)
+            (Some(tree), Placed::Still(transform)) => self.enter_roughly(transform, tree, &trace.ray),
+            _ => false,
+        };
+        entered || self.enter_prepared(tlas, tree, trace, cull_t)
+    }
+
+    /// The same in f32 with bounds; `false` where that is not enough.
+    #[inline(never)]
+    fn enter_roughly(&mut self, transform: &Transform, tree: &Tree, ray: &Ray) -> bool {
+        let Some(rough_ray) = transform.rough(ray) else { return false };
+        self.approach = Approach::Rough;
+        self.rough_ray = rough_ray;
+        self.node_ray.set_rough(&rough_ray, ray.t_min, tree.scale())
     }
 
     /// The same where the ray in object space must be known.

@@ -56,7 +56,7 @@
 //! Norms are 1-norms. Products with d or w have the bounds of the table at `object_ray::View`, with
 //! room for the roundings of δ and of N's and Y = r0 D + δ w's sums: N needs 7u + κ of r0 |d||D| and
 //! 9u + κ of |δ||d||w|, Y 4u of r0 |D| and 6u of |δ||w|, Z = δ d 2u + κ, a 6u of |w||D|. A product of two
-//! computed values has `math::error_bound::product_error`, a quotient `quotient_error`; a root s = sqrt(g) sqrt(G) of values known to e_g < g and e_G < G is off by at
+//! computed values has `math::error_bound::product_error`, a quotient `Divisor`; a root s = sqrt(g) sqrt(G) of values known to e_g < g and e_G < G is off by at
 //! most (e_g / g + e_G / G + 3u) s, since 1 - sqrt((1 - x)(1 - y)) <= x + y. The greatest product for
 //! the rays that `ObjectRay` lets into f64 is below 2^900, the least second-order term of a bound of a
 //! nonzero G above 2^-1010.
@@ -66,7 +66,7 @@ mod exact;
 use crate::geometry::object_ray::{ObjectRay, View};
 use crate::geometry::verdict::{Verdict, rounded, settle_closed, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface, sphere};
-use crate::math::error_bound::{product_error, quotient_error, round_down, round_up, two_units};
+use crate::math::error_bound::{Divisor, product_error, round_down, round_up, two_units};
 use crate::math::real::{Real, add, cross, dot, from_f32, norm1, scale, sub};
 
 /// Where a ray enters a linear swept sphere, within the closed interval: ends `positions` and
@@ -263,8 +263,7 @@ fn approach<R: Real, const BOUNDED: bool>(
         let num = -(qb + s);
         (num, e_s + e_qb - u2 * num, qa, e_qa)
     };
-    let t = numerator / denominator;
-    let e_t = quotient_error(t, e_numerator, denominator, e_denominator);
+    let (t, e_t) = quotient::<R, BOUNDED>((numerator, e_numerator), (denominator, e_denominator));
 
     let sweep = Sweep {
         a: dot(w, axis) + r0 * delta,
@@ -282,8 +281,7 @@ fn approach<R: Real, const BOUNDED: bool>(
             Verdict::Miss => return Verdict::Miss,
             Verdict::Undecided => return Verdict::Undecided,
         };
-        let u = v / g;
-        let e_u = when::<R, BOUNDED>(quotient_error(u, e_v, g, e_g));
+        let (u, e_u) = quotient::<R, BOUNDED>((v, e_v), (g, e_g));
         return match rounded(u - e_u, u + e_u) {
             Verdict::Hit(u) => Verdict::Hit(side(t, u)),
             _ => Verdict::Undecided,
@@ -310,6 +308,16 @@ fn approach<R: Real, const BOUNDED: bool>(
     // Certainly on neither sphere: that leaves the side, unless it is certainly not there either.
     let beside = v < -e_v || below_one == Some(false);
     if BOUNDED && end_1 == Verdict::Miss && !beside { Verdict::Undecided } else { end_1 }
+}
+
+/// A quotient of two values with their errors; without bounds the plain one.
+#[inline(always)]
+fn quotient<R: Real, const BOUNDED: bool>(numerator: (R, R), denominator: (R, R)) -> (R, R) {
+    if BOUNDED {
+        Divisor::new(denominator.0, denominator.1).quotient(numerator.0, numerator.1)
+    } else {
+        (numerator.0 / denominator.0, R::ZERO)
+    }
 }
 
 /// How u* g = a + b t runs along the line.
