@@ -163,7 +163,9 @@ fn run_shows_what_a_compute_shader_left() {
     let json: Value = serde_json::from_str(lines.next().unwrap_or_default()).expect("JSON");
     assert_eq!(json["value"]["sums"][255], 32_640);
     assert!(
-        lines.any(|line| line.starts_with("GLCompute") && line.contains("256 invocations in 32 batches"))
+        // Each batch of eight lanes is full.
+        lines.any(|line| line.starts_with("GLCompute")
+            && line.contains("256 invocations in 32 batches, 8.0 lanes each"))
     );
 
     let (code, out, _) = run(&["run", "shaders/pass/compute/prefix-sum/scene.toml", "--dump", "sums=hex"]);

@@ -198,6 +198,26 @@ impl Image {
         Self::from_words(format, shape, words)
     }
 
+    /// An image whose texels are all the same, given its bytes.
+    ///
+    /// # Errors
+    /// As [`Image::new`].
+    pub fn filled(format: Format, shape: Shape, texel: &[u8]) -> Result<Arc<Self>> {
+        let each = format.texel_size() as usize;
+        if texel.len() != each {
+            let message = format!("{} bytes for a texel of {each}", texel.len());
+            return Err(Error::new(ErrorKind::InvalidImage, message));
+        }
+        // Two words hold a whole number of texels of every size.
+        let pattern = texel.repeat(16 / each);
+        let pattern = [0, 8].map(|first: usize| {
+            pattern[first..first + 8].iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte))
+        });
+        let size = shape.texels().saturating_mul(each as u64);
+        let words = usize::try_from(size.div_ceil(8)).unwrap_or(usize::MAX);
+        Self::from_words(format, shape, (0..words).map(|at| AtomicU64::new(pattern[at % 2])))
+    }
+
     fn from_words(format: Format, shape: Shape, words: impl Iterator<Item = AtomicU64>) -> Result<Arc<Self>> {
         shape.check()?;
         let mut levels = SmallVec::new();
@@ -335,6 +355,18 @@ impl Image {
 mod tests {
     use super::*;
     use crate::machine::format::Component;
+
+    #[test]
+    fn an_image_is_filled_with_one_texel() {
+        for (component, channels) in [(Component::Unorm8, 1), (Component::Uint16, 4), (Component::Float32, 4)]
+        {
+            let format = Format::new(component, channels);
+            let texel: Vec<u8> = (1..=format.texel_size() as u8).collect();
+            let image = Image::filled(format, Shape::plane(5, 3), &texel).unwrap();
+            assert_eq!(image.bytes(), texel.repeat(15));
+            assert!(Image::filled(format, Shape::plane(5, 3), &[0; 3]).is_err());
+        }
+    }
 
     #[test]
     fn texels_of_every_size_keep_to_themselves() {

@@ -332,5 +332,8 @@ fn resources(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Resources {
 }
 
 fn image(image: &Image) -> Result<Arc<machine::Image>> {
-    machine::Image::new(image.format, image.shape, &image.texels)
+    match image.texels.len() == image.format.texel_size() as usize {
+        true => machine::Image::filled(image.format, image.shape, &image.texels),
+        false => machine::Image::new(image.format, image.shape, &image.texels),
+    }
 }

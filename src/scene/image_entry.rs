@@ -18,7 +18,8 @@ pub struct Image {
     pub format: Format,
     /// Its shape.
     pub shape: Shape,
-    /// All texels, as [`machine::image::Image`](crate::machine::image::Image) wants them.
+    /// All texels, as [`machine::image::Image`](crate::machine::image::Image) wants them; or one, which
+    /// all of them are.
     pub texels: Vec<u8>,
 }
 
@@ -166,8 +167,7 @@ impl ImageEntry {
             return self.complete(format, shape, texels);
         }
         if pictures.is_empty() {
-            let texels = texel_bytes(format, self.fill).repeat(shape.texels() as usize);
-            return Ok(Image { format, shape, texels });
+            return Ok(Image { format, shape, texels: texel_bytes(format, self.fill) });
         }
         let given = pictures.len() as u32;
         if given != layers && given != layers * shape.levels {
