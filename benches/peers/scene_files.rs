@@ -17,7 +17,7 @@ pub fn write(share: &Path) {
     let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     let terrain = scenes::heightfield(256);
     scene(&share.join("scenes/terrain"), &terrain, &[identity]);
-    scene(&share.join("scenes/tiled"), &terrain, &scenes::tiles().collect::<Vec<_>>());
+    scene(&share.join("scenes/tiled"), &terrain, &scenes::tiles(8).collect::<Vec<_>>());
     let spheres = share.join("scenes/spheres");
     scene(&spheres, &scenes::spheres(10_000), &[identity]);
     boxes(&spheres, &scenes::boxes(10_000));

@@ -11,6 +11,7 @@
 
 mod clock;
 mod frames;
+mod growth;
 mod ready;
 mod scenes;
 mod synthetic;
@@ -27,4 +28,5 @@ fn main() {
     traverse::run(&mut table);
     frames::run(&mut table);
     ready::run(&mut table);
+    growth::run(&table);
 }

@@ -8,7 +8,6 @@ use anyhit::pipeline::{Launch, Pipeline};
 
 use crate::frames::program;
 use crate::scenes::{self, Scene};
-use crate::synthetic;
 use crate::table::Table;
 
 pub fn run(table: &mut Table) {
@@ -16,36 +15,20 @@ pub fn run(table: &mut Table) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures").join(module);
         load_and_lower(table, module, || std::fs::read(path).expect("a module"));
     }
-    // The largest module among those of published renderers has 98,390 instructions.
-    for count in table.size(vec![1_000, 10_000, 98_390, 300_000], vec![1_000]) {
-        for (name, each) in [("in functions", 400), ("in one function", count)] {
-            load_and_lower(table, &format!("{count} instructions {name}"), || {
-                synthetic::module(count, each).iter().flat_map(|word| word.to_le_bytes()).collect()
-            });
-        }
-    }
     // Modules of one's own: how load and lower grow with them.
     for path in std::env::var_os("MODULES").iter().flat_map(std::env::split_paths) {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         load_and_lower(table, &name, || std::fs::read(path).expect("a module"));
     }
     let build = |name: &str, make: &dyn Fn() -> Scene| {
-        if !table.wants(name) {
-            return;
+        if table.wants(name) {
+            build(table, name, &make());
         }
-        let scene = make();
-        table.time(name, || {
-            let blas = scene.built(GeometryFlags::OPAQUE);
-            format!("{:?}", blas.bounds().max)
-        });
     };
     let (grid, many, blades) = (table.size(256, 8), table.size(10_000, 50), table.size(30_000, 50));
     build("build triangles", &|| scenes::heightfield(grid));
     build("build spheres", &|| scenes::spheres(many));
     build("build swept spheres", &|| scenes::meadow(blades));
-    for cells in table.size(vec![7, 22, 71, 224, 707], vec![4]) {
-        build(&format!("growth build {} triangles", 2 * cells * cells), &|| scenes::heightfield(cells));
-    }
     if table.wants_any("one invocation") {
         let mut builder = Pipeline::builder();
         builder.ray_generation(program("arithmetic.rgen")).expect("ray generation");
@@ -62,13 +45,22 @@ pub fn run(table: &mut Table) {
     }
 }
 
-fn load_and_lower(table: &Table, name: &str, make: impl FnOnce() -> Vec<u8>) {
+/// Builds the BLAS of a scene; the milliseconds.
+pub fn build(table: &Table, name: &str, scene: &Scene) -> Option<f64> {
+    table.time(name, || {
+        let blas = scene.built(GeometryFlags::OPAQUE);
+        format!("{:?}", blas.bounds().max)
+    })
+}
+
+/// Loads and lowers a module's first entry point; the milliseconds of each.
+pub fn load_and_lower(table: &Table, name: &str, make: impl FnOnce() -> Vec<u8>) -> [Option<f64>; 2] {
     let (loading, lowering) = (format!("load {name}"), format!("lower {name}"));
     if !table.wants(&loading) && !table.wants(&lowering) {
-        return;
+        return [None, None];
     }
     let bytes = make();
-    table.time(&loading, || {
+    let loaded = table.time(&loading, || {
         let module = anyhit::module::load(&bytes).expect("a valid module");
         format!(
             "{} instructions",
@@ -76,8 +68,9 @@ fn load_and_lower(table: &Table, name: &str, make: impl FnOnce() -> Vec<u8>) {
         )
     });
     let module = Arc::new(anyhit::module::load(&bytes).expect("a valid module"));
-    table.time(&lowering, || {
+    let lowered = table.time(&lowering, || {
         let program = anyhit::program::lower(&module, &module.entry_points[0]).expect("a supported module");
         format!("{} operations, {} rows", program.ops.len(), program.rows)
     });
+    [loaded, lowered]
 }

@@ -247,20 +247,25 @@ impl Scene {
 
     /// Its BLAS in 8 x 8 places, every other one turned.
     pub fn tiled(&self) -> Arc<Tlas> {
-        let blas = self.blas(GeometryFlags::OPAQUE);
-        let instances = tiles().map(|transform| Instance::of(blas.clone(), transform));
-        Tlas::new(instances.collect()).expect("valid instances")
+        placed(&self.blas(GeometryFlags::OPAQUE), 8)
     }
 }
 
-/// The 8 x 8 places: a transform each, in rows.
-pub fn tiles() -> impl Iterator<Item = [[f32; 4]; 3]> {
-    (0..64).map(|number: u32| {
-        let at = |k: u32| -5.0 + 10.0 * (k as f32 + 0.5) / 8.0;
-        let (i, j) = (number % 8, number / 8);
+/// A BLAS in side x side places.
+pub fn placed(blas: &Arc<Blas>, side: u32) -> Arc<Tlas> {
+    let instances = tiles(side).map(|transform| Instance::of(blas.clone(), transform));
+    Tlas::new(instances.collect()).expect("valid instances")
+}
+
+/// Side x side places that together are as wide as one, every other one turned: a transform each, in
+/// rows.
+pub fn tiles(side: u32) -> impl Iterator<Item = [[f32; 4]; 3]> {
+    (0..side * side).map(move |number: u32| {
+        let at = |k: u32| -5.0 + 10.0 * (k as f32 + 0.5) / side as f32;
+        let (i, j, s) = (number % side, number / side, 1.0 / side as f32);
         match (i + j) % 2 {
-            0 => [[0.125, 0.0, 0.0, at(i)], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 0.125, at(j)]],
-            _ => [[0.0, 0.0, 0.125, at(i)], [0.0, 0.5, 0.0, 0.0], [-0.125, 0.0, 0.0, at(j)]],
+            0 => [[s, 0.0, 0.0, at(i)], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, s, at(j)]],
+            _ => [[0.0, 0.0, s, at(i)], [0.0, 0.5, 0.0, 0.0], [-s, 0.0, 0.0, at(j)]],
         }
     })
 }

@@ -85,26 +85,29 @@ impl Table {
     }
 
     /// Measures work that processes a number of things a run, and prints how many millions of them
-    /// a second of processor time gets through. What the work returns is printed behind.
-    pub fn rate(&self, name: &str, unit: &str, count: u64, mut work: impl FnMut() -> String) {
+    /// a second of processor time gets through, which is returned. What the work returns is printed
+    /// behind.
+    pub fn rate(&self, name: &str, unit: &str, count: u64, mut work: impl FnMut() -> String) -> Option<f64> {
         if !self.wants(name) {
-            return;
+            return None;
         }
         let (cpu, wall, note) = self.measure(&mut work);
         let rate = |time: Duration| count as f64 / time.as_secs_f64() / 1e6;
         println!("{name:<34} {:>9.3} M{unit}/cpu-s {:>9.3} M{unit}/s   {note}", rate(cpu), rate(wall));
         self.measured.borrow_mut().push(Measured { value: rate(cpu), hits: None });
+        Some(rate(cpu))
     }
 
-    /// Measures work and prints how many milliseconds it takes.
-    pub fn time(&self, name: &str, mut work: impl FnMut() -> String) {
+    /// Measures work, prints how many milliseconds of processor time it takes, and returns them.
+    pub fn time(&self, name: &str, mut work: impl FnMut() -> String) -> Option<f64> {
         if !self.wants(name) {
-            return;
+            return None;
         }
         let (cpu, wall, note) = self.measure(&mut work);
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         println!("{name:<34} {:>9.3} ms (cpu) {:>12.3} ms (wall)   {note}", ms(cpu), ms(wall));
         self.measured.borrow_mut().push(Measured { value: ms(cpu), hits: None });
+        Some(ms(cpu))
     }
 
     fn measure(&self, work: &mut impl FnMut() -> String) -> (Duration, Duration, String) {

@@ -38,19 +38,16 @@ fn trace(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
 
 pub fn run(table: &mut Table) {
     let table = &*table;
-    let measure = |name: &str, tlas: &Tlas, rays: &[Ray], flags: RayFlags| {
-        let mut hits = 0;
-        table.rate(name, "rays", rays.len() as u64, || {
-            let (found, note) = trace(tlas, rays, flags);
-            hits = found;
-            note
-        });
-        table.hits(hits);
-    };
     let row = |name: &str, flags: RayFlags, make: &dyn Fn() -> Scene| {
         if table.wants(name) {
             let scene = make();
-            measure(name, &scene.tlas(GeometryFlags::OPAQUE), &scene.camera.rays(table.picture), flags);
+            measure(
+                table,
+                name,
+                &scene.tlas(GeometryFlags::OPAQUE),
+                &scene.camera.rays(table.picture),
+                flags,
+            );
         }
     };
     let (grid, many, blades) = (table.size(256, 8), table.size(10_000, 50), table.size(30_000, 50));
@@ -62,7 +59,7 @@ pub fn run(table: &mut Table) {
     row("traverse triangles any hit", any, &|| scenes::heightfield(grid));
     if table.wants("traverse 64 instances") {
         let scene = scenes::heightfield(grid);
-        measure("traverse 64 instances", &scene.tiled(), &scene.camera.rays(table.picture), every);
+        measure(table, "traverse 64 instances", &scene.tiled(), &scene.camera.rays(table.picture), every);
     }
     if table.wants("traverse triangles shuffled") {
         let scene = scenes::heightfield(grid);
@@ -71,10 +68,20 @@ pub fn run(table: &mut Table) {
         for at in (1..rays.len()).rev() {
             rays.swap(at, (random.bits() % (at as u64 + 1)) as usize);
         }
-        measure("traverse triangles shuffled", &scene.tlas(GeometryFlags::OPAQUE), &rays, every);
+        measure(table, "traverse triangles shuffled", &scene.tlas(GeometryFlags::OPAQUE), &rays, every);
     }
-    for cells in table.size(vec![7, 22, 71, 224, 707], vec![4]) {
-        let name = format!("growth traverse {} triangles", 2 * cells * cells);
-        row(&name, every, &|| scenes::heightfield(cells));
+}
+
+/// Measures rays through a structure: millions a second.
+pub fn measure(table: &Table, name: &str, tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> Option<f64> {
+    let mut hits = 0;
+    let rate = table.rate(name, "rays", rays.len() as u64, || {
+        let (found, note) = trace(tlas, rays, flags);
+        hits = found;
+        note
+    });
+    if rate.is_some() {
+        table.hits(hits);
     }
+    rate
 }
