@@ -151,6 +151,15 @@ impl<const W: usize> Mask<W> {
         self.lanes().next()
     }
 
+    /// One more than the highest lane; 0 where there is none.
+    #[inline]
+    pub fn end(self) -> usize {
+        match self.high {
+            high if Self::WIDE && high != 0 => 128 - high.leading_zeros() as usize,
+            _ => 64 - self.low.leading_zeros() as usize,
+        }
+    }
+
     /// The lanes in ascending order.
     #[inline]
     pub fn lanes(self) -> impl Iterator<Item = usize> {
@@ -518,6 +527,7 @@ mod tests {
             (3, Some(0), true, false)
         );
         assert_eq!((!wide).count(), 125);
+        assert_eq!((wide.end(), Mask::<128>::first(64).end(), Mask::<8>::NONE.end()), (127, 64, 0));
         assert_eq!((wide & Mask::lane(126)) | Mask::lane(64), wide.without(Mask::first(64)) | Mask::lane(64));
         assert!(Mask::<128>::first(128).is_all() && Mask::<128>::ALL.without(Mask::first(128)).is_empty());
         assert!(!Mask::<128>::first(127).is_all() && !Mask::<128>::lane(127).is_empty());

@@ -22,8 +22,8 @@ pub struct Builtin {
     pub vuids: [&'static str; 3],
     /// Whether it may change while the shader runs.
     pub volatile: bool,
-    /// Writes its words for an invocation.
-    pub read: fn(&Invocation, &mut [u32]),
+    /// Writes its words for each invocation, so many each, one behind the other.
+    pub read: fn(&[Invocation], usize, &mut [u32]),
 }
 
 impl std::fmt::Debug for Builtin {
@@ -129,7 +129,11 @@ macro_rules! builtins {
             stages: $stages,
             vuids: [$($vuid),*],
             volatile: builtins!(@ $($volatile)?),
-            read: |$from, $to| $read,
+            read: |invocations, count, words| {
+                for ($from, $to) in invocations.iter().zip(words.chunks_exact_mut(count)) {
+                    $read;
+                }
+            },
         }),*];
     };
     (@) => { false };
@@ -404,7 +408,7 @@ mod tests {
                 ..Invocation::default()
             };
             let mut words = [0; 4];
-            (find_by_name(name).unwrap().read)(&invocation, &mut words);
+            (find_by_name(name).unwrap().read)(std::slice::from_ref(&invocation), words.len(), &mut words);
             words
         };
         // Invocation 8 + 5 = 13 of the launch is the sixth of the second subgroup of 8.
@@ -424,7 +428,7 @@ mod tests {
         let invocation = Invocation { t_max: 2.5, ..Invocation::default() };
         for name in ["HitTNV", "RayTmaxKHR"] {
             let mut words = [0];
-            (find_by_name(name).unwrap().read)(&invocation, &mut words);
+            (find_by_name(name).unwrap().read)(std::slice::from_ref(&invocation), words.len(), &mut words);
             assert_eq!(words, [2.5f32.to_bits()], "{name}");
         }
     }

@@ -233,16 +233,19 @@ impl Program {
 
     /// Fills the rows of builtins again; only those that may change while running where so asked.
     pub fn refresh_inputs<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, volatile: bool) {
+        let mut space = [[0; 12]; W];
+        let invocations = &batch.invocations[..mask.end()];
         for input in self.inputs.iter().filter(|input| !volatile || input.builtin.volatile) {
-            let mut words = [0; 12];
-            let words = &mut words[..input.count as usize];
-            let rows = batch.registers.rows_mut(input.first, input.count);
-            for (lane, invocation) in batch.invocations.iter().enumerate() {
-                if mask.contains(lane) {
-                    words.fill(0);
-                    (input.builtin.read)(invocation, words);
-                    rows.iter_mut().zip(words.iter()).for_each(|(row, &word)| row.0[lane] = word);
-                }
+            let count = input.count as usize;
+            let words = &mut space.as_flattened_mut()[..count * invocations.len()];
+            if words.is_empty() {
+                continue;
+            }
+            words.fill(0);
+            (input.builtin.read)(invocations, count, words);
+            for (word, row) in batch.registers.rows_mut(input.first, input.count).iter_mut().enumerate() {
+                let words = words[word..].iter().step_by(count);
+                row.0.iter_mut().zip(words).for_each(|(to, &word)| *to = word);
             }
         }
     }
