@@ -342,8 +342,8 @@ mod tests {
                 continue;
             }
             let first = child.index() * leaf_size;
-            for place in first..first + child.count() as usize {
-                let number = order[place] as usize;
+            for &number in &order[first..first + child.count() as usize] {
+                let number = number as usize;
                 seen[number] += 1;
                 for corners in &around {
                     let below = |a: f32, b: f32, scale: f64| f64::from(a) <= f64::from(b) * scale;
