@@ -8,10 +8,10 @@
 //! have a code together; each of the two rounds as it does by itself.
 //!
 //! Rows write every NaN as the same bits ([`crate::machine::Scalar::to_words`]); here that is a step of its
-//! own, [`Settled`], and stands only behind results whose bits somebody may see: an operation on floats
+//! own, `Settled`, and stands only behind results whose bits somebody may see: an operation on floats
 //! takes every NaN for the same.
 //!
-//! [`plan`] makes the steps. Rows without a code are called as ever, irregular operations end a stretch. Only what takes few
+//! `plan` makes the steps. Rows without a code are called as ever, irregular operations end a stretch. Only what takes few
 //! vector registers has a code: one arm that takes all sixteen, and the compiler keeps the accumulator in
 //! memory in every arm.
 
