@@ -264,7 +264,11 @@ fn near_constants(program: &mut Program, ops: &mut [Op], places: &Places) {
     let far = |reg: Reg| reg.0 as usize >= WINDOW;
     let words: HashMap<Reg, u32> = program.constants.iter().copied().filter(|&(reg, _)| far(reg)).collect();
     let mut near: HashMap<Reg, Reg> = HashMap::new();
-    let mut untaken = places.untaken().iter().copied().filter(|&reg| !far(reg));
+    // Every batch begins with zeros in variables, and keeps what constants it was made with.
+    let variables = program.variables.clone();
+    let begins_as_zero =
+        |reg: Reg| variables.iter().any(|&(first, count)| (first.0..first.0 + count).contains(&reg.0));
+    let mut untaken = places.untaken().iter().copied().filter(|&reg| !far(reg) && !begins_as_zero(reg));
     for op in ops {
         if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }) = op {
             each_single(op, |reg, single| {
@@ -439,5 +443,20 @@ mod tests {
             ops.iter().filter(is_move).count()
         };
         assert!(moves(&program.unwatched.ops) < moves(&program.ops));
+    }
+
+    #[test]
+    fn a_near_constant_has_a_row_that_no_batch_begins_with_zeros() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/bench/arithmetic.rgen.spv");
+        let module = crate::Module::open(path).expect("a valid fixture");
+        let mut program = Program::of(&module, "main").expect("a supported fixture");
+        let far = Reg(WINDOW as u32 + 40);
+        program.variables = vec![(Reg(10), 1)];
+        program.constants = vec![(far, 7)];
+        let row = crate::ops::arithmetic::IAdd.row(32).expect("a row of 32 bits");
+        let mut ops = [Op::Row { row, to: Reg(0), from: [Reg(1), far, Reg(1)] }];
+        near_constants(&mut program, &mut ops, &Places::new(400, vec![Reg(10), Reg(11)]));
+        assert_eq!(ops, [Op::Row { row, to: Reg(0), from: [Reg(1), Reg(11), Reg(1)] }]);
+        assert_eq!(program.constants, [(far, 7), (Reg(11), 7)]);
     }
 }
