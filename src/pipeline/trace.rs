@@ -12,6 +12,7 @@ use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
 use crate::pipeline::launch::{RayOperands, Stats};
+use crate::pipeline::plain::{PlainRay, PlainRays};
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::Role;
 use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
@@ -89,6 +90,8 @@ pub(super) struct RayState {
     /// The shader record, and with it the attributes, where a hit object says which.
     pub(super) record: Option<u64>,
     traversing: bool,
+    /// Whether any hit will do where no shader is asked on the way.
+    any_will_do: bool,
     /// What its caller traps for: a shader that this ray called trapped, or is null where it must not be.
     pub trapped: Option<TrapCode>,
 }
@@ -113,6 +116,7 @@ pub(super) struct Trace {
     /// The lanes that trace, ascending.
     lanes: Vec<usize>,
     waiting: Vec<Waiting>,
+    plain: PlainRays,
     traversing: bool,
     /// The instruction that traces.
     caller: Option<Caller>,
@@ -161,10 +165,8 @@ impl Trace {
         let ray = self.place(lane, query, |ray| ray.cursor.reset(&ray.query.tlas, traversal), traversal);
         ray.record = None;
         ray.traversing = true;
-        if any_will_do {
-            ray.cursor.end_at_any_opaque_hit();
-            self.stats.spared.occlusion += 1;
-        }
+        ray.any_will_do = any_will_do;
+        self.stats.spared.occlusion += u64::from(any_will_do);
         if T::ACTIVE {
             let query = &self.ray(lane).query;
             witness.invocation(query.launch_id);
@@ -247,6 +249,9 @@ impl Trace {
 
     /// Lets each ray go on to its next candidate that a shader decides.
     fn traverse<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
+        if !T::ACTIVE {
+            self.traverse_plain();
+        }
         for &lane in &self.lanes {
             let Some(ray) = self.rays[lane].as_mut().filter(|ray| ray.traversing) else { continue };
             witness.invocation(ray.query.launch_id);
@@ -292,6 +297,38 @@ impl Trace {
                         ray.cursor.confirm();
                     }
                 }
+            }
+        }
+    }
+
+    /// Traces all rays at once that no shader is asked about, and that go through the same structure as the
+    /// first.
+    fn traverse_plain(&mut self) {
+        let Self { rays, lanes, plain, .. } = self;
+        let Some(tlas) =
+            lanes.first().and_then(|&lane| rays[lane].as_ref()).map(|ray| ray.query.tlas.clone())
+        else {
+            return;
+        };
+        let is_plain = |ray: &&mut RayState| {
+            ray.traversing
+                && Arc::ptr_eq(&ray.query.tlas, &tlas)
+                && tlas.is_decided_without_shaders(ray.cursor.trace().flags)
+        };
+        plain.rays.clear();
+        let mut lanes_of_plain = SmallVec::<[usize; 64]>::new();
+        for &lane in &*lanes {
+            if let Some(ray) = rays[lane].as_mut().filter(is_plain) {
+                ray.traversing = false;
+                plain.rays.push(PlainRay { trace: *ray.cursor.trace(), any_will_do: ray.any_will_do });
+                lanes_of_plain.push(lane);
+            }
+        }
+        plain.trace(&tlas);
+        for (&lane, &hit) in lanes_of_plain.iter().zip(&plain.hits) {
+            if let Some(ray) = &mut rays[lane] {
+                let trace = *ray.cursor.trace();
+                ray.cursor.settle(trace, hit);
             }
         }
     }
@@ -407,7 +444,15 @@ impl RayState {
     /// `traversal` is the ray with the flags that the pipeline adds.
     fn new(query: Query, traversal: TraceRay) -> Self {
         let cursor = Cursor::new(&query.tlas, traversal);
-        Self { query, cursor, attributes: Data::new(), record: None, traversing: true, trapped: None }
+        Self {
+            query,
+            cursor,
+            attributes: Data::new(),
+            record: None,
+            traversing: true,
+            any_will_do: false,
+            trapped: None,
+        }
     }
 
     /// Ends the ray: its caller traps.
