@@ -6,7 +6,7 @@
 //! at the merge block, and no stack of masks is needed.
 
 use crate::machine::hit_object::HitObjects;
-use crate::machine::invocation::Invocation;
+use crate::machine::invocation::Invocations;
 use crate::machine::lanes::{Mask, Registers};
 use crate::machine::ray_query::RayQueries;
 use crate::machine::trap::{Accessed, Exit, Trap, TrapCode};
@@ -34,8 +34,8 @@ pub struct Frame<const W: usize> {
 pub struct Batch<const W: usize> {
     /// The register file.
     pub registers: Registers<W>,
-    /// What builtins read, for each lane.
-    pub invocations: Vec<Invocation>,
+    /// What builtins read.
+    pub invocations: Box<Invocations<W>>,
     /// The lanes that run now.
     pub mask: Mask<W>,
     /// The operation that runs next.
@@ -75,7 +75,7 @@ impl<const W: usize> Batch<W> {
     pub fn new(registers: Registers<W>) -> Self {
         Self {
             registers,
-            invocations: vec![Invocation::default(); W],
+            invocations: Box::default(),
             mask: Mask::NONE,
             op: 0,
             block: 0,

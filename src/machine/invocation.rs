@@ -1,12 +1,16 @@
-//! What builtins read: the state of one invocation beside its registers.
+//! What builtins read: the state of a batch's invocations beside their registers.
 
 use std::sync::Arc;
 
-use crate::accel::{Candidate, HitKind, Tlas, TraceRay};
+use smallvec::SmallVec;
+
+use crate::accel::{Candidate, HitKind, Instance, Place, RayFlags, Tlas, TraceRay};
+use crate::geometry::Ray;
+use crate::machine::lanes::{Lanes, Mask, Reg, Registers};
 use crate::machine::resource::Buffer;
 use crate::machine::workgroup::Workgroup;
 
-/// The state of one invocation that builtin variables show to its shader.
+/// What one invocation begins with, for [`Invocations::set`].
 #[derive(Clone, Debug, Default)]
 pub struct Invocation {
     /// `LaunchIdKHR`; in compute `GlobalInvocationId`
@@ -21,8 +25,6 @@ pub struct Invocation {
     pub hit: Option<Hit>,
     /// The shader record's data after the handle.
     pub record: Option<ShaderRecord>,
-    /// The index of the shader record that this was called through, in its table.
-    pub called_through: u64,
     /// How deep in the tree of traces this runs: 0 in ray generation.
     pub depth: u32,
     /// `SubgroupSize`; 0 stands for [`DEFAULT_SUBGROUP_SIZE`].
@@ -38,19 +40,440 @@ pub struct Invocation {
 /// `SubgroupSize` unless set otherwise.
 pub const DEFAULT_SUBGROUP_SIZE: u32 = 32;
 
-impl Invocation {
+/// The operands of traces that traversal needs, a row each.
+#[derive(Clone, Copy, Debug)]
+pub struct RayRows<const W: usize> {
+    /// The rays' flags.
+    pub flags: Lanes<W>,
+    /// Their low 8 bits count.
+    pub cull_mask: Lanes<W>,
+    /// Floats.
+    pub origin: [Lanes<W>; 3],
+    /// A float.
+    pub t_min: Lanes<W>,
+    /// Floats.
+    pub direction: [Lanes<W>; 3],
+    /// A float.
+    pub t_max: Lanes<W>,
+    /// A float: see [`TraceRay::time`].
+    pub time: Lanes<W>,
+}
+
+impl<const W: usize> RayRows<W> {
+    /// Zeros.
+    pub const ZERO: Self = {
+        let zero = Lanes([0; W]);
+        Self {
+            flags: zero,
+            cull_mask: zero,
+            origin: [zero; 3],
+            t_min: zero,
+            direction: [zero; 3],
+            t_max: zero,
+            time: zero,
+        }
+    };
+
+    /// The ray of a lane.
+    #[inline(always)]
+    pub fn get(&self, lane: usize) -> TraceRay {
+        let float = |row: &Lanes<W>| f32::from_bits(row.0[lane]);
+        let three = |rows: &[Lanes<W>; 3]| [float(&rows[0]), float(&rows[1]), float(&rows[2])];
+        let ray = Ray {
+            origin: three(&self.origin),
+            t_min: float(&self.t_min),
+            direction: three(&self.direction),
+            t_max: float(&self.t_max),
+        };
+        let flags = RayFlags(self.flags.0[lane]);
+        TraceRay { ray, flags, cull_mask: self.cull_mask.0[lane], time: float(&self.time) }
+    }
+
+    /// Sets the ray of a lane.
+    pub fn set(&mut self, lane: usize, trace: &TraceRay) {
+        let TraceRay { ray, flags, cull_mask, time } = trace;
+        for axis in 0..3 {
+            self.origin[axis].0[lane] = ray.origin[axis].to_bits();
+            self.direction[axis].0[lane] = ray.direction[axis].to_bits();
+        }
+        self.t_min.0[lane] = ray.t_min.to_bits();
+        self.t_max.0[lane] = ray.t_max.to_bits();
+        self.flags.0[lane] = flags.0;
+        self.cull_mask.0[lane] = *cull_mask;
+        self.time.0[lane] = time.to_bits();
+    }
+
+    /// Lanes whose rays certainly keep the rules of [`TraceRay::check`], with some flags beside their own, too.
+    pub fn within_rules(&self, flags: u32) -> Mask<W> {
+        // All flags of which some exclude others.
+        const EXCLUSIVE: u32 = 1 | 2 | 16 | 32 | 64 | 128 | 256 | 512;
+        let [[x, y, z], [dx, dy, dz]] = [&self.origin, &self.direction];
+        let mut within = Lanes::splat(0);
+        for lane in 0..W {
+            let finite = |row: &Lanes<W>| row.0[lane] & 0x7FFF_FFFF < 0x7F80_0000;
+            let float = |row: &Lanes<W>| f32::from_bits(row.0[lane]);
+            let (t_min, t_max, time) = (float(&self.t_min), float(&self.t_max), float(&self.time));
+            let exclusive = (self.flags.0[lane] | flags) & EXCLUSIVE;
+            let place = finite(x) & finite(y) & finite(z) & finite(dx) & finite(dy) & finite(dz);
+            let interval = (t_min >= 0.0) & (t_min <= t_max) & (0.0..=1.0).contains(&time);
+            let alone = exclusive & exclusive.wrapping_sub(1) == 0;
+            within.0[lane] = u32::from(place & interval & alone);
+        }
+        Mask::of(&within)
+    }
+
+    /// Takes rows of registers: the given ones for flags and cull mask; origin, t_min, direction, t_max and
+    /// time one behind the other.
+    pub fn copy(&mut self, registers: &Registers<W>, flags: Reg, cull_mask: Reg, ray: Reg) {
+        self.flags = registers[flags];
+        self.cull_mask = registers[cull_mask];
+        for axis in 0..3 {
+            self.origin[axis] = registers[ray.plus(axis as u32)];
+            self.direction[axis] = registers[ray.plus(4 + axis as u32)];
+        }
+        self.t_min = registers[ray.plus(3)];
+        self.t_max = registers[ray.plus(7)];
+        self.time = registers[ray.plus(8)];
+    }
+}
+
+/// Hits or candidates, a row for each of their numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct HitRows<const W: usize> {
+    /// `InstanceId`
+    pub instance: Lanes<W>,
+    /// `RayGeometryIndexKHR`
+    pub geometry: Lanes<W>,
+    /// `PrimitiveId`
+    pub primitive: Lanes<W>,
+    /// `HitKindKHR`
+    pub kind: Lanes<W>,
+}
+
+impl<const W: usize> HitRows<W> {
+    /// Sets the hit of a lane.
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, place: Place, kind: HitKind) {
+        self.instance.0[lane] = place.instance;
+        self.geometry.0[lane] = place.geometry;
+        self.primitive.0[lane] = place.primitive;
+        self.kind.0[lane] = kind.0;
+    }
+}
+
+/// A row of [`Invocations`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "fields of the same names tell them")]
+pub enum InvocationRow {
+    LaunchId(usize),
+    Flags,
+    CullMask,
+    Origin(usize),
+    TMin,
+    Direction(usize),
+    Time,
+    TMax,
+    Instance,
+    Geometry,
+    Primitive,
+    Kind,
+    LocalIndex,
+}
+
+/// The structures that the rays of a batch go through, of which there is mostly one: which of them each
+/// lane's ray goes through.
+#[derive(Clone, Debug)]
+pub struct Structures<const W: usize> {
+    all: SmallVec<[Arc<Tlas>; 1]>,
+    of: Lanes<W>,
+}
+
+impl<const W: usize> Structures<W> {
+    /// Forgets several; one stays, as the next rays most likely go through it, too, and threads share the
+    /// count of its references.
+    pub fn clear(&mut self) {
+        if self.all.len() > 1 {
+            self.all.clear();
+        }
+    }
+
+    /// The number of a structure.
+    fn number(&mut self, tlas: &Arc<Tlas>) -> u32 {
+        let known = self.all.iter().position(|known| Arc::ptr_eq(known, tlas));
+        known.unwrap_or_else(|| {
+            self.all.push(tlas.clone());
+            self.all.len() - 1
+        }) as u32
+    }
+
+    /// The structures by number.
+    pub fn all(&self) -> &[Arc<Tlas>] {
+        &self.all
+    }
+
+    /// The number of each lane's structure.
+    pub fn numbers(&self) -> &Lanes<W> {
+        &self.of
+    }
+
+    /// Lets the rays of some lanes go through a structure.
+    pub fn set(&mut self, lanes: Mask<W>, tlas: &Arc<Tlas>) {
+        let number = self.number(tlas);
+        for lane in lanes.lanes() {
+            self.of.0[lane] = number;
+        }
+    }
+
+    /// The structure of a lane.
+    #[inline]
+    pub fn get(&self, lane: usize) -> Option<&Arc<Tlas>> {
+        self.all.get(self.of.0[lane] as usize)
+    }
+
+    /// Takes those of another batch.
+    pub fn copy(&mut self, from: &Self) {
+        let same = |(a, b): (&Arc<Tlas>, &Arc<Tlas>)| Arc::ptr_eq(a, b);
+        if self.all.len() != from.all.len() || !self.all.iter().zip(&from.all).all(same) {
+            self.all.clone_from(&from.all);
+        }
+        self.of = from.of;
+    }
+}
+
+impl<const W: usize> Default for Structures<W> {
+    fn default() -> Self {
+        Self { all: SmallVec::new(), of: Lanes([0; W]) }
+    }
+}
+
+/// The state of a batch's invocations that builtin variables show to its shader, by rows.
+#[derive(Clone, Debug)]
+pub struct Invocations<const W: usize> {
+    /// `LaunchIdKHR`; in compute `GlobalInvocationId`
+    pub launch_id: [Lanes<W>; 3],
+    /// `LaunchSizeKHR`; in compute the invocations of the whole dispatch
+    pub launch_size: [u32; 3],
+    /// The operands of the trace that called them; zeros where none did.
+    pub rays: RayRows<W>,
+    /// `RayTmaxKHR` as this stage sees it.
+    pub t_max: Lanes<W>,
+    /// Whether [`Self::hits`] are any.
+    pub hit: bool,
+    /// What was hit, in any-hit, closest-hit and intersection shaders.
+    pub hits: HitRows<W>,
+    /// Where instances and primitives are looked up.
+    pub structures: Structures<W>,
+    /// The index of the shader record that each was called through, in its table.
+    pub called_through: [u64; W],
+    /// How deep in the tree of traces they run: 0 in ray generation.
+    pub depth: u32,
+    /// See [`Invocation::subgroup_size`].
+    pub subgroup_size: u32,
+    /// `LocalInvocationIndex`, in compute.
+    local_index: Lanes<W>,
+    place: Lanes<W>,
+    records: Vec<Option<ShaderRecord>>,
+    workgroups: Vec<Option<Arc<Workgroup>>>,
+}
+
+impl<const W: usize> Invocations<W> {
+    /// As if nothing had called them.
+    pub fn new() -> Self {
+        let zero = Lanes([0; W]);
+        Self {
+            launch_id: [zero; 3],
+            launch_size: [0; 3],
+            rays: RayRows::ZERO,
+            t_max: zero,
+            hit: false,
+            hits: HitRows { instance: zero, geometry: zero, primitive: zero, kind: zero },
+            structures: Structures::default(),
+            called_through: [0; W],
+            depth: 0,
+            subgroup_size: 0,
+            local_index: zero,
+            place: zero,
+            records: vec![None; W],
+            workgroups: vec![None; W],
+        }
+    }
+
+    /// Sets a lane. What the lanes of a batch have in common is what the last one says.
+    pub fn set(&mut self, lane: usize, invocation: Invocation) {
+        let Invocation { launch_id, launch_size, trace, t_max, hit, record, .. } = invocation;
+        self.set_launch_id(lane, launch_id);
+        self.launch_size = launch_size;
+        let nothing = TraceRay {
+            ray: Ray { origin: [0.0; 3], t_min: 0.0, direction: [0.0; 3], t_max: 0.0 },
+            flags: RayFlags(0),
+            cull_mask: 0,
+            time: 0.0,
+        };
+        self.rays.set(lane, &trace.unwrap_or(nothing));
+        self.t_max.0[lane] = t_max.to_bits();
+        self.hit = hit.is_some();
+        let nowhere = (Place { instance: 0, geometry: 0, primitive: 0 }, HitKind(0));
+        let (place, kind) = hit.as_ref().map_or(nowhere, |hit| (hit.candidate.place(), hit.kind));
+        self.hits.set(lane, place, kind);
+        if let Some(Hit { tlas, .. }) = hit {
+            self.structures.set(Mask::lane(lane), &tlas);
+        }
+        self.records[lane] = record;
+        self.called_through[lane] = 0;
+        self.depth = invocation.depth;
+        self.subgroup_size = invocation.subgroup_size;
+        self.workgroups[lane] = invocation.workgroup;
+        self.local_index.0[lane] = invocation.local_index;
+        self.place.0[lane] = invocation.place;
+    }
+
+    /// One of the rows.
+    #[inline]
+    pub fn row(&self, row: InvocationRow) -> &Lanes<W> {
+        use InvocationRow as Row;
+        match row {
+            Row::LaunchId(axis) => &self.launch_id[axis],
+            Row::Flags => &self.rays.flags,
+            Row::CullMask => &self.rays.cull_mask,
+            Row::Origin(axis) => &self.rays.origin[axis],
+            Row::TMin => &self.rays.t_min,
+            Row::Direction(axis) => &self.rays.direction[axis],
+            Row::Time => &self.rays.time,
+            Row::TMax => &self.t_max,
+            Row::Instance => &self.hits.instance,
+            Row::Geometry => &self.hits.geometry,
+            Row::Primitive => &self.hits.primitive,
+            Row::Kind => &self.hits.kind,
+            Row::LocalIndex => &self.local_index,
+        }
+    }
+
+    /// `LaunchIdKHR` of a lane.
+    #[inline]
+    pub fn launch_id(&self, lane: usize) -> [u32; 3] {
+        [0, 1, 2].map(|axis| self.launch_id[axis].0[lane])
+    }
+
+    /// Sets `LaunchIdKHR` of a lane.
+    #[inline]
+    pub fn set_launch_id(&mut self, lane: usize, id: [u32; 3]) {
+        for (row, word) in self.launch_id.iter_mut().zip(id) {
+            row.0[lane] = word;
+        }
+    }
+
+    /// Takes the places in the launch of other invocations.
+    pub fn take_places(&mut self, of: &Self) {
+        (self.launch_id, self.launch_size) = (of.launch_id, of.launch_size);
+    }
+
+    /// `RayTmaxKHR` of a lane.
+    #[inline]
+    pub fn t_max(&self, lane: usize) -> f32 {
+        f32::from_bits(self.t_max.0[lane])
+    }
+
+    /// Sets `RayTmaxKHR` of a lane.
+    #[inline]
+    pub fn set_t_max(&mut self, lane: usize, t_max: f32) {
+        self.t_max.0[lane] = t_max.to_bits();
+    }
+
+    /// The shader record of a lane.
+    #[inline]
+    pub fn record(&self, lane: usize) -> Option<&ShaderRecord> {
+        self.records[lane].as_ref()
+    }
+
+    /// Sets the shader record of a lane. Threads share the count of a buffer's references: it is left alone
+    /// where that will do.
+    #[inline]
+    pub fn set_record(&mut self, lane: usize, record: Option<&ShaderRecord>) {
+        match (&mut self.records[lane], record) {
+            (None, None) => {}
+            (Some(old), Some(new)) if Arc::ptr_eq(&old.data, &new.data) => {
+                (old.offset, old.size) = (new.offset, new.size);
+            }
+            (old, new) => *old = new.cloned(),
+        }
+    }
+
+    /// The workgroup of a lane.
+    #[inline]
+    pub fn workgroup(&self, lane: usize) -> Option<&Arc<Workgroup>> {
+        self.workgroups[lane].as_ref()
+    }
+
+    /// `LocalInvocationIndex` of a lane, in compute.
+    pub fn local_index(&self, lane: usize) -> u32 {
+        self.local_index.0[lane]
+    }
+
     /// `SubgroupSize`
     pub fn subgroup_size(&self) -> u32 {
         if self.subgroup_size == 0 { DEFAULT_SUBGROUP_SIZE } else { self.subgroup_size }
     }
 
+    /// What the builtins of a lane read that no row holds.
+    #[inline]
+    pub fn one(&self, lane: usize) -> One<'_> {
+        let tlas = self.structures.get(lane).filter(|_| self.hit);
+        let hit = tlas.map(|tlas| {
+            let HitRows { instance, geometry, primitive, .. } = &self.hits;
+            let [instance, geometry, primitive] = [instance, geometry, primitive].map(|row| row.0[lane]);
+            HitOf {
+                tlas,
+                place: Place { instance, geometry, primitive },
+                kind: HitKind(self.hits.kind.0[lane]),
+            }
+        });
+        One {
+            launch_id: self.launch_id(lane),
+            launch_size: self.launch_size,
+            trace: self.rays.get(lane),
+            hit,
+            subgroup_size: self.subgroup_size(),
+            workgroup: self.workgroup(lane),
+            local_index: self.local_index.0[lane],
+            place: self.place.0[lane],
+        }
+    }
+}
+
+impl<const W: usize> Default for Invocations<W> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// One invocation of a batch.
+#[derive(Clone, Debug)]
+pub struct One<'a> {
+    /// `LaunchIdKHR`; in compute `GlobalInvocationId`
+    pub launch_id: [u32; 3],
+    /// `LaunchSizeKHR`; in compute the invocations of the whole dispatch
+    pub launch_size: [u32; 3],
+    /// The trace that called it; zeros where none did.
+    pub trace: TraceRay,
+    /// What was hit.
+    pub hit: Option<HitOf<'a>>,
+    /// `SubgroupSize`
+    pub subgroup_size: u32,
+    /// The workgroup, in compute.
+    pub workgroup: Option<&'a Arc<Workgroup>>,
+    /// `LocalInvocationIndex`, in compute.
+    pub local_index: u32,
+    place: u32,
+}
+
+impl One<'_> {
     /// `CurrentRayTimeNV`: 0 for a trace without motion, and where there is none.
     pub fn time(&self) -> f32 {
-        self.trace.map_or(0.0, |trace| trace.time)
+        self.trace.time
     }
 
     /// The place in the launch, x fastest.
-    pub fn launch_index(&self) -> u64 {
+    fn launch_index(&self) -> u64 {
         let [x, y, z] = self.launch_id.map(u64::from);
         let [width, height, _] = self.launch_size.map(u64::from);
         (z * height + y) * width + x
@@ -58,18 +481,36 @@ impl Invocation {
 
     /// The place in the order that subgroups are cut from: that of the launch, or in compute that
     /// of the workgroup.
-    pub fn place(&self) -> u64 {
+    fn place(&self) -> u64 {
         if self.workgroup.is_some() { self.place.into() } else { self.launch_index() }
     }
 
     /// `SubgroupLocalInvocationId`: subgroups are runs of consecutive places.
     pub fn subgroup_local_invocation_id(&self) -> u32 {
-        (self.place() % u64::from(self.subgroup_size())) as u32
+        (self.place() % u64::from(self.subgroup_size)) as u32
     }
 
     /// `SubgroupId`
     pub fn subgroup_id(&self) -> u64 {
-        self.place() / u64::from(self.subgroup_size())
+        self.place() / u64::from(self.subgroup_size)
+    }
+}
+
+/// What one invocation hit, together with the structure that holds it.
+#[derive(Clone, Copy, Debug)]
+pub struct HitOf<'a> {
+    /// Where instance and primitive are looked up.
+    pub tlas: &'a Tlas,
+    /// The instance, geometry and primitive.
+    pub place: Place,
+    /// `HitKindKHR`
+    pub kind: HitKind,
+}
+
+impl<'a> HitOf<'a> {
+    /// The instance that was hit.
+    pub fn instance(&self) -> &'a Instance {
+        &self.tlas.instances()[self.place.instance as usize]
     }
 }
 

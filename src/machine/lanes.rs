@@ -82,6 +82,16 @@ impl<const W: usize> Mask<W> {
         mask
     }
 
+    /// The lanes whose word is a given one.
+    #[inline]
+    pub fn equal(words: &Lanes<W>, word: u32) -> Self {
+        let mut equal = Lanes::splat(0);
+        for lane in 0..W {
+            equal.0[lane] = u32::from(words.0[lane] == word);
+        }
+        Self::of(&equal)
+    }
+
     /// The lanes for which a condition holds.
     #[inline]
     pub fn from_fn(mut condition: impl FnMut(usize) -> bool) -> Self {
@@ -285,6 +295,23 @@ impl<const W: usize> Registers<W> {
         }
         for lane in 0..W {
             row.0[lane] = if mask.selects(lane) { word } else { row.0[lane] };
+        }
+    }
+
+    /// Copies consecutive rows of other registers, for the lanes of a mask.
+    pub fn copy_rows(&mut self, to: Reg, from: &Self, first: Reg, count: u32, mask: Mask<W>) {
+        let sources = &from.rows[first.0 as usize..(first.0 + count) as usize];
+        let rows = self.rows_mut(to, count);
+        if mask.is_all() {
+            rows.copy_from_slice(sources);
+            return;
+        }
+        let words = mask.words();
+        for (row, source) in rows.iter_mut().zip(sources) {
+            for lane in 0..W {
+                let taken = words.0[lane];
+                row.0[lane] = source.0[lane] & taken | row.0[lane] & !taken;
+            }
         }
     }
 

@@ -25,7 +25,7 @@ pub mod workgroup;
 pub use batch::{Batch, Frame};
 pub use device_memory::DeviceMemory;
 pub use hit_object::{HitObject, HitObjects};
-pub use invocation::{Hit, Invocation, ShaderRecord};
+pub use invocation::{Hit, Invocation, Invocations, ShaderRecord};
 pub use lanes::{Lanes, Mask, Reg, Registers, Scalar};
 pub use observe::Observer;
 pub use printed::Printed;

@@ -1,9 +1,10 @@
 //! The builtins: number, type, stages, rules, and how each is read from an invocation.
 
-use crate::accel::{HitKind, Instance, Primitive};
+use crate::accel::{HitKind, Primitive, Tlas};
 use crate::error::Result;
 use crate::geometry::ObjectRay;
-use crate::machine::{Hit, Invocation};
+use crate::machine::invocation::{HitOf, InvocationRow as Row, Invocations, One};
+use crate::machine::{Lanes, Mask};
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::decode::Decoder;
@@ -22,8 +23,87 @@ pub struct Builtin {
     pub vuids: [&'static str; 3],
     /// Whether it may change while the shader runs.
     pub volatile: bool,
-    /// Writes its words for each invocation, so many each, one behind the other.
-    pub read: fn(&[Invocation], usize, &mut [u32]),
+    /// How it is read.
+    pub read: Read,
+}
+
+/// How a builtin is read from the invocations of a batch. Words are 0 where nothing writes them.
+#[derive(Clone, Copy)]
+pub enum Read {
+    /// Rows as they lie.
+    Rows(&'static [Row]),
+    /// The words that all of them have, from one of them.
+    Same(fn(&One<'_>, &mut [u32])),
+    /// The words of one of them.
+    Each(fn(&One<'_>, &mut [u32])),
+    /// The words of an instance at a time.
+    Placed(fn(&Tlas, u32, f32, &mut [u32])),
+}
+
+impl Read {
+    /// Reads it for the lanes of a mask, into its rows.
+    pub fn read<const W: usize>(self, from: &Invocations<W>, mask: Mask<W>, to: &mut [Lanes<W>]) {
+        let Some(first) = mask.lowest() else { return };
+        let mut space = [0; 12];
+        let words = &mut space[..to.len()];
+        match self {
+            Self::Rows(rows) => {
+                for (to, &row) in to.iter_mut().zip(rows) {
+                    *to = *from.row(row);
+                }
+            }
+            Self::Same(read) => {
+                read(&from.one(first), words);
+                splat(to, words);
+            }
+            Self::Each(read) => {
+                for lane in mask.lanes() {
+                    words.fill(0);
+                    read(&from.one(lane), words);
+                    set(to, lane, words);
+                }
+            }
+            Self::Placed(read) => {
+                let key = |lane: usize| {
+                    let rows = [&from.hits.instance, from.structures.numbers(), &from.rays.time];
+                    rows.map(|row| row.0[lane])
+                };
+                let mut known = None;
+                let mut read_at = |lane: usize, words: &mut [u32]| {
+                    if known != Some(key(lane)) {
+                        words.fill(0);
+                        if let Some(hit) = from.one(lane).hit {
+                            read(hit.tlas, hit.place.instance, f32::from_bits(key(lane)[2]), words);
+                        }
+                        known = Some(key(lane));
+                    }
+                };
+                read_at(first, words);
+                let [instance, structure, time] = key(first);
+                let same = Mask::equal(&from.hits.instance, instance)
+                    & Mask::equal(from.structures.numbers(), structure)
+                    & Mask::equal(&from.rays.time, time);
+                if mask.without(same).is_empty() {
+                    return splat(to, words);
+                }
+                for lane in mask.lanes() {
+                    read_at(lane, words);
+                    set(to, lane, words);
+                }
+            }
+        }
+    }
+}
+
+/// Sets the words of all lanes.
+fn splat<const W: usize>(rows: &mut [Lanes<W>], words: &[u32]) {
+    rows.iter_mut().zip(words).for_each(|(row, &word)| *row = Lanes::splat(word));
+}
+
+/// Sets the words of a lane.
+#[inline]
+fn set<const W: usize>(rows: &mut [Lanes<W>], lane: usize, words: &[u32]) {
+    rows.iter_mut().zip(words).for_each(|(row, &word)| row.0[lane] = word);
 }
 
 impl std::fmt::Debug for Builtin {
@@ -120,7 +200,7 @@ impl Shape {
 }
 
 macro_rules! builtins {
-    ($($name:ident $number:literal $shape:ident $stages:literal [$($vuid:literal)*] $($volatile:ident)? |$from:ident, $to:ident| $read:expr;)*) => {
+    ($($name:ident $number:literal $shape:ident $stages:literal [$($vuid:literal)*] $($volatile:ident)? = $how:ident $read:tt;)*) => {
         /// Every builtin, ascending by number.
         pub static BUILTINS: &[Builtin] = &[$(Builtin {
             name: stringify!($name),
@@ -129,122 +209,124 @@ macro_rules! builtins {
             stages: $stages,
             vuids: [$($vuid),*],
             volatile: builtins!(@ $($volatile)?),
-            read: |invocations, count, words| {
-                for ($from, $to) in invocations.iter().zip(words.chunks_exact_mut(count)) {
-                    $read;
-                }
-            },
+            read: builtins!(# $how $read),
         }),*];
     };
     (@) => { false };
     (@ volatile) => { true };
+    (# rows [$($row:expr),*]) => { Read::Rows(&[$($row),*]) };
+    (# same (|$from:ident, $to:ident| $read:expr)) => { Read::Same(|$from, $to| { $read; }) };
+    (# each (|$from:ident, $to:ident| $read:expr)) => { Read::Each(|$from, $to| { $read; }) };
+    (# placed (|$tlas:ident, $instance:ident, $time:ident, $to:ident| $read:expr)) => {
+        Read::Placed(|$tlas, $instance, $time, $to| $read)
+    };
 }
 
 builtins! {
     InstanceId 6 Int "IAC" ["InstanceId-InstanceId-04254" "InstanceId-InstanceId-04255" "InstanceId-InstanceId-04256"]
-        |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.instance);
+        = rows [Row::Instance];
     PrimitiveId 7 Int "IAC" ["PrimitiveId-PrimitiveId-04330" "PrimitiveId-PrimitiveId-04334" "PrimitiveId-PrimitiveId-04337"]
-        |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.primitive);
+        = rows [Row::Primitive];
     NumWorkgroups 24 Int3 "G" ["NumWorkgroups-NumWorkgroups-04296" "NumWorkgroups-NumWorkgroups-04297" "NumWorkgroups-NumWorkgroups-04298"]
-        |from, to| if let Some(group) = &from.workgroup { to.copy_from_slice(&group.count) };
+        = same (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.count) });
     WorkgroupSize 25 Int3 "G" ["WorkgroupSize-WorkgroupSize-04425" "WorkgroupSize-WorkgroupSize-04426" "WorkgroupSize-WorkgroupSize-04427"]
-        |from, to| if let Some(group) = &from.workgroup { to.copy_from_slice(&group.size) };
+        = same (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.size) });
     WorkgroupId 26 Int3 "G" ["WorkgroupId-WorkgroupId-04422" "WorkgroupId-WorkgroupId-04423" "WorkgroupId-WorkgroupId-04424"]
-        |from, to| if let Some(group) = &from.workgroup { to.copy_from_slice(&group.id) };
+        = each (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.id) });
     LocalInvocationId 27 Int3 "G" ["LocalInvocationId-LocalInvocationId-04281" "LocalInvocationId-LocalInvocationId-04282" "LocalInvocationId-LocalInvocationId-04283"]
-        |from, to| if let Some(group) = &from.workgroup { to.copy_from_slice(&group.local_id(from.local_index)) };
+        = each (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.local_id(from.local_index)) });
     GlobalInvocationId 28 Int3 "G" ["GlobalInvocationId-GlobalInvocationId-04236" "GlobalInvocationId-GlobalInvocationId-04237" "GlobalInvocationId-GlobalInvocationId-04238"]
-        |from, to| to.copy_from_slice(&from.launch_id);
+        = rows [Row::LaunchId(0), Row::LaunchId(1), Row::LaunchId(2)];
     LocalInvocationIndex 29 Int "G" ["LocalInvocationIndex-LocalInvocationIndex-04284" "LocalInvocationIndex-LocalInvocationIndex-04285" "LocalInvocationIndex-LocalInvocationIndex-04286"]
-        |from, to| to[0] = from.local_index;
+        = rows [Row::LocalIndex];
     SubgroupSize 36 Int "RIACMKG" ["SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04383"]
-        |from, to| to[0] = from.subgroup_size();
+        = same (|from, to| to[0] = from.subgroup_size);
     NumSubgroups 38 Int "G" ["NumSubgroups-NumSubgroups-04293" "NumSubgroups-NumSubgroups-04294" "NumSubgroups-NumSubgroups-04295"]
-        |from, to| to[0] = from.workgroup.as_ref().map_or(0, |group| group.invocations().div_ceil(from.subgroup_size()));
+        = same (|from, to| to[0] = from.workgroup.map_or(0, |group| group.invocations().div_ceil(from.subgroup_size)));
     SubgroupId 40 Int "G" ["SubgroupId-SubgroupId-04367" "SubgroupId-SubgroupId-04368" "SubgroupId-SubgroupId-04369"]
-        |from, to| to[0] = from.subgroup_id() as u32;
+        = each (|from, to| to[0] = from.subgroup_id() as u32);
     SubgroupLocalInvocationId 41 Int "RIACMKG" ["SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04381"]
-        |from, to| to[0] = from.subgroup_local_invocation_id();
+        = each (|from, to| to[0] = from.subgroup_local_invocation_id());
     CoreIDARM 4160 Int "RIACMKG" ["CoreIDARM-CoreIDARM-07599" "CoreIDARM-CoreIDARM-07599" "CoreIDARM-CoreIDARM-07600"]
-        |_from, to| to[0] = 0;
+        = same (|_from, to| to[0] = 0);
     CoreCountARM 4161 Int "RIACMKG" ["CoreCountARM-CoreCountARM-07595" "CoreCountARM-CoreCountARM-07595" "CoreCountARM-CoreCountARM-07596"]
-        |_from, to| to[0] = 1;
+        = same (|_from, to| to[0] = 1);
     CoreMaxIDARM 4162 Int "RIACMKG" ["CoreMaxIDARM-CoreMaxIDARM-07597" "CoreMaxIDARM-CoreMaxIDARM-07597" "CoreMaxIDARM-CoreMaxIDARM-07598"]
-        |_from, to| to[0] = 0;
+        = same (|_from, to| to[0] = 0);
     WarpIDARM 4163 Int "RIACMKG" ["WarpIDARM-WarpIDARM-07603" "WarpIDARM-WarpIDARM-07603" "WarpIDARM-WarpIDARM-07604"]
-        |_from, to| to[0] = 0;
+        = same (|_from, to| to[0] = 0);
     WarpMaxIDARM 4164 Int "RIACMKG" ["WarpMaxIDARM-WarpMaxIDARM-07601" "WarpMaxIDARM-WarpMaxIDARM-07601" "WarpMaxIDARM-WarpMaxIDARM-07602"]
-        |_from, to| to[0] = 0;
+        = same (|_from, to| to[0] = 0);
     SubgroupEqMask 4416 Int4 "RIACMKG" ["SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04371"]
-        |from, to| places(from, to, |own, place| place == own);
+        = each (|from, to| places(from, to, |own, place| place == own));
     SubgroupGeMask 4417 Int4 "RIACMKG" ["SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04373"]
-        |from, to| places(from, to, |own, place| place >= own);
+        = each (|from, to| places(from, to, |own, place| place >= own));
     SubgroupGtMask 4418 Int4 "RIACMKG" ["SubgroupGtMask-SubgroupGtMask-04374" "SubgroupGtMask-SubgroupGtMask-04374" "SubgroupGtMask-SubgroupGtMask-04375"]
-        |from, to| places(from, to, |own, place| place > own);
+        = each (|from, to| places(from, to, |own, place| place > own));
     SubgroupLeMask 4419 Int4 "RIACMKG" ["SubgroupLeMask-SubgroupLeMask-04376" "SubgroupLeMask-SubgroupLeMask-04376" "SubgroupLeMask-SubgroupLeMask-04377"]
-        |from, to| places(from, to, |own, place| place <= own);
+        = each (|from, to| places(from, to, |own, place| place <= own));
     SubgroupLtMask 4420 Int4 "RIACMKG" ["SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04379"]
-        |from, to| places(from, to, |own, place| place < own);
+        = each (|from, to| places(from, to, |own, place| place < own));
     DeviceIndex 4438 Int "RIACMKG" ["DeviceIndex-DeviceIndex-04205" "DeviceIndex-DeviceIndex-04205" "DeviceIndex-DeviceIndex-04206"]
-        |_from, to| to[0] = 0;
+        = same (|_from, to| to[0] = 0);
     LaunchIdKHR 5319 Int3 "RIACMK" ["LaunchIdKHR-LaunchIdKHR-04266" "LaunchIdKHR-LaunchIdKHR-04267" "LaunchIdKHR-LaunchIdKHR-04268"]
-        |from, to| to.copy_from_slice(&from.launch_id);
+        = rows [Row::LaunchId(0), Row::LaunchId(1), Row::LaunchId(2)];
     LaunchSizeKHR 5320 Int3 "RIACMK" ["LaunchSizeKHR-LaunchSizeKHR-04269" "LaunchSizeKHR-LaunchSizeKHR-04270" "LaunchSizeKHR-LaunchSizeKHR-04271"]
-        |from, to| to.copy_from_slice(&from.launch_size);
+        = same (|from, to| to.copy_from_slice(&from.launch_size));
     WorldRayOriginKHR 5321 Float3 "IACM" ["WorldRayOriginKHR-WorldRayOriginKHR-04431" "WorldRayOriginKHR-WorldRayOriginKHR-04432" "WorldRayOriginKHR-WorldRayOriginKHR-04433"]
-        |from, to| floats(to, &from.trace.map_or([0.0; 3], |trace| trace.ray.origin));
+        = rows [Row::Origin(0), Row::Origin(1), Row::Origin(2)];
     WorldRayDirectionKHR 5322 Float3 "IACM" ["WorldRayDirectionKHR-WorldRayDirectionKHR-04428" "WorldRayDirectionKHR-WorldRayDirectionKHR-04429" "WorldRayDirectionKHR-WorldRayDirectionKHR-04430"]
-        |from, to| floats(to, &from.trace.map_or([0.0; 3], |trace| trace.ray.direction));
+        = rows [Row::Direction(0), Row::Direction(1), Row::Direction(2)];
     ObjectRayOriginKHR 5323 Float3 "IAC" ["ObjectRayOriginKHR-ObjectRayOriginKHR-04302" "ObjectRayOriginKHR-ObjectRayOriginKHR-04303" "ObjectRayOriginKHR-ObjectRayOriginKHR-04304"]
-        |from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_origin_f32()));
+        = each (|from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_origin_f32())));
     ObjectRayDirectionKHR 5324 Float3 "IAC" ["ObjectRayDirectionKHR-ObjectRayDirectionKHR-04299" "ObjectRayDirectionKHR-ObjectRayDirectionKHR-04300" "ObjectRayDirectionKHR-ObjectRayDirectionKHR-04301"]
-        |from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_direction_f32()));
+        = each (|from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_direction_f32())));
     RayTminKHR 5325 Float "IACM" ["RayTminKHR-RayTminKHR-04351" "RayTminKHR-RayTminKHR-04352" "RayTminKHR-RayTminKHR-04353"]
-        |from, to| floats(to, &[from.trace.map_or(0.0, |trace| trace.ray.t_min)]);
+        = rows [Row::TMin];
     RayTmaxKHR 5326 Float "IACM" ["RayTmaxKHR-RayTmaxKHR-04348" "RayTmaxKHR-RayTmaxKHR-04349" "RayTmaxKHR-RayTmaxKHR-04350"] volatile
-        |from, to| floats(to, &[from.t_max]);
+        = rows [Row::TMax];
     InstanceCustomIndexKHR 5327 Int "IAC" ["InstanceCustomIndexKHR-InstanceCustomIndexKHR-04251" "InstanceCustomIndexKHR-InstanceCustomIndexKHR-04252" "InstanceCustomIndexKHR-InstanceCustomIndexKHR-04253"]
-        |from, to| to[0] = hit(from).map_or(0, |hit| hit.instance().custom_index);
+        = each (|from, to| to[0] = hit(from).map_or(0, |hit| hit.instance().custom_index));
     ObjectToWorldKHR 5330 Matrix4x3 "IAC" ["ObjectToWorldKHR-ObjectToWorldKHR-04305" "ObjectToWorldKHR-ObjectToWorldKHR-04306" "ObjectToWorldKHR-ObjectToWorldKHR-04307"]
-        |from, to| if let Some(hit) = hit(from) { columns(to, &hit.instance().object_to_world(from.time())) };
+        = placed (|tlas, instance, time, to| columns(to, &tlas.instances()[instance as usize].object_to_world(time)));
     WorldToObjectKHR 5331 Matrix4x3 "IAC" ["WorldToObjectKHR-WorldToObjectKHR-04434" "WorldToObjectKHR-WorldToObjectKHR-04435" "WorldToObjectKHR-WorldToObjectKHR-04436"]
-        |from, to| if let Some(hit) = hit(from) { columns(to, &hit.tlas.world_to_object(hit.candidate.instance, from.time())) };
+        = placed (|tlas, instance, time, to| columns(to, &tlas.world_to_object(instance, time)));
     HitTNV 5332 Float "AC" ["HitTNV-HitTNV-04245" "HitTNV-HitTNV-04246" "HitTNV-HitTNV-04247"]
-        |from, to| floats(to, &[from.t_max]);
+        = rows [Row::TMax];
     HitKindKHR 5333 Int "AC" ["HitKindKHR-HitKindKHR-04242" "HitKindKHR-HitKindKHR-04243" "HitKindKHR-HitKindKHR-04244"]
-        |from, to| to[0] = hit(from).map_or(0, |hit| hit.kind.0);
+        = rows [Row::Kind];
     CurrentRayTimeNV 5334 Float "IACM" ["CurrentRayTimeNV-CurrentRayTimeNV-04942" "CurrentRayTimeNV-CurrentRayTimeNV-04943" "CurrentRayTimeNV-CurrentRayTimeNV-04944"]
-        |from, to| floats(to, &[from.time()]);
+        = rows [Row::Time];
     HitTriangleVertexPositionsKHR 5335 Float3Array3 "AC" ["HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08747" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08748" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08749"]
-        |from, to| if let Some(positions) = hit(from).and_then(|hit| hit.triangle(from.time())) { floats(to, positions.as_flattened()) };
+        = each (|from, to| if let Some(positions) = hit(from).and_then(|hit| hit.triangle(from.time())) { floats(to, positions.as_flattened()) });
     IncomingRayFlagsKHR 5351 Int "IACM" ["IncomingRayFlagsKHR-IncomingRayFlagsKHR-04248" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04249" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04250"]
-        |from, to| to[0] = from.trace.map_or(0, |trace| trace.flags.0);
+        = rows [Row::Flags];
     RayGeometryIndexKHR 5352 Int "IAC" ["RayGeometryIndexKHR-RayGeometryIndexKHR-04345" "RayGeometryIndexKHR-RayGeometryIndexKHR-04346" "RayGeometryIndexKHR-RayGeometryIndexKHR-04347"]
-        |from, to| to[0] = hit(from).map_or(0, |hit| hit.candidate.geometry);
+        = rows [Row::Geometry];
     HitIsSphereNV 5359 Bool "AC" ["HitIsSphereNV-HitIsSphereNV-10513" "HitIsSphereNV-HitIsSphereNV-10514" "HitIsSphereNV-HitIsSphereNV-10515"]
-        |from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::SPHERE));
+        = each (|from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::SPHERE)));
     HitIsLSSNV 5360 Bool "AC" ["HitIsLSSNV-HitIsLSSNV-10516" "HitIsLSSNV-HitIsLSSNV-10517" "HitIsLSSNV-HitIsLSSNV-10518"]
-        |from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::LINEAR_SWEPT_SPHERE));
+        = each (|from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::LINEAR_SWEPT_SPHERE)));
     HitSpherePositionNV 5361 Float3 "AC" ["HitSpherePositionNV-HitSpherePositionNV-10519" "HitSpherePositionNV-HitSpherePositionNV-10520" "HitSpherePositionNV-HitSpherePositionNV-10521"]
-        |from, to| if let Some((position, _)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &position) };
+        = each (|from, to| if let Some((position, _)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &position) });
     WarpsPerSMNV 5374 Int "RIACMKG" ["WarpsPerSMNV-WarpsPerSMNV-04418" "WarpsPerSMNV-WarpsPerSMNV-04418" "WarpsPerSMNV-WarpsPerSMNV-04419"]
-        |_from, to| to[0] = 1;
+        = same (|_from, to| to[0] = 1);
     SMCountNV 5375 Int "RIACMKG" ["SMCountNV-SMCountNV-04363" "SMCountNV-SMCountNV-04363" "SMCountNV-SMCountNV-04364"]
-        |_from, to| to[0] = 1;
+        = same (|_from, to| to[0] = 1);
     WarpIDNV 5376 Int "RIACMKG" ["WarpIDNV-WarpIDNV-04420" "WarpIDNV-WarpIDNV-04420" "WarpIDNV-WarpIDNV-04421"]
-        |_from, to| to[0] = 0;
+        = same (|_from, to| to[0] = 0);
     SMIDNV 5377 Int "RIACMKG" ["SMIDNV-SMIDNV-04365" "SMIDNV-SMIDNV-04365" "SMIDNV-SMIDNV-04366"]
-        |_from, to| to[0] = 0;
+        = same (|_from, to| to[0] = 0);
     HitLSSPositionsNV 5396 Float3Array2 "AC" ["HitLSSPositionsNV-HitLSSPositionsNV-10525" "HitLSSPositionsNV-HitLSSPositionsNV-10526" "HitLSSPositionsNV-HitLSSPositionsNV-10527"]
-        |from, to| if let Some((positions, _)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, positions.as_flattened()) };
+        = each (|from, to| if let Some((positions, _)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, positions.as_flattened()) });
     HitSphereRadiusNV 5420 Float "AC" ["HitSphereRadiusNV-HitSphereRadiusNV-10522" "HitSphereRadiusNV-HitSphereRadiusNV-10523" "HitSphereRadiusNV-HitSphereRadiusNV-10524"]
-        |from, to| if let Some((_, radius)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &[radius]) };
+        = each (|from, to| if let Some((_, radius)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &[radius]) });
     HitLSSRadiiNV 5421 FloatArray2 "AC" ["HitLSSRadiiNV-HitLSSRadiiNV-10528" "HitLSSRadiiNV-HitLSSRadiiNV-10529" "HitLSSRadiiNV-HitLSSRadiiNV-10530"]
-        |from, to| if let Some((_, radii)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, &radii) };
+        = each (|from, to| if let Some((_, radii)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, &radii) });
     ClusterIDNV 5436 Int "AC" ["ClusterIDNV-ClusterIDNV-10531" "ClusterIDNV-ClusterIDNV-10532" "ClusterIDNV-ClusterIDNV-10533"]
-        |from, to| to[0] = hit(from).map_or(u32::MAX, |hit| hit.candidate.cluster_id(&hit.tlas));
+        = each (|from, to| to[0] = hit(from).map_or(u32::MAX, |hit| hit.cluster_id()));
     CullMaskKHR 6021 Int "IACM" ["CullMaskKHR-CullMaskKHR-06735" "CullMaskKHR-CullMaskKHR-06736" "CullMaskKHR-CullMaskKHR-06737"]
-        |from, to| to[0] = from.trace.map_or(0, |trace| trace.cull_mask);
+        = rows [Row::CullMask];
 }
 
 /// The builtin with a number.
@@ -321,19 +403,19 @@ pub fn matches(decoder: &Decoder<'_>, shape: Shape, ty: TypeId) -> bool {
     }
 }
 
-fn hit(invocation: &Invocation) -> Option<&Hit> {
-    invocation.hit.as_ref()
+fn hit<'a>(invocation: &One<'a>) -> Option<HitOf<'a>> {
+    invocation.hit
 }
 
-fn object_ray(invocation: &Invocation) -> Option<ObjectRay> {
-    let hit = hit(invocation)?;
-    hit.tlas.object_ray(hit.candidate.instance, &invocation.trace?.ray, invocation.time())
+fn object_ray(invocation: &One<'_>) -> Option<ObjectRay> {
+    let hit = invocation.hit?;
+    hit.tlas.object_ray(hit.place.instance, &invocation.trace.ray, invocation.time())
 }
 
 /// The mask of the places in the subgroup for which a relation to the own place holds.
-fn places(from: &Invocation, to: &mut [u32], holds: impl Fn(u32, u32) -> bool) {
+fn places(from: &One<'_>, to: &mut [u32], holds: impl Fn(u32, u32) -> bool) {
     let own = from.subgroup_local_invocation_id();
-    for place in (0..from.subgroup_size()).filter(|&place| holds(own, place)) {
+    for place in (0..from.subgroup_size).filter(|&place| holds(own, place)) {
         to[place as usize / 32] |= 1 << (place % 32);
     }
 }
@@ -351,15 +433,16 @@ pub(super) fn columns(to: &mut [u32], rows: &[[f32; 4]; 3]) {
     }
 }
 
-impl Hit {
-    /// The instance that was hit.
-    pub fn instance(&self) -> &Instance {
-        self.candidate.instance_in(&self.tlas)
-    }
-
+impl HitOf<'_> {
     /// What was hit, by a ray of a time.
     pub fn primitive(&self, time: f32) -> Option<Primitive> {
-        self.candidate.primitive_in(&self.tlas, time)
+        self.instance().blas.primitive(self.place.geometry, self.place.primitive, time)
+    }
+
+    /// `ClusterIDNV`: -1 where the primitive belongs to no cluster.
+    fn cluster_id(&self) -> u32 {
+        let geometries = self.instance().blas.geometries();
+        geometries[self.place.geometry as usize].cluster_id.unwrap_or(u32::MAX)
     }
 
     /// The vertices of the triangle that a ray of a time hit, after the geometry's own transform;
@@ -391,6 +474,16 @@ impl Hit {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::Invocation;
+
+    /// The words of a builtin that the last of three invocations reads.
+    fn read_one<const WORDS: usize>(name: &str, invocation: Invocation) -> [u32; WORDS] {
+        let mut invocations = Invocations::<8>::new();
+        invocations.set(2, invocation);
+        let mut rows = [Lanes([0; 8]); WORDS];
+        find_by_name(name).unwrap().read.read(&invocations, Mask::lane(2), &mut rows);
+        rows.map(|row| row.0[2])
+    }
 
     #[test]
     fn the_table_is_sorted() {
@@ -407,9 +500,7 @@ mod tests {
                 subgroup_size: size,
                 ..Invocation::default()
             };
-            let mut words = [0; 4];
-            (find_by_name(name).unwrap().read)(std::slice::from_ref(&invocation), words.len(), &mut words);
-            words
+            read_one::<4>(name, invocation)
         };
         // Invocation 8 + 5 = 13 of the launch is the sixth of the second subgroup of 8.
         assert_eq!(read("SubgroupLocalInvocationId", 8)[0], 5);
@@ -427,9 +518,7 @@ mod tests {
     fn the_older_distance_is_the_same() {
         let invocation = Invocation { t_max: 2.5, ..Invocation::default() };
         for name in ["HitTNV", "RayTmaxKHR"] {
-            let mut words = [0];
-            (find_by_name(name).unwrap().read)(std::slice::from_ref(&invocation), words.len(), &mut words);
-            assert_eq!(words, [2.5f32.to_bits()], "{name}");
+            assert_eq!(read_one(name, invocation.clone()), [2.5f32.to_bits()], "{name}");
         }
     }
 

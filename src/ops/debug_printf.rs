@@ -82,7 +82,7 @@ impl Op {
                 components.iter().map(value).collect::<Vec<_>>()
             });
             let text = text(&self.format, &mut arguments);
-            printed.push(batch.invocations[lane].launch_id, text);
+            printed.push(batch.invocations.launch_id(lane), text);
         }
     }
 }

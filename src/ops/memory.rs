@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use smallvec::SmallVec;
 
-use crate::machine::{Accessed, Batch, Bindings, Buffer, Invocation, Lanes, Mask, Reg, Registers, TrapCode};
+use crate::machine::{Accessed, Batch, Bindings, Buffer, Invocations, Lanes, Mask, Reg, Registers, TrapCode};
 use crate::ops::op::Access;
 
 pub use crate::ops::pointer::{
@@ -230,7 +230,7 @@ impl Op {
             }
             Self::ArrayLength { to, buffer, offset, stride } => {
                 for lane in batch.mask.lanes() {
-                    match find((&batch.registers, lane), &batch.invocations[lane], bindings, buffer) {
+                    match find((&batch.registers, lane), &batch.invocations, bindings, buffer) {
                         Ok((_, _, size)) => {
                             let length = size.saturating_sub(u64::from(offset)) / u64::from(stride.max(1));
                             batch.registers[to].0[lane] = u32::try_from(length).unwrap_or(u32::MAX);
@@ -311,18 +311,18 @@ pub fn trap<const W: usize>(batch: &mut Batch<W>, mask: Mask<W>, code: TrapCode)
 #[inline]
 fn find<'a, const W: usize>(
     (registers, lane): (&Registers<W>, usize),
-    invocation: &'a Invocation,
+    invocations: &'a Invocations<W>,
     bindings: &'a Bindings,
     buffer: BufferRef,
 ) -> Result<(&'a Buffer, u64, u64), TrapCode> {
     let whole = |buffer: Option<&'a Buffer>| {
         buffer.map(|buffer| (buffer, 0, buffer.size())).ok_or(TrapCode::DescriptorMissing)
     };
-    let record = || match &invocation.record {
+    let record = || match invocations.record(lane) {
         Some(record) => Ok((&*record.data, record.offset, record.size)),
         None => Err(TrapCode::ShaderRecordMissing),
     };
-    let workgroup = || whole(invocation.workgroup.as_ref().map(|group| &*group.memory));
+    let workgroup = || whole(invocations.workgroup(lane).map(|group| &*group.memory));
     match buffer {
         BufferRef::Handle(handle) => whole(bindings.buffer(handle)),
         BufferRef::PushConstants => whole(bindings.push_constants.as_deref()),
@@ -351,7 +351,7 @@ fn address<const W: usize>(registers: &Registers<W>, reg: Reg, lane: usize) -> u
 #[inline]
 fn locate<'a, const W: usize>(
     (registers, lane): (&Registers<W>, usize),
-    invocation: &'a Invocation,
+    invocations: &'a Invocations<W>,
     bindings: &'a Bindings,
     chunk: &Chunk,
 ) -> Result<(&'a Buffer, u64), (TrapCode, u64)> {
@@ -359,7 +359,7 @@ fn locate<'a, const W: usize>(
     let offset = u64::from(chunk.offset) + u64::from(index);
     let base = if let BufferRef::Address(reg) = chunk.buffer { address(registers, reg, lane) } else { 0 };
     let asked = base.wrapping_add(offset);
-    let found = find((registers, lane), invocation, bindings, chunk.buffer);
+    let found = find((registers, lane), invocations, bindings, chunk.buffer);
     let (buffer, start, size) = found.map_err(|code| (code, asked))?;
     let outside = offset + u64::from(chunk.width / 8 * chunk.count) > size;
     match chunk.buffer {
@@ -380,7 +380,7 @@ pub fn place<'a, const W: usize>(
     bindings: &'a Bindings,
     chunk: &Chunk,
 ) -> Option<(&'a Buffer, u64)> {
-    locate((&batch.registers, lane), &batch.invocations[lane], bindings, chunk).ok()
+    locate((&batch.registers, lane), &batch.invocations, bindings, chunk).ok()
 }
 
 /// The buffer that an access goes to whatever the lane, as most do.
@@ -458,7 +458,7 @@ pub fn each_access<const W: usize>(
                 continue;
             }
         }
-        let found = locate((&batch.registers, lane), &batch.invocations[lane], bindings, chunk);
+        let found = locate((&batch.registers, lane), &batch.invocations, bindings, chunk);
         let done = found.and_then(|(buffer, offset)| {
             let done = access(&mut batch.registers, lane, buffer, offset);
             done.ok_or((TrapCode::BufferOutOfBounds, offset))
@@ -468,7 +468,7 @@ pub fn each_access<const W: usize>(
         }
     }
     for (lane, code, asked) in failed {
-        let found = find((&batch.registers, lane), &batch.invocations[lane], bindings, chunk.buffer);
+        let found = find((&batch.registers, lane), &batch.invocations, bindings, chunk.buffer);
         let bounds = matches!(code, TrapCode::BufferOutOfBounds | TrapCode::IndexOutOfBounds);
         let robust = |buffer: &Buffer| bindings.is_robust() || buffer.is_null();
         if let (true, Ok((buffer, start, size))) = (bounds, &found)

@@ -196,12 +196,12 @@ impl Op {
 
     /// Runs the operation for the running lanes.
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>) {
-        let size = batch.invocations.first().map_or(32, |invocation| invocation.subgroup_size()).max(1);
+        let size = batch.invocations.subgroup_size();
         let mut groups: SmallVec<[([u64; 3], Members); 4]> = SmallVec::new();
         for lane in batch.mask.lanes() {
-            let invocation = &batch.invocations[lane];
-            let workgroup = invocation.workgroup.as_ref().map_or(0, |group| group.index());
-            let key = [workgroup, invocation.subgroup_id(), invocation.called_through];
+            let invocation = batch.invocations.one(lane);
+            let workgroup = invocation.workgroup.map_or(0, |group| group.index());
+            let key = [workgroup, invocation.subgroup_id(), batch.invocations.called_through[lane]];
             let member = (lane, invocation.subgroup_local_invocation_id());
             match groups.iter_mut().find(|(found, _)| *found == key) {
                 Some((_, members)) => members.push(member),

@@ -8,7 +8,6 @@ use crate::ops::row::{Row, Width};
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{Launch, RayOperands, Stats, launch_id};
 use crate::pipeline::stack::{Stack, bindings};
-use crate::pipeline::trace::Query;
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::witness::Witness;
 
@@ -78,7 +77,7 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let mut observer = ();
         let mut stack = Stack::<W, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
-        stack.trace(Query::by_nobody(tlas, operands));
+        stack.trace(tlas, operands);
         answer(stack.trapped, stack.stats)
     }
 }

@@ -8,24 +8,19 @@ use crate::machine::{Mask, Observer, Reg, TrapCode};
 use crate::ops::row::{Row, Width};
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Level, Stack};
-use crate::pipeline::trace::{Query, RayState, at, hit_index};
+use crate::pipeline::trace::{Trace, at};
 use crate::pipeline::witness::{Caller, Witness};
 
-impl RayState {
-    /// Whether it only executes what a hit object encodes.
-    pub fn is_settled(&self) -> bool {
-        self.record.is_some()
-    }
-
-    /// What was found.
-    pub fn hit_object(&self) -> HitObject {
-        let trace = self.query.trace;
-        match self.cursor.committed() {
-            None => HitObject::Miss(Encoded { trace, record: self.query.miss_record() }),
-            Some(&committed) => {
-                let record = hit_index(&self.query, &committed.candidate);
-                let attributes = self.committed_attributes().iter().copied().collect();
-                let hit = HitEncoded { tlas: self.query.tlas.clone(), committed, attributes };
+impl<const W: usize> Trace<W> {
+    /// What a lane's ray found.
+    pub fn hit_object(&self, lane: usize) -> HitObject {
+        let trace = self.rays.get(lane);
+        match self.committed[lane] {
+            None => HitObject::Miss(Encoded { trace, record: self.miss_record(lane) }),
+            Some(committed) => {
+                let record = self.hit_index(lane, &committed.candidate);
+                let attributes = self.committed_attributes(lane).iter().copied().collect();
+                let hit = HitEncoded { tlas: self.tlas(lane).clone(), committed, attributes };
                 HitObject::Hit(Encoded { trace, record }, hit)
             }
         }
@@ -41,46 +36,39 @@ where
         let mut trace = self.spare_trace(true);
         let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
         let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
+        trace.traced_by(caller, &running.batch.invocations);
+        trace.settled = true;
+        let mut lanes = Mask::NONE;
         for lane in mask.lanes() {
             let batch = &running.batch;
-            let invocation = &batch.invocations[lane];
-            let depth = invocation.depth + 1;
-            let words = || batch.registers.lane_words(payload.first, payload.count, lane);
-            let query = |encoded: &Encoded, tlas| Query {
-                tlas,
-                trace: encoded.trace,
-                sbt_offset: 0,
-                sbt_stride: 0,
-                miss_index: 0,
-                payload: words(),
-                launch_id: invocation.launch_id,
-                launch_size: invocation.launch_size,
-                depth,
-            };
             let found = object.row(&batch.registers, lane).and_then(|row| {
                 let found = batch.hit_objects.get(batch.registers[row].0[lane]);
                 match found.unwrap_or(&HitObject::Unrecorded) {
                     HitObject::Unrecorded => Err(TrapCode::HitObjectUnrecorded),
-                    HitObject::Empty => Ok(None),
-                    _ if depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
+                    HitObject::Empty => Ok(false),
+                    _ if trace.depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
                     HitObject::Miss(encoded) => {
-                        Ok(Some((query(encoded, Tlas::empty()), encoded.record, None)))
+                        let ray = (Tlas::empty(), &encoded.trace);
+                        trace.add_settled(lane, ray, encoded.record, None);
+                        Ok(true)
                     }
                     HitObject::Hit(encoded, hit) => {
-                        Ok(Some((query(encoded, &hit.tlas), encoded.record, Some(hit))))
+                        let ray = (&hit.tlas, &encoded.trace);
+                        trace.add_settled(lane, ray, encoded.record, Some(hit));
+                        Ok(true)
                     }
                 }
             });
             match found {
-                Ok(None) => {}
-                Ok(Some((query, record, hit))) => trace.push_settled(lane, query, caller, (record, hit)),
+                Ok(executes) => lanes = if executes { lanes | Mask::lane(lane) } else { lanes },
                 Err(code) => {
                     let op = running.batch.op - 1;
                     running.batch.trap(Mask::lane(lane), code, op);
                 }
             }
         }
-        self.levels.push(Level::Trace { trace, payload: Some(payload), object: None });
+        trace.begin(lanes);
+        self.levels.push(Level::Trace { trace, payload, object: None });
     }
 
     /// `OpHitObjectGetShaderRecordBufferHandleEXT`: the device address of a record's data; 0 where

@@ -9,13 +9,12 @@ use rayon::prelude::*;
 
 use crate::accel::{Committed, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Bindings, Observer, Resources};
+use crate::machine::{Bindings, Observer, Reg, Registers, Resources};
 use crate::module::interface::Stage;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::Pipeline;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, bindings};
-use crate::pipeline::trace::{Query, RayState};
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::witness::{Event, Only, Witness};
 
@@ -374,17 +373,18 @@ impl Launch<'_> {
     ) -> Result<RayOutcome> {
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, witness, observer);
-        let ray = stack.trace(Query::by_nobody(tlas, operands));
-        match (stack.trapped, ray) {
+        let trace = stack.trace(tlas, operands);
+        let words = |payload: &Registers<1>| payload.lane_words(Reg(0), payload.len() as u32, 0).collect();
+        match (stack.trapped, trace) {
             (Some(trapped), _) => Err(trapped.error),
-            (None, Some(RayState { trapped: Some(code), .. })) => {
-                Err(Error::new(ErrorKind::Trap, code.message()))
-            }
-            (None, Some(ray)) => Ok(RayOutcome {
-                committed: ray.cursor.committed().copied(),
-                payload: ray.query.payload.to_vec(),
-                stats: stack.stats,
-            }),
+            (None, Some(trace)) => match trace.trapped(0) {
+                Some(code) => Err(Error::new(ErrorKind::Trap, code.message())),
+                None => Ok(RayOutcome {
+                    committed: trace.committed[0],
+                    payload: trace.own_payload.as_ref().map_or_else(Vec::new, words),
+                    stats: stack.stats,
+                }),
+            },
             (None, None) => unreachable!("bug in anyhit: a trace without a ray"),
         }
     }

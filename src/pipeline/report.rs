@@ -3,44 +3,37 @@
 use smallvec::SmallVec;
 
 use crate::accel::HitKind;
-use crate::machine::stop::Rows;
-use crate::machine::{Batch, Exit, Mask, Reg, TrapCode};
+use crate::machine::{Batch, Exit, Lanes, Mask, Reg, TrapCode};
 use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
-use crate::pipeline::sbt::Record;
-use crate::pipeline::stack::{Called, Role};
-use crate::pipeline::trace::{Data, Trace, hit_group};
+use crate::pipeline::trace::{Data, Trace, hit_group_at};
 use crate::pipeline::witness::{Event, Witness};
 use crate::program::Program;
 
 /// Reports of the lanes of an intersection shader's batch.
 #[derive(Clone, Debug)]
-pub(super) struct Report {
+pub(super) struct Report<const W: usize> {
     accepted: Reg,
-    /// By any-hit shader: the intersection batch's lanes.
-    waiting: SmallVec<[(Shader, SmallVec<[usize; 4]>); 1]>,
+    /// By any-hit shader.
+    waiting: SmallVec<[(Shader, Mask<W>); 1]>,
     reports: SmallVec<[Option<Reported>; 4]>,
 }
 
 #[derive(Clone, Debug)]
 struct Reported {
-    /// The lane of the trace.
-    ray: usize,
     t: f32,
     kind: HitKind,
     attributes: Data,
 }
 
-impl Report {
-    /// Takes the reports of an intersection batch; `callers` maps its lanes to the trace's.
-    #[allow(clippy::too_many_arguments, reason = "the operands of the instruction, and who serves it")]
-    pub fn new<const W: usize, T: Witness>(
+impl<const W: usize> Report<W> {
+    /// Takes the reports of an intersection batch.
+    pub fn new<T: Witness>(
         pipeline: &Pipeline,
-        trace: &mut Trace,
+        trace: &mut Trace<W>,
         program: &Program,
         batch: &mut Batch<W>,
-        callers: &[usize],
         (mask, t, hit_kind, accepted): (Mask<W>, Reg, Reg, Reg),
         witness: &mut T,
     ) -> Self {
@@ -57,25 +50,25 @@ impl Report {
                 Some(rows) => batch.registers.lane_words(rows.first, rows.count, lane).collect(),
                 None => Data::new(),
             };
-            let reported = Reported { ray: callers[lane], t, kind, attributes };
-            let ray = trace.ray_mut(reported.ray);
-            let candidate = ray.cursor.candidate().copied();
-            let Some(candidate) = candidate.filter(|_| ray.cursor.accepts(t)) else {
+            let reported = Reported { t, kind, attributes };
+            let cursor = trace.cursor(lane);
+            let candidate = cursor.candidate().copied();
+            let Some(candidate) = candidate.filter(|_| cursor.accepts(t)) else {
                 report.answer(batch, lane, &reported, false, witness);
                 continue;
             };
-            let any_hit = hit_group(pipeline, &ray.query, &candidate).2.any_hit;
+            let any_hit = hit_group_at(pipeline, trace.hit_index(lane, &candidate)).1.any_hit;
             match any_hit.filter(|_| !candidate.opaque) {
                 None => {
-                    ray.cursor.generate(t, kind);
-                    ray.commit_attributes(reported.attributes.clone());
+                    trace.cursor_mut(lane).generate(t, kind);
+                    trace.commit_attributes(lane, reported.attributes.clone());
                     report.answer(batch, lane, &reported, true, witness);
                 }
                 Some(shader) => {
                     report.reports[lane] = Some(reported);
                     match report.waiting.iter_mut().find(|group| group.0 == shader) {
-                        Some(group) => group.1.push(lane),
-                        None => report.waiting.push((shader, SmallVec::from_iter([lane]))),
+                        Some(group) => group.1 = group.1 | Mask::lane(lane),
+                        None => report.waiting.push((shader, Mask::lane(lane))),
                     }
                 }
             }
@@ -85,64 +78,61 @@ impl Report {
     }
 
     /// The next any-hit shader that must run; `None` when every report is answered.
-    pub fn advance(&mut self, pipeline: &Pipeline, trace: &mut Trace) -> Option<Called> {
-        let (shader, lanes) = self.waiting.pop()?;
-        let program = &pipeline.programs[shader.0 as usize];
-        let mut called = Called::new(shader, Role::ReportedAnyHit, lanes.len());
-        for lane in lanes {
-            let Some(reported) = &self.reports[lane] else { continue };
-            let ray = trace.ray_mut(reported.ray);
-            let candidate = ray.cursor.candidate().copied();
-            let record = candidate.map(|candidate| hit_group(pipeline, &ray.query, &candidate));
-            let data = record.and_then(|(_, record, _)| record).and_then(Record::shader_record);
-            let mut invocation = ray.candidate_invocation(program, data);
-            invocation.called_through = record.map_or(0, |(index, ..)| index);
-            invocation.t_max = reported.t;
-            if let Some(hit) = &mut invocation.hit {
-                hit.kind = reported.kind;
-            }
-            called.push(lane, invocation, ray.query.payload.clone(), reported.attributes.clone());
-        }
-        Some(called)
+    pub fn advance(&mut self) -> Option<(Shader, Mask<W>)> {
+        self.waiting.pop()
     }
 
-    /// Takes the decision of an any-hit shader on a lane of the intersection batch.
-    #[allow(clippy::too_many_arguments, reason = "who decided, who asked, and who serves them")]
-    pub fn deliver<const W: usize, T: Witness>(
+    /// Shows an any-hit shader's lanes the hits that are reported.
+    pub fn show(&self, lanes: Mask<W>, batch: &mut Batch<W>) {
+        for lane in lanes.lanes() {
+            if let Some(reported) = &self.reports[lane] {
+                batch.invocations.set_t_max(lane, reported.t);
+                batch.invocations.hits.kind.0[lane] = reported.kind.0;
+            }
+        }
+    }
+
+    /// Sets the attributes that an any-hit shader begins with.
+    pub fn show_attributes(&self, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
+        for lane in lanes.lanes() {
+            let attributes = self.reports[lane].iter().flat_map(|reported| &reported.attributes);
+            rows.iter_mut().zip(attributes).for_each(|(row, &word)| row.0[lane] = word);
+        }
+    }
+
+    /// Takes the decisions of an any-hit shader on lanes of the intersection batch.
+    pub fn deliver<T: Witness>(
         &mut self,
-        trace: &mut Trace,
+        trace: &mut Trace<W>,
         intersection: &mut Batch<W>,
-        lane: usize,
-        payload: Option<Rows>,
-        any_hit: &Batch<W>,
-        from: usize,
+        (any_hit, lanes): (&Batch<W>, Mask<W>),
         witness: &mut T,
     ) {
-        let Some(reported) = self.reports[lane].take() else { return };
-        let ray = trace.ray_mut(reported.ray);
-        ray.take_payload(payload, any_hit, from);
-        let accepted = match any_hit.exits[from] {
-            Exit::Ignored => false,
-            Exit::Trapped(_) => {
-                let op = intersection.op - 1;
-                intersection.trap(Mask::lane(lane), TrapCode::Callee, op);
-                return;
+        for lane in lanes.lanes() {
+            let Some(reported) = self.reports[lane].take() else { continue };
+            let accepted = match any_hit.exits[lane] {
+                Exit::Ignored => false,
+                Exit::Trapped(_) => {
+                    let op = intersection.op - 1;
+                    intersection.trap(Mask::lane(lane), TrapCode::Callee, op);
+                    continue;
+                }
+                Exit::Returned | Exit::Terminated => {
+                    trace.cursor_mut(lane).generate(reported.t, reported.kind);
+                    trace.commit_attributes(lane, reported.attributes.clone());
+                    true
+                }
+            };
+            if any_hit.exits[lane] == Exit::Terminated {
+                // The report does not return where an any-hit shader terminates the ray.
+                trace.cursor_mut(lane).terminate();
+                intersection.exit(Mask::lane(lane), Exit::Terminated);
             }
-            Exit::Returned | Exit::Terminated => {
-                ray.cursor.generate(reported.t, reported.kind);
-                ray.commit_attributes(reported.attributes.clone());
-                true
-            }
-        };
-        if any_hit.exits[from] == Exit::Terminated {
-            // The report does not return where an any-hit shader terminates the ray.
-            ray.cursor.terminate();
-            intersection.exit(Mask::lane(lane), Exit::Terminated);
+            self.answer(intersection, lane, &reported, accepted, witness);
         }
-        self.answer(intersection, lane, &reported, accepted, witness);
     }
 
-    fn answer<const W: usize, T: Witness>(
+    fn answer<T: Witness>(
         &self,
         batch: &mut Batch<W>,
         lane: usize,
@@ -152,10 +142,10 @@ impl Report {
     ) {
         batch.registers[self.accepted].0[lane] = u32::from(accepted);
         if accepted {
-            batch.invocations[lane].t_max = reported.t;
+            batch.invocations.set_t_max(lane, reported.t);
         }
         if T::ACTIVE {
-            witness.invocation(batch.invocations[lane].launch_id);
+            witness.invocation(batch.invocations.launch_id(lane));
             witness.event(Event::Report { t: reported.t, hit_kind: reported.kind, accepted });
         }
     }

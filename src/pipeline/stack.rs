@@ -6,17 +6,19 @@ use crate::accel::Tlas;
 use crate::interp;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::Rows;
-use crate::machine::{Batch, Bindings, Exit, Invocation, Mask, Observer, Reg, Resources, Stop, TrapCode};
+use crate::machine::{
+    Batch, Bindings, Exit, Invocation, Lanes, Mask, Observer, Reg, Registers, Resources, Stop, TrapCode,
+};
 use crate::module::interface::Stage;
 use crate::ops::decode::InterfaceRows;
 use crate::ops::pointer::storage;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
-use crate::pipeline::launch::Stats;
+use crate::pipeline::launch::{RayOperands, Stats};
 use crate::pipeline::report::Report;
 use crate::pipeline::sbt::Record;
-use crate::pipeline::trace::{Data, Query, RayState, Trace, Waiting, general};
+use crate::pipeline::trace::{Data, Trace, Waiting, at, general};
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::witness::{Caller, Event, Witness};
 use crate::program::Program;
@@ -34,70 +36,50 @@ pub(super) enum Role {
     Callable,
 }
 
-/// A shader that is to run for some lanes of a caller.
-pub(super) struct Called {
-    shader: Shader,
-    role: Role,
-    lanes: Vec<Summons>,
-}
-
-/// What a lane of a called shader begins with.
-struct Summons {
-    /// The caller's lane.
-    caller: usize,
-    invocation: Invocation,
-    /// Or callable data.
-    payload: Data,
-    attributes: Data,
-}
-
-impl Called {
-    pub fn new(shader: Shader, role: Role, lanes: usize) -> Self {
-        Self { shader, role, lanes: Vec::with_capacity(lanes) }
-    }
-
-    /// Adds the caller's lane with its invocation, payload (or callable data) and attributes.
-    pub fn push(&mut self, lane: usize, invocation: Invocation, payload: Data, attributes: Data) {
-        self.lanes.push(Summons { caller: lane, invocation, payload, attributes });
-    }
-}
-
-/// A shader that runs or waits.
+/// A shader that runs or waits. Its lanes are those of its caller, as many of them as called it.
 #[derive(Clone, Debug)]
 pub(super) struct Running<const W: usize> {
     pub shader: Shader,
     role: Role,
     pub batch: Batch<W>,
-    /// The caller's lane for each lane.
-    pub callers: Vec<usize>,
+    lanes: Mask<W>,
     /// The rows of the payload, or of callable data.
     data: Option<Rows>,
     attributes: Option<Rows>,
 }
 
 impl<const W: usize> Running<W> {
-    /// Gives a lane what it begins with: the words of its payload (or callable data), or of its attributes.
-    #[inline]
-    fn give(&mut self, rows: Option<Rows>, lane: usize, words: &[u32]) {
-        if let Some(rows) = rows {
-            let rows = self.batch.registers.rows_mut(rows.first, rows.count);
-            rows.iter_mut().zip(words).for_each(|(row, &word)| row.0[lane] = word);
+    /// Takes the payload (or callable data) that a caller's registers hold.
+    fn take_data(&mut self, from: &Registers<W>, rows: Rows) {
+        if let Some(own) = self.data {
+            let count = own.count.min(rows.count);
+            // What the other lanes hold nobody sees.
+            self.batch.registers.copy_rows(own.first, from, rows.first, count, Mask::ALL);
         }
+    }
+
+    /// Leaves the payload (or callable data) in a caller's registers.
+    fn leave_data(&self, to: &mut Registers<W>, rows: Rows) {
+        if let Some(own) = self.data {
+            let count = own.count.min(rows.count);
+            to.copy_rows(rows.first, &self.batch.registers, own.first, count, self.lanes);
+        }
+    }
+
+    /// The rows of its attributes.
+    fn attributes(&mut self) -> Option<&mut [Lanes<W>]> {
+        self.attributes.map(|rows| self.batch.registers.rows_mut(rows.first, rows.count))
     }
 }
 
 /// `OpExecuteCallableKHR` in progress.
 #[derive(Clone, Debug)]
-pub(super) struct Call {
+pub(super) struct Call<const W: usize> {
+    /// The row of the records' indices.
+    index: Reg,
     data: Rows,
-    waiting: Vec<Callable>,
-}
-
-/// A callable shader and the lanes that call it, each through its record.
-#[derive(Clone, Debug)]
-struct Callable {
-    shader: Shader,
-    lanes: Vec<(usize, Option<Record>, u32)>,
+    /// Callable shaders and the lanes that call them.
+    waiting: Vec<(Shader, Mask<W>)>,
 }
 
 #[derive(Clone, Debug)]
@@ -105,12 +87,12 @@ pub(super) enum Level<const W: usize> {
     Shader(Box<Running<W>>),
     /// `object` where the hit objects there take what is found.
     Trace {
-        trace: Box<Trace>,
-        payload: Option<Rows>,
+        trace: Box<Trace<W>>,
+        payload: Rows,
         object: Option<ObjectRef>,
     },
-    Call(Call),
-    Report(Box<Report>),
+    Call(Call<W>),
+    Report(Box<Report<W>>),
 }
 
 /// Runs the shaders of one batch of a launch, or of one ray.
@@ -127,7 +109,7 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
     spare: Vec<Vec<Box<Running<W>>>>,
     /// Traces whose memory can be used again.
     #[allow(clippy::vec_box, reason = "the boxes are what is used again")]
-    pub spare_traces: Vec<Box<Trace>>,
+    pub spare_traces: Vec<Box<Trace<W>>>,
 }
 
 /// The bindings of each program of a pipeline.
@@ -175,15 +157,14 @@ where
     pub fn launch(&mut self, record: &Record, ids: &[[u32; 3]], launch_size: [u32; 3]) {
         let Some(shader) = general(self.pipeline, record) else { return };
         let mut running = self.ready(shader, Role::RayGeneration);
-        let subgroup_size = self.pipeline.subgroup_size;
-        for ((lane, &launch_id), invocation) in ids.iter().enumerate().zip(&mut running.batch.invocations) {
-            running.callers.push(lane);
-            let record = record.shader_record();
-            *invocation =
-                Invocation { launch_id, launch_size, record, subgroup_size, ..Invocation::default() };
+        let record = record.shader_record();
+        let invocations = &mut running.batch.invocations;
+        invocations.launch_size = launch_size;
+        for (lane, &launch_id) in ids.iter().enumerate() {
+            invocations.set_launch_id(lane, launch_id);
+            invocations.set_record(lane, record.as_ref());
         }
-        let program = &*self.pipeline.programs[shader.0 as usize];
-        program.begin(&mut running.batch, Mask::first(ids.len()), self.pipeline.budget);
+        begin(self.pipeline, &mut running, Mask::first(ids.len()));
         self.push(running);
         self.run();
     }
@@ -197,23 +178,29 @@ where
             Stage::Callable => Role::Callable,
             _ => Role::Miss,
         };
-        let mut called = Called::new(shader, role, 1);
-        called.push(0, invocation, payload, attributes);
-        self.enter(called);
+        let mut running = self.ready(shader, role);
+        running.batch.invocations.set(0, invocation);
+        begin(self.pipeline, &mut running, Mask::lane(0));
+        for (rows, words) in [(running.data, payload), (running.attributes, attributes)] {
+            if let Some(rows) = rows {
+                let words = words.into_iter().take(rows.count as usize);
+                running.batch.registers.set_lane_words(rows.first, 0, words);
+            }
+        }
+        self.push(running);
         self.run();
     }
 
-    /// Traces one ray without a ray generation shader; the ray's state afterwards.
-    pub fn trace(&mut self, query: Query<&Arc<Tlas>, impl Iterator<Item = u32>>) -> Option<RayState> {
-        self.stats.rays += 1;
+    /// Traces one ray without a ray generation shader, in the first lane; the trace when it is over.
+    pub fn trace(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Option<Box<Trace<W>>> {
         let mut trace = self.spare_trace(true);
-        trace.push(0, query, None, self.witness);
-        self.levels.push(Level::Trace { trace, payload: None, object: None });
+        let payload = trace.take_operands_of_nobody(tlas, operands);
+        self.push_trace(trace, payload, None);
         self.run()
     }
 
-    /// Runs until the stack is empty; the ray of a trace that nothing called.
-    fn run(&mut self) -> Option<RayState> {
+    /// Runs until the stack is empty; the trace that nothing called.
+    fn run(&mut self) -> Option<Box<Trace<W>>> {
         loop {
             match self.levels.last_mut()? {
                 Level::Shader(running) => {
@@ -255,62 +242,29 @@ where
                         }
                     }
                 }
-                Level::Trace { trace, .. } => match trace.advance(self.pipeline, self.witness) {
-                    Some(waiting) => self.enter_traced(waiting),
-                    None => {
-                        if let Some(ray) = self.end_trace() {
-                            return Some(ray);
-                        }
+                Level::Trace { .. } => {
+                    if let Some(trace) = self.advance_trace() {
+                        return Some(trace);
                     }
-                },
+                }
                 Level::Call(_) => self.advance_call(),
                 Level::Report(_) => self.advance_report(),
             }
         }
     }
 
-    /// Puts a shader on the stack.
-    fn enter(&mut self, called: Called) {
-        let mut running = self.ready(called.shader, called.role);
-        let program = &*self.pipeline.programs[called.shader.0 as usize];
-        let mut lanes = called.lanes;
-        // Everything here is wide: it is taken from where it lies.
-        for (entry, invocation) in lanes.iter_mut().zip(&mut running.batch.invocations) {
-            running.callers.push(entry.caller);
-            *invocation = std::mem::take(&mut entry.invocation);
-            invocation.subgroup_size = self.pipeline.subgroup_size;
-        }
-        program.begin(&mut running.batch, Mask::first(lanes.len()), self.pipeline.budget);
-        for (lane, entry) in lanes.iter().enumerate() {
-            running.give(running.data, lane, &entry.payload);
-            running.give(running.attributes, lane, &entry.attributes);
-        }
-        self.push(running);
-    }
-
     /// Puts a shader on the stack that the rays of the trace there wait for.
-    fn enter_traced(&mut self, waiting: Waiting) {
-        let mut running = self.ready(waiting.shader, waiting.role);
-        let program = &*self.pipeline.programs[waiting.shader.0 as usize];
-        let Some(Level::Trace { trace, .. }) = self.levels.last() else {
+    pub(super) fn enter_traced(&mut self, waiting: Waiting<W>) {
+        let Waiting { shader, role, lanes } = waiting;
+        let mut running = self.ready(shader, role);
+        let [below @ .., Level::Trace { trace, payload, .. }] = &mut self.levels[..] else {
             unreachable!("bug in anyhit: a shader outside a trace");
         };
-        let count = waiting.lanes.len();
-        for ((lane, record, through), invocation) in
-            waiting.lanes.into_iter().zip(&mut running.batch.invocations)
-        {
-            running.callers.push(lane);
-            trace.ray(lane).show(waiting.role, program, record, invocation);
-            invocation.called_through = through;
-            invocation.subgroup_size = self.pipeline.subgroup_size;
-        }
-        program.begin(&mut running.batch, Mask::first(count), self.pipeline.budget);
-        for at in 0..count {
-            let ray = trace.ray(running.callers[at]);
-            running.give(running.data, at, &ray.query.payload);
-            if running.attributes.is_some() {
-                running.give(running.attributes, at, &ray.shown_attributes(waiting.role));
-            }
+        trace.show(self.pipeline, role, lanes, &mut running.batch.invocations);
+        begin(self.pipeline, &mut running, lanes);
+        running.take_data(trace.payload(below), *payload);
+        if let Some(rows) = running.attributes() {
+            trace.show_attributes(role, lanes, rows);
         }
         self.push(running);
     }
@@ -327,20 +281,20 @@ where
                 shader,
                 role,
                 batch: program.batch(),
-                callers: Vec::new(),
+                lanes: Mask::NONE,
                 data: data.map(InterfaceRows::rows),
                 attributes: program.interface_rows(storage::HIT_ATTRIBUTE).map(InterfaceRows::rows),
             })
         });
         running.role = role;
-        running.callers.clear();
+        running.batch.invocations.subgroup_size = self.pipeline.subgroup_size;
         running
     }
 
     /// Puts a batch on the stack whose lanes have begun.
     fn push(&mut self, mut running: Box<Running<W>>) {
         let program = &*self.pipeline.programs[running.shader.0 as usize];
-        let mask = Mask::<W>::first(running.callers.len());
+        let mask = running.lanes;
         self.stats.count(program.stage, mask.count());
         if T::ACTIVE {
             running.batch.queries.told = T::QUERIES.then(Vec::new);
@@ -350,7 +304,7 @@ where
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
                 let rows =
                     |rows: Option<Rows>| rows.map_or_else(Vec::new, |rows| read(rows.first, rows.count));
-                self.witness.invocation(running.batch.invocations[lane].launch_id);
+                self.witness.invocation(running.batch.invocations.launch_id(lane));
                 self.witness.event(Event::Enter {
                     shader: running.shader,
                     stage: program.stage,
@@ -376,7 +330,7 @@ where
         let program = &*pipeline.programs[running.shader.0 as usize];
         self.stats.ray_queries += running.batch.queries.initialized;
         self.stats.reorders += running.batch.reorders;
-        for (lane, &caller) in running.callers.iter().enumerate() {
+        for lane in running.lanes.lanes() {
             let exit = running.batch.exits[lane];
             if let Exit::Trapped(trap) = exit {
                 self.trap(&running, lane, trap);
@@ -386,58 +340,45 @@ where
                     running.batch.registers.lane_words(rows.first, rows.count, lane).collect()
                 });
                 let (shader, stage) = (running.shader, program.stage);
-                self.witness.invocation(running.batch.invocations[lane].launch_id);
+                self.witness.invocation(running.batch.invocations.launch_id(lane));
                 self.witness.event(Event::Leave { shader, stage, exit, payload });
             }
-            match &mut self.levels[..] {
-                [] => {}
-                [.., Level::Trace { trace, .. }] => {
-                    trace.deliver(running.role, caller, running.data, &running.batch, lane);
-                }
-                [.., Level::Shader(below), Level::Call(call)] => {
-                    if let Some(rows) = running.data {
-                        let words: Data =
-                            running.batch.registers.lane_words(rows.first, rows.count, lane).collect();
-                        let words = words.into_iter().take(call.data.count as usize);
-                        below.batch.registers.set_lane_words(call.data.first, caller, words);
-                    }
-                    if let Exit::Trapped(_) = exit {
-                        let op = below.batch.op - 1;
-                        below.batch.trap(Mask::lane(caller), TrapCode::Callee, op);
-                    }
-                }
-                [.., Level::Trace { trace, .. }, Level::Shader(below), Level::Report(report)] => {
-                    let witness = &mut *self.witness;
-                    report.deliver(
-                        trace,
-                        &mut below.batch,
-                        caller,
-                        running.data,
-                        &running.batch,
-                        lane,
-                        witness,
-                    );
-                }
-                _ => unreachable!("bug in anyhit: a shader without a caller"),
+        }
+        let (lanes, batch) = (running.lanes, &running.batch);
+        match &mut self.levels[..] {
+            [] => {}
+            [below @ .., Level::Trace { trace, payload, .. }] => {
+                running.leave_data(trace.payload(below), *payload);
+                trace.deliver(running.role, lanes, batch);
             }
+            [.., Level::Shader(below), Level::Call(call)] => {
+                running.leave_data(&mut below.batch.registers, call.data);
+                for lane in lanes.lanes().filter(|&lane| matches!(batch.exits[lane], Exit::Trapped(_))) {
+                    let op = below.batch.op - 1;
+                    below.batch.trap(Mask::lane(lane), TrapCode::Callee, op);
+                }
+            }
+            [
+                below @ ..,
+                Level::Trace { trace, payload, .. },
+                Level::Shader(intersection),
+                Level::Report(report),
+            ] => {
+                running.leave_data(trace.payload(below), *payload);
+                report.deliver(trace, &mut intersection.batch, (batch, lanes), self.witness);
+            }
+            _ => unreachable!("bug in anyhit: a shader without a caller"),
         }
         self.spare[running.shader.0 as usize].push(running);
     }
 
-    pub(super) fn spare_trace(&mut self, shades: bool) -> Box<Trace> {
-        let mut trace = self.spare_traces.pop().unwrap_or_default();
-        trace.clear(shades);
-        trace.watched = T::ACTIVE || O::active();
-        trace.pipeline_flags = self.pipeline.flags.ray_flags();
-        trace
-    }
-
     fn begin_call(&mut self, mask: Mask<W>, index: Reg, data: Rows) {
         let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
-        let mut waiting: Vec<Callable> = Vec::new();
+        let mut waiting: Vec<(Shader, Mask<W>)> = Vec::new();
         for lane in mask.lanes() {
-            let index = running.batch.registers[index].0[lane];
-            let Some(record) = self.pipeline.sbt.callable.get(index as usize) else {
+            let Some(record) =
+                self.pipeline.sbt.callable.get(running.batch.registers[index].0[lane] as usize)
+            else {
                 let op = running.batch.op - 1;
                 running.batch.trap(Mask::lane(lane), TrapCode::ShaderRecordMissing, op);
                 continue;
@@ -453,47 +394,44 @@ where
                 }
                 continue;
             };
-            match waiting.iter_mut().find(|group| group.shader == shader) {
-                Some(group) => group.lanes.push((lane, record.clone(), index)),
-                None => waiting.push(Callable { shader, lanes: vec![(lane, record.clone(), index)] }),
+            match waiting.iter_mut().find(|group| group.0 == shader) {
+                Some(group) => group.1 = group.1 | Mask::lane(lane),
+                None => waiting.push((shader, Mask::lane(lane))),
             }
         }
         waiting.reverse();
-        self.levels.push(Level::Call(Call { data, waiting }));
+        self.levels.push(Level::Call(Call { index, data, waiting }));
     }
 
     fn advance_call(&mut self) {
+        let deep = self.levels.len() as u64 > 2 * CALL_LIMIT;
         let [.., Level::Shader(below), Level::Call(call)] = &mut self.levels[..] else {
             unreachable!("bug in anyhit: a call without a caller");
         };
-        let Some(Callable { shader, lanes }) = call.waiting.pop() else {
+        let Some((shader, lanes)) = call.waiting.pop() else {
             self.levels.pop();
             return;
         };
-        let mut called = Called::new(shader, Role::Callable, lanes.len());
-        let depth = below.batch.invocations.iter().map(|invocation| invocation.depth).max().unwrap_or(0);
-        for (lane, record, index) in lanes {
-            let from = &below.batch.invocations[lane];
-            let invocation = Invocation {
-                launch_id: from.launch_id,
-                launch_size: from.launch_size,
-                record: record.as_ref().and_then(Record::shader_record),
-                called_through: index.into(),
-                depth,
-                ..Invocation::default()
-            };
-            let data = below.batch.registers.lane_words(call.data.first, call.data.count, lane).collect();
-            called.push(lane, invocation, data, Data::new());
-        }
-        if self.levels.len() as u64 > 2 * CALL_LIMIT {
-            let [.., Level::Shader(below), Level::Call(_)] = &mut self.levels[..] else { return };
+        if deep {
             let op = below.batch.op - 1;
-            for entry in &called.lanes {
-                below.batch.trap(Mask::lane(entry.caller), TrapCode::CallablesTooDeep, op);
-            }
+            below.batch.trap(lanes, TrapCode::CallablesTooDeep, op);
             return;
         }
-        self.enter(called);
+        let (data, index) = (call.data, call.index);
+        let mut running = self.ready(shader, Role::Callable);
+        let [.., Level::Shader(below), Level::Call(_)] = &self.levels[..] else { return };
+        let (from, to) = (&below.batch.invocations, &mut running.batch.invocations);
+        to.take_places(from);
+        to.depth = from.depth;
+        for lane in lanes.lanes() {
+            let index = u64::from(below.batch.registers[index].0[lane]);
+            to.called_through[lane] = index;
+            let record = at(&self.pipeline.sbt.callable, index).and_then(Record::shader_record);
+            to.set_record(lane, record.as_ref());
+        }
+        begin(self.pipeline, &mut running, lanes);
+        running.take_data(&below.batch.registers, data);
+        self.push(running);
     }
 
     fn begin_report(&mut self, operands: (Mask<W>, Reg, Reg, Reg)) {
@@ -501,20 +439,16 @@ where
             unreachable!("bug in anyhit: a report outside a trace");
         };
         let program = &self.pipeline.programs[running.shader.0 as usize];
-        let callers = &running.callers;
-        let report =
-            Report::new(self.pipeline, trace, program, &mut running.batch, callers, operands, self.witness);
+        let report = Report::new(self.pipeline, trace, program, &mut running.batch, operands, self.witness);
         self.levels.push(Level::Report(Box::new(report)));
     }
 
     fn advance_report(&mut self) {
-        let [.., Level::Trace { trace, .. }, Level::Shader(running), Level::Report(report)] =
-            &mut self.levels[..]
-        else {
+        let [.., Level::Shader(running), Level::Report(report)] = &mut self.levels[..] else {
             unreachable!("bug in anyhit: a report outside a trace");
         };
-        match report.advance(self.pipeline, trace) {
-            Some(called) => self.enter(called),
+        match report.advance() {
+            Some((shader, lanes)) => self.enter_reported(shader, lanes),
             None => {
                 // RayTmaxKHR may have shrunk.
                 let program = &self.pipeline.programs[running.shader.0 as usize];
@@ -523,6 +457,32 @@ where
             }
         }
     }
+
+    /// Puts an any-hit shader on the stack that decides on reports.
+    fn enter_reported(&mut self, shader: Shader, lanes: Mask<W>) {
+        let role = Role::ReportedAnyHit;
+        let mut running = self.ready(shader, role);
+        let [below @ .., Level::Trace { trace, payload, .. }, Level::Shader(_), Level::Report(report)] =
+            &mut self.levels[..]
+        else {
+            unreachable!("bug in anyhit: a report outside a trace");
+        };
+        trace.show(self.pipeline, role, lanes, &mut running.batch.invocations);
+        report.show(lanes, &mut running.batch);
+        begin(self.pipeline, &mut running, lanes);
+        running.take_data(trace.payload(below), *payload);
+        if let Some(rows) = running.attributes() {
+            report.show_attributes(lanes, rows);
+        }
+        self.push(running);
+    }
+}
+
+/// Begins the lanes of a batch, whose invocations are set.
+fn begin<const W: usize>(pipeline: &Pipeline, running: &mut Running<W>, lanes: Mask<W>) {
+    let program = &pipeline.programs[running.shader.0 as usize];
+    running.lanes = lanes;
+    program.begin(&mut running.batch, lanes, pipeline.budget);
 }
 
 /// Callables may nest this deep: Vulkan sets no limit but the stack's size.

@@ -1,22 +1,25 @@
 //! A trace in progress: the rays of a batch's lanes, from their operands to closest-hit or miss.
+//!
+//! Whatever a lane's ray calls runs in the same lane of another batch, so that operands, payloads and what
+//! builtins read are copied as whole rows.
 
 use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Candidate, Cursor, HitKind, RayFlags, Tlas, TraceRay, hit_record_index};
+use crate::accel::{Candidate, Committed, Cursor, HitKind, RayFlags, Tlas, TraceRay, hit_record_index};
 use crate::machine::hit_object::HitEncoded;
+use crate::machine::invocation::{Invocations, RayRows, Structures};
 use crate::machine::stop::Rows;
-use crate::machine::{Batch, Exit, Hit, Invocation, ShaderRecord, TrapCode};
+use crate::machine::{Batch, Exit, Lanes, Mask, Registers, TrapCode};
 use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
-use crate::pipeline::launch::{RayOperands, Stats};
+use crate::pipeline::launch::Stats;
 use crate::pipeline::plain::{PlainRay, PlainRays};
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::Role;
 use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
-use crate::program::Program;
 
 /// Words of a payload or of hit attributes.
 pub(super) type Data = SmallVec<[u32; 16]>;
@@ -24,100 +27,51 @@ pub(super) type Data = SmallVec<[u32; 16]>;
 /// `SkipClosestHitShaderKHR`
 const SKIP_CLOSEST_HIT: u32 = 8;
 
-/// What one ray is traced with; at first with what it is taken from.
-#[derive(Clone, Debug)]
-pub(super) struct Query<S = Arc<Tlas>, P = Data> {
-    pub tlas: S,
-    pub trace: TraceRay,
-    pub sbt_offset: u32,
-    pub sbt_stride: u32,
-    pub miss_index: u32,
-    pub payload: P,
-    pub launch_id: [u32; 3],
-    pub launch_size: [u32; 3],
-    /// 1 for a trace by ray generation.
-    pub depth: u32,
-}
-
-impl<'a> Query<&'a Arc<Tlas>, std::vec::IntoIter<u32>> {
-    /// A ray that no shader traces.
-    pub fn by_nobody(tlas: &'a Arc<Tlas>, operands: RayOperands) -> Self {
-        Self {
-            tlas,
-            trace: operands.trace,
-            sbt_offset: operands.sbt_offset,
-            sbt_stride: operands.sbt_stride,
-            miss_index: operands.miss_index,
-            payload: operands.payload.into_iter(),
-            launch_id: [0; 3],
-            launch_size: [1; 3],
-            depth: 1,
-        }
-    }
-}
-
-impl<P: Iterator<Item = u32>> Query<&Arc<Tlas>, P> {
-    /// With a structure and a payload of its own.
-    fn owned(self) -> Query {
-        let Self { tlas, trace, sbt_offset, sbt_stride, miss_index, payload, launch_id, launch_size, depth } =
-            self;
-        let (tlas, payload) = (tlas.clone(), payload.collect());
-        Query { tlas, trace, sbt_offset, sbt_stride, miss_index, payload, launch_id, launch_size, depth }
-    }
-
-    /// The same in the memory of another one. Threads share the count of a structure's references: it is left
-    /// alone where that will do.
-    fn replace(self, old: &mut Query) {
-        if !Arc::ptr_eq(&old.tlas, self.tlas) {
-            old.tlas = self.tlas.clone();
-        }
-        old.trace = self.trace;
-        (old.sbt_offset, old.sbt_stride, old.miss_index) =
-            (self.sbt_offset, self.sbt_stride, self.miss_index);
-        (old.launch_id, old.launch_size, old.depth) = (self.launch_id, self.launch_size, self.depth);
-        old.payload.clear();
-        old.payload.extend(self.payload);
-    }
-}
-
-/// One ray of a trace.
-#[derive(Clone, Debug)]
-pub(super) struct RayState {
-    pub query: Query,
-    pub cursor: Cursor,
-    /// Attributes of the committed hit.
-    attributes: Data,
-    /// The shader record, and with it the attributes, where a hit object says which.
-    pub(super) record: Option<u64>,
-    traversing: bool,
-    /// Whether any hit will do where no shader is asked on the way.
-    any_will_do: bool,
-    /// What its caller traps for: a shader that this ray called trapped, or is null where it must not be.
-    pub trapped: Option<TrapCode>,
-}
-
-/// A lane that waits for a shader, the data of the record that it calls it through, and the record's
-/// index.
-type WaitingLane = (usize, Option<ShaderRecord>, u64);
-
 /// Lanes that wait for a shader.
-#[derive(Clone, Debug)]
-pub(super) struct Waiting {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Waiting<const W: usize> {
     pub shader: Shader,
     pub role: Role,
-    pub lanes: Vec<WaitingLane>,
+    pub lanes: Mask<W>,
 }
 
-/// The rays of one `OpTraceRayKHR`; its memory is used again for the next.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Trace {
-    /// By lane of the caller; the memory of a lane that does not trace may lie idle.
-    rays: Vec<Option<RayState>>,
-    /// The lanes that trace, ascending.
-    lanes: Vec<usize>,
-    waiting: Vec<Waiting>,
+/// The rays of one `OpTraceRayKHR`, each in the lane that traces it; its memory is used again for the next.
+#[derive(Clone, Debug)]
+pub(super) struct Trace<const W: usize> {
+    /// The lanes that trace.
+    lanes: Mask<W>,
+    /// Rays, flags, cull masks.
+    pub rays: RayRows<W>,
+    pub sbt_offset: Lanes<W>,
+    pub sbt_stride: Lanes<W>,
+    pub miss_index: Lanes<W>,
+    pub structures: Structures<W>,
+    launch_id: [Lanes<W>; 3],
+    launch_size: [u32; 3],
+    /// 1 for a trace by ray generation.
+    pub depth: u32,
+    /// The payload of a ray that no shader traces.
+    pub own_payload: Option<Registers<W>>,
+    /// Rays that shaders are asked about on the way, by lane; the memory of others may lie idle.
+    cursors: Vec<Option<Cursor>>,
+    /// The closest hits, where traversal is over.
+    pub committed: [Option<Committed>; W],
+    /// Attributes of hits that were reported or that hit objects hold, by lane.
+    attributes: Vec<Data>,
+    /// The indices of the shader records that are called.
+    records: [u64; W],
+    /// Whether hit objects say which records, and with them the attributes: nothing is traversed.
+    pub settled: bool,
+    /// Lanes whose caller traps: a shader that their ray called trapped, or is null where it must not be.
+    trapped: SmallVec<[(usize, TrapCode); 0]>,
+    /// The lanes of the list.
+    trapping: Mask<W>,
     plain: PlainRays,
-    traversing: bool,
+    waiting: SmallVec<[Waiting<W>; 2]>,
+    /// The rays that are on their way.
+    traversing: Mask<W>,
+    begun: bool,
+    finished: bool,
     /// The instruction that traces.
     caller: Option<Caller>,
     /// Whether closest-hit and miss shaders run at the end.
@@ -130,146 +84,253 @@ pub(super) struct Trace {
     pub stats: Stats,
 }
 
-impl Trace {
+impl<const W: usize> Default for Trace<W> {
+    fn default() -> Self {
+        let zero = Lanes([0; W]);
+        Self {
+            lanes: Mask::NONE,
+            rays: RayRows::ZERO,
+            sbt_offset: zero,
+            sbt_stride: zero,
+            miss_index: zero,
+            structures: Structures::default(),
+            launch_id: [zero; 3],
+            launch_size: [0; 3],
+            depth: 0,
+            own_payload: None,
+            cursors: Vec::new(),
+            committed: [None; W],
+            attributes: Vec::new(),
+            records: [0; W],
+            settled: false,
+            trapped: SmallVec::new(),
+            trapping: Mask::NONE,
+            plain: PlainRays::default(),
+            waiting: SmallVec::new(),
+            traversing: Mask::NONE,
+            begun: false,
+            finished: false,
+            caller: None,
+            shades: false,
+            watched: false,
+            pipeline_flags: 0,
+            stats: Stats::default(),
+        }
+    }
+}
+
+impl<const W: usize> Trace<W> {
     /// Makes it ready for the rays of another instruction, which runs closest-hit and miss shaders or
     /// does not.
     pub fn clear(&mut self, shades: bool) {
         self.shades = shades;
-        self.lanes.clear();
+        self.lanes = Mask::NONE;
+        self.traversing = Mask::NONE;
+        self.structures.clear();
+        self.own_payload = None;
+        self.settled = false;
+        self.trapped.clear();
+        self.trapping = Mask::NONE;
         self.waiting.clear();
-        self.traversing = true;
+        (self.begun, self.finished) = (false, false);
+        self.caller = None;
         self.stats = Stats::default();
     }
 
-    /// Adds the ray of a lane; lanes come in ascending order.
-    pub fn push<T: Witness>(
-        &mut self,
-        lane: usize,
-        query: Query<&Arc<Tlas>, impl Iterator<Item = u32>>,
-        caller: Option<Caller>,
-        witness: &mut T,
-    ) {
-        self.lanes.push(lane);
-        self.caller = caller;
-        // Nobody sees which hit a shadow ray commits, where no shader is asked on the way and no
-        // hit object keeps it.
-        let only_whether = RayFlags(RayFlags::TERMINATE_ON_FIRST_HIT.0 | RayFlags::SKIP_CLOSEST_HIT_SHADER.0);
-        let flags = query.trace.flags;
-        let any_will_do = !T::ACTIVE
-            && self.shades
-            && caller.is_some()
-            && flags.contains(only_whether)
-            && query.tlas.is_decided_without_shaders(flags);
-        let mut traversal = query.trace;
-        traversal.flags = traversal.flags | RayFlags(self.pipeline_flags);
-        let ray = self.place(lane, query, |ray| ray.cursor.reset(&ray.query.tlas, traversal), traversal);
-        ray.record = None;
-        ray.traversing = true;
-        ray.any_will_do = any_will_do;
-        self.stats.spared.occlusion += u64::from(any_will_do);
-        if T::ACTIVE {
-            let query = &self.ray(lane).query;
-            witness.invocation(query.launch_id);
-            witness.event(Event::Trace {
-                caller,
-                tlas: query.tlas.clone(),
-                launch_id: query.launch_id,
-                depth: query.depth,
-                trace: query.trace,
-                sbt: [query.sbt_offset, query.sbt_stride, query.miss_index],
-                payload: query.payload.to_vec(),
-            });
-        }
-    }
-
-    /// Adds a ray that a hit object knows the end of; lanes come in ascending order.
-    pub fn push_settled(
-        &mut self,
-        lane: usize,
-        query: Query<&Arc<Tlas>, impl Iterator<Item = u32>>,
-        caller: Caller,
-        (record, hit): (u64, Option<&HitEncoded>),
-    ) {
-        self.lanes.push(lane);
+    /// Takes the places in the launch of the invocations that trace.
+    pub fn traced_by(&mut self, caller: Caller, invocations: &Invocations<W>) {
         self.caller = Some(caller);
-        let trace = query.trace;
-        let ray = self.place(lane, query, |_| (), trace);
-        ray.cursor.settle(trace, hit.map(|hit| hit.committed));
-        ray.attributes = hit.map_or_else(Data::new, |hit| hit.attributes.iter().copied().collect());
-        ray.record = Some(record);
-        ray.traversing = false;
+        (self.launch_id, self.launch_size) = (invocations.launch_id, invocations.launch_size);
+        self.depth = invocations.depth + 1;
     }
 
-    /// The state of a lane's ray, in the memory of the ray before it where there was one, which is `reset`.
-    fn place(
+    /// Takes a place in the launch for a ray that no shader traces.
+    pub fn traced_by_nobody(&mut self) {
+        (self.launch_id, self.launch_size, self.depth) = ([Lanes::splat(0); 3], [1; 3], 1);
+    }
+
+    /// Lets the rays of some lanes, whose operands are set, begin.
+    pub fn begin(&mut self, lanes: Mask<W>) {
+        self.lanes = lanes;
+        self.traversing = if self.settled { Mask::NONE } else { lanes };
+    }
+
+    /// Adds a ray that a hit object knows the end of.
+    pub fn add_settled(
         &mut self,
         lane: usize,
-        query: Query<&Arc<Tlas>, impl Iterator<Item = u32>>,
-        reset: impl FnOnce(&mut RayState),
-        traversal: TraceRay,
-    ) -> &mut RayState {
-        if self.rays.len() <= lane {
-            self.rays.resize_with(lane + 1, || None);
-        }
-        let place = &mut self.rays[lane];
-        match place {
-            Some(ray) => {
-                query.replace(&mut ray.query);
-                ray.trapped = None;
-                reset(ray);
-                ray
-            }
-            None => place.insert(RayState::new(query.owned(), traversal)),
-        }
+        (tlas, trace): (&Arc<Tlas>, &TraceRay),
+        record: u64,
+        hit: Option<&HitEncoded>,
+    ) {
+        self.structures.set(Mask::lane(lane), tlas);
+        self.rays.set(lane, trace);
+        self.records[lane] = record;
+        self.committed[lane] = hit.map(|hit| hit.committed);
+        let attributes = hit.map_or_else(Data::new, |hit| hit.attributes.iter().copied().collect());
+        self.commit_attributes(lane, attributes);
     }
 
     /// The lanes that trace.
-    pub fn lanes(&self) -> &[usize] {
-        &self.lanes
+    pub fn lanes(&self) -> Mask<W> {
+        self.lanes
     }
 
-    /// Goes on until a shader must run; `None` when every ray is done.
-    pub fn advance<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) -> Option<Waiting> {
+    /// The structure that a lane's ray goes through.
+    pub fn tlas(&self, lane: usize) -> &Arc<Tlas> {
+        self.structures.get(lane).expect("bug in anyhit: a ray without a structure")
+    }
+
+    /// The instruction that traces.
+    pub fn caller(&self) -> Option<Caller> {
+        self.caller
+    }
+
+    /// `LaunchIdKHR` of a lane.
+    pub fn launch_id(&self, lane: usize) -> [u32; 3] {
+        self.launch_id.each_ref().map(|row| row.0[lane])
+    }
+
+    /// The traversal of a lane's ray that shaders are asked about.
+    pub fn cursor(&self, lane: usize) -> &Cursor {
+        let cursor = self.cursors.get(lane).and_then(Option::as_ref);
+        cursor.expect("bug in anyhit: a lane without a ray called a shader")
+    }
+
+    /// The traversal of a lane's ray that shaders are asked about.
+    pub fn cursor_mut(&mut self, lane: usize) -> &mut Cursor {
+        let cursor = self.cursors.get_mut(lane).and_then(Option::as_mut);
+        cursor.expect("bug in anyhit: a lane without a ray called a shader")
+    }
+
+    /// What a lane traps for when the trace is over.
+    pub fn trapped(&self, lane: usize) -> Option<TrapCode> {
+        self.trapped.iter().find(|(trapped, _)| *trapped == lane).map(|&(_, code)| code)
+    }
+
+    /// The lanes that trap when the trace is over.
+    pub fn trapping(&self) -> Mask<W> {
+        self.trapping
+    }
+
+    /// Ends the ray of a lane: its caller traps.
+    fn trap(&mut self, lane: usize, code: TrapCode) {
+        self.trapped.retain(|&mut (trapped, _)| trapped != lane);
+        self.trapped.push((lane, code));
+        self.trapping = self.trapping | Mask::lane(lane);
+        self.traversing = self.traversing.without(Mask::lane(lane));
+    }
+
+    /// Goes on until a shader must run; `None` when every ray is done. The payload is that of the rays.
+    pub fn advance<T: Witness>(
+        &mut self,
+        pipeline: &Pipeline,
+        payload: Option<(&mut Registers<W>, Rows)>,
+        witness: &mut T,
+    ) -> Option<Waiting<W>> {
         loop {
             if let Some(waiting) = self.waiting.pop() {
                 return Some(waiting);
             }
-            if !self.traversing {
+            if self.finished {
                 return None;
+            }
+            if !std::mem::replace(&mut self.begun, true) {
+                self.set_out::<T>();
             }
             self.traverse(pipeline, witness);
             if self.waiting.is_empty() {
-                self.traversing = false;
-                self.finish(pipeline, witness);
+                self.finished = true;
+                self.finish(pipeline, payload, witness);
+                self.waiting.reverse();
+                return self.waiting.pop();
             }
             // The last is called first: keep the order of lanes.
             self.waiting.reverse();
         }
     }
 
+    /// Traces all rays that no shader is asked about; the others get a traversal that can be resumed.
+    fn set_out<T: Witness>(&mut self) {
+        if !T::ACTIVE {
+            for number in 0..self.structures.all().len() {
+                self.trace_plain(number);
+            }
+        }
+        for lane in self.traversing.lanes() {
+            let trace = self.traversal(lane);
+            if self.cursors.len() <= lane {
+                self.cursors.resize_with(lane + 1, || None);
+            }
+            let tlas = self.structures.get(lane).expect("bug in anyhit: a ray without a structure");
+            match &mut self.cursors[lane] {
+                Some(cursor) => cursor.reset(tlas, trace),
+                empty => *empty = Some(Cursor::new(tlas, trace)),
+            }
+        }
+    }
+
+    /// A lane's ray with the flags that the pipeline adds.
+    #[inline]
+    fn traversal(&self, lane: usize) -> TraceRay {
+        let trace = self.rays.get(lane);
+        TraceRay { flags: trace.flags | RayFlags(self.pipeline_flags), ..trace }
+    }
+
+    /// Traces the rays through one structure that no shader is asked about.
+    fn trace_plain(&mut self, number: usize) {
+        let through = match self.structures.all().len() {
+            1 => self.traversing,
+            _ => self.traversing & Mask::equal(self.structures.numbers(), number as u32),
+        };
+        // Nobody sees which hit a shadow ray commits, where no hit object keeps it.
+        let only_whether = RayFlags(RayFlags::TERMINATE_ON_FIRST_HIT.0 | RayFlags::SKIP_CLOSEST_HIT_SHADER.0);
+        let unseen = self.shades && self.caller.is_some();
+        let tlas = &self.structures.all()[number];
+        let mut decided = None;
+        let mut plain = Mask::NONE;
+        self.plain.rays.clear();
+        for lane in through.lanes() {
+            let trace = self.traversal(lane);
+            if decided.is_none_or(|(flags, _)| flags != trace.flags) {
+                decided = Some((trace.flags, tlas.is_decided_without_shaders(trace.flags)));
+            }
+            if let Some((_, true)) = decided {
+                let any_will_do = unseen && trace.flags.contains(only_whether);
+                self.stats.spared.occlusion += u64::from(any_will_do);
+                self.plain.rays.push(PlainRay { trace, any_will_do });
+                plain = plain | Mask::lane(lane);
+            }
+        }
+        self.plain.trace(tlas);
+        for (lane, hit) in plain.lanes().zip(&self.plain.hits) {
+            self.committed[lane] = *hit;
+        }
+        self.traversing = self.traversing.without(plain);
+    }
+
     /// Lets each ray go on to its next candidate that a shader decides.
     fn traverse<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
-        if !T::ACTIVE {
-            self.traverse_plain();
-        }
-        for &lane in &self.lanes {
-            let Some(ray) = self.rays[lane].as_mut().filter(|ray| ray.traversing) else { continue };
-            witness.invocation(ray.query.launch_id);
+        for lane in self.traversing.lanes() {
+            witness.invocation(self.launch_id(lane));
             loop {
-                let candidate = ray.cursor.proceed_with(&ray.query.tlas, &mut Traversal(witness));
-                let Some(candidate) = candidate else {
-                    ray.traversing = false;
+                let tlas = self.structures.get(lane).expect("bug in anyhit: a ray without a structure");
+                let cursor = self.cursors[lane].as_mut().expect("bug in anyhit: a ray without a traversal");
+                let Some(candidate) = cursor.proceed_with(tlas, &mut Traversal(witness)) else {
+                    self.committed[lane] = cursor.committed().copied();
+                    self.traversing = self.traversing.without(Mask::lane(lane));
                     break;
                 };
-                let (index, record, group) = hit_group(pipeline, &ray.query, &candidate);
+                let index = self.hit_index(lane, &candidate);
+                let (_, group) = hit_group_at(pipeline, index);
                 let shader = if candidate.is_box() { group.intersection } else { group.any_hit };
                 if T::ACTIVE {
-                    let instance = &ray.query.tlas.instances()[candidate.instance as usize];
+                    let instance = &self.tlas(lane).instances()[candidate.instance as usize];
                     let arithmetic = [
                         instance.sbt_record_offset,
                         candidate.geometry,
-                        ray.query.sbt_stride & 0xF,
-                        ray.query.sbt_offset & 0xF,
+                        self.sbt_stride.0[lane] & 0xF,
+                        self.sbt_offset.0[lane] & 0xF,
                     ];
                     witness.event(Event::Candidate { candidate, record: index, arithmetic, shader });
                 }
@@ -277,88 +338,71 @@ impl Trace {
                 if !T::ACTIVE && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
                     // An empty intersection shader reports nothing, an empty any-hit shader accepts.
                     self.stats.spare(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit });
-                    ray.cursor.confirm();
+                    self.cursor_mut(lane).confirm();
                     continue;
                 }
                 match shader {
                     Some(shader) => {
                         let role = if candidate.is_box() { Role::Intersection } else { Role::AnyHit };
-                        let record = record.and_then(Record::shader_record);
-                        wait(&mut self.waiting, shader, role, (lane, record, index));
+                        self.records[lane] = index;
+                        self.wait(shader, role, lane);
                         break;
                     }
                     None if candidate.is_box() => {
                         if pipeline.flags.no_null_intersection_shaders {
-                            ray.trap(TrapCode::NullIntersection);
+                            self.end_by_trap(lane, TrapCode::NullIntersection);
                         }
                     }
-                    None if pipeline.flags.no_null_any_hit_shaders => ray.trap(TrapCode::NullAnyHit),
+                    None if pipeline.flags.no_null_any_hit_shaders => {
+                        self.end_by_trap(lane, TrapCode::NullAnyHit);
+                    }
                     None => {
-                        ray.cursor.confirm();
+                        self.cursor_mut(lane).confirm();
                     }
                 }
             }
         }
     }
 
-    /// Traces all rays at once that no shader is asked about, and that go through the same structure as the
-    /// first.
-    fn traverse_plain(&mut self) {
-        let Self { rays, lanes, plain, .. } = self;
-        let Some(tlas) =
-            lanes.first().and_then(|&lane| rays[lane].as_ref()).map(|ray| ray.query.tlas.clone())
-        else {
-            return;
-        };
-        let is_plain = |ray: &&mut RayState| {
-            ray.traversing
-                && Arc::ptr_eq(&ray.query.tlas, &tlas)
-                && tlas.is_decided_without_shaders(ray.cursor.trace().flags)
-        };
-        plain.rays.clear();
-        let mut lanes_of_plain = SmallVec::<[usize; 64]>::new();
-        for &lane in &*lanes {
-            if let Some(ray) = rays[lane].as_mut().filter(is_plain) {
-                ray.traversing = false;
-                plain.rays.push(PlainRay { trace: *ray.cursor.trace(), any_will_do: ray.any_will_do });
-                lanes_of_plain.push(lane);
-            }
-        }
-        plain.trace(&tlas);
-        for (&lane, &hit) in lanes_of_plain.iter().zip(&plain.hits) {
-            if let Some(ray) = &mut rays[lane] {
-                let trace = *ray.cursor.trace();
-                ray.cursor.settle(trace, hit);
-            }
-        }
+    /// Ends a ray on its way: its caller traps.
+    fn end_by_trap(&mut self, lane: usize, code: TrapCode) {
+        self.trap(lane, code);
+        self.cursor_mut(lane).terminate();
     }
 
     /// Chooses closest-hit or miss for each ray.
-    fn finish<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
-        for place in 0..self.lanes.len() {
-            let lane = self.lanes[place];
-            let Some(ray) = self.rays[lane].as_ref().filter(|ray| ray.trapped.is_none()) else { continue };
-            let committed = ray.cursor.committed().copied();
-            let (mut skipped, mut spared) = (false, false);
-            let (index, record, shader, role) = match &committed {
-                Some(committed) => {
-                    let index = ray.record.unwrap_or_else(|| hit_index(&ray.query, &committed.candidate));
-                    let (record, group) = hit_group_at(pipeline, index);
-                    spared = committed.candidate.opaque && group.any_hit.is_some();
-                    skipped = ray.query.trace.flags.0 & SKIP_CLOSEST_HIT != 0;
-                    (index, record, group.closest_hit.filter(|_| !skipped), Role::ClosestHit)
+    fn finish<T: Witness>(
+        &mut self,
+        pipeline: &Pipeline,
+        mut payload: Option<(&mut Registers<W>, Rows)>,
+        witness: &mut T,
+    ) {
+        // Rays mostly call the shader that the one before calls.
+        let mut last: Option<(Role, u64, Ending)> = None;
+        for lane in self.lanes.without(self.trapping).lanes() {
+            let committed = &self.committed[lane];
+            let (role, index) = match committed {
+                _ if self.settled => {
+                    (if committed.is_some() { Role::ClosestHit } else { Role::Miss }, self.records[lane])
                 }
-                None => {
-                    let index = ray.record.unwrap_or_else(|| ray.query.miss_record());
-                    let record = at(&pipeline.sbt.miss, index);
-                    (index, record, record.and_then(|record| general(pipeline, record)), Role::Miss)
-                }
+                Some(committed) => (Role::ClosestHit, self.hit_index(lane, &committed.candidate)),
+                None => (Role::Miss, self.miss_record(lane)),
             };
-            let shader = shader.filter(|_| self.shades);
-            if T::ACTIVE && ray.record.is_none() {
-                witness.invocation(ray.query.launch_id);
-                witness.event(Event::Traversed { committed, record: index, shader, kept: !self.shades });
+            let ending = match last {
+                Some((known, at, ending)) if known == role && at == index => ending,
+                _ => self.ending(pipeline, role, index),
+            };
+            last = Some((role, index, ending));
+            let is_hit = role == Role::ClosestHit;
+            let skipped = is_hit && self.rays.flags.0[lane] & SKIP_CLOSEST_HIT != 0;
+            let spared = committed.as_ref().is_some_and(|hit| hit.candidate.opaque) && ending.has_any_hit;
+            let shader = ending.shader.filter(|_| !skipped && self.shades);
+            if T::ACTIVE && !self.settled {
+                witness.invocation(self.launch_id(lane));
+                let (committed, kept) = (*committed, !self.shades);
+                witness.event(Event::Traversed { committed, record: index, shader, kept });
             }
+            self.records[lane] = index;
             self.stats.spared.any_hit += u64::from(spared);
             let promised = match role {
                 Role::Miss => pipeline.flags.no_null_miss_shaders.then_some(TrapCode::NullMiss),
@@ -366,64 +410,162 @@ impl Trace {
             };
             match (shader, self.caller) {
                 (None, _) if let Some(code) = promised.filter(|_| self.shades && !skipped) => {
-                    self.ray_mut(lane).trap(code);
+                    self.trap(lane, code);
                 }
-                (Some(shader), _) if !T::ACTIVE && pipeline.is_empty(shader) => {
+                (Some(shader), _) if !T::ACTIVE && ending.is_empty => {
                     self.stats.spare(pipeline.programs[shader.0 as usize].stage);
                 }
-                (Some(shader), Some(caller)) if !self.watched && leaves_unread(pipeline, caller, shader) => {
+                (Some(shader), Some(_)) if !self.watched && ending.leaves_unread => {
                     self.stats.spare_unread(pipeline.programs[shader.0 as usize].stage);
                 }
-                (Some(shader), _) => {
-                    let record = record.and_then(Record::shader_record);
-                    wait(&mut self.waiting, shader, role, (lane, record, index));
-                }
+                (Some(shader), _) => self.wait(shader, role, lane),
                 (None, Some(caller)) if self.shades && !skipped => {
-                    witness.absent(caller, &mut self.ray_mut(lane).query.payload);
+                    if T::ACTIVE
+                        && let Some((registers, rows)) = &mut payload
+                    {
+                        let mut words: Data = registers.lane_words(rows.first, rows.count, lane).collect();
+                        witness.absent(caller, &mut words);
+                        registers.set_lane_words(rows.first, lane, words);
+                    }
                 }
                 (None, _) => {}
             }
         }
     }
 
-    /// The ray of a lane that traces.
-    pub fn ray(&self, lane: usize) -> &RayState {
-        self.rays[lane].as_ref().expect("bug in anyhit: a lane without a ray called a shader")
+    /// What a record says of the end of a ray.
+    fn ending(&self, pipeline: &Pipeline, role: Role, index: u64) -> Ending {
+        let (shader, has_any_hit) = match role {
+            Role::Miss => (at(&pipeline.sbt.miss, index).and_then(|record| general(pipeline, record)), false),
+            _ => {
+                let (_, group) = hit_group_at(pipeline, index);
+                (group.closest_hit, group.any_hit.is_some())
+            }
+        };
+        let is_empty = shader.is_some_and(|shader| pipeline.is_empty(shader));
+        let unread = |shader| self.caller.is_some_and(|caller| leaves_unread(pipeline, caller, shader));
+        Ending { shader, has_any_hit, is_empty, leaves_unread: shader.is_some_and(unread) }
     }
 
-    /// The ray of a lane that traces.
-    pub fn ray_mut(&mut self, lane: usize) -> &mut RayState {
-        self.rays[lane].as_mut().expect("bug in anyhit: a lane without a ray called a shader")
-    }
-
-    /// Takes what a shader that this trace called leaves for a lane.
-    pub fn deliver<const W: usize>(
-        &mut self,
-        role: Role,
-        lane: usize,
-        payload: Option<Rows>,
-        batch: &Batch<W>,
-        from: usize,
-    ) {
-        let ray = self.ray_mut(lane);
-        ray.take_payload(payload, batch, from);
-        let exit = batch.exits[from];
-        if let Exit::Trapped(_) = exit {
-            ray.trap(TrapCode::Callee);
-            return;
+    /// Lets a lane wait for a shader.
+    fn wait(&mut self, shader: Shader, role: Role, lane: usize) {
+        let lane = Mask::lane(lane);
+        match self.waiting.iter_mut().find(|group| group.shader == shader && group.role == role) {
+            Some(group) => group.lanes = group.lanes | lane,
+            None => self.waiting.push(Waiting { shader, role, lanes: lane }),
         }
-        if role == Role::AnyHit {
-            match exit {
-                Exit::Ignored => {}
-                _ => {
-                    ray.cursor.confirm();
-                }
+    }
+
+    /// The index of the record of a lane's miss shader.
+    pub fn miss_record(&self, lane: usize) -> u64 {
+        u64::from(self.miss_index.0[lane] & 0xFFFF)
+    }
+
+    /// The index of the hit record of a lane's candidate.
+    pub fn hit_index(&self, lane: usize, candidate: &Candidate) -> u64 {
+        let instance = candidate.instance_in(self.tlas(lane));
+        let (stride, offset) = (self.sbt_stride.0[lane], self.sbt_offset.0[lane]);
+        hit_record_index(instance.sbt_record_offset, candidate.geometry, stride, offset)
+    }
+
+    /// Takes how the lanes of a shader end that their rays called.
+    pub fn deliver(&mut self, role: Role, lanes: Mask<W>, batch: &Batch<W>) {
+        for lane in lanes.lanes() {
+            let exit = batch.exits[lane];
+            if let Exit::Trapped(_) = exit {
+                self.trap(lane, TrapCode::Callee);
+                continue;
+            }
+            if role != Role::AnyHit {
+                continue;
+            }
+            let cursor = self.cursor_mut(lane);
+            if exit != Exit::Ignored {
+                cursor.confirm();
             }
             if exit == Exit::Terminated {
-                ray.cursor.terminate();
+                cursor.terminate();
             }
         }
     }
+
+    /// Remembers the attributes of a hit that was committed by a report.
+    pub fn commit_attributes(&mut self, lane: usize, attributes: Data) {
+        if self.attributes.len() <= lane {
+            self.attributes.resize_with(lane + 1, Data::new);
+        }
+        self.attributes[lane] = attributes;
+    }
+
+    /// The attributes of a lane's hit.
+    pub fn committed_attributes(&self, lane: usize) -> Data {
+        match &self.committed[lane] {
+            Some(committed) if !self.settled && !committed.candidate.is_box() => {
+                candidate_attributes(&committed.candidate)
+            }
+            _ => self.attributes.get(lane).cloned().unwrap_or_default(),
+        }
+    }
+
+    /// Shows the lanes of a shader that plays a role what its builtins read.
+    pub fn show(&self, pipeline: &Pipeline, role: Role, lanes: Mask<W>, to: &mut Invocations<W>) {
+        (to.launch_id, to.launch_size, to.depth) = (self.launch_id, self.launch_size, self.depth);
+        to.rays = self.rays;
+        to.structures.copy(&self.structures);
+        to.called_through = self.records;
+        to.hit = role != Role::Miss;
+        let table = if to.hit { &pipeline.sbt.hit } else { &pipeline.sbt.miss };
+        let mut record = None;
+        for lane in lanes.lanes() {
+            let index = self.records[lane];
+            if record.as_ref().is_none_or(|(known, _)| *known != index) {
+                record = Some((index, at(table, index).and_then(Record::shader_record)));
+            }
+            to.set_record(lane, record.as_ref().and_then(|(_, record)| record.as_ref()));
+        }
+        match role {
+            Role::ClosestHit => {
+                for lane in lanes.lanes() {
+                    if let Some(Committed { candidate, t, hit_kind }) = &self.committed[lane] {
+                        to.hits.set(lane, candidate.place(), *hit_kind);
+                        to.set_t_max(lane, *t);
+                    }
+                }
+            }
+            Role::AnyHit | Role::ReportedAnyHit | Role::Intersection => {
+                for lane in lanes.lanes() {
+                    let cursor = self.cursor(lane);
+                    let Some(candidate) = cursor.candidate() else { continue };
+                    let kind = candidate.hit_kind().unwrap_or(HitKind(0));
+                    to.hits.set(lane, candidate.place(), kind);
+                    let t = if candidate.is_box() { cursor.t_max() } else { candidate.intersection.t };
+                    to.set_t_max(lane, t);
+                }
+            }
+            _ => to.t_max = self.rays.t_max,
+        }
+    }
+
+    /// Sets the attributes that a shader in a role begins with.
+    pub fn show_attributes(&self, role: Role, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
+        for lane in lanes.lanes() {
+            let attributes = match role {
+                Role::AnyHit => self.cursor(lane).candidate().map_or_else(Data::new, candidate_attributes),
+                Role::ClosestHit => self.committed_attributes(lane),
+                _ => return,
+            };
+            rows.iter_mut().zip(attributes).for_each(|(row, word)| row.0[lane] = word);
+        }
+    }
+}
+
+/// What a record says of the end of a ray.
+#[derive(Clone, Copy, Debug)]
+struct Ending {
+    shader: Option<Shader>,
+    has_any_hit: bool,
+    is_empty: bool,
+    leaves_unread: bool,
 }
 
 /// Whether a shader leaves nothing behind but words of the payload that its caller does not read.
@@ -433,147 +575,13 @@ fn leaves_unread(pipeline: &Pipeline, caller: Caller, shader: Shader) -> bool {
     program.payloads.writes_only.is_some_and(|written| !written.meets(read()))
 }
 
-impl Query {
-    /// The index of the record of the miss shader.
-    pub fn miss_record(&self) -> u64 {
-        u64::from(self.miss_index & 0xFFFF)
-    }
-}
-
-impl RayState {
-    /// `traversal` is the ray with the flags that the pipeline adds.
-    fn new(query: Query, traversal: TraceRay) -> Self {
-        let cursor = Cursor::new(&query.tlas, traversal);
-        Self {
-            query,
-            cursor,
-            attributes: Data::new(),
-            record: None,
-            traversing: true,
-            any_will_do: false,
-            trapped: None,
-        }
-    }
-
-    /// Ends the ray: its caller traps.
-    pub fn trap(&mut self, code: TrapCode) {
-        self.trapped = Some(code);
-        self.traversing = false;
-        self.cursor.terminate();
-    }
-
-    /// Takes the payload as a lane of a shader that this ray called leaves it.
-    #[inline]
-    pub fn take_payload<const W: usize>(&mut self, rows: Option<Rows>, batch: &Batch<W>, lane: usize) {
-        if let Some(rows) = rows {
-            let words = batch.registers.lane_words(rows.first, rows.count, lane);
-            self.query.payload.iter_mut().zip(words).for_each(|(to, word)| *to = word);
-        }
-    }
-
-    /// Remembers the attributes of a hit that was committed by a report.
-    pub fn commit_attributes(&mut self, attributes: Data) {
-        self.attributes = attributes;
-    }
-
-    /// The attributes of the hit.
-    pub fn committed_attributes(&self) -> Data {
-        match self.cursor.committed() {
-            Some(committed) if self.record.is_none() && !committed.candidate.is_box() => {
-                candidate_attributes(&committed.candidate)
-            }
-            _ => self.attributes.clone(),
-        }
-    }
-
-    /// The invocation of a shader for the cursor's current candidate, seen at a t.
-    pub fn candidate_invocation(&self, program: &Program, record: Option<ShaderRecord>) -> Invocation {
-        let mut invocation = Invocation::default();
-        self.show(Role::AnyHit, program, record, &mut invocation);
-        invocation
-    }
-
-    /// Shows a shader that plays a role what its builtins read, in the memory of another invocation.
-    #[inline]
-    pub fn show(&self, role: Role, program: &Program, record: Option<ShaderRecord>, to: &mut Invocation) {
-        let Query { trace, launch_id, launch_size, depth, .. } = self.query;
-        let (mut t_max, mut hit) = (trace.ray.t_max, None);
-        match role {
-            Role::AnyHit | Role::Intersection => {
-                t_max = self.cursor.t_max();
-                if let Some(candidate) = self.cursor.candidate() {
-                    if !candidate.is_box() {
-                        t_max = candidate.intersection.t;
-                    }
-                    hit = Some((candidate, candidate.hit_kind().unwrap_or(HitKind(0))));
-                }
-            }
-            Role::ClosestHit => {
-                t_max = self.cursor.t_max();
-                hit = self.cursor.committed().map(|committed| (&committed.candidate, committed.hit_kind));
-            }
-            _ => {}
-        }
-        (to.launch_id, to.launch_size, to.depth) = (launch_id, launch_size, depth);
-        (to.trace, to.t_max) = (Some(trace), t_max);
-        to.record = record;
-        match (hit.filter(|_| !program.inputs.is_empty()), &mut to.hit) {
-            (None, old) => *old = None,
-            // Threads share the count of a structure's references: it is left alone where that will do.
-            (Some((&candidate, kind)), Some(old)) if Arc::ptr_eq(&old.tlas, &self.query.tlas) => {
-                (old.candidate, old.kind) = (candidate, kind);
-            }
-            (Some((&candidate, kind)), old) => {
-                *old = Some(Hit { tlas: self.query.tlas.clone(), candidate, kind });
-            }
-        }
-    }
-
-    /// The attributes that a shader in a role begins with.
-    #[inline]
-    pub fn shown_attributes(&self, role: Role) -> Data {
-        match role {
-            Role::AnyHit => self.cursor.candidate().map_or_else(Data::new, candidate_attributes),
-            Role::ClosestHit => self.committed_attributes(),
-            _ => Data::new(),
-        }
-    }
-}
-
 /// Attributes of a built-in primitive, as words.
 fn candidate_attributes(candidate: &Candidate) -> Data {
     Data::from_slice(&candidate.intersection.attributes.map(f32::to_bits))
 }
 
-fn wait(waiting: &mut Vec<Waiting>, shader: Shader, role: Role, lane: WaitingLane) {
-    match waiting.iter_mut().find(|group| group.shader == shader && group.role == role) {
-        Some(group) => group.lanes.push(lane),
-        None => {
-            let mut lanes = Vec::with_capacity(64);
-            lanes.push(lane);
-            waiting.push(Waiting { shader, role, lanes });
-        }
-    }
-}
-
-/// The hit record of a candidate, with its index.
-pub(super) fn hit_group<'a>(
-    pipeline: &'a Pipeline,
-    query: &Query,
-    candidate: &Candidate,
-) -> (u64, Option<&'a Record>, HitGroup) {
-    let index = hit_index(query, candidate);
-    let (record, group) = hit_group_at(pipeline, index);
-    (index, record, group)
-}
-
-/// The index of the hit record of a candidate.
-pub(super) fn hit_index(query: &Query, candidate: &Candidate) -> u64 {
-    let instance = candidate.instance_in(&query.tlas);
-    hit_record_index(instance.sbt_record_offset, candidate.geometry, query.sbt_stride, query.sbt_offset)
-}
-
-fn hit_group_at(pipeline: &Pipeline, index: u64) -> (Option<&Record>, HitGroup) {
+/// The record at an index of the hit table with its group.
+pub(super) fn hit_group_at(pipeline: &Pipeline, index: u64) -> (Option<&Record>, HitGroup) {
     let record = at(&pipeline.sbt.hit, index);
     let group = match record.map(|record| pipeline.groups[record.group as usize]) {
         Some(Group::Hit(group)) => group,

@@ -6,14 +6,66 @@ use crate::accel::{RayFlags, RayRule, Tlas, TraceRay};
 use crate::geometry::Ray;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::Rows;
-use crate::machine::{Invocation, Mask, Observer, Reg, TrapCode};
+use crate::machine::{Bindings, Mask, Observer, Reg, Registers, TrapCode};
 use crate::ops::hit_object;
 use crate::ops::ray_tracing::TRACE_OPERANDS;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::PipelineFlags;
+use crate::pipeline::launch::RayOperands;
 use crate::pipeline::stack::{Level, Stack};
-use crate::pipeline::trace::{Query, RayState};
+use crate::pipeline::trace::{Data, Trace};
 use crate::pipeline::witness::{Caller, Event, Witness};
+
+impl<const W: usize> Trace<W> {
+    /// Takes the operands of an instruction, for the lanes of a mask; gives those whose structure exists.
+    fn take_operands(
+        &mut self,
+        registers: &Registers<W>,
+        operands: Reg,
+        bindings: &Bindings,
+        mask: Mask<W>,
+    ) -> Mask<W> {
+        let row = |at: u32| &registers[operands.plus(at)];
+        self.rays.copy(registers, operands.plus(2), operands.plus(3), operands.plus(7));
+        (self.sbt_offset, self.sbt_stride, self.miss_index) = (*row(4), *row(5), *row(6));
+        let (mut rest, mut found) = (mask, Mask::NONE);
+        while let Some(lane) = rest.lowest() {
+            let handle = [row(0).0[lane], row(1).0[lane]];
+            let same = rest & Mask::equal(row(0), handle[0]) & Mask::equal(row(1), handle[1]);
+            rest = rest.without(same);
+            if let Some(tlas) = bindings.acceleration_structure(handle) {
+                self.structures.set(same, tlas);
+                found = found | same;
+            }
+        }
+        found
+    }
+
+    /// Takes the operands of a ray that no shader traces, in the first lane; gives the rows of its payload.
+    pub fn take_operands_of_nobody(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Rows {
+        let RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload } = operands;
+        self.traced_by_nobody();
+        self.structures.set(Mask::lane(0), tlas);
+        self.rays.set(0, &trace);
+        (self.sbt_offset.0[0], self.sbt_stride.0[0], self.miss_index.0[0]) =
+            (sbt_offset, sbt_stride, miss_index);
+        let mut registers = Registers::new(payload.len());
+        let rows = Rows { first: Reg(0), count: payload.len() as u32 };
+        registers.set_lane_words(rows.first, 0, payload);
+        self.own_payload = Some(registers);
+        self.begin(Mask::lane(0));
+        rows
+    }
+
+    /// The registers that hold the payload; `below` are the levels under the trace.
+    pub fn payload<'a>(&'a mut self, below: &'a mut [Level<W>]) -> &'a mut Registers<W> {
+        match (&mut self.own_payload, below) {
+            (Some(own), _) => own,
+            (None, [.., Level::Shader(caller)]) => &mut caller.batch.registers,
+            _ => unreachable!("bug in anyhit: a trace without a caller"),
+        }
+    }
+}
 
 impl<const W: usize, T: Witness, O: Observer<W>> Stack<'_, W, T, O>
 where
@@ -29,102 +81,136 @@ where
         let mut trace = self.spare_trace(object.is_none());
         let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
         let bindings = &self.bindings[running.shader.0 as usize];
-        let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
-        for lane in mask.lanes() {
-            let batch = &running.batch;
-            let mut words = [0; TRACE_OPERANDS as usize];
-            let read = batch.registers.lane_words(operands, TRACE_OPERANDS, lane);
-            words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
-            let invocation = &batch.invocations[lane];
-            let depth = invocation.depth + 1;
+        let batch = &mut running.batch;
+        let caller = Caller { shader: running.shader, op: batch.op - 1, payload: payload.first };
+        trace.traced_by(caller, &batch.invocations);
+        let found = trace.take_operands(&batch.registers, operands, bindings, mask);
+        let flags = self.pipeline.flags;
+        let mut lanes = found & trace.rays.within_rules(flags.ray_flags());
+        if trace.depth > self.pipeline.max_recursion || matches!(object, Some(ObjectRef::Computed { .. })) {
+            lanes = Mask::NONE;
+        }
+        // What is not certain is looked at lane by lane.
+        for lane in mask.without(lanes).lanes() {
             let place = object.map_or(Ok(Reg(0)), |object| object.row(&batch.registers, lane));
-            let mut asked = u64::from(words[0]) | u64::from(words[1]) << 32;
-            let query = match bindings.acceleration_structure([words[0], words[1]]) {
-                _ if let Err(code) = place => Err(code),
-                None => Err(TrapCode::AccelerationStructureMissing),
-                Some(_) if depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
-                Some(tlas) => {
-                    let payload = batch.registers.lane_words(payload.first, payload.count, lane);
-                    query(tlas, &words, payload, invocation, depth, self.pipeline.flags).map_err(|broken| {
-                        asked = broken as u64;
-                        TrapCode::InvalidTrace
-                    })
-                }
+            let handle = || {
+                let word = |at: u32| u64::from(batch.registers[operands.plus(at)].0[lane]);
+                word(0) | word(1) << 32
             };
-            match query {
-                Ok(query) => trace.push(lane, query, Some(caller), self.witness),
-                Err(code) => {
-                    let op = running.batch.op - 1;
-                    running.batch.asked[lane] = asked;
-                    running.batch.trap(Mask::lane(lane), code, op);
+            let refused = match check(&trace.rays.get(lane), flags) {
+                _ if let Err(code) = place => Some((code, handle())),
+                _ if !found.contains(lane) => Some((TrapCode::AccelerationStructureMissing, handle())),
+                _ if trace.depth > self.pipeline.max_recursion => {
+                    Some((TrapCode::RecursionTooDeep, handle()))
+                }
+                Err(broken) => Some((TrapCode::InvalidTrace, broken as u64)),
+                Ok(()) => None,
+            };
+            match refused {
+                None => lanes = lanes | Mask::lane(lane),
+                Some((code, asked)) => {
+                    let op = batch.op - 1;
+                    batch.asked[lane] = asked;
+                    batch.trap(Mask::lane(lane), code, op);
                 }
             }
         }
-        self.stats.rays += trace.lanes().len() as u64;
-        self.levels.push(Level::Trace { trace, payload: Some(payload), object });
+        trace.begin(lanes);
+        self.push_trace(trace, payload, object);
     }
 
-    /// Takes a trace whose rays are done from the stack; its ray where nothing called it.
-    pub(super) fn end_trace(&mut self) -> Option<RayState> {
-        let Some(Level::Trace { trace, payload, object }) = self.levels.pop() else { return None };
-        self.stats = std::mem::take(&mut self.stats).plus(&trace.stats);
+    /// Puts a trace on the stack whose rays begin.
+    pub(super) fn push_trace(&mut self, mut trace: Box<Trace<W>>, payload: Rows, object: Option<ObjectRef>) {
+        self.stats.rays += u64::from(trace.lanes().count());
         if T::ACTIVE {
-            for &lane in trace.lanes().iter().filter(|&&lane| !trace.ray(lane).is_settled()) {
-                let payload = trace.ray(lane).query.payload.to_vec();
-                self.witness.invocation(trace.ray(lane).query.launch_id);
-                self.witness.event(Event::Traced { payload });
+            for lane in trace.lanes().lanes() {
+                let registers = trace.payload(&mut self.levels);
+                let words = registers.lane_words(payload.first, payload.count, lane).collect();
+                let launch_id = trace.launch_id(lane);
+                self.witness.invocation(launch_id);
+                self.witness.event(Event::Trace {
+                    caller: trace.caller(),
+                    tlas: trace.tlas(lane).clone(),
+                    launch_id,
+                    depth: trace.depth,
+                    trace: trace.rays.get(lane),
+                    sbt: [&trace.sbt_offset, &trace.sbt_stride, &trace.miss_index].map(|row| row.0[lane]),
+                    payload: words,
+                });
             }
         }
-        let (Some(Level::Shader(below)), Some(payload)) = (self.levels.last_mut(), payload) else {
-            return Some(trace.ray(0).clone());
+        self.levels.push(Level::Trace { trace, payload, object });
+    }
+
+    /// Goes on with the trace on top of the stack: the next shader that its rays call is put there, or it
+    /// ends. What remains of it where nothing called it.
+    pub(super) fn advance_trace(&mut self) -> Option<Box<Trace<W>>> {
+        let [below @ .., Level::Trace { trace, payload, .. }] = &mut self.levels[..] else {
+            unreachable!("bug in anyhit: what goes on is no trace");
         };
-        for &lane in trace.lanes() {
-            let ray = trace.ray(lane);
-            below.batch.registers.set_lane_words(payload.first, lane, ray.query.payload.iter().copied());
-            if let Some(code) = ray.trapped {
-                let op = below.batch.op - 1;
-                below.batch.trap(Mask::lane(lane), code, op);
-            } else if let Some(object) = object {
-                hit_object::store(&mut below.batch, object, lane, ray.hit_object())
+        let registers = match below.last_mut() {
+            Some(Level::Shader(caller)) => Some((&mut caller.batch.registers, *payload)),
+            _ => None,
+        };
+        match trace.advance(self.pipeline, registers, self.witness) {
+            Some(waiting) => {
+                self.enter_traced(waiting);
+                None
+            }
+            None => self.end_trace(),
+        }
+    }
+
+    /// Takes a trace whose rays are done from the stack.
+    fn end_trace(&mut self) -> Option<Box<Trace<W>>> {
+        let Some(Level::Trace { mut trace, payload, object }) = self.levels.pop() else { return None };
+        self.stats = std::mem::take(&mut self.stats).plus(&trace.stats);
+        if T::ACTIVE && !trace.settled {
+            for lane in trace.lanes().lanes() {
+                let registers = trace.payload(&mut self.levels);
+                let payload: Data = registers.lane_words(payload.first, payload.count, lane).collect();
+                self.witness.invocation(trace.launch_id(lane));
+                self.witness.event(Event::Traced { payload: payload.to_vec() });
+            }
+        }
+        let Some(Level::Shader(below)) = self.levels.last_mut() else { return Some(trace) };
+        for lane in trace.trapping().lanes() {
+            let op = below.batch.op - 1;
+            let code = trace.trapped(lane).unwrap_or(TrapCode::Callee);
+            below.batch.trap(Mask::lane(lane), code, op);
+        }
+        if let Some(object) = object {
+            for lane in trace.lanes().without(trace.trapping()).lanes() {
+                hit_object::store(&mut below.batch, object, lane, trace.hit_object(lane))
                     .expect("bug in anyhit: a hit object has moved");
             }
         }
         self.spare_traces.push(trace);
         None
     }
+
+    pub(super) fn spare_trace(&mut self, shades: bool) -> Box<Trace<W>> {
+        let mut trace = self.spare_traces.pop().unwrap_or_default();
+        trace.clear(shades);
+        trace.watched = T::ACTIVE || O::active();
+        trace.pipeline_flags = self.pipeline.flags.ray_flags();
+        trace
+    }
 }
 
 /// `SkipTrianglesKHR` and `SkipAABBsKHR`
 const SKIPS: u32 = 0x300;
 
-/// A trace as the operands of its instruction say. Where the pipeline skips one kind of primitive the
-/// ray must not skip the other.
-fn query<'a, P: Iterator<Item = u32>>(
-    tlas: &'a Arc<Tlas>,
-    words: &[u32; TRACE_OPERANDS as usize],
-    payload: P,
-    invocation: &Invocation,
-    depth: u32,
-    flags: PipelineFlags,
-) -> Result<Query<&'a Arc<Tlas>, P>, RayRule> {
-    let trace = trace_operands(words)?;
+/// Checks a ray. Where the pipeline skips one kind of primitive the ray must not skip the other.
+fn check(trace: &TraceRay, flags: PipelineFlags) -> Result<(), RayRule> {
+    trace.check()?;
     if (trace.flags.0 | flags.ray_flags()) & SKIPS == SKIPS {
         return Err(match trace.flags.contains(RayFlags::SKIP_TRIANGLES) {
             true => RayRule::SkipsTrianglesBesidePipeline,
             false => RayRule::SkipsAabbsBesidePipeline,
         });
     }
-    Ok(Query {
-        tlas,
-        trace,
-        sbt_offset: words[4],
-        sbt_stride: words[5],
-        miss_index: words[6],
-        payload,
-        launch_id: invocation.launch_id,
-        launch_size: invocation.launch_size,
-        depth,
-    })
+    Ok(())
 }
 
 /// Ray, flags, cull mask and time of a trace's operands, checked.

@@ -37,7 +37,7 @@ where
         if trap.code == TrapCode::Callee {
             return;
         }
-        let launch_id = running.batch.invocations[lane].launch_id;
+        let launch_id = running.batch.invocations.launch_id(lane);
         let order = |id: [u32; 3]| [id[2], id[1], id[0]];
         if self.trapped.as_ref().is_some_and(|trapped| order(trapped.launch_id) <= order(launch_id)) {
             return;

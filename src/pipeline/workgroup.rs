@@ -129,7 +129,7 @@ where
                 let group = &groups[position / self.each];
                 let place = (position % self.each) as u32;
                 let local_index = self.layout.index_of(place);
-                member.batch.invocations[lane] = Invocation {
+                let invocation = Invocation {
                     launch_id: group.global_id(local_index),
                     launch_size: std::array::from_fn(|axis| group.count[axis] * group.size[axis]),
                     subgroup_size: self.compute.subgroup_size,
@@ -138,6 +138,7 @@ where
                     place,
                     ..Invocation::default()
                 };
+                member.batch.invocations.set(lane, invocation);
             }
             if lanes == 0 {
                 continue;
@@ -210,8 +211,9 @@ where
             return;
         }
         let batch = &self.members[at / W].batch;
-        let invocation = &batch.invocations[at % W];
-        let ids = [workgroup.id, workgroup.local_id(invocation.local_index), invocation.launch_id];
+        let (lane, invocations) = (at % W, &batch.invocations);
+        let local = workgroup.local_id(invocations.local_index(lane));
+        let ids = [workgroup.id, local, invocations.launch_id(lane)];
         let [group, local, global] = ids.map(|[x, y, z]| format!("({x}, {y}, {z})"));
         let mut error: Error = trap_error(self.program, batch, at % W, trap);
         if let Some(note) = note {
@@ -222,7 +224,7 @@ where
             "in {stage} `{name}`, workgroup {group}, local invocation {local}, global invocation id {global}"
         ));
         let offset = self.program.origins.get(trap.op as usize).map_or(0, |origin| origin.offset);
-        let (launch_id, code, asked) = (invocation.launch_id, trap.code, batch.asked[at % W]);
+        let (launch_id, code, asked) = (invocations.launch_id(lane), trap.code, batch.asked[lane]);
         self.trapped = Some(Trapped { launch_id, code, asked, shader: Shader(0), offset, error });
     }
 }

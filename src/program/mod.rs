@@ -233,20 +233,9 @@ impl Program {
 
     /// Fills the rows of builtins again; only those that may change while running where so asked.
     pub fn refresh_inputs<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, volatile: bool) {
-        let mut space = [[0; 12]; W];
-        let invocations = &batch.invocations[..mask.end()];
+        let Batch { registers, invocations, .. } = batch;
         for input in self.inputs.iter().filter(|input| !volatile || input.builtin.volatile) {
-            let count = input.count as usize;
-            let words = &mut space.as_flattened_mut()[..count * invocations.len()];
-            if words.is_empty() {
-                continue;
-            }
-            words.fill(0);
-            (input.builtin.read)(invocations, count, words);
-            for (word, row) in batch.registers.rows_mut(input.first, input.count).iter_mut().enumerate() {
-                let words = words[word..].iter().step_by(count);
-                row.0.iter_mut().zip(words).for_each(|(to, &word)| *to = word);
-            }
+            input.builtin.read.read(invocations, mask, registers.rows_mut(input.first, input.count));
         }
     }
 

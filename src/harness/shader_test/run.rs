@@ -39,7 +39,7 @@ impl ShaderTest {
         let bindings = resources.bindings(program.bindings());
         let (invocation, attributes) = self.invocation()?;
         let mut batch: Batch<1> = program.batch();
-        batch.invocations[0] = invocation;
+        batch.invocations.set(0, invocation);
         program.begin(&mut batch, Mask::ALL, self.budget);
         self.override_builtins(&mut batch);
         self.fill_payload(&mut batch)?;

@@ -157,9 +157,8 @@ impl ShaderTest {
     pub(super) fn report(&self, batch: &mut Batch<1>, t: Reg, kind: Reg) -> Result<Report> {
         let (t, kind) = (f32::from_bits(batch.registers[t].0[0]), batch.registers[kind].0[0]);
         let attributes = self.read(batch, self.program.interface_rows(storage::HIT_ATTRIBUTE));
-        let invocation = &batch.invocations[0];
-        let t_min = invocation.trace.map_or(0.0, |trace| trace.ray.t_min);
-        let accepted = kind < 128 && (t_min..=invocation.t_max).contains(&t);
+        let t_min = batch.invocations.rays.get(0).ray.t_min;
+        let accepted = kind < 128 && (t_min..=batch.invocations.t_max(0)).contains(&t);
         let mut report = Report { t, kind, attributes, accepted };
         if let Some(answer) = self.reports.as_ref().filter(|_| accepted) {
             answer.give(&mut report)?;
@@ -168,7 +167,7 @@ impl ShaderTest {
             let op = batch.op - 1;
             batch.trap(Mask::ALL, TrapCode::InvalidHitKind, op);
         } else if report.accepted {
-            batch.invocations[0].t_max = t;
+            batch.invocations.set_t_max(0, t);
             self.program.refresh_inputs(batch, Mask::ALL, true);
             self.override_builtins(batch);
         }

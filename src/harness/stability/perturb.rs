@@ -401,11 +401,11 @@ impl Probe for Mover<'_> {
         self.shader = shader;
         self.products.clear();
         if let Some(dispatch) = self.dispatch {
-            self.who = (dispatch, batch.invocations[0].launch_id);
+            self.who = (dispatch, batch.invocations.launch_id(0));
         }
         let begins = batch.block == 0 && batch.op == self.program().blocks[0].first;
         let moves = self.run > 0 && self.plan.perturbation.envelope == Envelope::Nvidia;
-        if !begins || !moves || batch.invocations[0].hit.is_none() {
+        if !begins || !moves || !batch.invocations.hit {
             return;
         }
         let input = self.program().inputs.iter().find(|input| input.builtin.number == RAY_T_MAX);
@@ -414,7 +414,7 @@ impl Probe for Mover<'_> {
         let (random, envelope) = (&mut self.random, Envelope::Nvidia);
         let mut draw = Draw { random, envelope, width: 32, nearest: false, contracts: true };
         let moved = draw.ulps(t, NVIDIA_T);
-        let least = batch.invocations[0].trace.map_or(0.0, |trace| f64::from(trace.ray.t_min));
+        let least = f64::from(batch.invocations.rays.get(0).ray.t_min);
         batch.registers[first].0[0] = (moved.max(least) as f32).to_bits();
     }
 

@@ -394,7 +394,7 @@ impl Probe for Watcher<'_> {
 
     fn resumed(&mut self, shader: usize, batch: &mut Batch<1>) {
         if self.dispatch {
-            let id = batch.invocations[0].launch_id;
+            let id = batch.invocations.launch_id(0);
             self.launch_id = Some(id);
             match self.waiting.remove(&id) {
                 Some(frame) => self.frames.push(frame),
@@ -422,7 +422,7 @@ impl Probe for Watcher<'_> {
             match batch.live().is_empty() {
                 true => self.spare.push(frame),
                 false => {
-                    self.waiting.insert(batch.invocations[0].launch_id, frame);
+                    self.waiting.insert(batch.invocations.launch_id(0), frame);
                 }
             }
             return;
