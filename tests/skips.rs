@@ -62,7 +62,7 @@ fn a_few_rays_have_no_tree() -> Result<()> {
     let tlas = Tlas::new(vec![instance(&blas, 0.0)])?;
     assert!(!blas.is_built(), "nothing is built before the first ray");
     let of_first = walk(&tlas, ray(999.0, 0.0));
-    assert!(blas.is_built() && !blas.has_tree());
+    assert!(blas.is_built() && blas.is_listed() && !blas.has_tree());
     // All are looked through.
     assert_eq!((of_first.nodes, of_first.primitives), (0, 1000));
     let mut rays = 1;
@@ -72,6 +72,7 @@ fn a_few_rays_have_no_tree() -> Result<()> {
         walk(&tlas, ray(0.0, 0.0));
     }
     assert!(rays > 4, "a tree comes with ray {rays}");
+    assert!(blas.is_built() && !blas.is_listed(), "the list is no longer needed");
     let of_last = walk(&tlas, ray(999.0, 0.0));
     assert!(of_last.nodes > 0 && of_last.primitives < 20, "{of_last:?}");
     Ok(())

@@ -1,7 +1,8 @@
 //! Bottom-level acceleration structures.
 
+use std::ops::Deref;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::accel::body::Body;
 use crate::accel::geometry_data::{GeometryData, GeometryKind};
@@ -89,17 +90,16 @@ pub(super) fn between([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32;
 pub struct Blas {
     geometries: Vec<Geometry>,
     bounds: OnceLock<Bounds>,
-    /// For the first few rays, where a tree is not built for them.
-    listed: OnceLock<Body>,
+    /// For the first few rays, where a tree is not built for them; until there is one.
+    listed: Mutex<Option<Arc<Body>>>,
     /// How many rays those were.
     rays: AtomicU32,
     body: OnceLock<Body>,
 }
 
 /// So many rays, where more primitives than that are reached, look through all of them: building a tree
-/// takes as long as fifty or a hundred do, most scenes of a few rays never see more, and the others
-/// lose little.
-const FEW_RAYS: u32 = 8;
+/// takes as long as thirty do, most scenes of a few rays never see more, and the others lose little.
+const FEW_RAYS: u32 = 4;
 const MANY_PRIMITIVES: usize = 512;
 
 impl Blas {
@@ -120,7 +120,7 @@ impl Blas {
         Ok(Arc::new(Self {
             geometries,
             bounds: OnceLock::new(),
-            listed: OnceLock::new(),
+            listed: Mutex::new(None),
             rays: AtomicU32::new(0),
             body: OnceLock::new(),
         }))
@@ -152,7 +152,7 @@ impl Blas {
 
     /// Whether rays have reached it, so that its boxes (and tree) exist.
     pub fn is_built(&self) -> bool {
-        self.body.get().or(self.listed.get()).is_some()
+        self.body.get().is_some() || self.is_listed()
     }
 
     /// Whether rays have reached it, and it has a tree: a few primitives have none, and neither have
@@ -161,10 +161,21 @@ impl Blas {
         self.body.get().is_some_and(|body| body.tree().is_some())
     }
 
+    /// Whether the few rays that have reached it looked through a list of its many primitives; that goes
+    /// when more rays make it a tree.
+    pub fn is_listed(&self) -> bool {
+        self.list().is_some()
+    }
+
+    fn list(&self) -> MutexGuard<'_, Option<Arc<Body>>> {
+        // What is in it is whole at any time.
+        self.listed.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// The box around all active primitives, in object space; empty where there are none. Builds
     /// nothing else, unless vertices move.
     pub fn bounds(&self) -> Bounds {
-        match self.body.get().or(self.listed.get()) {
+        match self.body.get() {
             Some(body) => *body.bounds(),
             None if self.moves() => *self.body().bounds(),
             None => *self.bounds.get_or_init(|| Body::bounds_of(&self.geometries)),
@@ -179,19 +190,46 @@ impl Blas {
 
     /// The same for a ray that reaches it. `may_list`: whether results don't depend on a tree.
     #[inline]
-    pub(super) fn reached(&self, may_list: bool) -> &Body {
+    pub(super) fn reached(&self, may_list: bool) -> Reached<'_> {
         match self.body.get() {
-            Some(body) => body,
+            Some(body) => Reached::Built(body),
             None => self.reached_anew(may_list),
         }
     }
 
     #[cold]
-    fn reached_anew(&self, may_list: bool) -> &Body {
+    fn reached_anew(&self, may_list: bool) -> Reached<'_> {
         let count: usize = self.geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
         if may_list && count > MANY_PRIMITIVES && self.rays.fetch_add(1, Ordering::Relaxed) < FEW_RAYS {
-            return self.listed.get_or_init(|| Body::without_tree(&self.geometries));
+            let mut list = self.list();
+            if self.body.get().is_none() {
+                let make = || Arc::new(Body::without_tree(&self.geometries));
+                return Reached::Listed(list.get_or_insert_with(make).clone());
+            }
         }
-        self.body()
+        let body = self.body();
+        // Rays that still look through it keep it alive.
+        self.list().take();
+        Reached::Built(body)
+    }
+}
+
+/// The primitives for a ray that has come to them.
+pub(super) enum Reached<'a> {
+    /// As they stay.
+    Built(&'a Body),
+    /// For the first few rays.
+    Listed(Arc<Body>),
+}
+
+impl Deref for Reached<'_> {
+    type Target = Body;
+
+    #[inline(always)]
+    fn deref(&self) -> &Body {
+        match self {
+            Self::Built(body) => body,
+            Self::Listed(body) => body,
+        }
     }
 }

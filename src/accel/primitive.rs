@@ -28,11 +28,18 @@ pub enum Primitive {
     },
 }
 
+/// What is done with each primitive of a geometry. (A closure would not be compiled for each kind.)
+pub(super) trait TakePrimitive {
+    /// Takes primitive `PrimitiveId`; to be inlined.
+    fn take(&mut self, primitive: u32, numbers: Primitive);
+}
+
 impl GeometryData {
     /// The numbers of primitive `PrimitiveId`.
     ///
     /// # Panics
     /// Where the primitive or a vertex that it names does not exist: `Blas::new` has checked that.
+    #[inline]
     pub fn primitive(&self, primitive: u32) -> Primitive {
         let at = primitive as usize;
         match self {
@@ -40,29 +47,68 @@ impl GeometryData {
                 Primitive::Triangle(triangle(vertices, indices, transform, primitive))
             }
             Self::Aabbs(boxes) => Primitive::Aabb(boxes[at]),
+            Self::Spheres { positions, radii, indices } => sphere(positions, radii, indices, at),
+            Self::LinearSweptSpheres { positions, radii, indices, indexing, end_caps } => {
+                swept(positions, radii, indices, (*indexing, *end_caps), at)
+            }
+        }
+    }
+
+    /// Takes all primitives in turn; what kind they are is asked once.
+    ///
+    /// # Panics
+    /// As [`GeometryData::primitive`].
+    #[inline(always)]
+    pub(super) fn each_primitive(&self, to: &mut impl TakePrimitive) {
+        let all = 0..self.primitive_count() as u32;
+        match self {
+            Self::Triangles { vertices, indices, transform } => {
+                all.for_each(|at| {
+                    to.take(at, Primitive::Triangle(triangle(vertices, indices, transform, at)))
+                });
+            }
+            Self::Aabbs(boxes) => all.for_each(|at| to.take(at, Primitive::Aabb(boxes[at as usize]))),
             Self::Spheres { positions, radii, indices } => {
-                let entry = entry_of(indices, at);
-                Primitive::Sphere { position: positions[entry], radius: radii[entry] }
+                all.for_each(|at| to.take(at, sphere(positions, radii, indices, at as usize)));
             }
             Self::LinearSweptSpheres { positions, radii, indices, indexing, end_caps } => {
-                let [first, second] = match indexing {
-                    Indexing::List => [entry_of(indices, 2 * at), entry_of(indices, 2 * at + 1)],
-                    Indexing::Successive => {
-                        let entry = entry_of(indices, at);
-                        [entry, entry + 1]
-                    }
-                };
-                Primitive::LinearSweptSphere {
-                    positions: [positions[first], positions[second]],
-                    radii: [radii[first], radii[second]],
-                    caps: caps(indices.as_deref(), *indexing, *end_caps, at),
-                }
+                let modes = (*indexing, *end_caps);
+                all.for_each(|at| to.take(at, swept(positions, radii, indices, modes, at as usize)));
             }
         }
     }
 }
 
+#[inline(always)]
+fn sphere(positions: &[[f32; 3]], radii: &[f32], indices: &Option<Vec<u32>>, at: usize) -> Primitive {
+    let entry = entry_of(indices, at);
+    Primitive::Sphere { position: positions[entry], radius: radii[entry] }
+}
+
+#[inline(always)]
+fn swept(
+    positions: &[[f32; 3]],
+    radii: &[f32],
+    indices: &Option<Vec<u32>>,
+    (indexing, end_caps): (Indexing, EndCaps),
+    at: usize,
+) -> Primitive {
+    let [first, second] = match indexing {
+        Indexing::List => [entry_of(indices, 2 * at), entry_of(indices, 2 * at + 1)],
+        Indexing::Successive => {
+            let entry = entry_of(indices, at);
+            [entry, entry + 1]
+        }
+    };
+    Primitive::LinearSweptSphere {
+        positions: [positions[first], positions[second]],
+        radii: [radii[first], radii[second]],
+        caps: caps(indices.as_deref(), indexing, end_caps, at),
+    }
+}
+
 /// The vertices of a triangle, the geometry transform applied.
+#[inline(always)]
 pub(super) fn triangle(
     vertices: &[[f32; 3]],
     indices: &Option<Vec<u32>>,
@@ -86,6 +132,7 @@ pub(super) fn triangle(
 }
 
 /// The vertex that an entry of the (perhaps absent) index buffer names.
+#[inline(always)]
 fn entry_of(indices: &Option<Vec<u32>>, entry: usize) -> usize {
     indices.as_ref().map_or(entry, |indices| indices[entry] as usize)
 }

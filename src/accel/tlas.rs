@@ -10,7 +10,7 @@ use crate::accel::geometry_data::GeometryKind;
 use crate::accel::motion::{Motion, or_identity};
 use crate::accel::motion_bounds;
 use crate::accel::rules::{RayFlags, is_opaque};
-use crate::accel::split::LeafCost;
+use crate::accel::split::{LeafCost, Reference};
 use crate::accel::transform::IDENTITY;
 use crate::accel::tree::Tree;
 use crate::accel::validate;
@@ -295,22 +295,20 @@ impl Tlas {
 
     fn build(&self) -> Option<(Tree, Vec<u32>)> {
         let mut boxes = Vec::new();
-        let mut numbers = Vec::new();
         for (number, instance) in self.instances.iter().enumerate() {
             let bounds = instance.blas.bounds();
             // Nothing active: never hit.
             if bounds == Bounds::EMPTY {
                 continue;
             }
-            boxes.push(match (&self.placed[number], &instance.motion) {
+            let placed = match (&self.placed[number], &instance.motion) {
                 (Placed::Moving, Some(motion)) => motion_bounds::bounds(&bounds, motion),
                 (Placed::InWorld, _) => bounds,
                 _ => bounds.transformed(&instance.transform),
-            });
-            numbers.push(number as u32);
+            };
+            boxes.push(Reference::new(&placed, number as u32));
         }
-        let (tree, order) = Tree::build(&boxes, LeafCost { most: 1, visit: 4.0, primitive: 0.0 })?;
-        Some((tree, order.into_iter().map(|place| numbers[place as usize]).collect()))
+        Tree::over(boxes, LeafCost { most: 1, visit: 4.0, primitive: 0.0 })
     }
 }
 

@@ -6,12 +6,16 @@
 
 use std::sync::Mutex;
 
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V3;
 use smallvec::SmallVec;
 
 use crate::accel::node::{Child, Node, WIDTH};
 use crate::accel::node_ray::{round_down, round_up};
-use crate::accel::split::{Bins, Extent, FAR, LeafCost, Part, Reference};
+use crate::accel::split::{Divider, FAR, LeafCost, Part, Reference};
 use crate::geometry::Bounds;
+use crate::math::eight::Eights;
+use crate::math::eight::TwoFours;
 use crate::math::four::Four;
 
 /// Below this many levels boxes are halved, whatever lies there: nothing else bounds the depth. Trees
@@ -34,25 +38,32 @@ pub struct Tree {
 }
 
 impl Tree {
+    /// [`Tree::over`] boxes that are numbered by place.
+    #[cfg(test)]
+    pub fn build(boxes: &[Bounds], cost: LeafCost) -> Option<(Self, Vec<u32>)> {
+        Self::over(numbered(boxes), cost)
+    }
+
     /// Builds a tree, and says in which order its leaves name the boxes: place in tree order ->
     /// number. Leaves start at multiples of the leaf size; the places between are [`EMPTY_PLACE`].
     /// Boxes must hold no NaN and have min <= max; sides may be infinite. `None` for no boxes.
-    pub fn build(boxes: &[Bounds], cost: LeafCost) -> Option<(Self, Vec<u32>)> {
+    pub fn over(boxes: Vec<Reference>, cost: LeafCost) -> Option<(Self, Vec<u32>)> {
         Self::build_within(boxes, cost, DEEPEST)
     }
 
-    fn build_within(boxes: &[Bounds], cost: LeafCost, deepest: usize) -> Option<(Self, Vec<u32>)> {
-        if boxes.is_empty() {
+    fn build_within(
+        mut references: Vec<Reference>,
+        cost: LeafCost,
+        deepest: usize,
+    ) -> Option<(Self, Vec<u32>)> {
+        if references.is_empty() {
             return None;
         }
-        let bounds = boxes.iter().fold(Bounds::EMPTY, |all, one| all.union(one));
-        let scale = scale_of(boxes, &bounds);
-        let mut references: Vec<Reference> =
-            boxes.iter().enumerate().map(|(number, one)| scaled(one, scale, number as u32)).collect();
-        let whole = Part::around(&references);
-        let mut build =
-            Build { alone: false, cost, deepest, nodes: Vec::new(), order: Vec::new(), bins: Bins::new() };
-        let root = build.subtree(&mut references, whole, 0);
+        let bounds = references.iter().fold(Bounds::EMPTY, |all, one| all.union(&one.bounds()));
+        let scale = scale_of(&references, &bounds);
+        references.iter_mut().for_each(|reference| *reference = scaled(reference, scale));
+        let mut build = Build::new(cost, deepest, false);
+        let root = build.subtree(&mut references, 0);
         Some((Self { nodes: build.nodes, root, bounds, scale }, build.order))
     }
 
@@ -78,14 +89,20 @@ impl Tree {
     }
 }
 
+#[cfg(test)]
+fn numbered(boxes: &[Bounds]) -> Vec<Reference> {
+    boxes.iter().enumerate().map(|(number, one)| Reference::new(one, number as u32)).collect()
+}
+
 /// The power of two that brings every finite coordinate of boxes into the unit cube.
-fn scale_of(boxes: &[Bounds], around: &Bounds) -> f64 {
+fn scale_of(boxes: &[Reference], around: &Bounds) -> f64 {
     let sides = |one: &Bounds| {
         let sides = one.min.iter().chain(&one.max).map(|x| x.abs());
         sides.filter(|x| x.is_finite()).fold(0.0f32, f32::max)
     };
     let finite = around.min.iter().chain(&around.max).all(|x| x.is_finite());
-    let largest = if finite { sides(around) } else { boxes.iter().map(sides).fold(0.0, f32::max) };
+    let largest =
+        if finite { sides(around) } else { boxes.iter().map(|one| sides(&one.bounds())).fold(0.0, f32::max) };
     if largest == 0.0 {
         return 1.0;
     }
@@ -102,28 +119,25 @@ fn scale_of(boxes: &[Bounds], around: &Bounds) -> f64 {
 
 /// A box in scaled units, rounded outwards; infinite sides lie at ±[`FAR`].
 #[inline]
-fn scaled(bounds: &Bounds, scale: f64, number: u32) -> Reference {
+fn scaled(reference: &Reference, scale: f64) -> Reference {
     let factor = scale as f32;
-    let mut out = Reference { low: bounds.min, number, high: bounds.max };
-    let mut exact = factor.is_normal();
-    for axis in 0..3 {
-        for x in [&mut out.low[axis], &mut out.high[axis]] {
-            *x *= factor;
-            // Unless it meets the subnormal numbers.
-            exact &= (x.abs() >= f32::MIN_POSITIVE) & (x.abs() <= 1.0);
-        }
-    }
-    if exact {
-        return out;
+    let corners = [reference.low(), reference.negated_high()];
+    let scaled = corners.map(|corner| corner * Four::splat(factor));
+    // Exact where no number is infinite or meets the subnormal ones.
+    let exact = |corner: Four, scaled: Four| {
+        let normal = scaled.abs().at_least(Four::splat(f32::MIN_POSITIVE));
+        let zero = Four::ZERO.at_least(corner.abs());
+        Four::splat(1.0).at_least(scaled.abs()) & (normal | zero)
+    };
+    if factor.is_normal() && exact(corners[0], scaled[0]) & exact(corners[1], scaled[1]) & 0b111 == 0b111 {
+        return Reference::of(scaled, reference.number());
     }
     let inside = |x: f32| if x.is_finite() { x } else { FAR.copysign(x) };
-    let low = bounds.min.map(|x| inside(round_down(f64::from(x) * scale)));
-    let high = bounds.max.map(|x| inside(round_up(f64::from(x) * scale)));
-    Reference { low, number, high }
+    let Bounds { min, max } = reference.bounds();
+    let min = min.map(|x| inside(round_down(f64::from(x) * scale)));
+    let max = max.map(|x| inside(round_up(f64::from(x) * scale)));
+    Reference::new(&Bounds { min, max }, reference.number())
 }
-
-/// The parts of a node, and which of them are leaves.
-type Parts = SmallVec<[(Part, bool); WIDTH]>;
 
 /// A tree in the making.
 struct Build {
@@ -133,86 +147,97 @@ struct Build {
     deepest: usize,
     nodes: Vec<Node>,
     order: Vec<u32>,
-    bins: Bins,
+    divider: Divider,
+    #[cfg(target_arch = "x86_64")]
+    simd: Option<V3>,
+}
+
+/// How many references come to each child of a node, and whether that is a leaf.
+type Shares = SmallVec<[(usize, bool); WIDTH]>;
+
+/// The division of a node with its arguments.
+struct Divide<'a> {
+    divider: &'a mut Divider,
+    references: &'a mut [Reference],
+    cost: &'a LeafCost,
+    halve: bool,
+}
+
+impl Divide<'_> {
+    #[inline(always)]
+    fn run<E: Eights>(self, eights: E) {
+        self.divider.divide(eights, self.references, self.cost, self.halve)
+    }
+}
+
+/// To be compiled for AVX2: the same operations, and the same results.
+#[cfg(target_arch = "x86_64")]
+struct Vectorized<'a> {
+    divide: Divide<'a>,
+    simd: V3,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl pulp::NullaryFnOnce for Vectorized<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.divide.run(self.simd);
+    }
 }
 
 impl Build {
-    /// Makes the nodes of a part, which is the given references.
-    fn subtree(&mut self, references: &mut [Reference], part: Part, depth: usize) -> Child {
-        if self.is_leaf(references, &part) {
+    fn new(cost: LeafCost, deepest: usize, alone: bool) -> Self {
+        assert!(cost.most.is_power_of_two(), "bug in anyhit: leaves of {}", cost.most);
+        Self {
+            alone,
+            cost,
+            deepest,
+            nodes: Vec::new(),
+            order: Vec::new(),
+            divider: Divider::new(),
+            #[cfg(target_arch = "x86_64")]
+            simd: V3::try_new(),
+        }
+    }
+
+    /// Makes the nodes over references.
+    fn subtree(&mut self, references: &mut [Reference], depth: usize) -> Child {
+        if references.len() == 1 {
             return self.leaf(references);
         }
-        let parts = self.divide(references, part, depth);
-        let place = self.nodes.len();
-        let boxes = parts.iter().map(|(part, _)| (Child::default(), corners(&part.extent)));
-        self.nodes.push(Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>()));
-        let mut rest = references;
-        let mut slices = SmallVec::<[_; WIDTH]>::new();
-        for (part, _) in &parts {
-            let (these, others) = rest.split_at_mut(part.count);
-            slices.push(these);
-            rest = others;
+        self.divide(references, depth);
+        let parts: Shares = self.divider.parts().map(|part| (part.count(), part.is_leaf())).collect();
+        if let [(_, true)] = parts[..] {
+            return self.leaf(references);
         }
-        if !self.alone && part.count > MANY && rayon::current_num_threads() > 1 {
-            self.in_threads(place, &parts, slices, depth);
+        let place = self.nodes.len();
+        let boxes = self.divider.parts().map(|part| (Child::default(), corners(part)));
+        self.nodes.push(Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>()));
+        if !self.alone && references.len() > MANY && rayon::current_num_threads() > 1 {
+            self.in_threads(place, &parts, references, depth);
             return Child::inner(place);
         }
-        for (slot, ((part, is_leaf), these)) in parts.into_iter().zip(slices).enumerate() {
-            let child = if is_leaf { self.leaf(these) } else { self.subtree(these, part, depth + 1) };
+        let mut rest = references;
+        for (slot, (count, is_leaf)) in parts.into_iter().enumerate() {
+            let (these, others) = rest.split_at_mut(count);
+            let child = if is_leaf { self.leaf(these) } else { self.subtree(these, depth + 1) };
             self.nodes[place].set_child(slot, child);
+            rest = others;
         }
         Child::inner(place)
     }
 
-    /// Divides a part into up to `WIDTH`, in the order of the references, and says which of them are
-    /// leaves.
-    fn divide(&mut self, references: &mut [Reference], part: Part, depth: usize) -> Parts {
+    /// Divides references among the children of a node.
+    fn divide(&mut self, references: &mut [Reference], depth: usize) {
         let halve = depth >= self.deepest;
-        let mut parts = Parts::new();
-        parts.push((part, false));
-        while parts.len() < WIDTH {
-            // The largest of those that are no leaf; then of those that may be one.
-            let area = |at: usize| parts[at].0.extent.half_area();
-            let largest = |must: bool| {
-                (0..parts.len())
-                    .filter(|&at| !parts[at].1 && (parts[at].0.count > self.cost.most) == must)
-                    .max_by(|&a, &b| area(a).total_cmp(&area(b)))
-            };
-            let Some(at) = largest(true).or_else(|| largest(false)) else { break };
-            let (whole, _) = parts[at];
-            if whole.count == 1 {
-                parts[at].1 = true;
-                continue;
-            }
-            let first: usize = parts[..at].iter().map(|(part, _)| part.count).sum();
-            let these = &mut references[first..first + whole.count];
-            let [left, right] = self.bins.split(these, &whole, &self.cost, halve);
-            let may_stay = whole.count <= self.cost.most;
-            if may_stay {
-                let cost = |part: &Part| part.extent.half_area() * self.cost.of(part.count);
-                if cost(&left) + cost(&right) >= cost(&whole) {
-                    parts[at].1 = true;
-                    continue;
-                }
-            }
-            parts[at] = (left, false);
-            parts.insert(at + 1, (right, false));
+        let divide = Divide { divider: &mut self.divider, references, cost: &self.cost, halve };
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.simd {
+            return simd.vectorize(Vectorized { divide, simd });
         }
-        let mut rest = &*references;
-        for (part, is_leaf) in &mut parts {
-            let (these, others) = rest.split_at(part.count);
-            *is_leaf = *is_leaf || self.is_leaf(these, part);
-            rest = others;
-        }
-        parts
-    }
-
-    /// Whether a leaf costs a ray less than a node over leaves of one.
-    fn is_leaf(&self, references: &[Reference], part: &Part) -> bool {
-        let count = part.count;
-        let single = || references.iter().map(Reference::half_area).sum::<f32>() * self.cost.of(1);
-        let area = part.extent.half_area();
-        count <= self.cost.most && (count == 1 || area + single() >= area * self.cost.of(count))
+        divide.run(TwoFours);
     }
 
     /// Gives a leaf's boxes their places, from the next multiple of the leaf size on.
@@ -220,7 +245,7 @@ impl Build {
         let size = self.cost.most;
         self.order.resize(self.order.len().next_multiple_of(size), EMPTY_PLACE);
         let index = self.order.len() / size;
-        self.order.extend(references.iter().map(|reference| reference.number));
+        self.order.extend(references.iter().map(Reference::number));
         Child::leaf(index, references.len())
     }
 
@@ -231,27 +256,27 @@ impl Build {
     fn in_threads(
         &mut self,
         place: usize,
-        parts: &[(Part, bool)],
-        slices: SmallVec<[&mut [Reference]; WIDTH]>,
+        parts: &[(usize, bool)],
+        references: &mut [Reference],
         depth: usize,
     ) {
         let (cost, deepest) = (self.cost, self.deepest);
         let count = parts.len();
-        let jobs = Mutex::new(parts.iter().zip(slices).enumerate());
+        let mut rest = references;
+        let mut slices = SmallVec::<[_; WIDTH]>::new();
+        for &(count, is_leaf) in parts {
+            let (these, others) = rest.split_at_mut(count);
+            slices.push((is_leaf, these));
+            rest = others;
+        }
+        let jobs = Mutex::new(slices.into_iter().enumerate());
         let done = Mutex::new((0..count).map(|_| None).collect::<Vec<Option<(Self, Child)>>>());
         let work = || {
             loop {
                 let job = jobs.lock().expect("bug in anyhit: a thread that builds has panicked").next();
-                let Some((slot, ((part, is_leaf), these))) = job else { return };
-                let mut own = Self {
-                    alone: true,
-                    cost,
-                    deepest,
-                    nodes: Vec::new(),
-                    order: Vec::new(),
-                    bins: Bins::new(),
-                };
-                let child = if *is_leaf { own.leaf(these) } else { own.subtree(these, *part, depth + 1) };
+                let Some((slot, (is_leaf, these))) = job else { return };
+                let mut own = Self::new(cost, deepest, true);
+                let child = if is_leaf { own.leaf(these) } else { own.subtree(these, depth + 1) };
                 done.lock().expect("bug in anyhit: a thread that builds has panicked")[slot] =
                     Some((own, child));
             }
@@ -284,13 +309,10 @@ impl Build {
 }
 
 /// The corners of a part as a node keeps them: with infinite sides.
-fn corners(extent: &Extent) -> [[f32; 3]; 2] {
+fn corners(part: &Part) -> [[f32; 3]; 2] {
     let infinite = |x: f32| if x.abs() >= FAR { f32::INFINITY.copysign(x) } else { x };
-    let three = |corner: Four| {
-        let [x, y, z, _] = corner.to_array();
-        [infinite(x), infinite(y), infinite(z)]
-    };
-    [three(extent.low), three(extent.high)]
+    let Bounds { min, max } = part.bounds();
+    [min.map(infinite), max.map(infinite)]
 }
 
 #[cfg(test)]
@@ -312,6 +334,10 @@ mod tests {
                 Bounds { min, max: min.map(|x| x + 0.001 * size) }
             })
             .collect()
+    }
+
+    fn build(boxes: &[Bounds]) -> (Tree, Vec<u32>) {
+        Tree::build(boxes, FOURS).expect("not empty")
     }
 
     /// The nodes on the longest way from the root to a leaf.
@@ -360,7 +386,7 @@ mod tests {
     fn every_box_is_found_at_any_scale_and_the_tree_stays_flat() {
         for size in [1.0, 1e30, 1e-30, 1e38, 1e-41] {
             let boxes = boxes(20_000, size);
-            let (tree, order) = Tree::build(&boxes, FOURS).expect("not empty");
+            let (tree, order) = build(&boxes);
             check(&tree, &order, &boxes);
             // 20,000 boxes in leaves of at most 4 need 5 levels of eight children at least.
             assert!((5..40).contains(&depth(&tree)), "depth {} at {size:e}", depth(&tree));
@@ -370,22 +396,12 @@ mod tests {
     #[test]
     fn several_threads_build_what_one_builds() {
         let boxes = boxes(3 * MANY, 1.0);
-        let (tree, order) = Tree::build(&boxes, FOURS).expect("not empty");
+        let (tree, order) = build(&boxes);
         check(&tree, &order, &boxes);
-        let references =
-            boxes.iter().enumerate().map(|(number, one)| scaled(one, tree.scale(), number as u32));
-        let mut references: Vec<_> = references.collect();
-        let whole = Part::around(&references);
-        let (nodes, order_alone) = (Vec::new(), Vec::new());
-        let mut alone = Build {
-            alone: true,
-            cost: FOURS,
-            deepest: DEEPEST,
-            nodes,
-            order: order_alone,
-            bins: Bins::new(),
-        };
-        assert_eq!(alone.subtree(&mut references, whole, 0), tree.root());
+        let mut references = numbered(&boxes);
+        references.iter_mut().for_each(|reference| *reference = scaled(reference, tree.scale()));
+        let mut alone = Build::new(FOURS, DEEPEST, true);
+        assert_eq!(alone.subtree(&mut references, 0), tree.root());
         assert_eq!(alone.order, order);
         assert_eq!(format!("{:?}", alone.nodes), format!("{:?}", tree.nodes));
     }
@@ -398,7 +414,7 @@ mod tests {
             max: [1.0f32, 0.75, -0.5].map(|x| x * 0.5f32.powi(k as i32)),
         };
         let boxes: Vec<_> = (0..2000).map(|k| at(k % 149)).collect();
-        let (tree, order) = Tree::build(&boxes, FOURS).expect("not empty");
+        let (tree, order) = build(&boxes);
         check(&tree, &order, &boxes);
         assert!(depth(&tree) < 40, "{}", depth(&tree));
     }
@@ -406,7 +422,7 @@ mod tests {
     #[test]
     fn a_tree_that_is_too_deep_is_balanced_below() {
         let boxes = boxes(5_000, 1.0);
-        let (tree, order) = Tree::build_within(&boxes, FOURS, 2).expect("not empty");
+        let (tree, order) = Tree::build_within(numbered(&boxes), FOURS, 2).expect("not empty");
         check(&tree, &order, &boxes);
         // Two levels of clustering, then quarters of at most 5,000 down to 4: six levels at most.
         assert!(depth(&tree) <= 8, "{}", depth(&tree));
@@ -416,11 +432,11 @@ mod tests {
     fn equal_and_infinite_boxes_make_a_tree_too() {
         let mut many = vec![Bounds { min: [1.0; 3], max: [1.0; 3] }; 20_000];
         many.push(Bounds { min: [f32::NEG_INFINITY, 0.0, 0.0], max: [0.0, f32::INFINITY, 0.0] });
-        let (tree, order) = Tree::build(&many, FOURS).expect("not empty");
+        let (tree, order) = build(&many);
         check(&tree, &order, &many);
         assert!(depth(&tree) < 40, "{}", depth(&tree));
         let one = [Bounds { min: [0.0; 3], max: [0.0; 3] }];
-        let (tree, order) = Tree::build(&one, FOURS).expect("not empty");
+        let (tree, order) = build(&one);
         check(&tree, &order, &one);
         assert!(Tree::build(&[], FOURS).is_none());
     }

@@ -279,7 +279,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             return InstanceVerdict::Skipped;
         }
         // Who asks for reasons sees the way through a tree.
-        let body = instance.blas.reached(self.tlas.precision() == Precision::Exact && !V::REASONS);
+        let body = &*instance.blas.reached(self.tlas.precision() == Precision::Exact && !V::REASONS);
         let Walk { stack, level, in_level, .. } = &mut *self.walk;
         if !level.enter(self.tlas, number, body.tree(), self.trace, self.hits.cull_t) {
             return InstanceVerdict::Missed;

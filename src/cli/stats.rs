@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::accel::Tlas;
+use crate::accel::{Blas, Tlas};
 use crate::machine::{Binding, Descriptor};
 use crate::pipeline::Stats;
 use crate::program::sharing::Memory;
@@ -100,11 +100,14 @@ pub fn spared(stats: &Stats, assembled: &Assembled) -> String {
             }
         }
         kinds.sort_unstable();
-        let built = parts.iter().filter(|blas| blas.is_built()).count();
-        let trees = parts.iter().filter(|blas| blas.has_tree()).count();
+        let number = |which: fn(&Blas) -> bool| parts.iter().filter(|blas| which(blas)).count();
+        let (built, trees) = (number(Blas::is_built), number(Blas::has_tree));
+        let listed = match number(Blas::is_listed) {
+            0 => String::new(),
+            listed => format!(" and {listed} as a list for a few rays"),
+        };
         text += &format!(
-            "structures        {:>9} of {}, met by rays, were built, {trees} of them with a tree ({})\n",
-            built,
+            "structures        {built:>9} of {}, met by rays, were built, {trees} of them with a tree{listed} ({})\n",
             parts.len(),
             kinds.join(", ")
         );

@@ -55,6 +55,7 @@ pub fn is_decided_in_f64(ray: &ObjectRay, min: [f32; 3], max: [f32; 3]) -> bool 
 }
 
 /// The box itself; `None` where it is inactive or holds no point.
+#[inline]
 pub fn bounds(min: [f32; 3], max: [f32; 3]) -> Option<Bounds> {
     holds_points(min, max).then_some(Bounds { min, max })
 }

@@ -28,15 +28,11 @@ impl Bounds {
     }
 
     /// The box around a sphere of finite centre and radius, rounded outwards.
+    #[inline]
     pub fn around(center: [f32; 3], radius: f32) -> Self {
-        let radius = f64::from(radius.abs());
-        let mut out = Self::EMPTY;
-        // One rounding in f64 each, undone by one step outwards.
-        for (axis, &c) in center.iter().enumerate() {
-            out.min[axis] = round_down((f64::from(c) - radius).next_down());
-            out.max[axis] = round_up((f64::from(c) + radius).next_up());
-        }
-        out
+        let radius = radius.abs();
+        // One rounding to nearest each, undone by one step outwards.
+        Self { min: center.map(|c| (c - radius).next_down()), max: center.map(|c| (c + radius).next_up()) }
     }
 
     /// The least box that holds both.

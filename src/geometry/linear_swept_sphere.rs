@@ -66,7 +66,8 @@ mod exact;
 use crate::geometry::object_ray::{ObjectRay, View};
 use crate::geometry::verdict::{Verdict, rounded, settle_closed, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface, sphere};
-use crate::math::error_bound::{Divisor, product_error, round_down, round_up, two_units};
+use crate::math::error_bound::{Divisor, product_error, two_units};
+use crate::math::four::Four;
 use crate::math::real::{Real, add, cross, dot, from_f32, norm1, scale, sub};
 
 /// Where a ray enters a linear swept sphere, within the closed interval: ends `positions` and
@@ -110,6 +111,7 @@ pub fn is_decided_in_f64(
 }
 
 /// The box around a linear swept sphere (with both caps); `None` where it is never hit.
+#[inline]
 pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
     is_solid(positions, radii).then(|| {
         // An end of negative radius is cut off before its point: the point itself is enough.
@@ -119,53 +121,55 @@ pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
 }
 
 /// Into how many pieces a long one is cut at most.
-const MOST_PIECES: u32 = 4;
+const MOST_PIECES: u32 = 2;
 
 /// Boxes that together hold a linear swept sphere: one, or where several are much tighter, one for
 /// each of some pieces of equal length. None where it is never hit.
 ///
 /// The shape is the union of the balls that lie at P0 + u D and have the radius r0 + u δ, 0 <= u <= 1; those
-/// of a piece lie within the hull of its two end balls. Such an end is found in f64 with four
-/// roundings, of magnitudes |P0| + |P1| or r0 + r1 at most.
+/// of a piece lie within the hull of its two end balls. Such an end, (1 - u) P0 + u P1 with exact u, is found
+/// with two products and a sum, its radius too, and their difference and sum round once and, with
+/// the slack, again: each at most a unit roundoff of |P0| + |P1| + r0 + r1, or where they are
+/// subnormal 2^-150, ten in all. The slack is sixteen of both.
+#[inline]
 pub fn pieces(positions: [[f32; 3]; 2], radii: [f32; 2], mut take: impl FnMut(Bounds)) {
-    let Some(whole) = bounds(positions, radii) else { return };
-    let [p0, p1] = positions.map(from_f32::<f64>);
-    let [r0, r1] = radii.map(f64::from);
-    let length = sub(p1, p0);
+    let [p0, p1] = positions.map(|[x, y, z]| Four::new([x, y, z, 0.0]));
+    let [r0, r1] = radii;
     // About the surface of the boxes, so many times a piece's.
-    let width = r0 + r1;
-    let area = |count: f64| {
-        let [x, y, z] = length.map(|side| side.abs() / count + width);
+    let (length, width) = ((p1 - p0).abs(), r0 + r1);
+    let area = |count: f32| {
+        let [x, y, z, _] = (length * Four::splat(1.0 / count) + Four::splat(width)).to_array();
         count * (x * y + y * z + z * x)
     };
     let (mut count, mut least) = (1, area(1.0));
     while count < MOST_PIECES && r0 >= 0.0 && r1 >= 0.0 {
-        let finer = area(2.0 * f64::from(count));
+        let finer = area(2.0 * count as f32);
         // A piece more costs something, too. (Written so that no infinity is cut.)
         if !(finer < 0.75 * least) {
             break;
         }
         (count, least) = (2 * count, finer);
     }
-    if count == 1 {
-        return take(whole);
+    if count == 1 || !is_solid(positions, radii) {
+        return bounds(positions, radii).into_iter().for_each(take);
     }
+    const ROUNDINGS: f32 = 16.0 / 16_777_216.0;
+    let slack = (p0.abs() + p1.abs() + Four::splat(width)) * Four::splat(ROUNDINGS)
+        + Four::splat(16.0 * f32::from_bits(1));
     let end = |k: u32| {
-        let u = f64::from(k) / f64::from(count);
-        let radius = r0 + u * (r1 - r0);
-        let mut ball = Bounds::EMPTY;
-        for axis in 0..3 {
-            let center = p0[axis] + u * length[axis];
-            let slack = (p0[axis].abs() + p1[axis].abs() + width) * (8.0 * f64::EPSILON);
-            ball.min[axis] = round_down(center - radius - slack);
-            ball.max[axis] = round_up(center + radius + slack);
-        }
-        ball
+        let u = k as f32 / count as f32;
+        let center = p0 * Four::splat(1.0 - u) + p1 * Four::splat(u);
+        let radius = Four::splat(r0 * (1.0 - u) + r1 * u);
+        [center - radius - slack, center + radius + slack]
     };
     let mut first = end(0);
     for at in 1..=count {
         let next = end(at);
-        take(first.union(&next));
+        let three = |corner: Four| {
+            let [x, y, z, _] = corner.to_array();
+            [x, y, z]
+        };
+        take(Bounds { min: three(first[0].lesser(next[0])), max: three(first[1].greater(next[1])) });
         first = next;
     }
 }

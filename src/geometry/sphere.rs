@@ -66,6 +66,7 @@ pub fn is_decided_in_f64(ray: &ObjectRay, center: [f32; 3], radius: f32) -> bool
 }
 
 /// The box around a sphere; `None` where it is never hit.
+#[inline]
 pub fn bounds(center: [f32; 3], radius: f32) -> Option<Bounds> {
     is_solid(center, radius).then(|| Bounds::around(center, radius))
 }

@@ -89,6 +89,7 @@ impl Aabbs {
     pub const EMPTY: Self = Self { sides: [[[0.0; LANES]; 3]; 2] };
 
     /// Puts a box into a lane.
+    #[inline(always)]
     pub fn set(&mut self, lane: usize, min: [f32; 3], max: [f32; 3]) {
         for (rows, corner) in self.sides.iter_mut().zip([min, max]) {
             for (row, x) in rows.iter_mut().zip(corner) {

@@ -26,6 +26,7 @@ impl Spheres {
     pub const EMPTY: Self = Self { center: [[0.0; LANES]; 3], radius: [0.0; LANES] };
 
     /// Puts a sphere into a lane.
+    #[inline(always)]
     pub fn set(&mut self, lane: usize, center: [f32; 3], radius: f32) {
         for (row, x) in self.center.iter_mut().zip(center) {
             row[lane] = x;

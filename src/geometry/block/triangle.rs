@@ -46,6 +46,7 @@ impl Triangles {
     pub const EMPTY: Self = Self { vertices: [[[0.0; LANES]; 3]; 3] };
 
     /// Puts a triangle into a lane.
+    #[inline(always)]
     pub fn set(&mut self, lane: usize, vertices: [[f32; 3]; 3]) {
         for (rows, vertex) in self.vertices.iter_mut().zip(vertices) {
             for (row, x) in rows.iter_mut().zip(vertex) {

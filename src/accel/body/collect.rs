@@ -1,0 +1,326 @@
+//! The making of a body: reads the active primitives of geometries, builds the tree over their boxes
+//! where it pays, and puts them down in its order.
+
+use crate::accel::blas::{Geometry, GeometryFlags};
+use crate::accel::body::{Body, Name, Shapes};
+use crate::accel::geometry_data::{GeometryData, GeometryKind};
+use crate::accel::primitive::{self, Primitive, TakePrimitive};
+use crate::accel::split::{LeafCost, Reference};
+use crate::accel::tree::Tree;
+use crate::geometry::block::{self, LANES};
+use crate::geometry::{Bounds, aabb, linear_swept_sphere, sphere, triangle};
+use crate::math::four::Four;
+
+/// Up to this many primitives are tested one by one, without boxes or tree: a node test and a
+/// primitive's test cost about the same.
+const LINEAR: usize = 4;
+
+/// What a ray pays for a leaf and for each primitive in it, in visits of inner nodes: where each is
+/// tested by itself, and where most of a block are dropped.
+const SINGLY: (f32, f32) = (1.0, 3.0);
+const DROPPED: (f32, f32) = (1.5, 0.25);
+const SWEPT: (f32, f32) = (1.5, 0.4);
+
+/// The primitives that a body is made of, in the order in which they were given.
+#[derive(Default)]
+struct Collected {
+    /// Numbered by place; none where there will be no tree.
+    boxes: Vec<Reference>,
+    names: Vec<Name>,
+    bounds: Option<Bounds>,
+    has_pieces: bool,
+}
+
+impl Body {
+    /// Collects the active primitives and builds the tree where it pays.
+    pub fn build(geometries: &[Geometry]) -> Self {
+        Self::collect(geometries, true)
+    }
+
+    /// Collects the active primitives, and builds no tree however many there are.
+    pub fn without_tree(geometries: &[Geometry]) -> Self {
+        Self::collect(geometries, false)
+    }
+
+    fn collect(geometries: &[Geometry], may_build: bool) -> Self {
+        if geometries.iter().any(|geometry| geometry.vertices_t1.is_some()) {
+            return Self::collect_moving(geometries, may_build);
+        }
+        let count: usize = geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
+        let has_tree = may_build && count > LINEAR;
+        let collected =
+            if has_tree { Collected::boxed(geometries, count) } else { Collected::listed(geometries, count) };
+        let (visit, primitive) = match geometries.first().map(|geometry| geometry.data.kind()) {
+            Some(GeometryKind::Spheres | GeometryKind::Aabbs) => SINGLY,
+            Some(GeometryKind::LinearSweptSpheres) => SWEPT,
+            Some(GeometryKind::Triangles) | None => DROPPED,
+        };
+        let cost = LeafCost { most: LANES, visit, primitive };
+        Self::around(geometries, collected, cost, |_, names| Shapes::of(geometries, names))
+    }
+
+    /// The same for triangles of which some move. The interpolated coordinates of a vertex lie
+    /// between those of its keys, so a box around both keys holds them all.
+    #[cold]
+    fn collect_moving(geometries: &[Geometry], may_build: bool) -> Self {
+        let mut all = Vec::new();
+        let mut collected = Collected::default();
+        for (number, geometry) in geometries.iter().enumerate() {
+            for primitive in 0..geometry.data.primitive_count() as u32 {
+                let keys = geometry.keys(primitive).or_else(|| match geometry.data.primitive(primitive) {
+                    Primitive::Triangle(vertices) => Some([vertices; 2]),
+                    _ => None,
+                });
+                let bounds = keys.and_then(|[first, second]| {
+                    Some(triangle::bounds(first)?.union(&triangle::bounds(second)?))
+                });
+                if let (Some(keys), Some(bounds)) = (keys, bounds) {
+                    all.push(keys);
+                    collected.push(Reference::new(&bounds, 0), Name { geometry: number as u32, primitive });
+                }
+            }
+        }
+        if !may_build || collected.boxes.len() <= LINEAR {
+            collected.forget_boxes();
+        }
+        let (visit, primitive) = SINGLY;
+        let cost = LeafCost { most: LANES, visit, primitive };
+        Self::around(geometries, collected, cost, |order, _| {
+            let at = |&number: &u32| all.get(number as usize).copied();
+            Shapes::MovingTriangles(order.iter().map(at).collect())
+        })
+    }
+
+    /// The tree over boxes, where there are any, and the shapes in its order.
+    fn around(
+        geometries: &[Geometry],
+        collected: Collected,
+        cost: LeafCost,
+        shapes: impl FnOnce(&[u32], &[Name]) -> Shapes,
+    ) -> Self {
+        let Collected { boxes, mut names, bounds, has_pieces } = collected;
+        let (tree, order) = match Tree::over(boxes, cost) {
+            None => (None, (0..names.len() as u32).collect()),
+            Some((tree, order)) => {
+                let at = |&number: &u32| names.get(number as usize).copied().unwrap_or(Name::NONE);
+                names = order.iter().map(at).collect();
+                (Some(tree), order)
+            }
+        };
+        let bounds = tree.as_ref().map(|tree| *tree.bounds()).or(bounds).unwrap_or(Bounds::EMPTY);
+        let common_flags = geometries.first().map(|first| first.flags).filter(|&flags: &GeometryFlags| {
+            geometries.iter().all(|one| one.flags == flags && one.opacity_micromap.is_none())
+        });
+        Self { shapes: shapes(&order, &names), names, has_pieces, tree, bounds, common_flags }
+    }
+
+    /// The box around all active primitives, without building anything.
+    pub fn bounds_of(geometries: &[Geometry]) -> Bounds {
+        let mut around = Around(Reference::EMPTY);
+        geometries.iter().for_each(|geometry| geometry.data.each_primitive(&mut around));
+        around.0.bounds()
+    }
+}
+
+/// The box around all active primitives.
+struct Around(Reference);
+
+impl TakePrimitive for Around {
+    #[inline(always)]
+    fn take(&mut self, _: u32, numbers: Primitive) {
+        if let Some(one) = reference(&numbers) {
+            self.0 = self.0.union(&one);
+        }
+    }
+}
+
+/// The active primitives, and the box around all.
+struct Listed {
+    geometry: u32,
+    names: Vec<Name>,
+    around: Around,
+}
+
+impl TakePrimitive for Listed {
+    #[inline(always)]
+    fn take(&mut self, primitive: u32, numbers: Primitive) {
+        if let Some(one) = reference(&numbers) {
+            self.around.0 = self.around.0.union(&one);
+            self.names.push(Name { geometry: self.geometry, primitive });
+        }
+    }
+}
+
+/// The active primitives with their boxes.
+struct Boxed {
+    geometry: u32,
+    all: Collected,
+}
+
+impl TakePrimitive for Boxed {
+    #[inline(always)]
+    fn take(&mut self, primitive: u32, numbers: Primitive) {
+        let name = Name { geometry: self.geometry, primitive };
+        match numbers {
+            Primitive::LinearSweptSphere { positions, radii, .. } => {
+                let before = self.all.boxes.len();
+                linear_swept_sphere::pieces(positions, radii, |piece| {
+                    self.all.push(Reference::new(&piece, 0), name);
+                });
+                self.all.has_pieces |= self.all.boxes.len() > before + 1;
+            }
+            numbers => {
+                if let Some(one) = reference(&numbers) {
+                    self.all.push(one, name);
+                }
+            }
+        }
+    }
+}
+
+impl Collected {
+    /// The primitives with their boxes.
+    fn boxed(geometries: &[Geometry], count: usize) -> Self {
+        let (boxes, names) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let mut taken = Boxed { geometry: 0, all: Self { boxes, names, ..Self::default() } };
+        for (number, geometry) in geometries.iter().enumerate() {
+            taken.geometry = number as u32;
+            geometry.data.each_primitive(&mut taken);
+        }
+        taken.all
+    }
+
+    /// The primitives alone, and the box around all.
+    fn listed(geometries: &[Geometry], count: usize) -> Self {
+        let mut taken =
+            Listed { geometry: 0, names: Vec::with_capacity(count), around: Around(Reference::EMPTY) };
+        for (number, geometry) in geometries.iter().enumerate() {
+            taken.geometry = number as u32;
+            geometry.data.each_primitive(&mut taken);
+        }
+        Self { names: taken.names, bounds: Some(taken.around.0.bounds()), ..Self::default() }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, one: Reference, name: Name) {
+        self.boxes.push(one.numbered(self.boxes.len() as u32));
+        self.names.push(name);
+    }
+
+    /// Makes it one without tree.
+    fn forget_boxes(&mut self) {
+        self.bounds = Some(self.boxes.drain(..).fold(Reference::EMPTY, |all, one| all.union(&one)).bounds());
+    }
+}
+
+impl Shapes {
+    /// Takes primitives of one kind by place; some places are empty.
+    fn of(geometries: &[Geometry], names: &[Name]) -> Self {
+        let data = |name: &Name| &geometries[name.geometry as usize].data;
+        match geometries.first().map(|geometry| geometry.data.kind()) {
+            Some(GeometryKind::Triangles) | None => {
+                Self::Triangles(blocks(names, block::Triangles::EMPTY, |block, lane, name| {
+                    let GeometryData::Triangles { vertices, indices, transform } = data(name) else {
+                        mixed()
+                    };
+                    block.set(lane, primitive::triangle(vertices, indices, transform, name.primitive));
+                }))
+            }
+            Some(GeometryKind::Aabbs) => {
+                Self::Aabbs(blocks(names, block::Aabbs::EMPTY, |block, lane, name| {
+                    let GeometryData::Aabbs(boxes) = data(name) else { mixed() };
+                    let (min, max) = corners(boxes[name.primitive as usize]);
+                    block.set(lane, min, max);
+                }))
+            }
+            Some(GeometryKind::Spheres) => {
+                Self::Spheres(blocks(names, block::Spheres::EMPTY, |block, lane, name| {
+                    let Primitive::Sphere { position, radius } = data(name).primitive(name.primitive) else {
+                        mixed()
+                    };
+                    block.set(lane, position, radius);
+                }))
+            }
+            Some(GeometryKind::LinearSweptSpheres) => Self::LinearSweptSpheres(blocks(
+                names,
+                block::LinearSweptSpheres::EMPTY,
+                |block, lane, name| {
+                    let Primitive::LinearSweptSphere { positions, radii, caps } =
+                        data(name).primitive(name.primitive)
+                    else {
+                        mixed()
+                    };
+                    block.set(lane, positions, radii, caps);
+                },
+            )),
+        }
+    }
+}
+
+/// Blocks of which each lane that has a primitive is set.
+fn blocks<B: Clone>(names: &[Name], empty: B, set: impl Fn(&mut B, usize, &Name)) -> Vec<B> {
+    let mut blocks = Vec::with_capacity(names.len().div_ceil(LANES));
+    for names in names.chunks(LANES) {
+        let mut block = empty.clone();
+        for lane in 0..LANES {
+            if let Some(name) = names.get(lane).filter(|&&name| name != Name::NONE) {
+                set(&mut block, lane, name);
+            }
+        }
+        blocks.push(block);
+    }
+    blocks
+}
+
+#[cold]
+fn mixed() -> ! {
+    unreachable!("bug in anyhit: a BLAS of two kinds of primitive")
+}
+
+/// The box around a primitive, numbered 0; `None` where it is inactive or can never be hit.
+#[inline(always)]
+fn reference(primitive: &Primitive) -> Option<Reference> {
+    let bounds = match *primitive {
+        Primitive::Triangle(vertices) => return triangle_reference(vertices),
+        Primitive::Aabb(minimum_maximum) => {
+            let (min, max) = corners(minimum_maximum);
+            aabb::bounds(min, max)
+        }
+        Primitive::Sphere { position, radius } => sphere::bounds(position, radius),
+        Primitive::LinearSweptSphere { positions, radii, .. } => {
+            linear_swept_sphere::bounds(positions, radii)
+        }
+    };
+    bounds.map(|bounds| Reference::new(&bounds, 0))
+}
+
+/// [`triangle::bounds`] in vectors.
+#[inline(always)]
+fn triangle_reference(vertices: [[f32; 3]; 3]) -> Option<Reference> {
+    let [a, b, c] = vertices.map(|[x, y, z]| Four::new([x, y, z, 0.0]));
+    // Zero times what is not finite is no number.
+    let finite = (a * Four::ZERO + b * Four::ZERO + c * Four::ZERO).at_least(Four::ZERO) == 0b1111;
+    let (low, high) = (a.lesser(b).lesser(c), a.greater(b).greater(c));
+    finite.then(|| Reference::of([low, Four::ZERO - high], 0))
+}
+
+#[inline]
+fn corners([x0, y0, z0, x1, y1, z1]: [f32; 6]) -> ([f32; 3], [f32; 3]) {
+    ([x0, y0, z0], [x1, y1, z1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_in_vectors_is_that_of_the_triangle() {
+        let numbers = [0.0, -1.5, 3e38, -3e38, 1e-45, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+        for at in 0..8 * 8 * 8 {
+            let number = |shift: usize| numbers[(at / [1, 8, 64][shift % 3] + shift) % 8];
+            let vertices = [0, 3, 6].map(|vertex| [0, 1, 2].map(|axis| number(vertex + axis)));
+            let wanted = triangle::bounds(vertices);
+            assert_eq!(triangle_reference(vertices).map(|one| one.bounds()), wanted, "{vertices:?}");
+        }
+    }
+}
