@@ -44,6 +44,7 @@ impl RayFlags {
 impl std::ops::BitOr for RayFlags {
     type Output = Self;
 
+    #[inline]
     fn bitor(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }

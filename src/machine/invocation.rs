@@ -356,9 +356,28 @@ impl<const W: usize> Invocations<W> {
 
     /// Sets `LaunchIdKHR` of a lane.
     #[inline]
-    pub fn set_launch_id(&mut self, lane: usize, id: [u32; 3]) {
+    fn set_launch_id(&mut self, lane: usize, id: [u32; 3]) {
         for (row, word) in self.launch_id.iter_mut().zip(id) {
             row.0[lane] = word;
+        }
+    }
+
+    /// Sets `LaunchIdKHR` of the first lanes: consecutive places in a launch of a size, x fastest.
+    pub fn set_places(&mut self, first: [u32; 3], count: usize, size: [u32; 3]) {
+        self.launch_size = size;
+        let ([mut x, mut y, mut z], mut lane) = (first, 0);
+        while lane < count {
+            // As far as the line goes.
+            let run = (size[0].saturating_sub(x).max(1) as usize).min(count - lane);
+            let [xs, ys, zs] = self.launch_id.each_mut().map(|row| &mut row.0[lane..lane + run]);
+            xs.iter_mut().zip(x..).for_each(|(to, x)| *to = x);
+            ys.fill(y);
+            zs.fill(z);
+            (x, y) = (0, y + 1);
+            if y >= size[1] {
+                (y, z) = (0, z + 1);
+            }
+            lane += run;
         }
     }
 

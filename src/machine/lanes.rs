@@ -156,6 +156,12 @@ impl<const W: usize> Mask<W> {
         Self { low: self.low & !other.low, high: if Self::WIDE { self.high & !other.high } else { 0 } }
     }
 
+    /// Whether all lanes of another set are in it.
+    #[inline]
+    pub fn covers(self, other: Self) -> bool {
+        other.without(self).is_empty()
+    }
+
     /// The lowest lane, where there is one.
     pub fn lowest(self) -> Option<usize> {
         self.lanes().next()
@@ -238,6 +244,15 @@ impl<const W: usize> Registers<W> {
     #[inline]
     pub fn simd(&self) -> Option<pulp::x86::V3> {
         self.simd
+    }
+
+    /// What the processor has for loops over lanes.
+    #[inline]
+    pub fn vectors(&self) -> Vectors {
+        Vectors {
+            #[cfg(target_arch = "x86_64")]
+            simd: self.simd,
+        }
     }
 
     /// The lanes for which a row of booleans holds.
@@ -329,6 +344,25 @@ impl<const W: usize> Registers<W> {
         for lane in 0..W {
             row.0[lane] = if mask.selects(lane) { source.0[lane] } else { row.0[lane] };
         }
+    }
+}
+
+/// What the processor has beyond the target's baseline.
+#[derive(Clone, Copy, Debug)]
+pub struct Vectors {
+    #[cfg(target_arch = "x86_64")]
+    simd: Option<pulp::x86::V3>,
+}
+
+impl Vectors {
+    /// Runs a loop over lanes, compiled for AVX2 where the processor has that.
+    #[inline(always)]
+    pub fn run<R>(self, function: impl FnOnce() -> R) -> R {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.simd {
+            return simd.vectorize(function);
+        }
+        function()
     }
 }
 

@@ -38,6 +38,9 @@ pub enum Read {
     Each(fn(&One<'_>, &mut [u32])),
     /// The words of an instance at a time.
     Placed(fn(&Tlas, u32, f32, &mut [u32])),
+    /// The words of one of them, where all hit one instance that stands in the world as it is: rows as they
+    /// lie.
+    Ray(&'static [Row], fn(&One<'_>, &mut [u32])),
 }
 
 impl Read {
@@ -47,16 +50,13 @@ impl Read {
         let mut space = [0; 12];
         let words = &mut space[..to.len()];
         match self {
-            Self::Rows(rows) => {
-                for (to, &row) in to.iter_mut().zip(rows) {
-                    *to = *from.row(row);
-                }
-            }
+            Self::Rows(rows) => copy(to, from, rows),
+            Self::Ray(rows, _) if is_in_world(from, mask, first) => copy(to, from, rows),
             Self::Same(read) => {
                 read(&from.one(first), words);
                 splat(to, words);
             }
-            Self::Each(read) => {
+            Self::Each(read) | Self::Ray(_, read) => {
                 for lane in mask.lanes() {
                     words.fill(0);
                     read(&from.one(lane), words);
@@ -79,11 +79,9 @@ impl Read {
                     }
                 };
                 read_at(first, words);
-                let [instance, structure, time] = key(first);
-                let same = Mask::equal(&from.hits.instance, instance)
-                    & Mask::equal(from.structures.numbers(), structure)
-                    & Mask::equal(&from.rays.time, time);
-                if mask.without(same).is_empty() {
+                if same_instance(from, mask, first)
+                    && Mask::equal(&from.rays.time, key(first)[2]).covers(mask)
+                {
                     return splat(to, words);
                 }
                 for lane in mask.lanes() {
@@ -93,6 +91,23 @@ impl Read {
             }
         }
     }
+}
+
+/// Whether the lanes of a mask, of which the first is given, hit the same instance.
+fn same_instance<const W: usize>(from: &Invocations<W>, mask: Mask<W>, first: usize) -> bool {
+    let same = |row: &Lanes<W>| Mask::equal(row, row.0[first]).covers(mask);
+    same(&from.hits.instance) && same(from.structures.numbers())
+}
+
+/// Whether they hit an instance that stands in the world as it is: a ray is there what it is in the world.
+fn is_in_world<const W: usize>(from: &Invocations<W>, mask: Mask<W>, first: usize) -> bool {
+    let is_identity = from.one(first).hit.is_some_and(|hit| hit.instance().is_identity());
+    is_identity && same_instance(from, mask, first)
+}
+
+/// Copies rows as they lie.
+fn copy<const W: usize>(to: &mut [Lanes<W>], from: &Invocations<W>, rows: &[Row]) {
+    to.iter_mut().zip(rows).for_each(|(to, &row)| *to = *from.row(row));
 }
 
 /// Sets the words of all lanes.
@@ -217,6 +232,9 @@ macro_rules! builtins {
     (# rows [$($row:expr),*]) => { Read::Rows(&[$($row),*]) };
     (# same (|$from:ident, $to:ident| $read:expr)) => { Read::Same(|$from, $to| { $read; }) };
     (# each (|$from:ident, $to:ident| $read:expr)) => { Read::Each(|$from, $to| { $read; }) };
+    (# ray ([$($row:expr),*] |$from:ident, $to:ident| $read:expr)) => {
+        Read::Ray(&[$($row),*], |$from, $to| { $read; })
+    };
     (# placed (|$tlas:ident, $instance:ident, $time:ident, $to:ident| $read:expr)) => {
         Read::Placed(|$tlas, $instance, $time, $to| $read)
     };
@@ -278,9 +296,11 @@ builtins! {
     WorldRayDirectionKHR 5322 Float3 "IACM" ["WorldRayDirectionKHR-WorldRayDirectionKHR-04428" "WorldRayDirectionKHR-WorldRayDirectionKHR-04429" "WorldRayDirectionKHR-WorldRayDirectionKHR-04430"]
         = rows [Row::Direction(0), Row::Direction(1), Row::Direction(2)];
     ObjectRayOriginKHR 5323 Float3 "IAC" ["ObjectRayOriginKHR-ObjectRayOriginKHR-04302" "ObjectRayOriginKHR-ObjectRayOriginKHR-04303" "ObjectRayOriginKHR-ObjectRayOriginKHR-04304"]
-        = each (|from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_origin_f32())));
+        = ray ([Row::Origin(0), Row::Origin(1), Row::Origin(2)]
+            |from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_origin_f32())));
     ObjectRayDirectionKHR 5324 Float3 "IAC" ["ObjectRayDirectionKHR-ObjectRayDirectionKHR-04299" "ObjectRayDirectionKHR-ObjectRayDirectionKHR-04300" "ObjectRayDirectionKHR-ObjectRayDirectionKHR-04301"]
-        = each (|from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_direction_f32())));
+        = ray ([Row::Direction(0), Row::Direction(1), Row::Direction(2)]
+            |from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_direction_f32())));
     RayTminKHR 5325 Float "IACM" ["RayTminKHR-RayTminKHR-04351" "RayTminKHR-RayTminKHR-04352" "RayTminKHR-RayTminKHR-04353"]
         = rows [Row::TMin];
     RayTmaxKHR 5326 Float "IACM" ["RayTmaxKHR-RayTmaxKHR-04348" "RayTmaxKHR-RayTmaxKHR-04349" "RayTmaxKHR-RayTmaxKHR-04350"] volatile

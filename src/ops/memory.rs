@@ -267,6 +267,7 @@ fn each_row<const W: usize>(
     trap(batch, outside, TrapCode::IndexOutOfBounds);
 }
 
+#[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 fn index_lanes<const W: usize>(
     batch: &mut Batch<W>,
     to: Reg,
@@ -276,21 +277,28 @@ fn index_lanes<const W: usize>(
     length: Length,
 ) {
     const MOST: u32 = OUT_OF_BOUNDS - 1;
-    let indices = batch.registers[index];
-    let bases = base.map_or(Lanes::splat(0), |base| batch.registers[base]);
-    let row = &mut batch.registers[to];
     // How many indices there are whose products are no greater than what a sum may be.
     let products = (MOST / stride.max(1)).saturating_add(1);
     let count = match length {
         Length::Known(length) => length.min(products),
         Length::Unknown => products,
     };
-    for lane in 0..W {
-        let (index, base) = (indices.0[lane], bases.0[lane]);
-        let product = index.wrapping_mul(stride);
-        let fits = index < count && base <= MOST.wrapping_sub(product);
-        row.0[lane] = if fits { product.wrapping_add(base) } else { OUT_OF_BOUNDS };
-    }
+    let registers = &mut batch.registers;
+    registers.vectors().run(
+        #[inline(always)]
+        || {
+            let zero = Lanes::splat(0);
+            let (indices, bases) = (&registers[index], base.map_or(&zero, |base| &registers[base]));
+            let mut row = [0; W];
+            for lane in 0..W {
+                let (index, base) = (indices.0[lane], bases.0[lane]);
+                let product = index.wrapping_mul(stride);
+                let fits = (index < count) & (base <= MOST.wrapping_sub(product));
+                row[lane] = if fits { product.wrapping_add(base) } else { OUT_OF_BOUNDS };
+            }
+            registers[to].0 = row;
+        },
+    );
 }
 
 #[cold]
@@ -422,14 +430,20 @@ fn words<'a, const W: usize>(
     // The greatest index is out of bounds whatever the buffer has.
     let most = u32::try_from(buffer.size().checked_sub(end)?).unwrap_or(u32::MAX).min(OUT_OF_BOUNDS - 1);
     let indices = &batch.registers[chunk.index?];
-    let running = batch.mask.words();
     let mut places = Lanes::splat(0);
-    let mut outside = 0;
-    for lane in 0..W {
-        let index = indices.0[lane] & running.0[lane];
-        outside |= u32::from(index > most) | index & 3;
-        places.0[lane] = (index >> 2) + (chunk.offset >> 2);
-    }
+    let outside = batch.registers.vectors().run(
+        #[inline(always)]
+        || {
+            let running = batch.mask.words();
+            let mut outside = 0;
+            for lane in 0..W {
+                let index = indices.0[lane] & running.0[lane];
+                outside |= u32::from(index > most) | index & 3;
+                places.0[lane] = (index >> 2) + (chunk.offset >> 2);
+            }
+            outside
+        },
+    );
     (outside == 0).then(|| (buffer.words(), places))
 }
 

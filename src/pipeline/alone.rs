@@ -30,9 +30,8 @@ impl Launch<'_> {
         let mut stack = Stack::<W, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
         let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
         for start in (0..count).step_by(W) {
-            let ids: Vec<_> =
-                (start..count.min(start + W as u64)).map(|index| launch_id(index, size)).collect();
-            stack.launch(record, &ids, size);
+            let lanes = (count - start).min(W as u64) as usize;
+            stack.launch(record, launch_id(start, size), lanes, size);
         }
         answer(stack.trapped, stack.stats)
     }

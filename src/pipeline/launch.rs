@@ -56,20 +56,22 @@ pub struct ShaderStats {
 }
 
 impl Stats {
-    /// Counts an invocation of a shader that leaves nothing behind.
-    pub(super) fn spare(&mut self, stage: Stage) {
-        self.spared.empty += 1;
-        self.count_without_batch(stage);
+    /// Counts invocations of a shader that leaves nothing behind.
+    pub(super) fn spare(&mut self, stage: Stage, count: u32) {
+        self.spared.empty += u64::from(count);
+        self.count_without_batch(stage, count);
     }
 
-    /// Counts an invocation of a shader that leaves nothing but what nobody reads.
-    pub(super) fn spare_unread(&mut self, stage: Stage) {
-        self.spared.unread += 1;
-        self.count_without_batch(stage);
+    /// Counts invocations of a shader that leaves nothing but what nobody reads.
+    pub(super) fn spare_unread(&mut self, stage: Stage, count: u32) {
+        self.spared.unread += u64::from(count);
+        self.count_without_batch(stage, count);
     }
 
-    fn count_without_batch(&mut self, stage: Stage) {
-        self.shaders.entry(stage).or_default().invocations += 1;
+    fn count_without_batch(&mut self, stage: Stage, count: u32) {
+        if count > 0 {
+            self.shaders.entry(stage).or_default().invocations += u64::from(count);
+        }
     }
 
     /// The sum of two.
@@ -126,8 +128,12 @@ pub struct Launch<'a> {
     pub resources: &'a Resources,
 }
 
-/// Invocations that one task of a thread runs: enough that stealing costs little.
-const TASK: u64 = 1024;
+/// Invocations that one task of a thread runs: enough that stealing costs little, and so does what a task
+/// begins with; few enough that threads end together.
+fn task_size(count: u64) -> u64 {
+    const LEAST: u64 = 1024;
+    (count / 128).clamp(LEAST, 8 * LEAST) / LEAST * LEAST
+}
 
 impl Launch<'_> {
     /// Runs the ray generation shader over a grid, W lanes at a time, on all threads; `done` is
@@ -142,8 +148,9 @@ impl Launch<'_> {
         let record = self.ray_generation()?;
         let count = self.count(size)?;
         let bindings = bindings(self.pipeline, self.resources);
-        let tasks = 0..count.div_ceil(TASK);
-        let range = |task: u64| task * TASK..count.min((task + 1) * TASK);
+        let size_of_task = task_size(count);
+        let tasks = 0..count.div_ceil(size_of_task);
+        let range = |task: u64| task * size_of_task..count.min((task + 1) * size_of_task);
         let mut all = Done::default();
         let ordered = self.pipeline.order_dependent();
         if ordered || self.pipeline.shared_memory(size, self.resources).is_some() {
@@ -217,11 +224,9 @@ impl Launch<'_> {
         Row: Width<W>,
     {
         let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, witness, observer);
-        let mut ids = Vec::with_capacity(W);
         for start in range.clone().step_by(W) {
-            ids.clear();
-            ids.extend((start..range.end.min(start + W as u64)).map(|index| launch_id(index, size)));
-            stack.launch(record, &ids, size);
+            let lanes = (range.end - start).min(W as u64) as usize;
+            stack.launch(record, launch_id(start, size), lanes, size);
         }
         (stack.stats, stack.trapped)
     }
@@ -271,8 +276,9 @@ impl Launch<'_> {
         }
         let one = self.pipeline.order_dependent() && subgroups.is_none();
         let mut stats = Stats::default();
-        for task in 0..count.div_ceil(TASK) {
-            let range = task * TASK..count.min((task + 1) * TASK);
+        let size_of_task = task_size(count);
+        for task in 0..count.div_ceil(size_of_task) {
+            let range = task * size_of_task..count.min((task + 1) * size_of_task);
             let (done, trapped) = match one {
                 true => {
                     let mut observer: &mut dyn Observer<1> = &mut *observer;
@@ -313,7 +319,7 @@ impl Launch<'_> {
         }
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, witness, observer);
-        stack.launch(record, &[id], size);
+        stack.launch(record, id, 1, size);
         match stack.trapped {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),
@@ -339,8 +345,7 @@ impl Launch<'_> {
         let subgroup = u64::from(self.pipeline.subgroup_size);
         let first = ((z * height + y) * width + x) / subgroup * subgroup;
         let end = (width * height * depth).min(first + subgroup);
-        let ids: Vec<_> = (first..end).map(|index| launch_id(index, size)).collect();
-        stack.launch(record, &ids, size);
+        stack.launch(record, launch_id(first, size), (end - first) as usize, size);
         match stack.trapped {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),

@@ -153,18 +153,15 @@ where
         }
     }
 
-    /// Runs the ray generation shader for invocations with these launch indices.
-    pub fn launch(&mut self, record: &Record, ids: &[[u32; 3]], launch_size: [u32; 3]) {
+    /// Runs the ray generation shader for some invocations with consecutive launch indices.
+    pub fn launch(&mut self, record: &Record, first: [u32; 3], count: usize, launch_size: [u32; 3]) {
         let Some(shader) = general(self.pipeline, record) else { return };
         let mut running = self.ready(shader, Role::RayGeneration);
         let record = record.shader_record();
         let invocations = &mut running.batch.invocations;
-        invocations.launch_size = launch_size;
-        for (lane, &launch_id) in ids.iter().enumerate() {
-            invocations.set_launch_id(lane, launch_id);
-            invocations.set_record(lane, record.as_ref());
-        }
-        begin(self.pipeline, &mut running, Mask::first(ids.len()));
+        invocations.set_places(first, count, launch_size);
+        (0..count).for_each(|lane| invocations.set_record(lane, record.as_ref()));
+        begin(self.pipeline, &mut running, Mask::first(count));
         self.push(running);
         self.run();
     }

@@ -3,6 +3,8 @@
 //! Whatever a lane's ray calls runs in the same lane of another batch, so that operands, payloads and what
 //! builtins read are copied as whole rows.
 
+mod ending;
+
 use std::sync::Arc;
 
 use smallvec::SmallVec;
@@ -23,9 +25,6 @@ use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
 
 /// Words of a payload or of hit attributes.
 pub(super) type Data = SmallVec<[u32; 16]>;
-
-/// `SkipClosestHitShaderKHR`
-const SKIP_CLOSEST_HIT: u32 = 8;
 
 /// Lanes that wait for a shader.
 #[derive(Clone, Copy, Debug)]
@@ -337,7 +336,7 @@ impl<const W: usize> Trace<W> {
                 // A witness sees every shader run.
                 if !T::ACTIVE && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
                     // An empty intersection shader reports nothing, an empty any-hit shader accepts.
-                    self.stats.spare(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit });
+                    self.stats.spare(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit }, 1);
                     self.cursor_mut(lane).confirm();
                     continue;
                 }
@@ -345,7 +344,7 @@ impl<const W: usize> Trace<W> {
                     Some(shader) => {
                         let role = if candidate.is_box() { Role::Intersection } else { Role::AnyHit };
                         self.records[lane] = index;
-                        self.wait(shader, role, lane);
+                        self.wait(shader, role, Mask::lane(lane));
                         break;
                     }
                     None if candidate.is_box() => {
@@ -370,89 +369,12 @@ impl<const W: usize> Trace<W> {
         self.cursor_mut(lane).terminate();
     }
 
-    /// Chooses closest-hit or miss for each ray.
-    fn finish<T: Witness>(
-        &mut self,
-        pipeline: &Pipeline,
-        mut payload: Option<(&mut Registers<W>, Rows)>,
-        witness: &mut T,
-    ) {
-        // Rays mostly call the shader that the one before calls.
-        let mut last: Option<(Role, u64, Ending)> = None;
-        for lane in self.lanes.without(self.trapping).lanes() {
-            let committed = &self.committed[lane];
-            let (role, index) = match committed {
-                _ if self.settled => {
-                    (if committed.is_some() { Role::ClosestHit } else { Role::Miss }, self.records[lane])
-                }
-                Some(committed) => (Role::ClosestHit, self.hit_index(lane, &committed.candidate)),
-                None => (Role::Miss, self.miss_record(lane)),
-            };
-            let ending = match last {
-                Some((known, at, ending)) if known == role && at == index => ending,
-                _ => self.ending(pipeline, role, index),
-            };
-            last = Some((role, index, ending));
-            let is_hit = role == Role::ClosestHit;
-            let skipped = is_hit && self.rays.flags.0[lane] & SKIP_CLOSEST_HIT != 0;
-            let spared = committed.as_ref().is_some_and(|hit| hit.candidate.opaque) && ending.has_any_hit;
-            let shader = ending.shader.filter(|_| !skipped && self.shades);
-            if T::ACTIVE && !self.settled {
-                witness.invocation(self.launch_id(lane));
-                let (committed, kept) = (*committed, !self.shades);
-                witness.event(Event::Traversed { committed, record: index, shader, kept });
-            }
-            self.records[lane] = index;
-            self.stats.spared.any_hit += u64::from(spared);
-            let promised = match role {
-                Role::Miss => pipeline.flags.no_null_miss_shaders.then_some(TrapCode::NullMiss),
-                _ => pipeline.flags.no_null_closest_hit_shaders.then_some(TrapCode::NullClosestHit),
-            };
-            match (shader, self.caller) {
-                (None, _) if let Some(code) = promised.filter(|_| self.shades && !skipped) => {
-                    self.trap(lane, code);
-                }
-                (Some(shader), _) if !T::ACTIVE && ending.is_empty => {
-                    self.stats.spare(pipeline.programs[shader.0 as usize].stage);
-                }
-                (Some(shader), Some(_)) if !self.watched && ending.leaves_unread => {
-                    self.stats.spare_unread(pipeline.programs[shader.0 as usize].stage);
-                }
-                (Some(shader), _) => self.wait(shader, role, lane),
-                (None, Some(caller)) if self.shades && !skipped => {
-                    if T::ACTIVE
-                        && let Some((registers, rows)) = &mut payload
-                    {
-                        let mut words: Data = registers.lane_words(rows.first, rows.count, lane).collect();
-                        witness.absent(caller, &mut words);
-                        registers.set_lane_words(rows.first, lane, words);
-                    }
-                }
-                (None, _) => {}
-            }
-        }
-    }
-
-    /// What a record says of the end of a ray.
-    fn ending(&self, pipeline: &Pipeline, role: Role, index: u64) -> Ending {
-        let (shader, has_any_hit) = match role {
-            Role::Miss => (at(&pipeline.sbt.miss, index).and_then(|record| general(pipeline, record)), false),
-            _ => {
-                let (_, group) = hit_group_at(pipeline, index);
-                (group.closest_hit, group.any_hit.is_some())
-            }
-        };
-        let is_empty = shader.is_some_and(|shader| pipeline.is_empty(shader));
-        let unread = |shader| self.caller.is_some_and(|caller| leaves_unread(pipeline, caller, shader));
-        Ending { shader, has_any_hit, is_empty, leaves_unread: shader.is_some_and(unread) }
-    }
-
-    /// Lets a lane wait for a shader.
-    fn wait(&mut self, shader: Shader, role: Role, lane: usize) {
-        let lane = Mask::lane(lane);
+    /// Lets lanes wait for a shader.
+    fn wait(&mut self, shader: Shader, role: Role, lanes: Mask<W>) {
         match self.waiting.iter_mut().find(|group| group.shader == shader && group.role == role) {
-            Some(group) => group.lanes = group.lanes | lane,
-            None => self.waiting.push(Waiting { shader, role, lanes: lane }),
+            Some(group) => group.lanes = group.lanes | lanes,
+            None if lanes.is_empty() => {}
+            None => self.waiting.push(Waiting { shader, role, lanes }),
         }
     }
 
@@ -497,13 +419,18 @@ impl<const W: usize> Trace<W> {
         self.attributes[lane] = attributes;
     }
 
+    /// A lane's hit of a primitive that has attributes of its own.
+    #[inline]
+    fn built_in(&self, lane: usize) -> Option<&Candidate> {
+        let candidate = self.committed[lane].as_ref().map(|committed| &committed.candidate);
+        candidate.filter(|candidate| !self.settled && !candidate.is_box())
+    }
+
     /// The attributes of a lane's hit.
     pub fn committed_attributes(&self, lane: usize) -> Data {
-        match &self.committed[lane] {
-            Some(committed) if !self.settled && !committed.candidate.is_box() => {
-                candidate_attributes(&committed.candidate)
-            }
-            _ => self.attributes.get(lane).cloned().unwrap_or_default(),
+        match self.built_in(lane) {
+            Some(candidate) => Data::from_slice(&candidate.intersection.attributes.map(f32::to_bits)),
+            None => self.attributes.get(lane).cloned().unwrap_or_default(),
         }
     }
 
@@ -549,35 +476,20 @@ impl<const W: usize> Trace<W> {
     /// Sets the attributes that a shader in a role begins with.
     pub fn show_attributes(&self, role: Role, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
         for lane in lanes.lanes() {
-            let attributes = match role {
-                Role::AnyHit => self.cursor(lane).candidate().map_or_else(Data::new, candidate_attributes),
-                Role::ClosestHit => self.committed_attributes(lane),
+            let candidate = match role {
+                Role::AnyHit => self.cursor(lane).candidate(),
+                Role::ClosestHit => self.built_in(lane),
                 _ => return,
             };
-            rows.iter_mut().zip(attributes).for_each(|(row, word)| row.0[lane] = word);
+            if let Some(candidate) = candidate {
+                let values = candidate.intersection.attributes;
+                rows.iter_mut().zip(values).for_each(|(row, value)| row.0[lane] = value.to_bits());
+            } else if role == Role::ClosestHit {
+                let words = self.attributes.get(lane).into_iter().flatten();
+                rows.iter_mut().zip(words).for_each(|(row, &word)| row.0[lane] = word);
+            }
         }
     }
-}
-
-/// What a record says of the end of a ray.
-#[derive(Clone, Copy, Debug)]
-struct Ending {
-    shader: Option<Shader>,
-    has_any_hit: bool,
-    is_empty: bool,
-    leaves_unread: bool,
-}
-
-/// Whether a shader leaves nothing behind but words of the payload that its caller does not read.
-fn leaves_unread(pipeline: &Pipeline, caller: Caller, shader: Shader) -> bool {
-    let [caller_program, program] = [caller.shader, shader].map(|one| &pipeline.programs[one.0 as usize]);
-    let read = || caller_program.payloads.reads_behind(caller.op);
-    program.payloads.writes_only.is_some_and(|written| !written.meets(read()))
-}
-
-/// Attributes of a built-in primitive, as words.
-fn candidate_attributes(candidate: &Candidate) -> Data {
-    Data::from_slice(&candidate.intersection.attributes.map(f32::to_bits))
 }
 
 /// The record at an index of the hit table with its group.
