@@ -1,6 +1,6 @@
 //! Traversal and intersection alone, on one thread; and how it grows.
 
-use anyhit::accel::{Counters, Cursor, GeometryFlags, RayFlags, Tlas, TraceRay};
+use anyhit::accel::{Counters, Cursor, GeometryFlags, Packet, RayFlags, Tlas, TraceRay};
 use anyhit::geometry::Ray;
 
 use crate::scenes::{self, Random, Scene};
@@ -36,9 +36,38 @@ fn trace(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
     (hits, note)
 }
 
+/// Traces rays 64 at a time, and says how many hit.
+fn trace_together(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> u64 {
+    let query = |ray: &Ray| TraceRay { ray: *ray, flags, cull_mask: 0xFF, time: 0.0 };
+    let any = flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT);
+    let (mut packet, mut traces, mut found) = (Packet::default(), Vec::new(), Vec::new());
+    let mut hits = 0;
+    for rays in rays.chunks(64) {
+        traces.clear();
+        traces.extend(rays.iter().map(query));
+        assert!(packet.trace(tlas, &traces, any, &mut found), "no shader decides");
+        hits += found.iter().flatten().count() as u64;
+    }
+    hits
+}
+
+/// The rays of a picture, those of a tile of 8 x 8 pixels one after the other, as launches have them.
+fn tiles(scene: &Scene, [width, height]: [u32; 2]) -> Vec<Ray> {
+    let rays = scene.camera.rays([width, height]);
+    let tiles = (0..height).step_by(8).flat_map(|y| (0..width).step_by(8).map(move |x| (x, y)));
+    let pixels = tiles.flat_map(|(x, y)| (0..64u32).map(move |at| (x + at % 8, y + at / 8)));
+    pixels.filter(|&(x, y)| x < width && y < height).map(|(x, y)| rays[(y * width + x) as usize]).collect()
+}
+
 pub fn run(table: &mut Table) {
     let table = &*table;
     let row = |name: &str, flags: RayFlags, make: &dyn Fn() -> Scene| {
+        let together = format!("{name} together");
+        if table.wants(&together) {
+            let scene = make();
+            let tlas = scene.tlas(GeometryFlags::OPAQUE);
+            measure_together(table, &together, &tlas, &tiles(&scene, table.picture), flags);
+        }
         if table.wants(name) {
             let scene = make();
             measure(
@@ -61,6 +90,11 @@ pub fn run(table: &mut Table) {
         let scene = scenes::heightfield(grid);
         measure(table, "traverse 64 instances", &scene.tiled(), &scene.camera.rays(table.picture), every);
     }
+    if table.wants("traverse 64 instances together") {
+        let scene = scenes::heightfield(grid);
+        let rays = tiles(&scene, table.picture);
+        measure_together(table, "traverse 64 instances together", &scene.tiled(), &rays, every);
+    }
     if table.wants("traverse triangles shuffled") {
         let scene = scenes::heightfield(grid);
         let mut rays = scene.camera.rays(table.picture);
@@ -69,6 +103,18 @@ pub fn run(table: &mut Table) {
             rays.swap(at, (random.bits() % (at as u64 + 1)) as usize);
         }
         measure(table, "traverse triangles shuffled", &scene.tlas(GeometryFlags::OPAQUE), &rays, every);
+    }
+}
+
+/// The same as [`measure`] for rays that go together.
+fn measure_together(table: &Table, name: &str, tlas: &Tlas, rays: &[Ray], flags: RayFlags) {
+    let mut hits = 0;
+    let rate = table.rate(name, "rays", rays.len() as u64, || {
+        hits = trace_together(tlas, rays, flags);
+        format!("{:.0} % hit", 100.0 * hits as f64 / rays.len() as f64)
+    });
+    if rate.is_some() {
+        table.hits(hits);
     }
 }
 

@@ -6,7 +6,9 @@ use crate::accel::blas::{GeometryFlags, between};
 use crate::accel::node::Child;
 use crate::accel::tree::Tree;
 use crate::geometry::block::{self, BlockRay, LANES};
-use crate::geometry::{Bounds, Intersection, ObjectRay, Precision, triangle};
+use crate::geometry::triangle::FourTested;
+use crate::geometry::{Bounds, DoubleRay, Intersection, ObjectRay, Precision, triangle};
+use crate::math::doubles::Doubles;
 
 /// The active primitives of a BLAS, and the tree over them.
 #[derive(Debug)]
@@ -81,7 +83,19 @@ impl Body {
     /// Which primitive a lane of a leaf is.
     #[inline(always)]
     pub fn name(&self, leaf: Child, lane: usize) -> Name {
-        self.names[leaf.index() * LANES + lane]
+        self.names[self.place(leaf, lane)]
+    }
+
+    /// Where a lane of a leaf stands in tree order.
+    #[inline(always)]
+    pub fn place(&self, leaf: Child, lane: usize) -> usize {
+        leaf.index() * LANES + lane
+    }
+
+    /// Which primitive stands at a place in tree order.
+    #[inline(always)]
+    pub fn name_at(&self, place: usize) -> Name {
+        self.names[place]
     }
 
     /// Whether a ray may come to one primitive several times.
@@ -123,6 +137,22 @@ impl Body {
             Shapes::Spheres(_) | Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => u32::MAX,
         };
         met & self.every(leaf)
+    }
+
+    /// Whether [`Body::tested`] decides about a whole leaf: that is better than to drop some.
+    #[inline(always)]
+    pub fn tests_leaves(&self, precision: Precision) -> bool {
+        precision == Precision::Exact && matches!(self.shapes, Shapes::Triangles(_))
+    }
+
+    /// The exact test of all of a leaf's primitives, as far as f64 carries; what lies behind `limit`, a
+    /// rounded t, may be left out. Only for bodies that [test leaves](Body::tests_leaves).
+    #[inline(always)]
+    pub fn tested<D: Doubles>(&self, doubles: D, leaf: Child, ray: &DoubleRay, limit: f32) -> FourTested {
+        match &self.shapes {
+            Shapes::Triangles(blocks) => blocks[leaf.index()].tested(doubles, ray, limit),
+            _ => FourTested::MISSED,
+        }
     }
 
     /// Where a ray of a time meets the primitive in a leaf's lane, within the ray's whole interval.

@@ -188,6 +188,19 @@ pub struct Committed {
 }
 
 impl Committed {
+    /// A hit of a candidate that is opaque; `None` for a box.
+    #[inline(always)]
+    pub(super) fn opaque(candidate: Candidate) -> Option<Self> {
+        let hit_kind = candidate.hit_kind()?;
+        Some(Self { candidate, t: candidate.intersection.t, hit_kind })
+    }
+
+    /// Whether it comes before another one in the list of all hits.
+    #[inline(always)]
+    pub(super) fn is_before(&self, other: &Self) -> bool {
+        self.key() < other.key()
+    }
+
     fn key(&self) -> Key {
         self.candidate.key(self.t)
     }
@@ -263,6 +276,16 @@ pub(super) struct Hits {
 impl Cursor {
     /// Begins a traversal. A ray that holds a NaN or an infinite origin or direction meets nothing.
     pub fn new(_tlas: &Tlas, trace: TraceRay) -> Self {
+        Self::fresh(trace)
+    }
+
+    /// Memory for traversals.
+    pub(super) fn idle() -> Self {
+        let ray = Ray::new([0.0; 3], [0.0; 3]);
+        Self::fresh(TraceRay { ray, flags: RayFlags::default(), cull_mask: 0, time: 0.0 })
+    }
+
+    fn fresh(trace: TraceRay) -> Self {
         let hits = Hits {
             cull_t: trace.ray.t_max,
             waiting: BinaryHeap::new(),
@@ -472,14 +495,12 @@ impl Hits {
     /// Takes an opaque hit; says whether it is the closest so far.
     #[inline(always)]
     pub fn take_opaque(&mut self, candidate: Candidate) -> bool {
-        let t = candidate.intersection.t;
-        let Some(hit_kind) = candidate.hit_kind() else { return false };
-        let hit = Committed { candidate, t, hit_kind };
+        let Some(hit) = Committed::opaque(candidate) else { return false };
         let others = [&self.opaque, &self.committed];
-        let closest = t < self.cull_t || others.into_iter().flatten().all(|other| hit.key() < other.key());
+        let closest = hit.t < self.cull_t || others.into_iter().flatten().all(|other| hit.is_before(other));
         if closest {
             self.opaque = Some(hit);
-            self.cull_t = self.cull_t.min(t);
+            self.cull_t = self.cull_t.min(hit.t);
         }
         closest
     }

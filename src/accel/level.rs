@@ -87,21 +87,38 @@ impl Level {
         }
         let Some(tree) = tree else {
             // Blocks are dropped all the same.
-            self.approach = match tlas.transform(self.instance) {
-                Placed::InWorld => Approach::Simple,
-                Placed::Still(transform) => match transform.rough(&trace.ray) {
-                    Some(ray) => {
-                        self.rough_ray = ray;
-                        Approach::Rough
-                    }
-                    None => Approach::Prepared,
-                },
-                Placed::Moving => Approach::Prepared,
-            };
+            self.approach_blocks(tlas, trace);
             return true;
         };
         let node_ray = NodeRay::new(&self.object_ray, cull_t, tree.bounds(), tree.scale());
         node_ray.map(|node_ray| self.node_ray = node_ray).is_some()
+    }
+
+    /// Finds out how the ray comes to an instance's blocks.
+    #[inline(always)]
+    fn approach_blocks(&mut self, tlas: &Tlas, trace: &TraceRay) {
+        self.approach = match tlas.transform(self.instance) {
+            Placed::InWorld => Approach::Simple,
+            Placed::Still(transform) => match transform.rough(&trace.ray) {
+                Some(ray) => {
+                    self.rough_ray = ray;
+                    Approach::Rough
+                }
+                None => Approach::Prepared,
+            },
+            Placed::Moving => Approach::Prepared,
+        };
+    }
+
+    /// Takes the ray into an instance whose boxes it does not test here.
+    #[inline(always)]
+    pub fn arrive(&mut self, tlas: &Tlas, instance: u32, body: &Body, trace: &TraceRay) {
+        self.instance = instance;
+        self.has_object_ray = false;
+        self.has_block_ray = false;
+        if !body.tests_leaves(tlas.precision()) && body.drops() != Drops::Never {
+            self.approach_blocks(tlas, trace);
+        }
     }
 
     /// The ray in object space.

@@ -16,6 +16,7 @@ pub mod motion;
 mod motion_bounds;
 mod node;
 mod node_ray;
+pub mod packet;
 pub mod primitive;
 pub mod rules;
 mod split;
@@ -31,6 +32,7 @@ pub use cursor::{Candidate, Committed, Cursor, HitKind, RayFlags, RayRule, Trace
 pub use geometry_data::{EndCaps, GeometryData, GeometryKind, Indexing};
 pub use micromap::OpacityMicromap;
 pub use motion::{Motion, Srt};
+pub use packet::Packet;
 pub use primitive::Primitive;
 pub use tlas::{Instance, InstanceFlags, Tlas, hit_record_index};
 pub use visit::{Counters, InstanceVerdict, Place, PrimitiveVerdict, Visit};

@@ -144,6 +144,12 @@ impl Node {
         (eights.lanes(near), met & self.filled)
     }
 
+    /// A plane of the box of the child in a slot: of an axis the lower (0) or the upper one (1).
+    #[inline(always)]
+    pub fn plane(&self, axis: usize, side: usize, slot: usize) -> f32 {
+        self.planes[axis][side][slot % WIDTH]
+    }
+
     /// The child in a slot.
     #[inline(always)]
     pub fn child(&self, slot: usize) -> Child {

@@ -65,11 +65,11 @@ pub struct Slabs<E: Eights> {
 }
 
 /// A ray is far away whose origin lies this many times the largest coordinate off.
-const FAR_AWAY: f64 = 64.0;
+pub(super) const FAR_AWAY: f64 = 64.0;
 
 /// The slack of a reciprocal, 2^-22 downwards and upwards.
-const SHRINK: f64 = 1.0 - 1.0 / 4_194_304.0;
-const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
+pub(super) const SHRINK: f64 = 1.0 - 1.0 / 4_194_304.0;
+pub(super) const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
 
 impl NodeRay {
     /// Memory for a ray.

@@ -15,7 +15,9 @@ use crate::accel::rules::{
 };
 use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
-use crate::geometry::{Intersection, ObjectRay, Precision};
+use crate::geometry::triangle::FourTested;
+use crate::geometry::{DoubleRay, Intersection, ObjectRay, Precision};
+use crate::math::doubles::Doubles;
 use crate::math::eight::{Eights, TwoFours};
 
 /// A part of a tree that is still to be visited: above a lower bound of the rounded t of any hit in
@@ -129,7 +131,8 @@ impl Cursor {
     ) -> bool {
         let trace = &self.trace;
         let (walk, hits) = (&mut self.walk, &mut self.hits);
-        let advance = Advance::<V, PLAIN> { walk, hits, trace, tlas, visit, start };
+        let advance =
+            Advance::<V, PLAIN> { walk, hits, trace, tlas, visit, start, tested: FourTested::MISSED };
         #[cfg(target_arch = "x86_64")]
         if !V::REASONS
             && let Some(simd) = tlas.simd()
@@ -148,6 +151,8 @@ struct Advance<'a, V, const PLAIN: bool> {
     tlas: &'a Tlas,
     visit: &'a mut V,
     start: bool,
+    /// Of the leaf that is tested, where all its primitives are tested at once.
+    tested: FourTested,
 }
 
 /// To be compiled for AVX2: the same operations, and the same results.
@@ -169,7 +174,7 @@ impl<V: Visit, const PLAIN: bool> pulp::NullaryFnOnce for Vectorized<'_, V, PLAI
 
 impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     #[inline(always)]
-    fn run<E: Eights>(mut self, eights: E) -> bool {
+    fn run<E: Eights + Doubles>(mut self, eights: E) -> bool {
         if self.start {
             self.begin();
         }
@@ -301,7 +306,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
 
     /// Visits what the stack holds of a BLAS, until a candidate's turn has come.
     #[inline(always)]
-    fn visit_level<E: Eights>(&mut self, eights: E) {
+    fn visit_level<E: Eights + Doubles>(&mut self, eights: E) {
         let number = self.walk.level.instance;
         let base = self.walk.level.base;
         let body = self.tlas.instances()[number as usize].blas.body();
@@ -325,7 +330,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
                 }
             }
             if child.is_leaf() {
-                let met = self.met(body, child);
+                let met = self.met(eights, body, child);
                 if met == 0 {
                     continue;
                 }
@@ -343,23 +348,34 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     fn test_all(&mut self, body: &Body) {
         let mut leaves = body.leaves();
         let Some(first) = leaves.next() else { return };
-        self.test(body, first, body.every(first));
+        // Nothing pays for a ray that is ready for blocks where there is but one.
+        let met = if body.tests_leaves(self.tlas.precision()) {
+            self.met(TwoFours, body, first)
+        } else {
+            body.every(first)
+        };
+        self.test(body, first, met);
         for leaf in leaves {
             if self.hits.is_enough() {
                 break;
             }
-            let met = self.met(body, leaf);
+            let met = self.met(TwoFours, body, leaf);
             self.test(body, leaf, met);
         }
     }
 
     /// A bit for each of a leaf's primitives that the ray may meet.
     #[inline(always)]
-    fn met(&mut self, body: &Body, leaf: Child) -> u32 {
+    fn met<D: Doubles>(&mut self, doubles: D, body: &Body, leaf: Child) -> u32 {
+        let level = &mut self.walk.level;
         let met = if V::REASONS {
             body.every(leaf)
+        } else if body.tests_leaves(self.tlas.precision()) {
+            let ray = DoubleRay::of(level.object_ray(self.tlas, self.trace));
+            self.tested = body.tested(doubles, leaf, &ray, self.hits.cull_t);
+            self.tested.met() & body.every(leaf)
         } else {
-            self.walk.level.met(self.tlas, body, leaf, self.trace)
+            level.met(self.tlas, body, leaf, self.trace)
         };
         self.visit.missed(leaf.count() - met.count_ones());
         met
@@ -399,7 +415,11 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             if !V::QUIET && body.has_pieces() && !self.hits.tell_once(place()) {
                 continue;
             }
-            let found = body.intersect((leaf, lane), ray, self.trace.time, precision);
+            let tested = self.tested.hit(lane).filter(|_| !V::REASONS && body.tests_leaves(precision));
+            let found = match tested {
+                None => body.intersect((leaf, lane), ray, self.trace.time, precision),
+                found => found,
+            };
             let Some(found) = found.filter(|found| !V::QUIET || found.t <= self.hits.cull_t) else {
                 let verdict = if V::REASONS {
                     missed_or_outside(self.tlas, place(), body, (leaf, lane), ray, self.trace.time)

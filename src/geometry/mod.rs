@@ -26,7 +26,9 @@ pub mod triangle;
 mod verdict;
 
 pub use bounds::Bounds;
-pub use object_ray::{ObjectRay, RoughRay, Transform, world_to_object};
+pub use object_ray::{
+    DoubleRay, ObjectRay, ROUGH_SLACK, ROUGH_UNDERFLOW, RoughRay, Transform, world_to_object,
+};
 pub use ray::{Intersection, Ray, Surface};
 
 /// How intersections are computed.

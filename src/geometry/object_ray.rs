@@ -108,10 +108,7 @@ impl Transform {
         let apply = |[x, y, z]: [Four; 3]| {
             let terms = [columns[0] * x, columns[1] * y, columns[2] * z];
             let sizes = terms.map(Four::abs);
-            (
-                terms[0] + terms[1] + terms[2],
-                (sizes[0] + sizes[1] + sizes[2]) * Four::splat(12.0 * ROUGH_UNIT),
-            )
+            (terms[0] + terms[1] + terms[2], (sizes[0] + sizes[1] + sizes[2]) * Four::splat(ROUGH_SLACK))
         };
         let [bx, by, bz, _] = rough.translation;
         let [x, y, z] = ray.origin;
@@ -119,6 +116,14 @@ impl Transform {
         let (direction, direction_error) = apply(ray.direction.map(Four::splat));
         let origin_error = origin_error + Four::splat(ROUGH_UNDERFLOW);
         Some(RoughRay { origin, direction, origin_error, direction_error })
+    }
+
+    /// What [`Transform::rough`] takes: the inverse's columns in f32, and the translation that goes before.
+    /// `None` where the transform is too extreme.
+    #[inline(always)]
+    pub fn rough_inverse(&self) -> Option<([[f32; 3]; 3], [f32; 3])> {
+        let three = |[x, y, z, _]: [f32; 4]| [x, y, z];
+        self.rough.as_ref().map(|rough| (rough.columns.map(three), three(rough.translation)))
     }
 
     /// `A^-1 v` and a bound of each component's error.
@@ -129,11 +134,15 @@ impl Transform {
     }
 }
 
+/// By which the sum of the magnitudes of a rough component's terms bounds its error: see
+/// [`Transform::rough`].
+pub const ROUGH_SLACK: f32 = 12.0 * ROUGH_UNIT;
+
 /// The unit roundoff of f32.
 const ROUGH_UNIT: f32 = 1.0 / 16_777_216.0;
 
-/// 2^-100
-const ROUGH_UNDERFLOW: f32 = ROUGH_UNIT * ROUGH_UNIT * ROUGH_UNIT * ROUGH_UNIT / 16.0;
+/// 2^-100, which pays for underflow of a rough origin's products.
+pub const ROUGH_UNDERFLOW: f32 = ROUGH_UNIT * ROUGH_UNIT * ROUGH_UNIT * ROUGH_UNIT / 16.0;
 
 impl Rough {
     /// `None` where an entry is neither 0 nor of a magnitude from 2^-40 to 2^40, or the translation is
@@ -448,6 +457,33 @@ impl<R: Real> View<R> {
     #[inline(always)]
     pub fn reach(&self, norm: R) -> R {
         self.origin_error + self.slack * norm
+    }
+}
+
+/// A ray in f64 with bounds of its errors, for tests of several primitives at once.
+#[derive(Clone, Copy, Debug)]
+pub struct DoubleRay(pub(super) View<f64>);
+
+impl DoubleRay {
+    /// The ray as an instance's primitives see it.
+    #[inline(always)]
+    pub fn of(ray: &ObjectRay) -> Self {
+        Self(ray.view())
+    }
+
+    /// A ray in world space that [is ordinary](Ray::is_ordinary).
+    #[inline(always)]
+    pub fn ordinary(ray: &Ray) -> Self {
+        let [origin, direction] = [ray.origin, ray.direction].map(|v| v.map(f64::from));
+        Self(View {
+            origin,
+            direction,
+            origin_error: 0.0,
+            slack: 12.0 * UNIT,
+            direction_norm: norm1(direction),
+            t_min: ray.t_min.into(),
+            t_max: ray.t_max.into(),
+        })
     }
 }
 

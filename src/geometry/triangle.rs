@@ -30,6 +30,10 @@
 //! roundings; quotients have `math::error_bound::Divisor`. Two of alpha, beta, gamma with certain
 //! and opposite signs are a miss whatever det is. Products stay within 2^-450 and 2^520.
 
+mod four;
+
+pub use four::FourTested;
+
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded, settle_open, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface};

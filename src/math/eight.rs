@@ -25,6 +25,14 @@ pub trait Eights: Copy {
     fn sub(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
     /// Products.
     fn mul(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
+    /// Sums.
+    fn add(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
+    /// Quotients.
+    fn div(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
+    /// Magnitudes.
+    fn abs(self, a: Self::Eight) -> Self::Eight;
+    /// 1 or -1, by the sign bit.
+    fn sign(self, a: Self::Eight) -> Self::Eight;
     /// `a` where it is greater, otherwise, and for a NaN in `a`, `b`.
     fn if_above(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
     /// `a` where it is less, otherwise, and for a NaN in `a`, `b`.
@@ -65,6 +73,27 @@ impl Eights for TwoFours {
     #[inline(always)]
     fn mul(self, a: [Four; 2], b: [Four; 2]) -> [Four; 2] {
         [a[0] * b[0], a[1] * b[1]]
+    }
+
+    #[inline(always)]
+    fn add(self, a: [Four; 2], b: [Four; 2]) -> [Four; 2] {
+        [a[0] + b[0], a[1] + b[1]]
+    }
+
+    #[inline(always)]
+    fn div(self, a: [Four; 2], b: [Four; 2]) -> [Four; 2] {
+        [a[0] / b[0], a[1] / b[1]]
+    }
+
+    #[inline(always)]
+    fn abs(self, a: [Four; 2]) -> [Four; 2] {
+        [a[0].abs(), a[1].abs()]
+    }
+
+    #[inline(always)]
+    fn sign(self, a: [Four; 2]) -> [Four; 2] {
+        let sign = |four: Four| Four::new(four.to_array().map(|x| 1f32.copysign(x)));
+        [sign(a[0]), sign(a[1])]
     }
 
     #[inline(always)]
@@ -114,6 +143,26 @@ impl Eights for V3 {
     }
 
     #[inline(always)]
+    fn add(self, a: f32x8, b: f32x8) -> f32x8 {
+        pulp::cast(self.avx._mm256_add_ps(pulp::cast(a), pulp::cast(b)))
+    }
+
+    #[inline(always)]
+    fn div(self, a: f32x8, b: f32x8) -> f32x8 {
+        pulp::cast(self.avx._mm256_div_ps(pulp::cast(a), pulp::cast(b)))
+    }
+
+    #[inline(always)]
+    fn abs(self, a: f32x8) -> f32x8 {
+        self.abs_f32x8(a)
+    }
+
+    #[inline(always)]
+    fn sign(self, a: f32x8) -> f32x8 {
+        self.or_f32x8(self.and_f32x8(a, self.splat_f32x8(-0.0)), self.splat_f32x8(1.0))
+    }
+
+    #[inline(always)]
     fn if_above(self, a: f32x8, b: f32x8) -> f32x8 {
         // The instruction gives its second operand unless the first is greater.
         pulp::cast(self.avx._mm256_max_ps(pulp::cast(a), pulp::cast(b)))
@@ -143,7 +192,16 @@ mod tests {
         for shift in 0..8 {
             let (x, y) = (SPECIAL, std::array::from_fn(|lane| SPECIAL[(lane + shift) % 8]));
             let (a, b) = (eights.load(&x), eights.load(&y));
-            let made = [eights.sub(a, b), eights.mul(a, b), eights.if_above(a, b), eights.if_below(a, b)];
+            let made = [
+                eights.sub(a, b),
+                eights.mul(a, b),
+                eights.add(a, b),
+                eights.div(a, b),
+                eights.abs(a),
+                eights.sign(a),
+                eights.if_above(a, b),
+                eights.if_below(a, b),
+            ];
             for lane in made.into_iter().flat_map(|made| eights.lanes(made)) {
                 all.push(if lane.is_nan() { f32::NAN.to_bits() } else { lane.to_bits() });
             }
@@ -151,6 +209,9 @@ mod tests {
             // IEEE 754 by hand: the comparison, and the choice of the second operand for a NaN.
             for lane in 0..8 {
                 assert_eq!(eights.at_least(a, b) >> lane & 1 != 0, x[lane] >= y[lane]);
+                assert_eq!(eights.lanes(eights.sign(a))[lane].is_sign_negative(), x[lane].is_sign_negative());
+                assert_eq!(eights.lanes(eights.sign(a))[lane].abs(), 1.0);
+                assert_eq!(eights.lanes(eights.abs(a))[lane].to_bits(), x[lane].to_bits() & 0x7FFF_FFFF);
                 let above = if x[lane] > y[lane] { x[lane] } else { y[lane] };
                 let found = eights.lanes(eights.if_above(a, b))[lane];
                 assert!(found.to_bits() == above.to_bits() || found.is_nan() && above.is_nan());
@@ -166,6 +227,6 @@ mod tests {
         if let Some(simd) = V3::try_new() {
             assert_eq!(results(simd), fours);
         }
-        assert_eq!(fours.len(), 8 * 33);
+        assert_eq!(fours.len(), 8 * 65);
     }
 }

@@ -31,7 +31,9 @@
 //! |E| >= 1, so that 2 |E| e bounds 2 e, and 2 |E| c bounds the other coefficient.
 
 use super::{ALL, BlockRay, LANES, Row};
-use crate::geometry::{Intersection, ObjectRay, Precision, triangle};
+use crate::geometry::triangle::{self, FourTested};
+use crate::geometry::{DoubleRay, Intersection, ObjectRay, Precision};
+use crate::math::doubles::Doubles;
 use crate::math::four::Four;
 
 /// Up to four triangles.
@@ -81,6 +83,12 @@ impl Triangles {
         let error = (p + p) * (n + p);
         let zero = Four::splat(0.0);
         ALL & !((zero - error).above(least) & most.above(error))
+    }
+
+    /// The f64 step for all lanes.
+    #[inline(always)]
+    pub fn tested<D: Doubles>(&self, doubles: D, ray: &DoubleRay, limit: f32) -> FourTested {
+        FourTested::of(doubles, ray, &self.vertices, limit)
     }
 
     /// Where a ray meets the triangle in a lane: [`triangle::intersect`].

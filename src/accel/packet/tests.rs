@@ -1,0 +1,178 @@
+//! Rays that go together find what each finds by itself.
+
+use std::sync::Arc;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::accel::{Blas, Geometry, GeometryData, GeometryFlags, Instance, RayFlags};
+use crate::accel::{EndCaps, Indexing};
+use crate::geometry::Ray;
+
+const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+
+fn alone(tlas: &Tlas, trace: &TraceRay) -> Option<Committed> {
+    let mut cursor = Cursor::new(tlas, *trace);
+    assert!(cursor.proceed(tlas).is_none(), "no shader decides");
+    cursor.committed().copied()
+}
+
+/// Compares each ray's hit with the one that a cursor finds, with and without AVX2.
+fn check(tlas: &Tlas, traces: &[TraceRay]) {
+    let wanted: Vec<_> = traces.iter().map(|trace| alone(tlas, trace)).collect();
+    let mut hits = Vec::new();
+    assert!(Packet::default().trace(tlas, traces, false, &mut hits));
+    assert_eq!(hits, wanted);
+    assert!(Packet::default().trace(tlas, traces, true, &mut hits));
+    let whether = |hits: &[Option<Committed>]| hits.iter().map(Option::is_some).collect::<Vec<_>>();
+    assert_eq!(whether(&hits), whether(&wanted));
+    if let Some(first) = traces.get(..MOST.min(traces.len())).filter(|first| !first.is_empty()) {
+        let mut packet = Packet { steps: u32::MAX, ..Packet::default() };
+        let walk = Walk { packet: &mut packet, tlas, traces: first, any_opaque_hit: false, alone: 0 };
+        let left = walk.run(TwoFours);
+        for (at, wanted) in wanted.iter().enumerate().take(first.len()) {
+            if left >> at & 1 == 0 {
+                assert_eq!(packet.committed(tlas, at), *wanted, "ray {at}");
+            }
+        }
+    }
+}
+
+/// Points of a coarse grid, so that edges, vertices and equal t are met.
+fn point() -> impl Strategy<Value = [f32; 3]> {
+    prop::array::uniform3((-8i32..=8).prop_map(|k| k as f32 * 0.5))
+}
+
+fn data() -> impl Strategy<Value = GeometryData> {
+    let radius = (1i32..=8).prop_map(|k| k as f32 * 0.125);
+    prop_oneof![
+        prop::collection::vec(point(), 3..90).prop_map(|mut vertices| {
+            vertices.truncate(vertices.len() / 3 * 3);
+            GeometryData::Triangles { vertices, indices: None, transform: None }
+        }),
+        prop::collection::vec((point(), radius.clone()), 1..40).prop_map(|all| {
+            let (positions, radii) = all.into_iter().unzip();
+            GeometryData::Spheres { positions, radii, indices: None }
+        }),
+        prop::collection::vec((point(), radius), 2..40).prop_map(|mut all| {
+            all.truncate(all.len() / 2 * 2);
+            let (positions, radii) = all.into_iter().unzip();
+            let (indexing, end_caps) = (Indexing::List, EndCaps::Chained);
+            GeometryData::LinearSweptSpheres { positions, radii, indices: None, indexing, end_caps }
+        }),
+    ]
+}
+
+fn matrix() -> impl Strategy<Value = [[f32; 4]; 3]> {
+    let entry = (-3i32..=3).prop_map(|k| k as f32);
+    prop_oneof![
+        Just(IDENTITY),
+        prop::array::uniform3(prop::array::uniform4(entry)).prop_filter("has an inverse", |m| {
+            let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
+            m[0][0] * minor(1, 2) + m[0][1] * minor(2, 0) + m[0][2] * minor(0, 1) != 0.0
+        })
+    ]
+}
+
+/// One to nine instances of one or two BLASes.
+fn structure() -> impl Strategy<Value = Arc<Tlas>> {
+    let blas = prop::collection::vec(data(), 1..3);
+    let places = prop::collection::vec((matrix(), any::<bool>()), 1..9);
+    (blas, places).prop_map(|(data, places)| {
+        let blas: Vec<_> = data
+            .into_iter()
+            .map(|data| Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("valid numbers"))
+            .collect();
+        let instances = places.into_iter().map(|(matrix, last)| {
+            let number = if last { blas.len() - 1 } else { 0 };
+            Instance::of(blas[number].clone(), matrix)
+        });
+        Tlas::new(instances.collect()).expect("valid instances")
+    })
+}
+
+/// A bundle of rays from one point, or rays from anywhere to anywhere.
+fn rays() -> impl Strategy<Value = Vec<Ray>> {
+    let spread = prop_oneof![Just(0.0f32), Just(0.01), Just(0.1), Just(1.0)];
+    let steps = prop::collection::vec(prop::array::uniform3(-4i32..=4), 1..130);
+    let t_max = prop_oneof![4 => Just(f32::INFINITY), 1 => Just(1.0f32)];
+    prop_oneof![
+        (point(), point(), spread, steps, t_max.clone()).prop_map(|(origin, way, spread, steps, t_max)| {
+            steps
+                .into_iter()
+                .map(|step| {
+                    let direction = std::array::from_fn(|k| way[k] + spread * step[k] as f32 * 0.25);
+                    Ray::new(origin.map(|x| x * 4.0), direction).with_interval(0.0, t_max)
+                })
+                .collect::<Vec<_>>()
+        }),
+        prop::collection::vec((point(), point()), 1..130)
+            .prop_map(move |all| { all.into_iter().map(|(origin, way)| Ray::new(origin, way)).collect() }),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1500))]
+    #[test]
+    fn each_finds_what_it_finds_alone(
+        tlas in structure(),
+        rays in rays(),
+        flags in prop_oneof![3 => Just(0), 1 => Just(16), 1 => Just(32), 1 => Just(64), 1 => Just(256)],
+    ) {
+        let trace = |ray: &Ray| TraceRay { ray: *ray, flags: RayFlags(flags), cull_mask: 0xFF, time: 0.0 };
+        check(&tlas, &rays.iter().map(trace).collect::<Vec<_>>());
+    }
+}
+
+/// 64 x 64 triangles in one plane, and a camera above.
+fn floor() -> (Arc<Tlas>, impl Fn(f32, f32) -> TraceRay) {
+    let at = |i: usize, j: usize| [i as f32 * 0.125 - 4.0, 0.0, j as f32 * 0.125 - 4.0];
+    let vertices = (0..4096).flat_map(|k| {
+        let (i, j) = (k % 64, k / 64);
+        [at(i, j), at(i + 1, j), at(i, j + 1)]
+    });
+    let data = GeometryData::Triangles { vertices: vertices.collect(), indices: None, transform: None };
+    let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("valid numbers");
+    let tlas = Tlas::new(vec![Instance::of(blas, IDENTITY)]).expect("a valid instance");
+    let trace = |x: f32, z: f32| {
+        let ray = Ray::new([0.1, 8.0, 0.1], [x, -8.0, z]);
+        TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 }
+    };
+    (tlas, trace)
+}
+
+#[test]
+fn neighbours_go_together_and_others_do_not() {
+    let (tlas, trace) = floor();
+    let mut packet = Packet::default();
+    let tile: Vec<_> =
+        (0..64).map(|k| trace((k % 8) as f32 * 0.01 + 0.1, (k / 8) as f32 * 0.01 + 0.1)).collect();
+    let mut hits = Vec::new();
+    packet.trace(&tlas, &tile, false, &mut hits);
+    assert!(hits.iter().any(Option::is_some) && packet.steps > 0, "{} steps are left", packet.steps);
+    // All of one sign, but all over the floor: the packet gives up, and the next one is not tried.
+    let apart: Vec<_> =
+        (0..64).map(|k| trace((k * 37 % 64) as f32 * 0.06, (k * 29 % 64) as f32 * 0.06)).collect();
+    packet.trace(&tlas, &apart, false, &mut hits);
+    assert_eq!((packet.steps, packet.failed, packet.apart), (0, 1, 2));
+    packet.trace(&tlas, &tile, false, &mut hits);
+    assert_eq!((packet.failed, packet.apart), (1, 1));
+    check(&tlas, &apart);
+}
+
+#[test]
+fn rays_of_other_flags_and_numbers_go_by_themselves() {
+    let (tlas, trace) = floor();
+    let mut traces: Vec<_> = (0..64).map(|k| trace(k as f32 * 0.01, 0.3)).collect();
+    traces[3].ray.origin[0] = f32::NAN;
+    traces[5].ray.direction = [0.0, -1e-30, 0.0];
+    traces[7].ray.origin = [0.0, 1e6, 0.0];
+    traces[9].ray.t_max = 1.0;
+    traces[11].ray.t_min = f32::INFINITY;
+    traces[13].ray.direction = [0.0, -1.0, -0.0];
+    check(&tlas, &traces);
+    traces[15].flags = RayFlags::CULL_OPAQUE;
+    check(&tlas, &traces);
+    traces[17].flags = RayFlags::NO_OPAQUE;
+    assert!(!Packet::default().trace(&tlas, &traces, false, &mut Vec::new()));
+}

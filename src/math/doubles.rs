@@ -1,0 +1,242 @@
+//! Four `f64` side by side: scalars, or one register of AVX where the processor has it.
+//!
+//! For bounded attempts alone: a product may go into a sum unrounded, and whether it does depends on
+//! the processor. Both keep the bounds of `error_bound`, and what is decided is decided for good.
+
+#[cfg(target_arch = "x86_64")]
+use pulp::f64x4;
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V3;
+
+use crate::math::eight::TwoFours;
+
+/// A way to operate on four numbers at once.
+pub trait Doubles: Copy {
+    /// Four numbers.
+    type Four: Copy;
+
+    /// Lane by lane, exactly.
+    fn from_f32(self, values: &[f32; 4]) -> Self::Four;
+    /// Lane by lane, to nearest even.
+    fn to_f32(self, value: Self::Four) -> [f32; 4];
+    /// The same in all lanes.
+    fn all(self, value: f64) -> Self::Four;
+    /// Sums.
+    fn sum(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    /// Differences.
+    fn difference(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    /// Products.
+    fn product(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    /// Quotients.
+    fn quotient(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    /// `a b + c`; the product may be rounded or not.
+    fn product_and(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+    /// `a b - c`; the product may be rounded or not.
+    fn product_less(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+    /// Magnitudes.
+    fn magnitude(self, a: Self::Four) -> Self::Four;
+    /// A bit for each lane in which `a` is greater; none for a NaN.
+    fn is_above(self, a: Self::Four, b: Self::Four) -> u32;
+
+    /// A bit for each lane in which `a` is greater or equal; none for a NaN.
+    fn is_at_least(self, a: Self::Four, b: Self::Four) -> u32;
+
+    /// `a - b`.
+    #[inline(always)]
+    fn vector_difference(self, a: [Self::Four; 3], b: [Self::Four; 3]) -> [Self::Four; 3] {
+        [self.difference(a[0], b[0]), self.difference(a[1], b[1]), self.difference(a[2], b[2])]
+    }
+
+    /// The scalar product.
+    #[inline(always)]
+    fn dot(self, a: [Self::Four; 3], b: [Self::Four; 3]) -> Self::Four {
+        self.product_and(a[0], b[0], self.product_and(a[1], b[1], self.product(a[2], b[2])))
+    }
+
+    /// The vector product.
+    #[inline(always)]
+    fn cross(self, a: [Self::Four; 3], b: [Self::Four; 3]) -> [Self::Four; 3] {
+        [
+            self.product_less(a[1], b[2], self.product(a[2], b[1])),
+            self.product_less(a[2], b[0], self.product(a[0], b[2])),
+            self.product_less(a[0], b[1], self.product(a[1], b[0])),
+        ]
+    }
+
+    /// The sum of the components' magnitudes.
+    #[inline(always)]
+    fn norm1(self, v: [Self::Four; 3]) -> Self::Four {
+        self.sum(self.sum(self.magnitude(v[0]), self.magnitude(v[1])), self.magnitude(v[2]))
+    }
+}
+
+/// On any machine.
+impl Doubles for TwoFours {
+    type Four = [f64; 4];
+
+    #[inline(always)]
+    fn from_f32(self, values: &[f32; 4]) -> [f64; 4] {
+        values.map(f64::from)
+    }
+
+    #[inline(always)]
+    fn to_f32(self, value: [f64; 4]) -> [f32; 4] {
+        value.map(|x| x as f32)
+    }
+
+    #[inline(always)]
+    fn all(self, value: f64) -> [f64; 4] {
+        [value; 4]
+    }
+
+    #[inline(always)]
+    fn sum(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|lane| a[lane] + b[lane])
+    }
+
+    #[inline(always)]
+    fn difference(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|lane| a[lane] - b[lane])
+    }
+
+    #[inline(always)]
+    fn product(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|lane| a[lane] * b[lane])
+    }
+
+    #[inline(always)]
+    fn quotient(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|lane| a[lane] / b[lane])
+    }
+
+    #[inline(always)]
+    fn product_and(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|lane| a[lane] * b[lane] + c[lane])
+    }
+
+    #[inline(always)]
+    fn product_less(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|lane| a[lane] * b[lane] - c[lane])
+    }
+
+    #[inline(always)]
+    fn magnitude(self, a: [f64; 4]) -> [f64; 4] {
+        a.map(f64::abs)
+    }
+
+    #[inline(always)]
+    fn is_above(self, a: [f64; 4], b: [f64; 4]) -> u32 {
+        (0..4).fold(0, |all, lane| all | u32::from(a[lane] > b[lane]) << lane)
+    }
+
+    #[inline(always)]
+    fn is_at_least(self, a: [f64; 4], b: [f64; 4]) -> u32 {
+        (0..4).fold(0, |all, lane| all | u32::from(a[lane] >= b[lane]) << lane)
+    }
+}
+
+/// One register of AVX; to be used in code that [`V3::vectorize`] compiles.
+#[cfg(target_arch = "x86_64")]
+impl Doubles for V3 {
+    type Four = f64x4;
+
+    #[inline(always)]
+    fn from_f32(self, values: &[f32; 4]) -> f64x4 {
+        self.convert_f32x4_to_f64x4(pulp::cast(*values))
+    }
+
+    #[inline(always)]
+    fn to_f32(self, value: f64x4) -> [f32; 4] {
+        pulp::cast(self.convert_f64x4_to_f32x4(value))
+    }
+
+    #[inline(always)]
+    fn all(self, value: f64) -> f64x4 {
+        self.splat_f64x4(value)
+    }
+
+    #[inline(always)]
+    fn sum(self, a: f64x4, b: f64x4) -> f64x4 {
+        pulp::cast(self.avx._mm256_add_pd(pulp::cast(a), pulp::cast(b)))
+    }
+
+    #[inline(always)]
+    fn difference(self, a: f64x4, b: f64x4) -> f64x4 {
+        pulp::cast(self.avx._mm256_sub_pd(pulp::cast(a), pulp::cast(b)))
+    }
+
+    #[inline(always)]
+    fn product(self, a: f64x4, b: f64x4) -> f64x4 {
+        pulp::cast(self.avx._mm256_mul_pd(pulp::cast(a), pulp::cast(b)))
+    }
+
+    #[inline(always)]
+    fn quotient(self, a: f64x4, b: f64x4) -> f64x4 {
+        pulp::cast(self.avx._mm256_div_pd(pulp::cast(a), pulp::cast(b)))
+    }
+
+    #[inline(always)]
+    fn product_and(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
+        self.mul_add_f64x4(a, b, c)
+    }
+
+    #[inline(always)]
+    fn product_less(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
+        self.mul_sub_f64x4(a, b, c)
+    }
+
+    #[inline(always)]
+    fn magnitude(self, a: f64x4) -> f64x4 {
+        self.abs_f64x4(a)
+    }
+
+    #[inline(always)]
+    fn is_above(self, a: f64x4, b: f64x4) -> u32 {
+        let wide = self.cmp_gt_f64x4(a, b);
+        self.avx._mm256_movemask_pd(pulp::cast(wide)) as u32
+    }
+
+    #[inline(always)]
+    fn is_at_least(self, a: f64x4, b: f64x4) -> u32 {
+        let wide = self.cmp_ge_f64x4(a, b);
+        self.avx._mm256_movemask_pd(pulp::cast(wide)) as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers whose products and sums need no rounding, so that both ways must agree with hand
+    /// arithmetic.
+    fn check<D: Doubles>(doubles: D) {
+        let a = doubles.from_f32(&[1.5, -2.0, 0.0, 1e30]);
+        let b = doubles.from_f32(&[0.5, 4.0, -0.0, f32::NAN]);
+        let c = doubles.all(-8.0);
+        let numbers = |four: D::Four| doubles.to_f32(four)[..3].to_vec();
+        assert_eq!(numbers(doubles.sum(a, b)), [2.0, 2.0, 0.0]);
+        assert_eq!(numbers(doubles.difference(a, b)), [1.0, -6.0, 0.0]);
+        assert_eq!(numbers(doubles.product(a, b)), [0.75, -8.0, 0.0]);
+        assert_eq!(numbers(doubles.quotient(a, b))[..2], [3.0, -0.5]);
+        assert_eq!(numbers(doubles.product_and(a, b, c)), [-7.25, -16.0, -8.0]);
+        assert_eq!(numbers(doubles.product_less(a, b, c)), [8.75, 0.0, 8.0]);
+        assert_eq!(numbers(doubles.magnitude(c)), [8.0; 3]);
+        assert_eq!(doubles.is_above(a, b), 0b0001);
+        assert_eq!(doubles.is_above(b, c), 0b0111);
+        // (1, 2, 3) x (4, 5, 6) = (-3, 6, -3), and their product is 32.
+        let v = [1.0, 2.0, 3.0].map(|x| doubles.all(x));
+        let w = [4.0, 5.0, 6.0].map(|x| doubles.all(x));
+        assert_eq!(doubles.cross(v, w).map(|x| doubles.to_f32(x)[3]), [-3.0, 6.0, -3.0]);
+        assert_eq!(doubles.to_f32(doubles.dot(v, w)), [32.0; 4]);
+        assert_eq!(doubles.to_f32(doubles.norm1(doubles.vector_difference(v, w))), [9.0; 4]);
+    }
+
+    #[test]
+    fn both_ways_calculate() {
+        check(TwoFours);
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = V3::try_new() {
+            check(simd);
+        }
+    }
+}
