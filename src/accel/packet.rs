@@ -207,7 +207,6 @@ impl Packet {
         true
     }
 
-    #[cold]
     fn one(&mut self, tlas: &Tlas, trace: &TraceRay, any_opaque_hit: bool) -> Option<Committed> {
         self.cursor.reset(tlas, *trace);
         if any_opaque_hit {

@@ -362,23 +362,12 @@ impl<const W: usize> Invocations<W> {
         }
     }
 
-    /// Sets `LaunchIdKHR` of the first lanes: consecutive places in a launch of a size, x fastest.
-    pub fn set_places(&mut self, first: [u32; 3], count: usize, size: [u32; 3]) {
-        self.launch_size = size;
-        let ([mut x, mut y, mut z], mut lane) = (first, 0);
-        while lane < count {
-            // As far as the line goes.
-            let run = (size[0].saturating_sub(x).max(1) as usize).min(count - lane);
-            let [xs, ys, zs] = self.launch_id.each_mut().map(|row| &mut row.0[lane..lane + run]);
-            xs.iter_mut().zip(x..).for_each(|(to, x)| *to = x);
-            ys.fill(y);
-            zs.fill(z);
-            (x, y) = (0, y + 1);
-            if y >= size[1] {
-                (y, z) = (0, z + 1);
-            }
-            lane += run;
-        }
+    /// Sets `LaunchIdKHR` of some lanes, from one on: x goes up by 1 from lane to lane.
+    pub fn set_line(&mut self, lane: usize, [x, y, z]: [u32; 3], run: usize) {
+        let [xs, ys, zs] = self.launch_id.each_mut().map(|row| &mut row.0[lane..lane + run]);
+        xs.iter_mut().zip(x..).for_each(|(to, x)| *to = x);
+        ys.fill(y);
+        zs.fill(z);
     }
 
     /// Takes the places in the launch of other invocations.

@@ -16,9 +16,9 @@ pub trait Doubles: Copy {
     type Four: Copy;
 
     /// Lane by lane, exactly.
-    fn from_f32(self, values: &[f32; 4]) -> Self::Four;
+    fn floats(self, values: &[f32; 4]) -> Self::Four;
     /// Lane by lane, to nearest even.
-    fn to_f32(self, value: Self::Four) -> [f32; 4];
+    fn to_floats(self, value: Self::Four) -> [f32; 4];
     /// The same in all lanes.
     fn all(self, value: f64) -> Self::Four;
     /// Sums.
@@ -75,12 +75,12 @@ impl Doubles for TwoFours {
     type Four = [f64; 4];
 
     #[inline(always)]
-    fn from_f32(self, values: &[f32; 4]) -> [f64; 4] {
+    fn floats(self, values: &[f32; 4]) -> [f64; 4] {
         values.map(f64::from)
     }
 
     #[inline(always)]
-    fn to_f32(self, value: [f64; 4]) -> [f32; 4] {
+    fn to_floats(self, value: [f64; 4]) -> [f32; 4] {
         value.map(|x| x as f32)
     }
 
@@ -141,12 +141,12 @@ impl Doubles for V3 {
     type Four = f64x4;
 
     #[inline(always)]
-    fn from_f32(self, values: &[f32; 4]) -> f64x4 {
+    fn floats(self, values: &[f32; 4]) -> f64x4 {
         self.convert_f32x4_to_f64x4(pulp::cast(*values))
     }
 
     #[inline(always)]
-    fn to_f32(self, value: f64x4) -> [f32; 4] {
+    fn to_floats(self, value: f64x4) -> [f32; 4] {
         pulp::cast(self.convert_f64x4_to_f32x4(value))
     }
 
@@ -210,10 +210,10 @@ mod tests {
     /// Numbers whose products and sums need no rounding, so that both ways must agree with hand
     /// arithmetic.
     fn check<D: Doubles>(doubles: D) {
-        let a = doubles.from_f32(&[1.5, -2.0, 0.0, 1e30]);
-        let b = doubles.from_f32(&[0.5, 4.0, -0.0, f32::NAN]);
+        let a = doubles.floats(&[1.5, -2.0, 0.0, 1e30]);
+        let b = doubles.floats(&[0.5, 4.0, -0.0, f32::NAN]);
         let c = doubles.all(-8.0);
-        let numbers = |four: D::Four| doubles.to_f32(four)[..3].to_vec();
+        let numbers = |four: D::Four| doubles.to_floats(four)[..3].to_vec();
         assert_eq!(numbers(doubles.sum(a, b)), [2.0, 2.0, 0.0]);
         assert_eq!(numbers(doubles.difference(a, b)), [1.0, -6.0, 0.0]);
         assert_eq!(numbers(doubles.product(a, b)), [0.75, -8.0, 0.0]);
@@ -226,9 +226,9 @@ mod tests {
         // (1, 2, 3) x (4, 5, 6) = (-3, 6, -3), and their product is 32.
         let v = [1.0, 2.0, 3.0].map(|x| doubles.all(x));
         let w = [4.0, 5.0, 6.0].map(|x| doubles.all(x));
-        assert_eq!(doubles.cross(v, w).map(|x| doubles.to_f32(x)[3]), [-3.0, 6.0, -3.0]);
-        assert_eq!(doubles.to_f32(doubles.dot(v, w)), [32.0; 4]);
-        assert_eq!(doubles.to_f32(doubles.norm1(doubles.vector_difference(v, w))), [9.0; 4]);
+        assert_eq!(doubles.cross(v, w).map(|x| doubles.to_floats(x)[3]), [-3.0, 6.0, -3.0]);
+        assert_eq!(doubles.to_floats(doubles.dot(v, w)), [32.0; 4]);
+        assert_eq!(doubles.to_floats(doubles.norm1(doubles.vector_difference(v, w))), [9.0; 4]);
     }
 
     #[test]

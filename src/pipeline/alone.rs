@@ -6,7 +6,8 @@ use crate::accel::Tlas;
 use crate::machine::Invocation;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::group::Shader;
-use crate::pipeline::launch::{Launch, RayOperands, Stats, launch_id};
+use crate::pipeline::launch::{Launch, RayOperands, Stats};
+use crate::pipeline::order::Order;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::witness::Witness;
@@ -30,8 +31,8 @@ impl Launch<'_> {
         let mut stack = Stack::<W, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
         let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
         for start in (0..count).step_by(W) {
-            let lanes = (count - start).min(W as u64) as usize;
-            stack.launch(record, launch_id(start, size), lanes, size);
+            let end = count.min(start + W as u64);
+            stack.launch(record, &Order::by_index(size), start..end);
         }
         answer(stack.trapped, stack.stats)
     }

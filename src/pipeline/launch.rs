@@ -13,6 +13,7 @@ use crate::machine::{Bindings, Observer, Reg, Registers, Resources};
 use crate::module::interface::Stage;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::Pipeline;
+use crate::pipeline::order::Order;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::trapped::Trapped;
@@ -151,18 +152,19 @@ impl Launch<'_> {
         let size_of_task = task_size(count);
         let tasks = 0..count.div_ceil(size_of_task);
         let range = |task: u64| task * size_of_task..count.min((task + 1) * size_of_task);
+        let by_index = Order::by_index(size);
         let mut all = Done::default();
         let ordered = self.pipeline.order_dependent();
         if ordered || self.pipeline.shared_memory(size, self.resources).is_some() {
             // The same schedule for every width of a batch: one after the other, or 64 together.
             for task in tasks {
                 let result = match self.pipeline.whole_subgroups() {
-                    Some(65..) => self.task::<128>(&bindings, record, range(task), size),
-                    None if ordered => self.task::<1>(&bindings, record, range(task), size),
-                    _ => self.task::<64>(&bindings, record, range(task), size),
+                    Some(65..) => self.task::<128>(&bindings, record, range(task), &by_index),
+                    None if ordered => self.task::<1>(&bindings, record, range(task), &by_index),
+                    _ => self.task::<64>(&bindings, record, range(task), &by_index),
                 };
                 done(range(task).end - range(task).start);
-                all = all.and(Done::of(task, result));
+                all = all.and(Done::of(&by_index, result));
                 if all.trapped.is_some() {
                     break;
                 }
@@ -170,21 +172,23 @@ impl Launch<'_> {
         } else {
             // Beyond a trap with a lower launch index nothing can change the answer.
             let trapped_at = AtomicU64::new(u64::MAX);
+            let subgroups = self.pipeline.whole_subgroups();
+            let order = if subgroups.is_some() { by_index } else { Order::by_tiles(size) };
             let run = |task| {
                 let range = range(task);
-                if trapped_at.load(Relaxed) < range.start {
+                if trapped_at.load(Relaxed) < order.least_number(&range) {
                     return Done::default();
                 }
-                let result = match self.pipeline.whole_subgroups() {
-                    Some(..=64) => self.task::<64>(&bindings, record, range.clone(), size),
-                    Some(_) => self.task::<128>(&bindings, record, range.clone(), size),
-                    None => self.task::<W>(&bindings, record, range.clone(), size),
+                let result = match subgroups {
+                    Some(..=64) => self.task::<64>(&bindings, record, range.clone(), &order),
+                    Some(_) => self.task::<128>(&bindings, record, range.clone(), &order),
+                    None => self.task::<W>(&bindings, record, range.clone(), &order),
                 };
-                if result.1.is_some() {
-                    trapped_at.fetch_min(range.start, Relaxed);
+                if let Some(trapped) = &result.1 {
+                    trapped_at.fetch_min(order.number(trapped.launch_id), Relaxed);
                 }
                 done(range.end - range.start);
-                Done::of(task, result)
+                Done::of(&order, result)
             };
             // One task needs no threads: starting them would take longer.
             all = match tasks.end {
@@ -198,26 +202,25 @@ impl Launch<'_> {
         }
     }
 
-    /// Runs a stretch of launch indices.
+    /// Runs the invocations at a stretch of positions.
     fn task<const W: usize>(
         &self,
         bindings: &[Bindings],
         record: &Record,
         range: Range<u64>,
-        size: [u32; 3],
+        order: &Order,
     ) -> (Stats, Option<Trapped>)
     where
         Row: Width<W>,
     {
-        self.watched_task::<W, _, _>(bindings, record, range, size, (&mut (), &mut ()))
+        self.watched_task::<W, _, _>(bindings, record, (range, order), (&mut (), &mut ()))
     }
 
     fn watched_task<const W: usize, T: Witness, O: Observer<W>>(
         &self,
         bindings: &[Bindings],
         record: &Record,
-        range: Range<u64>,
-        size: [u32; 3],
+        (range, order): (Range<u64>, &Order),
         (witness, observer): (&mut T, &mut O),
     ) -> (Stats, Option<Trapped>)
     where
@@ -225,8 +228,7 @@ impl Launch<'_> {
     {
         let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, witness, observer);
         for start in range.clone().step_by(W) {
-            let lanes = (range.end - start).min(W as u64) as usize;
-            stack.launch(record, launch_id(start, size), lanes, size);
+            stack.launch(record, order, start..range.end.min(start + W as u64));
         }
         (stack.stats, stack.trapped)
     }
@@ -275,6 +277,7 @@ impl Launch<'_> {
             return self.run::<64>(size, &|_| ());
         }
         let one = self.pipeline.order_dependent() && subgroups.is_none();
+        let order = Order::by_index(size);
         let mut stats = Stats::default();
         let size_of_task = task_size(count);
         for task in 0..count.div_ceil(size_of_task) {
@@ -282,11 +285,11 @@ impl Launch<'_> {
             let (done, trapped) = match one {
                 true => {
                     let mut observer: &mut dyn Observer<1> = &mut *observer;
-                    self.watched_task(&bindings, record, range, size, (&mut witness, &mut observer))
+                    self.watched_task(&bindings, record, (range, &order), (&mut witness, &mut observer))
                 }
                 false => {
                     let mut observer: &mut dyn Observer<64> = &mut *observer;
-                    self.watched_task(&bindings, record, range, size, (&mut witness, &mut observer))
+                    self.watched_task(&bindings, record, (range, &order), (&mut witness, &mut observer))
                 }
             };
             if let Some(trapped) = trapped {
@@ -319,7 +322,9 @@ impl Launch<'_> {
         }
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, witness, observer);
-        stack.launch(record, id, 1, size);
+        let order = Order::by_index(size);
+        let position = order.number(id);
+        stack.launch(record, &order, position..position + 1);
         match stack.trapped {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),
@@ -345,7 +350,7 @@ impl Launch<'_> {
         let subgroup = u64::from(self.pipeline.subgroup_size);
         let first = ((z * height + y) * width + x) / subgroup * subgroup;
         let end = (width * height * depth).min(first + subgroup);
-        stack.launch(record, launch_id(first, size), (end - first) as usize, size);
+        stack.launch(record, &Order::by_index(size), first..end);
         match stack.trapped {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),
@@ -399,23 +404,17 @@ impl Launch<'_> {
 #[derive(Default)]
 struct Done {
     stats: Stats,
-    /// The trap of the first task that has one, with its number.
+    /// The trap of the lowest launch index, with that index' number.
     trapped: Option<(u64, Trapped)>,
 }
 
 impl Done {
-    fn of(task: u64, (stats, trapped): (Stats, Option<Trapped>)) -> Self {
-        Self { stats, trapped: trapped.map(|trapped| (task, trapped)) }
+    fn of(order: &Order, (stats, trapped): (Stats, Option<Trapped>)) -> Self {
+        Self { stats, trapped: trapped.map(|trapped| (order.number(trapped.launch_id), trapped)) }
     }
 
     fn and(self, other: Self) -> Self {
-        let trapped = self.trapped.into_iter().chain(other.trapped).min_by_key(|(task, _)| *task);
+        let trapped = self.trapped.into_iter().chain(other.trapped).min_by_key(|(number, _)| *number);
         Self { stats: self.stats.plus(&other.stats), trapped }
     }
-}
-
-/// The launch index at a position, x fastest.
-pub(super) fn launch_id(index: u64, size: [u32; 3]) -> [u32; 3] {
-    let (width, height) = (u64::from(size[0]), u64::from(size[1]));
-    [(index % width) as u32, (index / width % height) as u32, (index / width / height) as u32]
 }

@@ -12,6 +12,7 @@ mod flags;
 pub mod group;
 mod hit_object;
 pub mod launch;
+mod order;
 mod plain;
 mod report;
 pub mod sbt;

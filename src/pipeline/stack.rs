@@ -1,5 +1,6 @@
 //! The stack: shaders that run or wait, and between them what they wait for.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
@@ -16,6 +17,7 @@ use crate::ops::row::{Row, Width};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{RayOperands, Stats};
+use crate::pipeline::order::Order;
 use crate::pipeline::report::Report;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::trace::{Data, Trace, Waiting, at, general};
@@ -153,13 +155,19 @@ where
         }
     }
 
-    /// Runs the ray generation shader for some invocations with consecutive launch indices.
-    pub fn launch(&mut self, record: &Record, first: [u32; 3], count: usize, launch_size: [u32; 3]) {
+    /// Runs the ray generation shader for the invocations at some positions of a launch's order.
+    pub fn launch(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
+        let count = (positions.end - positions.start) as usize;
         let Some(shader) = general(self.pipeline, record) else { return };
         let mut running = self.ready(shader, Role::RayGeneration);
         let record = record.shader_record();
         let invocations = &mut running.batch.invocations;
-        invocations.set_places(first, count, launch_size);
+        invocations.launch_size = order.size();
+        let mut lane = 0;
+        for (first, run) in order.lines(positions) {
+            invocations.set_line(lane, first, run);
+            lane += run;
+        }
         (0..count).for_each(|lane| invocations.set_record(lane, record.as_ref()));
         begin(self.pipeline, &mut running, Mask::first(count));
         self.push(running);

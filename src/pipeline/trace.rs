@@ -18,7 +18,7 @@ use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
 use crate::pipeline::launch::Stats;
-use crate::pipeline::plain::{PlainRay, PlainRays};
+use crate::pipeline::plain::PlainRays;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::Role;
 use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
@@ -286,26 +286,32 @@ impl<const W: usize> Trace<W> {
         let only_whether = RayFlags(RayFlags::TERMINATE_ON_FIRST_HIT.0 | RayFlags::SKIP_CLOSEST_HIT_SHADER.0);
         let unseen = self.shades && self.caller.is_some();
         let tlas = &self.structures.all()[number];
-        let mut decided = None;
-        let mut plain = Mask::NONE;
-        self.plain.rays.clear();
-        for lane in through.lanes() {
-            let trace = self.traversal(lane);
-            if decided.is_none_or(|(flags, _)| flags != trace.flags) {
-                decided = Some((trace.flags, tlas.is_decided_without_shaders(trace.flags)));
+        let mut rest = through;
+        while let Some(first) = rest.lanes().next() {
+            let flags = self.traversal(first).flags;
+            let mut alike = Mask::NONE;
+            self.plain.rays.clear();
+            for lane in rest.lanes() {
+                let ray = self.traversal(lane);
+                if ray.flags == flags {
+                    self.plain.rays.push(ray);
+                    alike = alike | Mask::lane(lane);
+                }
             }
-            if let Some((_, true)) = decided {
-                let any_will_do = unseen && trace.flags.contains(only_whether);
-                self.stats.spared.occlusion += u64::from(any_will_do);
-                self.plain.rays.push(PlainRay { trace, any_will_do });
-                plain = plain | Mask::lane(lane);
+            rest = rest.without(alike);
+            if !tlas.is_decided_without_shaders(flags) {
+                continue;
             }
+            let any_will_do = unseen && flags.contains(only_whether);
+            if any_will_do {
+                self.stats.spared.occlusion += self.plain.rays.len() as u64;
+            }
+            self.plain.trace(tlas, any_will_do);
+            for (lane, hit) in alike.lanes().zip(&self.plain.hits) {
+                self.committed[lane] = *hit;
+            }
+            self.traversing = self.traversing.without(alike);
         }
-        self.plain.trace(tlas);
-        for (lane, hit) in plain.lanes().zip(&self.plain.hits) {
-            self.committed[lane] = *hit;
-        }
-        self.traversing = self.traversing.without(plain);
     }
 
     /// Lets each ray go on to its next candidate that a shader decides.

@@ -175,6 +175,7 @@ impl Rows {
             return 0;
         }
         let (one, scale) = (eights.splat(1.0), eights.splat(scale));
+        let rows = [0, 1, 2].map(|axis| columns.map(|column| column[axis]));
         let mut fit = 0;
         self.downwards = [0; 3];
         for at in eights_of(which) {
@@ -184,8 +185,7 @@ impl Rows {
                 along[k] = rays.direction[k].load(eights, at);
             }
             let mut fits = 0xFF;
-            for axis in 0..3 {
-                let row = [columns[0][axis], columns[1][axis], columns[2][axis]];
+            for (axis, row) in rows.into_iter().enumerate() {
                 let (origin, origin_error) = rough_component(eights, row, offset);
                 let (direction, direction_error) = rough_component(eights, row, along);
                 let origin_error = eights.add(origin_error, eights.splat(ROUGH_UNDERFLOW));
@@ -274,17 +274,16 @@ impl Rows {
         limits: &Row,
     ) -> u64 {
         let mut planes = [[eights.splat(0.0); 2]; 3];
-        for axis in 0..3 {
+        for (axis, planes) in planes.iter_mut().enumerate() {
             let side = group.near_side[axis] & 1;
-            planes[axis] =
+            *planes =
                 [eights.splat(node.plane(axis, side, slot)), eights.splat(node.plane(axis, side ^ 1, slot))];
         }
         let mut met = 0;
         for at in eights_of(group.rays) {
             let mut near = rays.t_min.load(eights, at);
             let mut far = limits.load(eights, at);
-            for axis in 0..3 {
-                let [first, last] = planes[axis];
+            for (axis, [first, last]) in planes.into_iter().enumerate() {
                 let enter = eights.sub(first, self.near_origin[axis].load(eights, at));
                 let leave = eights.sub(last, self.far_origin[axis].load(eights, at));
                 let slow = self.near_reciprocal[axis].load(eights, at);

@@ -83,9 +83,9 @@ impl FourTested {
         let within = doubles.is_above(t.below, t_min) & doubles.is_above(t_max, t.above);
         let (known, rounded) = t.rounded(doubles);
         let mut beyond = 0;
-        for lane in 0..4 {
+        for (lane, &t) in rounded.iter().enumerate() {
             // A t that rounds to infinity is none.
-            let leave_out = known >> lane & 1 != 0 && (rounded[lane] > limit || rounded[lane].is_infinite());
+            let leave_out = known >> lane & 1 != 0 && (t > limit || t.is_infinite());
             beyond |= u32::from(leave_out) << lane;
         }
         let left = inside & !(outside | within & beyond);
@@ -123,7 +123,7 @@ impl FourTested {
 
 #[inline(always)]
 fn point<D: Doubles>(doubles: D, rows: &[[f32; 4]; 3]) -> [D::Four; 3] {
-    [doubles.from_f32(&rows[0]), doubles.from_f32(&rows[1]), doubles.from_f32(&rows[2])]
+    [doubles.floats(&rows[0]), doubles.floats(&rows[1]), doubles.floats(&rows[2])]
 }
 
 #[inline(always)]
@@ -201,7 +201,7 @@ impl<D: Doubles> Ends<D> {
     /// A bit for each lane where both ends round to one `f32`, and those.
     #[inline(always)]
     fn rounded(&self, doubles: D) -> (u32, [f32; 4]) {
-        let (first, last) = (doubles.to_f32(self.below), doubles.to_f32(self.above));
+        let (first, last) = (doubles.to_floats(self.below), doubles.to_floats(self.above));
         let mut known = 0;
         let mut rounded = [0.0; 4];
         for lane in 0..4 {

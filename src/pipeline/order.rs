@@ -1,0 +1,130 @@
+//! In which order the invocations of a launch run.
+
+use std::ops::Range;
+
+/// How wide and high a tile is.
+const SIDE: u64 = 8;
+
+/// An order of the launch indices of a grid: each has a position.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Order {
+    size: [u64; 3],
+    tiled: bool,
+}
+
+impl Order {
+    /// That of launch indices, x fastest: for shaders that can tell.
+    pub fn by_index(size: [u32; 3]) -> Self {
+        Self { size: size.map(u64::from), tiled: false }
+    }
+
+    /// By tiles of 8 x 8 invocations, row after row of them, so that a batch of 64 is a tile: their rays go
+    /// alike more often than those of 64 in a row.
+    pub fn by_tiles(size: [u32; 3]) -> Self {
+        Self { tiled: true, ..Self::by_index(size) }
+    }
+
+    /// The launch index at a position.
+    pub fn launch_id(&self, position: u64) -> [u32; 3] {
+        let [width, height, _] = self.size;
+        let (z, within) = (position / (width * height), position % (width * height));
+        let (x, y) = match self.tiled {
+            false => (within % width, within / width),
+            true => {
+                let band = within / (width * SIDE);
+                let rows = SIDE.min(height - band * SIDE);
+                let within = within - band * width * SIDE;
+                let tile = within / (SIDE * rows);
+                let columns = SIDE.min(width - tile * SIDE);
+                let within = within - tile * SIDE * rows;
+                (tile * SIDE + within % columns, band * SIDE + within / columns)
+            }
+        };
+        [x as u32, y as u32, z as u32]
+    }
+
+    /// How large the grid is.
+    pub fn size(&self) -> [u32; 3] {
+        self.size.map(|side| side as u32)
+    }
+
+    /// The launch indices at some positions: where x goes up by 1 from each to the next, the first of them and
+    /// how many there are.
+    pub fn lines(&self, positions: Range<u64>) -> impl Iterator<Item = ([u32; 3], usize)> {
+        let (order, Range { mut start, end }) = (*self, positions);
+        std::iter::from_fn(move || {
+            let first = order.launch_id(start);
+            let x = u64::from(first[0]);
+            let stop = if order.tiled { (x / SIDE + 1) * SIDE } else { u64::MAX };
+            let run = (stop.min(order.size[0]) - x).min(end - start);
+            start += run;
+            (run > 0).then_some((first, run as usize))
+        })
+    }
+
+    /// The number that a launch index has where x goes fastest.
+    pub fn number(&self, id: [u32; 3]) -> u64 {
+        let [x, y, z] = id.map(u64::from);
+        (z * self.size[1] + y) * self.size[0] + x
+    }
+
+    /// A number (as above) that no index at these positions or behind them lies below.
+    pub fn least_number(&self, positions: &Range<u64>) -> u64 {
+        if !self.tiled {
+            return positions.start;
+        }
+        let [width, height, _] = self.size;
+        let slice = positions.start / (width * height) * (width * height);
+        slice + (positions.start - slice) / (width * SIDE) * (width * SIDE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_index_has_one_position() {
+        for size in [[1, 1, 1], [8, 8, 1], [64, 1, 1], [1, 64, 1], [13, 21, 1], [16, 9, 3], [7, 17, 2]] {
+            let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
+            for order in [Order::by_index(size), Order::by_tiles(size)] {
+                let mut numbers: Vec<u64> = (0..count).map(|at| order.number(order.launch_id(at))).collect();
+                for start in 0..count {
+                    let least = numbers[start as usize..].iter().min().copied();
+                    assert!(least >= Some(order.least_number(&(start..count))), "{size:?} {start}");
+                }
+                numbers.sort_unstable();
+                assert!(numbers.into_iter().eq(0..count), "{size:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn lines_are_launch_indices() {
+        for size in [[13, 21, 1], [16, 9, 3], [64, 2, 1], [3, 3, 3]] {
+            let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
+            for order in [Order::by_index(size), Order::by_tiles(size)] {
+                for positions in [0..count, 1..count - 1, 5..7, 4..4] {
+                    let ids = positions.clone().map(|at| order.launch_id(at));
+                    let lines = order
+                        .lines(positions)
+                        .flat_map(|([x, y, z], run)| (x..x + run as u32).map(move |x| [x, y, z]));
+                    assert!(lines.eq(ids), "{size:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_batch_is_a_tile() {
+        let order = Order::by_tiles([20, 16, 1]);
+        let tile = |first: u64| (first..first + 64).map(|at| order.launch_id(at)).collect::<Vec<_>>();
+        let wanted = |x: u32, y: u32| (0..64).map(|at| [x + at % 8, y + at / 8, 0]).collect::<Vec<_>>();
+        assert_eq!(tile(0), wanted(0, 0));
+        assert_eq!(tile(64), wanted(8, 0));
+        // The third tile of each row is 4 wide.
+        assert_eq!(order.launch_id(128), [16, 0, 0]);
+        assert_eq!(order.launch_id(132), [16, 1, 0]);
+        assert_eq!(tile(160), wanted(0, 8));
+    }
+}
