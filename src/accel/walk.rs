@@ -176,7 +176,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     #[inline(always)]
     fn run<E: Eights + Doubles>(mut self, eights: E) -> bool {
         if self.start {
-            self.begin();
+            self.begin(eights);
         }
         loop {
             if !PLAIN && self.is_turn() {
@@ -208,12 +208,12 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
 
     /// Puts the root on the stack; a lone instance is entered at once.
     #[inline(always)]
-    fn begin(&mut self) {
+    fn begin<E: Eights + Doubles>(&mut self, eights: E) {
         self.walk.stack.clear();
         self.walk.in_level = false;
         let count = self.tlas.instances().len();
         if count == 1 {
-            self.reach(0);
+            self.reach(eights, 0);
         } else if count > 1 && self.trace.ray.is_finite() {
             self.begin_in_world(count);
         }
@@ -242,7 +242,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     }
 
     #[inline(always)]
-    fn step_in_world<E: Eights>(&mut self, eights: E, open: Open) {
+    fn step_in_world<E: Eights + Doubles>(&mut self, eights: E, open: Open) {
         let Walk { stack, world, .. } = &mut *self.walk;
         let child = open.child();
         match (child.count(), self.tlas.tree()) {
@@ -255,7 +255,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
                 }
             }
             (1, tree) => {
-                self.reach(tree.map_or(child.index() as u32, |(_, order)| order[child.index()]));
+                self.reach(eights, tree.map_or(child.index() as u32, |(_, order)| order[child.index()]));
             }
             _ => {
                 // The lowest place is looked at first.
@@ -267,15 +267,15 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     }
 
     #[inline(always)]
-    fn reach(&mut self, number: u32) {
-        let verdict = self.enter(number);
+    fn reach<D: Doubles>(&mut self, doubles: D, number: u32) {
+        let verdict = self.enter(doubles, number);
         self.visit.instance(number, verdict);
     }
 
     /// Goes into an instance: its primitives are tested at once where they are few, otherwise the
     /// root of its tree comes on the stack.
     #[inline(always)]
-    fn enter(&mut self, number: u32) -> InstanceVerdict {
+    fn enter<D: Doubles>(&mut self, doubles: D, number: u32) -> InstanceVerdict {
         let instance = &self.tlas.instances()[number as usize];
         if !is_visible(instance.mask, self.trace.cull_mask) {
             return InstanceVerdict::Masked;
@@ -290,7 +290,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             return InstanceVerdict::Missed;
         }
         let Some(tree) = body.tree() else {
-            self.test_all(body);
+            self.test_all(doubles, body);
             return InstanceVerdict::Entered;
         };
         if V::REASONS
@@ -344,13 +344,13 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     }
 
     /// Tests the primitives of an instance without a tree.
-    #[inline(never)]
-    fn test_all(&mut self, body: &Body) {
+    #[inline(always)]
+    fn test_all<D: Doubles>(&mut self, doubles: D, body: &Body) {
         let mut leaves = body.leaves();
         let Some(first) = leaves.next() else { return };
         // Nothing pays for a ray that is ready for blocks where there is but one.
         let met = if body.tests_leaves(self.tlas.precision()) {
-            self.met(TwoFours, body, first)
+            self.met(doubles, body, first)
         } else {
             body.every(first)
         };
@@ -359,7 +359,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             if self.hits.is_enough() {
                 break;
             }
-            let met = self.met(TwoFours, body, leaf);
+            let met = self.met(doubles, body, leaf);
             self.test(body, leaf, met);
         }
     }
