@@ -26,6 +26,69 @@ pub(crate) struct Opcode {
     /// Whether it has a result id (behind the result type, where there is one).
     pub(crate) has_result: bool,
     operands: &'static [LogicalOperand],
+    plain: Plain,
+}
+
+/// The operands of an opcode, behind its result, that take a word each (or two) and bring nothing along.
+#[derive(Clone, Copy)]
+struct Plain {
+    /// So many stand first and once.
+    leading: usize,
+    /// Whether there may be no more.
+    ends: bool,
+    /// What may follow them as often as one likes, and behind that nothing: its kind, and how many words
+    /// of that kind come together.
+    repeated: Option<(OperandKind, usize)>,
+}
+
+impl Plain {
+    fn of(operands: &[LogicalOperand]) -> Self {
+        let once = |operand: &&LogicalOperand| {
+            operand.quantifier == OperandQuantifier::One && is_plain(operand.kind)
+        };
+        let leading = operands.iter().take_while(once).count();
+        let rest = &operands[leading..];
+        let ends = rest.iter().all(|operand| operand.quantifier != OperandQuantifier::One);
+        let repeated = match rest {
+            [LogicalOperand { kind, quantifier: OperandQuantifier::ZeroOrMore }] => match kind {
+                OperandKind::PairIdRefIdRef => Some((OperandKind::IdRef, 2)),
+                kind if is_plain(*kind) => Some((*kind, 1)),
+                _ => None,
+            },
+            _ => None,
+        };
+        Self { leading, ends, repeated }
+    }
+
+    /// Whether so many words are as many such operands.
+    fn fits(&self, words: usize) -> bool {
+        match words.checked_sub(self.leading) {
+            None => false,
+            Some(0) => self.ends,
+            Some(more) => self.repeated.is_some_and(|(_, together)| more % together == 0),
+        }
+    }
+}
+
+/// Whether operands of a kind are one word and bring nothing along.
+fn is_plain(kind: OperandKind) -> bool {
+    use OperandKind as K;
+    !matches!(
+        kind,
+        K::PairIdRefIdRef
+            | K::PairIdRefLiteralInteger
+            | K::PairLiteralIntegerIdRef
+            | K::LiteralContextDependentNumber
+            | K::LiteralString
+            | K::LiteralSpecConstantOpInteger
+            | K::Decoration
+            | K::ExecutionMode
+            | K::ImageOperands
+            | K::LoopControl
+            | K::MemoryAccess
+            | K::TensorAddressingOperands
+            | K::TensorOperands
+    )
 }
 
 impl Opcode {
@@ -51,12 +114,14 @@ pub(crate) fn opcode(number: u16) -> Option<&'static Opcode> {
             }
             let kind = |index: usize| entry.operands.get(index).map(|operand| operand.kind);
             let has_type = kind(0) == Some(OperandKind::IdResultType);
+            let has_result = kind(usize::from(has_type)) == Some(OperandKind::IdResult);
             table[number] = Some(Opcode {
                 op: entry.opcode,
                 name: entry.opname,
                 has_type,
-                has_result: kind(usize::from(has_type)) == Some(OperandKind::IdResult),
+                has_result,
                 operands: entry.operands,
+                plain: Plain::of(&entry.operands[usize::from(has_type) + usize::from(has_result)..]),
             });
         }
         table
@@ -84,6 +149,19 @@ pub(crate) fn walk(
     visit: &mut dyn FnMut(usize, OperandKind) -> Result<()>,
 ) -> Result<()> {
     let Some(opcode) = opcode(span.opcode) else { return Ok(()) };
+    let first = span.start + 1 + opcode.result_words();
+    // Most instructions: nothing has to be asked of their words.
+    if opcode.plain.fits(span.end.wrapping_sub(first)) && first <= span.end {
+        let Plain { leading, repeated, .. } = opcode.plain;
+        let operands = &opcode.operands[opcode.result_words()..][..leading];
+        for (at, operand) in (first..).zip(operands) {
+            visit(at, operand.kind)?;
+        }
+        return match repeated {
+            Some((kind, _)) => (first + leading..span.end).try_for_each(|at| visit(at, kind)),
+            None => Ok(()),
+        };
+    }
     let mut cursor = Cursor { words, span, at: span.start + 1, literal_words, visit };
     for _ in 0..opcode.result_words() {
         cursor.take("its result")?;

@@ -124,6 +124,12 @@ impl Module {
         for function in self.call_tree(entry_point.function) {
             let blocks = &self.functions[function as usize].blocks;
             for instruction in blocks.iter().flat_map(|block| &block.instructions) {
+                // Most name none, whichever of their words are ids.
+                let names_one =
+                    |&word: &u32| matches!(self.definition(Id(word)), Some(Definition::Variable(_)));
+                if !self.operands(instruction).iter().any(names_one) {
+                    continue;
+                }
                 if opcode(instruction.opcode).is_some() {
                     self.operand_ids(instruction).into_iter().for_each(&mut mark);
                 } else {

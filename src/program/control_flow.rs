@@ -1,8 +1,9 @@
 //! The order of a function's blocks, and which values outlive the loop that makes them.
 
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::FxHashSet;
+use smallvec::SmallVec;
 
-use crate::module::{Function, Id, Module};
+use crate::module::{Definition, Function, Id, Module};
 
 /// Opcodes that this file looks at.
 const LOOP_MERGE: u16 = 246;
@@ -16,14 +17,12 @@ const PHI: u16 = 245;
 /// It is the reverse postorder of a walk that visits merge block and continue target before the
 /// other successors.
 pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
-    let positions: FxHashMap<Id, usize> =
-        function.blocks.iter().enumerate().map(|(at, block)| (block.label, at)).collect();
     let mut seen = vec![false; function.blocks.len()];
     let mut order = Vec::with_capacity(function.blocks.len());
     let mut stack = Vec::new();
     if !function.blocks.is_empty() {
         seen[0] = true;
-        stack.push((0, successors(module, function, 0, &positions), 0));
+        stack.push((0, successors(module, function, 0), 0));
     }
     while let Some((block, next, at)) = stack.last_mut() {
         match next.get(*at).copied() {
@@ -31,7 +30,7 @@ pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
                 *at += 1;
                 if !seen[successor] {
                     seen[successor] = true;
-                    stack.push((successor, successors(module, function, successor, &positions), 0));
+                    stack.push((successor, successors(module, function, successor), 0));
                 }
             }
             None => {
@@ -46,14 +45,9 @@ pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
 
 /// Merge block and continue target first, then the targets, the last of them first, so that they
 /// come out in the order in which they are written.
-fn successors(
-    module: &Module,
-    function: &Function,
-    block: usize,
-    positions: &FxHashMap<Id, usize>,
-) -> Vec<usize> {
+fn successors(module: &Module, function: &Function, block: usize) -> SmallVec<[usize; 4]> {
     let instructions = &function.blocks[block].instructions;
-    let mut ids = Vec::new();
+    let mut ids = SmallVec::<[Id; 4]>::new();
     for instruction in instructions.iter().rev().take(2) {
         let operands = module.operands(instruction);
         match instruction.opcode {
@@ -65,7 +59,15 @@ fn successors(
     if let Some(terminator) = instructions.last() {
         ids.extend(module.branch_targets(terminator).into_iter().rev());
     }
-    ids.into_iter().filter_map(|id| positions.get(&id).copied()).collect()
+    ids.into_iter().filter_map(|id| block_of(module, function, id)).collect()
+}
+
+/// The block of a function that a label opens.
+pub fn block_of(module: &Module, function: &Function, label: Id) -> Option<usize> {
+    let Some(Definition::Label(_, block)) = module.definition(label) else { return None };
+    // Labels of other functions are no blocks of this one.
+    function.blocks.get(block as usize).filter(|block| block.label == label)?;
+    Some(block as usize)
 }
 
 /// Values that are used after the loop in which they are made.
@@ -77,8 +79,7 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
     for (position, &block) in order.iter().enumerate() {
         place[block] = position;
     }
-    let positions: FxHashMap<Id, usize> =
-        function.blocks.iter().enumerate().map(|(at, block)| (block.label, place[at])).collect();
+    let position_of = |label: Id| block_of(module, function, label).map(|block| place[block]);
     // The loop around each position, innermost: its end. Loops nest, so a stack serves.
     let mut loop_end = vec![usize::MAX; order.len()];
     let mut open: Vec<usize> = Vec::new();
@@ -86,42 +87,41 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
         open.retain(|&end| position < end);
         let merge = function.blocks[block].instructions.iter().rev().nth(1);
         if let Some(merge) = merge.filter(|merge| merge.opcode == LOOP_MERGE) {
-            let end = module.operands(merge).first().and_then(|&id| positions.get(&Id(id)).copied());
+            let end = module.operands(merge).first().and_then(|&id| position_of(Id(id)));
             // A merge block that is never reached stands nowhere: the loop then ends with the rest.
             let end = end.filter(|&end| end > position && end != usize::MAX).unwrap_or(order.len());
             open.push(end);
         }
         loop_end[position] = open.iter().copied().min().unwrap_or(usize::MAX);
     }
-    let mut made: FxHashMap<Id, usize> = FxHashMap::default();
-    for (position, &block) in order.iter().enumerate() {
+    let mut escaping = FxHashSet::default();
+    // What is used before any loop ends escapes none.
+    let Some(&first_end) = loop_end.iter().min().filter(|&&end| end != usize::MAX) else { return escaping };
+    let this = module.definition(function.id);
+    let escapes = |id: Id, position: usize| {
+        matches!(module.definition(id), Some(Definition::Result(index, block, _))
+            if this == Some(Definition::Function(index))
+                && loop_end.get(place[block as usize]).is_some_and(|&end| position >= end))
+    };
+    for (position, &block) in order.iter().enumerate().skip(first_end) {
         for instruction in &function.blocks[block].instructions {
-            if let Some(result) = instruction.result {
-                made.insert(result, position);
+            // Most use none, whichever of their words are ids.
+            let may = |&word: &u32| escapes(Id(word), position);
+            if instruction.opcode != PHI && module.operands(instruction).iter().any(may) {
+                let ids = module.operand_ids(instruction).into_iter();
+                escaping.extend(ids.filter(|&id| escapes(id, position)));
             }
         }
     }
-    let mut escaping = FxHashSet::default();
-    let mut used = |id: Id, position: usize| {
-        if let Some(&at) = made.get(&id)
-            && position >= loop_end[at]
-        {
-            escaping.insert(id);
-        }
-    };
-    for (position, &block) in order.iter().enumerate() {
-        for instruction in &function.blocks[block].instructions {
-            if instruction.opcode == PHI {
-                // A phi reads at the end of the block that its value comes from.
-                for pair in module.operands(instruction).chunks_exact(2) {
-                    if let Some(&from) = positions.get(&Id(pair[1])) {
-                        used(Id(pair[0]), from);
-                    }
+    for &block in order {
+        let phis = function.blocks[block].instructions.iter();
+        for phi in phis.filter(|instruction| instruction.opcode == PHI) {
+            // A phi reads at the end of the block that its value comes from.
+            for pair in module.operands(phi).chunks_exact(2) {
+                let from = position_of(Id(pair[1])).filter(|&from| from != usize::MAX);
+                if from.is_some_and(|from| escapes(Id(pair[0]), from)) {
+                    escaping.insert(Id(pair[0]));
                 }
-                continue;
-            }
-            for id in module.operand_ids(instruction) {
-                used(id, position);
             }
         }
     }

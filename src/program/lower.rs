@@ -84,8 +84,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
     let mut lowering = Lowering {
         decoder: Decoder::new(module, entry.stage),
         module,
-        labels: 0,
-        placed: FxHashMap::default(),
+        placed: Vec::new(),
         blocks: Vec::new(),
         stretches: Vec::new(),
         first: 0,
@@ -159,9 +158,8 @@ struct Standing {
 struct Lowering<'m> {
     decoder: Decoder<'m>,
     module: &'m Module,
-    labels: u32,
-    /// Where each label was placed.
-    placed: FxHashMap<u32, u32>,
+    /// By label: where it was placed.
+    placed: Vec<u32>,
     blocks: Vec<Block>,
     stretches: Vec<Stretch>,
     /// The first operation of the open block.
@@ -176,13 +174,13 @@ struct Lowering<'m> {
 
 impl<'m> Lowering<'m> {
     fn label(&mut self) -> u32 {
-        self.labels += 1;
-        self.labels
+        self.placed.push(u32::MAX);
+        self.placed.len() as u32 - 1
     }
 
     /// Opens a block under a label.
     fn begin(&mut self, label: u32) {
-        self.placed.insert(label, self.blocks.len() as u32);
+        self.placed[label as usize] = self.blocks.len() as u32;
         self.first = self.decoder.ops.len() as u32;
         self.decoder.forget();
     }
@@ -227,8 +225,8 @@ impl<'m> Lowering<'m> {
             )));
         }
         let escaping = escaping_values(module, function, &order);
-        let labels: FxHashMap<Id, (u32, usize)> =
-            order.iter().map(|&block| (function.blocks[block].label, (self.label(), block))).collect();
+        let mut labels = vec![None; function.blocks.len()];
+        order.iter().for_each(|&block| labels[block] = Some(self.label()));
         for &block in &order {
             for instruction in &function.blocks[block].instructions {
                 if instruction.opcode == opcode::PHI {
@@ -241,11 +239,11 @@ impl<'m> Lowering<'m> {
             }
         }
         for (position, &block) in order.iter().enumerate() {
+            let label = labels[block].expect("bug in anyhit: a block without a label");
             let block = &function.blocks[block];
-            let (label, _) = labels[&block.label];
             if position == 0 {
                 // The function's first block goes on in the block that is open.
-                self.placed.insert(label, self.blocks.len() as u32);
+                self.placed[label as usize] = self.blocks.len() as u32;
             } else {
                 self.begin(label);
             }
@@ -368,7 +366,7 @@ impl<'m> Lowering<'m> {
     }
 
     fn finish(self, module: &Arc<Module>, entry: &EntryPoint, workgroup: Option<WorkgroupLayout>) -> Program {
-        let place = |label: &mut u32| *label = self.placed[label];
+        let place = |label: &mut u32| *label = self.placed[*label as usize];
         let mut blocks = self.blocks;
         for block in &mut blocks {
             match &mut block.terminator {
@@ -444,8 +442,8 @@ fn is_query(module: &Module, mut ty: TypeId) -> bool {
 struct Site<'a> {
     function: &'a Function,
     block: Id,
-    /// By the block's own label: the lowering's, and its place in the function.
-    labels: &'a FxHashMap<Id, (u32, usize)>,
+    /// By block of the function: the lowering's label, of those that can be reached.
+    labels: &'a [Option<u32>],
     plan: &'a Return,
 }
 

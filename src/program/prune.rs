@@ -8,45 +8,40 @@ use crate::ops::op::{Access, Op};
 use crate::ops::{memory, ray_tracing};
 use crate::program::{Program, Terminator};
 
+/// No entry.
+const NONE: u32 = u32::MAX;
+
 /// Removes operations whose results are not read; `addressed` are rows that computed row numbers
 /// reach. What is left also tells whether the order of invocations matters.
 pub fn prune(program: &mut Program, addressed: &[(Reg, u32)]) {
     let mut live = vec![false; program.rows as usize + 1];
     let mut work: Vec<usize> = Vec::new();
     let mut effects = Vec::new();
-    // The operations that write each row, all in one list: row by row.
-    let mut ends = vec![0usize; program.rows as usize + 2];
+    // The operations that write each row: the last of them, and for each entry the one before.
+    let mut last = vec![NONE; program.rows as usize + 1];
+    let mut writers: Vec<(u32, u32)> = Vec::with_capacity(2 * program.ops.len());
     for (at, op) in program.ops.iter().enumerate() {
         op.accesses(|access| match access {
             Access::Write(first, count) => {
-                (first.0..first.0 + count).for_each(|row| ends[row as usize + 1] += 1);
+                for row in first.0..first.0 + count {
+                    let last = &mut last[row as usize];
+                    writers.push((at as u32, *last));
+                    *last = writers.len() as u32 - 1;
+                }
             }
             Access::Effect => effects.push(at),
             Access::Read(..) => {}
-        });
-    }
-    for row in 1..ends.len() {
-        ends[row] += ends[row - 1];
-    }
-    let mut writers = vec![0u32; ends[ends.len() - 1]];
-    for (at, op) in program.ops.iter().enumerate() {
-        op.accesses(|access| {
-            if let Access::Write(first, count) = access {
-                for row in first.0..first.0 + count {
-                    // Each row's end begins as where it begins.
-                    let end = &mut ends[row as usize];
-                    writers[*end] = at as u32;
-                    *end += 1;
-                }
-            }
         });
     }
     let rows = |first: Reg, count: u32, live: &mut Vec<bool>, work: &mut Vec<usize>| {
         for row in first.0..first.0 + count {
             let row = row as usize;
             if row < live.len() && !std::mem::replace(&mut live[row], true) {
-                let begin = if row == 0 { 0 } else { ends[row - 1] };
-                work.extend(writers[begin..ends[row]].iter().map(|&op| op as usize));
+                let mut next = last[row];
+                while let Some(&(op, before)) = writers.get(next as usize) {
+                    work.push(op as usize);
+                    next = before;
+                }
             }
         }
     };

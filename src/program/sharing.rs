@@ -337,26 +337,27 @@ pub fn touches(program: &Program) -> Vec<Touch> {
     found
 }
 
+/// No operation, or more than one.
+const NONE: u32 = u32::MAX;
+const SEVERAL: u32 = u32::MAX - 1;
+
 /// What rows hold, followed back to what writes them.
 struct Trace<'a> {
     program: &'a Program,
-    /// The only operation that writes a row; `None` where several do.
-    writers: FxHashMap<Reg, Option<u32>>,
+    /// The only operation that writes each row; [`NONE`], or [`SEVERAL`].
+    writers: Vec<u32>,
     constants: FxHashMap<Reg, u32>,
     known: FxHashMap<Reg, Option<Reach>>,
 }
 
 impl<'a> Trace<'a> {
     fn new(program: &'a Program) -> Self {
-        let mut writers = FxHashMap::default();
+        let mut writers = vec![NONE; program.rows as usize + 1];
         for (at, op) in program.ops.iter().enumerate() {
             op.accesses(|access| {
                 if let Access::Write(first, count) = access {
-                    for word in 0..count {
-                        let writer = writers.entry(first.plus(word)).or_insert(Some(at as u32));
-                        if *writer != Some(at as u32) {
-                            *writer = None;
-                        }
+                    for writer in &mut writers[first.0 as usize..(first.0 + count) as usize] {
+                        *writer = if [NONE, at as u32].contains(writer) { at as u32 } else { SEVERAL };
                     }
                 }
             });
@@ -420,7 +421,7 @@ impl<'a> Trace<'a> {
     }
 
     fn writer(&self, reg: Reg) -> Option<&'a Op> {
-        self.writers.get(&reg).copied().flatten().map(|at| &self.program.ops[at as usize])
+        self.program.ops.get(*self.writers.get(reg.0 as usize)? as usize)
     }
 
     /// What a row holds, up to `count - 1` more; `None` where that is not known.

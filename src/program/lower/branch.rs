@@ -4,11 +4,12 @@ use rustc_hash::FxHashSet;
 
 use crate::error::Result;
 use crate::machine::Exit;
-use crate::module::{Id, Instruction};
+use crate::module::{Id, Instruction, Module};
 use crate::ops::decode::Words;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::program::Terminator;
+use crate::program::control_flow::block_of;
 use crate::program::lower::{Lowering, Return, Site, opcode};
 
 impl Lowering<'_> {
@@ -90,13 +91,13 @@ impl Lowering<'_> {
     }
 
     fn target(&self, place: &Site<'_>, target: Id) -> Result<u32> {
-        let label = place.labels.get(&target).map(|&(label, _)| label);
+        let label = block_of(self.module, place.function, target).and_then(|block| place.labels[block]);
         label.ok_or_else(|| self.decoder.invalid(format!("a branch to %{}, which is no block", target.0)))
     }
 
     /// The label that a conditional edge goes to: a block of its own where the target has phis.
     fn edge(&mut self, place: &Site<'_>, target: Id, edges: &mut Vec<(u32, Id)>) -> Result<u32> {
-        if phis(place, target).next().is_none() {
+        if phis(self.module, place, target).next().is_none() {
             return self.target(place, target);
         }
         if let Some(&(label, _)) = edges.iter().find(|&&(_, id)| id == target) {
@@ -121,7 +122,7 @@ impl Lowering<'_> {
     /// Moves the values that the target's phis take from this block.
     fn edge_moves(&mut self, place: &Site<'_>, target: Id) -> Result<()> {
         let mut moves: Vec<(Words, Words)> = Vec::new();
-        for phi in phis(place, target) {
+        for phi in phis(self.module, place, target) {
             let pairs = self.module.operands(phi).chunks_exact(2);
             let from = pairs.clone().find(|pair| Id(pair[1]) == place.block).map(|pair| Id(pair[0]));
             let (Some(from), Some(id)) = (from, phi.result) else {
@@ -152,8 +153,12 @@ impl Lowering<'_> {
     }
 }
 
-fn phis<'a>(place: &Site<'a>, target: Id) -> impl Iterator<Item = &'a Instruction> + use<'a> {
-    let block = place.labels.get(&target);
-    let instructions = block.map_or(&[][..], |&(_, block)| &place.function.blocks[block].instructions);
+fn phis<'a>(
+    module: &Module,
+    place: &Site<'a>,
+    target: Id,
+) -> impl Iterator<Item = &'a Instruction> + use<'a> {
+    let block = block_of(module, place.function, target).filter(|&block| place.labels[block].is_some());
+    let instructions = block.map_or(&[][..], |block| &place.function.blocks[block].instructions);
     instructions.iter().take_while(|instruction| instruction.opcode == opcode::PHI)
 }
