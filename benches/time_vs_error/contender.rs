@@ -19,9 +19,12 @@ pub trait Contender {
     type Block;
     /// The ray in object space.
     type Ray: Copy;
+    /// Memory for one.
+    const IDLE: Self::Ray;
 
     fn block(shapes: &[Shape]) -> Self::Block;
-    fn ray(ray: &Ray, placed: &Placed, around: &Bounds) -> Self::Ray;
+    /// Brings a ray into object space.
+    fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, around: &Bounds);
     /// A bit for each lane that may be hit.
     fn met(block: &Self::Block, ray: &Self::Ray) -> u32;
     /// The t of a lane.
@@ -44,10 +47,11 @@ const fn precision(number: u8) -> Precision {
 }
 
 macro_rules! ours {
-    ($block:ty, $block_ray:ident, $shape:pat => $block_name:ident, $lane:ident, $set:expr) => {
+    ($block:ty, $met:ident, $block_ray:ident, $shape:pat => $block_name:ident, $lane:ident, $set:expr $(, $caps:expr)?) => {
         impl<const P: u8> Contender for Ours<$block, P> {
             type Block = $block;
             type Ray = (ObjectRay, $block_ray);
+            const IDLE: Self::Ray = (ObjectRay::IDLE, $block_ray::IDLE);
 
             fn block(shapes: &[Shape]) -> Self::Block {
                 let mut $block_name = <$block>::EMPTY;
@@ -59,30 +63,30 @@ macro_rules! ours {
             }
 
             #[inline(always)]
-            fn ray(ray: &Ray, placed: &Placed, around: &Bounds) -> Self::Ray {
-                let object = match &placed.transform {
-                    Some(transform) => ObjectRay::in_instance(ray, transform),
-                    None => ObjectRay::in_world(ray),
+            fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, around: &Bounds) {
+                let is_ray = match &placed.transform {
+                    Some(transform) => out.0.set_in_instance(ray, transform),
+                    None => out.0.set_in_world(ray),
                 };
-                let object = object.expect("a finite ray");
-                (object, $block_ray::new(&object, around))
+                assert!(is_ray, "a finite ray");
+                out.1 = $block_ray::new(&out.0, around);
             }
 
             #[inline(always)]
             fn met(block: &Self::Block, ray: &Self::Ray) -> u32 {
-                block.met(&ray.1)
+                block.$met(&ray.1)
             }
 
             #[inline(always)]
             fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
-                block.intersect(lane, &ray.0, precision(P)).map(|hit| hit.t)
+                block.intersect(lane, $($caps,)? &ray.0, precision(P)).map(|hit| hit.t)
             }
         }
     };
 }
 
-ours!(block::Spheres, BlockRay, Shape::Sphere(center, radius) => block, lane, block.set(lane, center, radius));
-ours!(block::LinearSweptSpheres, BlockRay, Shape::Swept(positions, radii) => block, lane,
-    block.set(lane, positions, radii, [true; 2]));
-ours!(block::Triangles, BlockRay, Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));
-ours!(block::Aabbs, BoxRay, Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));
+ours!(block::Spheres, entered, BlockRay, Shape::Sphere(center, radius) => block, lane, block.set(lane, center, radius));
+ours!(block::SweptEnds, met, BlockRay, Shape::Swept(positions, radii) => block, lane,
+    block.set(lane, positions, radii), &[[true; 2]; block::LANES]);
+ours!(block::Triangles, met, BlockRay, Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));
+ours!(block::Aabbs, met, BoxRay, Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));

@@ -4,11 +4,12 @@
 //! ```sh
 //! cargo bench --bench time_vs_error              # all; writes docs/time-vs-error.svg
 //! cargo bench --bench time_vs_error -- --quick   # a look; writes target/time-vs-error.svg
+//! cargo bench --bench time_vs_error -- grass     # scenes whose names begin so; draws nothing
 //! ```
 //!
 //! All contenders share rays, tree, leaf loop and the four-wide test of a leaf (their own formula in
 //! it). They take turns, several rounds in one run; times are processor time of one thread, medians
-//! over the rounds. "engine" is the traversal that shaders get ([`anyhit::accel::Cursor`]).
+//! over the rounds, and so are the ratios to the exact mode within a round. "engine" is the traversal that shaders get ([`anyhit::accel::Cursor`]).
 //! Errors are judged by rational arithmetic on a part of the rays.
 
 #![allow(clippy::print_stdout, reason = "a table is printed")]
@@ -41,11 +42,14 @@ type Hit = Option<(f32, u32, u32)>;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let quick = std::env::args().any(|argument| argument == "--quick");
+    let chosen: Vec<String> =
+        std::env::args().skip(1).filter(|argument| !argument.starts_with("--")).collect();
+    let is_chosen = |name: &str| chosen.is_empty() || chosen.iter().any(|begin| name.starts_with(begin));
     let rounds = if quick { 3 } else { 15 };
     let judged = if quick { 60 } else { 1000 };
     let mut panels = Vec::new();
     let mut names: Vec<&'static str> = Vec::new();
-    for scene in scene::scenes(quick) {
+    for scene in scene::scenes(quick).into_iter().filter(|scene| is_chosen(scene.name)) {
         let truth = judge::truth(&scene, judged);
         let mut contenders = contenders(&scene);
         let mut times = vec![Vec::new(); contenders.len()];
@@ -73,15 +77,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             "  {:<22} {:>8} {:>6} {:>9} {:>9} {:>9} {:>11} {:>7} {:>6} {:>6}",
             "", "ns/ray", "exact=1", "p50 ulp", "p99", "p99.9", "max", "missed", "extra", "other"
         );
-        let medians: Vec<f64> = times.iter_mut().map(|times| median(times)).collect();
         let exact = contenders.iter().position(|(name, _)| *name == "Exact").expect("one is exact");
+        let ratio =
+            |times: &[f64], exact: &[f64]| median(times.iter().zip(exact).map(|(a, b)| a / b).collect());
+        let ratios: Vec<f64> = times.iter().map(|one| ratio(one, &times[exact])).collect();
+        let medians: Vec<f64> = times.into_iter().map(median).collect();
         let mut points = Vec::new();
         for (place, (name, _)) in contenders.iter().enumerate() {
             let errors = Errors::of(&truth, &hits[place]);
             println!(
                 "  {name:<22} {:>8.1} {:>6.2} {:>9.3} {:>9.3} {:>9.3} {:>11.3} {:>7} {:>6} {:>6}",
                 medians[place],
-                medians[place] / medians[exact],
+                ratios[place],
                 errors.at(0.5),
                 errors.at(0.99),
                 errors.at(0.999),
@@ -107,6 +114,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         panels.push(Panel { scene: scene.name, points });
     }
+    if !chosen.is_empty() {
+        return Ok(());
+    }
     names.retain(|name| !name.starts_with("engine"));
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(if quick { "target" } else { "docs" });
     let path = folder.join("time-vs-error.svg");
@@ -120,7 +130,7 @@ fn thread_time() -> Duration {
     Duration::new(now.tv_sec as u64, now.tv_nsec as u32)
 }
 
-fn median(times: &mut [f64]) -> f64 {
+fn median(mut times: Vec<f64>) -> f64 {
     times.sort_by(f64::total_cmp);
     times[times.len() / 2]
 }
@@ -138,9 +148,9 @@ fn contenders(scene: &Scene) -> Vec<(&'static str, Run<'_>)> {
             ("naive f32", runner::<NaiveSphere>(scene)),
         ],
         Shape::Swept(..) => vec![
-            ("Exact", runner::<Ours<block::LinearSweptSpheres, EXACT>>(scene)),
-            ("Double", runner::<Ours<block::LinearSweptSpheres, DOUBLE>>(scene)),
-            ("Float", runner::<Ours<block::LinearSweptSpheres, FLOAT>>(scene)),
+            ("Exact", runner::<Ours<block::SweptEnds, EXACT>>(scene)),
+            ("Double", runner::<Ours<block::SweptEnds, DOUBLE>>(scene)),
+            ("Float", runner::<Ours<block::SweptEnds, FLOAT>>(scene)),
             ("recentred f32", runner::<RoundCone<true>>(scene)),
             ("naive f32", runner::<RoundCone<false>>(scene)),
             ("capsule by distance", runner::<CapsuleByDistance>(scene)),
@@ -184,11 +194,12 @@ fn runner<C: Contender + 'static>(scene: &Scene) -> Run<'_> {
     let around: Vec<_> = placed.iter().map(|(_, corners)| *corners).collect();
     let instances = (placed.len() > 1).then(|| Tree::build(&around));
     Box::new(move |rays, hits| {
+        let mut prepared = C::IDLE;
         for ray in rays {
             let mut best: Hit = None;
             let mut enter = |instance: u32, limit: f32| {
                 let placed = &placed[instance as usize].0;
-                let prepared = C::ray(ray, placed, &scene.bounds);
+                C::ready(&mut prepared, ray, placed, &scene.bounds);
                 let nodes = object_node_ray(ray, placed);
                 let mut limit = limit;
                 tree.traverse(&nodes, limit, |at, _| {

@@ -40,20 +40,22 @@ pub trait Lanes {
 
 /// A ray brought into object space.
 pub trait Prepared: Copy {
+    const IDLE: Self;
     fn new(ray: &Ray, placed: &Placed) -> Self;
 }
 
 impl<T: Textbook> Contender for T {
     type Block = T::Block;
     type Ray = T::Ray;
+    const IDLE: T::Ray = T::Ray::IDLE;
 
     fn block(shapes: &[Shape]) -> Self::Block {
         T::Block::new(shapes)
     }
 
     #[inline(always)]
-    fn ray(ray: &Ray, placed: &Placed, _: &Bounds) -> Self::Ray {
-        T::Ray::new(ray, placed)
+    fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, _: &Bounds) {
+        *out = T::Ray::new(ray, placed);
     }
 
     #[inline(always)]
@@ -68,6 +70,9 @@ impl<T: Textbook> Contender for T {
 }
 
 impl Prepared for PlainRay {
+    const IDLE: Self =
+        Self { origin: [0.0; 3], direction: [0.0; 3], dd: 0.0, inverse: 0.0, t_min: 0.0, t_max: 0.0 };
+
     #[inline(always)]
     fn new(ray: &Ray, placed: &Placed) -> Self {
         let (mut origin, mut direction) = (ray.origin, ray.direction);
@@ -422,6 +427,8 @@ pub struct WoopRay {
 }
 
 impl Prepared for WoopRay {
+    const IDLE: Self = Self { plain: PlainRay::IDLE, axes: [0; 3], shear: [0.0; 3] };
+
     #[inline(always)]
     fn new(ray: &Ray, placed: &Placed) -> Self {
         let plain = PlainRay::new(ray, placed);
@@ -496,6 +503,8 @@ impl Lanes for BoxBlock {
 
 /// A ray and the reciprocals of its direction.
 impl Prepared for (PlainRay, [f32; 3]) {
+    const IDLE: Self = (PlainRay::IDLE, [0.0; 3]);
+
     #[inline(always)]
     fn new(ray: &Ray, placed: &Placed) -> Self {
         let plain = PlainRay::new(ray, placed);

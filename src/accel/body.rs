@@ -54,7 +54,8 @@ enum Shapes {
     Triangles(Vec<block::Triangles>),
     Aabbs(Vec<block::Aabbs>),
     Spheres(Vec<block::Spheres>),
-    LinearSweptSpheres(Vec<block::LinearSweptSpheres>),
+    /// With the caps of each.
+    LinearSweptSpheres(Vec<block::SweptEnds>, Vec<[[bool; 2]; LANES]>),
     /// By place: vertices at time 0 and at time 1.
     MovingTriangles(Vec<Option<Keys>>),
 }
@@ -108,7 +109,7 @@ impl Body {
     #[inline(always)]
     pub fn drops(&self) -> Drops {
         match self.shapes {
-            Shapes::LinearSweptSpheres(_) => Drops::Always,
+            Shapes::LinearSweptSpheres(..) => Drops::Always,
             Shapes::Triangles(_) => Drops::WhereSimple,
             Shapes::Spheres(_) | Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => Drops::Never,
         }
@@ -133,7 +134,7 @@ impl Body {
         let at = leaf.index();
         let met = match &self.shapes {
             Shapes::Triangles(blocks) => blocks[at].met(ray),
-            Shapes::LinearSweptSpheres(blocks) => blocks[at].met(ray),
+            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].met(ray),
             Shapes::Spheres(_) | Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => u32::MAX,
         };
         met & self.every(leaf)
@@ -169,7 +170,7 @@ impl Body {
             Shapes::Triangles(blocks) => blocks[at].intersect(lane, ray, precision),
             Shapes::Aabbs(blocks) => blocks[at].intersect(lane, ray, precision),
             Shapes::Spheres(blocks) => blocks[at].intersect(lane, ray, precision),
-            Shapes::LinearSweptSpheres(blocks) => blocks[at].intersect(lane, ray, precision),
+            Shapes::LinearSweptSpheres(blocks, caps) => blocks[at].intersect(lane, &caps[at], ray, precision),
             Shapes::MovingTriangles(all) => moving(all[at * LANES + lane].as_ref()?, ray, time, precision),
         }
     }

@@ -23,7 +23,9 @@
 //!
 //! # The bounds
 //! The table at `object_ray::View` holds with u = 2^-24, `origin_error` e, c = κ + 12u. Each test lists
-//! what it uses. The bounds are evaluated in f32 by sums, products and square roots of non-negative
+//! what it uses. Spheres and swept spheres take one bound for all primitives, |E| (e + c x): x is at least the
+//! 1-norm of the way from o' to any point of the box around all, and so at least |o' - p| + r for a
+//! centre p and a radius r. The bounds are evaluated in f32 by sums, products and square roots of non-negative
 //! terms, which lose at most 2^-24 relatively each; `margin` = 1 + 2^-18 on every source outweighs 60
 //! of those.
 //!
@@ -38,7 +40,7 @@ mod sphere;
 mod triangle;
 
 pub use aabb::{Aabbs, BoxRay};
-pub use linear_swept_sphere::LinearSweptSpheres;
+pub use linear_swept_sphere::{LinearSweptSpheres, SweptEnds};
 pub use sphere::Spheres;
 pub use triangle::Triangles;
 
@@ -47,12 +49,19 @@ pub use crate::math::four::LANES;
 
 use crate::geometry::{Bounds, ObjectRay, Ray, RoughRay};
 use crate::math::four::Four;
+use crate::math::real::Real;
 
 /// A bit for every lane.
 const ALL: u32 = (1 << LANES) - 1;
 
+/// The greatest coordinate that bounds are known for: 2^60.
+const MOST: f32 = (1u64 << 60) as f32;
+
 /// The unit roundoff of f32.
 const UNIT: f64 = 1.0 / 16_777_216.0;
+
+/// √3 or more, by which a 2-norm bounds the 1-norm.
+const ROOT_3: f64 = 1.7321;
 
 /// Outweighs the roundings of a bound that is evaluated in f32.
 const MARGIN: f64 = 1.0 + 1.0 / 262_144.0;
@@ -69,6 +78,10 @@ pub struct BlockRay {
     fixed: f32,
     /// |E| c, with margin: the part that grows with the primitive's distance.
     growing: f32,
+    /// |E| (e + c x), with margin, x being the greatest distance of all primitives and their radii.
+    reach: f32,
+    /// The same, but infinite where points behind the origin count.
+    behind: f32,
     /// The 2-norm of D at most.
     length: f32,
 }
@@ -89,6 +102,8 @@ impl BlockRay {
         axis: 0,
         fixed: f32::INFINITY,
         growing: f32::INFINITY,
+        reach: f32::INFINITY,
+        behind: f32::INFINITY,
         length: f32::INFINITY,
     };
 
@@ -100,37 +115,35 @@ impl BlockRay {
         simple.unwrap_or_else(|| Self::prepare(ray, around).0)
     }
 
-    /// The common case in f32 throughout: a ray that [is ordinary](Ray::is_ordinary), in world space,
-    /// that starts near the primitives. `None` for any other.
+    /// The common case in f32 throughout: a ray in world space that starts near the primitives, with a
+    /// direction whose greatest component is of a magnitude from 2^-60 to 2^60. `None` for any other.
     ///
-    /// The origin is exact then, e = 2^-60, and a component of the direction rounds twice: its
-    /// reciprocal and a product, together less than 2.5u of it. 16u pays for that, for 12u, and for
-    /// the roundings here.
+    /// The origin is exact then, e = 2^-60, and a component of the direction rounds once, by u of it (or by
+    /// 2^-150 where it underflows, times 2^60 of distance less than a share of e). 16u pays for that, for 12u,
+    /// and for the roundings here.
     #[inline(always)]
     pub fn simple(ray: &Ray, around: &Bounds) -> Option<Self> {
-        const MOST: f32 = (1u64 << 60) as f32;
-        let Ray { origin, direction, .. } = *ray;
-        let four = |[x, y, z]: [f32; 3]| Four::new([x, y, z, 0.0]).abs();
-        let [x, y, z, _] = four(around.min).greater(four(around.max)).to_array();
-        let size = x.max(y).max(z);
-        let near = Four::splat(4.0 * size).at_least(four(origin)) == 0b1111;
-        let first = if direction[1].abs() > direction[0].abs() { 1 } else { 0 };
-        let axis = if direction[2].abs() > direction[first].abs() { 2 } else { first };
-        if !(near && size <= MOST && ray.is_ordinary()) {
+        let far = farthest(three(ray.origin), around);
+        let (axis, most) = greatest(ray.direction);
+        // Written so that a NaN does not fit.
+        let near = far <= 64.0 * sum(three(around.max) - three(around.min)) && far <= MOST;
+        if !(near && most <= MOST && most * MOST >= 1.0) {
             return None;
         }
-        let inverse = 1.0 / direction[axis].abs();
-        let mut along = direction.map(|x| x * inverse);
-        along[axis] = 1.0f32.copysign(direction[axis]);
-        let norm = along[0].abs() + along[1].abs() + along[2].abs();
-        let square = along[0] * along[0] + along[1] * along[1] + along[2] * along[2];
+        let along = three(ray.direction) / Four::splat(most);
+        let length = sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0);
+        let fixed = length * (ROOT_3 * TINY * MARGIN * MARGIN) as f32;
+        let growing = length * (ROOT_3 * 16.0 * UNIT) as f32;
+        let reach = fixed + growing * far;
         Some(Self {
-            origin,
-            direction: along,
+            origin: ray.origin,
+            direction: triple(along),
             axis,
-            fixed: norm * (TINY * MARGIN * MARGIN) as f32,
-            growing: norm * (16.0 * UNIT) as f32,
-            length: square.sqrt() * (1.0 + 1.0 / 65_536.0),
+            fixed,
+            growing,
+            reach,
+            behind: if ray.t_min >= 0.0 { reach } else { f32::INFINITY },
+            length,
         })
     }
 
@@ -141,31 +154,25 @@ impl BlockRay {
     /// component, as the latter is divided by, and by the two roundings of [`BlockRay::simple`].
     #[inline(always)]
     pub fn rough(ray: &RoughRay, around: &Bounds) -> Option<Self> {
-        const MOST: f32 = (1u64 << 60) as f32;
-        let (origin, direction) = (ray.origin.to_array(), ray.direction.to_array());
-        let four = |[x, y, z]: [f32; 3]| Four::new([x, y, z, 0.0]).abs();
-        let reach = four(around.min).greater(four(around.max)).greater(ray.origin.abs());
-        let [x, y, z, _] = direction.map(f32::abs);
-        let first = if y > x { 1 } else { 0 };
-        let axis = if z > direction[first].abs() { 2 } else { first };
-        let inverse = 1.0 / direction[axis].abs();
-        let along =
-            [0, 1, 2].map(|i| if i == axis { 1f32.copysign(direction[i]) } else { direction[i] * inverse });
-        let norm = along[0].abs() + along[1].abs() + along[2].abs();
-        let sum = |errors: Four| {
-            let [x, y, z, _] = errors.to_array();
-            (x + y + z) * (MARGIN * MARGIN) as f32
-        };
-        let turn = sum(ray.direction_error) * inverse;
-        let fits = Four::splat(MOST).at_least(reach) == 0b1111 && turn <= 0.5;
-        let square = along[0] * along[0] + along[1] * along[1] + along[2] * along[2];
+        let far = farthest(ray.origin, around);
+        let (axis, most) = greatest(triple(ray.direction));
+        let along = ray.direction / Four::splat(most);
+        let length = sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0);
+        let norm = length * ROOT_3 as f32;
+        let total = |errors: Four| sum(errors) * (MARGIN * MARGIN) as f32;
+        let turn = total(ray.direction_error) / most;
+        let fits = far <= MOST && turn <= 0.5;
+        let fixed = norm * (total(ray.origin_error) + (TINY * MARGIN * MARGIN) as f32);
+        let growing = turn + norm * (16.0 * UNIT) as f32;
         fits.then(|| Self {
-            origin: [origin[0], origin[1], origin[2]],
-            direction: along,
+            origin: triple(ray.origin),
+            direction: triple(along),
             axis,
-            fixed: norm * (sum(ray.origin_error) + (TINY * MARGIN * MARGIN) as f32),
-            growing: turn + norm * (16.0 * UNIT) as f32,
-            length: square.sqrt() * (1.0 + 1.0 / 65_536.0) + turn,
+            fixed,
+            growing,
+            reach: fixed + growing * far,
+            behind: f32::INFINITY,
+            length: length + turn,
         })
     }
 
@@ -178,8 +185,8 @@ impl BlockRay {
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
         let t0 = if far > 4.0 * size { approach(o, d, around, size) } else { 0.0 };
 
-        let axis = greatest(d);
-        let inverse = 1.0 / d[axis].abs();
+        let (axis, most) = greatest(d);
+        let inverse = 1.0 / most;
         let mut out = Self { axis, ..Self::IDLE };
         const U: f64 = f64::EPSILON;
         // Bounds of each component, in f64 with twice the error that theory asks for.
@@ -211,6 +218,7 @@ impl BlockRay {
         out.fixed = (norm * e * MARGIN) as f32;
         out.growing = ((kappa + norm * (12.0 * UNIT)) * MARGIN) as f32;
         out.length = ((square.sqrt() + kappa) * MARGIN) as f32;
+        out.reach = out.fixed + out.growing * farthest(three(out.origin), around);
         (out, Some(Errors { origin: origin_error, direction: direction_error, t0 }))
     }
 
@@ -239,11 +247,38 @@ fn approach(o: [f64; 3], d: [f64; 3], around: &Bounds, size: f64) -> f64 {
     if t > 0.0 && t.is_finite() { t } else { 0.0 }
 }
 
-/// The axis along which a vector is greatest.
+/// The axis along which a vector is greatest, and how great.
 #[inline(always)]
-fn greatest(v: [f64; 3]) -> usize {
-    let first = if v[1].abs() > v[0].abs() { 1 } else { 0 };
-    if v[2].abs() > v[first].abs() { 2 } else { first }
+fn greatest<R: Real>(v: [R; 3]) -> (usize, R) {
+    let [x, y, z] = v.map(R::abs);
+    let (axis, most) = (usize::from(y > x), if y > x { y } else { x });
+    (if z > most { 2 } else { axis }, if z > most { z } else { most })
+}
+
+#[inline(always)]
+fn three([x, y, z]: [f32; 3]) -> Four {
+    Four::new([x, y, z, 0.0])
+}
+
+#[inline(always)]
+fn triple(v: Four) -> [f32; 3] {
+    let [x, y, z, _] = v.to_array();
+    [x, y, z]
+}
+
+/// Of the first three.
+#[inline(always)]
+fn sum(v: Four) -> f32 {
+    let [x, y, z, _] = v.to_array();
+    x + y + z
+}
+
+/// At least the 1-norm of the way from an origin to any point of a box. A ball within the box has each
+/// component of its centre nearer than that by its radius.
+#[inline(always)]
+fn farthest(origin: Four, around: &Bounds) -> f32 {
+    let (below, above) = (origin - three(around.min), three(around.max) - origin);
+    sum(below.abs().greater(above.abs())) * MARGIN as f32
 }
 
 /// A number of each of four primitives.
@@ -321,6 +356,21 @@ mod tests {
                 let ray = BlockRay::new(&ray, &UNIT_BOX);
                 assert_eq!(swept.met(&ray), kept, "{x} {ray:?}");
             }
+        }
+    }
+
+    #[test]
+    fn spheres_that_are_entered_behind_the_origin_are_dropped_on_request() {
+        let mut spheres = Spheres::EMPTY;
+        // Around the origin, ahead of it, behind it, and beside it with the centre a little ahead.
+        for (lane, (x, z)) in [(0.0, 0.25), (0.0, -0.5), (0.0, 0.5), (0.25, -0.01)].into_iter().enumerate() {
+            spheres.set(lane, [x, 0.0, z], 0.3);
+        }
+        let along = Ray::new([0.0; 3], [0.0, 0.0, -0.5]);
+        // A negative t counts where the interval says so.
+        for (ray, kept) in [(along, 0b1010), (along.with_interval(-9.0, 9.0), 0b1111)] {
+            let ray = BlockRay::new(&ObjectRay::new(&ray, None).unwrap(), &UNIT_BOX);
+            assert_eq!((spheres.met(&ray), spheres.entered(&ray)), (0b1111, kept));
         }
     }
 

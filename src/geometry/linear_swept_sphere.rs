@@ -47,6 +47,9 @@
 //! contradiction. If b < 0 then u*(t) <= u*(τ) < 1. So only cap 0 can be; the mirror statement has
 //! u*(τ) > 1 and cap 1. For A <= 0 both are asked.
 //!
+//! All of that is evaluated with a running bound where a leaner form of it, from the foot of the first end
+//! (`from_foot`), leaves the answer open.
+//!
 //! # Degenerate shapes (SEMANTICS 9)
 //! A NaN or infinity, or no positive radius: never hit. One negative radius: the shape ends in the
 //! point where the interpolated radius reaches 0, at u = r0 / (r0 - r1); there is no sphere beyond,
@@ -62,6 +65,7 @@
 //! nonzero G above 2^-1010.
 
 mod exact;
+mod from_foot;
 
 use crate::geometry::object_ray::{ObjectRay, View};
 use crate::geometry::verdict::{Verdict, rounded, settle_closed, when};
@@ -73,7 +77,7 @@ use crate::math::real::{Real, add, cross, dot, from_f32, norm1, scale, sub};
 /// Where a ray enters a linear swept sphere, within the closed interval: ends `positions` and
 /// `radii`, `caps` says which of the two caps are enabled. The attribute is u of the generating
 /// sphere: exactly 0 or 1 on the caps, strictly between on the side.
-#[inline]
+#[inline(always)]
 pub fn intersect(
     ray: &ObjectRay,
     positions: [[f32; 3]; 2],
@@ -81,21 +85,54 @@ pub fn intersect(
     caps: [bool; 2],
     precision: Precision,
 ) -> Option<Intersection> {
+    match precision {
+        Precision::Exact => match from_foot::entry(ray, positions, radii, caps) {
+            Verdict::Hit(hit) => Some(hit),
+            Verdict::Miss => None,
+            Verdict::Undecided => intersect_closely(ray, positions, radii, caps),
+        },
+        Precision::Float => intersect_in::<f32>(ray, positions, radii, caps),
+        Precision::Double => intersect_in::<f64>(ray, positions, radii, caps),
+    }
+}
+
+/// Without bounds; apart, so that only the exact way is compiled into its callers.
+#[inline(never)]
+fn intersect_in<R: Real>(
+    ray: &ObjectRay,
+    positions: [[f32; 3]; 2],
+    radii: [f32; 2],
+    caps: [bool; 2],
+) -> Option<Intersection> {
+    if !is_solid(positions, radii) {
+        None
+    } else if is_whole(radii) {
+        approach::<R, false>(ray, positions, radii, caps).found()
+    } else {
+        exact::intersect(ray, positions, radii, caps)
+    }
+}
+
+/// Where the foot's bound leaves the test open.
+#[cold]
+#[inline(never)]
+fn intersect_closely(
+    ray: &ObjectRay,
+    positions: [[f32; 3]; 2],
+    radii: [f32; 2],
+    caps: [bool; 2],
+) -> Option<Intersection> {
     if !is_solid(positions, radii) {
         return None;
     }
-    if radii[0] < 0.0 || radii[1] < 0.0 {
-        return exact::intersect(ray, positions, radii, caps);
+    if is_whole(radii) {
+        match approach::<f64, true>(ray, positions, radii, caps) {
+            Verdict::Hit(hit) => return Some(hit),
+            Verdict::Miss => return None,
+            Verdict::Undecided => {}
+        }
     }
-    match precision {
-        Precision::Float => approach::<f32, false>(ray, positions, radii, caps).found(),
-        Precision::Double => approach::<f64, false>(ray, positions, radii, caps).found(),
-        Precision::Exact => match approach::<f64, true>(ray, positions, radii, caps) {
-            Verdict::Hit(hit) => Some(hit),
-            Verdict::Miss => None,
-            Verdict::Undecided => exact::intersect(ray, positions, radii, caps),
-        },
-    }
+    exact::intersect(ray, positions, radii, caps)
 }
 
 /// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
@@ -105,9 +142,9 @@ pub fn is_decided_in_f64(
     radii: [f32; 2],
     caps: [bool; 2],
 ) -> bool {
-    let whole = radii[0] >= 0.0 && radii[1] >= 0.0;
     !is_solid(positions, radii)
-        || whole && approach::<f64, true>(ray, positions, radii, caps) != Verdict::Undecided
+        || from_foot::entry(ray, positions, radii, caps) != Verdict::Undecided
+        || is_whole(radii) && approach::<f64, true>(ray, positions, radii, caps) != Verdict::Undecided
 }
 
 /// The box around a linear swept sphere (with both caps); `None` where it is never hit.
@@ -177,6 +214,12 @@ pub fn pieces(positions: [[f32; 3]; 2], radii: [f32; 2], mut take: impl FnMut(Bo
 fn is_solid(positions: [[f32; 3]; 2], radii: [f32; 2]) -> bool {
     let finite = positions.as_flattened().iter().chain(&radii).all(|x| x.is_finite());
     finite && (radii[0] > 0.0 || radii[1] > 0.0)
+}
+
+/// Whether it does not end in an apex.
+#[inline(always)]
+fn is_whole(radii: [f32; 2]) -> bool {
+    radii[0] >= 0.0 && radii[1] >= 0.0
 }
 
 /// The side's u, which never shows as that of a cap.

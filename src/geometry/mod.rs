@@ -18,6 +18,7 @@
 pub mod aabb;
 pub mod block;
 mod bounds;
+mod foot;
 pub mod linear_swept_sphere;
 mod object_ray;
 pub mod ray;

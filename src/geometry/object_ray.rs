@@ -24,12 +24,18 @@
 use std::cmp::Ordering;
 
 use crate::geometry::Ray;
+use crate::geometry::foot::Footing;
 use crate::math::exact::{self, Dyadic, Vector};
 use crate::math::four::Four;
 use crate::math::real::{Real, norm1};
 use crate::math::surd::Surd;
 
 const UNIT: f64 = f64::EPSILON / 2.0;
+
+/// 2^130 and 2^-150: the greatest 1-norms of a ray's origin and direction, and the least of a direction,
+/// that the intersectors' bounds assume.
+const RANGE: f64 = (1u128 << 65) as f64 * (1u128 << 65) as f64;
+const SHORTEST: f64 = 1.0 / ((1u128 << 75) as f64 * (1u128 << 75) as f64);
 
 /// An instance's object-to-world transform, inverted once for all its rays.
 #[derive(Clone, Copy, Debug)]
@@ -202,7 +208,8 @@ pub struct ObjectRay {
     /// The 1-norms of the two errors and of the direction, the direction's relative.
     origin_slack: f64,
     direction_slack: f64,
-    direction_norm: f64,
+    pub(super) direction_norm: f64,
+    pub(super) footing: Footing,
 }
 
 impl ObjectRay {
@@ -242,32 +249,24 @@ impl ObjectRay {
         origin_slack: 0.0,
         direction_slack: 0.0,
         direction_norm: 0.0,
+        footing: Footing::IDLE,
     };
 
     /// [`ObjectRay::in_world`] in the memory of this one; says whether there is one.
     #[inline(always)]
     pub fn set_in_world(&mut self, ray: &Ray) -> bool {
-        let valid = ray.is_finite();
-        if valid {
-            let origin = ray.origin.map(f64::from);
-            let direction = ray.direction.map(f64::from);
-            self.set(ray, None, (origin, [0.0; 3]), (direction, [0.0; 3]));
-        }
-        valid
+        let (origin, direction) = (ray.origin.map(f64::from), ray.direction.map(f64::from));
+        self.set(ray, None, (origin, [0.0; 3]), (direction, [0.0; 3]), 0.0)
     }
 
     /// [`ObjectRay::in_instance`] in the memory of this one; says whether there is one.
     #[inline]
     pub fn set_in_instance(&mut self, ray: &Ray, transform: &Transform) -> bool {
-        let valid = ray.is_finite();
-        if valid {
-            let offset =
-                std::array::from_fn(|i| f64::from(ray.origin[i]) - f64::from(transform.matrix[i][3]));
-            let origin = transform.apply(offset);
-            let direction = transform.apply(ray.direction.map(f64::from));
-            self.set(ray, Some(transform.matrix), origin, direction);
-        }
-        valid
+        let offset = std::array::from_fn(|i| f64::from(ray.origin[i]) - f64::from(transform.matrix[i][3]));
+        let origin = transform.apply(offset);
+        let direction = transform.apply(ray.direction.map(f64::from));
+        let direction_slack = norm1(direction.1) / norm1(direction.0);
+        self.set(ray, Some(transform.matrix), origin, direction, direction_slack)
     }
 
     #[inline(always)]
@@ -275,25 +274,12 @@ impl ObjectRay {
         &mut self,
         ray: &Ray,
         matrix: Option<[[f32; 4]; 3]>,
-        (origin, mut origin_error): ([f64; 3], [f64; 3]),
-        (direction, mut direction_error): ([f64; 3], [f64; 3]),
-    ) {
-        let far = norm1(origin);
+        (origin, origin_error): ([f64; 3], [f64; 3]),
+        (direction, direction_error): ([f64; 3], [f64; 3]),
+        direction_slack: f64,
+    ) -> bool {
+        let origin_slack = norm1(origin_error);
         let direction_norm = norm1(direction);
-        let range = 2f64.powi(130);
-        let mut origin_slack = norm1(origin_error);
-        let mut direction_slack = norm1(direction_error) / direction_norm;
-        // Written so that a NaN is not sure.
-        let is_sure = far <= range
-            && direction_norm <= range
-            && direction_norm >= 2f64.powi(-150)
-            && direction_slack <= 2f64.powi(-10);
-        if !is_sure {
-            origin_error = [f64::INFINITY; 3];
-            direction_error = [f64::INFINITY; 3];
-            origin_slack = f64::INFINITY;
-            direction_slack = f64::INFINITY;
-        }
         *self = Self {
             world: *ray,
             matrix,
@@ -304,7 +290,30 @@ impl ObjectRay {
             origin_slack,
             direction_slack,
             direction_norm,
+            footing: Footing::new(
+                direction,
+                direction_norm,
+                (origin_slack, direction_slack),
+                (ray.t_min, ray.t_max),
+            ),
         };
+        // Written so that a NaN is not sure.
+        let is_sure = norm1(origin) <= RANGE
+            && (SHORTEST..=RANGE).contains(&direction_norm)
+            && direction_slack <= 2f64.powi(-10);
+        (is_sure || self.doubt()) && !(ray.t_min.is_nan() || ray.t_max.is_nan())
+    }
+
+    /// Leaves all to exact arithmetic; says whether there is a ray.
+    #[cold]
+    #[inline(never)]
+    fn doubt(&mut self) -> bool {
+        self.origin_error = [f64::INFINITY; 3];
+        self.direction_error = [f64::INFINITY; 3];
+        self.origin_slack = f64::INFINITY;
+        self.direction_slack = f64::INFINITY;
+        self.footing = Footing::IDLE;
+        self.world.is_finite()
     }
 
     /// The ray that it was made from.

@@ -8,10 +8,16 @@
 //! B^2 - A C = r^2 d.d - |d x m|^2        (Lagrange's identity)
 //! ```
 //!
-//! The right side is what the bounded attempt evaluates: B^2 and A C agree in all digits that the
-//! distance takes, r^2 d.d and |d x m|^2 only in those that the ray's closeness to the silhouette
-//! takes (the error relative to r^2 d.d is of order u |m| / r instead of u |m|^2 / r^2). With
-//! s = sqrt(discriminant) the *entry* is the root with the minus sign, written without cancellation
+//! The right side is what is evaluated: B^2 and A C agree in all digits that the distance takes,
+//! r^2 d.d and |d x m|^2 only in those that the ray's closeness to the silhouette takes (the error
+//! relative to r^2 d.d is of order u |m| / r instead of u |m|^2 / r^2). The *entry* is the root with
+//! the minus sign.
+//!
+//! **First** it is taken from the foot of the centre ([`crate::geometry::foot`]), one square root and no
+//! division, with a bound that hardly costs anything; it leaves open what grazes, starts very near, or
+//! lies within some units of 2^-45 of the middle between two f32.
+//!
+//! **Then** with a running bound: with s = sqrt(discriminant) the entry, written without cancellation, is
 //!
 //! ```text
 //! t = C / (s - B)  where B <= 0        t = -(B + s) / A  where B > 0.
@@ -20,7 +26,7 @@
 //! Only the entry counts (SEMANTICS 2.5): for an origin inside it is negative and therefore out of
 //! the interval, as t_min >= 0. A tangent, discriminant 0, is a hit.
 //!
-//! # Error
+//! # Error of the running bound
 //! Norms are 1-norms, which bound the length from above. d x m and d.m have the bounds of the table at
 //! `object_ray::View`, d.d that of d.v with κ twice; a product of two such values has
 //! `math::error_bound::product_error`, a quotient `Divisor`; sqrt(x) for x > e is off by at most
@@ -28,6 +34,7 @@
 //! f32-sized centres and radii and the rays that `ObjectRay` lets into f64: the greatest product is
 //! r^2 d.d <= 2^516, the least r^2 d.d >= 2^-598.
 
+use crate::geometry::foot::{self, Foot};
 use crate::geometry::object_ray::{ObjectRay, View};
 use crate::geometry::verdict::{Verdict, settle_closed, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
@@ -38,31 +45,50 @@ use crate::math::surd::Surd;
 
 /// Where a ray enters a sphere, within the closed interval. A sphere without a positive, finite
 /// radius and a finite centre is never hit.
-#[inline]
+#[inline(always)]
 pub fn intersect(
     ray: &ObjectRay,
     center: [f32; 3],
     radius: f32,
     precision: Precision,
 ) -> Option<Intersection> {
-    if !is_solid(center, radius) {
-        return None;
-    }
     let t = match precision {
-        Precision::Float => approach::<f32, false>(ray, center, radius).found()?,
-        Precision::Double => approach::<f64, false>(ray, center, radius).found()?,
-        Precision::Exact => match approach::<f64, true>(ray, center, radius) {
+        Precision::Exact => match from_foot(ray, center, radius) {
             Verdict::Hit(t) => t,
             Verdict::Miss => return None,
-            Verdict::Undecided => intersect_exactly(ray, center, radius)?,
+            Verdict::Undecided => intersect_closely(ray, center, radius)?,
         },
+        Precision::Float => intersect_in::<f32>(ray, center, radius)?,
+        Precision::Double => intersect_in::<f64>(ray, center, radius)?,
     };
     Some(Intersection { t, attributes: [0.0; 2], surface: Surface::Sphere })
 }
 
-/// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
+/// Without bounds.
+#[inline(always)]
+fn intersect_in<R: Real>(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f32> {
+    if is_solid(center, radius) { approach::<R, false>(ray, center, radius).found() } else { None }
+}
+
+/// Where the foot's bound leaves the test open.
+#[cold]
+#[inline(never)]
+fn intersect_closely(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f32> {
+    if !is_solid(center, radius) {
+        return None;
+    }
+    match approach::<f64, true>(ray, center, radius) {
+        Verdict::Hit(t) => Some(t),
+        Verdict::Miss => None,
+        Verdict::Undecided => intersect_exactly(ray, center, radius),
+    }
+}
+
+/// Whether f64 decides this test, so that exact arithmetic is not needed: for statistics.
 pub fn is_decided_in_f64(ray: &ObjectRay, center: [f32; 3], radius: f32) -> bool {
-    !is_solid(center, radius) || approach::<f64, true>(ray, center, radius) != Verdict::Undecided
+    !is_solid(center, radius)
+        || from_foot(ray, center, radius) != Verdict::Undecided
+        || approach::<f64, true>(ray, center, radius) != Verdict::Undecided
 }
 
 /// The box around a sphere; `None` where it is never hit.
@@ -73,6 +99,19 @@ pub fn bounds(center: [f32; 3], radius: f32) -> Option<Bounds> {
 
 fn is_solid(center: [f32; 3], radius: f32) -> bool {
     radius > 0.0 && radius.is_finite() && center.iter().all(|x| x.is_finite())
+}
+
+/// From the foot, with its bound; a sphere that is not solid is never hit.
+#[inline(always)]
+fn from_foot(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Verdict<f32> {
+    let foot = Foot::new(ray, center);
+    let radius = f64::from(radius);
+    let reach = foot.reach(ray, radius);
+    match foot.entry(ray, radius, reach) {
+        Verdict::Hit((t, error)) => foot::settle(ray, t, error),
+        Verdict::Miss => Verdict::Miss,
+        Verdict::Undecided => Verdict::Undecided,
+    }
 }
 
 #[inline(always)]

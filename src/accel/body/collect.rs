@@ -241,18 +241,18 @@ impl Shapes {
                     block.set(lane, position, radius);
                 }))
             }
-            Some(GeometryKind::LinearSweptSpheres) => Self::LinearSweptSpheres(blocks(
-                names,
-                block::LinearSweptSpheres::EMPTY,
-                |block, lane, name| {
-                    let Primitive::LinearSweptSphere { positions, radii, caps } =
-                        data(name).primitive(name.primitive)
-                    else {
-                        mixed()
-                    };
-                    block.set(lane, positions, radii, caps);
-                },
-            )),
+            Some(GeometryKind::LinearSweptSpheres) => {
+                let swept = |name: &Name| match data(name).primitive(name.primitive) {
+                    Primitive::LinearSweptSphere { positions, radii, caps } => (positions, radii, caps),
+                    _ => mixed(),
+                };
+                let ends = blocks(names, block::SweptEnds::EMPTY, |block, lane, name| {
+                    let (positions, radii, _) = swept(name);
+                    block.set(lane, positions, radii);
+                });
+                let caps = blocks(names, [[false; 2]; LANES], |caps, lane, name| caps[lane] = swept(name).2);
+                Self::LinearSweptSpheres(ends, caps)
+            }
         }
     }
 }

@@ -40,8 +40,8 @@ pub struct BoxRay {
 }
 
 impl BoxRay {
-    /// Confines nothing.
-    const OPEN: Self = Self {
+    /// Memory for a ray; it confines nothing.
+    pub const IDLE: Self = Self {
         near_origin: [f32::NAN; 3],
         far_origin: [f32::NAN; 3],
         near_reciprocal: [0.0; 3],
@@ -51,7 +51,7 @@ impl BoxRay {
 
     /// Makes a ray ready for boxes that lie within the given one (object space).
     pub fn new(object_ray: &ObjectRay, around: &Bounds) -> Self {
-        let mut out = Self::OPEN;
+        let mut out = Self::IDLE;
         let (ray, errors) = BlockRay::prepare(object_ray, around);
         let Some(errors) = errors else { return out };
         let (origin_error, direction_error) = (errors.origin, errors.direction);

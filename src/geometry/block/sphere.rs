@@ -8,8 +8,12 @@
 //! ```
 //!
 //! proves it. Both sides are squared; the left side's own rounding, 4u, is within the margins.
+//!
+//! Only the entry counts, which lies behind the origin where D.m > 0, be the origin inside or not. By the
+//! table E.M > |E| (e + c |M|) proves that; it is asked for rays whose interval begins at 0 or later
+//! and whose origin was not moved.
 
-use super::{ALL, BlockRay, LANES, Row, cross, dot, load, norm1, sub};
+use super::{ALL, BlockRay, LANES, Row, cross, dot, load, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, sphere};
 use crate::math::four::Four;
 
@@ -35,19 +39,30 @@ impl Spheres {
     }
 
     /// A bit for each lane that the ray's line does not surely miss.
-    #[inline]
+    #[inline(always)]
     pub fn met(&self, ray: &BlockRay) -> u32 {
+        self.met_from(ray, Four::splat(f32::INFINITY))
+    }
+
+    /// The same, without lanes that are surely entered behind the origin, if ever.
+    #[inline(always)]
+    pub fn entered(&self, ray: &BlockRay) -> u32 {
+        self.met_from(ray, Four::splat(ray.behind))
+    }
+
+    #[inline(always)]
+    fn met_from(&self, ray: &BlockRay, behind: Four) -> u32 {
+        let d = ray.directions();
         let m = sub(ray.origins(), load(&self.center));
-        let q = cross(ray.directions(), m);
-        let bound = Four::splat(ray.fixed) + Four::splat(ray.growing) * norm1(m);
-        let room = Four::new(self.radius) * Four::splat(ray.length) + bound;
-        ALL & !(dot(q, q).above(room * room))
+        let q = cross(d, m);
+        let room = Four::new(self.radius) * Four::splat(ray.length) + Four::splat(ray.reach);
+        ALL & !(dot(q, q).above(room * room) | dot(d, m).above(behind))
     }
 
     /// Where a ray enters the sphere in a lane: [`sphere::intersect`].
-    #[inline]
+    #[inline(always)]
     pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
-        let center = self.center.map(|row| row[lane]);
+        let center = [self.center[0][lane], self.center[1][lane], self.center[2][lane]];
         sphere::intersect(ray, center, self.radius[lane], precision)
     }
 }

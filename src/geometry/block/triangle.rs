@@ -94,7 +94,8 @@ impl Triangles {
     /// Where a ray meets the triangle in a lane: [`triangle::intersect`].
     #[inline(always)]
     pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
-        let vertices = self.vertices.map(|rows| rows.map(|row| row[lane]));
+        let [a, b, c] = &self.vertices;
+        let vertices = [a, b, c].map(|rows| [rows[0][lane], rows[1][lane], rows[2][lane]]);
         triangle::intersect(ray, vertices, precision)
     }
 }

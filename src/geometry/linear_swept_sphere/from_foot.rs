@@ -1,0 +1,161 @@
+//! The first step for linear swept spheres, from the foot of the first end ([`crate::geometry::foot`]).
+//!
+//! # Derivation
+//! With the foot w* in place of w, w*.d = 0, τ = t + σ* in place of t, and the parent module's D, δ, g:
+//! let e = w*.D + r0 δ, m = D.d, q = m / d.d, k = g - m q and f = r0^2 - w*.w*. Then
+//!
+//! ```text
+//! u* g = e + m τ      A = k d.d      B = -e m      C = -(g f + e^2)      B^2 - A C = g d.d H
+//! H = e^2 + k f       τ = (e q - sqrt(g H / d.d)) / k       (the falling root)
+//! ```
+//!
+//! f is also what the sphere of the first end has for its discriminant (over d.d), and the foot of the
+//! second end is w* - D + q d.
+//!
+//! # Error
+//! In the terms of `geometry::foot`, with |w*| and r0 at most s, ρ = reach(s) and c s <= ρ; D is off by
+//! u |D|, δ by u |δ| <= u |D|. To first order, and with ρ^2 where it counts:
+//!
+//! ```text
+//! g    9 u D.D                   q    (9 u + 3 κ2) |D| / |d| <= 0.66 c |D| / |d|
+//! k    1.5 c D.D                 e    1.45 |D| ρ            |e| <= |D| s
+//! f    2.4 s ρ + ρ^2             H    (7.1 s ρ + 3.2 ρ^2) D.D <= 8 (s + ρ) ρ D.D = h
+//! ```
+//!
+//! k >= D.D / 16 is asked for (the ray does not run along the side), so that k and with it g are off by
+//! at most a fifth and certainly positive; then H < -h is a miss, as all of the line is outside of the
+//! double cone. For H >= 2 h the root R = sqrt(g H / d.d) is off by at most
+//! R (0.6 h / H + 4.5 c + 0.25 c), and R <= 1.5 D.D s / |d|; e q by 2.2 D.D ρ / |d|. So, as c s <= ρ,
+//!
+//! ```text
+//! |Δτ| <= 1.25 (9.5 D.D ρ / |d| + 0.6 R h / H + 1.5 c D.D |τ|) / k
+//! ```
+//!
+//! and with σ's ρ / |d| and the last rounding, which c |τ| and ρ / |d| outweigh, t is off by at most
+//!
+//! ```text
+//! E = (D.D / k) (ρ (14 / |d| + 8 (s + ρ) R / H) + 3 c |τ|).
+//! ```
+//!
+//! u* g at τ is off by at most |D| (1.6 ρ + |d| (E + c |τ| / 2)) <= 1.5 |D| |d| E, and g - u* g by
+//! c D.D more. At the entry of an end's sphere E is that of `Foot::entry`, 16 ρ / |d|, to which
+//! c |τ| adds ρ / |d| at the first end, as |τ| |d| <= r0; at the second 2 ρ / |d| for σ* and c |τ| for itself.
+//! Numbers that are not finite end in a NaN or an infinite E; nothing underflows that 2^-100 in ρ does
+//! not outweigh: h >= 2^-500 for a g that is not 0, and g H / d.d >= 2^-1000.
+
+use super::{cap, side};
+use crate::geometry::Intersection;
+use crate::geometry::foot::{self, Foot, Footing};
+use crate::geometry::object_ray::ObjectRay;
+use crate::geometry::verdict::{Verdict, rounded};
+use crate::math::real::{dot, from_f32, norm1, sub};
+
+/// Where a ray enters, if the bound says so for certain. Shapes that are not solid or end in an apex
+/// are missed or left open.
+#[inline(always)]
+pub(super) fn entry(
+    ray: &ObjectRay,
+    positions: [[f32; 3]; 2],
+    radii: [f32; 2],
+    caps: [bool; 2],
+) -> Verdict<Intersection> {
+    let Footing { inverse, slowness, growing, .. } = ray.footing;
+    let foot = Foot::new(ray, positions[0]);
+    let [r0, r1] = radii.map(f64::from);
+    let axis = sub(from_f32(positions[1]), from_f32(positions[0]));
+    let delta = r1 - r0;
+    let size = norm1(foot.offset) + r0;
+    let reach = foot.reach(ray, size);
+
+    let square = dot(axis, axis);
+    let g = square - delta * delta;
+    let along = dot(axis, ray.direction);
+    let lean = along * inverse;
+    let k = g - along * lean;
+    let begin = dot(foot.offset, axis) + r0 * delta;
+    let room = r0 * r0 - dot(foot.offset, foot.offset);
+    let h = begin * begin + k * room;
+    let wide = 8.0 * (size + reach) * reach;
+    let e_h = square * wide;
+    // Written so that a NaN is not sure.
+    if !(k >= square * (1.0 / 16.0) && r0 >= 0.0 && r1 >= 0.0) {
+        return Verdict::Undecided;
+    }
+    if !(h >= e_h + e_h) {
+        return if h < -e_h { Verdict::Miss } else { Verdict::Undecided };
+    }
+    let root = (g * h * inverse).sqrt();
+    let stretch = 1.0 / k;
+    let from_foot = (begin * lean - root) * stretch;
+    let error =
+        square * stretch * (reach * (14.0 * slowness) + wide * (root / h) + 3.0 * growing * from_foot.abs());
+
+    let length = square.sqrt();
+    let speed = 1.5 * length * ray.direction_norm;
+    let place = begin + along * from_foot;
+    let e_place = speed * error;
+    let rest = g - place;
+    let e_rest = e_place + growing * square;
+    if place > e_place && rest > e_rest {
+        let t = from_foot - foot.back;
+        let t = match foot::settle(ray, t, error) {
+            Verdict::Hit(t) => t,
+            Verdict::Miss => return Verdict::Miss,
+            Verdict::Undecided => return Verdict::Undecided,
+        };
+        let inverse_g = 1.0 / g;
+        let (u, e_u) = (place * inverse_g, 1.25 * inverse_g * e_rest);
+        return match rounded(u - e_u, u + e_u) {
+            Verdict::Hit(u) => Verdict::Hit(side(t, u)),
+            _ => Verdict::Undecided,
+        };
+    }
+    if place < -e_place {
+        let (t, error) = match foot.entry(ray, r0, reach) {
+            Verdict::Hit(entry) => entry,
+            Verdict::Miss => return Verdict::Miss,
+            Verdict::Undecided => return Verdict::Undecided,
+        };
+        let place = begin + along * (t + foot.back);
+        let e_place = speed * (error + 2.0 * slowness * reach);
+        return if place < -e_place {
+            on_cap(ray, (t, error), 0, caps)
+        } else if place > e_place {
+            Verdict::Miss
+        } else {
+            Verdict::Undecided
+        };
+    }
+    if rest < -e_rest {
+        let other = Foot::new(ray, positions[1]);
+        let reach_1 = other.reach(ray, r1);
+        let (t, error) = match other.entry(ray, r1, reach_1) {
+            Verdict::Hit(entry) => entry,
+            Verdict::Miss => return Verdict::Miss,
+            Verdict::Undecided => return Verdict::Undecided,
+        };
+        let from_foot = t + foot.back;
+        let rest = g - (begin + along * from_foot);
+        let e_rest = speed * (error + 2.0 * slowness * reach + growing * from_foot.abs()) + growing * square;
+        return if rest < -e_rest {
+            on_cap(ray, (t, error), 1, caps)
+        } else if rest > e_rest {
+            Verdict::Miss
+        } else {
+            Verdict::Undecided
+        };
+    }
+    Verdict::Undecided
+}
+
+#[inline(always)]
+fn on_cap(ray: &ObjectRay, (t, error): (f64, f64), end: usize, caps: [bool; 2]) -> Verdict<Intersection> {
+    if !caps[end] {
+        return Verdict::Miss;
+    }
+    match foot::settle(ray, t, error) {
+        Verdict::Hit(t) => Verdict::Hit(cap(t, end)),
+        Verdict::Miss => Verdict::Miss,
+        Verdict::Undecided => Verdict::Undecided,
+    }
+}
