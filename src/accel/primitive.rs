@@ -79,14 +79,21 @@ impl GeometryData {
     }
 }
 
+/// A sphere's numbers.
 #[inline(always)]
-fn sphere(positions: &[[f32; 3]], radii: &[f32], indices: &Option<Vec<u32>>, at: usize) -> Primitive {
+pub(super) fn sphere(
+    positions: &[[f32; 3]],
+    radii: &[f32],
+    indices: &Option<Vec<u32>>,
+    at: usize,
+) -> Primitive {
     let entry = entry_of(indices, at);
     Primitive::Sphere { position: positions[entry], radius: radii[entry] }
 }
 
+/// A linear swept sphere's numbers.
 #[inline(always)]
-fn swept(
+pub(super) fn swept(
     positions: &[[f32; 3]],
     radii: &[f32],
     indices: &Option<Vec<u32>>,

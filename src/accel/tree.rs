@@ -242,9 +242,9 @@ impl Build {
 
     /// Gives a leaf's boxes their places, from the next multiple of the leaf size on.
     fn leaf(&mut self, references: &[Reference]) -> Child {
-        let size = self.cost.most;
-        self.order.resize(self.order.len().next_multiple_of(size), EMPTY_PLACE);
-        let index = self.order.len() / size;
+        let size = self.cost.most.trailing_zeros();
+        let index = (self.order.len() + self.cost.most - 1) >> size;
+        self.order.resize(index << size, EMPTY_PLACE);
         self.order.extend(references.iter().map(Reference::number));
         Child::leaf(index, references.len())
     }

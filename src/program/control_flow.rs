@@ -115,7 +115,7 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
     }
     for &block in order {
         let phis = function.blocks[block].instructions.iter();
-        for phi in phis.filter(|instruction| instruction.opcode == PHI) {
+        for phi in phis.take_while(|instruction| instruction.opcode == PHI) {
             // A phi reads at the end of the block that its value comes from.
             for pair in module.operands(phi).chunks_exact(2) {
                 let from = position_of(Id(pair[1])).filter(|&from| from != usize::MAX);

@@ -228,14 +228,14 @@ impl<'m> Lowering<'m> {
         let mut labels = vec![None; function.blocks.len()];
         order.iter().for_each(|&block| labels[block] = Some(self.label()));
         for &block in &order {
-            for instruction in &function.blocks[block].instructions {
-                if instruction.opcode == opcode::PHI {
-                    self.decoder.origin.offset = instruction.offset;
-                    let ty = self.decoder.result_type(instruction)?;
-                    let count = self.decoder.word_count(ty)?;
-                    let words = self.decoder.fresh_words(count)?;
-                    self.decoder.result(instruction, words);
-                }
+            // They open their block.
+            let instructions = function.blocks[block].instructions.iter();
+            for phi in instructions.take_while(|instruction| instruction.opcode == opcode::PHI) {
+                self.decoder.origin.offset = phi.offset;
+                let ty = self.decoder.result_type(phi)?;
+                let count = self.decoder.word_count(ty)?;
+                let words = self.decoder.fresh_words(count)?;
+                self.decoder.result(phi, words);
             }
         }
         for (position, &block) in order.iter().enumerate() {

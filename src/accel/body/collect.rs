@@ -235,16 +235,25 @@ impl Shapes {
             }
             Some(GeometryKind::Spheres) => {
                 Self::Spheres(blocks(names, block::Spheres::EMPTY, |block, lane, name| {
-                    let Primitive::Sphere { position, radius } = data(name).primitive(name.primitive) else {
-                        mixed()
-                    };
-                    block.set(lane, position, radius);
+                    let GeometryData::Spheres { positions, radii, indices } = data(name) else { mixed() };
+                    let sphere = primitive::sphere(positions, radii, indices, name.primitive as usize);
+                    if let Primitive::Sphere { position, radius } = sphere {
+                        block.set(lane, position, radius);
+                    }
                 }))
             }
             Some(GeometryKind::LinearSweptSpheres) => {
-                let swept = |name: &Name| match data(name).primitive(name.primitive) {
-                    Primitive::LinearSweptSphere { positions, radii, caps } => (positions, radii, caps),
-                    _ => mixed(),
+                let swept = |name: &Name| {
+                    let GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, end_caps } =
+                        data(name)
+                    else {
+                        mixed()
+                    };
+                    let (modes, at) = ((*indexing, *end_caps), name.primitive as usize);
+                    match primitive::swept(positions, radii, indices, modes, at) {
+                        Primitive::LinearSweptSphere { positions, radii, caps } => (positions, radii, caps),
+                        _ => mixed(),
+                    }
                 };
                 let ends = blocks(names, block::SweptEnds::EMPTY, |block, lane, name| {
                     let (positions, radii, _) = swept(name);
