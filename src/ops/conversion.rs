@@ -10,18 +10,63 @@ use half::f16;
 use crate::machine::lanes::map1;
 use crate::machine::{Reg, Registers, Scalar};
 use crate::math::float;
-use crate::ops::row::{LaneLoop, Row, Unary};
+use crate::ops::row::{Bits, LaneLoop, Row, Unary};
 
 macro_rules! conversions {
     ($($name:ident: $($from:ty => $to:ty),+;)+) => {$(
         mod $name {
             use super::*;
             pub(super) static ROWS: &[(u32, Row)] = &[$((
-                <$to as crate::ops::row::Bits>::BITS,
-                crate::row!(Convert, $from, (a: $from), $to, Between<$from, $to>),
+                <$to as Bits>::BITS,
+                if <$from as Bits>::FLOAT == 32 && <$to as Bits>::BITS == 32 && <$to as Bits>::SIGNED {
+                    truncating(crate::row!(Convert, $from, (a: $from), $to, Between<$from, $to>))
+                } else {
+                    crate::row!(Convert, $from, (a: $from), $to, Between<$from, $to>)
+                },
             )),+];
         }
     )+};
+}
+
+/// The row from f32 to i32, with the processor's own conversion for 64 lanes.
+const fn truncating(row: Row) -> Row {
+    Row {
+        #[cfg(target_arch = "x86_64")]
+        full_v3: |simd, registers, to, from| simd.vectorize(Truncate { simd, registers, to, from: from[0] }),
+        ..row
+    }
+}
+
+/// Brings f32 to i32. What is outside becomes the least number: it is turned over where it was too great,
+/// and zero where it was none.
+#[cfg(target_arch = "x86_64")]
+struct Truncate<'a> {
+    simd: pulp::x86::V3,
+    registers: &'a mut Registers<64>,
+    to: Reg,
+    from: Reg,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl pulp::NullaryFnOnce for Truncate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        use std::arch::x86_64::{_CMP_GE_OQ, _CMP_ORD_Q};
+        let (avx, avx2) = (self.simd.avx, self.simd.avx2);
+        let too_great = avx._mm256_set1_ps(2_147_483_648.0);
+        let mut result = [0; 64];
+        let floats = self.registers[self.from].0.as_chunks::<8>().0;
+        for (float, to) in floats.iter().zip(result.as_chunks_mut::<8>().0) {
+            let float = pulp::cast(*float);
+            let above = pulp::cast(avx._mm256_cmp_ps::<_CMP_GE_OQ>(float, too_great));
+            let number = pulp::cast(avx._mm256_cmp_ps::<_CMP_ORD_Q>(float, float));
+            let saturated = avx2._mm256_xor_si256(avx._mm256_cvttps_epi32(float), above);
+            *to = pulp::cast(avx2._mm256_and_si256(saturated, number));
+        }
+        self.registers[self.to].0 = result;
+    }
 }
 
 /// A value on its way to another type; as a trait, so that one name serves every pair.
@@ -204,6 +249,13 @@ mod tests {
         convert(FToS, 32, 32, (-1.9f32).to_bits().into(), 0xFFFF_FFFF);
         convert(FToU, 32, 32, 3e9f32.to_bits().into(), 3_000_000_000);
         convert(FToS, 32, 32, f32::NAN.to_bits().into(), 0);
+        convert(FToS, 32, 32, 0xFFC0_0001, 0);
+        convert(FToS, 32, 32, 2_147_483_648f32.to_bits().into(), 0x7FFF_FFFF);
+        convert(FToS, 32, 32, f32::INFINITY.to_bits().into(), 0x7FFF_FFFF);
+        convert(FToS, 32, 32, 2_147_483_520f32.to_bits().into(), 2_147_483_520);
+        convert(FToS, 32, 32, (-2_147_483_648f32).to_bits().into(), 0x8000_0000);
+        convert(FToS, 32, 32, f32::NEG_INFINITY.to_bits().into(), 0x8000_0000);
+        convert(FToS, 32, 32, (-0.99f32).to_bits().into(), 0);
         convert(FToS, 32, 8, 300f32.to_bits().into(), 0x7F);
         convert(FToU, 16, 32, 0x4248, 3); // 3.140625
         convert(SToF, 32, 32, 0xFFFF_FFFF, 0xBF80_0000);

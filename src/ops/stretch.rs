@@ -354,6 +354,19 @@ type FSub = arithmetic::FSub<f32>;
 type IMul = arithmetic::IMul<u32>;
 type IAdd = arithmetic::IAdd<u32>;
 type Right = bit::ShiftRightLogical<u32>;
+/// A shift to the right whose result is taken for a signed number.
+struct SignedRight;
+
+impl Binary for SignedRight {
+    type A = u32;
+    type B = u32;
+    type R = i32;
+    #[inline(always)]
+    fn apply(a: u32, b: u32) -> i32 {
+        Right::apply(a, b) as i32
+    }
+}
+
 type Left = bit::ShiftLeftLogical<u32>;
 type Xor = bit::BitwiseXor<u32>;
 type And = bit::BitwiseAnd<u32>;
@@ -391,12 +404,11 @@ functions! {
     two {
     ShiftXor WithItself ShiftRightLogical BitwiseXor WithItself<Right, Xor>;
     ShiftLeftXor WithItself ShiftLeftLogical BitwiseXor WithItself<Left, Xor>;
-    UnsignedTimes ThenWith UToF FMul ThenWith<Between<u32, f32>, FMul>;
     SignedTimes ThenWith SToF FMul ThenWith<Between<i32, f32>, FMul>;
     }
     three {
     ShiftXorTimes Then ShiftXor IMul Then<WithItself<Right, Xor>, IMul>;
-    ShiftTimes Then ShiftRightLogical UnsignedTimes Then<Right, ThenWith<Between<u32, f32>, FMul>>;
+    ShiftTimes Then ShiftRightLogical SignedTimes Then<SignedRight, ThenWith<Between<i32, f32>, FMul>>;
     MulAdd Then FMul FAdd Then<FMul, FAdd>;
     MulSub Then FMul FSub Then<FMul, FSub>;
     SubMul After FMul FSub After<FMul, FSub>;

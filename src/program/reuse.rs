@@ -18,9 +18,10 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use crate::machine::Reg;
-use crate::ops::memory;
+use crate::ops::conversion::{self, Conversion};
 use crate::ops::op::{Access, Op};
 use crate::ops::stretch::{Fate, Steps, WINDOW, takes_float};
+use crate::ops::{bit, memory};
 use crate::program::forward::{Shared, each_read};
 use crate::program::schedule::Schedule;
 use crate::program::{Program, Terminator};
@@ -72,6 +73,10 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
         forward(&mut ops, run, &values, &shared, &mut written);
     }
+    for &(start, run) in &starts {
+        let run = program.blocks[start as usize].first as usize..run.end as usize;
+        sign_casts(&mut ops[run], &program.constants);
+    }
     let mut schedule = Schedule::new(program.rows);
     for &(start, run) in &starts {
         schedule.order(&mut ops[program.blocks[start as usize].first as usize..run.end as usize]);
@@ -118,11 +123,42 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
             places.free.append(&mut left);
         }
     }
-    near_constants(program, &mut ops, &places);
+    let taken = near_values(program, &mut ops, &places, &shared);
+    near_constants(program, &mut ops, &places, &taken);
     program.rows = places.next;
     let ranges =
         starts.iter().map(|&(start, run)| program.blocks[start as usize].first as usize..run.end as usize);
     program.unwatched = Unwatched { steps: Steps::of(&ops, ranges, &fates), ops, runs };
+}
+
+/// Lets casts of unsigned numbers to floats that are less than 2^31, as they were shifted to the right, be casts of signed
+/// ones: processors have those, and the floats are the same.
+fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
+    let cast = |from| conversion::row(from, 32, 32);
+    let (Some(unsigned), Some(signed)) = (cast(Conversion::UToF), cast(Conversion::SToF)) else { return };
+    if !ops.iter().any(|op| matches!(op, Op::Row { row, .. } if std::ptr::eq(*row, unsigned))) {
+        return;
+    }
+    let mut written: HashMap<Reg, usize> = HashMap::new();
+    for at in 0..ops.len() {
+        if let Op::Row { row, from: [from, ..], .. } = ops[at]
+            && std::ptr::eq(row, unsigned)
+            && let Some(&Op::Row { row: shift, from: [_, by, _], .. }) =
+                written.get(&from).map(|&by| &ops[by])
+            && bit::ShiftRightLogical.row(32).is_some_and(|known| std::ptr::eq(known, shift))
+            && constants.iter().any(|&(reg, word)| reg == by && (1..32).contains(&word))
+            && let Op::Row { row, .. } = &mut ops[at]
+        {
+            *row = signed;
+        }
+        ops[at].accesses(|access| {
+            if let Access::Write(first, count) = access {
+                (first.0..first.0 + count).for_each(|row| {
+                    written.insert(Reg(row), at);
+                });
+            }
+        });
+    }
 }
 
 /// What becomes of each operation's result.
@@ -259,8 +295,52 @@ pub(super) fn is_idle(op: &Op) -> bool {
     matches!(op, Op::Memory(memory::Op::Move { to, from }) if to == from)
 }
 
+/// Gives values behind the window of steps that live longer than a run a row in it, as long as there are any that nobody
+/// takes; which those are. As they are written before they are read, it may be one that batches begin with zeros.
+fn near_values(program: &Program, ops: &mut [Op], places: &Places, shared: &Shared) -> Vec<Reg> {
+    let far = |row: u32| row as usize >= WINDOW;
+    let rows = program.rows as usize;
+    let all = (places.next as usize).max(rows);
+    let (mut accesses, mut named) = (vec![0u32; all], vec![0u32; all]);
+    for op in ops.iter_mut() {
+        op.accesses(|access| {
+            let (Access::Read(first, count) | Access::Write(first, count)) = access else { return };
+            (first.0..first.0 + count).for_each(|row| accesses[row as usize] += 1);
+        });
+        each_single(op, |reg, _| named[reg.0 as usize] += 1);
+    }
+    let mut stays: Vec<bool> = (0..rows).map(|row| shared.holds(Reg(row as u32))).collect();
+    let variables = program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count);
+    let constants = program.constants.iter().map(|(reg, _)| reg.0);
+    variables.chain(constants).for_each(|row| stays[row as usize] = true);
+    program.blocks.iter().for_each(|block| each_read(&block.terminator, |reg| stays[reg.0 as usize] = true));
+    // Rows of variables first: constants cannot have those.
+    let is_variable = |reg: &Reg| {
+        program.variables.iter().any(|&(first, count)| (first.0..first.0 + count).contains(&reg.0))
+    };
+    let untaken = places.untaken().iter().copied().filter(|reg| !far(reg.0));
+    let (mut order, others): (Vec<Reg>, Vec<Reg>) = untaken.partition(is_variable);
+    order.extend(others);
+    let mut near: HashMap<Reg, Reg> = HashMap::new();
+    for op in ops {
+        each_single(op, |reg, _| {
+            let row = reg.0 as usize;
+            // Rows that values of one run share already stand behind all others.
+            if !far(reg.0) || row >= rows || stays[row] || accesses[row] != named[row] {
+                return;
+            }
+            let next = near.len();
+            if let Some(&place) = near.get(reg).or(order.get(next)) {
+                near.insert(*reg, place);
+                *reg = place;
+            }
+        });
+    }
+    near.into_values().collect()
+}
+
 /// Gives constants behind the window of steps a row in it, as long as there are any that nobody takes.
-fn near_constants(program: &mut Program, ops: &mut [Op], places: &Places) {
+fn near_constants(program: &mut Program, ops: &mut [Op], places: &Places, taken: &[Reg]) {
     let far = |reg: Reg| reg.0 as usize >= WINDOW;
     let words: HashMap<Reg, u32> = program.constants.iter().copied().filter(|&(reg, _)| far(reg)).collect();
     let mut near: HashMap<Reg, Reg> = HashMap::new();
@@ -268,7 +348,11 @@ fn near_constants(program: &mut Program, ops: &mut [Op], places: &Places) {
     let variables = program.variables.clone();
     let begins_as_zero =
         |reg: Reg| variables.iter().any(|&(first, count)| (first.0..first.0 + count).contains(&reg.0));
-    let mut untaken = places.untaken().iter().copied().filter(|&reg| !far(reg) && !begins_as_zero(reg));
+    let mut untaken = places
+        .untaken()
+        .iter()
+        .copied()
+        .filter(|&reg| !far(reg) && !begins_as_zero(reg) && !taken.contains(&reg));
     for op in ops {
         if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }) = op {
             each_single(op, |reg, single| {
@@ -446,6 +530,31 @@ mod tests {
     }
 
     #[test]
+    fn what_was_shifted_to_the_right_is_cast_as_signed() {
+        let shift = bit::ShiftRightLogical.row(32).expect("a row of 32 bits");
+        let [unsigned, signed] = [Conversion::UToF, Conversion::SToF]
+            .map(|cast| conversion::row(cast, 32, 32).expect("a row of 32 bits"));
+        let row = |row, to, from| Op::Row { row, to: Reg(to), from: [Reg(from), Reg(9), Reg(9)] };
+        // By one bit at least; by nothing; and what was written again behind the shift.
+        for (by, between, expected) in [(1, 5, signed), (31, 5, signed), (0, 5, unsigned), (8, 1, unsigned)] {
+            let mut ops = [row(shift, 1, 0), row(unsigned, between, 3), row(unsigned, 2, 1)];
+            sign_casts(&mut ops, &[(Reg(9), by)]);
+            assert_eq!(ops[2], row(expected, 2, 1), "by {by}, with {between} written between");
+        }
+    }
+
+    #[test]
+    fn long_programs_name_near_rows_alone() {
+        for name in ["arithmetic.rgen", "light.rchit", "heavy.rchit"] {
+            let path = format!("{}/spirv-fixtures/bench/{name}.spv", env!("CARGO_MANIFEST_DIR"));
+            let module = crate::Module::open(path).expect("a valid fixture");
+            let program = Program::of(&module, "main").expect("a supported fixture");
+            assert!(program.rows as usize > WINDOW, "{name} has {} rows", program.rows);
+            assert!(!program.unwatched.steps.is_wide(), "{name} names rows behind the window");
+        }
+    }
+
+    #[test]
     fn a_near_constant_has_a_row_that_no_batch_begins_with_zeros() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/bench/arithmetic.rgen.spv");
         let module = crate::Module::open(path).expect("a valid fixture");
@@ -455,7 +564,7 @@ mod tests {
         program.constants = vec![(far, 7)];
         let row = crate::ops::arithmetic::IAdd.row(32).expect("a row of 32 bits");
         let mut ops = [Op::Row { row, to: Reg(0), from: [Reg(1), far, Reg(1)] }];
-        near_constants(&mut program, &mut ops, &Places::new(400, vec![Reg(10), Reg(11)]));
+        near_constants(&mut program, &mut ops, &Places::new(400, vec![Reg(10), Reg(11)]), &[]);
         assert_eq!(ops, [Op::Row { row, to: Reg(0), from: [Reg(1), Reg(11), Reg(1)] }]);
         assert_eq!(program.constants, [(far, 7), (Reg(11), 7)]);
     }

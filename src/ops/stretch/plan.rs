@@ -74,6 +74,28 @@ struct Planned {
     op: u32,
 }
 
+impl Planned {
+    /// An operation that is no step.
+    fn other(at: usize, fate: Fate) -> Self {
+        let function = Function::Other;
+        Self { function, to: 0, from: [0; 3], operands: 0, fate, twice: false, float: false, op: at as u32 }
+    }
+}
+
+/// Whether an operation that may be a step names a row behind the window.
+fn is_far(op: &Op) -> bool {
+    let far = |reg: &Reg| reg.0 as usize >= WINDOW;
+    match op {
+        Op::Row { row, to, from } => {
+            let operands = row.operands.iter().zip(from).filter(|(words, _)| **words > 0);
+            far(to) || operands.into_iter().any(|(_, reg)| far(reg))
+        }
+        Op::Memory(memory::Op::Move { to, from }) => to != from && (far(to) || far(from)),
+        Op::Memory(memory::Op::MoveMasked { to, from }) => far(to) || far(from),
+        _ => false,
+    }
+}
+
 /// The value that the accumulator holds.
 struct Held {
     /// The row that it stands for.
@@ -89,8 +111,20 @@ impl Steps {
     /// The steps of operations, `runs` of which follow each other without a choice.
     pub fn of(ops: &[Op], runs: impl IntoIterator<Item = Range<usize>>, fates: &[Fate]) -> Self {
         let mut steps = Self::default();
+        // A few operations that name rows behind the window run by themselves, so that all steps name rows
+        // inside.
+        let far = ops.iter().filter(|op| is_far(op)).count();
+        let apart = far * 8 <= ops.len();
+        let planned = |at: usize| {
+            let op = &ops[at];
+            if apart && is_far(op) {
+                smallvec![Planned::other(at, fates[at])]
+            } else {
+                planned(at, op, fates[at])
+            }
+        };
         for run in runs {
-            let planned = pairs(run.clone().flat_map(|at| planned(at, &ops[at], fates[at])));
+            let planned = pairs(run.clone().flat_map(planned));
             let mut held = None;
             for planned in planned {
                 steps.add(planned, &mut held);
@@ -147,6 +181,12 @@ impl Steps {
                 *held = Some(Held { row: planned.to, step, reads: planned.fate.reads, served: 0 });
             }
         }
+    }
+
+    /// Whether a step names a row behind the window.
+    #[cfg(test)]
+    pub fn is_wide(&self) -> bool {
+        self.wide
     }
 
     fn push(&mut self, step: Step, op: u32) {
