@@ -91,26 +91,31 @@ pub(super) fn sphere(
     Primitive::Sphere { position: positions[entry], radius: radii[entry] }
 }
 
-/// A linear swept sphere's numbers.
 #[inline(always)]
-pub(super) fn swept(
+fn swept(
     positions: &[[f32; 3]],
     radii: &[f32],
     indices: &Option<Vec<u32>>,
     (indexing, end_caps): (Indexing, EndCaps),
     at: usize,
 ) -> Primitive {
-    let [first, second] = match indexing {
+    let ends = ends(indices, indexing, at);
+    Primitive::LinearSweptSphere {
+        positions: ends.map(|end| positions[end]),
+        radii: ends.map(|end| radii[end]),
+        caps: caps(indices.as_deref(), indexing, end_caps, at),
+    }
+}
+
+/// The vertices that a linear swept sphere spans.
+#[inline(always)]
+pub(super) fn ends(indices: &Option<Vec<u32>>, indexing: Indexing, at: usize) -> [usize; 2] {
+    match indexing {
         Indexing::List => [entry_of(indices, 2 * at), entry_of(indices, 2 * at + 1)],
         Indexing::Successive => {
             let entry = entry_of(indices, at);
             [entry, entry + 1]
         }
-    };
-    Primitive::LinearSweptSphere {
-        positions: [positions[first], positions[second]],
-        radii: [radii[first], radii[second]],
-        caps: caps(indices.as_deref(), indexing, end_caps, at),
     }
 }
 
@@ -150,7 +155,8 @@ fn entry_of(indices: &Option<Vec<u32>>, entry: usize) -> usize {
 /// has both, each following one only its trailing cap. A chain goes on where an index is its
 /// predecessor plus one; that rule and the ownership of the joint were measured on NVIDIA's driver.
 /// In `List` mode there are no chains: every primitive has both.
-fn caps(indices: Option<&[u32]>, indexing: Indexing, end_caps: EndCaps, at: usize) -> [bool; 2] {
+#[inline(always)]
+pub(super) fn caps(indices: Option<&[u32]>, indexing: Indexing, end_caps: EndCaps, at: usize) -> [bool; 2] {
     match (end_caps, indexing) {
         (EndCaps::None, _) => [false, false],
         (EndCaps::Chained, Indexing::List) => [true, true],

@@ -243,23 +243,23 @@ impl Shapes {
                 }))
             }
             Some(GeometryKind::LinearSweptSpheres) => {
-                let swept = |name: &Name| {
-                    let GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, end_caps } =
+                let ends = blocks(names, block::SweptEnds::EMPTY, |block, lane, name| {
+                    let GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, .. } =
                         data(name)
                     else {
                         mixed()
                     };
-                    let (modes, at) = ((*indexing, *end_caps), name.primitive as usize);
-                    match primitive::swept(positions, radii, indices, modes, at) {
-                        Primitive::LinearSweptSphere { positions, radii, caps } => (positions, radii, caps),
-                        _ => mixed(),
-                    }
-                };
-                let ends = blocks(names, block::SweptEnds::EMPTY, |block, lane, name| {
-                    let (positions, radii, _) = swept(name);
-                    block.set(lane, positions, radii);
+                    let ends = primitive::ends(indices, *indexing, name.primitive as usize);
+                    block.set(lane, ends.map(|end| positions[end]), ends.map(|end| radii[end]));
                 });
-                let caps = blocks(names, [[false; 2]; LANES], |caps, lane, name| caps[lane] = swept(name).2);
+                let caps = blocks(names, [[false; 2]; LANES], |caps, lane, name| {
+                    let GeometryData::LinearSweptSpheres { indices, indexing, end_caps, .. } = data(name)
+                    else {
+                        mixed()
+                    };
+                    let at = name.primitive as usize;
+                    caps[lane] = primitive::caps(indices.as_deref(), *indexing, *end_caps, at);
+                });
                 Self::LinearSweptSpheres(ends, caps)
             }
         }

@@ -65,6 +65,7 @@ impl SweptEnds {
     pub const EMPTY: Self = Self { positions: [[[0.0; LANES]; 3]; 2], radii: [[0.0; LANES]; 2] };
 
     /// Puts the ends of a swept sphere into a lane.
+    #[inline(always)]
     pub fn set(&mut self, lane: usize, positions: [[f32; 3]; 2], radii: [f32; 2]) {
         for end in 0..2 {
             for (row, x) in self.positions[end].iter_mut().zip(positions[end]) {
