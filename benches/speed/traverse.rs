@@ -63,7 +63,8 @@ pub fn run(table: &mut Table) {
     let table = &*table;
     let row = |name: &str, flags: RayFlags, make: &dyn Fn() -> Scene| {
         let together = format!("{name} together");
-        if table.wants(&together) {
+        // Of boxes shaders decide.
+        if table.wants(&together) && name != "traverse boxes" {
             let scene = make();
             let tlas = scene.tlas(GeometryFlags::OPAQUE);
             measure_together(table, &together, &tlas, &tiles(&scene, table.picture), flags);
