@@ -13,21 +13,17 @@
 
 mod rows;
 
-#[cfg(target_arch = "x86_64")]
-use pulp::x86::V3;
-
 use crate::accel::body::{Body, Name};
 use crate::accel::cursor::{Candidate, Committed, Cursor, TraceRay};
 use crate::accel::level::Level;
-use crate::accel::node::{Child, Node, WIDTH};
-use crate::accel::node_ray::NodeRay;
+use crate::accel::node::{Child, WIDTH};
 use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible, presented};
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::tree::Tree;
 use crate::geometry::triangle::FourTested;
 use crate::geometry::{DoubleRay, Intersection, Surface};
-use crate::math::doubles::Doubles;
-use crate::math::eight::{Eights, TwoFours};
+use crate::math::doubles::{Task, Vectors};
+use crate::math::eight::TwoFours;
 use rows::{Group, Rays, Row, Rows};
 
 /// So many rays go together at the most.
@@ -35,6 +31,9 @@ pub const MOST: usize = 64;
 
 /// Fewer rays than that go each by itself.
 const LEAST: usize = 8;
+
+/// So few rays go by themselves below a node that no others meet.
+const FEW: u32 = 3;
 
 /// So many nodes and leaves a ray may be opened together before the rays go on by themselves.
 const STEPS: u32 = 4;
@@ -192,6 +191,23 @@ impl Packet {
         true
     }
 
+    /// Puts children of a node on the stack, the nearest on top.
+    #[inline(always)]
+    fn push(&mut self, near: [f32; WIDTH], mut met: u32, node: Child) {
+        let bottom = self.stack.len();
+        while met != 0 {
+            let slot = met.trailing_zeros() as usize % WIDTH;
+            met &= met - 1;
+            self.stack.push(Open::new(near[slot], node, slot));
+            let top = &mut self.stack[bottom..];
+            let mut at = top.len() - 1;
+            while at > 0 && top[at - 1] < top[at] {
+                top.swap(at - 1, at);
+                at -= 1;
+            }
+        }
+    }
+
     /// Whether it is not plain that each ray is better off by itself.
     #[inline]
     fn is_worth_it(&mut self, tlas: &Tlas, traces: &[TraceRay]) -> bool {
@@ -231,11 +247,11 @@ impl Packet {
         let walk = Walk { packet: self, tlas, traces, any_opaque_hit, alone: 0 };
         #[cfg(target_arch = "x86_64")]
         let alone = match tlas.simd() {
-            Some(simd) => simd.vectorize(Vectorized { walk, simd }),
-            None => walk.run(TwoFours),
+            Some(simd) => simd.apart(walk),
+            None => TwoFours.apart(walk),
         };
         #[cfg(not(target_arch = "x86_64"))]
-        let alone = walk.run(TwoFours);
+        let alone = TwoFours.apart(walk);
         if self.steps == 0 {
             self.failed = (self.failed + 1).min(6);
             self.apart = 1 << self.failed;
@@ -256,27 +272,52 @@ struct Walk<'a> {
     alone: u64,
 }
 
-/// To be compiled for AVX2: the same operations, and the same results.
-#[cfg(target_arch = "x86_64")]
-struct Vectorized<'a> {
-    walk: Walk<'a>,
-    simd: V3,
-}
-
-#[cfg(target_arch = "x86_64")]
-impl pulp::NullaryFnOnce for Vectorized<'_> {
+impl Task for Walk<'_> {
     type Output = u64;
 
     #[inline(always)]
-    fn call(self) -> u64 {
-        self.walk.run(self.simd)
+    fn run<E: Vectors>(self, eights: E) -> u64 {
+        self.together(eights)
+    }
+}
+
+/// Some rays come to a leaf.
+struct Reach<'w, 'a, 'i> {
+    walk: &'w mut Walk<'a>,
+    inside: &'i Inside<'i>,
+    leaf: Child,
+    rays: u64,
+}
+
+impl Task for Reach<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<E: Vectors>(self, eights: E) {
+        self.walk.test(eights, self.inside, self.leaf, self.rays);
+    }
+}
+
+/// Some rays come to an instance.
+struct Enter<'w, 'a> {
+    walk: &'w mut Walk<'a>,
+    instance: u32,
+    rays: u64,
+}
+
+impl Task for Enter<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<E: Vectors>(self, eights: E) {
+        self.walk.enter(eights, self.instance, self.rays);
     }
 }
 
 // What operates on vectors is compiled into one function, so that nothing of it stands in closures.
 impl Walk<'_> {
     #[inline(always)]
-    fn run<E: Eights + Doubles>(mut self, eights: E) -> u64 {
+    fn together<E: Vectors>(mut self, eights: E) -> u64 {
         let count = self.traces.len();
         let packet = &mut *self.packet;
         packet.hit = 0;
@@ -295,7 +336,7 @@ impl Walk<'_> {
         match self.tlas.tree() {
             None => {
                 for number in 0..instances {
-                    self.enter(eights, number as u32, rays);
+                    eights.apart(Enter { walk: &mut self, instance: number as u32, rays });
                 }
             }
             Some((tree, order)) => self.through_world(eights, tree, order, rays),
@@ -314,7 +355,7 @@ impl Walk<'_> {
 
     /// Visits the tree over the instances.
     #[inline(always)]
-    fn through_world<E: Eights + Doubles>(&mut self, eights: E, tree: &Tree, order: &[u32], rays: u64) {
+    fn through_world<E: Vectors>(&mut self, eights: E, tree: &Tree, order: &[u32], rays: u64) {
         let fit = self.packet.world.take_simple(eights, &self.packet.rays, tree.scale(), rays);
         self.leave_alone(rays & !fit);
         let mut rest = fit;
@@ -323,40 +364,29 @@ impl Walk<'_> {
             rest &= !group.rays;
             let root = tree.root();
             if root.is_leaf() {
-                self.enter(eights, order[root.index()], group.rays);
+                eights.apart(Enter { walk: self, instance: order[root.index()], rays: group.rays });
                 continue;
             }
-            let around = self.packet.world.around(eights, &self.packet.rays, &group);
-            self.visit(eights, &around, &group, tree, &Instances(order));
+            self.visit(eights, &group, tree, &Instances(order));
         }
     }
 
-    /// Visits the parts of a tree that a ray of intervals meets, the nearest first.
+    /// Visits the parts of a tree that rays meet, the nearest first: all of them together, and a few by
+    /// themselves.
     #[inline(always)]
-    fn visit<E: Eights + Doubles>(
-        &mut self,
-        eights: E,
-        around: &NodeRay,
-        group: &Group,
-        tree: &Tree,
-        leaves: &impl Leaves,
-    ) {
+    fn visit<E: Vectors>(&mut self, eights: E, group: &Group, tree: &Tree, leaves: &impl Leaves) {
+        if group.rays.count_ones() <= FEW {
+            return self.visit_singly(eights, group, tree, tree.root(), leaves);
+        }
         let base = self.packet.stack.len();
+        let around = leaves.rows(self.packet).around(eights, &self.packet.rays, group);
         let slabs = around.slabs(eights);
         let mut limit = self.packet.limits.greatest(eights, group.rays);
         let mut inner = Some(tree.root());
         loop {
             if let Some(at) = inner.take() {
-                let node = tree.node(at);
-                let (near, mut met) = node.entries(&slabs, around.limit(limit));
-                let bottom = self.packet.stack.len();
-                while met != 0 {
-                    let slot = met.trailing_zeros() as usize % WIDTH;
-                    met &= met - 1;
-                    self.packet.stack.push(Open::new(near[slot], at, slot));
-                }
-                // The nearest on top.
-                self.packet.stack[bottom..].sort_unstable_by(|a, b| b.cmp(a));
+                let (near, met) = tree.node(at).entries(&slabs, around.limit(limit));
+                self.packet.push(near, met, at);
             }
             if self.packet.stack.len() <= base {
                 return;
@@ -373,18 +403,64 @@ impl Walk<'_> {
             let (at, slot) = open.place();
             let node = tree.node(at);
             let child = node.child(slot);
+            let Packet { rays, limits, .. } = &*self.packet;
+            let met = leaves.rows(self.packet).met(eights, rays, group, (node, slot), limits);
             if child.is_leaf() {
-                leaves.reach(self, eights, (node, slot), group);
-                limit = self.packet.limits.greatest(eights, group.rays);
+                leaves.reach(self, eights, child, met);
+            } else if met.count_ones() <= FEW {
+                self.visit_singly(eights, &Group { rays: met, ..*group }, tree, child, leaves);
             } else {
                 inner = Some(child);
+                continue;
+            }
+            limit = self.packet.limits.greatest(eights, group.rays);
+        }
+    }
+
+    /// Visits the parts below a node that each of some rays meets by itself.
+    #[inline(always)]
+    fn visit_singly<E: Vectors>(
+        &mut self,
+        eights: E,
+        group: &Group,
+        tree: &Tree,
+        root: Child,
+        leaves: &impl Leaves,
+    ) {
+        let base = self.packet.stack.len();
+        let mut rest = group.rays;
+        while rest != 0 {
+            let ray = rest.trailing_zeros() as usize % MOST;
+            rest &= rest - 1;
+            let single = leaves.rows(self.packet).single(&self.packet.rays, ray, group);
+            let slabs = single.slabs(eights);
+            let mut inner = Some(root);
+            loop {
+                if let Some(at) = inner.take() {
+                    let (near, met) = tree.node(at).entries(&slabs, single.limit(self.packet.limits.0[ray]));
+                    self.packet.push(near, met, at);
+                }
+                if self.packet.stack.len() <= base {
+                    break;
+                }
+                let Some(open) = self.packet.stack.pop() else { break };
+                if open.entry() > self.packet.limits.0[ray] {
+                    continue;
+                }
+                let (at, slot) = open.place();
+                let child = tree.node(at).child(slot);
+                if child.is_leaf() {
+                    leaves.reach(self, eights, child, 1 << ray);
+                } else {
+                    inner = Some(child);
+                }
             }
         }
     }
 
     /// Takes rays into an instance.
     #[inline(always)]
-    fn enter<E: Eights + Doubles>(&mut self, eights: E, number: u32, rays: u64) {
+    fn enter<E: Vectors>(&mut self, eights: E, number: u32, rays: u64) {
         let instance = &self.tlas.instances()[number as usize];
         let TraceRay { flags, cull_mask, .. } = self.traces[0];
         if !is_visible(instance.mask, cull_mask)
@@ -409,7 +485,7 @@ impl Walk<'_> {
         let inside = Inside { instance: number, body, in_world: matches!(placed, Placed::InWorld) };
         let Some(tree) = body.tree().filter(|tree| !tree.root().is_leaf()) else {
             for leaf in body.leaves() {
-                self.test(eights, &inside, leaf, fit);
+                eights.apart(Reach { walk: self, inside: &inside, leaf, rays: fit });
             }
             return;
         };
@@ -417,14 +493,13 @@ impl Walk<'_> {
         while rest != 0 {
             let group = self.packet.rows.first_group(rest);
             rest &= !group.rays;
-            let around = self.packet.rows.around(eights, &self.packet.rays, &group);
-            self.visit(eights, &around, &group, tree, &inside);
+            self.visit(eights, &group, tree, &inside);
         }
     }
 
     /// Tests the primitives of a leaf for some rays.
     #[inline(always)]
-    fn test<E: Eights + Doubles>(&mut self, eights: E, inside: &Inside, leaf: Child, mut rays: u64) {
+    fn test<E: Vectors>(&mut self, eights: E, inside: &Inside, leaf: Child, mut rays: u64) {
         let (tlas, traces, body) = (self.tlas, self.traces, inside.body);
         let precision = tlas.precision();
         let whole = body.tests_leaves(precision);
@@ -509,8 +584,11 @@ struct Inside<'a> {
 
 /// What stands in the leaves of a tree.
 trait Leaves {
-    /// Rays come to a leaf, the child of a node, of which not all may meet it.
-    fn reach<E: Eights + Doubles>(&self, walk: &mut Walk, eights: E, at: (&Node, usize), group: &Group);
+    /// The rays as its boxes see them.
+    fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows;
+
+    /// Some rays come to a leaf.
+    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: Child, rays: u64);
 }
 
 /// Instances, in the order of the tree over them.
@@ -518,21 +596,29 @@ struct Instances<'a>(&'a [u32]);
 
 impl Leaves for Instances<'_> {
     #[inline(always)]
-    fn reach<E: Eights + Doubles>(&self, walk: &mut Walk, eights: E, at: (&Node, usize), group: &Group) {
-        let Packet { world, rays, limits, .. } = &*walk.packet;
-        let met = world.met(eights, rays, group, at, limits);
-        if met != 0 {
-            walk.enter(eights, self.0[at.0.child(at.1).index()], met);
+    fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows {
+        &packet.world
+    }
+
+    #[inline(always)]
+    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: Child, rays: u64) {
+        if rays != 0 {
+            eights.apart(Enter { walk, instance: self.0[leaf.index()], rays });
         }
     }
 }
 
 impl Leaves for Inside<'_> {
     #[inline(always)]
-    fn reach<E: Eights + Doubles>(&self, walk: &mut Walk, eights: E, at: (&Node, usize), group: &Group) {
-        let Packet { rows, rays, limits, .. } = &*walk.packet;
-        let met = rows.met(eights, rays, group, at, limits);
-        walk.test(eights, self, at.0.child(at.1), met);
+    fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows {
+        &packet.rows
+    }
+
+    #[inline(always)]
+    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: Child, rays: u64) {
+        if rays != 0 {
+            eights.apart(Reach { walk, inside: self, leaf, rays });
+        }
     }
 }
 

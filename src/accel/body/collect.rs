@@ -18,7 +18,7 @@ const LINEAR: usize = 4;
 /// What a ray pays for a leaf and for each primitive in it, in visits of inner nodes: where each is
 /// tested by itself, and where most of a block are dropped.
 const SINGLY: (f32, f32) = (1.0, 3.0);
-const DROPPED: (f32, f32) = (1.5, 0.25);
+const DROPPED: (f32, f32) = (1.0, 0.05);
 const SWEPT: (f32, f32) = (1.5, 0.4);
 
 /// The primitives that a body is made of, in the order in which they were given.

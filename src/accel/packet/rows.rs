@@ -109,7 +109,7 @@ pub struct Group {
     /// A bit for each.
     pub rays: u64,
     /// Per axis which plane is entered first: 0 the lower, 1 the upper.
-    near_side: [usize; 3],
+    pub near_side: [usize; 3],
 }
 
 impl Rows {
@@ -258,6 +258,20 @@ impl Rows {
                 ray.near_reciprocal[axis] = most(eights, slow, members);
                 ray.far_reciprocal[axis] = least(eights, fast, members);
             }
+        }
+        ray
+    }
+
+    /// One ray of a group.
+    #[inline(always)]
+    pub fn single(&self, rays: &Rays, at: usize, group: &Group) -> NodeRay {
+        let mut ray = NodeRay::from(rays.t_min.0[at]);
+        ray.near_side = group.near_side;
+        for axis in 0..3 {
+            ray.near_origin[axis] = self.near_origin[axis].0[at];
+            ray.far_origin[axis] = self.far_origin[axis].0[at];
+            ray.near_reciprocal[axis] = self.near_reciprocal[axis].0[at];
+            ray.far_reciprocal[axis] = self.far_reciprocal[axis].0[at];
         }
         ray
     }
