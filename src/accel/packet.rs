@@ -1,11 +1,11 @@
 //! Rays that are traced together.
 //!
 //! Rays of neighbouring invocations mostly come to the same nodes. Up to [`MOST`] rays whose components
-//! have the same signs go through a tree as one ray of intervals ([`Rows::around`]): a node is opened
-//! once for all of them, in an order that suits the nearest. At a leaf each ray tests the leaf's own
-//! box, eight rays at a time, and those that meet it test its primitives one ray after the other, as
-//! they would alone. So what is found is what each ray finds by itself: the order in which primitives
-//! are tested changes nothing (see `cursor`).
+//! have the same signs go through a tree as one ray of intervals (`rows::Rows::around`): a node is opened
+//! once for all of them, in an order that suits the nearest. Before it is, each ray tests its box, eight
+//! rays at a time; where only a few meet it they go on by themselves. In a leaf those that meet it test its
+//! primitives one ray after the other, as they would alone. So what is found is what each ray finds by
+//! itself: the order in which primitives are tested changes nothing (see `cursor`).
 //!
 //! Where rays go apart that does not pay: after more steps than they would have taken alone the rest
 //! is left to a [`Cursor`] each, and so are the next packets for a while. So are rays that are not

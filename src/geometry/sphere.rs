@@ -13,7 +13,7 @@
 //! relative to r^2 d.d is of order u |m| / r instead of u |m|^2 / r^2). The *entry* is the root with
 //! the minus sign.
 //!
-//! **First** it is taken from the foot of the centre ([`crate::geometry::foot`]), one square root and no
+//! **First** it is taken from the foot of the centre (`geometry::foot`), one square root and no
 //! division, with a bound that hardly costs anything; it leaves open what grazes, starts very near, or
 //! lies within some units of 2^-45 of the middle between two f32.
 //!
