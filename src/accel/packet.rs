@@ -21,7 +21,7 @@ use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, i
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::tree::Tree;
 use crate::geometry::triangle::FourTested;
-use crate::geometry::{DoubleRay, Intersection, Surface};
+use crate::geometry::{DoubleRay, Intersection, Precision, Surface};
 use crate::math::doubles::{Task, Vectors};
 use crate::math::eight::TwoFours;
 use rows::{Group, Rays, Row, Rows};
@@ -213,7 +213,9 @@ impl Packet {
     fn is_worth_it(&mut self, tlas: &Tlas, traces: &[TraceRay]) -> bool {
         let [first, ..] = traces else { return false };
         let alike = |trace: &TraceRay| trace.flags == first.flags && trace.cull_mask == first.cull_mask;
-        if traces.len() < LEAST || tlas.moves() || !traces.iter().all(alike) {
+        // Below `Exact` what is hit may depend on which boxes are opened.
+        let order_matters = tlas.precision() != Precision::Exact;
+        if traces.len() < LEAST || tlas.moves() || order_matters || !traces.iter().all(alike) {
             return false;
         }
         if self.apart > 0 {
