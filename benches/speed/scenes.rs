@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhit::accel::{
-    Blas, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, RayFlags, Tlas,
+    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, Packet, RayFlags, Tlas,
     TraceRay,
 };
 use anyhit::geometry::{Bounds, Ray};
@@ -226,19 +226,16 @@ impl Scene {
         Blas::new(vec![Geometry::new(self.data.clone(), flags)]).expect("a valid geometry")
     }
 
-    /// Its BLAS with the tree, which one of the first rays that come to it makes.
+    /// Its BLAS with the tree, which the first rays that go together make.
     pub fn built(&self, flags: GeometryFlags) -> Arc<Blas> {
         let tlas = self.tlas(flags);
         let blas = tlas.instances()[0].blas.clone();
         let Bounds { min, max } = blas.bounds();
         let above = [(min[0] + max[0]) / 2.0, max[1] + 1.0, (min[2] + max[2]) / 2.0];
         let (ray, flags) = (Ray::new(above, [0.0, -1.0, 0.0]), RayFlags::default());
-        // The first few of many primitives go through a list.
-        for _ in 0..16 {
-            let mut cursor = Cursor::new(&tlas, TraceRay { ray, flags, cull_mask: 0xFF, time: 0.0 });
-            while cursor.proceed(&tlas).is_some() {}
-        }
-        assert!(blas.is_built(), "no ray came to it");
+        let trace = TraceRay { ray, flags, cull_mask: 0xFF, time: 0.0 };
+        assert!(Packet::default().trace(&tlas, &[trace; 64], false, &mut Vec::new()), "no shader decides");
+        assert!(blas.has_tree(), "no ray came to it");
         blas
     }
 

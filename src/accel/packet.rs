@@ -50,9 +50,10 @@ const STEPS: u32 = 4;
 /// let tlas = Tlas::new(vec![Instance::of(blas, identity)])?;
 /// let down = |x: f32| Ray::new([x, 0.0, 3.0], [0.0, 0.0, -1.0]);
 /// let trace = |x| TraceRay { ray: down(x), flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
-/// let traces: Vec<_> = (0..64).map(|k| trace(k as f32 / 32.0)).collect();
+/// let traces: Vec<_> = (0..64).map(|k| trace((k as f32 + 0.5) / 32.0)).collect();
 /// let mut hits = Vec::new();
 /// assert!(Packet::default().trace(&tlas, &traces, false, &mut hits));
+/// // Those within the radius.
 /// assert_eq!(hits.iter().flatten().count(), 32);
 /// # Ok::<(), anyhit::error::Error>(())
 /// ```
@@ -316,7 +317,7 @@ impl Task for Enter<'_, '_> {
     }
 }
 
-// What operates on vectors is compiled into one function, so that nothing of it stands in closures.
+// What operates on vectors is inlined into the function of a task: nothing of it stands in closures.
 impl Walk<'_> {
     #[inline(always)]
     fn together<E: Vectors>(mut self, eights: E) -> u64 {

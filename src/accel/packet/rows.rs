@@ -54,7 +54,8 @@ impl Rays {
     /// Memory for rays.
     pub const IDLE: Self = Self { origin: [Row::IDLE; 3], direction: [Row::IDLE; 3], t_min: Row::IDLE };
 
-    /// Takes up to 64 rays; a bit for each that [is ordinary](crate::geometry::Ray::is_ordinary).
+    /// Takes up to 64 rays; a bit for each that [is ordinary](crate::geometry::Ray::is_ordinary) and whose
+    /// t is never negative.
     #[inline(always)]
     pub fn take<E: Eights>(&mut self, eights: E, traces: &[TraceRay]) -> u64 {
         let mut valid = 0;
@@ -67,7 +68,7 @@ impl Rays {
                 self.direction[axis].0[at] = ray.direction[axis];
             }
             self.t_min.0[at] = ray.t_min + 0.0;
-            valid |= u64::from(!(ray.t_min.is_nan() | ray.t_max.is_nan())) << at;
+            valid |= u64::from((ray.t_min >= 0.0) & !ray.t_max.is_nan()) << at;
         }
         let (least, most) = (eights.splat(1.0 / (1u64 << 60) as f32), eights.splat((1u64 << 60) as f32));
         let zero = eights.splat(0.0);

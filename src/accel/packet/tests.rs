@@ -186,6 +186,7 @@ fn rays_of_other_flags_and_numbers_go_by_themselves() {
     traces[9].ray.t_max = 1.0;
     traces[11].ray.t_min = f32::INFINITY;
     traces[13].ray.direction = [0.0, -1.0, -0.0];
+    traces[19].ray.t_min = -1.0;
     check(&tlas, &traces);
     traces[15].flags = RayFlags::CULL_OPAQUE;
     check(&tlas, &traces);
