@@ -6,7 +6,7 @@ use anyhit::accel::{
     Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, Packet, RayFlags, Tlas,
     TraceRay,
 };
-use anyhit::geometry::{Bounds, Ray};
+use anyhit::geometry::Ray;
 
 /// A seeded generator of numbers (splitmix64).
 pub struct Random(pub u64);
@@ -230,11 +230,9 @@ impl Scene {
     pub fn built(&self, flags: GeometryFlags) -> Arc<Blas> {
         let tlas = self.tlas(flags);
         let blas = tlas.instances()[0].blas.clone();
-        let Bounds { min, max } = blas.bounds();
-        let above = [(min[0] + max[0]) / 2.0, max[1] + 1.0, (min[2] + max[2]) / 2.0];
-        let (ray, flags) = (Ray::new(above, [0.0, -1.0, 0.0]), RayFlags::default());
-        let trace = TraceRay { ray, flags, cull_mask: 0xFF, time: 0.0 };
-        assert!(Packet::default().trace(&tlas, &[trace; 64], false, &mut Vec::new()), "no shader decides");
+        let trace = |ray| TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
+        let traces: Vec<_> = self.camera.rays([8, 8]).into_iter().map(trace).collect();
+        assert!(Packet::default().trace(&tlas, &traces, false, &mut Vec::new()), "no shader decides");
         assert!(blas.has_tree(), "no ray came to it");
         blas
     }
