@@ -1,8 +1,5 @@
 //! The way of a traversal through the trees of a TLAS and its BLASes.
 
-#[cfg(target_arch = "x86_64")]
-use pulp::x86::V3;
-
 use crate::accel::blas::GeometryFlags;
 use crate::accel::body::Body;
 use crate::accel::cursor::{Candidate, Cursor, Hits, TraceRay};
@@ -17,7 +14,7 @@ use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
 use crate::geometry::triangle::FourTested;
 use crate::geometry::{DoubleRay, Intersection, ObjectRay, Precision};
-use crate::math::doubles::Doubles;
+use crate::math::doubles::{Doubles, Task, Vectors};
 use crate::math::eight::{Eights, TwoFours};
 
 /// A part of a tree that is still to be visited: above a lower bound of the rounded t of any hit in
@@ -137,9 +134,9 @@ impl Cursor {
         if !V::REASONS
             && let Some(simd) = tlas.simd()
         {
-            return simd.vectorize(Vectorized { advance, simd });
+            return simd.apart(advance);
         }
-        advance.run(TwoFours)
+        TwoFours.apart(advance)
     }
 }
 
@@ -155,26 +152,18 @@ struct Advance<'a, V, const PLAIN: bool> {
     tested: FourTested,
 }
 
-/// To be compiled for AVX2: the same operations, and the same results.
-#[cfg(target_arch = "x86_64")]
-struct Vectorized<'a, V, const PLAIN: bool> {
-    advance: Advance<'a, V, PLAIN>,
-    simd: V3,
-}
-
-#[cfg(target_arch = "x86_64")]
-impl<V: Visit, const PLAIN: bool> pulp::NullaryFnOnce for Vectorized<'_, V, PLAIN> {
+impl<V: Visit, const PLAIN: bool> Task for Advance<'_, V, PLAIN> {
     type Output = bool;
 
     #[inline(always)]
-    fn call(self) -> bool {
-        self.advance.run(self.simd)
+    fn run<E: Vectors>(self, eights: E) -> bool {
+        self.go_on(eights)
     }
 }
 
 impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     #[inline(always)]
-    fn run<E: Eights + Doubles>(mut self, eights: E) -> bool {
+    fn go_on<E: Vectors>(mut self, eights: E) -> bool {
         if self.start {
             self.begin(eights);
         }
@@ -208,7 +197,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
 
     /// Puts the root on the stack; a lone instance is entered at once.
     #[inline(always)]
-    fn begin<E: Eights + Doubles>(&mut self, eights: E) {
+    fn begin<E: Vectors>(&mut self, eights: E) {
         self.walk.stack.clear();
         self.walk.in_level = false;
         let count = self.tlas.instances().len();
@@ -242,7 +231,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     }
 
     #[inline(always)]
-    fn step_in_world<E: Eights + Doubles>(&mut self, eights: E, open: Open) {
+    fn step_in_world<E: Vectors>(&mut self, eights: E, open: Open) {
         let Walk { stack, world, .. } = &mut *self.walk;
         let child = open.child();
         match (child.count(), self.tlas.tree()) {
@@ -306,7 +295,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
 
     /// Visits what the stack holds of a BLAS, until a candidate's turn has come.
     #[inline(always)]
-    fn visit_level<E: Eights + Doubles>(&mut self, eights: E) {
+    fn visit_level<E: Vectors>(&mut self, eights: E) {
         let number = self.walk.level.instance;
         let base = self.walk.level.base;
         let body = self.tlas.instances()[number as usize].blas.body();

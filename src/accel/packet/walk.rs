@@ -1,0 +1,388 @@
+//! The way of a packet through the trees of a TLAS and its BLASes.
+
+use crate::accel::body::Body;
+use crate::accel::cursor::TraceRay;
+use crate::accel::level::Level;
+use crate::accel::node::Child;
+use crate::accel::packet::rows::{Group, Row, Rows};
+use crate::accel::packet::{Found, MOST, Packet};
+use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible, presented};
+use crate::accel::tlas::{Placed, Tlas};
+use crate::accel::tree::Tree;
+use crate::geometry::triangle::FourTested;
+use crate::geometry::{DoubleRay, Intersection};
+use crate::math::doubles::{Task, Vectors};
+
+/// So few rays go by themselves below a node that no others meet.
+const FEW: u32 = 3;
+
+/// A traversal with its arguments.
+pub struct Walk<'a> {
+    pub packet: &'a mut Packet,
+    pub tlas: &'a Tlas,
+    pub traces: &'a [TraceRay],
+    pub any_opaque_hit: bool,
+    /// Rays that do not go with the others.
+    pub alone: u64,
+}
+
+impl Task for Walk<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn run<E: Vectors>(self, eights: E) -> u64 {
+        self.together(eights)
+    }
+}
+
+/// Some rays come to a leaf.
+struct Reach<'w, 'a, 'i> {
+    walk: &'w mut Walk<'a>,
+    inside: &'i Inside<'i>,
+    leaf: Child,
+    rays: u64,
+}
+
+impl Task for Reach<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<E: Vectors>(self, eights: E) {
+        self.walk.test(eights, self.inside, self.leaf, self.rays);
+    }
+}
+
+/// Some rays come to an instance.
+struct Enter<'w, 'a> {
+    walk: &'w mut Walk<'a>,
+    instance: u32,
+    rays: u64,
+}
+
+impl Task for Enter<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<E: Vectors>(self, eights: E) {
+        self.walk.enter(eights, self.instance, self.rays);
+    }
+}
+
+// What operates on vectors is inlined into the function of a task: nothing of it stands in closures.
+impl Walk<'_> {
+    #[inline(always)]
+    fn together<E: Vectors>(mut self, eights: E) -> u64 {
+        let count = self.traces.len();
+        let packet = &mut *self.packet;
+        packet.hit = 0;
+        packet.stack.clear();
+        packet.limits = Row([-1.0; MOST]);
+        for (limit, trace) in packet.limits.0.iter_mut().zip(self.traces) {
+            // An infinite t would let boxes at infinity pass.
+            *limit = trace.ray.t_max.min(f32::MAX);
+        }
+        let rays = packet.rays.take(eights, self.traces);
+        self.leave_alone(!rays & (u64::MAX >> (MOST - count)));
+        let instances = self.tlas.instances().len();
+        if rays == 0 || instances == 0 {
+            return self.alone;
+        }
+        match self.tlas.tree() {
+            None => {
+                for number in 0..instances {
+                    eights.apart(Enter { walk: &mut self, instance: number as u32, rays });
+                }
+            }
+            Some((tree, order)) => self.through_world(eights, tree, order, rays),
+        }
+        if self.packet.steps == 0 { u64::MAX } else { self.alone }
+    }
+
+    /// Lets rays go by themselves, later.
+    #[inline(always)]
+    fn leave_alone(&mut self, rays: u64) {
+        self.alone |= rays;
+        for at in bits(rays) {
+            self.packet.limits.0[at] = -1.0;
+        }
+    }
+
+    /// Visits the tree over the instances.
+    #[inline(always)]
+    fn through_world<E: Vectors>(&mut self, eights: E, tree: &Tree, order: &[u32], rays: u64) {
+        let fit = self.packet.world.take_simple(eights, &self.packet.rays, tree.scale(), rays);
+        self.leave_alone(rays & !fit);
+        let mut rest = fit;
+        while rest != 0 {
+            let group = self.packet.world.first_group(rest);
+            rest &= !group.rays;
+            let root = tree.root();
+            if root.is_leaf() {
+                eights.apart(Enter { walk: self, instance: order[root.index()], rays: group.rays });
+                continue;
+            }
+            self.visit(eights, &group, tree, &Instances(order));
+        }
+    }
+
+    /// Visits the parts of a tree that rays meet, the nearest first: all of them together, and a few by
+    /// themselves.
+    #[inline(always)]
+    fn visit<E: Vectors>(&mut self, eights: E, group: &Group, tree: &Tree, leaves: &impl Leaves) {
+        if group.rays.count_ones() <= FEW {
+            return self.visit_singly(eights, group, tree, tree.root(), leaves);
+        }
+        let base = self.packet.stack.len();
+        let around = leaves.rows(self.packet).around(eights, &self.packet.rays, group);
+        let slabs = around.slabs(eights);
+        let mut limit = self.packet.limits.greatest(eights, group.rays);
+        let mut inner = Some(tree.root());
+        loop {
+            if let Some(at) = inner.take() {
+                let (near, met) = tree.node(at).entries(&slabs, around.limit(limit));
+                self.packet.push(near, met, at);
+            }
+            if self.packet.stack.len() <= base {
+                return;
+            }
+            let Some(open) = self.packet.stack.pop() else { return };
+            if open.entry() > limit {
+                continue;
+            }
+            if self.packet.steps == 0 {
+                self.packet.stack.truncate(base);
+                return;
+            }
+            self.packet.steps -= 1;
+            let (at, slot) = open.place();
+            let node = tree.node(at);
+            let child = node.child(slot);
+            let Packet { rays, limits, .. } = &*self.packet;
+            let met = leaves.rows(self.packet).met(eights, rays, group, (node, slot), limits);
+            if child.is_leaf() {
+                leaves.reach(self, eights, child, met);
+            } else if met.count_ones() <= FEW {
+                self.visit_singly(eights, &Group { rays: met, ..*group }, tree, child, leaves);
+            } else {
+                inner = Some(child);
+                continue;
+            }
+            limit = self.packet.limits.greatest(eights, group.rays);
+        }
+    }
+
+    /// Visits the parts below a node that each of some rays meets by itself.
+    #[inline(always)]
+    fn visit_singly<E: Vectors>(
+        &mut self,
+        eights: E,
+        group: &Group,
+        tree: &Tree,
+        root: Child,
+        leaves: &impl Leaves,
+    ) {
+        let base = self.packet.stack.len();
+        let mut rest = group.rays;
+        while rest != 0 {
+            let ray = rest.trailing_zeros() as usize % MOST;
+            rest &= rest - 1;
+            let single = leaves.rows(self.packet).single(&self.packet.rays, ray, group);
+            let slabs = single.slabs(eights);
+            let mut inner = Some(root);
+            loop {
+                if let Some(at) = inner.take() {
+                    let (near, met) = tree.node(at).entries(&slabs, single.limit(self.packet.limits.0[ray]));
+                    self.packet.push(near, met, at);
+                }
+                if self.packet.stack.len() <= base {
+                    break;
+                }
+                let Some(open) = self.packet.stack.pop() else { break };
+                if open.entry() > self.packet.limits.0[ray] {
+                    continue;
+                }
+                let (at, slot) = open.place();
+                let child = tree.node(at).child(slot);
+                if child.is_leaf() {
+                    leaves.reach(self, eights, child, 1 << ray);
+                } else {
+                    inner = Some(child);
+                }
+            }
+        }
+    }
+
+    /// Takes rays into an instance.
+    #[inline(always)]
+    fn enter<E: Vectors>(&mut self, eights: E, number: u32, rays: u64) {
+        let instance = &self.tlas.instances()[number as usize];
+        let TraceRay { flags, cull_mask, .. } = self.traces[0];
+        if !is_visible(instance.mask, cull_mask)
+            || instance.blas.kind().is_some_and(|kind| is_skipped(flags, kind))
+            || is_culled_by_opacity(flags, true)
+        {
+            return;
+        }
+        let body = instance.blas.body();
+        let placed = self.tlas.transform(number);
+        let Packet { rays: all, rows, .. } = &mut *self.packet;
+        let fit = match (body.tree(), placed) {
+            (None, _) => rays,
+            (Some(tree), Placed::InWorld) => rows.take_simple(eights, all, tree.scale(), rays),
+            (Some(tree), Placed::Still(transform)) => {
+                rows.take_rough(eights, all, transform, tree.scale(), rays)
+            }
+            (Some(_), Placed::Moving) => 0,
+        };
+        self.leave_alone(rays & !fit);
+        self.packet.stale = fit;
+        let inside = Inside { instance: number, body, in_world: matches!(placed, Placed::InWorld) };
+        let Some(tree) = body.tree().filter(|tree| !tree.root().is_leaf()) else {
+            for leaf in body.leaves() {
+                eights.apart(Reach { walk: self, inside: &inside, leaf, rays: fit });
+            }
+            return;
+        };
+        let mut rest = fit;
+        while rest != 0 {
+            let group = self.packet.rows.first_group(rest);
+            rest &= !group.rays;
+            self.visit(eights, &group, tree, &inside);
+        }
+    }
+
+    /// Tests the primitives of a leaf for some rays.
+    #[inline(always)]
+    fn test<E: Vectors>(&mut self, eights: E, inside: &Inside, leaf: Child, mut rays: u64) {
+        let (tlas, traces, body) = (self.tlas, self.traces, inside.body);
+        let precision = tlas.precision();
+        let whole = body.tests_leaves(precision);
+        while rays != 0 {
+            let at = rays.trailing_zeros() as usize % MOST;
+            rays &= rays - 1;
+            let trace = &traces[at];
+            let mut tested = FourTested::MISSED;
+            let mut rest = if whole {
+                let ray = if inside.in_world {
+                    DoubleRay::ordinary(&trace.ray)
+                } else {
+                    DoubleRay::of(self.level(inside, at).object_ray(tlas, trace))
+                };
+                tested = body.tested(eights, leaf, &ray, self.packet.limits.0[at]);
+                tested.met() & body.every(leaf)
+            } else {
+                self.level(inside, at).met(tlas, body, leaf, trace)
+            };
+            while rest != 0 {
+                let lane = rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                let found = match tested.hit(lane) {
+                    None => {
+                        let ray = self.level(inside, at).object_ray(tlas, trace);
+                        body.intersect((leaf, lane), ray, 0.0, precision)
+                    }
+                    found => found,
+                };
+                if let Some(found) = found.filter(|found| found.t <= self.packet.limits.0[at]) {
+                    self.take(inside, body.place(leaf, lane), at, found);
+                    if self.any_opaque_hit && self.packet.hit >> at & 1 != 0 {
+                        self.packet.limits.0[at] = -1.0;
+                        break;
+                    }
+                }
+            }
+        }
+    }
+
+    /// What else a ray's tests need in an instance.
+    #[inline(always)]
+    fn level(&mut self, inside: &Inside, at: usize) -> &mut Level {
+        let level = &mut self.packet.levels[at];
+        if self.packet.stale >> at & 1 != 0 {
+            self.packet.stale &= !(1 << at);
+            level.arrive(self.tlas, inside.instance, inside.body, &self.traces[at]);
+        }
+        level
+    }
+
+    /// Takes an opaque hit where it is the closest so far.
+    #[inline(always)]
+    fn take(&mut self, inside: &Inside, place: usize, at: usize, found: Intersection) {
+        let instance = &self.tlas.instances()[inside.instance as usize];
+        let flags = self.traces[0].flags;
+        let intersection = Intersection { surface: presented(found.surface, instance.flags), ..found };
+        if is_culled_by_face(flags, instance.flags, intersection.surface) {
+            return;
+        }
+        let Packet { hits, hit, limits, .. } = &mut *self.packet;
+        let found = Found { instance: inside.instance, place: place as u32, intersection };
+        if found.intersection.t == limits.0[at]
+            && *hit >> at & 1 != 0
+            && !found.is_before(&hits[at], self.tlas)
+        {
+            return;
+        }
+        *hit |= 1 << at;
+        limits.0[at] = found.intersection.t;
+        hits[at] = found;
+    }
+}
+
+/// An instance that rays are in.
+struct Inside<'a> {
+    instance: u32,
+    body: &'a Body,
+    /// Whether its space is the world's.
+    in_world: bool,
+}
+
+/// What stands in the leaves of a tree.
+trait Leaves {
+    /// The rays as its boxes see them.
+    fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows;
+
+    /// Some rays come to a leaf.
+    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: Child, rays: u64);
+}
+
+/// Instances, in the order of the tree over them.
+struct Instances<'a>(&'a [u32]);
+
+impl Leaves for Instances<'_> {
+    #[inline(always)]
+    fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows {
+        &packet.world
+    }
+
+    #[inline(always)]
+    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: Child, rays: u64) {
+        if rays != 0 {
+            eights.apart(Enter { walk, instance: self.0[leaf.index()], rays });
+        }
+    }
+}
+
+impl Leaves for Inside<'_> {
+    #[inline(always)]
+    fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows {
+        &packet.rows
+    }
+
+    #[inline(always)]
+    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: Child, rays: u64) {
+        if rays != 0 {
+            eights.apart(Reach { walk, inside: self, leaf, rays });
+        }
+    }
+}
+
+/// The numbers of the bits that are set.
+#[inline(always)]
+fn bits(mut set: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let at = set.trailing_zeros() as usize % MOST;
+        let found = (set != 0).then_some(at);
+        set &= set.wrapping_sub(1);
+        found
+    })
+}
