@@ -36,8 +36,8 @@ fn trace(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
     (hits, note)
 }
 
-/// Traces rays 64 at a time, and says how many hit.
-fn trace_together(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> u64 {
+/// The same for rays that go together, 64 at a time.
+fn trace_together(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
     let query = |ray: &Ray| TraceRay { ray: *ray, flags, cull_mask: 0xFF, time: 0.0 };
     let any = flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT);
     let (mut packet, mut traces, mut found) = (Packet::default(), Vec::new(), Vec::new());
@@ -48,7 +48,7 @@ fn trace_together(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> u64 {
         assert!(packet.trace(tlas, &traces, any, &mut found), "no shader decides");
         hits += found.iter().flatten().count() as u64;
     }
-    hits
+    (hits, format!("{:.0} % hit", 100.0 * hits as f64 / rays.len() as f64))
 }
 
 /// The rays of a picture, those of a tile of 8 x 8 pixels one after the other, as launches have them.
@@ -67,7 +67,7 @@ pub fn run(table: &mut Table) {
         if table.wants(&together) && name != "traverse boxes" {
             let scene = make();
             let tlas = scene.tlas(GeometryFlags::OPAQUE);
-            measure_together(table, &together, &tlas, &tiles(&scene, table.picture), flags);
+            measure_way(table, &together, &tlas, &tiles(&scene, table.picture), flags, trace_together);
         }
         if table.wants(name) {
             let scene = make();
@@ -94,7 +94,8 @@ pub fn run(table: &mut Table) {
     if table.wants("traverse 64 instances together") {
         let scene = scenes::heightfield(grid);
         let rays = tiles(&scene, table.picture);
-        measure_together(table, "traverse 64 instances together", &scene.tiled(), &rays, every);
+        let name = "traverse 64 instances together";
+        measure_way(table, name, &scene.tiled(), &rays, every, trace_together);
     }
     if table.wants("traverse triangles shuffled") {
         let scene = scenes::heightfield(grid);
@@ -107,20 +108,23 @@ pub fn run(table: &mut Table) {
     }
 }
 
-/// The same as [`measure`] for rays that go together.
-fn measure_together(table: &Table, name: &str, tlas: &Tlas, rays: &[Ray], flags: RayFlags) {
-    let mut hits = 0;
-    let rate = table.rate(name, "rays", rays.len() as u64, || {
-        hits = trace_together(tlas, rays, flags);
-        format!("{:.0} % hit", 100.0 * hits as f64 / rays.len() as f64)
-    });
-    if rate.is_some() {
-        table.hits(hits);
-    }
+/// How rays are traced: how many hit, and what is to be said of it.
+type Way = fn(&Tlas, &[Ray], RayFlags) -> (u64, String);
+
+/// Measures rays through a structure, one by one: millions a second.
+pub fn measure(table: &Table, name: &str, tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> Option<f64> {
+    measure_way(table, name, tlas, rays, flags, trace)
 }
 
-/// Measures rays through a structure: millions a second.
-pub fn measure(table: &Table, name: &str, tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> Option<f64> {
+/// The same with a choice of how.
+fn measure_way(
+    table: &Table,
+    name: &str,
+    tlas: &Tlas,
+    rays: &[Ray],
+    flags: RayFlags,
+    trace: Way,
+) -> Option<f64> {
     let mut hits = 0;
     let rate = table.rate(name, "rays", rays.len() as u64, || {
         let (found, note) = trace(tlas, rays, flags);

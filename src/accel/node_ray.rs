@@ -24,6 +24,8 @@
 //! reciprocals are infinite, and the slab only asks whether the origin lies within; infinity times
 //! zero gives NaN, which each comparison below ignores (the box is kept).
 
+use std::ops::RangeInclusive;
+
 use crate::geometry::{Bounds, ObjectRay, Ray, RoughRay};
 use crate::math::eight::Eights;
 use crate::math::four::{Four, LANES};
@@ -66,6 +68,10 @@ pub struct Slabs<E: Eights> {
 
 /// A ray is far away whose origin lies this many times the largest coordinate off.
 pub(super) const FAR_AWAY: f64 = 64.0;
+
+/// The scales of trees to which [simple](NodeRay::set_simple) and [rough](NodeRay::set_rough) rays come.
+pub(super) const SIMPLE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 60) as f32..=(1u64 << 60) as f32;
+pub(super) const ROUGH_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 20) as f32..=(1u64 << 20) as f32;
 
 /// The slack of a reciprocal, 2^-22 downwards and upwards.
 pub(super) const SHRINK: f64 = 1.0 - 1.0 / 4_194_304.0;
@@ -118,13 +124,11 @@ impl NodeRay {
     /// widened by 2^-22: 2^-23 of that is left, where the difference needs 2^-24.
     #[inline(always)]
     pub fn set_simple(&mut self, ray: &Ray, scale: f64) -> bool {
-        const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
-        const MOST: f32 = (1u64 << 60) as f32;
         let Ray { origin: [x, y, z], direction: [dx, dy, dz], t_min, .. } = *ray;
         let scale = scale as f32;
         let origin = Four::new([x, y, z, 0.0]) * Four::splat(scale);
         let near_by = Four::splat(FAR_AWAY as f32).at_least(origin.abs()) == 0b1111;
-        if !(near_by && (LEAST..=MOST).contains(&scale) && ray.is_ordinary()) {
+        if !(near_by && SIMPLE_SCALES.contains(&scale) && ray.is_ordinary()) {
             return false;
         }
         // A direction of -0 counts as upwards, like 0: both have an infinite reciprocal.
@@ -146,15 +150,13 @@ impl NodeRay {
     /// product; the bounds of a rough ray are twice what is needed and pay for 6u of that.
     #[inline(always)]
     pub fn set_rough(&mut self, ray: &RoughRay, t_min: f32, scale: f64) -> bool {
-        const LEAST: f32 = 1.0 / (1u64 << 20) as f32;
-        const MOST: f32 = (1u64 << 20) as f32;
         let scale = scale as f32;
         let all = |x: f32| Four::splat(x);
         let origin = ray.origin * all(scale);
         let size = ray.direction.abs();
         let near_by = all(FAR_AWAY as f32).at_least(origin.abs());
         let known = size.at_least(ray.direction_error * all(4.0));
-        if !(near_by & known == 0b1111 && (LEAST..=MOST).contains(&scale)) {
+        if !(near_by & known == 0b1111 && ROUGH_SCALES.contains(&scale)) {
             return false;
         }
         let slack = ray.origin_error * all(scale);

@@ -20,8 +20,6 @@ use crate::accel::level::Level;
 use crate::accel::node::{Child, WIDTH};
 use crate::accel::tlas::Tlas;
 use crate::geometry::{Intersection, Precision, Surface};
-use crate::math::doubles::Vectors;
-use crate::math::eight::TwoFours;
 use rows::{Rays, Row, Rows};
 use walk::Walk;
 
@@ -244,13 +242,7 @@ impl Packet {
     fn together(&mut self, tlas: &Tlas, traces: &[TraceRay], any_opaque_hit: bool) -> u64 {
         self.steps = STEPS * traces.len() as u32;
         let walk = Walk { packet: self, tlas, traces, any_opaque_hit, alone: 0 };
-        #[cfg(target_arch = "x86_64")]
-        let alone = match tlas.simd() {
-            Some(simd) => simd.apart(walk),
-            None => TwoFours.apart(walk),
-        };
-        #[cfg(not(target_arch = "x86_64"))]
-        let alone = TwoFours.apart(walk);
+        let alone = tlas.processor().run(walk);
         if self.steps == 0 {
             self.failed = (self.failed + 1).min(6);
             self.apart = 1 << self.failed;

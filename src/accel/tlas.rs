@@ -2,9 +2,6 @@
 
 use std::sync::{Arc, OnceLock};
 
-#[cfg(target_arch = "x86_64")]
-use pulp::x86::V3;
-
 use crate::accel::blas::Blas;
 use crate::accel::geometry_data::GeometryKind;
 use crate::accel::motion::{Motion, or_identity};
@@ -16,6 +13,7 @@ use crate::accel::tree::Tree;
 use crate::accel::validate;
 use crate::error::{Error, Result};
 use crate::geometry::{Bounds, ObjectRay, Precision, Ray, Transform, world_to_object};
+use crate::math::vectors::Processor;
 
 /// Up to this many instances are entered one after another, without boxes or tree: then no BLAS is
 /// touched that no ray reaches.
@@ -118,8 +116,7 @@ pub struct Tlas {
     /// Whether all is opaque, without micromaps that say otherwise, and nothing a box.
     plain: OnceLock<bool>,
     precision: Precision,
-    #[cfg(target_arch = "x86_64")]
-    simd: Option<V3>,
+    processor: Processor,
 }
 
 impl Tlas {
@@ -168,8 +165,7 @@ impl Tlas {
             has_micromaps,
             plain,
             precision,
-            #[cfg(target_arch = "x86_64")]
-            simd: V3::try_new(),
+            processor: Processor::new(),
         }))
     }
 
@@ -277,11 +273,10 @@ impl Tlas {
         }
     }
 
-    /// The processor's AVX2, where it has that.
-    #[cfg(target_arch = "x86_64")]
+    /// What runs on the processor's vectors.
     #[inline]
-    pub(super) fn simd(&self) -> Option<V3> {
-        self.simd
+    pub(super) fn processor(&self) -> Processor {
+        self.processor
     }
 
     /// The tree over the instances' world boxes, with its order (place -> instance); `None` for a

@@ -6,17 +6,14 @@
 
 use std::sync::Mutex;
 
-#[cfg(target_arch = "x86_64")]
-use pulp::x86::V3;
 use smallvec::SmallVec;
 
 use crate::accel::node::{Child, Node, WIDTH};
 use crate::accel::node_ray::{round_down, round_up};
 use crate::accel::split::{Divider, FAR, LeafCost, Part, Reference};
 use crate::geometry::Bounds;
-use crate::math::eight::Eights;
-use crate::math::eight::TwoFours;
 use crate::math::four::Four;
+use crate::math::vectors::{Processor, Task, Vectors};
 
 /// Below this many levels boxes are halved, whatever lies there: nothing else bounds the depth. Trees
 /// over scenes stay far above it.
@@ -148,8 +145,7 @@ struct Build {
     nodes: Vec<Node>,
     order: Vec<u32>,
     divider: Divider,
-    #[cfg(target_arch = "x86_64")]
-    simd: Option<V3>,
+    processor: Processor,
 }
 
 /// How many references come to each child of a node, and whether that is a leaf.
@@ -163,27 +159,12 @@ struct Divide<'a> {
     halve: bool,
 }
 
-impl Divide<'_> {
-    #[inline(always)]
-    fn run<E: Eights>(self, eights: E) {
-        self.divider.divide(eights, self.references, self.cost, self.halve)
-    }
-}
-
-/// To be compiled for AVX2: the same operations, and the same results.
-#[cfg(target_arch = "x86_64")]
-struct Vectorized<'a> {
-    divide: Divide<'a>,
-    simd: V3,
-}
-
-#[cfg(target_arch = "x86_64")]
-impl pulp::NullaryFnOnce for Vectorized<'_> {
+impl Task for Divide<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
-        self.divide.run(self.simd);
+    fn run<V: Vectors>(self, vectors: V) {
+        self.divider.divide(vectors, self.references, self.cost, self.halve);
     }
 }
 
@@ -197,8 +178,7 @@ impl Build {
             nodes: Vec::new(),
             order: Vec::new(),
             divider: Divider::new(),
-            #[cfg(target_arch = "x86_64")]
-            simd: V3::try_new(),
+            processor: Processor::new(),
         }
     }
 
@@ -233,11 +213,7 @@ impl Build {
     fn divide(&mut self, references: &mut [Reference], depth: usize) {
         let halve = depth >= self.deepest;
         let divide = Divide { divider: &mut self.divider, references, cost: &self.cost, halve };
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.simd {
-            return simd.vectorize(Vectorized { divide, simd });
-        }
-        divide.run(TwoFours);
+        self.processor.run(divide);
     }
 
     /// Gives a leaf's boxes their places, from the next multiple of the leaf size on.

@@ -14,8 +14,9 @@ use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
 use crate::geometry::triangle::FourTested;
 use crate::geometry::{DoubleRay, Intersection, ObjectRay, Precision};
-use crate::math::doubles::{Doubles, Task, Vectors};
+use crate::math::doubles::Doubles;
 use crate::math::eight::{Eights, TwoFours};
+use crate::math::vectors::{Task, Vectors};
 
 /// A part of a tree that is still to be visited: above a lower bound of the rounded t of any hit in
 /// it, in the units of its tree's ray, as bits (it is not negative, so that they are ordered like
@@ -130,13 +131,7 @@ impl Cursor {
         let (walk, hits) = (&mut self.walk, &mut self.hits);
         let advance =
             Advance::<V, PLAIN> { walk, hits, trace, tlas, visit, start, tested: FourTested::MISSED };
-        #[cfg(target_arch = "x86_64")]
-        if !V::REASONS
-            && let Some(simd) = tlas.simd()
-        {
-            return simd.apart(advance);
-        }
-        TwoFours.apart(advance)
+        if V::REASONS { TwoFours.apart(advance) } else { tlas.processor().run(advance) }
     }
 }
 

@@ -17,6 +17,11 @@ pub struct Ray {
 }
 
 impl Ray {
+    /// The least magnitude but 0 of an [ordinary](Self::is_ordinary) ray's components: 2^-60.
+    pub const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
+    /// The greatest: 2^60.
+    pub const MOST: f32 = (1u64 << 60) as f32;
+
     /// A ray over the whole half-line: `t_min` 0, `t_max` infinity.
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
         Self { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
@@ -34,16 +39,14 @@ impl Ray {
     /// direction is not 0, and the interval holds no NaN.
     #[inline(always)]
     pub fn is_ordinary(&self) -> bool {
-        const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
-        const MOST: f32 = (1u64 << 60) as f32;
         let zero = Four::splat(0.0);
         let [ox, oy, oz] = self.origin;
         let [dx, dy, dz] = self.direction;
         let origin = Four::new([ox, oy, oz, 0.0]).abs();
         let direction = Four::new([dx, dy, dz, 0.0]).abs();
         let within = |magnitudes: Four| {
-            let some = magnitudes.at_least(Four::splat(LEAST)) | zero.at_least(magnitudes);
-            some & Four::splat(MOST).at_least(magnitudes)
+            let some = magnitudes.at_least(Four::splat(Self::LEAST)) | zero.at_least(magnitudes);
+            some & Four::splat(Self::MOST).at_least(magnitudes)
         };
         within(origin) & within(direction) == 0b1111
             && zero.at_least(direction) != 0b1111

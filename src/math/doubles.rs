@@ -8,7 +8,7 @@ use pulp::f64x4;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
-use crate::math::eight::{Eights, TwoFours};
+use crate::math::eight::TwoFours;
 
 /// A way to operate on four numbers at once.
 pub trait Doubles: Copy {
@@ -67,54 +67,6 @@ pub trait Doubles: Copy {
     #[inline(always)]
     fn norm1(self, v: [Self::Four; 3]) -> Self::Four {
         self.sum(self.sum(self.magnitude(v[0]), self.magnitude(v[1])), self.magnitude(v[2]))
-    }
-}
-
-/// A way to operate on vectors, and to have more of that compiled alike.
-pub trait Vectors: Eights + Doubles {
-    /// Runs a task in a function of its own. (What operates on vectors must be compiled into such a
-    /// function as a whole.)
-    fn apart<T: Task>(self, task: T) -> T::Output;
-}
-
-/// What operates on vectors.
-pub trait Task {
-    /// What comes of it.
-    type Output;
-
-    /// To be inlined.
-    fn run<V: Vectors>(self, vectors: V) -> Self::Output;
-}
-
-impl Vectors for TwoFours {
-    #[inline(never)]
-    fn apart<T: Task>(self, task: T) -> T::Output {
-        task.run(self)
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-impl Vectors for V3 {
-    #[inline(always)]
-    fn apart<T: Task>(self, task: T) -> T::Output {
-        self.vectorize(InAvx { task, simd: self })
-    }
-}
-
-/// To be compiled for AVX2.
-#[cfg(target_arch = "x86_64")]
-struct InAvx<T> {
-    task: T,
-    simd: V3,
-}
-
-#[cfg(target_arch = "x86_64")]
-impl<T: Task> pulp::NullaryFnOnce for InAvx<T> {
-    type Output = T::Output;
-
-    #[inline(always)]
-    fn call(self) -> T::Output {
-        self.task.run(self.simd)
     }
 }
 

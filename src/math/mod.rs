@@ -14,5 +14,6 @@ pub mod srgb;
 pub mod surd;
 pub mod toward_zero;
 pub mod ulp;
+pub mod vectors;
 
 pub use ulp::{ulp_error, ulps};

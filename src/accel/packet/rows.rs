@@ -2,9 +2,9 @@
 
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::Node;
-use crate::accel::node_ray::{FAR_AWAY, NodeRay, SHRINK, WIDEN};
+use crate::accel::node_ray::{FAR_AWAY, NodeRay, ROUGH_SCALES, SHRINK, SIMPLE_SCALES, WIDEN};
 use crate::accel::packet::MOST;
-use crate::geometry::{ROUGH_SLACK, ROUGH_UNDERFLOW, Transform};
+use crate::geometry::{ROUGH_SLACK, ROUGH_UNDERFLOW, Ray, Transform};
 use crate::math::eight::Eights;
 
 /// How many rays are operated on at once.
@@ -54,7 +54,7 @@ impl Rays {
     /// Memory for rays.
     pub const IDLE: Self = Self { origin: [Row::IDLE; 3], direction: [Row::IDLE; 3], t_min: Row::IDLE };
 
-    /// Takes up to 64 rays; a bit for each that [is ordinary](crate::geometry::Ray::is_ordinary) and whose
+    /// Takes up to 64 rays; a bit for each that [is ordinary](Ray::is_ordinary) and whose
     /// t is never negative.
     #[inline(always)]
     pub fn take<E: Eights>(&mut self, eights: E, traces: &[TraceRay]) -> u64 {
@@ -70,7 +70,7 @@ impl Rays {
             self.t_min.0[at] = ray.t_min + 0.0;
             valid |= u64::from((ray.t_min >= 0.0) & !ray.t_max.is_nan()) << at;
         }
-        let (least, most) = (eights.splat(1.0 / (1u64 << 60) as f32), eights.splat((1u64 << 60) as f32));
+        let (least, most) = (eights.splat(Ray::LEAST), eights.splat(Ray::MOST));
         let zero = eights.splat(0.0);
         let mut ordinary = 0;
         for at in 0..whole / EIGHT {
@@ -127,10 +127,8 @@ impl Rows {
     /// near it.
     #[inline(always)]
     pub fn take_simple<E: Eights>(&mut self, eights: E, rays: &Rays, scale: f64, which: u64) -> u64 {
-        const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
-        const MOST: f32 = (1u64 << 60) as f32;
         let scale = scale as f32;
-        if !(LEAST..=MOST).contains(&scale) {
+        if !SIMPLE_SCALES.contains(&scale) {
             return 0;
         }
         let scale = eights.splat(scale);
@@ -168,11 +166,9 @@ impl Rows {
         scale: f64,
         which: u64,
     ) -> u64 {
-        const LEAST: f32 = 1.0 / (1u64 << 20) as f32;
-        const MOST: f32 = (1u64 << 20) as f32;
         let scale = scale as f32;
         let Some((columns, translation)) = transform.rough_inverse() else { return 0 };
-        if !(LEAST..=MOST).contains(&scale) {
+        if !ROUGH_SCALES.contains(&scale) {
             return 0;
         }
         let (one, scale) = (eights.splat(1.0), eights.splat(scale));
@@ -243,21 +239,21 @@ impl Rows {
             }
         }
         let members = (&members, group.rays);
-        let mut ray = NodeRay::from(least(eights, &rays.t_min, members));
+        let mut ray = NodeRay::from(extreme_of::<E, false>(eights, &rays.t_min, members));
         ray.near_side = group.near_side;
         for axis in 0..3 {
             let (near, far) = (&self.near_origin[axis], &self.far_origin[axis]);
             let (slow, fast) = (&self.near_reciprocal[axis], &self.far_reciprocal[axis]);
             if group.near_side[axis] == 0 {
-                ray.near_origin[axis] = most(eights, near, members);
-                ray.far_origin[axis] = least(eights, far, members);
-                ray.near_reciprocal[axis] = least(eights, slow, members);
-                ray.far_reciprocal[axis] = most(eights, fast, members);
+                ray.near_origin[axis] = extreme_of::<E, true>(eights, near, members);
+                ray.far_origin[axis] = extreme_of::<E, false>(eights, far, members);
+                ray.near_reciprocal[axis] = extreme_of::<E, false>(eights, slow, members);
+                ray.far_reciprocal[axis] = extreme_of::<E, true>(eights, fast, members);
             } else {
-                ray.near_origin[axis] = least(eights, near, members);
-                ray.far_origin[axis] = most(eights, far, members);
-                ray.near_reciprocal[axis] = most(eights, slow, members);
-                ray.far_reciprocal[axis] = least(eights, fast, members);
+                ray.near_origin[axis] = extreme_of::<E, false>(eights, near, members);
+                ray.far_origin[axis] = extreme_of::<E, true>(eights, far, members);
+                ray.near_reciprocal[axis] = extreme_of::<E, true>(eights, slow, members);
+                ray.far_reciprocal[axis] = extreme_of::<E, false>(eights, fast, members);
             }
         }
         ray
@@ -328,24 +324,15 @@ fn below_zero<E: Eights>(eights: E, numbers: E::Eight, at: usize) -> u64 {
     u64::from(!eights.at_least(numbers, eights.splat(0.0)) & 0xFF) << (at * EIGHT)
 }
 
-/// The least of a row's numbers; a row and a bit say which count.
+/// The greatest or the least of a row's numbers; a row and a bit say which count.
 #[inline(always)]
-fn least<E: Eights>(eights: E, row: &Row, (members, rays): (&Row, u64)) -> f32 {
-    let mut all = eights.splat(f32::INFINITY);
+fn extreme_of<E: Eights, const GREATEST: bool>(eights: E, row: &Row, (members, rays): (&Row, u64)) -> f32 {
+    let mut all = eights.splat(if GREATEST { f32::NEG_INFINITY } else { f32::INFINITY });
     for at in eights_of(rays) {
-        all = eights.if_below(eights.add(row.load(eights, at), members.load(eights, at)), all);
+        let next = eights.add(row.load(eights, at), members.load(eights, at));
+        all = if GREATEST { eights.if_above(next, all) } else { eights.if_below(next, all) };
     }
-    extreme::<E, false>(eights, all)
-}
-
-/// The greatest of them.
-#[inline(always)]
-fn most<E: Eights>(eights: E, row: &Row, (members, rays): (&Row, u64)) -> f32 {
-    let mut all = eights.splat(f32::NEG_INFINITY);
-    for at in eights_of(rays) {
-        all = eights.if_above(eights.add(row.load(eights, at), members.load(eights, at)), all);
-    }
-    extreme::<E, true>(eights, all)
+    extreme::<E, GREATEST>(eights, all)
 }
 
 /// The greatest or the least of eight numbers.

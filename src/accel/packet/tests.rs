@@ -8,6 +8,8 @@ use super::*;
 use crate::accel::{Blas, Geometry, GeometryData, GeometryFlags, Instance, RayFlags};
 use crate::accel::{EndCaps, Indexing};
 use crate::geometry::Ray;
+use crate::math::eight::TwoFours;
+use crate::math::vectors::Vectors;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 

@@ -11,7 +11,7 @@ use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::tree::Tree;
 use crate::geometry::triangle::FourTested;
 use crate::geometry::{DoubleRay, Intersection};
-use crate::math::doubles::{Task, Vectors};
+use crate::math::vectors::{Task, Vectors};
 
 /// So few rays go by themselves below a node that no others meet.
 const FEW: u32 = 3;

@@ -1,0 +1,90 @@
+//! Code that operates on vectors, compiled for what the processor has.
+//!
+//! What operates on vectors must be inlined into one function that is compiled for them: a [`Task`]. Closures
+//! are functions of their own, and so is what is not inlined.
+
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V3;
+
+use crate::math::doubles::Doubles;
+use crate::math::eight::{Eights, TwoFours};
+
+/// What operates on vectors.
+pub trait Task {
+    /// What comes of it.
+    type Output;
+
+    /// To be inlined.
+    fn run<V: Vectors>(self, vectors: V) -> Self::Output;
+}
+
+/// A way to operate on vectors, and to have more of that compiled alike.
+pub trait Vectors: Eights + Doubles {
+    /// Runs a task in a function of its own.
+    fn apart<T: Task>(self, task: T) -> T::Output;
+}
+
+impl Vectors for TwoFours {
+    #[inline(never)]
+    fn apart<T: Task>(self, task: T) -> T::Output {
+        task.run(self)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Vectors for V3 {
+    #[inline(always)]
+    fn apart<T: Task>(self, task: T) -> T::Output {
+        self.vectorize(InAvx { task, simd: self })
+    }
+}
+
+/// To be compiled for AVX2: the same operations, and the same results.
+#[cfg(target_arch = "x86_64")]
+struct InAvx<T> {
+    task: T,
+    simd: V3,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<T: Task> pulp::NullaryFnOnce for InAvx<T> {
+    type Output = T::Output;
+
+    #[inline(always)]
+    fn call(self) -> T::Output {
+        self.task.run(self.simd)
+    }
+}
+
+/// What the processor has beyond the target's baseline.
+#[derive(Clone, Copy, Debug)]
+pub struct Processor {
+    #[cfg(target_arch = "x86_64")]
+    simd: Option<V3>,
+}
+
+impl Processor {
+    /// Asks it.
+    pub fn new() -> Self {
+        Self {
+            #[cfg(target_arch = "x86_64")]
+            simd: V3::try_new(),
+        }
+    }
+
+    /// Runs a task on its widest vectors.
+    #[inline(always)]
+    pub fn run<T: Task>(self, task: T) -> T::Output {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.simd {
+            return simd.apart(task);
+        }
+        TwoFours.apart(task)
+    }
+}
+
+impl Default for Processor {
+    fn default() -> Self {
+        Self::new()
+    }
+}
