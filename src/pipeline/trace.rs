@@ -283,7 +283,7 @@ impl<const W: usize> Trace<W> {
             _ => self.traversing & Mask::equal(self.structures.numbers(), number as u32),
         };
         // Nobody sees which hit a shadow ray commits, where no hit object keeps it.
-        let only_whether = RayFlags(RayFlags::TERMINATE_ON_FIRST_HIT.0 | RayFlags::SKIP_CLOSEST_HIT_SHADER.0);
+        let only_whether = RayFlags::TERMINATE_ON_FIRST_HIT | RayFlags::SKIP_CLOSEST_HIT_SHADER;
         let unseen = self.shades && self.caller.is_some();
         let tlas = &self.structures.all()[number];
         let mut rest = through;

@@ -2,7 +2,7 @@
 
 use smallvec::SmallVec;
 
-use crate::accel::Committed;
+use crate::accel::{Committed, RayFlags};
 use crate::machine::stop::Rows;
 use crate::machine::{Mask, Registers, TrapCode};
 use crate::pipeline::Pipeline;
@@ -10,9 +10,6 @@ use crate::pipeline::group::Shader;
 use crate::pipeline::stack::Role;
 use crate::pipeline::trace::{Data, Trace, at, general, hit_group_at};
 use crate::pipeline::witness::{Caller, Event, Witness};
-
-/// `SkipClosestHitShaderKHR`
-const SKIP_CLOSEST_HIT: u32 = 8;
 
 impl<const W: usize> Trace<W> {
     /// Chooses closest-hit or miss for each ray.
@@ -40,7 +37,9 @@ impl<const W: usize> Trace<W> {
             let Ending { shader, has_any_hit, is_empty, leaves_unread } = self.ending(pipeline, role, index);
             let mut skipped = Mask::NONE;
             if role == Role::ClosestHit {
-                skipped = lanes & Mask::from_fn(|lane| self.rays.flags.0[lane] & SKIP_CLOSEST_HIT != 0);
+                let skips =
+                    |lane| RayFlags(self.rays.flags.0[lane]).contains(RayFlags::SKIP_CLOSEST_HIT_SHADER);
+                skipped = lanes & Mask::from_fn(skips);
             }
             // Those for whom a record is looked at.
             let called = if self.shades { lanes.without(skipped) } else { Mask::NONE };
