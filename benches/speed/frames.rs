@@ -153,17 +153,13 @@ pub fn run(table: &mut Table) {
             one.install(|| describe(&launch.run::<64>([8, 8, 1], &|_| ()).expect("no trap")))
         });
     }
-    if table.wants_any("threads") {
-        let (terrain, tlas) = terrain();
-        let pipeline = pipeline(Shaders { closest_hit: "heavy", ..PRIMARY });
-        let (resources, _) = resources(&terrain, tlas, size);
-        let launch = Launch { pipeline: &pipeline, resources: &resources };
-        for threads in [1, 2, 4] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            table.rate(&format!("threads {threads}, triangles heavy"), "pixels", pixels, || {
-                pool.install(|| launch.run::<64>([size[0], size[1], 1], &|_| ()).expect("no trap"));
-                String::new()
-            });
-        }
-    }
+}
+
+/// A launch to run again and again: the triangles with the heavy closest-hit shader.
+#[allow(dead_code, reason = "the comparison with peers has no threads")]
+pub fn heavy(table: &Table, size: [u32; 2]) -> (Pipeline, Resources) {
+    let scene = scenes::heightfield(table.size(256, 8));
+    let tlas = scene.tlas(GeometryFlags::OPAQUE);
+    let (resources, _) = resources(&scene, tlas, size);
+    (pipeline(Shaders { closest_hit: "heavy", ..PRIMARY }), resources)
 }

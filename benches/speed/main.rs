@@ -16,6 +16,7 @@ mod ready;
 mod scenes;
 mod synthetic;
 mod table;
+mod threads;
 mod traverse;
 
 use table::Table;
@@ -24,9 +25,13 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let full = arguments.iter().any(|argument| argument == "--bench");
     let wanted = arguments.into_iter().find(|argument| !argument.starts_with('-'));
+    if threads::is_worker() {
+        return threads::work(full);
+    }
     let mut table = Table::new(full, wanted);
     traverse::run(&mut table);
     frames::run(&mut table);
+    threads::run(&table);
     ready::run(&mut table);
     growth::run(&table);
 }

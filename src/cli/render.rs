@@ -8,15 +8,21 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::harness::stability::apart;
-use crate::machine::Binding;
-use crate::scene::image::write_png;
-use crate::scene::resources::Output;
-use crate::scene::{self, DiskFiles, Options};
+use crate::machine::image::Shape;
+use crate::machine::{Binding, Descriptor};
+use crate::pipeline::{Band, Bands, Streamed};
+use crate::scene::image::{stream_png, write_png};
+use crate::scene::image_entry::Image;
+use crate::scene::resources::{Output, Resource};
+use crate::scene::{self, Assembled, DiskFiles, Options, ResolvedScene, resolved};
 
 /// Renders a scene: launches its ray generation shader over an image and saves the image.
+///
+/// An image of more than 64 MiB is written while it is rendered, a band of rows at a time, where every invocation keeps
+/// to the row of its own launch index: so its size needs no memory. Otherwise it is held whole, up to 1 GiB.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
     /// The scene file (`scene.toml`); the built-in swept-spheres demo without it.
@@ -26,7 +32,7 @@ pub struct RenderArgs {
     #[arg(short, long, value_name = "FILE", default_value = "out.png")]
     output: PathBuf,
 
-    /// Width and height of the launch, instead of the scene's own.
+    /// Width and height of the launch, instead of the scene's own; up to 2^30 texels, as 32768x32768.
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
 
@@ -60,51 +66,111 @@ pub fn run(args: RenderArgs) -> Result<()> {
         let message = "`--json` is for --shadow and --perturb";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
-    let options = Options { size: args.size, precision: args.precision, ..Options::default() };
+    let options = Options { size: args.size, precision: args.precision, streams: true, ..Options::default() };
     let begin = Instant::now();
     let resolved = match &args.scene {
         Some(path) => scene::load(path, &DiskFiles, &options)?,
         None => scene::demo::scene(&options)?,
     };
-    let Some(output) = resolved.output() else {
+    let Some((output, image)) = output_of(&resolved) else {
         let message = "the scene has no output image: give one storage image `output = true`";
-        return Err(Error::new(ErrorKind::InvalidScene, message).at(crate::error::Place::File(resolved.path)));
+        return Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(resolved.path)));
     };
-    let binding = Binding { set: output.set, binding: output.binding };
-    let linear = output.output == Some(Output::Linear);
-    let mut assembled = scene::assemble(&resolved)?;
+    let to_srgb = output.output == Some(Output::Linear);
+    let mut assembled = scene::assemble_without(&resolved, output)?;
+    let streamed =
+        Streamed { texel: image.texels.clone(), ..Streamed::new(output.set, output.binding, image.format) };
+    let whole = match why_whole(&args, &assembled, output, image, &streamed) {
+        None => None,
+        Some(why) => {
+            let told = |error: Error| error.at(output.place.clone()).note(format!("it is held whole: {why}"));
+            let image = scene::assemble::image(image).map_err(told)?;
+            let binding = Binding { set: output.set, binding: output.binding };
+            assembled.resources.insert(binding, output.element, Descriptor::Image(image.clone()));
+            Some(image)
+        }
+    };
     let stability = args.stability.asks().then(|| apart(&assembled));
     let printed = Arc::default();
     assembled.resources.printed = Some(Arc::clone(&printed));
     let ready = begin.elapsed();
 
-    let count = assembled.size.iter().map(|&side| u64::from(side)).product();
-    let bar = progress(count);
+    let size = assembled.size;
+    let bar = progress(size.iter().map(|&side| u64::from(side)).product());
     let launched = Instant::now();
     let launch = assembled.launch();
+    let bands = match whole {
+        Some(_) => None,
+        None => Some(launch.bands(size, &streamed).map_err(|why| Bands::refused(&streamed, &why))?),
+    };
     let done = |count| bar.inc(count);
-    let outcome = match args.lanes.as_str() {
-        "1" => launch.run::<1>(assembled.size, &done),
-        "8" => launch.run::<8>(assembled.size, &done),
-        _ => launch.run::<64>(assembled.size, &done),
+    let outcome = match &bands {
+        None => match args.lanes.as_str() {
+            "1" => launch.run::<1>(size, &done),
+            "8" => launch.run::<8>(size, &done),
+            _ => launch.run::<64>(size, &done),
+        },
+        Some(bands) => stream_png(&args.output, [size[0], size[1]], image.format, to_srgb, |png| {
+            let mut take = |band: Band<'_>| png.rows(band.rows(), |row| band.row_bytes(row));
+            match args.lanes.as_str() {
+                "1" => bands.run::<1>(&done, &mut take),
+                "8" => bands.run::<8>(&done, &mut take),
+                _ => bands.run::<64>(&done, &mut take),
+            }
+        }),
     };
     bar.finish_and_clear();
     let traced = launched.elapsed();
     output::printed(&printed)?;
     let counted = outcome?;
 
-    let image = assembled.resources.image(binding.set, binding.binding);
-    let image = image.expect("bug in anyhit: the output image is not bound");
-    write_png(&args.output, image, linear)?;
+    if let Some(image) = &whole {
+        write_png(&args.output, image, to_srgb)?;
+    }
     if args.stats {
         output::print(stats::table(&counted, ready, traced))?;
         output::print(stats::spared(&counted, &assembled))?;
         output::print(stats::order(&assembled))?;
+        output::print(bands.as_ref().map_or_else(String::new, |bands| stats::bands(bands, image)))?;
     }
     if let Some(before) = stability {
         args.stability.run(&resolved, &before, None, args.json)?;
     }
     Ok(())
+}
+
+/// The image that is saved.
+fn output_of(scene: &ResolvedScene) -> Option<(&resolved::Binding, &Image)> {
+    let output = scene.output()?;
+    match &output.resource {
+        Resource::StorageImage(image) => Some((output, image)),
+        _ => None,
+    }
+}
+
+/// Why the output image is held whole, where it is: `None` where it is handed out in bands.
+fn why_whole(
+    args: &RenderArgs,
+    assembled: &Assembled,
+    output: &resolved::Binding,
+    image: &Image,
+    streamed: &Streamed,
+) -> Option<String> {
+    let [width, height, _] = assembled.size;
+    let why = if args.stability.asks() {
+        "--shadow and --perturb run the launch again on it"
+    } else if image.shape != Shape::plane(width, height) {
+        "it is no plane as wide and high as the launch, of one level and sample"
+    } else if !image.is_filled() {
+        "the scene gives its texels one by one"
+    } else if output.element > 0 {
+        "it is not the first of an array of images"
+    } else if image.size() <= 2 * streamed.band_bytes {
+        "it takes no more memory than two bands of it"
+    } else {
+        return assembled.launch().bands(assembled.size, streamed).err().map(|why| why.to_string());
+    };
+    Some(why.to_owned())
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {

@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use crate::accel::{Blas, Tlas};
 use crate::machine::{Binding, Descriptor};
-use crate::pipeline::Stats;
+use crate::pipeline::{Bands, Stats};
 use crate::program::sharing::Memory;
 use crate::scene::Assembled;
+use crate::scene::image_entry::Image;
 
 /// Rays, invocations, occupancy, times.
 pub fn table(stats: &Stats, ready: Duration, traced: Duration) -> String {
@@ -62,6 +63,18 @@ pub fn order(assembled: &Assembled) -> String {
         }
     }
     text
+}
+
+/// How an image was handed out while it was rendered.
+pub fn bands(bands: &Bands<'_>, image: &Image) -> String {
+    let rows = bands.rows();
+    let bytes = image.size() / u64::from(image.shape.extent[1]) * u64::from(rows);
+    format!(
+        "streamed          {:>9} bands of {rows} rows, {:.1} MiB each instead of {:.1} MiB for the image\n",
+        bands.count(),
+        bytes as f64 / f64::from(1 << 20),
+        image.size() as f64 / f64::from(1 << 20),
+    )
 }
 
 fn sharing(whose: &str, memory: Memory) -> String {

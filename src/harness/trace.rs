@@ -18,7 +18,7 @@ use crate::harness::value::Value;
 use crate::machine::printed::Line;
 use crate::ops::decode::InterfaceRows;
 use crate::ops::pointer::storage;
-use crate::pipeline::{Event, Launch, Pipeline, RayOperands, Stats, Witness};
+use crate::pipeline::{Band, Bands, Event, Launch, Pipeline, RayOperands, Stats, Streamed, Witness};
 use crate::program::Program;
 
 /// A ray without flags, seen by all masks, with SBT offset 0, SBT stride 1 and miss index 0; its
@@ -205,16 +205,36 @@ impl Pipeline {
     /// generation shader; `InvalidArgument` for a grid without or with too many invocations, and for a
     /// buffer whose size is not the shaders', with both layouts.
     pub fn launch(&self, scene: &Scene, size: [u32; 3]) -> Result<Launched> {
-        if size.contains(&0) {
-            let message = format!("a launch of {} x {} x {} has no invocations", size[0], size[1], size[2]);
-            return Err(Error::new(ErrorKind::InvalidArgument, message));
-        }
-        self.check(scene)?;
+        self.check_launch(scene, size)?;
+        let launch = Launch { pipeline: self, resources: scene.resources() };
+        let stats = launch.run::<64>(size, &|_| ())?;
+        Ok(self.launched(scene, stats))
+    }
+
+    /// Runs the ray generation shader over a grid of (width, height), and hands out the image that it fills, which
+    /// is as wide and high, in bands of rows: the top one first, each while the next is being filled. So the image
+    /// may be larger than memory. The scene binds everything but this image. Results are those of
+    /// [`Pipeline::launch`] with the whole image, bit for bit.
+    ///
+    /// `examples/bands.rs` shows it.
+    ///
+    /// # Errors
+    /// As [`Pipeline::launch`], and what `take` returns: no further band is handed out then. `InvalidArgument`
+    /// where the image must be there as a whole, with the reason: that a shader may reach other rows of it than
+    /// that of its launch index (or the same counted from the last one), or that it is not known not to.
+    pub fn launch_bands(
+        &self,
+        scene: &Scene,
+        [width, height]: [u32; 2],
+        image: &Streamed,
+        take: impl FnMut(Band<'_>) -> Result<()> + Send,
+    ) -> Result<Launched> {
+        self.check_launch(scene, [width, height, 1])?;
         let resources = scene.resources();
         let launch = Launch { pipeline: self, resources };
-        let stats = launch.run::<64>(size, &|_| ())?;
-        let printed = resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
-        Ok(Launched { stats, printed, bound: self.bound(scene) })
+        let bands = launch.bands([width, height, 1], image).map_err(|why| Bands::refused(image, &why))?;
+        let stats = bands.run::<64>(&|_| (), take)?;
+        Ok(self.launched(scene, stats))
     }
 
     /// Traces one ray through a scene, without a ray generation shader. Buffers are those of the
@@ -286,6 +306,19 @@ impl Pipeline {
             bound: self.bound(scene),
             told,
         })
+    }
+
+    fn check_launch(&self, scene: &Scene, size: [u32; 3]) -> Result<()> {
+        if size.contains(&0) {
+            let message = format!("a launch of {} x {} x {} has no invocations", size[0], size[1], size[2]);
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+        self.check(scene)
+    }
+
+    fn launched(&self, scene: &Scene, stats: Stats) -> Launched {
+        let printed = scene.resources().printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
+        Launched { stats, printed, bound: self.bound(scene) }
     }
 
     /// Compares what the scene's buffers were made from with what the shaders declare.

@@ -165,6 +165,8 @@ pub struct Image {
     format: Format,
     shape: Shape,
     levels: SmallVec<[Level; 1]>,
+    /// The texels that are there: all of them, but in a band.
+    held: Range<usize>,
     words: Box<[AtomicU64]>,
     sample_weight: OnceLock<SampleWeight>,
 }
@@ -175,9 +177,7 @@ impl Image {
     /// # Errors
     /// As [`Shape::check`].
     pub fn zeroed(format: Format, shape: Shape) -> Result<Arc<Self>> {
-        let size = shape.texels().saturating_mul(u64::from(format.texel_size()));
-        let words = usize::try_from(size.div_ceil(8)).unwrap_or(usize::MAX);
-        Self::from_words(format, shape, (0..words).map(|_| AtomicU64::new(0)))
+        Self::filled(format, shape, &[0; 16][..format.texel_size() as usize])
     }
 
     /// An image of these bytes.
@@ -195,7 +195,7 @@ impl Image {
             word[..chunk.len()].copy_from_slice(chunk);
             AtomicU64::new(u64::from_le_bytes(word))
         });
-        Self::from_words(format, shape, words)
+        Self::from_words(format, shape, whole(&shape), words)
     }
 
     /// An image whose texels are all the same, given its bytes.
@@ -203,6 +203,30 @@ impl Image {
     /// # Errors
     /// As [`Image::new`].
     pub fn filled(format: Format, shape: Shape, texel: &[u8]) -> Result<Arc<Self>> {
+        Self::of_one_texel(format, shape, whole(&shape), texel)
+    }
+
+    /// Some rows of a plane with one level and sample, whose texels are all the same. Whatever its shape says,
+    /// no other row is there: an access to one traps, robust or not.
+    ///
+    /// # Errors
+    /// As [`Image::filled`], and `InvalidImage` for another shape, or rows that it does not have.
+    pub(crate) fn band(
+        width: u32,
+        height: u32,
+        rows: Range<u32>,
+        format: Format,
+        texel: &[u8],
+    ) -> Result<Arc<Self>> {
+        if rows.start > rows.end || rows.end > height {
+            let message = format!("rows {} to {} of an image with {height}", rows.start, rows.end);
+            return Err(Error::new(ErrorKind::InvalidImage, message));
+        }
+        let [first, end] = [rows.start, rows.end].map(|row| row as usize * width as usize);
+        Self::of_one_texel(format, Shape::plane(width, height), first..end, texel)
+    }
+
+    fn of_one_texel(format: Format, shape: Shape, held: Range<usize>, texel: &[u8]) -> Result<Arc<Self>> {
         let each = format.texel_size() as usize;
         if texel.len() != each {
             let message = format!("{} bytes for a texel of {each}", texel.len());
@@ -213,12 +237,17 @@ impl Image {
         let pattern = [0, 8].map(|first: usize| {
             pattern[first..first + 8].iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte))
         });
-        let size = shape.texels().saturating_mul(each as u64);
-        let words = usize::try_from(size.div_ceil(8)).unwrap_or(usize::MAX);
-        Self::from_words(format, shape, (0..words).map(|at| AtomicU64::new(pattern[at % 2])))
+        let size = (held.end - held.start).saturating_mul(each);
+        let words = (0..size.div_ceil(8)).map(|at| AtomicU64::new(pattern[at % 2]));
+        Self::from_words(format, shape, held, words)
     }
 
-    fn from_words(format: Format, shape: Shape, words: impl Iterator<Item = AtomicU64>) -> Result<Arc<Self>> {
+    fn from_words(
+        format: Format,
+        shape: Shape,
+        held: Range<usize>,
+        words: impl Iterator<Item = AtomicU64>,
+    ) -> Result<Arc<Self>> {
         shape.check()?;
         let mut levels = SmallVec::new();
         let mut first = 0;
@@ -227,7 +256,7 @@ impl Image {
             first += shape.level_texels(level) as usize;
         }
         let sample_weight = OnceLock::new();
-        Ok(Arc::new(Self { format, shape, levels, words: words.collect(), sample_weight }))
+        Ok(Arc::new(Self { format, shape, levels, held, words: words.collect(), sample_weight }))
     }
 
     /// How texels are stored.
@@ -255,8 +284,29 @@ impl Image {
         self.levels[level as usize].extent
     }
 
-    /// The index of a texel; `None` outside the image.
+    /// The rows of level 0 that are there: all of them, but in a band of an image.
+    pub fn rows(&self) -> Range<u32> {
+        let [width, height, _] = self.shape.extent;
+        let texels = self.shape.texels() as usize;
+        match self.held == (0..texels) {
+            true => 0..height,
+            false => (self.held.start / width as usize) as u32..(self.held.end / width as usize) as u32,
+        }
+    }
+
+    /// The index of a texel; `None` outside the image, or in a row that is not there.
     pub fn index(&self, position: &Position) -> Option<usize> {
+        let index = self.place(position)?;
+        self.held.contains(&index).then(|| index - self.held.start)
+    }
+
+    /// Whether the image has a texel, be it there or not.
+    pub fn has(&self, position: &Position) -> bool {
+        self.place(position).is_some()
+    }
+
+    /// The place of a texel among all.
+    fn place(&self, position: &Position) -> Option<usize> {
         let level = self.levels.get(position.level as usize)?;
         let [width, height, depth] = level.extent.map(i64::from);
         let [x, y, z] = position.at;
@@ -312,7 +362,7 @@ impl Image {
         before >> shift & mask
     }
 
-    /// A copy of the bytes of all levels.
+    /// A copy of the bytes of all levels, as far as they are there.
     pub fn bytes(&self) -> Vec<u8> {
         (0..self.shape.levels).flat_map(|level| self.level_bytes(level)).collect()
     }
@@ -322,18 +372,18 @@ impl Image {
     pub fn copied(&self) -> Arc<Self> {
         let words = self.words.iter().map(|word| AtomicU64::new(word.load(Relaxed)));
         let (format, shape, levels) = (self.format, self.shape, self.levels.clone());
-        let sample_weight = self.sample_weight.clone();
-        Arc::new(Self { format, shape, levels, words: words.collect(), sample_weight })
+        let (held, sample_weight) = (self.held.clone(), self.sample_weight.clone());
+        Arc::new(Self { format, shape, levels, held, words: words.collect(), sample_weight })
     }
 
-    /// A copy of the bytes of a level that exists.
+    /// A copy of the bytes of a level that exists, as far as they are there.
     pub fn level_bytes(&self, level: u32) -> Vec<u8> {
         let first = self.levels[level as usize].first;
         self.texel_bytes(first..first + self.shape.level_texels(level) as usize, 1)
     }
 
-    /// A copy of the bytes of a row of level 0, in its first layer and slice; of several samples the
-    /// first.
+    /// A copy of the bytes of a row of level 0 that is there, in its first layer and slice; of several samples
+    /// the first.
     pub fn row_bytes(&self, row: u32) -> Vec<u8> {
         let each = self.shape.samples as usize;
         let width = self.shape.extent[0] as usize * each;
@@ -343,6 +393,8 @@ impl Image {
 
     fn texel_bytes(&self, texels: Range<usize>, each: usize) -> Vec<u8> {
         let size = self.format.texel_size() as usize;
+        let texels = texels.start.max(self.held.start)..texels.end.min(self.held.end);
+        let texels = texels.start - self.held.start..texels.end - self.held.start;
         let mut bytes = Vec::with_capacity(texels.len() / each * size);
         for index in texels.step_by(each) {
             bytes.extend_from_slice(&self.load(index).to_le_bytes()[..size]);
@@ -351,10 +403,32 @@ impl Image {
     }
 }
 
+/// All texels.
+fn whole(shape: &Shape) -> Range<usize> {
+    0..usize::try_from(shape.texels()).unwrap_or(usize::MAX)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::machine::format::Component;
+
+    #[test]
+    fn a_band_has_some_rows_of_the_whole() {
+        let format = Format::new(Component::Uint8, 1);
+        let band = Image::band(3, 5, 2..4, format, &[7]).unwrap();
+        let position = |x, y| Position { at: [x, y, 0], ..Position::default() };
+        assert_eq!((band.shape().extent, band.rows()), ([3, 5, 1], 2..4));
+        // Two rows of three.
+        let index = [(0, 1), (0, 2), (2, 3), (0, 4)].map(|(x, y)| band.index(&position(x, y)));
+        assert_eq!(index, [None, Some(0), Some(5), None]);
+        assert_eq!([band.has(&position(0, 4)), band.has(&position(0, 5))], [true, false]);
+        band.store(5, 9);
+        assert_eq!((band.row_bytes(3), band.bytes()), (vec![7, 7, 9], vec![7, 7, 7, 7, 7, 9]));
+        assert_eq!(band.copied().row_bytes(3), [7, 7, 9]);
+        assert!(Image::band(3, 5, 2..6, format, &[7]).is_err());
+        assert_eq!(Image::zeroed(format, Shape::plane(3, 5)).unwrap().rows(), 0..5);
+    }
 
     #[test]
     fn an_image_is_filled_with_one_texel() {

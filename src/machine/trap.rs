@@ -23,6 +23,8 @@ pub enum TrapCode {
     DescriptorMissing,
     /// A texel coordinate is outside its image.
     ImageOutOfBounds,
+    /// A texel of a row that the band of an image does not hold.
+    ImageRowAbsent,
     /// The image bound has another dimension, sample count or component type than the shader declares.
     ImageMismatch,
     /// The sampler bound does not suit the instruction or the image.
@@ -108,6 +110,9 @@ impl TrapCode {
             Self::AtomicMisaligned => "an atomic instruction on a misaligned offset",
             Self::DescriptorMissing => "no descriptor of this kind is bound here",
             Self::ImageOutOfBounds => "a texel coordinate is outside its image",
+            Self::ImageRowAbsent => {
+                "the texel is in a row of the image that is not there: the launch runs in bands of rows"
+            }
             Self::ImageMismatch => {
                 "the image bound here has another dimension, sample count or component type than the shader declares"
             }

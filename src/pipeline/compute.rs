@@ -3,12 +3,11 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use rayon::prelude::*;
-
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Observer, Resources, Workgroup};
 use crate::ops::row::{Row, Width};
 use crate::pipeline::launch::Stats;
+use crate::pipeline::tasks::Tasks;
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::workgroup::{Gang, Watch};
 use crate::pipeline::{DEFAULT_BUDGET, Event, check_subgroup_size};
@@ -179,7 +178,7 @@ impl Compute {
         let bindings = resources.bindings(self.program.bindings());
         let each: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
         let per_task = self.per_task();
-        let tasks = 0..count.div_ceil(per_task);
+        let tasks = Tasks::new(count.div_ceil(per_task));
         let range = |task: u64| task * per_task..count.min((task + 1) * per_task);
         let shares = self.shared_memory(groups, resources).is_some();
         let task = |task: u64| {
@@ -205,37 +204,42 @@ impl Compute {
             done(invocations);
             result
         };
-        let mut results: Vec<(Stats, Option<Trapped>)> = Vec::new();
+        let mut results: Vec<(Stats, Option<(u64, Trapped)>)> = Vec::new();
         if self.program.order_dependent || shares {
-            for index in tasks {
-                results.push(task(index));
-                if results.last().is_some_and(|(_, trapped)| trapped.is_some()) {
+            for index in tasks.iter() {
+                let (stats, trapped) = task(index);
+                let ends = trapped.is_some();
+                results.push((stats, trapped.map(|trapped| (index, trapped))));
+                if ends {
                     break;
                 }
             }
         } else {
             // Beyond a trap in an earlier workgroup nothing can change the answer.
             let trapped_at = AtomicU64::new(u64::MAX);
-            let run = |index: u64| {
-                if trapped_at.load(Relaxed) < index {
-                    return (Stats::default(), None);
+            let worker = || {
+                let (mut stats, mut first) = (Stats::default(), None);
+                for index in tasks.iter() {
+                    if trapped_at.load(Relaxed) < index {
+                        continue;
+                    }
+                    let (task, trapped) = task(index);
+                    stats = stats.plus(&task);
+                    if let Some(trapped) = trapped {
+                        trapped_at.fetch_min(index, Relaxed);
+                        first.get_or_insert((index, trapped));
+                    }
                 }
-                let result = task(index);
-                if result.1.is_some() {
-                    trapped_at.fetch_min(index, Relaxed);
-                }
-                result
+                (stats, first)
             };
-            results = tasks.into_par_iter().map(run).collect();
+            // One task needs no threads: starting them would take longer.
+            results = if tasks.count() <= 1 { vec![worker()] } else { tasks.on_threads(worker) };
         }
-        let mut stats = Stats::default();
-        for (task, trapped) in results {
-            if let Some(trapped) = trapped {
-                return Err(Box::new(trapped));
-            }
-            stats = stats.plus(&task);
+        let stats = results.iter().fold(Stats::default(), |sum, (stats, _)| sum.plus(stats));
+        match results.into_iter().filter_map(|(_, trapped)| trapped).min_by_key(|(index, _)| *index) {
+            Some((_, trapped)) => Err(Box::new(trapped)),
+            None => Ok(stats),
         }
-        Ok(stats)
     }
 
     /// The memory that the invocations of a dispatch share without atomic instructions between them,

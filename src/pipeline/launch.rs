@@ -5,8 +5,6 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use rayon::prelude::*;
-
 use crate::accel::{Committed, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Bindings, Observer, Reg, Registers, Resources};
@@ -16,6 +14,7 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::order::Order;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, bindings};
+use crate::pipeline::tasks::Tasks;
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::witness::{Event, Only, Witness};
 
@@ -129,12 +128,15 @@ pub struct Launch<'a> {
     pub resources: &'a Resources,
 }
 
-/// Invocations that one task of a thread runs: enough that stealing costs little, and so does what a task
-/// begins with; few enough that threads end together.
+/// Invocations that one task of a thread runs, a multiple of the widest batch: enough that taking it up costs
+/// little; few enough that threads end together.
 fn task_size(count: u64) -> u64 {
-    const LEAST: u64 = 1024;
-    (count / 128).clamp(LEAST, 8 * LEAST) / LEAST * LEAST
+    const LEAST: u64 = 128;
+    (count / 1024).clamp(LEAST, 8192) / LEAST * LEAST
 }
+
+/// A launch of so few invocations needs no threads: starting them would take longer.
+const FEW: u64 = 1024;
 
 impl Launch<'_> {
     /// Runs the ray generation shader over a grid, W lanes at a time, on all threads; `done` is
@@ -146,74 +148,78 @@ impl Launch<'_> {
     where
         Row: Width<W>,
     {
-        let record = self.ray_generation()?;
         let count = self.count(size)?;
+        self.run_positions::<W>(size, 0..count, done)
+    }
+
+    /// Runs the invocations at some positions of a launch's order, which begin at a multiple of the widest
+    /// batch.
+    pub(super) fn run_positions<const W: usize>(
+        &self,
+        size: [u32; 3],
+        positions: Range<u64>,
+        done: &(impl Fn(u64) + Sync),
+    ) -> Result<Stats>
+    where
+        Row: Width<W>,
+    {
+        let record = self.ray_generation()?;
         let bindings = bindings(self.pipeline, self.resources);
-        let size_of_task = task_size(count);
-        let tasks = 0..count.div_ceil(size_of_task);
-        let range = |task: u64| task * size_of_task..count.min((task + 1) * size_of_task);
-        let by_index = Order::by_index(size);
-        let mut all = Done::default();
+        let subgroups = self.pipeline.whole_subgroups();
         let ordered = self.pipeline.order_dependent();
-        if ordered || self.pipeline.shared_memory(size, self.resources).is_some() {
-            // The same schedule for every width of a batch: one after the other, or 64 together.
-            for task in tasks {
-                let result = match self.pipeline.whole_subgroups() {
-                    Some(65..) => self.task::<128>(&bindings, record, range(task), &by_index),
-                    None if ordered => self.task::<1>(&bindings, record, range(task), &by_index),
-                    _ => self.task::<64>(&bindings, record, range(task), &by_index),
-                };
-                done(range(task).end - range(task).start);
-                all = all.and(Done::of(&by_index, result));
-                if all.trapped.is_some() {
-                    break;
-                }
-            }
-        } else {
-            // Beyond a trap with a lower launch index nothing can change the answer.
-            let trapped_at = AtomicU64::new(u64::MAX);
-            let subgroups = self.pipeline.whole_subgroups();
-            let order = if subgroups.is_some() { by_index } else { Order::by_tiles(size) };
-            let run = |task| {
-                let range = range(task);
-                if trapped_at.load(Relaxed) < order.least_number(&range) {
-                    return Done::default();
-                }
-                let result = match subgroups {
-                    Some(..=64) => self.task::<64>(&bindings, record, range.clone(), &order),
-                    Some(_) => self.task::<128>(&bindings, record, range.clone(), &order),
-                    None => self.task::<W>(&bindings, record, range.clone(), &order),
-                };
-                if let Some(trapped) = &result.1 {
-                    trapped_at.fetch_min(order.number(trapped.launch_id), Relaxed);
-                }
-                done(range.end - range.start);
-                Done::of(&order, result)
-            };
-            // One task needs no threads: starting them would take longer.
-            all = match tasks.end {
-                0 | 1 => tasks.map(run).fold(Done::default(), Done::and),
-                _ => tasks.into_par_iter().map(run).reduce(Done::default, Done::and),
-            };
-        }
+        // The same schedule for every width of a batch: one after the other, or 64 together.
+        let one_thread = ordered || self.pipeline.shared_memory(size, self.resources).is_some();
+        let by_index = one_thread || subgroups.is_some();
+        let order = if by_index { Order::by_index(size) } else { Order::by_tiles(size) };
+        let few = positions.end - positions.start <= FEW;
+        let each = task_size(positions.end - positions.start);
+        let tasks = Tasks::new((positions.end - positions.start).div_ceil(each));
+        let range = |task: u64| {
+            let first = positions.start + task * each;
+            first..positions.end.min(first + each)
+        };
+        let work = Work { record, bindings: &bindings, order, trapped_at: AtomicU64::new(u64::MAX), done };
+        let ranges = || tasks.iter().map(range);
+        let worker = || match subgroups {
+            Some(..=64) => self.work::<64>(&work, ranges()),
+            Some(_) => self.work::<128>(&work, ranges()),
+            None if ordered => self.work::<1>(&work, ranges()),
+            None if one_thread => self.work::<64>(&work, ranges()),
+            None => self.work::<W>(&work, ranges()),
+        };
+        let all = match one_thread || few {
+            true => worker(),
+            false => tasks.on_threads(worker).into_iter().fold(Done::default(), Done::and),
+        };
         match all.trapped {
             Some((_, trapped)) => Err(trapped.error),
             None => Ok(all.stats),
         }
     }
 
-    /// Runs the invocations at a stretch of positions.
-    fn task<const W: usize>(
+    /// Runs the invocations at stretches of positions, in a thread.
+    fn work<const W: usize>(
         &self,
-        bindings: &[Bindings],
-        record: &Record,
-        range: Range<u64>,
-        order: &Order,
-    ) -> (Stats, Option<Trapped>)
+        work: &Work<'_, impl Fn(u64) + Sync>,
+        ranges: impl Iterator<Item = Range<u64>>,
+    ) -> Done
     where
         Row: Width<W>,
     {
-        self.watched_task::<W, _, _>(bindings, record, (range, order), (&mut (), &mut ()))
+        let (mut witness, mut observer) = ((), ());
+        let mut stack = Stack::<W, _, _>::new(self.pipeline, work.bindings, &mut witness, &mut observer);
+        for range in ranges {
+            // Beyond a trap with a lower launch index nothing can change the answer.
+            if work.trapped_at.load(Relaxed) < work.order.least_number(&range) {
+                continue;
+            }
+            stack.launch_all(work.record, &work.order, range.clone());
+            if let Some(trapped) = &stack.trapped {
+                work.trapped_at.fetch_min(work.order.number(trapped.launch_id), Relaxed);
+            }
+            (work.done)(range.end - range.start);
+        }
+        Done::of(&work.order, (stack.stats, stack.trapped))
     }
 
     fn watched_task<const W: usize, T: Witness, O: Observer<W>>(
@@ -227,14 +233,12 @@ impl Launch<'_> {
         Row: Width<W>,
     {
         let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, witness, observer);
-        for start in range.clone().step_by(W) {
-            stack.launch(record, order, start..range.end.min(start + W as u64));
-        }
+        stack.launch_all(record, order, range);
         (stack.stats, stack.trapped)
     }
 
     /// How many invocations a launch has.
-    fn count(&self, size: [u32; 3]) -> Result<u64> {
+    pub(super) fn count(&self, size: [u32; 3]) -> Result<u64> {
         let count = size.iter().try_fold(1u64, |count, &side| count.checked_mul(side.into()));
         let most = self.pipeline.max_invocations;
         count.filter(|&count| count <= most).ok_or_else(|| {
@@ -398,6 +402,16 @@ impl Launch<'_> {
             (None, None) => unreachable!("bug in anyhit: a trace without a ray"),
         }
     }
+}
+
+/// What the threads of a launch share.
+struct Work<'a, D> {
+    record: &'a Record,
+    bindings: &'a [Bindings],
+    order: Order,
+    /// The number of the lowest launch index that is known to have trapped.
+    trapped_at: AtomicU64,
+    done: &'a D,
 }
 
 /// What tasks did together.

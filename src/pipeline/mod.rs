@@ -6,6 +6,7 @@
 //! data structure, and nothing recurses natively.
 
 mod alone;
+pub mod bands;
 pub mod compute;
 pub mod device;
 mod flags;
@@ -17,6 +18,7 @@ mod plain;
 mod report;
 pub mod sbt;
 pub mod stack;
+mod tasks;
 mod trace;
 mod tracing;
 mod trapped;
@@ -33,6 +35,7 @@ use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::program::sharing::{Extent, Memory};
 
+pub use bands::{Band, Bands, NotStreamed, Streamed};
 pub use compute::Compute;
 pub use device::{DeviceProfile, Features, Limits};
 pub use flags::PipelineFlags;

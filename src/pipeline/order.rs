@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 /// How wide and high a tile is.
-const SIDE: u64 = 8;
+pub(super) const SIDE: u64 = 8;
 
 /// An order of the launch indices of a grid: each has a position.
 #[derive(Clone, Copy, Debug)]

@@ -155,7 +155,14 @@ where
         }
     }
 
-    /// Runs the ray generation shader for the invocations at some positions of a launch's order.
+    /// Runs the ray generation shader for the invocations at any number of positions, a batch after the other.
+    pub fn launch_all(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
+        for start in positions.clone().step_by(W) {
+            self.launch(record, order, start..positions.end.min(start + W as u64));
+        }
+    }
+
+    /// Runs the ray generation shader for the invocations at some positions of a launch's order: a batch.
     pub fn launch(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
         let count = (positions.end - positions.start) as usize;
         let Some(shader) = general(self.pipeline, record) else { return };

@@ -9,6 +9,8 @@
 //! Bindings that hold one buffer or image count as one. Workgroup memory is left out: it is there to be
 //! shared, between barriers. So is a buffer reached both by a binding and by its device address.
 
+mod rows;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -17,7 +19,7 @@ use smallvec::SmallVec;
 
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::{Binding, Descriptor, Reg, Resources};
-use crate::ops::arithmetic::{IAdd, IMul};
+use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
 use crate::ops::atomic::{self, Target as AtomicTarget};
 use crate::ops::bit::ShiftLeftLogical;
 use crate::ops::image::Op as ImageOp;
@@ -26,6 +28,8 @@ use crate::ops::memory::{BufferRef, Chunk, Length, Op as MemoryOp};
 use crate::ops::op::{Access, Op};
 use crate::ops::row::Row;
 use crate::program::Program;
+
+pub use rows::OwnRow;
 
 /// Where memory is reached from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -75,13 +79,13 @@ enum Symbol {
 
 /// A sum of products, each with its factor; sorted.
 #[derive(Clone, Debug, PartialEq, Default)]
-struct Sum(SmallVec<[(SmallVec<[Symbol; 2]>, u64); 4]>);
+struct Sum(SmallVec<[(SmallVec<[Symbol; 2]>, i64); 4]>);
 
 /// More terms, or factors of one, are not followed.
 const MOST: usize = 12;
 
 impl Sum {
-    fn constant(value: u64) -> Self {
+    fn constant(value: i64) -> Self {
         Self::of(SmallVec::new(), value)
     }
 
@@ -89,7 +93,7 @@ impl Sum {
         Self::of(SmallVec::from_slice(&[symbol]), 1)
     }
 
-    fn of(symbols: SmallVec<[Symbol; 2]>, factor: u64) -> Self {
+    fn of(symbols: SmallVec<[Symbol; 2]>, factor: i64) -> Self {
         Self(if factor == 0 { SmallVec::new() } else { SmallVec::from_iter([(symbols, factor)]) })
     }
 
@@ -121,7 +125,7 @@ impl Sum {
     }
 
     /// Its constant part, and the rest.
-    fn split(&self) -> (u64, Self) {
+    fn split(&self) -> (i64, Self) {
         let constant = self.0.iter().find(|(symbols, _)| symbols.is_empty()).map_or(0, |term| term.1);
         (constant, Self(self.0.iter().filter(|(symbols, _)| !symbols.is_empty()).cloned().collect()))
     }
@@ -151,7 +155,7 @@ impl Extent<'_> {
     /// value twice.
     fn told_apart(&self, sum: &Sum, count: u64) -> Option<SmallVec<[Symbol; 6]>> {
         let sides: SmallVec<[(Symbol, u64); 6]> = self.sides().collect();
-        let mut steps: SmallVec<[(u64, u64, Symbol); 6]> = SmallVec::new();
+        let mut steps: SmallVec<[(i64, u64, Symbol); 6]> = SmallVec::new();
         for (symbols, factor) in &sum.0 {
             let (mut step, mut by, mut known) = (*factor, None, true);
             for symbol in symbols {
@@ -166,23 +170,25 @@ impl Extent<'_> {
                         }
                     }
                     Symbol::Word(place, offset) => match self.word(place, offset) {
-                        Some(word) => step = step.checked_mul(word)?,
+                        Some(word) => step = step.checked_mul(word.into())?,
                         None => known = false,
                     },
                 }
             }
             match by {
-                Some(_) if !known && step > 0 => return None,
-                Some((symbol, side)) if step > 0 => match steps.iter_mut().find(|known| known.2 == symbol) {
+                Some(_) if !known && step != 0 => return None,
+                Some((symbol, side)) if step != 0 => match steps.iter_mut().find(|known| known.2 == symbol) {
                     Some(known) => known.0 = known.0.checked_add(step)?,
                     None => steps.push((step, side, symbol)),
                 },
                 _ => {}
             }
         }
-        steps.sort_unstable();
+        // Whether an index steps up or down, its steps are as far apart.
+        steps.sort_unstable_by_key(|&(step, side, symbol)| (step.unsigned_abs(), side, symbol));
         let mut reach = count;
         for &(step, side, _) in &steps {
+            let step = step.unsigned_abs();
             if step < reach {
                 return None;
             }
@@ -196,7 +202,7 @@ impl Extent<'_> {
     }
 
     /// A word that is the same for all invocations.
-    fn word(&self, place: Option<(Binding, u32)>, offset: u32) -> Option<u64> {
+    fn word(&self, place: Option<(Binding, u32)>, offset: u32) -> Option<u32> {
         let buffer = match place {
             None => self.resources.push_constants.as_ref()?,
             Some((binding, element)) => {
@@ -205,7 +211,7 @@ impl Extent<'_> {
                     .find(|kind| if let Descriptor::Buffer(buffer) = kind { Some(buffer) } else { None })?
             }
         };
-        buffer.load(offset.into(), 32).map(u64::from)
+        buffer.load(offset.into(), 32)
     }
 
     /// For each binding that a buffer or image of another one is bound to, too, the first of these.
@@ -259,16 +265,16 @@ impl Extent<'_> {
             if rest.0.iter().any(|(symbols, _)| symbols.iter().any(changes)) {
                 return false;
             }
-            let (mut low, mut high) = (u64::MAX, 0);
+            let (mut low, mut high) = (i64::MAX, i64::MIN);
             for touch in touches {
                 let Some(own) = touch.place.as_ref().and_then(|place| place.get(at)) else { return false };
                 let (constant, other) = own.from.split();
                 if other != rest || touch.place.as_ref().is_some_and(|place| place.len() != first.len()) {
                     return false;
                 }
-                (low, high) = (low.min(constant), high.max(constant.saturating_add(own.count)));
+                (low, high) = (low.min(constant), high.max(constant.saturating_add_unsigned(own.count)));
             }
-            told.extend(self.told_apart(&rest, high - low).unwrap_or_default());
+            told.extend(self.told_apart(&rest, high.abs_diff(low)).unwrap_or_default());
         }
         self.sides().all(|(symbol, _)| told.contains(&symbol))
     }
@@ -278,24 +284,47 @@ impl Extent<'_> {
     pub fn shared(&self, programs: &[&Program]) -> Option<Memory> {
         self.sides().next()?;
         let touches: Vec<&Touch> = programs.iter().flat_map(|program| &program.touches).collect();
-        let first = self.one_memory(&touches);
-        let of = |memory: Memory| match memory {
-            Memory::Binding(binding) => Memory::Binding(*first.get(&binding).unwrap_or(&binding)),
-            other => other,
-        };
-        let stored = touches.iter().filter(|touch| touch.stores).map(|touch| of(touch.memory));
-        let mut memories: Vec<Memory> = stored.collect();
+        let stored = Stored::new(self, &touches);
+        stored.memories.iter().copied().find(|&memory| {
+            let unknown = memory == Memory::Unknown;
+            let same =
+                |touch: &&&Touch| unknown || [memory, Memory::Unknown].contains(&stored.of(touch.memory));
+            let same: Vec<&Touch> = touches.iter().filter(same).copied().collect();
+            !same.iter().all(|touch| touch.atomic)
+                && !self.keeps_apart(&same, |binding| stored.may_change(binding))
+        })
+    }
+}
+
+/// What shaders store to.
+struct Stored {
+    /// Of bindings that hold the same, the first.
+    first: BTreeMap<Binding, Binding>,
+    memories: Vec<Memory>,
+}
+
+impl Stored {
+    fn new(extent: &Extent<'_>, touches: &[&Touch]) -> Self {
+        let mut all = Self { first: extent.one_memory(touches), memories: Vec::new() };
+        let mut memories: Vec<Memory> =
+            touches.iter().filter(|touch| touch.stores).map(|touch| all.of(touch.memory)).collect();
         memories.sort_unstable();
         memories.dedup();
-        memories.iter().copied().find(|&memory| {
-            let unknown = memory == Memory::Unknown;
-            let same = |touch: &&&Touch| unknown || [memory, Memory::Unknown].contains(&of(touch.memory));
-            let same: Vec<&Touch> = touches.iter().filter(same).copied().collect();
-            let stored = |binding| {
-                [of(Memory::Binding(binding)), Memory::Unknown].iter().any(|one| memories.contains(one))
-            };
-            !same.iter().all(|touch| touch.atomic) && !self.keeps_apart(&same, stored)
-        })
+        all.memories = memories;
+        all
+    }
+
+    /// What stands for a memory.
+    fn of(&self, memory: Memory) -> Memory {
+        match memory {
+            Memory::Binding(binding) => Memory::Binding(*self.first.get(&binding).unwrap_or(&binding)),
+            other => other,
+        }
+    }
+
+    /// Whether something may be stored to a binding.
+    fn may_change(&self, binding: Binding) -> bool {
+        [self.of(Memory::Binding(binding)), Memory::Unknown].iter().any(|one| self.memories.contains(one))
     }
 }
 
@@ -483,6 +512,12 @@ impl<'a> Trace<'a> {
                         _ => None,
                     };
                 }
+                if is(row, ISub.row(32)) {
+                    return minus(self.value(a), self.value(b));
+                }
+                if is(row, SNegate.row(32)) {
+                    return minus(exactly(Sum::default()), self.value(a));
+                }
                 if is(row, ShiftLeftLogical.row(32)) {
                     let by = *self.constants.get(&b)?;
                     return scaled(self.value(a)?, 1u64.checked_shl(by)?);
@@ -495,7 +530,7 @@ impl<'a> Trace<'a> {
 
     /// What a builtin's component is.
     fn builtin(&self, number: u32, axis: u8) -> Option<Sum> {
-        let size = self.program.workgroup.map_or([1; 3], |layout| layout.size).map(u64::from);
+        let size = self.program.workgroup.map_or([1; 3], |layout| layout.size).map(i64::from);
         let of = |symbol, factor| Sum::of(SmallVec::from_slice(&[symbol]), factor);
         match number {
             LAUNCH_ID | WORKGROUP_ID => Some(Sum::symbol(Symbol::Index(axis))),
@@ -525,9 +560,16 @@ fn plus(a: Option<Reach>, b: Option<Reach>) -> Option<Reach> {
     Some(Reach { from: a.from.plus(&b.from)?, count: a.count.checked_add(b.count - 1)? })
 }
 
+fn minus(a: Option<Reach>, b: Option<Reach>) -> Option<Reach> {
+    let b = b?;
+    // The numbers from `b` on, with their signs changed, begin at the last of them.
+    let last = b.from.plus(&Sum::constant(i64::try_from(b.count - 1).ok()?))?;
+    plus(a, Some(Reach { from: last.times(&Sum::constant(-1))?, ..b }))
+}
+
 fn scaled(stretch: Reach, by: u64) -> Option<Reach> {
     let count = (stretch.count - 1).checked_mul(by)?.checked_add(1)?;
-    Some(Reach { from: stretch.from.times(&Sum::constant(by))?, count })
+    Some(Reach { from: stretch.from.times(&Sum::constant(by.try_into().ok()?))?, count })
 }
 
 /// Builtins, numbers of the specification.

@@ -15,6 +15,7 @@ use crate::module::{self, Module};
 use crate::ops::row::{Row, Width};
 use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
 use crate::program::{Program, lower};
+use crate::scene::image::MAX_IMAGE_SIZE;
 use crate::scene::image_entry::Image;
 use crate::scene::resolved::{self, Group, ResolvedScene, Shader, ShaderCode, ShaderModule, ShaderRecord};
 use crate::scene::resources::Resource;
@@ -110,11 +111,23 @@ impl Assembled {
 /// # Errors
 /// Every mistake in shaders, groups and images, each at its place in the scene, as one error.
 pub fn assemble(scene: &ResolvedScene) -> Result<Assembled> {
+    assemble_but(scene, None)
+}
+
+/// The same without one binding, that of an image which whoever launches the scene binds.
+///
+/// # Errors
+/// As [`assemble`].
+pub fn assemble_without(scene: &ResolvedScene, left_out: &resolved::Binding) -> Result<Assembled> {
+    assemble_but(scene, Some((left_out.set, left_out.binding, left_out.element)))
+}
+
+fn assemble_but(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>) -> Result<Assembled> {
     let mut errors = Vec::new();
     let mut shaders = Shaders { scene, modules: HashMap::new(), programs: Vec::new() };
     let pipeline = pipeline(&mut shaders, &mut errors);
     let dispatches = dispatches(&mut shaders, &mut errors);
-    let resources = resources(scene, &mut errors);
+    let resources = resources(scene, left_out, &mut errors);
     let pipeline = match pipeline {
         // One that lacks a shader fails for that reason alone, which is told already.
         Err(error) if errors.is_empty() => {
@@ -288,9 +301,10 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
     builder.build()
 }
 
-fn resources(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Resources {
+fn resources(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>, errors: &mut Vec<Error>) -> Resources {
     let mut resources = Resources { policy: scene.memory, ..Resources::default() };
-    for binding in &scene.resources {
+    let absent = |one: &resolved::Binding| left_out == Some((one.set, one.binding, one.element));
+    for binding in scene.resources.iter().filter(|one| !absent(one)) {
         let descriptor = match &binding.resource {
             Resource::NullBuffer => scene
                 .device
@@ -331,8 +345,15 @@ fn resources(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Resources {
     resources
 }
 
-fn image(image: &Image) -> Result<Arc<machine::Image>> {
-    match image.texels.len() == image.format.texel_size() as usize {
+/// An image in memory.
+///
+/// # Errors
+/// `InvalidScene` where it is too large, and as [`machine::Image::new`].
+pub fn image(image: &Image) -> Result<Arc<machine::Image>> {
+    if image.size() > MAX_IMAGE_SIZE {
+        return Err(Error::new(ErrorKind::InvalidScene, image.too_large()));
+    }
+    match image.is_filled() {
         true => machine::Image::filled(image.format, image.shape, &image.texels),
         false => machine::Image::new(image.format, image.shape, &image.texels),
     }

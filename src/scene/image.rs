@@ -2,9 +2,12 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Cursor, Write};
+use std::ops::Range;
 use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+
+use rayon::prelude::*;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::machine;
@@ -222,8 +225,8 @@ impl Picture {
     pub fn encode_png(&self, to_srgb: bool) -> Result<Vec<u8>> {
         let pixels = self.rgba8(to_srgb)?;
         let mut bytes = Vec::new();
-        let rows = pixels.chunks_exact(4 * self.extent[0] as usize).map(<[u8]>::to_vec);
-        png_of_rows(self.extent, rows, &mut bytes).map_err(|error| invalid(error.to_string()))?;
+        let failed = |error: std::io::Error| invalid(error.to_string());
+        png(self.extent, &mut bytes, &failed, |to| to.write_all(&pixels).map_err(failed))?;
         Ok(bytes)
     }
 
@@ -245,35 +248,103 @@ impl Picture {
 /// # Errors
 /// As [`Picture::rgba8`], and `Io`.
 pub fn write_png(path: &Path, image: &machine::image::Image, to_srgb: bool) -> Result<()> {
-    let shown = Shown::new(image.format(), to_srgb)?;
     let [width, height, _] = image.shape().extent;
-    let rows = (0..height).map(|row| shown.pixels(&image.row_bytes(row)));
-    let write = || {
-        let mut file = BufWriter::new(File::create(path)?);
-        png_of_rows([width, height], rows, &mut file)?;
-        file.flush()
-    };
-    write().map_err(|error| Error::io(path, error))
+    stream_png(path, [width, height], image.format(), to_srgb, |png| {
+        png.rows(0..height, |row| image.row_bytes(row))
+    })
 }
 
-/// Writes rows of RGBA8 pixels as a PNG.
-fn png_of_rows(
+/// Writes a PNG of some width and height whose rows come one after the other, from texels of a format, as
+/// [`Picture::encode_png`] would show them. The file is there when all is written: what stood in its place before
+/// stays until then, and stays where `fill` fails.
+///
+/// # Errors
+/// As [`Picture::rgba8`], `Io`, and those of `fill`, which must give all rows.
+pub fn stream_png<T>(
+    path: &Path,
+    size: [u32; 2],
+    format: Format,
+    to_srgb: bool,
+    fill: impl FnOnce(&mut PngRows<'_>) -> Result<T>,
+) -> Result<T> {
+    let io = |error| Error::io(path, error);
+    let shown = Shown::new(format, to_srgb)?;
+    // A pipe, a device or a link is written to as it is.
+    let replaceable = path.symlink_metadata().map_or(true, |metadata| metadata.is_file());
+    if !replaceable {
+        return png_to_file(path, size, shown, File::create(path).map_err(io)?, fill);
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let partial = tempfile::Builder::new()
+        .prefix(&format!(".{name}."))
+        .suffix(".partial")
+        // With the rights of any new file, not those of a secret.
+        .make_in(folder.unwrap_or(Path::new(".")), |path| File::create_new(path));
+    let (file, partial) = partial.map_err(io)?.into_parts();
+    let filled = png_to_file(path, size, shown, file, fill)?;
+    partial.persist(path).map_err(|error| io(error.error))?;
+    Ok(filled)
+}
+
+fn png_to_file<T>(
+    path: &Path,
+    size: [u32; 2],
+    shown: Shown,
+    file: File,
+    fill: impl FnOnce(&mut PngRows<'_>) -> Result<T>,
+) -> Result<T> {
+    let io = |error| Error::io(path, error);
+    let mut file = BufWriter::new(file);
+    let filled = png(size, &mut file, &io, |to| fill(&mut PngRows { path, shown, to }))?;
+    file.flush().map_err(io)?;
+    Ok(filled)
+}
+
+/// Takes the rows of a PNG, the top one first.
+pub struct PngRows<'a> {
+    path: &'a Path,
+    shown: Shown,
+    to: &'a mut (dyn Write + Send),
+}
+
+impl PngRows<'_> {
+    /// Takes the next rows, given the bytes of the texels of each.
+    ///
+    /// # Errors
+    /// `Io`
+    pub fn rows(&mut self, rows: Range<u32>, bytes: impl Fn(u32) -> Vec<u8> + Sync) -> Result<()> {
+        // So many at a time: all threads make pixels, and this one writes them.
+        const TOGETHER: u32 = 64;
+        let (shown, end) = (&self.shown, rows.end);
+        for first in rows.step_by(TOGETHER as usize) {
+            let some = first..end.min(first.saturating_add(TOGETHER));
+            let pixels: Vec<_> = some.into_par_iter().map(|row| shown.pixels(&bytes(row))).collect();
+            let written = pixels.iter().try_for_each(|row| self.to.write_all(row));
+            written.map_err(|error| Error::io(self.path, error))?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes the RGBA8 pixels that `fill` gives as a PNG.
+fn png<T>(
     [width, height]: [u32; 2],
-    rows: impl Iterator<Item = Vec<u8>>,
-    to: &mut impl Write,
-) -> std::io::Result<()> {
+    to: &mut (impl Write + Send),
+    failed: &dyn Fn(std::io::Error) -> Error,
+    fill: impl FnOnce(&mut (dyn Write + Send)) -> Result<T>,
+) -> Result<T> {
+    let failed = |error: png::EncodingError| failed(error.into());
     let mut encoder = png::Encoder::new(to, width, height);
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fast);
-    let mut header = encoder.write_header()?;
-    let mut stream = header.stream_writer()?;
-    for row in rows {
-        stream.write_all(&row)?;
-    }
-    stream.finish()?;
-    header.finish()?;
-    Ok(())
+    let mut header = encoder.write_header().map_err(failed)?;
+    let mut stream = header.stream_writer().map_err(failed)?;
+    let filled = fill(&mut stream)?;
+    stream.finish().map_err(failed)?;
+    header.finish().map_err(failed)?;
+    Ok(filled)
 }
 
 /// How texels of a format are shown as 8-bit RGBA.

@@ -23,6 +23,24 @@ pub struct Image {
     pub texels: Vec<u8>,
 }
 
+impl Image {
+    /// The bytes of all its texels.
+    pub fn size(&self) -> u64 {
+        self.shape.texels().saturating_mul(u64::from(self.format.texel_size()))
+    }
+
+    /// Whether its texels are all the same, of which `texels` has one.
+    pub fn is_filled(&self) -> bool {
+        self.texels.len() == self.format.texel_size() as usize
+    }
+
+    /// What is wrong where it does not fit into memory.
+    pub fn too_large(&self) -> String {
+        let Shape { extent, layers, .. } = self.shape;
+        format!("{extent:?} texels in {layers} layers are too many for an image: {} bytes", self.size())
+    }
+}
+
 impl Named for Dimension {
     const WHAT: &'static str = "image dimension";
     const NAMES: &'static [(&'static str, Self)] = &[
@@ -125,11 +143,12 @@ impl ImageEntry {
         Some(entry)
     }
 
-    /// Loads, fills or generates its texels; without a size it is as large as the launch.
+    /// Loads, fills or generates its texels; without a size it is as large as the launch. Where it is only
+    /// filled and need not be there as a whole, it may have more texels than fit into memory.
     ///
     /// # Errors
     /// `Io`, `InvalidImage` or `UnsupportedFile` about its files; `InvalidScene` where sizes do not fit.
-    pub fn load(&self, files: &dyn Files, launch: [u32; 3]) -> Result<Image> {
+    pub fn load(&self, files: &dyn Files, launch: [u32; 3], streams: bool) -> Result<Image> {
         let pictures = self.pictures(files)?;
         let format = match pictures.first() {
             Some((picture, _)) => picture.format,
@@ -158,16 +177,16 @@ impl ImageEntry {
         };
         shape.check().map_err(|error| self.span.error(error.message()))?;
         let most = if dimension == Dimension::Buffer { 1 << 27 } else { MAX_EXTENT };
-        let size = shape.texels().saturating_mul(u64::from(format.texel_size()));
-        if size > MAX_IMAGE_SIZE || extent.iter().any(|side| *side > most) {
-            let message = format!("{extent:?} texels in {layers} layers are too many for an image");
-            return Err(self.span.error(message));
+        let image = Image { format, shape, texels: texel_bytes(format, self.fill) };
+        let streams = streams && data.is_none() && pictures.is_empty();
+        if extent.iter().any(|side| *side > most) || !streams && image.size() > MAX_IMAGE_SIZE {
+            return Err(self.span.error(image.too_large()));
         }
         if let Some(texels) = data {
             return self.complete(format, shape, texels);
         }
         if pictures.is_empty() {
-            return Ok(Image { format, shape, texels: texel_bytes(format, self.fill) });
+            return Ok(image);
         }
         let given = pictures.len() as u32;
         if given != layers && given != layers * shape.levels {

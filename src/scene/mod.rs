@@ -29,7 +29,7 @@ pub mod resources;
 pub mod sampler;
 pub mod tree;
 
-pub use assemble::{Assembled, assemble};
+pub use assemble::{Assembled, assemble, assemble_without};
 pub use files::{DiskFiles, EmbeddedFiles, Files};
 pub use resolve::{Options, load, load_text};
 pub use resolved::ResolvedScene;

@@ -34,6 +34,9 @@ pub struct Options {
     pub precision: Option<Precision>,
     /// The `[[variant]]` of the scene's own file to take, by its place in the list.
     pub variant: Option<usize>,
+    /// Whether storage images that are only filled may be larger than any that are held whole: whoever launches
+    /// the scene hands them out in bands.
+    pub streams: bool,
 }
 
 /// Reads a scene with everything that it names.

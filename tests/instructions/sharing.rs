@@ -77,6 +77,25 @@ fn places_by_the_launch_index_are_apart() {
     let transposed = cell("%row = OpIMul %uint %x %width\n%index = OpIAdd %uint %row %y");
     assert_eq!(shared(&transposed, [40, 40, 1]), None);
     assert_eq!(shared(&transposed, [40, 41, 1]), CELLS, "a column is longer than the step between them");
+    // (size - 1) - (y * width + x), and the same from below 0, where numbers begin anew.
+    let backwards = cell(
+        "%row = OpIMul %uint %y %width
+         %at = OpIAdd %uint %row %x
+         %last = OpISub %uint %width %u1
+         %index = OpISub %uint %last %at",
+    );
+    assert_eq!(shared(&backwards, [40, 20, 1]), None);
+    assert_eq!(shared(&backwards, [40, 20, 2]), CELLS);
+    let negated = cell(
+        "%row = OpIMul %uint %y %width
+         %up = OpSNegate %uint %row
+         %index = OpIAdd %uint %up %x",
+    );
+    assert_eq!(shared(&negated, [40, 20, 1]), None);
+    let diagonal = cell("%index = OpISub %uint %x %y");
+    assert_eq!(shared(&diagonal, [40, 20, 1]), CELLS, "x - y takes one value for every x");
+    let same = cell("%index = OpISub %uint %x %x");
+    assert_eq!(shared(&same, [40, 1, 1]), CELLS, "0 for every x");
     let fixed = cell("%row = OpShiftLeftLogical %uint %y %u6\n%index = OpIAdd %uint %row %x");
     assert_eq!(shared(&fixed, [64, 20, 1]), None);
     assert_eq!(shared(&fixed, [65, 20, 1]), CELLS);

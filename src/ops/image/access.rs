@@ -83,8 +83,11 @@ impl TexelPlace {
         }
         position.level = self.level.map_or(0, |reg| reader.word(reg));
         position.sample = self.sample.map_or(0, |reg| reader.word(reg));
-        let index = image.index(&position).ok_or(TrapCode::ImageOutOfBounds)?;
-        Ok((image, index))
+        let outside = || match image.has(&position) {
+            true => TrapCode::ImageRowAbsent,
+            false => TrapCode::ImageOutOfBounds,
+        };
+        Ok((image, image.index(&position).ok_or_else(outside)?))
     }
 
     /// The coordinates with the offset added, which layers and faces have none of.

@@ -60,7 +60,8 @@ impl Resolver<'_> {
                     None => Some(Sampler::default()),
                     Some(reference) => self.sampler(reference),
                 };
-                let image = self.report.keep(entry.load(self.files, self.launch))?;
+                let streams = self.options.streams && *kind == Kind::StorageImage;
+                let image = self.report.keep(entry.load(self.files, self.launch, streams))?;
                 Some(match kind {
                     Kind::SampledImage => Resource::SampledImage(image),
                     Kind::UniformTexelBuffer | Kind::StorageTexelBuffer => Resource::TexelBuffer(image),

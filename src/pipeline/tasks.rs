@@ -1,0 +1,58 @@
+//! Tasks that threads take up one after the other.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use rayon::prelude::*;
+
+/// Numbers of tasks, of which whoever is free takes the next: so threads end together, however unlike the
+/// tasks are. (Cut into halves beforehand, they would only be cut again where a thread has come to steal.)
+#[derive(Debug)]
+pub(super) struct Tasks {
+    count: u64,
+    next: AtomicU64,
+}
+
+impl Tasks {
+    /// As many tasks, none of them begun.
+    pub fn new(count: u64) -> Self {
+        Self { count, next: AtomicU64::new(0) }
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The tasks that are this one's to do, in ascending order; of several such iterators each gets others.
+    pub fn iter(&self) -> impl Iterator<Item = u64> {
+        std::iter::from_fn(|| {
+            let next = self.next.fetch_add(1, Relaxed);
+            (next < self.count).then_some(next)
+        })
+    }
+
+    /// Has the threads of the pool work, as many as there are tasks for, and gives what each returns. Each
+    /// works until [`Tasks::iter`] gives it nothing more.
+    pub fn on_threads<T: Send>(&self, worker: impl Fn() -> T + Sync) -> Vec<T> {
+        let threads = (rayon::current_num_threads() as u64).min(self.count) as usize;
+        (0..threads).into_par_iter().with_max_len(1).map(|_| worker()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_task_is_done_once_and_each_worker_goes_up() {
+        for (threads, count) in [(1, 5), (3, 1000), (4, 2), (2, 0)] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let tasks = Tasks::new(count);
+            let done = pool.install(|| tasks.on_threads(|| tasks.iter().collect::<Vec<u64>>()));
+            assert!(done.len() <= threads && done.iter().all(|own| own.is_sorted()), "{done:?}");
+            let mut all = done.concat();
+            all.sort_unstable();
+            assert!(all.into_iter().eq(0..count));
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! Which row of an image each invocation of a launch reaches: where it is its own, the image need not be there
+//! as a whole.
+
+use super::{Extent, Memory, Stored, Sum, Symbol, Touch, Trace};
+use crate::machine::Binding;
+use crate::ops::atomic::Target as AtomicTarget;
+use crate::ops::image::Op as ImageOp;
+use crate::ops::op::Op;
+use crate::program::Program;
+
+/// The one row of an image that an invocation reaches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OwnRow {
+    /// That of its launch index: y.
+    Same,
+    /// Counted from the other end: the launch's height - 1 - y.
+    Mirrored,
+}
+
+impl Extent<'_> {
+    /// The row of the image at a binding to which programs keep, whatever they do there: load, store,
+    /// change by atomic instructions. Asking for the image's size is no matter.
+    ///
+    /// # Errors
+    /// The first program that may reach another row, or of which it is not known.
+    pub fn own_row<'p>(
+        &self,
+        programs: &[&'p Program],
+        binding: Binding,
+    ) -> std::result::Result<OwnRow, &'p Program> {
+        let touches: Vec<&Touch> = programs.iter().flat_map(|program| &program.touches).collect();
+        let stored = Stored::new(self, &touches);
+        let mut row = None;
+        for &program in programs.iter().filter(|program| program.bindings().any(|one| one == binding)) {
+            for reached in texels(program, binding) {
+                let found = reached.and_then(|sum| self.row(&sum, &stored)).ok_or(program)?;
+                if *row.get_or_insert(found) != found {
+                    return Err(program);
+                }
+            }
+        }
+        Ok(row.unwrap_or(OwnRow::Same))
+    }
+
+    /// The row that a coordinate is.
+    fn row(&self, coordinate: &Sum, stored: &Stored) -> Option<OwnRow> {
+        // Coordinates have 32 bits, and so have these.
+        let (mut constant, mut by) = (0_u32, 0_u32);
+        for (symbols, factor) in &coordinate.0 {
+            let (mut product, mut varies) = (*factor as u32, false);
+            for symbol in symbols {
+                match *symbol {
+                    Symbol::Size(axis) => product = product.wrapping_mul(self.count[axis as usize]),
+                    Symbol::Word(place, offset) => {
+                        let changes = place.is_some_and(|(binding, _)| stored.may_change(binding));
+                        let word = self.word(place, offset).filter(|_| !changes)?;
+                        product = product.wrapping_mul(word);
+                    }
+                    // The only value is 0.
+                    Symbol::Index(axis) if self.count[axis as usize] <= 1 => product = 0,
+                    Symbol::Index(1) if !varies => varies = true,
+                    Symbol::Index(_) | Symbol::Local(_) => return None,
+                }
+            }
+            let sum = if varies { &mut by } else { &mut constant };
+            *sum = sum.wrapping_add(product);
+        }
+        let height = self.count[1];
+        match (by, constant) {
+            (1, 0) => Some(OwnRow::Same),
+            (0, 0) if height == 1 => Some(OwnRow::Same),
+            (u32::MAX, last) if last == height.wrapping_sub(1) => Some(OwnRow::Mirrored),
+            _ => None,
+        }
+    }
+}
+
+/// The row of every access of a program that may reach a texel of the image at a binding; `None` where it is
+/// not known, or several.
+fn texels(program: &Program, binding: Binding) -> Vec<Option<Sum>> {
+    let mut trace = Trace::new(program);
+    let here = |memory: Memory| [Memory::Binding(binding), Memory::Unknown].contains(&memory);
+    let mut rows = Vec::new();
+    for op in &program.ops {
+        let place = match op {
+            Op::Image(ImageOp::Read(op)) => &op.place,
+            Op::Image(ImageOp::Write(op)) => &op.place,
+            Op::Atomic(op) => match &op.target {
+                AtomicTarget::Texel(place) => place,
+                AtomicTarget::Buffer(_) | AtomicTarget::Rows { .. } => continue,
+            },
+            Op::Image(ImageOp::Sample(op)) if !here(trace.handle(op.image)) => continue,
+            Op::Image(ImageOp::Footprint(op)) if !here(trace.handle(op.image)) => continue,
+            // They read from several images.
+            Op::Image(ImageOp::Sample(_) | ImageOp::Footprint(_) | ImageOp::Process(_)) => {
+                rows.push(None);
+                continue;
+            }
+            _ => continue,
+        };
+        if !here(trace.handle(place.image)) {
+            continue;
+        }
+        // Whatever the column is: outside the image it traps, or is dropped.
+        let plain = place.offset.is_none() && place.level.is_none() && place.sample.is_none();
+        let row = place.coordinate.get(1).filter(|_| plain).and_then(|&row| trace.value(row));
+        let row = row.filter(|row| row.count == 1).map(|row| row.from);
+        if !rows.contains(&row) {
+            rows.push(row);
+        }
+    }
+    rows
+}
