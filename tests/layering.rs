@@ -38,6 +38,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("dashu_float", &["check_math"]),
     ("safetensors", &["recording"]),
     ("quick_junit", &["harness"]),
+    ("aligned_vec", &["machine"]),
     ("image_compare", &["harness"]),
 ];
 

@@ -2,7 +2,10 @@
 
 use std::ops::{BitAnd, BitOr, Index, IndexMut, Not};
 
+use aligned_vec::{AVec, ConstAlign};
 use half::f16;
+
+use crate::math::vectors::Processor;
 
 /// A row of the register file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -220,39 +223,35 @@ impl<const W: usize> Not for Mask<W> {
     }
 }
 
-/// The register file of a batch.
+/// The register file of a batch. It begins with a line of the processor's caches, so that no vector of a row of 64 lanes
+/// lies on two of them: those take twice as long to read.
 #[derive(Clone, Debug)]
 pub struct Registers<const W: usize> {
-    rows: Vec<Lanes<W>>,
-    /// What the processor has beyond the target's baseline.
-    #[cfg(target_arch = "x86_64")]
-    simd: Option<pulp::x86::V3>,
+    rows: AVec<Lanes<W>, ConstAlign<CACHE_LINE>>,
+    processor: Processor,
 }
+
+/// Bytes of a line of the processor's caches, and of its widest vectors.
+const CACHE_LINE: usize = 64;
 
 impl<const W: usize> Registers<W> {
     /// A file of rows that are all zero.
     pub fn new(rows: usize) -> Self {
-        Self {
-            rows: vec![Lanes::splat(0); rows],
-            #[cfg(target_arch = "x86_64")]
-            simd: pulp::x86::V3::try_new(),
-        }
+        let mut zeros = AVec::with_capacity(CACHE_LINE, rows);
+        zeros.resize(rows, Lanes::splat(0));
+        Self { rows: zeros, processor: Processor::new() }
     }
 
-    /// Says that the processor has AVX2, where it has.
-    #[cfg(target_arch = "x86_64")]
+    /// What the processor has.
     #[inline]
-    pub fn simd(&self) -> Option<pulp::x86::V3> {
-        self.simd
+    pub fn processor(&self) -> Processor {
+        self.processor
     }
 
-    /// What the processor has for loops over lanes.
-    #[inline]
-    pub fn vectors(&self) -> Vectors {
-        Vectors {
-            #[cfg(target_arch = "x86_64")]
-            simd: self.simd,
-        }
+    /// The same for a processor that has less.
+    #[cfg(test)]
+    pub fn on(self, processor: Processor) -> Self {
+        Self { processor, ..self }
     }
 
     /// The lanes for which a row of booleans holds.
@@ -260,7 +259,7 @@ impl<const W: usize> Registers<W> {
     pub fn mask(&self, condition: Reg) -> Mask<W> {
         let row = &self[condition];
         #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.simd.filter(|_| W.is_multiple_of(8)) {
+        if let Some(simd) = self.processor.avx2().filter(|_| W.is_multiple_of(8)) {
             return simd.vectorize(SignsOf { simd, row });
         }
         Mask::of(row)
@@ -344,25 +343,6 @@ impl<const W: usize> Registers<W> {
         for lane in 0..W {
             row.0[lane] = if mask.selects(lane) { source.0[lane] } else { row.0[lane] };
         }
-    }
-}
-
-/// What the processor has beyond the target's baseline.
-#[derive(Clone, Copy, Debug)]
-pub struct Vectors {
-    #[cfg(target_arch = "x86_64")]
-    simd: Option<pulp::x86::V3>,
-}
-
-impl Vectors {
-    /// Runs a loop over lanes, compiled for AVX2 where the processor has that.
-    #[inline(always)]
-    pub fn run<R>(self, function: impl FnOnce() -> R) -> R {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.simd {
-            return simd.vectorize(function);
-        }
-        function()
     }
 }
 
@@ -608,6 +588,17 @@ mod tests {
         assert_eq!(i16::from_words(0x8000, 0), i16::MIN);
         assert_eq!((-2i64).to_words(), (0xFFFF_FFFE, 0xFFFF_FFFF));
         assert_eq!(f64::from_words(0, 0x3FF0_0000), 1.0);
+    }
+
+    #[test]
+    fn rows_of_64_lanes_begin_with_a_line() {
+        // Of several sizes, as memory may happen to be so.
+        for rows in [1, 3, 300, 2000] {
+            let registers = Registers::<64>::new(rows);
+            for file in [&registers, &registers.clone()] {
+                assert!((0..rows).all(|row| file[Reg(row as u32)].0.as_ptr().addr().is_multiple_of(64)));
+            }
+        }
     }
 
     #[test]

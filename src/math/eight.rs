@@ -8,6 +8,7 @@ use pulp::f32x8;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
+use crate::math::float;
 use crate::math::four::Four;
 
 /// A way to operate on eight numbers at once.
@@ -39,6 +40,8 @@ pub trait Eights: Copy {
     fn if_below(self, a: Self::Eight, b: Self::Eight) -> Self::Eight;
     /// A bit for each lane in which `a` is greater or equal; none for a NaN.
     fn at_least(self, a: Self::Eight, b: Self::Eight) -> u32;
+    /// Without what is behind the point; the nearest integer where there is none of that size, 0 for a NaN.
+    fn to_integers(self, a: Self::Eight) -> [i32; 8];
 }
 
 /// Two vectors of four: on any machine.
@@ -110,6 +113,11 @@ impl Eights for TwoFours {
     fn at_least(self, a: [Four; 2], b: [Four; 2]) -> u32 {
         a[0].at_least(b[0]) | a[1].at_least(b[1]) << 4
     }
+
+    #[inline(always)]
+    fn to_integers(self, a: [Four; 2]) -> [i32; 8] {
+        self.lanes(a).map(float::to_i32)
+    }
 }
 
 /// One register of AVX; to be used in code that [`V3::vectorize`] compiles.
@@ -178,6 +186,17 @@ impl Eights for V3 {
         let wide = self.cmp_ge_f32x8(a, b);
         self.avx._mm256_movemask_ps(pulp::cast(wide)) as u32
     }
+
+    #[inline(always)]
+    fn to_integers(self, a: f32x8) -> [i32; 8] {
+        // What is outside becomes the least number: it is turned over where it was too great, and zero where it
+        // was none.
+        let above = self.cmp_ge_f32x8(a, self.splat_f32x8(2_147_483_648.0));
+        let number = self.cmp_eq_f32x8(a, a);
+        let truncated = self.avx._mm256_cvttps_epi32(pulp::cast(a));
+        let saturated = self.avx2._mm256_xor_si256(truncated, pulp::cast(above));
+        pulp::cast(self.avx2._mm256_and_si256(saturated, pulp::cast(number)))
+    }
 }
 
 #[cfg(test)]
@@ -212,6 +231,7 @@ mod tests {
                 assert_eq!(eights.lanes(eights.sign(a))[lane].is_sign_negative(), x[lane].is_sign_negative());
                 assert_eq!(eights.lanes(eights.sign(a))[lane].abs(), 1.0);
                 assert_eq!(eights.lanes(eights.abs(a))[lane].to_bits(), x[lane].to_bits() & 0x7FFF_FFFF);
+                assert_eq!(eights.to_integers(a)[lane], x[lane] as i32);
                 let above = if x[lane] > y[lane] { x[lane] } else { y[lane] };
                 let found = eights.lanes(eights.if_above(a, b))[lane];
                 assert!(found.to_bits() == above.to_bits() || found.is_nan() && above.is_nan());

@@ -72,6 +72,13 @@ impl Processor {
         }
     }
 
+    /// What says that it has AVX2, where it has.
+    #[cfg(target_arch = "x86_64")]
+    #[inline]
+    pub fn avx2(self) -> Option<V3> {
+        self.simd
+    }
+
     /// Runs a task on its widest vectors.
     #[inline(always)]
     pub fn run<T: Task>(self, task: T) -> T::Output {
@@ -80,6 +87,29 @@ impl Processor {
             return simd.apart(task);
         }
         TwoFours.apart(task)
+    }
+
+    /// Runs a loop that the compiler makes vectors of; a closure that is to be inlined.
+    #[inline(always)]
+    pub fn run_loop<R>(self, function: impl FnOnce() -> R) -> R {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.simd {
+            return simd.vectorize(function);
+        }
+        function()
+    }
+}
+
+#[cfg(test)]
+impl Processor {
+    /// Each level up to what it has, and its name.
+    pub fn levels() -> Vec<(&'static str, Self)> {
+        let has = Self::new();
+        #[cfg(target_arch = "x86_64")]
+        let levels = [("the baseline", Some(Self { simd: None })), ("AVX2", has.simd.map(|_| has))];
+        #[cfg(not(target_arch = "x86_64"))]
+        let levels = [("the baseline", Some(has))];
+        levels.into_iter().filter_map(|(name, level)| level.map(|level| (name, level))).collect()
     }
 }
 

@@ -9,6 +9,8 @@ use half::f16;
 
 use crate::machine::lanes::map1;
 use crate::machine::{Reg, Registers, Scalar};
+#[cfg(target_arch = "x86_64")]
+use crate::math::eight::Eights as _;
 use crate::math::float;
 use crate::ops::row::{Bits, LaneLoop, Row, Unary};
 
@@ -37,8 +39,7 @@ const fn truncating(row: Row) -> Row {
     }
 }
 
-/// Brings f32 to i32. What is outside becomes the least number: it is turned over where it was too great,
-/// and zero where it was none.
+/// Brings f32 to i32.
 #[cfg(target_arch = "x86_64")]
 struct Truncate<'a> {
     simd: pulp::x86::V3,
@@ -53,17 +54,10 @@ impl pulp::NullaryFnOnce for Truncate<'_> {
 
     #[inline(always)]
     fn call(self) {
-        use std::arch::x86_64::{_CMP_GE_OQ, _CMP_ORD_Q};
-        let (avx, avx2) = (self.simd.avx, self.simd.avx2);
-        let too_great = avx._mm256_set1_ps(2_147_483_648.0);
         let mut result = [0; 64];
         let floats = self.registers[self.from].0.as_chunks::<8>().0;
-        for (float, to) in floats.iter().zip(result.as_chunks_mut::<8>().0) {
-            let float = pulp::cast(*float);
-            let above = pulp::cast(avx._mm256_cmp_ps::<_CMP_GE_OQ>(float, too_great));
-            let number = pulp::cast(avx._mm256_cmp_ps::<_CMP_ORD_Q>(float, float));
-            let saturated = avx2._mm256_xor_si256(avx._mm256_cvttps_epi32(float), above);
-            *to = pulp::cast(avx2._mm256_and_si256(saturated, number));
+        for (words, to) in floats.iter().zip(result.as_chunks_mut::<8>().0) {
+            *to = pulp::cast(self.simd.to_integers(pulp::cast(*words)));
         }
         self.registers[self.to].0 = result;
     }

@@ -284,7 +284,7 @@ fn index_lanes<const W: usize>(
         Length::Unknown => products,
     };
     let registers = &mut batch.registers;
-    registers.vectors().run(
+    registers.processor().run_loop(
         #[inline(always)]
         || {
             let zero = Lanes::splat(0);
@@ -431,7 +431,7 @@ fn words<'a, const W: usize>(
     let most = u32::try_from(buffer.size().checked_sub(end)?).unwrap_or(u32::MAX).min(OUT_OF_BOUNDS - 1);
     let indices = &batch.registers[chunk.index?];
     let mut places = Lanes::splat(0);
-    let outside = batch.registers.vectors().run(
+    let outside = batch.registers.processor().run_loop(
         #[inline(always)]
         || {
             let running = batch.mask.words();

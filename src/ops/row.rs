@@ -100,7 +100,7 @@ impl Width<64> for Row {
     #[inline]
     fn run(&self, registers: &mut Registers<64>, to: Reg, from: &[Reg; 3]) {
         #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = registers.simd() {
+        if let Some(simd) = registers.processor().avx2() {
             return (self.full_v3)(simd, registers, to, from);
         }
         (self.full)(registers, to, from);

@@ -22,6 +22,7 @@ use std::ops::Range;
 
 use crate::machine::lanes::Lanes;
 use crate::machine::{Mask, Registers, Scalar};
+use crate::math::vectors::{Task, Vectors};
 use crate::ops::conversion::{self, Between, Conversion};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select;
@@ -167,6 +168,27 @@ fn apply<const W: usize, F: Words, const AT: usize, const STORED: bool>(
     *accumulator = result;
 }
 
+/// Floats to integers likewise: the processor's conversion of eight is none that the compiler makes of a loop.
+#[inline(always)]
+fn to_integers<const W: usize, V: Vectors, const AT: usize, const STORED: bool>(
+    vectors: V,
+    accumulator: &mut [u32; W],
+    rows: &mut (impl Rows<W> + ?Sized),
+    step: &Step,
+) {
+    const { assert!(W.is_multiple_of(8)) }
+    let held = *accumulator;
+    let floats = if AT == 0 { &rows.row(step.from[0]).0 } else { &held };
+    let mut result = [0; W];
+    for (eight, to) in floats.as_chunks::<8>().0.iter().zip(result.as_chunks_mut::<8>().0) {
+        *to = vectors.to_integers(vectors.load(&eight.map(f32::from_bits))).map(|integer| integer as u32);
+    }
+    if STORED {
+        rows.row_mut(step.to).0 = result;
+    }
+    *accumulator = result;
+}
+
 /// Stores the accumulator, or a row; where not every lane runs, for those whose word is all ones.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[inline(always)]
@@ -214,13 +236,14 @@ macro_rules! functions {
             Move,
             MoveMasked,
             Settle,
+            FToS,
             $($unary,)* $($commuting,)* $($binary,)* $($ternary,)* $($conversion,)* $($two,)* $($three,)*
         }
 
         /// Codes by the names of their functions, as patterns.
         #[allow(non_snake_case)]
         mod codes {
-            functions! { @codes Other Move MoveMasked Settle
+            functions! { @codes Other Move MoveMasked Settle FToS
                 $($unary)* $($commuting)* $($binary)* $($ternary)* $($conversion)* $($two)* $($three)* }
         }
 
@@ -237,7 +260,8 @@ macro_rules! functions {
                     conversion::row(Conversion::$conversion, <$from as Bits>::BITS, <$into as Bits>::BITS),
                     Self::$conversion,
                 )),*];
-                let all = families.into_iter().chain(conversions);
+                let truncation = (conversion::row(Conversion::FToS, 32, 32), Self::FToS);
+                let all = families.into_iter().chain(conversions).chain([truncation]);
                 all.filter_map(|(row, function)| Some((row?, function))).collect()
             }
 
@@ -255,7 +279,8 @@ macro_rules! functions {
 
         /// Runs steps; how many before one that ends the stretch.
         #[inline(always)]
-        fn run_steps<const W: usize, R: Rows<W> + ?Sized>(
+        fn run_steps<const W: usize, R: Rows<W> + ?Sized, V: Vectors>(
+            vectors: V,
             rows: &mut R,
             steps: &[Step],
             running: Option<&Lanes<W>>,
@@ -270,6 +295,10 @@ macro_rules! functions {
                     codes::Move::FIRST_STORED => apply::<W, One<Same>, 1, true>(acc, rows, step),
                     codes::MoveMasked::ROWS_STORED => store::<W, 0>(acc, rows, step, running),
                     codes::MoveMasked::FIRST_STORED => store::<W, 1>(acc, rows, step, running),
+                    codes::FToS::ROWS => to_integers::<W, V, 0, false>(vectors, acc, rows, step),
+                    codes::FToS::ROWS_STORED => to_integers::<W, V, 0, true>(vectors, acc, rows, step),
+                    codes::FToS::FIRST => to_integers::<W, V, 1, false>(vectors, acc, rows, step),
+                    codes::FToS::FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, rows, step),
                     codes::Settle::FIRST => apply::<W, One<Settled>, 1, false>(acc, rows, step),
                     codes::Settle::FIRST_STORED => apply::<W, One<Settled>, 1, true>(acc, rows, step),
                     $(
@@ -461,39 +490,28 @@ impl Steps {
         steps: &[Step],
         running: Option<&Lanes<W>>,
     ) -> usize {
-        #[cfg(target_arch = "x86_64")]
-        let simd = registers.simd();
+        let processor = registers.processor();
         let rows = registers.all_mut();
-        let window = if self.wide { None } else { rows.first_chunk_mut::<WINDOW>() };
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = simd {
-            return match window {
-                Some(rows) => simd.vectorize(Wide { rows, steps, running }),
-                None => simd.vectorize(Wide { rows, steps, running }),
-            };
-        }
-        match window {
-            Some(rows) => run_steps(rows, steps, running),
-            None => run_steps(rows, steps, running),
+        match if self.wide { None } else { rows.first_chunk_mut::<WINDOW>() } {
+            Some(rows) => processor.run(Loop { rows, steps, running }),
+            None => processor.run(Loop { rows, steps, running }),
         }
     }
 }
 
-/// The loop with its arguments, to be compiled for AVX2.
-#[cfg(target_arch = "x86_64")]
-struct Wide<'a, const W: usize, R: ?Sized> {
+/// The loop with its arguments.
+struct Loop<'a, const W: usize, R: ?Sized> {
     rows: &'a mut R,
     steps: &'a [Step],
     running: Option<&'a Lanes<W>>,
 }
 
-#[cfg(target_arch = "x86_64")]
-impl<const W: usize, R: Rows<W> + ?Sized> pulp::NullaryFnOnce for Wide<'_, W, R> {
+impl<const W: usize, R: Rows<W> + ?Sized> Task for Loop<'_, W, R> {
     type Output = usize;
 
     #[inline(always)]
-    fn call(self) -> usize {
-        run_steps(self.rows, self.steps, self.running)
+    fn run<V: Vectors>(self, vectors: V) -> usize {
+        run_steps(vectors, self.rows, self.steps, self.running)
     }
 }
 
