@@ -1,8 +1,7 @@
 //! The control-flow graph of each function: what branches and `OpPhi` say about each other.
 
-use std::collections::HashMap;
-
 use rspirv::spirv::Op;
+use smallvec::{SmallVec, smallvec};
 
 use crate::error::Result;
 use crate::module::grammar::opcode;
@@ -28,8 +27,8 @@ pub(super) fn functions(module: &Module) -> Result<()> {
 }
 
 /// The indices of the blocks that branch to each block, each once, ascending.
-fn predecessors(module: &Module, function: &Function) -> Result<Vec<Vec<u32>>> {
-    let mut predecessors = vec![Vec::new(); function.blocks.len()];
+fn predecessors(module: &Module, function: &Function) -> Result<Vec<SmallVec<[u32; 4]>>> {
+    let mut predecessors = vec![SmallVec::<[u32; 4]>::new(); function.blocks.len()];
     for (index, block) in function.blocks.iter().enumerate() {
         let Some(last) = block.instructions.last() else { continue };
         for target in module.branch_targets(last) {
@@ -54,28 +53,26 @@ fn predecessors(module: &Module, function: &Function) -> Result<Vec<Vec<u32>>> {
 
 /// One pair of value and parent for each block that branches here.
 fn check_phi(module: &Module, function: &Function, predecessors: &[u32], phi: &Instruction) -> Result<()> {
-    let mut seen = HashMap::new();
+    // By predecessor.
+    let mut seen: SmallVec<[bool; 8]> = smallvec![false; predecessors.len()];
     for (index, pair) in module.operands(phi).chunks_exact(2).enumerate() {
         let at = phi.operands.start as usize + 2 * index + 1;
         let Some(Definition::Label(_, parent)) = module.definition(Id(pair[1])) else { continue };
         if ends_unknown(&function.blocks[parent as usize]) {
             continue;
         }
-        if predecessors.binary_search(&parent).is_err() {
+        let Ok(place) = predecessors.binary_search(&parent) else {
             return Err(invalid(at, format!("OpPhi names %{}, which does not branch to its block", pair[1])));
-        }
-        if seen.insert(parent, at).is_some() {
+        };
+        if std::mem::replace(&mut seen[place], true) {
             return Err(invalid(at, format!("OpPhi names the block %{} twice", pair[1])));
         }
     }
-    if seen.len() < predecessors.len() {
+    let parents = seen.iter().filter(|&&seen| seen).count();
+    if parents < predecessors.len() {
         return Err(invalid(
             phi.offset as usize,
-            format!(
-                "OpPhi has {} parents, but {} blocks branch to its block",
-                seen.len(),
-                predecessors.len()
-            ),
+            format!("OpPhi has {parents} parents, but {} blocks branch to its block", predecessors.len()),
         ));
     }
     Ok(())

@@ -58,7 +58,7 @@ impl<'w> Loader<'w> {
             blocks: Vec::new(),
         });
         self.debug.enter_function(id);
-        let mut body = Body { index, wanted, open: None };
+        let mut body = Body { index, wanted, open: None, room: Vec::new() };
         while let Some(span) = walker.next()? {
             if self.body_instruction(span, &mut body)? {
                 self.debug.leave_function();
@@ -95,7 +95,7 @@ impl<'w> Loader<'w> {
                 body.open = Some(Block {
                     label: self.id(span.start + 1),
                     offset: span.start as u32,
-                    instructions: Vec::new(),
+                    instructions: std::mem::take(&mut body.room),
                 });
             }
             Op::Function => {
@@ -193,16 +193,15 @@ impl<'w> Loader<'w> {
         let block_index = self.module.functions[body.index as usize].blocks.len() as u32;
         let definition = Definition::Result(body.index, block_index, block.instructions.len() as u32);
         block.instructions.push(instruction);
-        if let Some(at) = type_at {
-            let ty = self.type_at(span, at)?;
-            if let Some(known) = known
-                && matches!(known.op, Op::Variable | Op::UntypedVariableKHR)
-            {
-                self.local_variable(span, known, ty, block_index)?;
-            }
+        let ty = type_at.map(|at| self.type_at(span, at)).transpose()?;
+        if let (Some(ty), Some(known)) = (ty, known)
+            && matches!(known.op, Op::Variable | Op::UntypedVariableKHR)
+        {
+            self.local_variable(span, known, ty, block_index)?;
         }
         if let Some(at) = result_at {
             self.define(at, definition)?;
+            ty.and_then(|ty| self.module.result_types.insert(self.id(at), ty));
         }
         Ok(())
     }
@@ -247,7 +246,9 @@ impl<'w> Loader<'w> {
     }
 
     fn close_block(&mut self, body: &mut Body) {
-        if let Some(block) = body.open.take() {
+        if let Some(mut block) = body.open.take() {
+            let instructions = block.instructions.drain(..).collect();
+            body.room = std::mem::replace(&mut block.instructions, instructions);
             self.module.functions[body.index as usize].blocks.push(block);
         }
     }
@@ -259,6 +260,8 @@ struct Body {
     /// Types of the parameters, by the function's type.
     wanted: Vec<TypeId>,
     open: Option<Block>,
+    /// Memory for the instructions of the next block.
+    room: Vec<Instruction>,
 }
 
 /// Whether an instruction ends its block.

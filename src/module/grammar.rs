@@ -146,7 +146,7 @@ pub(crate) fn walk(
     words: &[u32],
     span: Span,
     literal_words: usize,
-    visit: &mut dyn FnMut(usize, OperandKind) -> Result<()>,
+    visit: &mut impl FnMut(usize, OperandKind) -> Result<()>,
 ) -> Result<()> {
     let Some(opcode) = opcode(span.opcode) else { return Ok(()) };
     let first = span.start + 1 + opcode.result_words();

@@ -13,8 +13,8 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
 use crate::module::decoration::{Decorations, PendingDecorations};
-use crate::module::definitions::Definitions;
 use crate::module::grammar::{Opcode, is_id, opcode, walk};
+use crate::module::id_map::IdMap;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::names::opcode_name;
 use crate::module::ty::{Type, TypeId};
@@ -107,6 +107,7 @@ pub(super) struct Loader<'w> {
 
 impl<'w> Loader<'w> {
     fn new(words: &'w [u32], header: Header) -> Self {
+        let definitions = IdMap::new(words.len().min(header.bound as usize));
         Self {
             words,
             module: Module {
@@ -125,7 +126,8 @@ impl<'w> Loader<'w> {
                 functions: Vec::new(),
                 decorations: Decorations::default(),
                 debug_info: DebugInfo::default(),
-                definitions: Definitions::new(words.len().min(header.bound as usize)),
+                result_types: IdMap::like(&definitions),
+                definitions,
             },
             debug: DebugReader::new(words),
             depths: Vec::new(),

@@ -4,7 +4,7 @@ use rspirv::spirv::Op;
 use smallvec::SmallVec;
 
 use crate::module::constant::ConstantValue;
-use crate::module::grammar::{id_operands, opcode};
+use crate::module::grammar::id_operands;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
 
@@ -35,10 +35,7 @@ impl Module {
             Definition::Parameter(function, index) => {
                 Some(self.functions[function as usize].parameters[index as usize].1)
             }
-            Definition::Result(function, block, index) => {
-                let block = &self.functions[function as usize].blocks[block as usize];
-                self.type_with_id(block.instructions[index as usize].result_type?)
-            }
+            Definition::Result(..) => self.result_types.find(id),
             _ => None,
         }
     }
@@ -95,11 +92,14 @@ impl Module {
 
     /// The labels that a terminator may go on to, in the order of its operands; empty for others.
     pub fn branch_targets(&self, terminator: &Instruction) -> SmallVec<[Id; 2]> {
+        const BRANCH: u16 = Op::Branch as u16;
+        const BRANCH_CONDITIONAL: u16 = Op::BranchConditional as u16;
+        const SWITCH: u16 = Op::Switch as u16;
         let operands = self.operands(terminator);
-        match opcode(terminator.opcode).map(|known| known.op) {
-            Some(Op::Branch) => operands.iter().copied().map(Id).collect(),
-            Some(Op::BranchConditional) => operands[1..3].iter().copied().map(Id).collect(),
-            Some(Op::Switch) => {
+        match terminator.opcode {
+            BRANCH => operands.iter().copied().map(Id).collect(),
+            BRANCH_CONDITIONAL => SmallVec::from_buf([Id(operands[1]), Id(operands[2])]),
+            SWITCH => {
                 let pair = 1 + self.switch_literal_words(terminator);
                 let cases = operands[2..].chunks_exact(pair).map(|case| Id(case[pair - 1]));
                 std::iter::once(Id(operands[1])).chain(cases).collect()

@@ -13,10 +13,10 @@ mod debug_reader;
 mod declare_constant;
 mod declare_type;
 pub mod decoration;
-pub mod definitions;
 mod describe;
 mod functions;
 mod grammar;
+pub mod id_map;
 pub mod interface;
 pub mod load;
 mod lookup;
@@ -36,7 +36,7 @@ mod refuse_tests;
 use crate::module::constant::Constant;
 use crate::module::debug_info::DebugInfo;
 use crate::module::decoration::Decorations;
-use crate::module::definitions::Definitions;
+use crate::module::id_map::IdMap;
 use crate::module::interface::EntryPoint;
 use crate::module::ty::{Type, TypeId};
 use std::ops::Range;
@@ -166,7 +166,9 @@ pub struct Module {
     /// Names, source files, lines.
     pub debug_info: DebugInfo,
     /// What each id stands for.
-    pub definitions: Definitions,
+    pub definitions: IdMap<Definition>,
+    /// The types of the results of instructions in functions.
+    pub result_types: IdMap<TypeId>,
 }
 
 impl Module {
