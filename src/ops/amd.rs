@@ -12,7 +12,7 @@ use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::IAdd;
 use crate::ops::bit::{BitCount, BitwiseAnd, BitwiseOr, BitwiseXor};
 use crate::ops::builtin;
-use crate::ops::decode::{Decoder, InputRows, Words};
+use crate::ops::decode::{Decoder, InputRows, Words, rows_from};
 use crate::ops::glsl::{FMax, FMin, SMax, SMin, UMax, UMin};
 use crate::ops::relational_logical::{IEqual, select::SelectWord};
 use crate::ops::row::Family;
@@ -85,7 +85,6 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
         let words = decoder.words(value)?;
         Ok((decoder.consecutive(&words)?, words.len() as u32))
     };
-    let list = |first: Reg, count: u32| -> Words { (0..count).map(|word| first.plus(word)).collect() };
     match number {
         // SwizzleInvocationsAMD: each of a quad names whom it reads, by its place in the quad.
         1 => {
@@ -105,7 +104,7 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
             let offset = decoder.family(&BitwiseAnd, 32, &[offset, three])?;
             let source = decoder.family(&IAdd, 32, &[quad, offset])?;
             let to = subgroup::read_at(decoder, From::At, first, count, source)?;
-            decoder.result(instruction, list(to, count));
+            decoder.result(instruction, rows_from(to, count));
         }
         // SwizzleInvocationsMaskedAMD: within 32, ((place & x) | y) ^ z.
         2 => {
@@ -122,7 +121,7 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
             let group = decoder.family(&BitwiseAnd, 32, &[own, high])?;
             let source = decoder.family(&IAdd, 32, &[group, xor])?;
             let to = subgroup::read_at(decoder, From::At, first, count, source)?;
-            decoder.result(instruction, list(to, count));
+            decoder.result(instruction, rows_from(to, count));
         }
         // WriteInvocationAMD: another value for one place.
         3 => {
@@ -139,7 +138,7 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
                 words.push(decoder.row(&SelectWord.rows[0], &[here, after, before])?);
             }
             let first = decoder.consecutive(&words)?;
-            decoder.result(instruction, list(first, words.len() as u32));
+            decoder.result(instruction, rows_from(first, words.len() as u32));
         }
         // MbcntAMD: the bits of a mask below the own place.
         4 => {

@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::machine::{Batch, Bindings, Mask, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
-use crate::ops::decode::{Decoder, Words};
+use crate::ops::decode::{Decoder, rows_from};
 use crate::ops::image::access::TexelPlace;
 use crate::ops::image::reader::Reader;
 use crate::ops::memory::{BufferRef, Chunk, OUT_OF_BOUNDS, each_access, trap};
@@ -362,7 +362,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         decoder.forget();
     }
     decoder.emit(Operation::Atomic(Op { kind, width, target, to, value, comparator }));
-    let words: Words = (0..width.div_ceil(32)).map(|word| to.plus(word)).collect();
+    let words = rows_from(to, width.div_ceil(32));
     decoder.result(instruction, SmallVec::from_slice(&words));
     Ok(true)
 }

@@ -9,7 +9,7 @@ use crate::machine::Reg;
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::address;
-use crate::ops::decode::{Decoder, Words};
+use crate::ops::decode::{Decoder, Words, rows_from};
 use crate::ops::memory::{self, Length};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select::SelectWord;
@@ -109,7 +109,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let row = scaled(decoder, index, each, count)?;
             let to = decoder.fresh(each)?;
             decoder.emit(Op::Memory(memory::Op::Gather { to, count: each, first, row }));
-            decoder.result(instruction, (0..each).map(|word| to.plus(word)).collect());
+            decoder.result(instruction, rows_from(to, each));
         }
         Opcode::VectorInsertDynamic => {
             let vector = decoder.id(instruction, 0)?;
@@ -126,7 +126,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let row = scaled(decoder, index, each, count)?;
             let from = decoder.consecutive(&component)?;
             decoder.emit(Op::Memory(memory::Op::Scatter { from, count: each, first: to, row }));
-            decoder.result(instruction, (0..words.len() as u32).map(|word| to.plus(word)).collect());
+            decoder.result(instruction, rows_from(to, words.len() as u32));
         }
         Opcode::Transpose => {
             let matrix = decoder.id(instruction, 0)?;
@@ -181,7 +181,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             if !folded && condition.len() > 1 {
                 // Known and computed conditions may be mixed: keep the words of a pair together.
                 let start = decoder.consecutive(&words)?;
-                words = (0..words.len() as u32).map(|word| start.plus(word)).collect();
+                words = rows_from(start, words.len() as u32);
             }
             decoder.result(instruction, words);
         }
@@ -240,8 +240,8 @@ fn part(decoder: &mut Decoder<'_>, mut ty: TypeId, indices: &[u32]) -> Result<(u
     for &index in indices {
         let outside =
             |decoder: &Decoder<'_>| decoder.invalid(format!("index {index} of a composite is too big"));
-        ty = match decoder.module.ty(ty).clone() {
-            Type::Struct { members, .. } => {
+        ty = match *decoder.module.ty(ty) {
+            Type::Struct { ref members, .. } => {
                 let member = members.get(index as usize).ok_or_else(|| outside(decoder))?;
                 for member in &members[..index as usize] {
                     first += decoder.word_count(member.ty)?;

@@ -34,8 +34,8 @@ pub fn operation(
     if decoder.ops.len() != emitted {
         return Err(decoder.unsupported(format!("{name} on operands that are not constant")));
     }
-    match decoder.locals.remove(&id) {
-        Some(Value::Words(words)) => Ok(words),
+    match decoder.local(id) {
+        Some(Value::Words(words)) => Ok(words.clone()),
         _ => Err(decoder.invalid(format!("{name} gives no constant"))),
     }
 }

@@ -3,10 +3,10 @@
 //! A [`Decoder`] holds what is known of each id: the rows of its words, or where a pointer leads.
 //! Composites vanish here: extracting, inserting and shuffling only rearrange the list of rows.
 
+mod values;
 mod words;
 
 use rustc_hash::FxHashMap;
-use smallvec::SmallVec;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::machine::stop::Rows;
@@ -20,19 +20,8 @@ use crate::ops::memory::{self, Pointer};
 use crate::ops::op::Op;
 use crate::ops::pointer_layout::{self, ends_in_matrix};
 use crate::ops::row::{Family, Row};
-
-/// The rows of a value's words, in the order of its scalars; the two words of a 64-bit scalar
-/// always lie in consecutive rows.
-pub type Words = SmallVec<[Reg; 4]>;
-
-/// What an id stands for while its function is lowered.
-#[derive(Clone, Debug)]
-pub enum Value {
-    /// A value in rows.
-    Words(Words),
-    /// A pointer that is known at least in part.
-    Pointer(Pointer),
-}
+use values::Values;
+pub use values::{Value, Words, rows_from};
 
 /// A descriptor binding that a program uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -125,15 +114,18 @@ pub struct Decoder<'m> {
     clock: Option<Reg>,
     /// Instructions since the clock was set last.
     ticks: u32,
-    /// Ids of the function that is lowered.
-    pub locals: FxHashMap<Id, Value>,
-    globals: FxHashMap<Id, Value>,
+    values: Values,
     rows: u32,
     constants: FxHashMap<u32, Reg>,
     wide_constants: FxHashMap<u64, Reg>,
-    words: FxHashMap<Reg, u32>,
-    /// Variables' rows whose current value also stands in another row, within the current block.
-    known: FxHashMap<Reg, Reg>,
+    /// By row: the word of a constant.
+    words: Vec<Option<u32>>,
+    /// By variable's row: another row in which its current value stands, known since a time.
+    known: Vec<(u32, Reg)>,
+    /// What is known of variables since another time counts no more.
+    time: u32,
+    /// By type: how many words a value takes.
+    word_counts: Vec<Option<u32>>,
 }
 
 impl<'m> Decoder<'m> {
@@ -157,13 +149,14 @@ impl<'m> Decoder<'m> {
             variables: Vec::new(),
             clock: None,
             ticks: 0,
-            locals: FxHashMap::default(),
-            globals: FxHashMap::default(),
+            values: Values::new(module),
             rows: 0,
             constants: FxHashMap::default(),
             wide_constants: FxHashMap::default(),
-            words: FxHashMap::default(),
-            known: FxHashMap::default(),
+            words: Vec::new(),
+            known: Vec::new(),
+            time: 1,
+            word_counts: vec![None; module.types.len()],
         }
     }
 
@@ -172,9 +165,9 @@ impl<'m> Decoder<'m> {
         self.rows
     }
 
-    /// The rows of constants with their words.
+    /// The rows of constants with their words, ascending.
     pub fn constant_rows(&self) -> impl Iterator<Item = (Reg, u32)> {
-        self.words.iter().map(|(&reg, &word)| (reg, word))
+        (0..).zip(&self.words).filter_map(|(row, word)| Some((Reg(row), (*word)?)))
     }
 
     /// Counts an instruction, for `OpReadClockKHR`.
@@ -257,8 +250,7 @@ impl<'m> Decoder<'m> {
 
     /// New consecutive rows as a list.
     pub fn fresh_words(&mut self, count: u32) -> Result<Words> {
-        let first = self.fresh(count)?;
-        Ok((0..count).map(|word| first.plus(word)).collect())
+        Ok(rows_from(self.fresh(count)?, count))
     }
 
     /// Appends an operation.
@@ -274,8 +266,13 @@ impl<'m> Decoder<'m> {
         }
         let reg = self.fresh(1)?;
         self.constants.insert(word, reg);
-        self.words.insert(reg, word);
+        self.set_constant(reg, word);
         Ok(reg)
+    }
+
+    fn set_constant(&mut self, reg: Reg, word: u32) {
+        self.words.resize(self.words.len().max(reg.0 as usize + 1), None);
+        self.words[reg.0 as usize] = Some(word);
     }
 
     /// The first of the two rows that always hold 64 bits.
@@ -285,14 +282,14 @@ impl<'m> Decoder<'m> {
         }
         let reg = self.fresh(2)?;
         self.wide_constants.insert(bits, reg);
-        self.words.insert(reg, bits as u32);
-        self.words.insert(reg.plus(1), (bits >> 32) as u32);
+        self.set_constant(reg, bits as u32);
+        self.set_constant(reg.plus(1), (bits >> 32) as u32);
         Ok(reg)
     }
 
     /// The word of a row, where it is constant.
     pub fn constant_word(&self, reg: Reg) -> Option<u32> {
-        self.words.get(&reg).copied()
+        self.words.get(reg.0 as usize).copied().flatten()
     }
 
     /// Appends a row's operation and gives its result's first row; folds constants.
@@ -327,6 +324,10 @@ impl<'m> Decoder<'m> {
     }
 
     fn fold(&self, row: &Row, from: &[Reg]) -> Option<u64> {
+        // Most operations have an operand that is not constant: nothing is made ready for those.
+        if !from.iter().all(|&reg| self.constant_word(reg).is_some()) {
+            return None;
+        }
         let mut registers = Registers::<1>::new(8);
         let mut operands = [Reg(2); 3];
         for (at, &reg) in from.iter().enumerate() {
@@ -395,22 +396,40 @@ impl<'m> Decoder<'m> {
 
     /// Remembers, until the block ends, that a variable's row has the value of another row.
     pub fn remember(&mut self, variable: Reg, value: Reg) {
-        self.known.insert(variable, value);
+        let rows = self.known.len().max(variable.0 as usize + 1);
+        self.known.resize(rows, (0, Reg(0)));
+        self.known[variable.0 as usize] = (self.time, value);
     }
 
     /// The row that holds a variable's current value, where that is known.
     pub fn recall(&self, variable: Reg) -> Option<Reg> {
-        self.known.get(&variable).copied()
+        let &(since, value) = self.known.get(variable.0 as usize)?;
+        (since == self.time).then_some(value)
     }
 
     /// Forgets what variables hold: at a block's beginning, and where something may change them.
     pub fn forget(&mut self) {
-        self.known.clear();
+        self.time += 1;
     }
 
     /// Gives an id its meaning.
     pub fn define(&mut self, id: Id, value: Value) {
-        self.locals.insert(id, value);
+        self.values.define(id, value);
+    }
+
+    /// What an id of the function that is lowered stands for.
+    pub fn local(&self, id: Id) -> Option<&Value> {
+        self.values.local(id)
+    }
+
+    /// How many ids of functions stand for something: what [`Decoder::leave`] goes back to.
+    pub fn locals(&self) -> usize {
+        self.values.locals()
+    }
+
+    /// Leaves functions: forgets what their ids stand for, but for the first so many.
+    pub fn leave(&mut self, locals: usize) {
+        self.values.forget(locals);
     }
 
     /// Gives the result of an instruction its words.
@@ -424,7 +443,7 @@ impl<'m> Decoder<'m> {
     /// goes by the type.
     pub fn check_result(&mut self, instruction: &Instruction) -> Result<()> {
         let (Some(id), Some(_)) = (instruction.result, instruction.result_type) else { return Ok(()) };
-        let Some(Value::Words(words)) = self.locals.get(&id) else { return Ok(()) };
+        let Some(Value::Words(words)) = self.local(id) else { return Ok(()) };
         let found = words.len();
         let ty = self.result_type(instruction)?;
         if self.word_count(ty)? as usize == found {
@@ -479,7 +498,7 @@ impl<'m> Decoder<'m> {
 
     /// What an id stands for.
     pub fn value(&mut self, id: Id) -> Result<Value> {
-        if let Some(value) = self.locals.get(&id).or_else(|| self.globals.get(&id)) {
+        if let Some(value) = self.values.find(id) {
             return Ok(value.clone());
         }
         let value = match self.module.definition(id) {
@@ -490,7 +509,7 @@ impl<'m> Decoder<'m> {
             }
             _ => return Err(self.invalid(format!("%{} is no value", id.0))),
         };
-        self.globals.insert(id, value.clone());
+        self.values.define_global(id, value.clone());
         Ok(value)
     }
 
@@ -500,6 +519,9 @@ impl<'m> Decoder<'m> {
     /// `UnsupportedModule` for a pointer into a matrix, whose layout nobody could tell from memory or
     /// a composite.
     pub fn words(&mut self, id: Id) -> Result<Words> {
+        if let Some(Value::Words(words)) = self.values.find(id) {
+            return Ok(Words::from_slice(words));
+        }
         if let Value::Pointer(pointer) = self.value(id)?
             && matches!(pointer.place, memory::Place::Buffer(_))
             && !pointer.is_packed(self)

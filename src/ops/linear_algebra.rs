@@ -7,6 +7,7 @@ use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::Reg;
+use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{FAdd, FMul, FNegate, FSub};
 use crate::ops::composite::{columns, scalar_width_of_matrix};
@@ -123,7 +124,9 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         return Ok(false);
     }
     let (a, b) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
-    let is_matrix = |decoder: &Decoder<'_>, id| scalar_width_of_matrix(decoder, id).is_ok();
+    let is_matrix = |decoder: &Decoder<'_>, id| {
+        decoder.module.type_of(id).is_some_and(|ty| matches!(decoder.module.ty(ty), Type::Matrix { .. }))
+    };
     let width = match is_matrix(decoder, a) {
         true => scalar_width_of_matrix(decoder, a)?,
         false => decoder.type_of(a).and_then(|ty| decoder.scalar_width(ty))?,

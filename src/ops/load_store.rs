@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::machine::resource::STRUCTURE_HANDLE;
 use crate::machine::{Bindings, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
-use crate::ops::decode::{Decoder, Words};
+use crate::ops::decode::{Decoder, Words, rows_from};
 use crate::ops::memory::{self, BufferRef, Chunk};
 use crate::ops::op::Op;
 use crate::ops::pointer::{Place, Pointer, descriptor_count, shifted, storage};
@@ -27,7 +27,7 @@ pub(super) fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignme
         Place::Rows { first: variable, count: rows, constant } => {
             let first = variable.plus(pointer.offset);
             match pointer.index {
-                None if constant => Ok((0..count).map(|word| first.plus(word)).collect()),
+                None if constant => Ok(rows_from(first, count)),
                 None => load_rows(decoder, first, count),
                 Some(row) => {
                     decoder.addressed.push((variable, rows));
@@ -47,14 +47,14 @@ pub(super) fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignme
                 decoder.emit(Op::Memory(memory::Op::BufferLoad { to: row, chunk }));
                 row = row.plus(chunk.count);
             }
-            Ok((0..count).map(|word| to.plus(word)).collect())
+            Ok(rows_from(to, count))
         }
         Place::Texel(_) => Err(decoder.invalid("a load through a pointer to a texel, which is for atomics")),
         Place::Descriptors { buffers: true, .. } => {
             Err(decoder.invalid("a load of a whole array of buffers"))
         }
         Place::Descriptors { slot, array, .. } => {
-            if let (true, Type::Array { element, .. }) = (array, decoder.module.ty(pointer.pointee).clone()) {
+            if let (true, &Type::Array { element, .. }) = (array, decoder.module.ty(pointer.pointee)) {
                 let each = descriptor_count(decoder, element)?;
                 let mut words = Words::new();
                 for at in 0..descriptor_count(decoder, pointer.pointee)? / each {
@@ -97,7 +97,7 @@ fn load_rows(decoder: &mut Decoder<'_>, first: Reg, count: u32) -> Result<Words>
 fn gather(decoder: &mut Decoder<'_>, first: Reg, row: Reg, count: u32) -> Result<Words> {
     let to = decoder.fresh(count)?;
     decoder.emit(Op::Memory(memory::Op::Gather { to, count, first, row }));
-    Ok((0..count).map(|word| to.plus(word)).collect())
+    Ok(rows_from(to, count))
 }
 
 /// Writes a value to where a pointer leads.
@@ -180,7 +180,7 @@ fn collect(
         let sum = index.checked_mul(stride).and_then(|bytes| offset.checked_add(bytes));
         sum.ok_or_else(|| decoder.invalid("an offset beyond 4 GiB"))
     };
-    match decoder.module.ty(ty).clone() {
+    match *decoder.module.ty(ty) {
         Type::Int { width: 64, .. } | Type::Float { width: 64, .. } => {
             scalars.extend([(offset, 32), (at(decoder, 1, 4)?, 32)]);
         }
@@ -213,7 +213,7 @@ fn collect(
                 collect(decoder, element, at(decoder, index, stride)?, (matrix, None), scalars)?;
             }
         }
-        Type::Struct { members, .. } => {
+        Type::Struct { ref members, .. } => {
             for member in members {
                 let inside = member
                     .offset

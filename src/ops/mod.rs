@@ -48,6 +48,7 @@ pub mod twin;
 use rspirv::spirv::Op as Opcode;
 
 use crate::error::Result;
+use crate::machine::Reg;
 use crate::module::{Id, Instruction};
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::row::{Family, Set};
@@ -129,9 +130,9 @@ pub fn componentwise(
     let mut operands: [Words; 3] = Default::default();
     for at in 0..arity {
         let id = Id(ids[at]);
-        operands[at] = decoder.components(id)?;
         // A shift's amount, for one, may have another width: its low word counts.
-        let own = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))?;
+        let own;
+        (operands[at], own) = decoder.components_of_width(id)?;
         let wide = own == 64;
         if row.operands[at] == 2 && !wide {
             return Err(decoder.invalid(format!("operand {at} of {} has {own} bits", family.name)));
@@ -142,9 +143,15 @@ pub fn componentwise(
     }
     let mut words = Words::new();
     for component in 0..operands[0].len() {
-        let from: Words = operands[..arity].iter().map(|operand| operand[component]).collect();
-        let to = decoder.row(row, &from)?;
-        words.extend((0..row.words).map(|word| to.plus(word)));
+        let mut from = [Reg(0); 3];
+        for (from, operand) in from.iter_mut().zip(&operands[..arity]) {
+            *from = operand[component];
+        }
+        let to = decoder.row(row, &from[..arity])?;
+        words.push(to);
+        if row.words == 2 {
+            words.push(to.plus(1));
+        }
     }
     // Constants of 64 bits may be shared, but each pair lies together; the rest needs nothing.
     decoder.result(instruction, words);

@@ -6,7 +6,7 @@ use crate::machine::object::ObjectRef;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Instruction, Module};
 use crate::ops::builtin::{self, Shape};
-use crate::ops::decode::Decoder;
+use crate::ops::decode::{Decoder, rows_from};
 use crate::ops::memory::Place;
 use crate::ops::op::Access;
 use crate::ops::pointer::storage;
@@ -94,6 +94,6 @@ pub fn result(decoder: &mut Decoder<'_>, instruction: &Instruction, shape: Shape
         );
     }
     let to = decoder.fresh(shape.words())?;
-    decoder.result(instruction, (0..shape.words()).map(|word| to.plus(word)).collect());
+    decoder.result(instruction, rows_from(to, shape.words()));
     Ok(to)
 }

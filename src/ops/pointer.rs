@@ -350,9 +350,8 @@ pub fn follow(decoder: &mut Decoder<'_>, mut pointer: Pointer, indices: &[u32]) 
 fn step(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: crate::module::Id) -> Result<Pointer> {
     let packed = pointer.is_packed(decoder);
     let in_buffer = matches!(pointer.place, Place::Buffer(_)) && !packed;
-    let pointee = decoder.module.ty(pointer.pointee).clone();
-    match pointee {
-        Type::Struct { members, .. } => {
+    match *decoder.module.ty(pointer.pointee) {
+        Type::Struct { ref members, .. } => {
             let at = decoder.constant_integer(index)? as usize;
             let Some(member) = members.get(at) else {
                 return Err(decoder.invalid(format!("member {at} of a struct that has {}", members.len())));

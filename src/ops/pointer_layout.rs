@@ -63,7 +63,7 @@ type Layouts = SmallVec<[Layout; 1]>;
 
 impl Trace<'_, '_> {
     fn layouts(&mut self, id: Id) -> Layouts {
-        if let Some(Value::Pointer(known)) = self.decoder.locals.get(&id) {
+        if let Some(Value::Pointer(known)) = self.decoder.local(id) {
             return SmallVec::from_slice(&[(known.matrix, known.component_stride)]);
         }
         if !self.seen.insert(id) {

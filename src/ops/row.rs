@@ -3,7 +3,6 @@
 //! A row is one instruction at one width. The [`rows!`](crate::rows) macro writes a family (the
 //! same instruction at all its widths) from one closure.
 
-use std::collections::HashMap;
 use std::fmt;
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -187,11 +186,26 @@ impl Family {
 
 /// The family of an instruction's number.
 pub fn family(set: Set, number: u32) -> Option<&'static Family> {
-    static TABLE: LazyLock<HashMap<(Set, u32), &'static Family>> = LazyLock::new(|| {
-        let families = crate::ops::SECTIONS.iter().flat_map(|section| section.iter().copied());
-        families.map(|family| ((family.set, family.number), family)).collect()
+    /// By number.
+    type Table = Vec<Option<&'static Family>>;
+    static TABLES: LazyLock<[Table; 2]> = LazyLock::new(|| {
+        [Set::Core, Set::Glsl].map(|set| {
+            let sections = crate::ops::SECTIONS.iter().flat_map(|section| section.iter().copied());
+            let mut table = Table::new();
+            for family in sections.filter(|family| family.set == set) {
+                let number = family.number as usize;
+                table.resize(table.len().max(number + 1), None);
+                table[number] = Some(family);
+            }
+            table
+        })
     });
-    TABLE.get(&(set, number)).copied()
+    let [core, glsl] = &*TABLES;
+    match set {
+        Set::Core => core.get(number as usize).copied().flatten(),
+        Set::Glsl => glsl.get(number as usize).copied().flatten(),
+        Set::Internal => None,
+    }
 }
 
 /// Writes families of rows.

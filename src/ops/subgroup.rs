@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::machine::{Batch, Reg, Registers};
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
-use crate::ops::decode::{Decoder, Words};
+use crate::ops::decode::{Decoder, Words, rows_from};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::row::{Family, Row};
 use crate::ops::{arithmetic, bit, glsl, relational_logical};
@@ -444,7 +444,7 @@ fn emit(
     }
     let to = decoder.fresh(results)?;
     decoder.emit(Operation::Subgroup(Op { kind, to, results, value, values, operand, operands }));
-    decoder.result(instruction, (0..results).map(|word| to.plus(word)).collect());
+    decoder.result(instruction, rows_from(to, results));
     Ok(())
 }
 

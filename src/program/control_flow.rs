@@ -47,19 +47,20 @@ pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
 /// come out in the order in which they are written.
 fn successors(module: &Module, function: &Function, block: usize) -> SmallVec<[usize; 4]> {
     let instructions = &function.blocks[block].instructions;
-    let mut ids = SmallVec::<[Id; 4]>::new();
+    let mut blocks = SmallVec::new();
+    let mut push = |id: Id| blocks.extend(block_of(module, function, id));
     for instruction in instructions.iter().rev().take(2) {
-        let operands = module.operands(instruction);
-        match instruction.opcode {
-            LOOP_MERGE => ids.extend(operands[..2.min(operands.len())].iter().map(|&id| Id(id))),
-            SELECTION_MERGE => ids.extend(operands.first().map(|&id| Id(id))),
-            _ => {}
-        }
+        let labels = match instruction.opcode {
+            LOOP_MERGE => 2,
+            SELECTION_MERGE => 1,
+            _ => 0,
+        };
+        module.operands(instruction).iter().take(labels).for_each(|&id| push(Id(id)));
     }
     if let Some(terminator) = instructions.last() {
-        ids.extend(module.branch_targets(terminator).into_iter().rev());
+        module.branch_targets(terminator).into_iter().rev().for_each(push);
     }
-    ids.into_iter().filter_map(|id| block_of(module, function, id)).collect()
+    blocks
 }
 
 /// The block of a function that a label opens.

@@ -386,8 +386,7 @@ impl<'m> Lowering<'m> {
                 Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
             }
         }
-        let mut constants: Vec<_> = self.decoder.constant_rows().collect();
-        constants.sort_unstable();
+        let constants = self.decoder.constant_rows().collect();
         let rows = self.decoder.row_count();
         let mut program = Program {
             module: module.clone(),

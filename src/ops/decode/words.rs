@@ -13,6 +13,15 @@ use crate::ops::memory;
 impl Decoder<'_> {
     /// How many words a value of a type takes in rows.
     pub fn word_count(&mut self, ty: TypeId) -> Result<u32> {
+        if let Some(count) = self.word_counts[ty.0 as usize] {
+            return Ok(count);
+        }
+        let count = self.count_words(ty)?;
+        self.word_counts[ty.0 as usize] = Some(count);
+        Ok(count)
+    }
+
+    fn count_words(&mut self, ty: TypeId) -> Result<u32> {
         let too_big = |decoder: &Self| decoder.unsupported("a value of this type is too big for registers");
         Ok(match self.module.ty(ty).clone() {
             Type::Void => 0,
@@ -71,10 +80,19 @@ impl Decoder<'_> {
 
     /// The first row of each component of a scalar or vector.
     pub fn components(&mut self, id: Id) -> Result<Words> {
+        Ok(self.components_of_width(id)?.0)
+    }
+
+    /// The same, and how many bits each has.
+    pub fn components_of_width(&mut self, id: Id) -> Result<(Words, u32)> {
         let ty = self.type_of(id)?;
         let words = self.words(id)?;
-        let each = self.scalar_width(ty)?.div_ceil(32).max(1) as usize;
-        Ok(words.chunks(each).map(|chunk| chunk[0]).collect())
+        let width = self.scalar_width(ty)?;
+        let components = match width {
+            0..=32 => words,
+            _ => words.chunks(width.div_ceil(32) as usize).map(|chunk| chunk[0]).collect(),
+        };
+        Ok((components, width))
     }
 
     /// The rows of words, from the first row of each component.

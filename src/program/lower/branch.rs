@@ -1,11 +1,11 @@
 //! The ends of blocks: branches, and the moves of phis on their edges.
 
 use rustc_hash::FxHashSet;
+use smallvec::SmallVec;
 
 use crate::error::Result;
-use crate::machine::Exit;
+use crate::machine::{Exit, Reg};
 use crate::module::{Id, Instruction, Module};
-use crate::ops::decode::Words;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::program::Terminator;
@@ -121,7 +121,7 @@ impl Lowering<'_> {
 
     /// Moves the values that the target's phis take from this block.
     fn edge_moves(&mut self, place: &Site<'_>, target: Id) -> Result<()> {
-        let mut moves: Vec<(Words, Words)> = Vec::new();
+        let mut moves: SmallVec<[(Reg, Reg); 8]> = SmallVec::new();
         for phi in phis(self.module, place, target) {
             let pairs = self.module.operands(phi).chunks_exact(2);
             let from = pairs.clone().find(|pair| Id(pair[1]) == place.block).map(|pair| Id(pair[0]));
@@ -132,22 +132,20 @@ impl Lowering<'_> {
             let to = self.decoder.words(id)?;
             let from = self.decoder.carried(from)?;
             if to != from {
-                moves.push((to, from));
+                moves.extend(to.into_iter().zip(from));
             }
         }
         // All phis read before any is written: a source that is also a target is saved first.
-        let targets: FxHashSet<_> = moves.iter().flat_map(|(to, _)| to.iter().copied()).collect();
-        for (_, from) in &mut moves {
-            for reg in from.iter_mut().filter(|reg| targets.contains(*reg)) {
+        if moves.len() > 1 {
+            let targets: FxHashSet<Reg> = moves.iter().map(|&(to, _)| to).collect();
+            for (_, from) in moves.iter_mut().filter(|(_, from)| targets.contains(from)) {
                 let saved = self.decoder.fresh(1)?;
-                self.decoder.emit(Op::Memory(memory::Op::Move { to: saved, from: *reg }));
-                *reg = saved;
+                self.decoder.emit(Op::Memory(memory::Op::Move { to: saved, from: *from }));
+                *from = saved;
             }
         }
         for (to, from) in moves {
-            for (to, from) in to.into_iter().zip(from) {
-                self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
-            }
+            self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
         }
         Ok(())
     }

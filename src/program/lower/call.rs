@@ -1,7 +1,5 @@
 //! Calls: inlined where that pays, else real ones.
 
-use rustc_hash::FxHashMap;
-
 use crate::error::Result;
 use crate::module::{Definition, Function, Id, Instruction};
 use crate::ops::decode::{Origin, Value, Words};
@@ -38,20 +36,20 @@ impl Lowering<'_> {
     }
 
     fn inline(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
-        let mut locals = FxHashMap::default();
+        let locals = self.decoder.locals();
         for (&argument, &(parameter, _)) in arguments.iter().zip(&function.parameters) {
-            locals.insert(parameter, self.decoder.value(argument)?);
+            let value = self.decoder.value(argument)?;
+            self.decoder.define(parameter, value);
         }
         let result = self.result_rows(function)?;
         let label = self.label();
         let outer = self.decoder.origin;
         self.scopes.push(Scope { parent: outer.scope, call: instruction.offset, function: function.id });
         self.decoder.origin.scope = self.scopes.len() as u32 - 1;
-        let locals = std::mem::replace(&mut self.decoder.locals, locals);
         self.depth += 1;
         self.body(function, &Return::Inlined { label, result: result.clone() })?;
         self.depth -= 1;
-        self.decoder.locals = locals;
+        self.decoder.leave(locals);
         self.decoder.origin = outer;
         self.begin(label);
         self.decoder.result(instruction, result);
@@ -107,8 +105,10 @@ impl Lowering<'_> {
         let function = &module.functions[index as usize];
         self.scopes.push(Scope { parent: 0, call: 0, function: id });
         self.decoder.origin = Origin { offset: 0, scope: self.scopes.len() as u32 - 1 };
-        let parameters = function.parameters.iter().zip(standing.parameters);
-        self.decoder.locals = parameters.map(|(&(id, _), words)| (id, Value::Words(words))).collect();
+        self.decoder.leave(0);
+        for (&(id, _), words) in function.parameters.iter().zip(standing.parameters) {
+            self.decoder.define(id, Value::Words(words));
+        }
         self.begin(standing.label);
         self.body(function, &Return::StandingAlone { result: standing.result })
     }

@@ -1,0 +1,86 @@
+//! What ids stand for while functions are lowered.
+
+use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
+
+use crate::machine::Reg;
+use crate::module::id_map::IdMap;
+use crate::module::{Id, Module};
+use crate::ops::memory::Pointer;
+
+/// The rows of a value's words, in the order of its scalars; the two words of a 64-bit scalar
+/// always lie in consecutive rows.
+pub type Words = SmallVec<[Reg; 4]>;
+
+/// So many rows from one on.
+pub fn rows_from(first: Reg, count: u32) -> Words {
+    match count as usize {
+        // Without a loop: most values have four words at the most.
+        count @ 0..=4 => SmallVec::from_buf_and_len([0, 1, 2, 3].map(|word| first.plus(word)), count),
+        _ => (0..count).map(|word| first.plus(word)).collect(),
+    }
+}
+
+/// What an id stands for while its function is lowered.
+#[derive(Clone, Debug)]
+pub enum Value {
+    /// A value in rows.
+    Words(Words),
+    /// A pointer that is known at least in part.
+    Pointer(Pointer),
+}
+
+/// The values of ids: of a module's constants and variables for good, of a function's own as long as it
+/// is lowered.
+pub(super) struct Values {
+    globals: FxHashMap<Id, Value>,
+    /// Those of the function that is lowered, behind those of the functions that it is inlined into.
+    locals: Vec<(Id, Value)>,
+    /// Where an id stood last among `locals`: what stands there now may be another one's.
+    places: IdMap<u32>,
+}
+
+impl Values {
+    /// No values yet.
+    pub fn new(module: &Module) -> Self {
+        Self { globals: FxHashMap::default(), locals: Vec::new(), places: IdMap::like(&module.definitions) }
+    }
+
+    /// The value of an id.
+    pub fn find(&self, id: Id) -> Option<&Value> {
+        self.local(id).or_else(|| self.globals.get(&id))
+    }
+
+    /// The value of an id of the function that is lowered.
+    pub fn local(&self, id: Id) -> Option<&Value> {
+        let (owner, value) = self.locals.get(self.places.find(id)? as usize)?;
+        (*owner == id).then_some(value)
+    }
+
+    /// Gives an id of the function that is lowered its value.
+    pub fn define(&mut self, id: Id, value: Value) {
+        let known = self.places.find(id).and_then(|place| self.locals.get_mut(place as usize));
+        match known.filter(|(owner, _)| *owner == id) {
+            Some((_, known)) => *known = value,
+            None => {
+                self.places.insert(id, self.locals.len() as u32);
+                self.locals.push((id, value));
+            }
+        }
+    }
+
+    /// Gives a constant or a variable of the module its value.
+    pub fn define_global(&mut self, id: Id, value: Value) {
+        self.globals.insert(id, value);
+    }
+
+    /// How many there are of functions: what [`Values::forget`] goes back to.
+    pub fn locals(&self) -> usize {
+        self.locals.len()
+    }
+
+    /// Forgets all of functions but the first so many.
+    pub fn forget(&mut self, locals: usize) {
+        self.locals.truncate(locals);
+    }
+}
