@@ -52,7 +52,7 @@ impl Op {
     pub fn accesses(&self, mut visit: impl FnMut(Access)) {
         match self {
             Self::Row { row, to, from } => {
-                for (&reg, &words) in from.iter().zip(&row.operands) {
+                for (&reg, &words) in from.iter().zip(&row.operands).take_while(|(_, words)| **words > 0) {
                     visit(Access::Read(reg, words));
                 }
                 visit(Access::Write(*to, row.words));

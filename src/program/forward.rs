@@ -8,7 +8,10 @@
 //! Both passes follow one lane. A masked store to a row is, for a lane that runs it, a whole write,
 //! and nothing at all for the others; so the ordinary rules hold, lane by lane.
 
+use std::ops::Range;
+
 use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
 
 use crate::machine::Reg;
 use crate::ops::memory;
@@ -47,35 +50,26 @@ impl Shared {
 /// reads then is left to `prune`.
 pub fn forward_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
     let shared = Shared::of(program, addressed);
-    // How often a row is written, and read: by operations and terminators alike.
+    // How often a row is written.
     let mut writes = vec![0u32; program.rows as usize + 1];
-    let mut reads = vec![0u32; program.rows as usize + 1];
     for op in &program.ops {
-        op.accesses(|access| match access {
-            Access::Write(first, count) => {
-                (first.0..first.0 + count).for_each(|row| writes[row as usize] += 1)
+        op.accesses(|access| {
+            if let Access::Write(first, count) = access {
+                (first.0..first.0 + count).for_each(|row| writes[row as usize] += 1);
             }
-            Access::Read(first, count) => (first.0..first.0 + count).for_each(|row| reads[row as usize] += 1),
-            Access::Effect => {}
         });
     }
-    for block in &program.blocks {
-        each_read(&block.terminator, |reg| reads[reg.0 as usize] += 1);
-    }
+    // Each copy that is still the same as its original.
+    let mut copies: FxHashMap<Reg, Reg> = FxHashMap::default();
     for block in &mut program.blocks {
-        // Each copy that is still the same as its original, and the reads that it has left.
-        let mut copies: FxHashMap<Reg, Reg> = FxHashMap::default();
+        copies.clear();
         for at in block.first as usize..block.end as usize {
             if !copies.is_empty() {
                 let op = &mut program.ops[at];
                 each_single(op, |reg| {
-                    if let Some(&original) = copies.get(reg) {
-                        reads[reg.0 as usize] -= 1;
-                        reads[original.0 as usize] += 1;
-                        *reg = original;
-                    }
+                    *reg = copies.get(reg).copied().unwrap_or(*reg);
                 });
-                let mut written: Vec<(Reg, u32)> = Vec::new();
+                let mut written: SmallVec<[(Reg, u32); 2]> = SmallVec::new();
                 op.accesses(|access| {
                     if let Access::Write(first, count) = access {
                         written.push((first, count));
@@ -145,14 +139,15 @@ fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
 pub fn drop_dead_stores(program: &mut Program, addressed: &[(Reg, u32)]) {
     let shared = Shared::of(program, addressed);
     let Some(stores) = Stores::of(program, &shared) else { return };
-    let words = stores.words;
     let count = program.blocks.len();
-    let mut entry = vec![0u64; words * count];
-    let mut live = vec![0u64; words];
-    let mut before: Vec<Vec<u32>> = vec![Vec::new(); count];
+    let mut live = vec![0u64; stores.words];
+    let mut before: Vec<SmallVec<[u32; 2]>> = vec![SmallVec::new(); count];
     for (at, block) in program.blocks.iter().enumerate() {
         each_target(&block.terminator, |to| before[to as usize].push(at as u32));
     }
+    let mut begins = Begins::of(program, &stores, &before);
+    // As they were when their block was looked at last.
+    let mut needed = vec![true; program.ops.len()];
     // Blocks behind which something has become live that was not known to be.
     let mut stale = vec![true; count];
     let mut changed = true;
@@ -162,20 +157,13 @@ pub fn drop_dead_stores(program: &mut Program, addressed: &[(Reg, u32)]) {
             if !std::mem::take(&mut stale[block]) {
                 continue;
             }
-            behind(&program.blocks[block].terminator, &entry, &mut live);
-            stores.back(block, &mut live, &mut |_| {});
-            let entry = &mut entry[block * words..(block + 1) * words];
-            if live != entry {
-                entry.copy_from_slice(&live);
+            begins.behind(program, block, &mut live);
+            stores.back(block, &mut live, &mut needed);
+            if begins.take(block, &live) {
                 before[block].iter().for_each(|&block| stale[block as usize] = true);
                 changed = true;
             }
         }
-    }
-    let mut needed = vec![true; program.ops.len()];
-    for block in 0..count {
-        behind(&program.blocks[block].terminator, &entry, &mut live);
-        stores.back(block, &mut live, &mut |at| needed[at as usize] = false);
     }
     remove(program, &needed);
 }
@@ -252,14 +240,34 @@ impl Stores {
         Some(stores)
     }
 
+    /// By word: the first and the last block that name one of its bits.
+    fn spans(&self) -> Vec<(u32, u32)> {
+        let mut spans = vec![(u32::MAX, 0); self.words];
+        let mut first = 0;
+        for (block, &end) in (0..).zip(&self.ends) {
+            for event in &self.events[first..end] {
+                let bits = match *event {
+                    Event::Read(bit) | Event::Write(bit) => [bit, NONE],
+                    Event::Store { to, from, .. } => [to, from],
+                };
+                for bit in bits.into_iter().filter(|&bit| bit != NONE) {
+                    let (low, high) = &mut spans[bit as usize / 64];
+                    (*low, *high) = (block.min(*low), block.max(*high));
+                }
+            }
+            first = end;
+        }
+        spans
+    }
+
     fn note(&mut self, bits: &[u32], first: Reg, count: u32, event: fn(u32) -> Event) {
         let bits = &bits[first.0 as usize..(first.0 + count) as usize];
         self.events.extend(bits.iter().filter(|&&bit| bit != NONE).map(|&bit| event(bit)));
     }
 
     /// Runs backwards over a block from what is live behind it; operations that store what is not live
-    /// are told, and read nothing.
-    fn back(&self, block: usize, live: &mut [u64], dead: &mut dyn FnMut(u32)) {
+    /// are not needed, and read nothing.
+    fn back(&self, block: usize, live: &mut [u64], needed: &mut [bool]) {
         let first = if block == 0 { 0 } else { self.ends[block - 1] };
         for event in &self.events[first..self.ends[block]] {
             let place = |bit: u32| (bit as usize / 64, 1u64 << (bit % 64));
@@ -268,8 +276,8 @@ impl Stores {
                 Event::Write(bit) => (NONE, bit),
                 Event::Store { at, to, from } => {
                     let (word, bit) = place(to);
-                    if live[word] & bit == 0 {
-                        dead(at);
+                    needed[at as usize] = live[word] & bit != 0;
+                    if !needed[at as usize] {
                         continue;
                     }
                     (from, to)
@@ -287,19 +295,105 @@ impl Stores {
     }
 }
 
-/// What is live behind a terminator.
-fn behind(terminator: &Terminator, entry: &[u64], live: &mut [u64]) {
-    live.fill(0);
-    let words = live.len();
-    let join = |block: u32| {
-        let entry = &entry[block as usize * words..(block as usize + 1) * words];
-        live.iter_mut().zip(entry).for_each(|(live, more)| *live |= more);
-    };
-    match terminator {
-        // Functions share rows with their callers.
-        Terminator::Call { .. } | Terminator::Return => live.fill(u64::MAX),
-        other => each_target(other, join),
+/// What is live where blocks begin.
+///
+/// Bits are numbered in the order of the program, so that those of a word are named by few blocks that lie
+/// together. With the loops that these lie in they are the word's span: no way leads out of it and back, so
+/// that elsewhere nothing is kept of the word.
+struct Begins {
+    /// By word: the first and the last block of its span.
+    spans: Vec<(u32, u32)>,
+    /// By block: whether a way leads from it to a call or a return, where all is live.
+    reaches_call: Vec<bool>,
+    /// By block: where its words begin below; and one more.
+    first: Vec<u32>,
+    /// The numbers of words.
+    words: Vec<u32>,
+    live: Vec<u64>,
+}
+
+impl Begins {
+    /// Nothing is live so far.
+    fn of(program: &Program, stores: &Stores, before: &[SmallVec<[u32; 2]>]) -> Self {
+        let blocks = program.blocks.len() as u32;
+        let mut loops: Vec<(u32, u32)> = Vec::new();
+        for (at, block) in (0..).zip(&program.blocks) {
+            each_target(&block.terminator, |to| loops.extend((to <= at).then_some((to, at))));
+        }
+        let mut spans = stores.spans();
+        // By block: the words that are kept from there on.
+        let mut starting = vec![Vec::new(); blocks as usize];
+        for (word, (first, last)) in (0u32..).zip(&mut spans) {
+            let mut grows = true;
+            while std::mem::take(&mut grows) {
+                for &(start, end) in &loops {
+                    if start <= *last && end >= *first && (start < *first || end > *last) {
+                        (*first, *last, grows) = (start.min(*first), end.max(*last), true);
+                    }
+                }
+            }
+            starting[*first as usize].push(word);
+        }
+        let reaches_call = vec![false; blocks as usize];
+        let mut all = Self { spans, reaches_call, first: vec![0], words: Vec::new(), live: Vec::new() };
+        let mut open: Vec<u32> = Vec::new();
+        for block in 0..blocks {
+            open.append(&mut starting[block as usize]);
+            open.retain(|&word| all.spans[word as usize].1 >= block);
+            all.words.extend(&open);
+            all.first.push(all.words.len() as u32);
+        }
+        all.live = vec![0; all.words.len()];
+        let calls = (0..).zip(&program.blocks).filter(|(_, block)| all_is_live(&block.terminator));
+        let mut work: Vec<u32> = calls.map(|(block, _)| block).collect();
+        while let Some(block) = work.pop() {
+            if !std::mem::replace(&mut all.reaches_call[block as usize], true) {
+                work.extend(&before[block as usize]);
+            }
+        }
+        all
     }
+
+    fn range(&self, block: usize) -> Range<usize> {
+        self.first[block] as usize..self.first[block + 1] as usize
+    }
+
+    /// What is live behind a block, of the words that are kept there.
+    fn behind(&self, program: &Program, block: usize, live: &mut [u64]) {
+        let terminator = &program.blocks[block].terminator;
+        let words = &self.words[self.range(block)];
+        let begin = if all_is_live(terminator) { u64::MAX } else { 0 };
+        words.iter().for_each(|&word| live[word as usize] = begin);
+        each_target(terminator, |to| {
+            for at in self.range(to as usize) {
+                live[self.words[at] as usize] |= self.live[at];
+            }
+            if self.reaches_call[to as usize] {
+                // What is not kept there is nowhere written on that way.
+                for &word in words {
+                    let (first, last) = self.spans[word as usize];
+                    if !(first..=last).contains(&to) {
+                        live[word as usize] = u64::MAX;
+                    }
+                }
+            }
+        });
+    }
+
+    /// Takes what is live where a block begins; says whether that is news.
+    fn take(&mut self, block: usize, live: &[u64]) -> bool {
+        let mut changed = false;
+        for at in self.range(block) {
+            let live = live[self.words[at] as usize];
+            changed |= std::mem::replace(&mut self.live[at], live) != live;
+        }
+        changed
+    }
+}
+
+/// Whether all is live behind a terminator: functions share rows with their callers.
+fn all_is_live(terminator: &Terminator) -> bool {
+    matches!(terminator, Terminator::Call { .. } | Terminator::Return)
 }
 
 /// The blocks that a terminator goes on to, but for calls.

@@ -14,8 +14,10 @@
 //! All other values keep their rows, so that everything outside (constants, interfaces, what loops carry,
 //! terminators) is as it was, and operations that can trap keep their numbers, by which traps name them.
 
-use std::collections::HashMap;
 use std::ops::Range;
+
+use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
 
 use crate::machine::Reg;
 use crate::ops::conversion::{self, Conversion};
@@ -69,9 +71,10 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
         }
     }
     let mut written = vec![0; program.rows as usize];
+    let mut copies = Copies::new(program.rows);
     for &(start, run) in &starts {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
-        forward(&mut ops, run, &values, &shared, &mut written);
+        forward(&mut ops, run, &values, &shared, &mut written, &mut copies);
     }
     for &(start, run) in &starts {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
@@ -83,6 +86,7 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
     }
     let fates = fates(&mut ops, program.rows, &values);
     let mut places = Places::new(program.rows, values.vanishing());
+    let mut left: SmallVec<[Reg; 4]> = SmallVec::new();
     // Where a value is now, and the operation that reads it last.
     let mut place = vec![Reg(0); program.rows as usize];
     let mut last = vec![0; program.rows as usize];
@@ -96,7 +100,6 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
             if is_idle(op) {
                 continue;
             }
-            let mut left = Vec::new();
             each_single(op, |reg, single| {
                 let value = reg.0 as usize;
                 if single == Single::Read && values.is_local(*reg) {
@@ -108,7 +111,7 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
             });
             // A regular operation reads all lanes before it writes one: it may write where it read.
             if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. }) = op {
-                places.free.append(&mut left);
+                places.free.extend(left.drain(..));
             }
             each_single(op, |reg, single| {
                 let value = reg.0 as usize;
@@ -120,10 +123,10 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
                     }
                 }
             });
-            places.free.append(&mut left);
+            places.free.extend(left.drain(..));
         }
     }
-    let taken = near_values(program, &mut ops, &places, &shared);
+    let taken = near_values(program, &mut ops, &places, &shared, &values);
     near_constants(program, &mut ops, &places, &taken);
     program.rows = places.next;
     let ranges =
@@ -139,7 +142,7 @@ fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
     if !ops.iter().any(|op| matches!(op, Op::Row { row, .. } if std::ptr::eq(*row, unsigned))) {
         return;
     }
-    let mut written: HashMap<Reg, usize> = HashMap::new();
+    let mut written: FxHashMap<Reg, usize> = FxHashMap::default();
     for at in 0..ops.len() {
         if let Op::Row { row, from: [from, ..], .. } = ops[at]
             && std::ptr::eq(row, unsigned)
@@ -240,20 +243,59 @@ struct Copied {
     good: bool,
 }
 
+/// The copies of a run, by the row that is one.
+struct Copies {
+    all: Vec<(Reg, Copied)>,
+    /// By row: where its copy stands, and one more; 0 where it is none.
+    places: Vec<u32>,
+}
+
+impl Copies {
+    fn new(rows: u32) -> Self {
+        Self { all: Vec::new(), places: vec![0; rows as usize] }
+    }
+
+    fn find(&mut self, reg: Reg) -> Option<&mut Copied> {
+        let place = self.places[reg.0 as usize].checked_sub(1)?;
+        Some(&mut self.all[place as usize].1)
+    }
+
+    fn insert(&mut self, reg: Reg, copy: Copied) {
+        match self.find(reg) {
+            Some(known) => *known = copy,
+            None => {
+                self.all.push((reg, copy));
+                self.places[reg.0 as usize] = self.all.len() as u32;
+            }
+        }
+    }
+
+    fn clear(&mut self) {
+        self.all.drain(..).for_each(|(reg, _)| self.places[reg.0 as usize] = 0);
+    }
+}
+
 /// Lets the operations of a run read what local values are copies of; copies that nobody reads then
 /// become idle. `written` has, for each row, one more than the operation that wrote it last.
-fn forward(ops: &mut [Op], run: Range<usize>, values: &Values, shared: &Shared, written: &mut [usize]) {
+fn forward(
+    ops: &mut [Op],
+    run: Range<usize>,
+    values: &Values,
+    shared: &Shared,
+    written: &mut [usize],
+    copies: &mut Copies,
+) {
     if !ops[run.clone()].iter().any(|op| matches!(op, Op::Memory(memory::Op::Move { .. }))) {
         return;
     }
-    let mut copies: HashMap<Reg, Copied> = HashMap::new();
+    copies.clear();
     // When the pipeline last had its turn.
     let mut stopped = 0;
     // First see which copies hold whenever they are read, then rename.
     for at in run.clone() {
         let op = &mut ops[at];
         each_single(op, |reg, single| {
-            if let (Single::Read, Some(copy)) = (single, copies.get_mut(reg)) {
+            if let (Single::Read, Some(copy)) = (single, copies.find(*reg)) {
                 let stopped = if values.is_local(copy.from) { 0 } else { stopped };
                 copy.good &= written[copy.from.0 as usize].max(stopped) <= copy.at;
             }
@@ -268,22 +310,21 @@ fn forward(ops: &mut [Op], run: Range<usize>, values: &Values, shared: &Shared, 
             Op::Memory(memory::Op::Move { to, from }) if values.is_local(to) => {
                 let good = values.is_written_once(to) && !shared.holds(from);
                 // A copy of a copy is one of what that was made of.
-                let from = copies.get(&from).filter(|copy| copy.good).map_or(from, |copy| copy.from);
+                let from = copies.find(from).filter(|copy| copy.good).map_or(from, |copy| copy.from);
                 copies.insert(to, Copied { at, from, good });
             }
             _ => {}
         }
     }
-    copies.retain(|_, copy| copy.good);
     for at in run {
         let op = &mut ops[at];
         each_single(op, |reg, single| {
-            if let (Single::Read, Some(copy)) = (single, copies.get(reg)) {
-                *reg = copy.from;
+            if let (Single::Read, Some(&mut Copied { from, good: true, .. })) = (single, copies.find(*reg)) {
+                *reg = from;
             }
         });
         if let Op::Memory(memory::Op::Move { to, from }) = op
-            && copies.get(to).is_some_and(|copy| copy.at == at)
+            && copies.find(*to).is_some_and(|copy| copy.good && copy.at == at)
         {
             *to = *from;
         }
@@ -297,66 +338,71 @@ pub(super) fn is_idle(op: &Op) -> bool {
 
 /// Gives values behind the window of steps that live longer than a run a row in it, as long as there are any that nobody
 /// takes; which those are. As they are written before they are read, it may be one that batches begin with zeros.
-fn near_values(program: &Program, ops: &mut [Op], places: &Places, shared: &Shared) -> Vec<Reg> {
+fn near_values(
+    program: &Program,
+    ops: &mut [Op],
+    places: &Places,
+    shared: &Shared,
+    values: &Values,
+) -> Vec<Reg> {
     let far = |row: u32| row as usize >= WINDOW;
     let rows = program.rows as usize;
-    let all = (places.next as usize).max(rows);
-    let (mut accesses, mut named) = (vec![0u32; all], vec![0u32; all]);
-    for op in ops.iter_mut() {
-        op.accesses(|access| {
-            let (Access::Read(first, count) | Access::Write(first, count)) = access else { return };
-            (first.0..first.0 + count).for_each(|row| accesses[row as usize] += 1);
-        });
-        each_single(op, |reg, _| named[reg.0 as usize] += 1);
-    }
     let mut stays: Vec<bool> = (0..rows).map(|row| shared.holds(Reg(row as u32))).collect();
-    let variables = program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count);
-    let constants = program.constants.iter().map(|(reg, _)| reg.0);
-    variables.chain(constants).for_each(|row| stays[row as usize] = true);
+    let mut is_variable = vec![false; rows];
+    for row in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
+        (stays[row as usize], is_variable[row as usize]) = (true, true);
+    }
+    program.constants.iter().for_each(|(reg, _)| stays[reg.0 as usize] = true);
     program.blocks.iter().for_each(|block| each_read(&block.terminator, |reg| stays[reg.0 as usize] = true));
     // Rows of variables first: constants cannot have those.
-    let is_variable = |reg: &Reg| {
-        program.variables.iter().any(|&(first, count)| (first.0..first.0 + count).contains(&reg.0))
-    };
+    let is_variable = |reg: &Reg| is_variable[reg.0 as usize];
     let untaken = places.untaken().iter().copied().filter(|reg| !far(reg.0));
     let (mut order, others): (Vec<Reg>, Vec<Reg>) = untaken.partition(is_variable);
     order.extend(others);
-    let mut near: HashMap<Reg, Reg> = HashMap::new();
+    let mut near: Vec<Option<Reg>> = vec![None; rows];
+    let mut taken = 0;
     for op in ops {
         each_single(op, |reg, _| {
             let row = reg.0 as usize;
             // Rows that values of one run share already stand behind all others.
-            if !far(reg.0) || row >= rows || stays[row] || accesses[row] != named[row] {
+            if !far(reg.0) || row >= rows {
                 return;
             }
-            let next = near.len();
-            if let Some(&place) = near.get(reg).or(order.get(next)) {
-                near.insert(*reg, place);
-                *reg = place;
+            if near[row].is_none() && taken < order.len() && !stays[row] && values.stands_alone(*reg) {
+                near[row] = Some(order[taken]);
+                taken += 1;
             }
+            *reg = near[row].unwrap_or(*reg);
         });
     }
-    near.into_values().collect()
+    order.truncate(taken);
+    order
 }
 
 /// Gives constants behind the window of steps a row in it, as long as there are any that nobody takes.
 fn near_constants(program: &mut Program, ops: &mut [Op], places: &Places, taken: &[Reg]) {
     let far = |reg: Reg| reg.0 as usize >= WINDOW;
-    let words: HashMap<Reg, u32> = program.constants.iter().copied().filter(|&(reg, _)| far(reg)).collect();
-    let mut near: HashMap<Reg, Reg> = HashMap::new();
+    let words: FxHashMap<Reg, u32> = program.constants.iter().copied().filter(|&(reg, _)| far(reg)).collect();
+    let mut near: FxHashMap<Reg, Reg> = FxHashMap::default();
     // Every batch begins with zeros in variables, and keeps what constants it was made with.
-    let variables = program.variables.clone();
-    let begins_as_zero =
-        |reg: Reg| variables.iter().any(|&(first, count)| (first.0..first.0 + count).contains(&reg.0));
+    let mut begins_as_zero = [false; WINDOW];
+    for row in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
+        if let Some(zero) = begins_as_zero.get_mut(row as usize) {
+            *zero = true;
+        }
+    }
     let mut untaken = places
         .untaken()
         .iter()
         .copied()
-        .filter(|&reg| !far(reg) && !begins_as_zero(reg) && !taken.contains(&reg));
+        .filter(|&reg| !far(reg) && !begins_as_zero[reg.0 as usize] && !taken.contains(&reg));
     for op in ops {
         if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }) = op {
             each_single(op, |reg, single| {
-                let Some(&word) = words.get(reg).filter(|_| single == Single::Read) else { return };
+                if single != Single::Read || !far(*reg) {
+                    return;
+                }
+                let Some(&word) = words.get(reg) else { return };
                 let known = near.get(reg).copied().or_else(|| {
                     let row = untaken.next()?;
                     program.constants.push((row, word));
@@ -398,62 +444,70 @@ impl Places {
 }
 
 /// Which rows hold values that live within one run.
-struct Values {
-    local: Vec<bool>,
-    writes: Vec<u32>,
+struct Values(Vec<Accesses>);
+
+/// How a row is accessed.
+#[derive(Clone)]
+struct Accesses {
+    /// The first block of the run that writes it first.
+    home: u32,
+    /// How often it is read or written; how often by an operation that names it by itself.
+    all: u32,
+    alone: u32,
+    writes: u32,
+    /// Whether it is written and then read in one run, always by itself.
+    local: bool,
 }
 
 impl Values {
     fn of(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], shared: &Shared) -> Self {
         const NOWHERE: u32 = u32::MAX;
-        let rows = program.rows as usize;
-        let mut local: Vec<bool> = (0..rows).map(|row| !shared.holds(Reg(row as u32))).collect();
-        let keep = |first: Reg, count: u32, local: &mut Vec<bool>| {
-            (first.0..first.0 + count).for_each(|row| local[row as usize] = false);
-        };
-        program.constants.iter().for_each(|&(reg, _)| keep(reg, 1, &mut local));
-        // How often a row is accessed and written, and how often it is named.
-        let mut home = vec![NOWHERE; rows];
-        let (mut accesses, mut writes, mut named) = (vec![0u32; rows], vec![0u32; rows], vec![0u32; rows]);
+        let begin =
+            |row| Accesses { home: NOWHERE, all: 0, alone: 0, writes: 0, local: !shared.holds(Reg(row)) };
+        let mut rows: Vec<Accesses> = (0..program.rows).map(begin).collect();
+        program.constants.iter().for_each(|&(reg, _)| rows[reg.0 as usize].local = false);
         for &(start, run) in starts {
             for op in &mut ops[program.blocks[start as usize].first as usize..run.end as usize] {
                 op.accesses(|access| {
                     let (Access::Read(first, count) | Access::Write(first, count)) = access else { return };
                     let write = matches!(access, Access::Write(..));
-                    for row in first.0 as usize..(first.0 + count) as usize {
-                        accesses[row] += 1;
-                        writes[row] += u32::from(write);
-                        if home[row] == NOWHERE && write {
-                            home[row] = start;
+                    for row in &mut rows[first.0 as usize..(first.0 + count) as usize] {
+                        row.all += 1;
+                        row.writes += u32::from(write);
+                        if row.home == NOWHERE && write {
+                            row.home = start;
                         }
-                        local[row] &= home[row] == start;
+                        row.local &= row.home == start;
                     }
                 });
-                each_single(op, |reg, _| named[reg.0 as usize] += 1);
+                each_single(op, |reg, _| rows[reg.0 as usize].alone += 1);
             }
         }
         for block in &program.blocks {
-            each_read(&block.terminator, |reg| local[reg.0 as usize] = false);
+            each_read(&block.terminator, |reg| rows[reg.0 as usize].local = false);
         }
-        for row in 0..rows {
-            local[row] &= accesses[row] == named[row];
-        }
-        Self { local, writes }
+        rows.iter_mut().for_each(|row| row.local &= row.all == row.alone);
+        Self(rows)
     }
 
     /// Rows that are shared already stand behind all others, and are not local.
     fn is_local(&self, reg: Reg) -> bool {
-        self.local.get(reg.0 as usize).copied().unwrap_or(false)
+        self.0.get(reg.0 as usize).is_some_and(|row| row.local)
     }
 
     /// The rows that nobody names when local values share rows, the lowest last.
     fn vanishing(&self) -> Vec<Reg> {
-        let rows = (0..self.writes.len()).rev();
-        rows.filter(|&row| self.local[row] && self.writes[row] > 0).map(|row| Reg(row as u32)).collect()
+        let rows = (0..self.0.len() as u32).zip(&self.0).rev();
+        rows.filter(|(_, row)| row.local && row.writes > 0).map(|(row, _)| Reg(row)).collect()
     }
 
     fn is_written_once(&self, reg: Reg) -> bool {
-        self.writes[reg.0 as usize] == 1
+        self.0[reg.0 as usize].writes == 1
+    }
+
+    /// Whether whoever accesses a row names it by itself, so that it may be another one.
+    fn stands_alone(&self, reg: Reg) -> bool {
+        self.0[reg.0 as usize].all == self.0[reg.0 as usize].alone
     }
 }
 

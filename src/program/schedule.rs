@@ -5,39 +5,66 @@
 //! A regular operation neither traps nor stops, and has no effect beside the rows that it writes. Any order
 //! gives the same in which reads and writes of each row keep theirs.
 
-use std::collections::BTreeSet;
-
 use crate::machine::Reg;
 use crate::ops::memory;
 use crate::ops::op::{Access, Op};
 use crate::program::reuse::is_idle;
 
+/// No entry.
+const NONE: u32 = u32::MAX;
+
 /// Orders operations; its memory serves one run after the other.
 pub(super) struct Schedule {
-    /// By row: the operation of this stretch that wrote it last, and those that have read it since.
+    /// By row: the operation of this stretch that wrote it last, and the last of those that have read it
+    /// since.
     rows: Vec<Row>,
     touched: Vec<u32>,
+    /// Operations that read a row, each with the one that read it before.
+    readers: Vec<(u32, u32)>,
+    /// Which operation waits for which: the later one, the earlier one.
+    edges: Vec<(u32, u32)>,
+    waiting: Vec<Waiting>,
+    /// Those that wait, by what they wait for.
+    followers: Vec<u32>,
+    order: Vec<u32>,
 }
 
-#[derive(Clone, Default)]
+#[derive(Clone, Copy)]
 struct Row {
-    written: Option<u32>,
-    read: Vec<u32>,
+    written: u32,
+    /// Among the readers.
+    read: u32,
+}
+
+impl Row {
+    const UNTOUCHED: Self = Self { written: NONE, read: NONE };
 }
 
 /// An operation that waits for others.
-#[derive(Clone, Default)]
+#[derive(Clone, Copy)]
 struct Waiting {
     /// How many it waits for.
     count: u32,
-    /// Those that wait for it.
-    followers: Vec<u32>,
+    /// Where those that wait for it stand among the followers.
+    first: u32,
+    end: u32,
+    /// The last that was found to wait for it.
+    last: u32,
+    done: bool,
 }
 
 impl Schedule {
     /// For a program of so many rows.
     pub fn new(rows: u32) -> Self {
-        Self { rows: vec![Row::default(); rows as usize], touched: Vec::new() }
+        Self {
+            rows: vec![Row::UNTOUCHED; rows as usize],
+            touched: Vec::new(),
+            readers: Vec::new(),
+            edges: Vec::new(),
+            waiting: Vec::new(),
+            followers: Vec::new(),
+            order: Vec::new(),
+        }
     }
 
     /// Orders the operations of a run.
@@ -47,36 +74,42 @@ impl Schedule {
         };
         for stretch in ops.chunk_by_mut(|a, b| regular(a) == regular(b)) {
             if stretch.len() > 2 && regular(&stretch[0]) {
-                let order = self.ordered(stretch);
-                let sorted: Vec<Op> = order.into_iter().map(|at| stretch[at as usize].clone()).collect();
-                stretch.clone_from_slice(&sorted);
+                self.find_order(stretch);
+                let sorted: Vec<Op> = self.order.iter().map(|&at| stretch[at as usize].clone()).collect();
+                stretch.iter_mut().zip(sorted).for_each(|(op, sorted)| *op = sorted);
             }
         }
     }
 
-    /// The order of the operations of a stretch.
-    fn ordered(&mut self, ops: &[Op]) -> Vec<u32> {
-        let mut waiting = self.waiting(ops);
-        let mut ready: BTreeSet<u32> =
-            (0..ops.len() as u32).filter(|&at| waiting[at as usize].count == 0).collect();
-        let mut order = Vec::with_capacity(ops.len());
+    /// Finds the order of the operations of a stretch.
+    fn find_order(&mut self, ops: &[Op]) {
+        self.find_edges(ops);
+        self.find_followers();
+        let Self { waiting, followers, order, .. } = self;
+        order.clear();
         let mut before: Option<u32> = None;
-        while let Some(&earliest) = ready.first() {
-            let result = before.and_then(|at| result(&ops[at as usize]));
-            let goes_on = result.and_then(|result| {
-                let followers = &waiting[before? as usize].followers;
-                followers.iter().copied().find(|at| ready.contains(at) && reads(&ops[*at as usize], result))
+        // The first that is left waits for nobody, as all wait for earlier ones.
+        let mut earliest = 0;
+        while order.len() < ops.len() {
+            while waiting[earliest].done {
+                earliest += 1;
+            }
+            let behind = |at: u32| {
+                let Waiting { first, end, .. } = waiting[at as usize];
+                &followers[first as usize..end as usize]
+            };
+            let goes_on = before.and_then(|before| {
+                let result = result(&ops[before as usize])?;
+                let is_ready = |at: u32| waiting[at as usize].count == 0 && !waiting[at as usize].done;
+                let mut behind = behind(before).iter().copied();
+                behind.find(|&at| is_ready(at) && reads(&ops[at as usize], result))
             });
-            let next = goes_on.unwrap_or(earliest);
-            ready.remove(&next);
+            let next = goes_on.unwrap_or(earliest as u32);
             order.push(next);
-            for follower in std::mem::take(&mut waiting[next as usize].followers) {
-                let entry = &mut waiting[follower as usize];
-                entry.count -= 1;
-                if entry.count == 0 {
-                    ready.insert(follower);
-                }
-                waiting[next as usize].followers.push(follower);
+            let Waiting { first, end, .. } = waiting[next as usize];
+            waiting[next as usize].done = true;
+            for &follower in &followers[first as usize..end as usize] {
+                waiting[follower as usize].count -= 1;
             }
             // A masked copy leaves the value at hand that it copies.
             let copies = |op: &Op| matches!(op, Op::Memory(memory::Op::MoveMasked { .. }));
@@ -84,50 +117,75 @@ impl Schedule {
                 before = Some(next);
             }
         }
-        order
     }
 
-    /// What each operation waits for: whoever wrote what it reads, and read or wrote what it writes.
-    fn waiting(&mut self, ops: &[Op]) -> Vec<Waiting> {
-        let mut waiting = vec![Waiting::default(); ops.len()];
+    /// Finds what each operation waits for: whoever wrote what it reads, and read or wrote what it writes.
+    fn find_edges(&mut self, ops: &[Op]) {
+        let Self { rows, touched, readers, edges, waiting, .. } = self;
+        edges.clear();
+        readers.clear();
+        waiting.clear();
+        waiting.resize(ops.len(), Waiting { count: 0, first: 0, end: 0, last: NONE, done: false });
         for (at, op) in (0..).zip(ops) {
             if is_idle(op) {
                 continue;
             }
-            let mut after: Vec<u32> = Vec::new();
+            let mut wait = |earlier: u32| {
+                if earlier != NONE && earlier != at {
+                    let entry = &mut waiting[earlier as usize];
+                    // Once, however many rows they have in common.
+                    if std::mem::replace(&mut entry.last, at) != at {
+                        entry.end += 1;
+                        edges.push((at, earlier));
+                    }
+                }
+            };
             op.accesses(|access| {
                 if let Access::Read(first, count) = access {
                     for row in first.0..first.0 + count {
-                        self.touched.push(row);
-                        let row = &mut self.rows[row as usize];
-                        after.extend(row.written);
-                        row.read.push(at);
+                        touched.push(row);
+                        let row = &mut rows[row as usize];
+                        wait(row.written);
+                        readers.push((at, row.read));
+                        row.read = readers.len() as u32 - 1;
                     }
                 }
             });
             op.accesses(|access| {
                 if let Access::Write(first, count) = access {
                     for row in first.0..first.0 + count {
-                        self.touched.push(row);
-                        let row = &mut self.rows[row as usize];
-                        after.extend(row.written.replace(at));
-                        after.extend(row.read.drain(..).filter(|&reader| reader != at));
+                        touched.push(row);
+                        let row = &mut rows[row as usize];
+                        wait(std::mem::replace(&mut row.written, at));
+                        let mut next = std::mem::replace(&mut row.read, NONE);
+                        while let Some(&(reader, before)) = readers.get(next as usize) {
+                            wait(reader);
+                            next = before;
+                        }
                     }
                 }
             });
-            after.sort_unstable();
-            after.dedup();
-            waiting[at as usize].count = after.len() as u32;
-            for earlier in after {
-                waiting[earlier as usize].followers.push(at);
-            }
         }
-        for row in self.touched.drain(..) {
-            let row = &mut self.rows[row as usize];
-            row.written = None;
-            row.read.clear();
+        touched.drain(..).for_each(|row| rows[row as usize] = Row::UNTOUCHED);
+    }
+
+    /// Sorts those that wait by what they wait for.
+    fn find_followers(&mut self) {
+        let Self { edges, waiting, followers, .. } = self;
+        let mut first = 0;
+        for waiting in waiting.iter_mut() {
+            let count = waiting.end;
+            (waiting.first, waiting.end) = (first, first);
+            first += count;
         }
-        waiting
+        followers.clear();
+        followers.resize(edges.len(), NONE);
+        for &(later, earlier) in edges.iter() {
+            let end = &mut waiting[earlier as usize].end;
+            followers[*end as usize] = later;
+            *end += 1;
+            waiting[later as usize].count += 1;
+        }
     }
 }
 

@@ -1,10 +1,9 @@
 //! Makes the steps of operations.
 
-use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::LazyLock;
 
-use smallvec::{SmallVec, smallvec};
+use rustc_hash::FxHashMap;
 
 use crate::machine::Reg;
 use crate::ops::memory;
@@ -46,12 +45,21 @@ fn clamp(row: &'static Row) -> Option<[Function; 2]> {
     })
 }
 
-/// The function of a row, where it has a code.
-fn function(row: &'static Row) -> Option<Function> {
-    static FUNCTIONS: LazyLock<HashMap<usize, Function>> = LazyLock::new(|| {
-        Function::rows().into_iter().map(|(row, function)| (address(row), function)).collect()
+/// What a row calculates, where it has a code or is a clamp.
+#[derive(Clone, Copy)]
+enum Known {
+    One(Function),
+    Clamp([Function; 2]),
+}
+
+fn known(row: &'static Row) -> Option<Known> {
+    static KNOWN: LazyLock<FxHashMap<usize, Known>> = LazyLock::new(|| {
+        let clamps = crate::ops::glsl::FAMILIES.iter().flat_map(|family| family.rows);
+        let clamps = clamps.filter_map(|row| Some((address(row), Known::Clamp(clamp(row)?))));
+        let rows = Function::rows().into_iter();
+        rows.map(|(row, function)| (address(row), Known::One(function))).chain(clamps).collect()
     });
-    FUNCTIONS.get(&address(row)).copied()
+    KNOWN.get(&address(row)).copied()
 }
 
 /// What identifies a row of the tables.
@@ -115,20 +123,18 @@ impl Steps {
         // inside.
         let far = ops.iter().filter(|op| is_far(op)).count();
         let apart = far * 8 <= ops.len();
-        let planned = |at: usize| {
-            let op = &ops[at];
-            if apart && is_far(op) {
-                smallvec![Planned::other(at, fates[at])]
-            } else {
-                planned(at, op, fates[at])
-            }
-        };
+        let mut planned = Vec::new();
         for run in runs {
-            let planned = pairs(run.clone().flat_map(planned));
-            let mut held = None;
-            for planned in planned {
-                steps.add(planned, &mut held);
+            for at in run {
+                let op = &ops[at];
+                if apart && is_far(op) {
+                    planned.push(Planned::other(at, fates[at]));
+                } else {
+                    plan(at, op, fates[at], &mut planned);
+                }
             }
+            let mut held = None;
+            planned.drain(..).for_each(|planned| steps.add(planned, &mut held));
             steps.let_go(held);
         }
         let window = |row: u16| usize::from(row) < WINDOW;
@@ -204,66 +210,79 @@ impl Steps {
     }
 }
 
-/// What an operation calculates: nothing where it does nothing, twice something where it is a clamp.
-fn planned(at: usize, op: &Op, fate: Fate) -> SmallVec<[Planned; 2]> {
-    if let Op::Row { row, to, from } = op
-        && let Some([lower, upper]) = clamp(row)
-        && let [Ok(to), Ok(a), Ok(low), Ok(high)] =
-            [to, &from[0], &from[1], &from[2]].map(|reg| u16::try_from(reg.0))
-        && to != high
-    {
-        let float = row.float_result == 32;
-        let half = |function, from, fate| Planned {
-            function,
-            to,
-            from,
-            operands: 2,
-            fate,
-            twice: false,
-            float,
-            op: at as u32,
-        };
-        let inner = Fate { reads: Some(1), bits_seen: false };
-        return smallvec![half(lower, [a, low, low], inner), half(upper, [to, high, high], fate)];
-    }
-    single(at, op, fate).into_iter().collect()
-}
-
-/// The same for other operations.
-fn single(at: usize, op: &Op, fate: Fate) -> Option<Planned> {
-    let word = |reg: Reg| u16::try_from(reg.0).ok();
+/// Appends what an operation calculates: nothing where it does nothing, twice something where it is a
+/// clamp.
+fn plan(at: usize, op: &Op, fate: Fate, planned: &mut Vec<Planned>) {
     let known = match op {
-        Op::Row { row, to, from } => function(row).and_then(|function| {
-            let operands = row.operands.iter().take_while(|&&words| words > 0).count();
-            let words = [from[0], from[1.min(operands - 1)], from[2.min(operands - 1)]].map(word);
-            Some((function, word(*to)?, [words[0]?, words[1]?, words[2]?], operands, row.float_result == 32))
-        }),
-        Op::Memory(memory::Op::Move { to, from }) if to == from => return None,
-        Op::Memory(memory::Op::Move { to, from }) => {
-            word(*to).zip(word(*from)).map(|(to, from)| (Function::Move, to, [from; 3], 1, false))
-        }
-        Op::Memory(memory::Op::MoveMasked { to, from }) => {
-            word(*to).zip(word(*from)).map(|(to, from)| (Function::MoveMasked, to, [from; 3], 1, false))
-        }
+        Op::Memory(memory::Op::Move { to, from }) if to == from => return,
+        Op::Row { row, .. } => known(row),
+        Op::Memory(memory::Op::Move { .. }) => Some(Known::One(Function::Move)),
+        Op::Memory(memory::Op::MoveMasked { .. }) => Some(Known::One(Function::MoveMasked)),
         _ => None,
     };
-    let (function, to, from, operands, float) = known.unwrap_or((Function::Other, 0, [0; 3], 0, false));
+    let steps = match known {
+        Some(Known::One(function)) => single(at, op, function, fate).map(|one| push(planned, one)),
+        Some(Known::Clamp(both)) => clamped(at, op, both, fate).map(|both| {
+            both.into_iter().for_each(|one| push(planned, one));
+        }),
+        None => None,
+    };
+    if steps.is_none() {
+        push(planned, Planned::other(at, fate));
+    }
+}
+
+/// The number of a row, where steps can name it.
+fn word(reg: Reg) -> Option<u16> {
+    u16::try_from(reg.0).ok()
+}
+
+fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], fate: Fate) -> Option<[Planned; 2]> {
+    let Op::Row { row, to, from } = op else { return None };
+    let (to, [a, low, high]) = (word(*to)?, from.map(word));
+    let (a, low, high) = (a?, low?, high?);
+    if to == high {
+        return None;
+    }
+    let float = row.float_result == 32;
+    let half = |function, from, fate| Planned {
+        function,
+        to,
+        from,
+        operands: 2,
+        fate,
+        twice: false,
+        float,
+        op: at as u32,
+    };
+    let inner = Fate { reads: Some(1), bits_seen: false };
+    Some([half(lower, [a, low, low], inner), half(upper, [to, high, high], fate)])
+}
+
+fn single(at: usize, op: &Op, function: Function, fate: Fate) -> Option<Planned> {
+    let (to, from, operands, float) = match op {
+        Op::Row { row, to, from } => {
+            let operands = row.operands.iter().take_while(|&&words| words > 0).count();
+            let [a, b, c] = [from[0], from[1.min(operands - 1)], from[2.min(operands - 1)]].map(word);
+            (word(*to)?, [a?, b?, c?], operands, row.float_result == 32)
+        }
+        Op::Memory(memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from }) => {
+            (word(*to)?, [word(*from)?; 3], 1, false)
+        }
+        _ => return None,
+    };
     // Conversions of integers, and choices between numbers, make none.
     let float = float && !matches!(function, Function::UToF | Function::SToF | Function::Step);
     Some(Planned { function, to, from, operands, fate, twice: false, float, op: at as u32 })
 }
 
-/// Puts those together that have a function as a pair.
-fn pairs(all: impl Iterator<Item = Planned>) -> Vec<Planned> {
-    let mut planned: Vec<Planned> = Vec::new();
-    for mut last in all {
-        while let Some(both) = planned.last().and_then(|first| pair(first, &last)) {
-            planned.pop();
-            last = both;
-        }
-        planned.push(last);
+/// Appends one, put together with those before it that it has a function with as a pair.
+fn push(planned: &mut Vec<Planned>, mut last: Planned) {
+    while let Some(both) = planned.last().and_then(|first| pair(first, &last)) {
+        planned.pop();
+        last = both;
     }
-    planned
+    planned.push(last);
 }
 
 /// Two as one, where they have a function together and the first one's result goes nowhere else.
@@ -271,10 +290,12 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     if first.fate.reads != Some(1) || second.operands == 0 {
         return None;
     }
-    let found = |wanted: Shape| {
-        let mut pairs = Function::PAIRS.iter();
-        pairs.find(|known| known.0 == first.function && known.1 == second.function && known.2 == wanted)
-    };
+    let mut pairs = Function::PAIRS
+        .iter()
+        .filter(|known| known.0 == first.function && known.1 == second.function)
+        .peekable();
+    pairs.peek()?;
+    let found = |wanted: Shape| pairs.clone().find(|known| known.2 == wanted);
     let [a, b, _] = first.from;
     let [mut c, mut d, _] = second.from;
     let two = second.operands == 2 && (c == first.to) != (d == first.to);
