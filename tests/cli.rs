@@ -210,3 +210,118 @@ fn run_says_what_is_wrong_with_its_arguments() {
     assert_eq!(code, Some(2));
     assert!(err.contains("has no compute entry point") && err.contains("needs a scene file"), "{err}");
 }
+
+/// A folder with a scene of one WGSL module, `main`.
+#[cfg(feature = "wgsl")]
+fn scene_folder(scene: &str, shaders: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let head =
+        "[shaders]\nmain = 'main.wgsl'\n[resources.scene]\ntype = 'acceleration_structure'\nbinding = 0\n";
+    let shaders = format!(
+        "enable wgpu_ray_tracing_pipeline;
+         @group(0) @binding(0) var scene: acceleration_structure;
+         struct Payload {{ t: f32 }}
+         var<ray_payload> payload: Payload;
+         {shaders}"
+    );
+    for (name, text) in [("scene.toml", format!("version = 1\n{scene}\n{head}")), ("main.wgsl", shaders)] {
+        std::fs::write(folder.path().join(name), text).expect("a writable folder");
+    }
+    folder
+}
+
+#[cfg(feature = "wgsl")]
+#[test]
+fn run_intersects_at_the_precision_that_is_asked_for() {
+    // The sphere of radius 1 around 0 from 64 places on a line, obliquely.
+    let folder = scene_folder(
+        "precision = 'float'
+         launch = 64
+         [geometry.sphere]
+         type = 'spheres'
+         positions = [[0, 0, 0]]
+         radii = 1.0
+         [[instance]]
+         geometry = 'sphere'
+         [pipeline]
+         raygen = 'main:look'
+         miss = ['main:nothing']
+         hit = [{ closest_hit = 'main:met' }]
+         [resources.met]
+         type = 'storage_buffer'
+         binding = 1
+         size = 256
+        ",
+        "@group(0) @binding(1) var<storage, read_write> out: array<f32>;
+         var<incoming_ray_payload> incoming: Payload;
+         @ray_generation
+         fn look(@builtin(ray_invocation_id) id: vec3u) {
+             let origin = vec3f(0.25 + f32(id.x) / 256.0, -1.5, 64.0);
+             traceRay(scene, RayDesc(RAY_FLAG_NONE, 0xFFu, 0.0, 100.0, origin, vec3f(-0.0078125, 0.015625, -1.0)), &payload);
+             out[id.x] = payload.t;
+         }
+         @closest_hit @incoming_payload(incoming)
+         fn met(@builtin(ray_t_current_max) t: f32) { incoming = Payload(t); }
+         @miss @incoming_payload(incoming)
+         fn nothing() { incoming = Payload(-1.0); }",
+    );
+    let scene = folder.path().join("scene.toml").display().to_string();
+    let met = |more: &[&str]| -> Vec<f32> {
+        let (code, out, err) = run(&[&["run", &scene, "--dump", "met=json"], more].concat());
+        assert_eq!((code, err.as_str()), (Some(0), ""));
+        let value: Value = serde_json::from_str(&out).expect("JSON");
+        let list = value["value"]["_0"].as_array().expect("a list").iter();
+        list.map(|number| number.as_f64().expect("a number") as f32).collect()
+    };
+    // a t^2 + 2 b t + c = 0 in f64, whose error is a millionth of a step of f32 here.
+    let wanted: Vec<f32> = (0..64)
+        .map(|number| {
+            let (origin, way) =
+                ([0.25 + f64::from(number) / 256.0, -1.5, 64.0], [-0.0078125, 0.015625, -1.0]);
+            let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            let (a, b, c) = (dot(way, way), dot(origin, way), dot(origin, origin) - 1.0);
+            ((-b - (b * b - a * c).sqrt()) / a) as f32
+        })
+        .collect();
+    assert_eq!(met(&["--precision", "exact"]), wanted);
+    let float = met(&["--precision", "float"]);
+    assert_eq!(met(&[]), float, "as the scene says");
+    // Formulas in f32 are near, and not all of them right: a step is 2^-18.
+    let steps = float.iter().zip(&wanted).map(|(float, wanted)| (float - wanted).abs() * 262_144.0);
+    let most = steps.fold(0.0, f32::max);
+    assert!((1.0..64.0).contains(&most), "{most}");
+    let (code, _, err) = run(&["run", &scene, "--precision", "half"]);
+    assert_eq!(code, Some(2));
+    assert!(err.contains("exact") && err.contains("double") && err.contains("float"), "{err}");
+}
+
+#[cfg(feature = "wgsl")]
+#[test]
+fn stats_tell_of_structures_that_a_few_rays_look_through() {
+    let structures = |blades: u32, rays: u32| {
+        let folder = scene_folder(
+            &format!(
+                "launch = {rays}\n[geometry.grass]\ntype = 'grass'\ncount = {blades}\narea = [9, 7]\n\
+                 [[instance]]\ngeometry = 'grass'\n[pipeline]\nraygen = 'main:look'\n"
+            ),
+            // From above into the meadow.
+            "@ray_generation
+             fn look(@builtin(ray_invocation_id) id: vec3u) {
+                 let origin = vec3f(f32(id.x) / 256.0, 4.0, 0.0);
+                 traceRay(scene, RayDesc(RAY_FLAG_NONE, 0xFFu, 0.0, 10.0, origin, vec3f(0.0, -1.0, 0.0)), &payload);
+             }",
+        );
+        let scene = folder.path().join("scene.toml").display().to_string();
+        let (code, out, err) = run(&["run", &scene, "--stats"]);
+        assert_eq!((code, err.as_str()), (Some(0), ""));
+        out.lines().find(|line| line.starts_with("structures")).expect("a line").to_owned()
+    };
+    let line = |trees: &str| {
+        format!("structures                1 of 1, met by rays, were built, {trees} (linear swept spheres)")
+    };
+    // The first four rays that reach more than 512 primitives look through a list of them.
+    let (list, tree) =
+        (line("0 of them with a tree and 1 as a list for a few rays"), line("1 of them with a tree"));
+    assert_eq!([structures(513, 1), structures(513, 4)], [list.clone(), list]);
+    assert_eq!([structures(513, 5), structures(512, 1)], [tree.clone(), tree]);
+}

@@ -155,11 +155,15 @@ pub fn run(table: &mut Table) {
     }
 }
 
-/// A launch to run again and again: the triangles with the heavy closest-hit shader.
+/// A launch to run again and again: the triangles with the heavy closest-hit shader, or arithmetic only.
 #[allow(dead_code, reason = "the comparison with peers has no threads")]
-pub fn heavy(table: &Table, size: [u32; 2]) -> (Pipeline, Resources) {
+pub fn again(table: &Table, heavy: bool, size: [u32; 2]) -> (Pipeline, Resources) {
     let scene = scenes::heightfield(table.size(256, 8));
     let tlas = scene.tlas(GeometryFlags::OPAQUE);
     let (resources, _) = resources(&scene, tlas, size);
-    (pipeline(Shaders { closest_hit: "heavy", ..PRIMARY }), resources)
+    let shaders = match heavy {
+        true => Shaders { closest_hit: "heavy", ..PRIMARY },
+        false => Shaders { ray_generation: "arithmetic", ..Shaders::default() },
+    };
+    (pipeline(shaders), resources)
 }

@@ -10,8 +10,12 @@ use std::time::{Duration, Instant};
 use anyhit::machine::Resources;
 use anyhit::pipeline::{Launch, Pipeline};
 
+use crate::clock;
 use crate::frames;
 use crate::table::Table;
+
+/// How many threads, and processes.
+const COUNTS: [usize; 3] = [1, 2, 4];
 
 /// Set where this process is one of those that are compared.
 const WORKER: &str = "ANYHIT_BENCH_WORKER";
@@ -21,6 +25,16 @@ pub fn is_worker() -> bool {
     std::env::var_os(WORKER).is_some()
 }
 
+/// Millions of pixels a second, and a second of processor time of one thread.
+#[derive(Clone, Copy)]
+struct Rate {
+    wall: f64,
+    thread: f64,
+}
+
+/// The two pictures that are drawn.
+const PICTURES: [(&str, bool); 2] = [("triangles heavy", true), ("arithmetic", false)];
+
 struct Picture {
     pipeline: Pipeline,
     resources: Resources,
@@ -29,38 +43,63 @@ struct Picture {
 }
 
 impl Picture {
-    fn new(table: &Table) -> Self {
+    fn both(table: &Table) -> [Self; 2] {
         let size = table.size([1024, 768], [32, 6]);
-        let (pipeline, resources) = frames::heavy(table, size);
-        Self { pipeline, resources, size, time: table.size(Duration::from_millis(700), Duration::ZERO) }
+        let time = table.size(Duration::from_millis(300), Duration::ZERO);
+        PICTURES.map(|(_, heavy)| {
+            let (pipeline, resources) = frames::again(table, heavy, size);
+            Self { pipeline, resources, size, time }
+        })
     }
 
-    /// Draws the picture by a pool of threads, at least once and then again until the time is over; millions of pixels
-    /// a second.
-    fn draw(&self, pool: &rayon::ThreadPool, time: Duration) -> f64 {
+    /// Draws the picture by a pool of threads, at least once and then again until the time is over.
+    fn draw(&self, pool: &rayon::ThreadPool, time: Duration) -> Rate {
         let launch = Launch { pipeline: &self.pipeline, resources: &self.resources };
         let [width, height] = self.size;
-        let (start, mut pixels) = (Instant::now(), 0);
+        let (start, cpu, mut pixels) = (Instant::now(), clock::process(), 0);
         while pixels == 0 || start.elapsed() < time {
             pool.install(|| launch.run::<64>([width, height, 1], &|_| ()).expect("no trap"));
             pixels += width * height;
         }
-        f64::from(pixels) / start.elapsed().as_secs_f64() / 1e6
+        let rate = |time: Duration| f64::from(pixels) / time.as_secs_f64() / 1e6;
+        Rate { wall: rate(start.elapsed()), thread: rate(clock::process() - cpu) }
     }
 }
 
-fn pool(threads: usize) -> rayon::ThreadPool {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads")
+/// A pool whose threads each keep to a processor of their own, where this system lets them: from the given one of
+/// those that this process may use.
+fn pool(first: usize, threads: usize) -> rayon::ThreadPool {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    builder.start_handler(move |at| keep_to(first + at)).build().expect("threads")
 }
 
-/// Draws with one thread whenever a line comes, and tells how fast that was; until no line comes.
+#[cfg(target_os = "linux")]
+fn keep_to(number: usize) {
+    use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+    let Ok(all) = sched_getaffinity(None) else { return };
+    let mut allowed = (0..CpuSet::MAX_CPU).filter(|&cpu| all.is_set(cpu));
+    if let Some(cpu) = allowed.nth(number % all.count().max(1) as usize) {
+        let mut one = CpuSet::new();
+        one.set(cpu);
+        // Where it is refused, threads go where the system puts them.
+        let _ = sched_setaffinity(None, &one);
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn keep_to(_: usize) {}
+
+/// Draws a picture with one thread whenever its number comes, and tells how fast that was; until no line comes.
 pub fn work(full: bool) {
-    let picture = Picture::new(&Table::new(full, None));
-    let pool = pool(1);
-    picture.draw(&pool, Duration::ZERO);
+    let number = std::env::var(WORKER).ok().and_then(|number| number.parse().ok());
+    let pictures = Picture::both(&Table::new(full, None));
+    let pool = pool(number.expect("the number of this worker"), 1);
+    pictures.iter().for_each(|picture| _ = picture.draw(&pool, Duration::ZERO));
     println!("ready");
-    for _ in std::io::stdin().lines() {
-        println!("{}", picture.draw(&pool, picture.time));
+    for line in std::io::stdin().lines() {
+        let picture = &pictures[line.expect("a line").parse::<usize>().expect("a number")];
+        let rate = picture.draw(&pool, picture.time);
+        println!("{} {}", rate.wall, rate.thread);
     }
 }
 
@@ -71,9 +110,9 @@ struct Worker {
 }
 
 impl Worker {
-    fn new(full: bool) -> Self {
+    fn new(full: bool, number: usize) -> Self {
         let mut command = Command::new(std::env::current_exe().expect("the path of this program"));
-        command.env(WORKER, "1").stdin(Stdio::piped()).stdout(Stdio::piped());
+        command.env(WORKER, number.to_string()).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = if full { command.arg("--bench") } else { &mut command }.spawn().expect("a process");
         let told = BufReader::new(child.stdout.take().expect("its output"));
         let mut worker = Self { child, told };
@@ -81,8 +120,14 @@ impl Worker {
         worker
     }
 
-    fn begin(&mut self) {
-        writeln!(self.child.stdin.as_mut().expect("its input")).expect("a line");
+    fn begin(&mut self, picture: usize) {
+        writeln!(self.child.stdin.as_mut().expect("its input"), "{picture}").expect("a line");
+    }
+
+    fn rate(&mut self) -> Rate {
+        let line = self.line();
+        let (wall, thread) = line.split_once(' ').expect("two numbers");
+        Rate { wall: wall.parse().expect("a rate"), thread: thread.parse().expect("a rate") }
     }
 
     fn line(&mut self) -> String {
@@ -103,34 +148,55 @@ pub fn run(table: &Table) {
     if !table.wants_any("threads") {
         return;
     }
-    let picture = Picture::new(table);
-    let counts = [1, 2, 4];
-    let pools = counts.map(pool);
-    let mut workers: Vec<Worker> = (0..counts[2]).map(|_| Worker::new(table.size(true, false))).collect();
-    pools.iter().for_each(|pool| _ = picture.draw(pool, Duration::ZERO));
-    let mut rates: [[Vec<f64>; 2]; 3] = Default::default();
-    for _ in 0..table.size(7, 1) {
-        for (at, &count) in counts.iter().enumerate() {
-            rates[at][0].push(picture.draw(&pools[at], picture.time));
-            let some = &mut workers[..count];
-            some.iter_mut().for_each(Worker::begin);
-            let rate = |worker: &mut Worker| worker.line().parse::<f64>().expect("a rate");
-            rates[at][1].push(some.iter_mut().map(rate).sum());
+    let pictures = Picture::both(table);
+    let pools = COUNTS.map(|count| pool(0, count));
+    let mut workers: Vec<Worker> =
+        (0..4).map(|number| Worker::new(table.size(true, false), number)).collect();
+    for (number, (picture, (name, _))) in pictures.iter().zip(PICTURES).enumerate() {
+        pools.iter().for_each(|pool| _ = picture.draw(pool, Duration::ZERO));
+        let mut rounds: Vec<[[Rate; 2]; 3]> = Vec::new();
+        for round in 0..table.size(20, 1) {
+            rounds.push([0, 1, 2].map(|at| {
+                let count = COUNTS[at];
+                let threads = || picture.draw(&pools[at], picture.time);
+                let mut processes = || {
+                    let some = &mut workers[..count];
+                    some.iter_mut().for_each(|worker| worker.begin(number));
+                    let rates: Vec<Rate> = some.iter_mut().map(Worker::rate).collect();
+                    let sum = |rate: fn(&Rate) -> f64| rates.iter().map(rate).sum::<f64>();
+                    Rate { wall: sum(|rate| rate.wall), thread: sum(|rate| rate.thread) / count as f64 }
+                };
+                // Whoever comes first: a machine that gets slower or faster meanwhile favours neither.
+                match round % 2 {
+                    0 => [threads(), processes()],
+                    _ => {
+                        let rate = processes();
+                        [threads(), rate]
+                    }
+                }
+            }));
+        }
+        for (at, count) in COUNTS.into_iter().enumerate() {
+            let of = |value: &dyn Fn(&[[Rate; 2]; 3]) -> f64| middle(rounds.iter().map(value).collect());
+            println!(
+                "threads {count}, {name:<16} {:>7.3} Mpixels/s, {} times one thread; {count} processes {:.3}, ratio {}, \
+                 in processor time {}",
+                of(&|round| round[at][0].wall)[1],
+                shown(of(&|round| round[at][0].wall / round[0][0].wall)),
+                of(&|round| round[at][1].wall)[1],
+                shown(of(&|round| round[at][0].wall / round[at][1].wall)),
+                shown(of(&|round| round[at][0].thread / round[at][1].thread)),
+            );
         }
     }
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
-    for (at, count) in counts.into_iter().enumerate() {
-        let [threads, processes] = &rates[at];
-        let ratios = |to: &Vec<f64>| median(threads.iter().zip(to).map(|(own, to)| own / to).collect());
-        println!(
-            "threads {count}, triangles heavy           {:>9.3} Mpixels/s, {:.2} times as many as one; {count} processes {:.3}, ratio {:.3}",
-            median(threads.clone()),
-            ratios(&rates[0][0]),
-            median(processes.clone()),
-            ratios(processes),
-        );
-    }
+}
+
+/// The median between the quartiles.
+fn middle(mut values: Vec<f64>) -> [f64; 3] {
+    values.sort_by(f64::total_cmp);
+    [1, 2, 3].map(|quarter| values[(values.len() - 1) * quarter / 4])
+}
+
+fn shown([low, median, high]: [f64; 3]) -> String {
+    format!("{median:.3} ({low:.3} to {high:.3})")
 }
