@@ -29,13 +29,15 @@ impl Module {
     ///
     /// `None` for types, labels, functions, and where nothing known defines the id.
     pub fn type_of(&self, id: Id) -> Option<TypeId> {
+        if let Some(ty) = self.result_types.find(id) {
+            return Some(ty);
+        }
         match self.definition(id)? {
             Definition::Constant(index) => Some(self.constants[index as usize].ty),
             Definition::Variable(index) => Some(self.variables[index as usize].pointer),
             Definition::Parameter(function, index) => {
                 Some(self.functions[function as usize].parameters[index as usize].1)
             }
-            Definition::Result(..) => self.result_types.find(id),
             _ => None,
         }
     }

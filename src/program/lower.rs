@@ -415,6 +415,9 @@ impl<'m> Lowering<'m> {
         let (operations, builtins) = (program.ops.len(), program.inputs.len());
         let addressed = &self.decoder.addressed;
         prune(&mut program, addressed);
+        // What was dropped, and room that was never used, would stay with the program.
+        program.ops.shrink_to_fit();
+        program.origins.shrink_to_fit();
         forward_copies(&mut program, addressed);
         drop_dead_stores(&mut program, addressed);
         prune(&mut program, addressed);

@@ -359,6 +359,9 @@ fn near_values(
     let untaken = places.untaken().iter().copied().filter(|reg| !far(reg.0));
     let (mut order, others): (Vec<Reg>, Vec<Reg>) = untaken.partition(is_variable);
     order.extend(others);
+    if order.is_empty() {
+        return order;
+    }
     let mut near: Vec<Option<Reg>> = vec![None; rows];
     let mut taken = 0;
     for op in ops {
@@ -395,7 +398,11 @@ fn near_constants(program: &mut Program, ops: &mut [Op], places: &Places, taken:
         .untaken()
         .iter()
         .copied()
-        .filter(|&reg| !far(reg) && !begins_as_zero[reg.0 as usize] && !taken.contains(&reg));
+        .filter(|&reg| !far(reg) && !begins_as_zero[reg.0 as usize] && !taken.contains(&reg))
+        .peekable();
+    if untaken.peek().is_none() {
+        return;
+    }
     for op in ops {
         if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }) = op {
             each_single(op, |reg, single| {

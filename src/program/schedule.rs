@@ -75,6 +75,9 @@ impl Schedule {
         for stretch in ops.chunk_by_mut(|a, b| regular(a) == regular(b)) {
             if stretch.len() > 2 && regular(&stretch[0]) {
                 self.find_order(stretch);
+                if self.order.is_sorted() {
+                    continue;
+                }
                 let sorted: Vec<Op> = self.order.iter().map(|&at| stretch[at as usize].clone()).collect();
                 stretch.iter_mut().zip(sorted).for_each(|(op, sorted)| *op = sorted);
             }
@@ -140,8 +143,9 @@ impl Schedule {
                     }
                 }
             };
-            op.accesses(|access| {
-                if let Access::Read(first, count) = access {
+            // Regular operations tell what they read before what they write.
+            op.accesses(|access| match access {
+                Access::Read(first, count) => {
                     for row in first.0..first.0 + count {
                         touched.push(row);
                         let row = &mut rows[row as usize];
@@ -150,9 +154,7 @@ impl Schedule {
                         row.read = readers.len() as u32 - 1;
                     }
                 }
-            });
-            op.accesses(|access| {
-                if let Access::Write(first, count) = access {
+                Access::Write(first, count) => {
                     for row in first.0..first.0 + count {
                         touched.push(row);
                         let row = &mut rows[row as usize];
@@ -164,6 +166,7 @@ impl Schedule {
                         }
                     }
                 }
+                Access::Effect => {}
             });
         }
         touched.drain(..).for_each(|row| rows[row as usize] = Row::UNTOUCHED);
