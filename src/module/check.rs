@@ -10,19 +10,21 @@ use crate::module::names::opcode_name;
 use crate::module::words::{Span, invalid};
 use crate::module::{Block, Definition, Id, Instruction, Module};
 
-/// Checks every instruction of every function, then that no entry point calls itself in a circle.
+/// Checks every instruction of every function, then that no entry point calls itself in a circle; says what
+/// each function uses.
 ///
 /// # Errors
 /// `InvalidModule` where operands are missing or left over, an id has no definition or one in
 /// another function or further down, a label stands where a value is expected or the other way round, a call does
 /// not fit its function, an index leaves its composite, or calls go round in a circle.
-pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<()> {
+pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec<Uses>> {
     let mut calls = vec![Vec::new(); module.functions.len()];
+    let mut named = vec![Vec::new(); module.functions.len()];
     for (index, function) in module.functions.iter().enumerate() {
         let checker = Checker { module, unknown, function: index as u32 };
         for (block_index, block) in function.blocks.iter().enumerate() {
             for (position, instruction) in block.instructions.iter().enumerate() {
-                checker.instruction(instruction, (block_index as u32, position as u32))?;
+                checker.instruction(instruction, (block_index as u32, position as u32), &mut named[index])?;
                 check_access::instruction(module, instruction)?;
                 if instruction.opcode == Op::FunctionCall as u16 {
                     let (callee, at) = checker.call(instruction)?;
@@ -32,7 +34,19 @@ pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<()>
             checker.order(block)?;
         }
     }
-    circles(module, &calls)
+    circles(module, &calls)?;
+    let uses = |(calls, mut variables): (Vec<(u32, usize)>, Vec<u32>)| {
+        variables.sort_unstable();
+        variables.dedup();
+        Uses { calls: calls.into_iter().map(|(callee, _)| callee).collect(), variables }
+    };
+    Ok(calls.into_iter().zip(named).map(uses).collect())
+}
+
+/// What the instructions of a function use of the module: see [`Function`](crate::module::Function).
+pub(super) struct Uses {
+    pub(super) calls: Vec<u32>,
+    pub(super) variables: Vec<u32>,
 }
 
 struct Checker<'m> {
@@ -42,9 +56,19 @@ struct Checker<'m> {
 }
 
 impl Checker<'_> {
-    /// `here` is the block's index and the instruction's in it.
-    fn instruction(&self, instruction: &Instruction, here: (u32, u32)) -> Result<()> {
-        let Some(known) = opcode(instruction.opcode) else { return Ok(()) };
+    /// `here` is the block's index and the instruction's in it; `named` takes the variables that it names.
+    fn instruction(&self, instruction: &Instruction, here: (u32, u32), named: &mut Vec<u32>) -> Result<()> {
+        let mut note = |definition: Definition| {
+            if let Definition::Variable(index) = definition {
+                named.push(index);
+            }
+        };
+        let Some(known) = opcode(instruction.opcode) else {
+            // Which words of an unknown instruction are ids nobody knows: take them all.
+            let words = self.module.operands(instruction).iter();
+            words.filter_map(|&word| self.module.definition(Id(word))).for_each(note);
+            return Ok(());
+        };
         let span = span_of(instruction);
         let literal_words = self.module.switch_literal_words(instruction);
         let first = instruction.operands.start as usize;
@@ -69,6 +93,7 @@ impl Checker<'_> {
                     format!("{} names %{}, but nothing defines it", opcode_name(span.opcode), id.0),
                 ));
             };
+            note(definition);
             if Some(at) == extended_set {
                 return match definition {
                     Definition::InstructionSet(_) => Ok(()),

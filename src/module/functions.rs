@@ -56,6 +56,8 @@ impl<'w> Loader<'w> {
             return_type,
             parameters: Vec::with_capacity(wanted.len()),
             blocks: Vec::new(),
+            calls: Vec::new(),
+            variables: Vec::new(),
         });
         self.debug.enter_function(id);
         let mut body = Body { index, wanted, open: None, room: Vec::new() };

@@ -2,9 +2,8 @@
 
 use std::collections::HashSet;
 
-use rspirv::spirv::{Decoration, Op};
+use rspirv::spirv::Decoration;
 
-use crate::module::grammar::opcode;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 
@@ -112,31 +111,12 @@ impl Module {
     /// The variables of module scope that an entry point's call tree names, in the module's order.
     ///
     /// Before SPIR-V 1.4 `OpEntryPoint` lists Input and Output variables only, and from 1.4 on
-    /// compilers list more than is used: so this looks at the instructions. Initializers count.
-    /// Linear in the size of the functions reached.
+    /// compilers list more than is used: so this goes by the instructions. Initializers count.
     pub fn interface_of(&self, entry_point: &EntryPoint) -> Vec<InterfaceVariable> {
         let mut used = vec![false; self.variables.len()];
-        let mut mark = |id: Id| {
-            if let Some(Definition::Variable(index)) = self.definition(id) {
-                used[index as usize] = true;
-            }
-        };
         for function in self.call_tree(entry_point.function) {
-            let blocks = &self.functions[function as usize].blocks;
-            for instruction in blocks.iter().flat_map(|block| &block.instructions) {
-                // Most name none, whichever of their words are ids.
-                let names_one =
-                    |&word: &u32| matches!(self.definition(Id(word)), Some(Definition::Variable(_)));
-                if !self.operands(instruction).iter().any(names_one) {
-                    continue;
-                }
-                if opcode(instruction.opcode).is_some() {
-                    self.operand_ids(instruction).into_iter().for_each(&mut mark);
-                } else {
-                    // Which words of an unknown instruction are ids nobody knows: take them all.
-                    self.operands(instruction).iter().copied().map(Id).for_each(&mut mark);
-                }
-            }
+            let named = &self.functions[function as usize].variables;
+            named.iter().for_each(|&variable| used[variable as usize] = true);
         }
         // An initializer that is a variable stands before the variable it initializes.
         for (at, variable) in self.variables.iter().enumerate().rev() {
@@ -181,16 +161,8 @@ impl Module {
         let mut next = 0;
         while let Some(&function) = order.get(next) {
             next += 1;
-            for block in &self.functions[function as usize].blocks {
-                for call in block.instructions.iter().filter(|one| one.opcode == Op::FunctionCall as u16) {
-                    let callee = self.operands(call).first().and_then(|id| index_of(Id(*id)));
-                    if let Some(callee) = callee
-                        && seen.insert(callee)
-                    {
-                        order.push(callee);
-                    }
-                }
-            }
+            let calls = self.functions[function as usize].calls.iter().copied();
+            order.extend(calls.filter(|&callee| seen.insert(callee)));
         }
         order
     }

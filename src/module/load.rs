@@ -10,6 +10,7 @@ use std::collections::HashMap;
 use rspirv::spirv::Op;
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::module::check::{self, Uses};
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
 use crate::module::decoration::{Decorations, PendingDecorations};
@@ -19,7 +20,7 @@ use crate::module::interface::{EntryPoint, Stage};
 use crate::module::names::opcode_name;
 use crate::module::ty::{Type, TypeId};
 use crate::module::words::{Header, Span, Walker, header, invalid, string, words_of};
-use crate::module::{Definition, GlobalVariable, Id, Module, check, check_flow};
+use crate::module::{Definition, GlobalVariable, Id, Module, check_flow};
 
 /// The storage class of variables inside functions.
 pub(super) const FUNCTION_STORAGE: u32 = 7;
@@ -44,8 +45,11 @@ pub fn load(bytes: &[u8]) -> Result<Module> {
     loader.functions(&mut walker, first_function)?;
     let (mut module, unknown) = loader.finish()?;
     module.words = words;
-    check::functions(&module, &unknown)?;
+    let uses = check::functions(&module, &unknown)?;
     check_flow::functions(&module)?;
+    for (function, Uses { calls, variables }) in module.functions.iter_mut().zip(uses) {
+        (function.calls, function.variables) = (calls, variables);
+    }
     Ok(module)
 }
 

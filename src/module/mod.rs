@@ -92,6 +92,10 @@ pub struct Function {
     pub parameters: Vec<(Id, TypeId)>,
     /// Blocks; empty for a declaration without a body (an import).
     pub blocks: Vec<Block>,
+    /// Indices of the functions that its instructions call, one for each call, in their order.
+    pub calls: Vec<u32>,
+    /// Indices of the variables of module scope that its instructions name, ascending.
+    pub variables: Vec<u32>,
 }
 
 /// An `OpVariable` at module scope.

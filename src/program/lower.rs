@@ -91,7 +91,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         scopes: vec![Scope { parent: 0, call: 0, function: entry.function }],
         depth: 0,
         inlining,
-        sizes: sizes(module),
+        sizes: sizes(module, function),
         standing: FxHashMap::default(),
         queue: VecDeque::new(),
     };
@@ -167,7 +167,8 @@ struct Lowering<'m> {
     scopes: Vec<Scope>,
     depth: usize,
     inlining: Inlining,
-    sizes: FxHashMap<Id, Size>,
+    /// By function.
+    sizes: Vec<Size>,
     standing: FxHashMap<Id, Standing>,
     queue: VecDeque<Id>,
 }

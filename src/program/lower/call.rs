@@ -25,7 +25,7 @@ impl Lowering<'_> {
                 arguments.len()
             )));
         }
-        let size = self.sizes.get(&callee).copied().unwrap_or_default();
+        let size = self.sizes[index as usize];
         let small = size.instructions <= INLINE_SIZE && self.decoder.ops.len() < INLINE_TOTAL;
         let pays = self.depth < INLINE_DEPTH && (small || size.calls <= 1);
         if pays && self.inlining == Inlining::WherePaying {
