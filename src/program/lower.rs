@@ -14,7 +14,7 @@ use std::sync::Arc;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::machine::Exit;
+use crate::machine::{Exit, Reg};
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
@@ -117,7 +117,29 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         }
         _ => None,
     };
-    Ok(lowering.finish(module, entry, workgroup))
+    let (mut program, addressed) = lowering.finish(module, entry, workgroup);
+    reduce(&mut program, &addressed);
+    Ok(program)
+}
+
+/// Drops what a program can do without, tells what is left of it, and makes the operations that run
+/// unwatched.
+fn reduce(program: &mut Program, addressed: &[(Reg, u32)]) {
+    let (operations, builtins) = (program.ops.len(), program.inputs.len());
+    prune(program, addressed);
+    // What was dropped, and room that was never used, would stay with the program.
+    program.ops.shrink_to_fit();
+    program.origins.shrink_to_fit();
+    forward_copies(program, addressed);
+    drop_dead_stores(program, addressed);
+    prune(program, addressed);
+    program.touches = touches(program);
+    program.dropped = Dropped {
+        operations: (operations - program.ops.len()) as u32,
+        builtins: (builtins - program.inputs.len()) as u32,
+    };
+    program.payloads = Payloads::of(program, addressed);
+    reuse_rows(program, addressed);
 }
 
 /// Refuses what only a ray-tracing pipeline can serve.
@@ -291,7 +313,7 @@ impl<'m> Lowering<'m> {
         Ok(())
     }
 
-    fn keep_words(&mut self, words: &[crate::machine::Reg]) -> Result<Words> {
+    fn keep_words(&mut self, words: &[Reg]) -> Result<Words> {
         if words.iter().all(|&reg| self.decoder.constant_word(reg).is_some()) {
             return Ok(words.into());
         }
@@ -366,7 +388,13 @@ impl<'m> Lowering<'m> {
         Ok(())
     }
 
-    fn finish(self, module: &Arc<Module>, entry: &EntryPoint, workgroup: Option<WorkgroupLayout>) -> Program {
+    /// The program as it was lowered, with the rows that computed row numbers reach.
+    fn finish(
+        self,
+        module: &Arc<Module>,
+        entry: &EntryPoint,
+        workgroup: Option<WorkgroupLayout>,
+    ) -> (Program, Vec<(Reg, u32)>) {
         let place = |label: &mut u32| *label = self.placed[*label as usize];
         let mut blocks = self.blocks;
         for block in &mut blocks {
@@ -389,7 +417,7 @@ impl<'m> Lowering<'m> {
         }
         let constants = self.decoder.constant_rows().collect();
         let rows = self.decoder.row_count();
-        let mut program = Program {
+        let program = Program {
             module: module.clone(),
             stage: entry.stage,
             name: entry.name.clone(),
@@ -413,23 +441,7 @@ impl<'m> Lowering<'m> {
             dropped: Dropped::default(),
             payloads: Payloads::default(),
         };
-        let (operations, builtins) = (program.ops.len(), program.inputs.len());
-        let addressed = &self.decoder.addressed;
-        prune(&mut program, addressed);
-        // What was dropped, and room that was never used, would stay with the program.
-        program.ops.shrink_to_fit();
-        program.origins.shrink_to_fit();
-        forward_copies(&mut program, addressed);
-        drop_dead_stores(&mut program, addressed);
-        prune(&mut program, addressed);
-        program.touches = touches(&program);
-        program.dropped = Dropped {
-            operations: (operations - program.ops.len()) as u32,
-            builtins: (builtins - program.inputs.len()) as u32,
-        };
-        program.payloads = Payloads::of(&program, addressed);
-        reuse_rows(&mut program, addressed);
-        program
+        (program, self.decoder.addressed)
     }
 }
 
