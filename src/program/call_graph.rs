@@ -38,3 +38,43 @@ pub(super) fn sizes(module: &Module, root: u32) -> Vec<Size> {
     }
     sizes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A module of functions that return nothing, each with the functions that it calls; the first is the
+    /// entry point.
+    fn module(functions: &[(u32, &[u32])]) -> Module {
+        let mut words = vec![0x0723_0203, 0x0001_0400, 0, 1000, 0];
+        let mut op = |opcode: u32, operands: &[u32]| {
+            words.push(opcode | (operands.len() as u32 + 1) << 16);
+            words.extend(operands);
+        };
+        op(17, &[4479]); // RayTracingKHR
+        op(14, &[0, 1]);
+        op(15, &[5313, functions[0].0, u32::from_le_bytes(*b"main"), 0]);
+        op(19, &[1]);
+        op(33, &[2, 1]);
+        for &(function, calls) in functions {
+            op(54, &[1, function, 0, 2]);
+            op(248, &[function + 1]);
+            for (result, &callee) in (function + 2..).zip(calls) {
+                op(57, &[1, result, callee]);
+            }
+            op(253, &[]);
+            op(56, &[]);
+        }
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        crate::module::load(&bytes).expect("a valid module")
+    }
+
+    #[test]
+    fn functions_that_nobody_calls_may_call_each_other_in_a_circle() {
+        let module = module(&[(10, &[40, 40]), (20, &[30]), (30, &[20]), (40, &[])]);
+        let sizes = sizes(&module, 0);
+        // Three instructions of its own, and one of each call.
+        assert_eq!((sizes[0].instructions, sizes[0].calls), (5, 0));
+        assert_eq!((sizes[3].instructions, sizes[3].calls), (1, 2));
+    }
+}
