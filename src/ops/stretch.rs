@@ -5,7 +5,8 @@
 //! compiled for the processor's vectors as a whole. The result of each step stays in an *accumulator*, a
 //! row that the compiler keeps in vector registers from one step to the next: where a step needs what
 //! the one before it gave, nothing is loaded, and what nobody else needs is never stored. Frequent pairs
-//! have a code together; each of the two rounds as it does by itself.
+//! and chains of them have a code together, as the way from step to step takes time, too; each operation of them rounds as
+//! it does by itself.
 //!
 //! Rows write every NaN as the same bits ([`crate::machine::Scalar::to_words`]); here that is a step of its
 //! own, `Settled`, and stands only behind results whose bits somebody may see: an operation on floats
@@ -37,8 +38,12 @@ pub struct Step {
     /// The function, which operand the accumulator is, and whether the result goes to its row, too.
     code: u16,
     to: u16,
-    from: [u16; 3],
+    from: Operands<u16>,
 }
+
+/// Of a step: three are what one operation has, chains of patterns have more. With eight the compiler loads their numbers as
+/// one vector and takes it apart, which takes longer.
+type Operands<T> = [T; 6];
 
 /// The operations of a program in steps.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -89,7 +94,7 @@ impl<const W: usize> Rows<W> for [Lanes<W>] {
 trait Words {
     const OPERANDS: usize;
     /// The result, a NaN as the processor made it.
-    fn apply(words: [u32; 3]) -> u32;
+    fn apply(words: Operands<u32>) -> u32;
 }
 
 struct One<F>(F);
@@ -99,7 +104,7 @@ struct Three<F>(F);
 impl<F: Unary> Words for One<F> {
     const OPERANDS: usize = 1;
     #[inline(always)]
-    fn apply([a, ..]: [u32; 3]) -> u32 {
+    fn apply([a, ..]: Operands<u32>) -> u32 {
         F::apply(F::A::from_words(a, 0)).to_word()
     }
 }
@@ -107,7 +112,7 @@ impl<F: Unary> Words for One<F> {
 impl<F: Binary> Words for Two<F> {
     const OPERANDS: usize = 2;
     #[inline(always)]
-    fn apply([a, b, _]: [u32; 3]) -> u32 {
+    fn apply([a, b, ..]: Operands<u32>) -> u32 {
         F::apply(F::A::from_words(a, 0), F::B::from_words(b, 0)).to_word()
     }
 }
@@ -115,8 +120,36 @@ impl<F: Binary> Words for Two<F> {
 impl<F: Ternary> Words for Three<F> {
     const OPERANDS: usize = 3;
     #[inline(always)]
-    fn apply([a, b, c]: [u32; 3]) -> u32 {
+    fn apply([a, b, c, ..]: Operands<u32>) -> u32 {
         F::apply(F::A::from_words(a, 0), F::B::from_words(b, 0), F::C::from_words(c, 0)).to_word()
+    }
+}
+
+/// A function, then another one whose first operand is what that gave.
+struct Chain<F, G>(F, G);
+
+impl<F: Words, G: Words> Words for Chain<F, G> {
+    const OPERANDS: usize = F::OPERANDS + G::OPERANDS - 1;
+    #[inline(always)]
+    fn apply(words: Operands<u32>) -> u32 {
+        let mut second = Operands::default();
+        second[0] = F::apply(words);
+        second[1..G::OPERANDS].copy_from_slice(&words[F::OPERANDS..Self::OPERANDS]);
+        G::apply(second)
+    }
+}
+
+/// A function, then another one whose last operand is what that gave; its own others stand behind those of the first.
+struct Last<F, G>(F, G);
+
+impl<F: Words, G: Words> Words for Last<F, G> {
+    const OPERANDS: usize = F::OPERANDS + G::OPERANDS - 1;
+    #[inline(always)]
+    fn apply(words: Operands<u32>) -> u32 {
+        let mut second = Operands::default();
+        second[..G::OPERANDS - 1].copy_from_slice(&words[F::OPERANDS..Self::OPERANDS]);
+        second[G::OPERANDS - 1] = F::apply(words);
+        G::apply(second)
     }
 }
 
@@ -157,10 +190,10 @@ fn apply<const W: usize, F: Words, const AT: usize, const STORED: bool>(
     let row = |at: usize| {
         if at < F::OPERANDS && at + 1 != AT { rows.row(step.from[at]) } else { &held }
     };
-    let (a, b, c) = (row(0), row(1), row(2));
+    let [a, b, c, d, e, f] = std::array::from_fn(row);
     let mut result = [0; W];
     for lane in 0..W {
-        result[lane] = F::apply([a.0[lane], b.0[lane], c.0[lane]]);
+        result[lane] = F::apply([a.0[lane], b.0[lane], c.0[lane], d.0[lane], e.0[lane], f.0[lane]]);
     }
     if STORED {
         rows.row_mut(step.to).0 = result;
@@ -227,24 +260,27 @@ macro_rules! functions {
         conversions { $($conversion:ident $from:ident $into:ident,)* }
         two { $($two:ident $two_shape:ident $two_first:ident $two_second:ident $two_type:ty;)* }
         three { $($three:ident $three_shape:ident $three_first:ident $three_second:ident $three_type:ty;)* }
+        chains { $($chain:ident $chain_shape:ident $chain_first:ident $chain_second:ident $chain_type:ty;)* }
     ) => {
         /// What a step calculates.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         enum Function {
-            /// Ends a stretch.
-            Other,
             Move,
             MoveMasked,
             Settle,
+            /// What both of these do.
+            SettleMasked,
             FToS,
-            $($unary,)* $($commuting,)* $($binary,)* $($ternary,)* $($conversion,)* $($two,)* $($three,)*
+            $($unary,)* $($commuting,)* $($binary,)* $($ternary,)* $($conversion,)* $($two,)* $($three,)* $($chain,)*
+            /// Ends a stretch; behind all others, so that those begin with 0.
+            Other,
         }
 
         /// Codes by the names of their functions, as patterns.
         #[allow(non_snake_case)]
         mod codes {
-            functions! { @codes Other Move MoveMasked Settle FToS
-                $($unary)* $($commuting)* $($binary)* $($ternary)* $($conversion)* $($two)* $($three)* }
+            functions! { @codes Move MoveMasked Settle SettleMasked FToS
+                $($unary)* $($commuting)* $($binary)* $($ternary)* $($conversion)* $($two)* $($three)* $($chain)* }
         }
 
         impl Function {
@@ -265,15 +301,16 @@ macro_rules! functions {
                 all.filter_map(|(row, function)| Some((row?, function))).collect()
             }
 
-            /// Whether the two operands may change places.
+            /// Whether the first two operands may change places.
             fn commutes(self) -> bool {
-                matches!(self, $(Self::$commuting)|*)
+                matches!(self, $(Self::$commuting)|* | Self::TwoProducts | Self::ThreeProducts)
             }
 
             /// Pairs: both functions, how they hang together, and the function that is both.
             const PAIRS: &'static [(Self, Self, Shape, Self)] = &[
                 $((Self::$two_first, Self::$two_second, Shape::$two_shape, Self::$two),)*
                 $((Self::$three_first, Self::$three_second, Shape::$three_shape, Self::$three),)*
+                $((Self::$chain_first, Self::$chain_second, Shape::$chain_shape, Self::$chain),)*
             ];
         }
 
@@ -287,7 +324,8 @@ macro_rules! functions {
         ) -> usize {
             let mut accumulator = [0; W];
             let acc = &mut accumulator;
-            for (at, step) in steps.iter().enumerate() {
+            let mut rest = steps.iter();
+            while let Some(step) = rest.next() {
                 match step.code {
                     codes::Move::ROWS => apply::<W, One<Same>, 0, false>(acc, rows, step),
                     codes::Move::FIRST => {}
@@ -295,6 +333,10 @@ macro_rules! functions {
                     codes::Move::FIRST_STORED => apply::<W, One<Same>, 1, true>(acc, rows, step),
                     codes::MoveMasked::ROWS_STORED => store::<W, 0>(acc, rows, step, running),
                     codes::MoveMasked::FIRST_STORED => store::<W, 1>(acc, rows, step, running),
+                    codes::SettleMasked::FIRST_STORED => {
+                        apply::<W, One<Settled>, 1, false>(acc, rows, step);
+                        store::<W, 1>(acc, rows, step, running);
+                    }
                     codes::FToS::ROWS => to_integers::<W, V, 0, false>(vectors, acc, rows, step),
                     codes::FToS::ROWS_STORED => to_integers::<W, V, 0, true>(vectors, acc, rows, step),
                     codes::FToS::FIRST => to_integers::<W, V, 1, false>(vectors, acc, rows, step),
@@ -355,7 +397,13 @@ macro_rules! functions {
                     codes::$three::THIRD => apply::<W, Three<$three_type>, 3, false>(acc, rows, step),
                     codes::$three::THIRD_STORED => apply::<W, Three<$three_type>, 3, true>(acc, rows, step),
                     )*
-                    _ => return at,
+                    $(
+                    codes::$chain::ROWS => apply::<W, $chain_type, 0, false>(acc, rows, step),
+                    codes::$chain::ROWS_STORED => apply::<W, $chain_type, 0, true>(acc, rows, step),
+                    codes::$chain::FIRST => apply::<W, $chain_type, 1, false>(acc, rows, step),
+                    codes::$chain::FIRST_STORED => apply::<W, $chain_type, 1, true>(acc, rows, step),
+                    )*
+                    _ => return steps.len() - rest.len() - 1,
                 }
             }
             steps.len()
@@ -401,6 +449,14 @@ type Xor = bit::BitwiseXor<u32>;
 type And = bit::BitwiseAnd<u32>;
 type Or = bit::BitwiseOr<u32>;
 
+type ShiftXor = WithItself<Right, Xor>;
+/// Two rounds by which hashes mix bits.
+type MixTwice = Chain<Three<Then<ShiftXor, IMul>>, Three<Then<ShiftXor, IMul>>>;
+/// A third round ends with its exclusive or.
+type Mix = Chain<MixTwice, Two<ShiftXor>>;
+/// Of inner products, and of matrices and vectors.
+type TwoProducts = Last<Two<FMul>, Three<Then<FMul, FAdd>>>;
+
 functions! {
     unary {
     SNegate arithmetic i32, FNegate arithmetic f32, Not bit u32, LogicalNot logical bool, IsNan logical f32,
@@ -431,12 +487,12 @@ functions! {
     SToF i32 f32, UToF u32 f32,
     }
     two {
-    ShiftXor WithItself ShiftRightLogical BitwiseXor WithItself<Right, Xor>;
+    ShiftXor WithItself ShiftRightLogical BitwiseXor ShiftXor;
     ShiftLeftXor WithItself ShiftLeftLogical BitwiseXor WithItself<Left, Xor>;
     SignedTimes ThenWith SToF FMul ThenWith<Between<i32, f32>, FMul>;
     }
     three {
-    ShiftXorTimes Then ShiftXor IMul Then<WithItself<Right, Xor>, IMul>;
+    ShiftXorTimes Then ShiftXor IMul Then<ShiftXor, IMul>;
     ShiftTimes Then ShiftRightLogical SignedTimes Then<SignedRight, ThenWith<Between<i32, f32>, FMul>>;
     MulAdd Then FMul FAdd Then<FMul, FAdd>;
     MulSub Then FMul FSub Then<FMul, FSub>;
@@ -453,6 +509,13 @@ functions! {
     TimesPlus Then IMul IAdd Then<IMul, IAdd>;
     PlusPlus Then IAdd IAdd Then<IAdd, IAdd>;
     PlusTimes Then IAdd IMul Then<IAdd, IMul>;
+    }
+    chains {
+    MixTwice Chain ShiftXorTimes ShiftXorTimes MixTwice;
+    Mix Chain MixTwice ShiftXor Mix;
+    SubMulTimes Chain SubMul FMul Chain<Three<After<FMul, FSub>>, Two<FMul>>;
+    TwoProducts Last FMul MulAdd TwoProducts;
+    ThreeProducts Last TwoProducts MulAdd Last<TwoProducts, Three<Then<FMul, FAdd>>>;
     }
 }
 

@@ -5,13 +5,15 @@ use std::marker::PhantomData;
 
 use crate::ops::row::{Binary, Ternary, Unary};
 
-/// How the functions of a pair hang together: see the types of these names.
+/// How the functions of a pair hang together: see the types of these names, here and above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     Then,
     After,
     ThenWith,
     WithItself,
+    Chain,
+    Last,
 }
 
 /// `F(a, b)`, then `G(that, c)`.

@@ -10,7 +10,7 @@ use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::row::Row;
 use crate::ops::stretch::pairs::Shape;
-use crate::ops::stretch::{Function, Step, Steps, WINDOW, code};
+use crate::ops::stretch::{Function, Operands, Step, Steps, WINDOW, code};
 
 /// What becomes of an operation's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +72,7 @@ fn address(row: &'static Row) -> usize {
 struct Planned {
     function: Function,
     to: u16,
-    from: [u16; 3],
+    from: Operands<u16>,
     operands: usize,
     fate: Fate,
     /// Whether its first operand stands for two.
@@ -86,7 +86,8 @@ impl Planned {
     /// An operation that is no step.
     fn other(at: usize, fate: Fate) -> Self {
         let function = Function::Other;
-        Self { function, to: 0, from: [0; 3], operands: 0, fate, twice: false, float: false, op: at as u32 }
+        let from = Operands::default();
+        Self { function, to: 0, from, operands: 0, fate, twice: false, float: false, op: at as u32 }
     }
 }
 
@@ -159,12 +160,24 @@ impl Steps {
             if planned.function.commutes() && operands[0] != held.row && operands[1] == held.row {
                 operands.swap(0, 1);
             }
-            if let Some(place) = operands.iter().position(|&row| row == held.row) {
+            // A chain begins with the accumulator, or reads rows alone.
+            let places = if operands.len() > 3 { &operands[..1] } else { operands };
+            if let Some(place) = places.iter().position(|&row| row == held.row) {
                 at = place + 1;
                 held.served += if planned.twice && place == 0 { 2 } else { 1 };
             }
         }
         let function = planned.function;
+        if let (Function::MoveMasked, 1, Some(held)) = (function, at, held.as_mut())
+            && held.reads == Some(held.served)
+            && let Some(last) = self.steps.last_mut()
+            && last.code == code(Function::Settle, 1, true)
+        {
+            // Nobody else needs what was settled: its row is left out.
+            *last = Step { code: code(Function::SettleMasked, 1, true), to: planned.to, ..*last };
+            held.reads = None;
+            return;
+        }
         let seen = planned.float && planned.fate.bits_seen;
         self.push(Step { code: code(function, at, !seen), to: planned.to, from: planned.from }, planned.op);
         if seen {
@@ -248,7 +261,7 @@ fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], fate: Fate) -> Opt
     let half = |function, from, fate| Planned {
         function,
         to,
-        from,
+        from: operands(from),
         operands: 2,
         fate,
         twice: false,
@@ -273,7 +286,13 @@ fn single(at: usize, op: &Op, function: Function, fate: Fate) -> Option<Planned>
     };
     // Conversions of integers, and choices between numbers, make none.
     let float = float && !matches!(function, Function::UToF | Function::SToF | Function::Step);
+    let from = self::operands(from);
     Some(Planned { function, to, from, operands, fate, twice: false, float, op: at as u32 })
+}
+
+/// Those of an operation.
+fn operands([a, b, c]: [u16; 3]) -> Operands<u16> {
+    [a, b, c, c, c, c]
 }
 
 /// Appends one, put together with those before it that it has a function with as a pair.
@@ -287,21 +306,45 @@ fn push(planned: &mut Vec<Planned>, mut last: Planned) {
 
 /// Two as one, where they have a function together and the first one's result goes nowhere else.
 fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
-    if first.fate.reads != Some(1) || second.operands == 0 {
-        return None;
-    }
     let mut pairs = Function::PAIRS
         .iter()
         .filter(|known| known.0 == first.function && known.1 == second.function)
         .peekable();
     pairs.peek()?;
     let found = |wanted: Shape| pairs.clone().find(|known| known.2 == wanted);
-    let [a, b, _] = first.from;
-    let [mut c, mut d, _] = second.from;
-    let two = second.operands == 2 && (c == first.to) != (d == first.to);
-    if !two {
+    let reads = second.from[..second.operands].iter().filter(|&&row| row == first.to).count();
+    if reads != 1 {
         return None;
     }
+    // What the second one has beside the first one's result stands behind what that has.
+    let chain = |function, others: &[u16]| {
+        let mut from = first.from;
+        let operands = first.operands + others.len();
+        from[first.operands..operands].copy_from_slice(others);
+        Some(Planned { function, from, operands, twice: first.twice, ..*second })
+    };
+    let [mut next, others @ ..] = second.from;
+    let (mut others, last) = (others, second.operands - 1);
+    if second.function.commutes() && others[0] == first.to {
+        (next, others[0]) = (others[0], next);
+    }
+    if next == first.to
+        && first.fate.reads == Some(if second.twice { 2 } else { 1 })
+        && let Some(known) = found(Shape::Chain)
+    {
+        return chain(known.3, &others[..last]);
+    }
+    if second.from[last] == first.to
+        && first.fate.reads == Some(1)
+        && let Some(known) = found(Shape::Last)
+    {
+        return chain(known.3, &second.from[..last]);
+    }
+    if first.fate.reads != Some(1) || second.operands != 2 {
+        return None;
+    }
+    let [a, b, ..] = first.from;
+    let [mut c, mut d, ..] = second.from;
     if second.function.commutes() && d == first.to {
         (c, d) = (d, c);
     }
@@ -320,5 +363,5 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     } else {
         (found(Shape::After)?.3, [a, b, c], 3)
     };
-    Some(Planned { function, from, operands, twice, ..*second })
+    Some(Planned { function, from: self::operands(from), operands, twice, ..*second })
 }
