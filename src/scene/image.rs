@@ -281,7 +281,14 @@ pub fn stream_png<T>(
         .suffix(".partial")
         // With the rights of any new file, not those of a secret.
         .make_in(folder.unwrap_or(Path::new(".")), |path| File::create_new(path));
-    let (file, partial) = partial.map_err(io)?.into_parts();
+    let partial = match partial {
+        // A file that may be written, in a folder that may not.
+        Err(_) if path.is_file() => {
+            return png_to_file(path, size, shown, File::create(path).map_err(io)?, fill);
+        }
+        made => made.map_err(io)?,
+    };
+    let (file, partial) = partial.into_parts();
     let filled = png_to_file(path, size, shown, file, fill)?;
     partial.persist(path).map_err(|error| io(error.error))?;
     Ok(filled)
