@@ -8,7 +8,7 @@ use crate::accel::node_ray::NodeRay;
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::tree::Tree;
 use crate::geometry::block::BlockRay;
-use crate::geometry::{ObjectRay, Ray, RoughRay, Transform};
+use crate::geometry::{DoubleRay, ObjectRay, Ray, RoughRay, Transform};
 
 /// The instance that the upper end of the stack belongs to.
 #[derive(Clone, Debug)]
@@ -19,6 +19,8 @@ pub struct Level {
     pub node_ray: NodeRay,
     object_ray: ObjectRay,
     has_object_ray: bool,
+    /// Whether object space is the world's, and the ray ordinary.
+    is_ordinary: bool,
     block_ray: BlockRay,
     /// Whether there is a ray for blocks, if it is known already.
     drops: bool,
@@ -36,6 +38,7 @@ impl Level {
         node_ray: NodeRay::IDLE,
         object_ray: ObjectRay::IDLE,
         has_object_ray: false,
+        is_ordinary: false,
         block_ray: BlockRay::IDLE,
         drops: false,
         has_block_ray: false,
@@ -56,10 +59,12 @@ impl Level {
         self.instance = instance;
         self.has_object_ray = false;
         self.has_block_ray = false;
+        self.is_ordinary = false;
         let entered = match (tree, tlas.transform(instance)) {
             (Some(tree), Placed::InWorld) => {
                 self.approach = Approach::Simple;
-                self.node_ray.set_simple(&trace.ray, tree.scale())
+                self.is_ordinary = self.node_ray.set_simple(&trace.ray, tree.scale());
+                self.is_ordinary
             }
             (Some(tree), Placed::Still(transform)) => self.enter_roughly(transform, tree, &trace.ray),
             _ => false,
@@ -115,9 +120,20 @@ impl Level {
     pub fn arrive(&mut self, tlas: &Tlas, instance: u32, body: &Body, trace: &TraceRay) {
         self.instance = instance;
         self.has_object_ray = false;
+        self.is_ordinary = false;
         self.has_block_ray = false;
         if !body.tests_leaves(tlas.precision()) && body.drops() != Drops::Never {
             self.approach_blocks(tlas, trace);
+        }
+    }
+
+    /// The ray in object space in f64, for all primitives of a leaf at once.
+    #[inline(always)]
+    pub fn double_ray(&mut self, tlas: &Tlas, trace: &TraceRay) -> DoubleRay {
+        if self.is_ordinary {
+            DoubleRay::ordinary(&trace.ray)
+        } else {
+            DoubleRay::of(self.object_ray(tlas, trace))
         }
     }
 

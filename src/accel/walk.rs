@@ -13,7 +13,7 @@ use crate::accel::rules::{
 use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
 use crate::geometry::triangle::FourTested;
-use crate::geometry::{DoubleRay, Intersection, ObjectRay, Precision};
+use crate::geometry::{Intersection, ObjectRay, Precision};
 use crate::math::doubles::Doubles;
 use crate::math::eight::{Eights, TwoFours};
 use crate::math::vectors::{Task, Vectors};
@@ -355,7 +355,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
         let met = if V::REASONS {
             body.every(leaf)
         } else if body.tests_leaves(self.tlas.precision()) {
-            let ray = DoubleRay::of(level.object_ray(self.tlas, self.trace));
+            let ray = level.double_ray(self.tlas, self.trace);
             self.tested = body.tested(doubles, leaf, &ray, self.hits.cull_t);
             self.tested.met() & body.every(leaf)
         } else {
@@ -391,7 +391,6 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             if culled && micromap.is_none() && !V::REASONS {
                 continue;
             }
-            let ray = self.walk.level.object_ray(self.tlas, self.trace);
             let place = || {
                 let name = body.name(leaf, lane);
                 Place { instance: number, geometry: name.geometry, primitive: name.primitive }
@@ -401,11 +400,15 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             }
             let tested = self.tested.hit(lane).filter(|_| !V::REASONS && body.tests_leaves(precision));
             let found = match tested {
-                None => body.intersect((leaf, lane), ray, self.trace.time, precision),
+                None => {
+                    let ray = self.walk.level.object_ray(self.tlas, self.trace);
+                    body.intersect((leaf, lane), ray, self.trace.time, precision)
+                }
                 found => found,
             };
             let Some(found) = found.filter(|found| !V::QUIET || found.t <= self.hits.cull_t) else {
                 let verdict = if V::REASONS {
+                    let ray = self.walk.level.object_ray(self.tlas, self.trace);
                     missed_or_outside(self.tlas, place(), body, (leaf, lane), ray, self.trace.time)
                 } else {
                     PrimitiveVerdict::Missed

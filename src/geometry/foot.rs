@@ -88,7 +88,11 @@ impl Footing {
         interval: (0.0, 0.0),
     };
 
-    /// For a direction with its 1-norm, the bounds of `ObjectRay` and the interval's ends.
+    /// The least and the greatest n that bounds are known for: 2^-64 and 2^64.
+    pub const RANGE: (f64, f64) = (1.0 / 18_446_744_073_709_551_616.0, 18_446_744_073_709_551_616.0);
+
+    /// For a direction with its 1-norm, the bounds of `ObjectRay` and the interval's ends. To be
+    /// [given up](Self::give_up) where the norm is not within the [range](Self::RANGE).
     #[inline(always)]
     pub fn new(
         direction: [f64; 3],
@@ -96,16 +100,19 @@ impl Footing {
         (origin_slack, direction_slack): (f64, f64),
         (t_min, t_max): (f32, f32),
     ) -> Self {
-        const RANGE: f64 = 18_446_744_073_709_551_616.0;
         let inverse = 1.0 / dot(direction, direction);
-        let is_sure = norm <= RANGE && norm * RANGE >= 1.0;
         Self {
             inverse,
             slowness: norm * inverse,
-            growing: if is_sure { 8.0 * f64::EPSILON + 8.0 * direction_slack } else { f64::INFINITY },
+            growing: 8.0 * f64::EPSILON + 8.0 * direction_slack,
             fixed: 2.25 * origin_slack + TINY,
             interval: (t_min.into(), f64::from(t_max).min(GREATEST)),
         }
+    }
+
+    /// Decides nothing any more.
+    pub fn give_up(&mut self) {
+        (self.growing, self.fixed) = (f64::INFINITY, f64::INFINITY);
     }
 }
 

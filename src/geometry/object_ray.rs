@@ -39,6 +39,9 @@ const UNIT: f64 = f64::EPSILON / 2.0;
 const RANGE: f64 = (1u128 << 65) as f64 * (1u128 << 65) as f64;
 const SHORTEST: f64 = 1.0 / ((1u128 << 75) as f64 * (1u128 << 75) as f64);
 
+/// The greatest relative error of a direction that they assume: 2^-10.
+const MOST_SLACK: f64 = 1.0 / 1024.0;
+
 /// An instance's object-to-world transform, inverted once for all its rays.
 #[derive(Clone, Copy, Debug)]
 pub struct Transform {
@@ -333,22 +336,33 @@ impl ObjectRay {
                 (ray.t_min, ray.t_max),
             ),
         };
-        // Written so that a NaN is not sure.
-        let is_sure = norm1(origin) <= RANGE
-            && (SHORTEST..=RANGE).contains(&direction_norm)
-            && direction_slack <= 2f64.powi(-10);
-        (is_sure || self.doubt()) && !(ray.t_min.is_nan() || ray.t_max.is_nan())
+        // What a NaN is in is none of these.
+        let (least, most) = Footing::RANGE;
+        let is_common = norm1(origin) + direction_norm <= most
+            && direction_norm >= least
+            && direction_slack <= MOST_SLACK
+            && ray.t_min <= ray.t_max;
+        is_common || self.doubt()
     }
 
-    /// Leaves all to exact arithmetic; says whether there is a ray.
+    /// Leaves to exact arithmetic what only that can do; says whether there is a ray.
     #[cold]
     #[inline(never)]
     fn doubt(&mut self) -> bool {
-        self.origin_error = [f64::INFINITY; 3];
-        self.direction_error = [f64::INFINITY; 3];
-        self.origin_slack = f64::INFINITY;
-        self.direction_slack = f64::INFINITY;
-        self.footing = Footing::IDLE;
+        let (least, most) = Footing::RANGE;
+        if !(least..=most).contains(&self.direction_norm) {
+            self.footing.give_up();
+        }
+        let is_sure = norm1(self.origin) <= RANGE
+            && (SHORTEST..=RANGE).contains(&self.direction_norm)
+            && self.direction_slack <= MOST_SLACK;
+        if !is_sure {
+            self.origin_error = [f64::INFINITY; 3];
+            self.direction_error = [f64::INFINITY; 3];
+            self.origin_slack = f64::INFINITY;
+            self.direction_slack = f64::INFINITY;
+            self.footing.give_up();
+        }
         self.world.is_finite()
     }
 
@@ -510,6 +524,17 @@ impl<R: Real> View<R> {
 pub struct DoubleRay(pub(super) View<f64>);
 
 impl DoubleRay {
+    /// Memory for a ray.
+    pub const IDLE: Self = Self(View {
+        origin: [0.0; 3],
+        direction: [0.0; 3],
+        origin_error: 0.0,
+        slack: 0.0,
+        direction_norm: 0.0,
+        t_min: 0.0,
+        t_max: 0.0,
+    });
+
     /// The ray as an instance's primitives see it.
     #[inline(always)]
     pub fn of(ray: &ObjectRay) -> Self {

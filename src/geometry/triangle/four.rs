@@ -6,6 +6,7 @@ use crate::geometry::Intersection;
 use crate::geometry::object_ray::{DoubleRay, View};
 use crate::math::doubles::Doubles;
 use crate::math::error_bound::{four_units, two_units};
+use crate::math::four::Four;
 
 /// A bit for every lane.
 const ALL: u32 = 0b1111;
@@ -82,12 +83,8 @@ impl FourTested {
         let outside = doubles.is_at_least(t_min, t.above) | doubles.is_at_least(t.below, t_max);
         let within = doubles.is_above(t.below, t_min) & doubles.is_above(t_max, t.above);
         let (known, rounded) = t.rounded(doubles);
-        let mut beyond = 0;
-        for (lane, &t) in rounded.iter().enumerate() {
-            // A t that rounds to infinity is none.
-            let leave_out = known >> lane & 1 != 0 && (t > limit || t.is_infinite());
-            beyond |= u32::from(leave_out) << lane;
-        }
+        // A t that rounds to infinity is none.
+        let beyond = known & (rounded.above(Four::splat(limit)) | rounded.abs().above(Four::splat(f32::MAX)));
         let left = inside & !(outside | within & beyond);
         let decided = left & within & known & divisor.is_certain;
         out.undecided |= left & !decided;
@@ -98,7 +95,7 @@ impl FourTested {
         let (known_2, second) = divisor.quotient(gamma, e_gamma).rounded(doubles);
         out.hits = decided & known_1 & known_2;
         out.undecided |= decided & !out.hits;
-        (out.t, out.attributes) = (rounded, [first, second]);
+        (out.t, out.attributes) = (rounded.to_array(), [first.to_array(), second.to_array()]);
         out
     }
 
@@ -200,14 +197,8 @@ struct Ends<D: Doubles> {
 impl<D: Doubles> Ends<D> {
     /// A bit for each lane where both ends round to one `f32`, and those.
     #[inline(always)]
-    fn rounded(&self, doubles: D) -> (u32, [f32; 4]) {
-        let (first, last) = (doubles.to_floats(self.below), doubles.to_floats(self.above));
-        let mut known = 0;
-        let mut rounded = [0.0; 4];
-        for lane in 0..4 {
-            known |= u32::from(first[lane] == last[lane]) << lane;
-            rounded[lane] = first[lane] + 0.0;
-        }
-        (known, rounded)
+    fn rounded(&self, doubles: D) -> (u32, Four) {
+        let [first, last] = [self.below, self.above].map(|end| Four::new(doubles.to_floats(end)));
+        (first.at_least(last) & last.at_least(first), first + Four::ZERO)
     }
 }
