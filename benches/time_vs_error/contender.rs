@@ -1,9 +1,10 @@
 //! What is compared: this crate in its three precisions, and formulas as they are published, in
-//! plain f32. Every contender has a test of a block of four  and a test of one
-//! lane that passed it.
+//! plain f32. Every contender has a test of a block of four and a test of one lane that passed it.
 
 use anyhit::geometry::block::{self, BlockRay, BoxRay};
-use anyhit::geometry::{Bounds, ObjectRay, Precision, Ray, Transform};
+use anyhit::geometry::triangle::FourTested;
+use anyhit::geometry::{Bounds, DoubleRay, ObjectRay, Precision, Ray, Transform};
+use anyhit::math::vectors::Vectors;
 
 use crate::shape::Shape;
 
@@ -19,16 +20,18 @@ pub trait Contender {
     type Block;
     /// The ray in object space.
     type Ray: Copy;
-    /// Memory for one.
+    /// What the test of four already knows of the lanes.
+    type Known: Copy;
+    /// Memory for a ray.
     const IDLE: Self::Ray;
 
     fn block(shapes: &[Shape]) -> Self::Block;
     /// Brings a ray into object space.
     fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, around: &Bounds);
-    /// A bit for each lane that may be hit.
-    fn met(block: &Self::Block, ray: &Self::Ray) -> u32;
+    /// A bit for each lane that may be hit, up to `limit`.
+    fn met<V: Vectors>(vectors: V, block: &Self::Block, ray: &Self::Ray, limit: f32) -> (u32, Self::Known);
     /// The t of a lane.
-    fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32>;
+    fn hit(block: &Self::Block, lane: usize, ray: &mut Self::Ray, known: &Self::Known) -> Option<f32>;
 }
 
 /// This crate.
@@ -51,6 +54,7 @@ macro_rules! ours {
         impl<const P: u8> Contender for Ours<$block, P> {
             type Block = $block;
             type Ray = (ObjectRay, $block_ray);
+            type Known = ();
             const IDLE: Self::Ray = (ObjectRay::IDLE, $block_ray::IDLE);
 
             fn block(shapes: &[Shape]) -> Self::Block {
@@ -64,21 +68,17 @@ macro_rules! ours {
 
             #[inline(always)]
             fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, around: &Bounds) {
-                let is_ray = match &placed.transform {
-                    Some(transform) => out.0.set_in_instance(ray, transform),
-                    None => out.0.set_in_world(ray),
-                };
-                assert!(is_ray, "a finite ray");
-                out.1 = $block_ray::new(&out.0, around);
+                set(&mut out.0, ray, placed);
+                out.1 = $block_ray::prepared(ray, &out.0, around);
             }
 
             #[inline(always)]
-            fn met(block: &Self::Block, ray: &Self::Ray) -> u32 {
-                block.$met(&ray.1)
+            fn met<V: Vectors>(_: V, block: &Self::Block, ray: &Self::Ray, _: f32) -> (u32, ()) {
+                (block.$met(&ray.1), ())
             }
 
             #[inline(always)]
-            fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
+            fn hit(block: &Self::Block, lane: usize, ray: &mut Self::Ray, (): &()) -> Option<f32> {
                 block.intersect(lane, $($caps,)? &ray.0, precision(P)).map(|hit| hit.t)
             }
         }
@@ -90,3 +90,86 @@ ours!(block::SweptEnds, met, BlockRay, Shape::Swept(positions, radii) => block, 
     block.set(lane, positions, radii), &[[true; 2]; block::LANES]);
 ours!(block::Triangles, met, BlockRay, Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));
 ours!(block::Aabbs, met, BoxRay, Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));
+
+/// A ray made ready for blocks.
+trait ForBlocks {
+    fn prepared(ray: &Ray, object: &ObjectRay, around: &Bounds) -> Self;
+}
+
+impl ForBlocks for BlockRay {
+    #[inline(always)]
+    fn prepared(ray: &Ray, object: &ObjectRay, around: &Bounds) -> Self {
+        let simple = if object.is_in_world() { Self::simple(ray, around) } else { None };
+        simple.unwrap_or_else(|| Self::new(object, around))
+    }
+}
+
+impl ForBlocks for BoxRay {
+    #[inline(always)]
+    fn prepared(_: &Ray, object: &ObjectRay, around: &Bounds) -> Self {
+        Self::new(object, around)
+    }
+}
+
+/// This crate's exact triangles, as the traversal that shaders get tests them: all of a block at once.
+pub struct InFours;
+
+/// Its ray. What exact arithmetic would need comes with the first test that asks for it.
+#[derive(Clone, Copy)]
+pub struct DoubleRays {
+    double: DoubleRay,
+    /// In world space, where the ray in object space is not made yet.
+    world: Option<Ray>,
+    object: ObjectRay,
+}
+
+impl Contender for InFours {
+    type Block = block::Triangles;
+    type Ray = DoubleRays;
+    type Known = FourTested;
+    const IDLE: Self::Ray = DoubleRays { double: DoubleRay::IDLE, world: None, object: ObjectRay::IDLE };
+
+    fn block(shapes: &[Shape]) -> Self::Block {
+        Ours::<block::Triangles, EXACT>::block(shapes)
+    }
+
+    #[inline(always)]
+    fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, _: &Bounds) {
+        if placed.transform.is_none() && ray.is_ordinary() {
+            (out.double, out.world) = (DoubleRay::ordinary(ray), Some(*ray));
+        } else {
+            set(&mut out.object, ray, placed);
+            (out.double, out.world) = (DoubleRay::of(&out.object), None);
+        }
+    }
+
+    #[inline(always)]
+    fn met<V: Vectors>(vectors: V, block: &Self::Block, ray: &Self::Ray, limit: f32) -> (u32, FourTested) {
+        let tested = block.tested(vectors, &ray.double, limit);
+        (tested.met(), tested)
+    }
+
+    #[inline(always)]
+    fn hit(block: &Self::Block, lane: usize, ray: &mut Self::Ray, known: &FourTested) -> Option<f32> {
+        let hit = match known.hit(lane) {
+            None => {
+                if let Some(world) = ray.world.take() {
+                    assert!(ray.object.set_in_world(&world), "a finite ray");
+                }
+                block.intersect(lane, &ray.object, Precision::Exact)
+            }
+            hit => hit,
+        };
+        hit.map(|hit| hit.t)
+    }
+}
+
+/// Brings a ray into object space.
+#[inline(always)]
+fn set(out: &mut ObjectRay, ray: &Ray, placed: &Placed) {
+    let is_ray = match &placed.transform {
+        Some(transform) => out.set_in_instance(ray, transform),
+        None => out.set_in_world(ray),
+    };
+    assert!(is_ray, "a finite ray");
+}

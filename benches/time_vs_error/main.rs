@@ -8,7 +8,7 @@
 //! ```
 //!
 //! All contenders share rays, tree, leaf loop and the four-wide test of a leaf (their own formula in
-//! it). They take turns, several rounds in one run; times are processor time of one thread, medians
+//! it), compiled for the vectors that the processor has. They take turns, several rounds in one run; times are processor time of one thread, medians
 //! over the rounds, and so are the ratios to the exact mode within a round. "engine" is the traversal that shaders get ([`anyhit::accel::Cursor`]).
 //! Errors are judged by rational arithmetic on a part of the rays.
 
@@ -16,6 +16,7 @@
 
 mod contender;
 mod judge;
+mod pass;
 mod plot;
 mod scene;
 mod shape;
@@ -28,17 +29,17 @@ use std::time::Duration;
 use anyhit::accel::{Blas, Cursor, Instance, RayFlags, Tlas, TraceRay};
 use anyhit::geometry::block::{self, BlockRay, BoxRay};
 use anyhit::geometry::{ObjectRay, Precision, Ray, linear_swept_sphere, sphere, triangle};
+use anyhit::math::eight::TwoFours;
+use anyhit::math::vectors::{Processor, Vectors};
 
-use contender::{Contender, DOUBLE, EXACT, FLOAT, Ours};
+use contender::{Contender, DOUBLE, EXACT, FLOAT, InFours, Ours};
 use judge::Errors;
+use pass::{Field, Hit, Pass};
 use plot::{Panel, Point};
 use scene::Scene;
 use shape::Shape;
 use textbook::{CapsuleByDistance, MoellerTrumbore, NaiveSphere, RecentredSphere, RoundCone, Slabs, Woop};
-use tree::{NodeRay, Tree};
-
-/// t, instance, primitive.
-type Hit = Option<(f32, u32, u32)>;
+use tree::{Leaves, NodeRay, Tree};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let quick = std::env::args().any(|argument| argument == "--quick");
@@ -156,7 +157,7 @@ fn contenders(scene: &Scene) -> Vec<(&'static str, Run<'_>)> {
             ("capsule by distance", runner::<CapsuleByDistance>(scene)),
         ],
         Shape::Triangle(_) => vec![
-            ("Exact", runner::<Ours<block::Triangles, EXACT>>(scene)),
+            ("Exact", runner::<InFours>(scene)),
             ("Double", runner::<Ours<block::Triangles, DOUBLE>>(scene)),
             ("Float", runner::<Ours<block::Triangles, FLOAT>>(scene)),
             ("Möller-Trumbore", runner::<MoellerTrumbore>(scene)),
@@ -193,62 +194,10 @@ fn runner<C: Contender + 'static>(scene: &Scene) -> Run<'_> {
     let placed = scene.placed();
     let around: Vec<_> = placed.iter().map(|(_, corners)| *corners).collect();
     let instances = (placed.len() > 1).then(|| Tree::build(&around));
-    Box::new(move |rays, hits| {
-        let mut prepared = C::IDLE;
-        for ray in rays {
-            let mut best: Hit = None;
-            let mut enter = |instance: u32, limit: f32| {
-                let placed = &placed[instance as usize].0;
-                C::ready(&mut prepared, ray, placed, &scene.bounds);
-                let nodes = object_node_ray(ray, placed);
-                let mut limit = limit;
-                tree.traverse(&nodes, limit, |at, _| {
-                    let block = &blocks[at];
-                    let numbers = &tree.blocks[at];
-                    let mut met = C::met(block, &prepared) & ((1 << numbers.len()) - 1);
-                    while met != 0 {
-                        let lane = met.trailing_zeros() as usize;
-                        met &= met - 1;
-                        if let Some(t) = C::hit(block, lane, &prepared) {
-                            let key = (t, instance, numbers[lane]);
-                            if best.is_none_or(|best| key < best) {
-                                best = Some(key);
-                                limit = t;
-                            }
-                        }
-                    }
-                    limit
-                });
-                limit
-            };
-            match &instances {
-                None => {
-                    enter(0, ray.t_max);
-                }
-                Some(instances) => {
-                    let nodes = NodeRay::new(ray.origin, ray.direction);
-                    instances.traverse(&nodes, ray.t_max, |at, mut limit| {
-                        for &instance in &instances.blocks[at] {
-                            limit = enter(instance, limit);
-                        }
-                        limit
-                    });
-                }
-            }
-            hits.push(best);
-        }
-    })
+    let field = Field::<C> { tree, blocks, bounds: scene.bounds, placed, instances };
+    let processor = Processor::new();
+    Box::new(move |rays, hits| processor.run(Pass { field: &field, rays, hits }))
 }
-
-fn object_node_ray(ray: &Ray, placed: &contender::Placed) -> NodeRay {
-    if placed.transform.is_none() {
-        return NodeRay::new(ray.origin, ray.direction);
-    }
-    let m = &placed.inverse;
-    let apply = |v: [f32; 3], w: f32| m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2] + row[3] * w);
-    NodeRay::new(apply(ray.origin, 1.0), apply(ray.direction, 0.0))
-}
-
 fn engine(scene: &Scene, precision: Precision) -> Run<'static> {
     let blas = Blas::new(vec![shape::opaque(scene.data.clone())]).expect("a valid BLAS");
     let instances = scene.matrices.iter().map(|matrix| Instance::of(blas.clone(), *matrix));
@@ -262,6 +211,24 @@ fn engine(scene: &Scene, precision: Precision) -> Run<'static> {
             hits.push(cursor.committed().map(|hit| (hit.t, hit.candidate.instance, hit.candidate.primitive)));
         }
     })
+}
+
+/// At which step the tests of the exact mode end.
+struct Steps<'a> {
+    tree: &'a Tree,
+    shapes: &'a [Shape],
+    ray: ObjectRay,
+    block_rays: (BlockRay, BoxRay),
+    counts: [u64; 3],
+}
+
+impl Leaves for Steps<'_> {
+    fn visit<V: Vectors>(&mut self, _: V, block: usize, limit: f32) -> f32 {
+        for &number in &self.tree.blocks[block] {
+            self.counts[step(&self.shapes[number as usize], &self.ray, &self.block_rays)] += 1;
+        }
+        limit
+    }
 }
 
 /// At which step the tests of the exact mode end, over all leaves that rays reach.
@@ -278,12 +245,9 @@ fn steps(scene: &Scene) -> String {
             };
             let object = object.expect("a finite ray");
             let block_rays = (BlockRay::new(&object, &scene.bounds), BoxRay::new(&object, &scene.bounds));
-            tree.traverse(&object_node_ray(ray, placed), f32::INFINITY, |at, limit| {
-                for &number in &tree.blocks[at] {
-                    counts[step(&scene.shapes[number as usize], &object, &block_rays)] += 1;
-                }
-                limit
-            });
+            let mut steps = Steps { tree: &tree, shapes: &scene.shapes, ray: object, block_rays, counts };
+            tree.traverse(TwoFours, &NodeRay::in_object(ray, placed), f32::INFINITY, &mut steps);
+            counts = steps.counts;
         }
     }
     let total = counts.iter().sum::<u64>().max(1) as f64;

@@ -3,6 +3,7 @@
 
 use anyhit::geometry::{Bounds, Ray};
 use anyhit::math::four::Four;
+use anyhit::math::vectors::Vectors;
 
 use crate::contender::{Contender, Placed};
 use crate::shape::Shape;
@@ -47,6 +48,7 @@ pub trait Prepared: Copy {
 impl<T: Textbook> Contender for T {
     type Block = T::Block;
     type Ray = T::Ray;
+    type Known = ();
     const IDLE: T::Ray = T::Ray::IDLE;
 
     fn block(shapes: &[Shape]) -> Self::Block {
@@ -59,12 +61,12 @@ impl<T: Textbook> Contender for T {
     }
 
     #[inline(always)]
-    fn met(block: &Self::Block, ray: &Self::Ray) -> u32 {
-        T::met(block, ray)
+    fn met<V: Vectors>(_: V, block: &Self::Block, ray: &Self::Ray, _: f32) -> (u32, ()) {
+        (T::met(block, ray), ())
     }
 
     #[inline(always)]
-    fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
+    fn hit(block: &Self::Block, lane: usize, ray: &mut Self::Ray, (): &()) -> Option<f32> {
         T::hit(block, lane, ray)
     }
 }

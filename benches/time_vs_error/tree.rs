@@ -1,6 +1,10 @@
 //! The tree and the leaf loop that all contenders share: four-wide nodes over leaves of one block.
 
+use anyhit::geometry::Ray;
 use anyhit::math::four::Four;
+use anyhit::math::vectors::Vectors;
+
+use crate::contender::Placed;
 
 /// Least and greatest corner.
 pub type Corners = [[f32; 3]; 2];
@@ -26,9 +30,28 @@ pub struct NodeRay {
 }
 
 impl NodeRay {
+    #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
         Self { origin, inverse: direction.map(|x| 1.0 / x) }
     }
+
+    /// For a placed tree.
+    #[inline(always)]
+    pub fn in_object(ray: &Ray, placed: &Placed) -> Self {
+        if placed.transform.is_none() {
+            return Self::new(ray.origin, ray.direction);
+        }
+        let m = &placed.inverse;
+        let apply =
+            |v: [f32; 3], w: f32| m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2] + row[3] * w);
+        Self::new(apply(ray.origin, 1.0), apply(ray.direction, 0.0))
+    }
+}
+
+/// What is done with the blocks on a ray's way. (A closure would not be compiled for the vectors.)
+pub trait Leaves {
+    /// Returns the new limit; to be inlined.
+    fn visit<V: Vectors>(&mut self, vectors: V, block: usize, limit: f32) -> f32;
 }
 
 impl Tree {
@@ -77,16 +100,19 @@ impl Tree {
         place as i32
     }
 
-    /// Visits the blocks that a ray may meet before `limit`, the nearest first; `leaf` returns the
-    /// new limit.
+    /// Visits the blocks that a ray may meet before `limit`, the nearest first; returns the last limit.
     #[inline(always)]
-    pub fn traverse(&self, ray: &NodeRay, limit: f32, mut leaf: impl FnMut(usize, f32) -> f32) {
-        let mut limit = limit;
+    pub fn traverse<V: Vectors>(
+        &self,
+        vectors: V,
+        ray: &NodeRay,
+        mut limit: f32,
+        leaves: &mut impl Leaves,
+    ) -> f32 {
         let mut stack = [(0f32, 0i32); 96];
         let mut top = 0;
         if self.nodes.is_empty() {
-            leaf(0, limit);
-            return;
+            return leaves.visit(vectors, 0, limit);
         }
         stack[0] = (0.0, 0);
         top += 1;
@@ -97,7 +123,7 @@ impl Tree {
                 continue;
             }
             if index < 0 {
-                limit = leaf(!index as usize, limit);
+                limit = leaves.visit(vectors, !index as usize, limit);
                 continue;
             }
             let node = &self.nodes[index as usize];
@@ -126,6 +152,7 @@ impl Tree {
                 top += 1;
             }
         }
+        limit
     }
 }
 
