@@ -8,8 +8,10 @@
 //! ```
 //!
 //! All contenders share rays, tree, leaf loop and the four-wide test of a leaf (their own formula in
-//! it), compiled for the vectors that the processor has. They take turns, several rounds in one run; times are processor time of one thread, medians
-//! over the rounds, and so are the ratios to the exact mode within a round. "engine" is the traversal that shaders get ([`anyhit::accel::Cursor`]).
+//! it), compiled for the vectors that the processor has. They take turns, several rounds in one run, with
+//! several copies of their primitives; times are processor time of one thread, medians over the rounds,
+//! and so are the ratios to the exact mode within a round. "engine" is the traversal that shaders get
+//! ([`anyhit::accel::Cursor`]).
 //! Errors are judged by rational arithmetic on a part of the rays.
 
 #![allow(clippy::print_stdout, reason = "a table is printed")]
@@ -32,31 +34,38 @@ use anyhit::geometry::{ObjectRay, Precision, Ray, linear_swept_sphere, sphere, t
 use anyhit::math::eight::TwoFours;
 use anyhit::math::vectors::{Processor, Vectors};
 
-use contender::{Contender, DOUBLE, EXACT, FLOAT, InFours, Ours};
+use contender::{Contender, DOUBLE, EXACT, FLOAT, Ours};
 use judge::Errors;
-use pass::{Field, Hit, Pass};
+use pass::{Field, Hit, Pass, Trees};
 use plot::{Panel, Point};
 use scene::Scene;
 use shape::Shape;
 use textbook::{CapsuleByDistance, MoellerTrumbore, NaiveSphere, RecentredSphere, RoundCone, Slabs, Woop};
 use tree::{Leaves, NodeRay, Tree};
 
+/// How often each copy of a contender runs.
+const ROUNDS: usize = 3;
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let quick = std::env::args().any(|argument| argument == "--quick");
     let chosen: Vec<String> =
         std::env::args().skip(1).filter(|argument| !argument.starts_with("--")).collect();
     let is_chosen = |name: &str| chosen.is_empty() || chosen.iter().any(|begin| name.starts_with(begin));
-    let rounds = if quick { 3 } else { 15 };
+    let copies = if quick { 1 } else { 7 };
     let judged = if quick { 60 } else { 1000 };
     let mut panels = Vec::new();
     let mut names: Vec<&'static str> = Vec::new();
     for scene in scene::scenes(quick).into_iter().filter(|scene| is_chosen(scene.name)) {
         let truth = judge::truth(&scene, judged);
-        let mut contenders = contenders(&scene);
+        let trees = Trees::of(&scene);
+        // Where blocks lie in memory is worth some hundredths, one way or the other.
+        let mut copies: Vec<_> = (0..copies).map(|_| contenders(&scene, &trees)).collect();
+        let contenders: Vec<&str> = copies[0].iter().map(|(name, _)| *name).collect();
         let mut times = vec![Vec::new(); contenders.len()];
         let mut hits: Vec<Vec<Hit>> = vec![Vec::new(); contenders.len()];
-        for _ in 0..rounds {
-            for (place, (_, run)) in contenders.iter_mut().enumerate() {
+        for round in 0..ROUNDS * copies.len() {
+            let copy = round % copies.len();
+            for (place, (_, run)) in copies[copy].iter_mut().enumerate() {
                 hits[place].clear();
                 let begin = thread_time();
                 run(&scene.rays, &mut hits[place]);
@@ -72,19 +81,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             scene.rays.len(),
             met,
             truth.len(),
-            steps(&scene)
+            steps(&scene, &trees)
         );
         println!(
             "  {:<22} {:>8} {:>6} {:>9} {:>9} {:>9} {:>11} {:>7} {:>6} {:>6}",
             "", "ns/ray", "exact=1", "p50 ulp", "p99", "p99.9", "max", "missed", "extra", "other"
         );
-        let exact = contenders.iter().position(|(name, _)| *name == "Exact").expect("one is exact");
+        let exact = contenders.iter().position(|name| *name == "Exact").expect("one is exact");
         let ratio =
             |times: &[f64], exact: &[f64]| median(times.iter().zip(exact).map(|(a, b)| a / b).collect());
         let ratios: Vec<f64> = times.iter().map(|one| ratio(one, &times[exact])).collect();
         let medians: Vec<f64> = times.into_iter().map(median).collect();
         let mut points = Vec::new();
-        for (place, (name, _)) in contenders.iter().enumerate() {
+        for (place, name) in contenders.iter().enumerate() {
             let errors = Errors::of(&truth, &hits[place]);
             println!(
                 "  {name:<22} {:>8.1} {:>6.2} {:>9.3} {:>9.3} {:>9.3} {:>11.3} {:>7} {:>6} {:>6}",
@@ -139,35 +148,35 @@ fn median(mut times: Vec<f64>) -> f64 {
 type Run<'a> = Box<dyn FnMut(&[Ray], &mut Vec<Hit>) + 'a>;
 
 /// The contenders for a scene's kind of primitive.
-fn contenders(scene: &Scene) -> Vec<(&'static str, Run<'_>)> {
-    let mut out: Vec<(&'static str, Run<'_>)> = match scene.shapes[0] {
+fn contenders<'a>(scene: &'a Scene, trees: &'a Trees) -> Vec<(&'static str, Run<'a>)> {
+    let mut out: Vec<(&'static str, Run<'a>)> = match scene.shapes[0] {
         Shape::Sphere(..) => vec![
-            ("Exact", runner::<Ours<block::Spheres, EXACT>>(scene)),
-            ("Double", runner::<Ours<block::Spheres, DOUBLE>>(scene)),
-            ("Float", runner::<Ours<block::Spheres, FLOAT>>(scene)),
-            ("recentred f32", runner::<RecentredSphere>(scene)),
-            ("naive f32", runner::<NaiveSphere>(scene)),
+            ("Exact", runner::<Ours<block::Spheres, EXACT>>(scene, trees)),
+            ("Double", runner::<Ours<block::Spheres, DOUBLE>>(scene, trees)),
+            ("Float", runner::<Ours<block::Spheres, FLOAT>>(scene, trees)),
+            ("recentred f32", runner::<RecentredSphere>(scene, trees)),
+            ("naive f32", runner::<NaiveSphere>(scene, trees)),
         ],
         Shape::Swept(..) => vec![
-            ("Exact", runner::<Ours<block::SweptEnds, EXACT>>(scene)),
-            ("Double", runner::<Ours<block::SweptEnds, DOUBLE>>(scene)),
-            ("Float", runner::<Ours<block::SweptEnds, FLOAT>>(scene)),
-            ("recentred f32", runner::<RoundCone<true>>(scene)),
-            ("naive f32", runner::<RoundCone<false>>(scene)),
-            ("capsule by distance", runner::<CapsuleByDistance>(scene)),
+            ("Exact", runner::<Ours<block::SweptEnds, EXACT>>(scene, trees)),
+            ("Double", runner::<Ours<block::SweptEnds, DOUBLE>>(scene, trees)),
+            ("Float", runner::<Ours<block::SweptEnds, FLOAT>>(scene, trees)),
+            ("recentred f32", runner::<RoundCone<true>>(scene, trees)),
+            ("naive f32", runner::<RoundCone<false>>(scene, trees)),
+            ("capsule by distance", runner::<CapsuleByDistance>(scene, trees)),
         ],
         Shape::Triangle(_) => vec![
-            ("Exact", runner::<InFours>(scene)),
-            ("Double", runner::<Ours<block::Triangles, DOUBLE>>(scene)),
-            ("Float", runner::<Ours<block::Triangles, FLOAT>>(scene)),
-            ("Möller-Trumbore", runner::<MoellerTrumbore>(scene)),
-            ("Woop", runner::<Woop>(scene)),
+            ("Exact", runner::<Ours<block::Triangles, EXACT>>(scene, trees)),
+            ("Double", runner::<Ours<block::Triangles, DOUBLE>>(scene, trees)),
+            ("Float", runner::<Ours<block::Triangles, FLOAT>>(scene, trees)),
+            ("Möller-Trumbore", runner::<MoellerTrumbore>(scene, trees)),
+            ("Woop", runner::<Woop>(scene, trees)),
         ],
         Shape::Aabb(_) => vec![
-            ("Exact", runner::<Ours<block::Aabbs, EXACT>>(scene)),
-            ("Double", runner::<Ours<block::Aabbs, DOUBLE>>(scene)),
-            ("Float", runner::<Ours<block::Aabbs, FLOAT>>(scene)),
-            ("slabs f32", runner::<Slabs>(scene)),
+            ("Exact", runner::<Ours<block::Aabbs, EXACT>>(scene, trees)),
+            ("Double", runner::<Ours<block::Aabbs, DOUBLE>>(scene, trees)),
+            ("Float", runner::<Ours<block::Aabbs, FLOAT>>(scene, trees)),
+            ("slabs f32", runner::<Slabs>(scene, trees)),
         ],
     };
     if !matches!(scene.shapes[0], Shape::Aabb(_)) && has_all_caps(scene) {
@@ -183,21 +192,12 @@ fn has_all_caps(scene: &Scene) -> bool {
     !matches!(scene.name, "chains" | "hair")
 }
 
-fn runner<C: Contender + 'static>(scene: &Scene) -> Run<'_> {
-    let corners: Vec<_> = scene.shapes.iter().map(Shape::corners).collect();
-    let tree = Tree::build(&corners);
-    let blocks: Vec<C::Block> = tree
-        .blocks
-        .iter()
-        .map(|numbers| C::block(&numbers.iter().map(|&n| scene.shapes[n as usize]).collect::<Vec<_>>()))
-        .collect();
-    let placed = scene.placed();
-    let around: Vec<_> = placed.iter().map(|(_, corners)| *corners).collect();
-    let instances = (placed.len() > 1).then(|| Tree::build(&around));
-    let field = Field::<C> { tree, blocks, bounds: scene.bounds, placed, instances };
+fn runner<'a, C: Contender + 'a>(scene: &'a Scene, trees: &'a Trees) -> Run<'a> {
+    let field = Field::<C>::new(scene, trees);
     let processor = Processor::new();
     Box::new(move |rays, hits| processor.run(Pass { field: &field, rays, hits }))
 }
+
 fn engine(scene: &Scene, precision: Precision) -> Run<'static> {
     let blas = Blas::new(vec![shape::opaque(scene.data.clone())]).expect("a valid BLAS");
     let instances = scene.matrices.iter().map(|matrix| Instance::of(blas.clone(), *matrix));
@@ -232,20 +232,18 @@ impl Leaves for Steps<'_> {
 }
 
 /// At which step the tests of the exact mode end, over all leaves that rays reach.
-fn steps(scene: &Scene) -> String {
-    let corners: Vec<_> = scene.shapes.iter().map(Shape::corners).collect();
-    let tree = Tree::build(&corners);
+fn steps(scene: &Scene, trees: &Trees) -> String {
+    let tree = &trees.primitives;
     let mut counts = [0u64; 3];
-    let placed = scene.placed();
     for ray in &scene.rays {
-        for (placed, _) in &placed {
+        for (placed, _) in &trees.placed {
             let object = match &placed.transform {
                 Some(transform) => ObjectRay::in_instance(ray, transform),
                 None => ObjectRay::in_world(ray),
             };
             let object = object.expect("a finite ray");
             let block_rays = (BlockRay::new(&object, &scene.bounds), BoxRay::new(&object, &scene.bounds));
-            let mut steps = Steps { tree: &tree, shapes: &scene.shapes, ray: object, block_rays, counts };
+            let mut steps = Steps { tree, shapes: &scene.shapes, ray: object, block_rays, counts };
             tree.traverse(TwoFours, &NodeRay::in_object(ray, placed), f32::INFINITY, &mut steps);
             counts = steps.counts;
         }
@@ -266,17 +264,20 @@ fn step(shape: &Shape, ray: &ObjectRay, (block_ray, box_ray): &(BlockRay, BoxRay
         Shape::Sphere(center, radius) => {
             let mut block = block::Spheres::EMPTY;
             block.set(0, center, radius);
-            (block.met(block_ray), sphere::is_decided_in_f64(ray, center, radius))
+            (block.met(TwoFours, block_ray), sphere::is_decided_in_f64(ray, center, radius))
         }
         Shape::Swept(positions, radii) => {
             let mut block = block::LinearSweptSpheres::EMPTY;
             block.set(0, positions, radii, [true; 2]);
-            (block.met(block_ray), linear_swept_sphere::is_decided_in_f64(ray, positions, radii, [true; 2]))
+            (
+                block.met(TwoFours, block_ray),
+                linear_swept_sphere::is_decided_in_f64(ray, positions, radii, [true; 2]),
+            )
         }
         Shape::Triangle(vertices) => {
             let mut block = block::Triangles::EMPTY;
             block.set(0, vertices);
-            (block.met(block_ray), triangle::is_decided_in_f64(ray, vertices))
+            (block.met(TwoFours, block_ray), triangle::is_decided_in_f64(ray, vertices))
         }
         Shape::Aabb([min, max]) => {
             let mut block = block::Aabbs::EMPTY;

@@ -1,28 +1,53 @@
 //! One contender's way through a scene: the loop that all share.
 
-use anyhit::geometry::{Bounds, Ray};
+use anyhit::geometry::Ray;
 use anyhit::math::vectors::{Task, Vectors};
 
 use crate::contender::{Contender, Placed};
+use crate::scene::Scene;
+use crate::shape::Shape;
 use crate::tree::{Corners, Leaves, NodeRay, Tree};
 
 /// t, instance, primitive.
 pub type Hit = Option<(f32, u32, u32)>;
 
-/// A scene as one contender has it.
-pub struct Field<C: Contender> {
-    pub tree: Tree,
-    pub blocks: Vec<C::Block>,
-    /// Of the tree.
-    pub bounds: Bounds,
+/// What all contenders have in common of a scene.
+pub struct Trees {
+    pub primitives: Tree,
+    /// Over the placed ones, where they are several.
+    instances: Option<Tree>,
     pub placed: Vec<(Placed, Corners)>,
-    /// A tree of the placed ones, where they are several.
-    pub instances: Option<Tree>,
+}
+
+impl Trees {
+    pub fn of(scene: &Scene) -> Self {
+        let corners: Vec<_> = scene.shapes.iter().map(Shape::corners).collect();
+        let placed = scene.placed();
+        let around: Vec<_> = placed.iter().map(|(_, corners)| *corners).collect();
+        let instances = (placed.len() > 1).then(|| Tree::build(&around));
+        Self { primitives: Tree::build(&corners), instances, placed }
+    }
+}
+
+/// A scene as one contender has it.
+pub struct Field<'a, C: Contender> {
+    scene: &'a Scene,
+    trees: &'a Trees,
+    blocks: Vec<C::Block>,
+}
+
+impl<'a, C: Contender> Field<'a, C> {
+    pub fn new(scene: &'a Scene, trees: &'a Trees) -> Self {
+        let block = |numbers: &Vec<u32>| {
+            C::block(&numbers.iter().map(|&number| scene.shapes[number as usize]).collect::<Vec<_>>())
+        };
+        Self { scene, trees, blocks: trees.primitives.blocks.iter().map(block).collect() }
+    }
 }
 
 /// Some rays, all that they do compiled for the same vectors.
 pub struct Pass<'a, C: Contender> {
-    pub field: &'a Field<C>,
+    pub field: &'a Field<'a, C>,
     pub rays: &'a [Ray],
     pub hits: &'a mut Vec<Hit>,
 }
@@ -36,7 +61,7 @@ impl<C: Contender> Task for Pass<'_, C> {
         let mut prepared = C::IDLE;
         for ray in self.rays {
             let mut way = Way { field, ray, prepared: &mut prepared, best: None };
-            match &field.instances {
+            match &field.trees.instances {
                 None => {
                     way.enter(vectors, 0, ray.t_max);
                 }
@@ -52,7 +77,7 @@ impl<C: Contender> Task for Pass<'_, C> {
 
 /// A ray's way.
 struct Way<'a, C: Contender> {
-    field: &'a Field<C>,
+    field: &'a Field<'a, C>,
     ray: &'a Ray,
     prepared: &'a mut C::Ray,
     best: Hit,
@@ -62,11 +87,11 @@ impl<C: Contender> Way<'_, C> {
     /// Through an instance; returns the new limit.
     #[inline(always)]
     fn enter<V: Vectors>(&mut self, vectors: V, instance: u32, limit: f32) -> f32 {
-        let placed = &self.field.placed[instance as usize].0;
-        C::ready(self.prepared, self.ray, placed, &self.field.bounds);
+        let Field { scene, trees, .. } = self.field;
+        let placed = &trees.placed[instance as usize].0;
+        C::ready(self.prepared, self.ray, placed, &scene.bounds);
         let nodes = NodeRay::in_object(self.ray, placed);
-        let tree = &self.field.tree;
-        tree.traverse(vectors, &nodes, limit, &mut InInstance { way: self, instance })
+        trees.primitives.traverse(vectors, &nodes, limit, &mut InInstance { way: self, instance })
     }
 }
 
@@ -96,14 +121,13 @@ impl<C: Contender> Leaves for InInstance<'_, '_, C> {
     #[inline(always)]
     fn visit<V: Vectors>(&mut self, vectors: V, block: usize, mut limit: f32) -> f32 {
         let Way { field, prepared, best, .. } = &mut *self.way;
-        let numbers = &field.tree.blocks[block];
+        let numbers = &field.trees.primitives.blocks[block];
         let block = &field.blocks[block];
-        let (met, known) = C::met(vectors, block, prepared, limit);
-        let mut met = met & ((1 << numbers.len()) - 1);
+        let mut met = C::met(vectors, block, prepared) & ((1 << numbers.len()) - 1);
         while met != 0 {
             let lane = met.trailing_zeros() as usize;
             met &= met - 1;
-            if let Some(t) = C::hit(block, lane, prepared, &known) {
+            if let Some(t) = C::hit(block, lane, prepared) {
                 let key = (t, self.instance, numbers[lane]);
                 if best.is_none_or(|best| key < best) {
                     *best = Some(key);

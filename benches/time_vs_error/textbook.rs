@@ -48,7 +48,6 @@ pub trait Prepared: Copy {
 impl<T: Textbook> Contender for T {
     type Block = T::Block;
     type Ray = T::Ray;
-    type Known = ();
     const IDLE: T::Ray = T::Ray::IDLE;
 
     fn block(shapes: &[Shape]) -> Self::Block {
@@ -61,12 +60,12 @@ impl<T: Textbook> Contender for T {
     }
 
     #[inline(always)]
-    fn met<V: Vectors>(_: V, block: &Self::Block, ray: &Self::Ray, _: f32) -> (u32, ()) {
-        (T::met(block, ray), ())
+    fn met<V: Vectors>(_: V, block: &Self::Block, ray: &Self::Ray) -> u32 {
+        T::met(block, ray)
     }
 
     #[inline(always)]
-    fn hit(block: &Self::Block, lane: usize, ray: &mut Self::Ray, (): &()) -> Option<f32> {
+    fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
         T::hit(block, lane, ray)
     }
 }

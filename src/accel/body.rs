@@ -6,9 +6,9 @@ use crate::accel::blas::{GeometryFlags, between};
 use crate::accel::node::Child;
 use crate::accel::tree::Tree;
 use crate::geometry::block::{self, BlockRay, LANES};
-use crate::geometry::triangle::FourTested;
-use crate::geometry::{Bounds, DoubleRay, Intersection, ObjectRay, Precision, triangle};
+use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, triangle};
 use crate::math::doubles::Doubles;
+use crate::math::four::Fused;
 
 /// The active primitives of a BLAS, and the tree over them.
 #[derive(Debug)]
@@ -46,6 +46,15 @@ pub enum Drops {
     WhereSimple,
     /// For every ray.
     Always,
+}
+
+/// A ray for tests of all of a leaf's primitives; each reads one of the two.
+pub trait LeafRay {
+    /// In f64.
+    fn double(&mut self) -> DoubleRay;
+
+    /// In object space.
+    fn object(&mut self) -> &ObjectRay;
 }
 
 /// Primitives of one kind, four places a block.
@@ -130,11 +139,11 @@ impl Body {
     /// A bit for each of a leaf's primitives that the ray's line does not surely miss. Only for bodies
     /// that [drop](Body::drops) some.
     #[inline(always)]
-    pub fn met(&self, leaf: Child, ray: &BlockRay) -> u32 {
+    pub fn met<F: Fused>(&self, fused: F, leaf: Child, ray: &BlockRay) -> u32 {
         let at = leaf.index();
         let met = match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[at].met(ray),
-            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].met(ray),
+            Shapes::Triangles(blocks) => blocks[at].met(fused, ray),
+            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].met(fused, ray),
             Shapes::Spheres(_) | Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => u32::MAX,
         };
         met & self.every(leaf)
@@ -143,15 +152,22 @@ impl Body {
     /// Whether [`Body::tested`] decides about a whole leaf: that is better than to drop some.
     #[inline(always)]
     pub fn tests_leaves(&self, precision: Precision) -> bool {
-        precision == Precision::Exact && matches!(self.shapes, Shapes::Triangles(_))
+        precision == Precision::Exact && matches!(self.shapes, Shapes::Triangles(_) | Shapes::Spheres(_))
     }
 
     /// The exact test of all of a leaf's primitives, as far as f64 carries; what lies behind `limit`, a
     /// rounded t, may be left out. Only for bodies that [test leaves](Body::tests_leaves).
     #[inline(always)]
-    pub fn tested<D: Doubles>(&self, doubles: D, leaf: Child, ray: &DoubleRay, limit: f32) -> FourTested {
+    pub fn tested<D: Doubles>(
+        &self,
+        doubles: D,
+        leaf: Child,
+        ray: &mut impl LeafRay,
+        limit: f32,
+    ) -> FourTested {
         match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[leaf.index()].tested(doubles, ray, limit),
+            Shapes::Triangles(blocks) => blocks[leaf.index()].tested(doubles, &ray.double(), limit),
+            Shapes::Spheres(blocks) => blocks[leaf.index()].tested(doubles, ray.object(), limit),
             _ => FourTested::MISSED,
         }
     }

@@ -1,7 +1,7 @@
 //! A ray in the instance whose tree it is in, with what its tests need; parts that only some tests
 //! need are made by the first of them.
 
-use crate::accel::body::{Body, Drops};
+use crate::accel::body::{Body, Drops, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::Child;
 use crate::accel::node_ray::NodeRay;
@@ -9,6 +9,7 @@ use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::tree::Tree;
 use crate::geometry::block::BlockRay;
 use crate::geometry::{DoubleRay, ObjectRay, Ray, RoughRay, Transform};
+use crate::math::four::Fused;
 
 /// The instance that the upper end of the stack belongs to.
 #[derive(Clone, Debug)]
@@ -127,14 +128,10 @@ impl Level {
         }
     }
 
-    /// The ray in object space in f64, for all primitives of a leaf at once.
+    /// The ray for all primitives of a leaf at once.
     #[inline(always)]
-    pub fn double_ray(&mut self, tlas: &Tlas, trace: &TraceRay) -> DoubleRay {
-        if self.is_ordinary {
-            DoubleRay::ordinary(&trace.ray)
-        } else {
-            DoubleRay::of(self.object_ray(tlas, trace))
-        }
+    pub fn for_leaf<'a>(&'a mut self, tlas: &'a Tlas, trace: &'a TraceRay) -> ForLeaf<'a> {
+        ForLeaf { level: self, tlas, trace }
     }
 
     /// The ray in object space.
@@ -150,12 +147,19 @@ impl Level {
 
     /// A bit for each of a leaf's primitives that the ray may meet.
     #[inline(always)]
-    pub fn met(&mut self, tlas: &Tlas, body: &Body, leaf: Child, trace: &TraceRay) -> u32 {
+    pub fn met<F: Fused>(
+        &mut self,
+        fused: F,
+        tlas: &Tlas,
+        body: &Body,
+        leaf: Child,
+        trace: &TraceRay,
+    ) -> u32 {
         if !self.has_block_ray {
             self.has_block_ray = true;
             self.make_block_ray(tlas, body, trace);
         }
-        if self.drops { body.met(leaf, &self.block_ray) } else { body.every(leaf) }
+        if self.drops { body.met(fused, leaf, &self.block_ray) } else { body.every(leaf) }
     }
 
     #[inline(always)]
@@ -176,6 +180,29 @@ impl Level {
         } else if self.drops {
             self.block_ray = BlockRay::new(self.object_ray(tlas, trace), body.bounds());
         }
+    }
+}
+
+/// The ray of a level, for a leaf.
+pub struct ForLeaf<'a> {
+    level: &'a mut Level,
+    tlas: &'a Tlas,
+    trace: &'a TraceRay,
+}
+
+impl LeafRay for ForLeaf<'_> {
+    #[inline(always)]
+    fn double(&mut self) -> DoubleRay {
+        if self.level.is_ordinary {
+            DoubleRay::ordinary(&self.trace.ray)
+        } else {
+            DoubleRay::of(self.object())
+        }
+    }
+
+    #[inline(always)]
+    fn object(&mut self) -> &ObjectRay {
+        self.level.object_ray(self.tlas, self.trace)
     }
 }
 

@@ -12,9 +12,7 @@ use crate::accel::rules::{
 };
 use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
-use crate::geometry::triangle::FourTested;
-use crate::geometry::{Intersection, ObjectRay, Precision};
-use crate::math::doubles::Doubles;
+use crate::geometry::{FourTested, Intersection, ObjectRay, Precision};
 use crate::math::eight::{Eights, TwoFours};
 use crate::math::vectors::{Task, Vectors};
 
@@ -251,15 +249,15 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     }
 
     #[inline(always)]
-    fn reach<D: Doubles>(&mut self, doubles: D, number: u32) {
-        let verdict = self.enter(doubles, number);
+    fn reach<E: Vectors>(&mut self, eights: E, number: u32) {
+        let verdict = self.enter(eights, number);
         self.visit.instance(number, verdict);
     }
 
     /// Goes into an instance: its primitives are tested at once where they are few, otherwise the
     /// root of its tree comes on the stack.
     #[inline(always)]
-    fn enter<D: Doubles>(&mut self, doubles: D, number: u32) -> InstanceVerdict {
+    fn enter<E: Vectors>(&mut self, eights: E, number: u32) -> InstanceVerdict {
         let instance = &self.tlas.instances()[number as usize];
         if !is_visible(instance.mask, self.trace.cull_mask) {
             return InstanceVerdict::Masked;
@@ -274,7 +272,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             return InstanceVerdict::Missed;
         }
         let Some(tree) = body.tree() else {
-            self.test_all(doubles, body);
+            self.test_all(eights, body);
             return InstanceVerdict::Entered;
         };
         if V::REASONS
@@ -329,12 +327,12 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
 
     /// Tests the primitives of an instance without a tree.
     #[inline(always)]
-    fn test_all<D: Doubles>(&mut self, doubles: D, body: &Body) {
+    fn test_all<E: Vectors>(&mut self, eights: E, body: &Body) {
         let mut leaves = body.leaves();
         let Some(first) = leaves.next() else { return };
         // Nothing pays for a ray that is ready for blocks where there is but one.
         let met = if body.tests_leaves(self.tlas.precision()) {
-            self.met(doubles, body, first)
+            self.met(eights, body, first)
         } else {
             body.every(first)
         };
@@ -343,23 +341,23 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             if self.hits.is_enough() {
                 break;
             }
-            let met = self.met(doubles, body, leaf);
+            let met = self.met(eights, body, leaf);
             self.test(body, leaf, met);
         }
     }
 
     /// A bit for each of a leaf's primitives that the ray may meet.
     #[inline(always)]
-    fn met<D: Doubles>(&mut self, doubles: D, body: &Body, leaf: Child) -> u32 {
+    fn met<E: Vectors>(&mut self, eights: E, body: &Body, leaf: Child) -> u32 {
         let level = &mut self.walk.level;
         let met = if V::REASONS {
             body.every(leaf)
         } else if body.tests_leaves(self.tlas.precision()) {
-            let ray = level.double_ray(self.tlas, self.trace);
-            self.tested = body.tested(doubles, leaf, &ray, self.hits.cull_t);
+            let mut ray = level.for_leaf(self.tlas, self.trace);
+            self.tested = body.tested(eights, leaf, &mut ray, self.hits.cull_t);
             self.tested.met() & body.every(leaf)
         } else {
-            level.met(self.tlas, body, leaf, self.trace)
+            level.met(eights, self.tlas, body, leaf, self.trace)
         };
         self.visit.missed(leaf.count() - met.count_ones());
         met

@@ -295,16 +295,6 @@ fn sub(a: [Four; 3], b: [Four; 3]) -> [Four; 3] {
 }
 
 #[inline(always)]
-fn cross(a: [Four; 3], b: [Four; 3]) -> [Four; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-#[inline(always)]
-fn dot(a: [Four; 3], b: [Four; 3]) -> Four {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
 fn norm1(a: [Four; 3]) -> Four {
     a[0].abs() + a[1].abs() + a[2].abs()
 }
@@ -313,6 +303,7 @@ fn norm1(a: [Four; 3]) -> Four {
 mod tests {
     use super::*;
     use crate::geometry::Ray;
+    use crate::math::eight::TwoFours;
 
     const UNIT_BOX: Bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
 
@@ -347,14 +338,14 @@ mod tests {
             for ray in rays(x) {
                 assert_eq!(boxes.met(&BoxRay::new(&ray, &UNIT_BOX)), kept, "{x} {ray:?}");
                 let ray = BlockRay::new(&ray, &UNIT_BOX);
-                assert_eq!(spheres.met(&ray), kept, "{x} {ray:?}");
-                assert_eq!(triangles.met(&ray), kept, "{x} {ray:?}");
+                assert_eq!(spheres.met(TwoFours, &ray), kept, "{x} {ray:?}");
+                assert_eq!(triangles.met(TwoFours, &ray), kept, "{x} {ray:?}");
                 // Its bound is looser: radii within 2 in a hundred.
-                assert_eq!(swept.met(&ray) & kept, kept, "{x} {ray:?}");
+                assert_eq!(swept.met(TwoFours, &ray) & kept, kept, "{x} {ray:?}");
             }
             for ray in rays(x * 1.02) {
                 let ray = BlockRay::new(&ray, &UNIT_BOX);
-                assert_eq!(swept.met(&ray), kept, "{x} {ray:?}");
+                assert_eq!(swept.met(TwoFours, &ray), kept, "{x} {ray:?}");
             }
         }
     }
@@ -370,7 +361,7 @@ mod tests {
         // A negative t counts where the interval says so.
         for (ray, kept) in [(along, 0b1010), (along.with_interval(-9.0, 9.0), 0b1111)] {
             let ray = BlockRay::new(&ObjectRay::new(&ray, None).unwrap(), &UNIT_BOX);
-            assert_eq!((spheres.met(&ray), spheres.entered(&ray)), (0b1111, kept));
+            assert_eq!((spheres.met(TwoFours, &ray), spheres.entered(TwoFours, &ray)), (0b1111, kept));
         }
     }
 
@@ -385,7 +376,7 @@ mod tests {
                 &ObjectRay::new(&ray, None).unwrap(),
                 &Bounds { min: [0.0; 3], max: [3e38; 3] },
             );
-            assert_eq!(spheres.met(&ray) & 1, 1);
+            assert_eq!(spheres.met(TwoFours, &ray) & 1, 1);
         }
     }
 }

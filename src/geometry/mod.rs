@@ -19,6 +19,7 @@ pub mod aabb;
 pub mod block;
 mod bounds;
 mod foot;
+mod four_tested;
 pub mod linear_swept_sphere;
 mod object_ray;
 pub mod ray;
@@ -27,6 +28,7 @@ pub mod triangle;
 mod verdict;
 
 pub use bounds::Bounds;
+pub use four_tested::FourTested;
 pub use object_ray::{
     DoubleRay, ObjectRay, ROUGH_SLACK, ROUGH_UNDERFLOW, RoughRay, Transform, world_to_object,
 };

@@ -34,6 +34,10 @@
 //! f32-sized centres and radii and the rays that `ObjectRay` lets into f64: the greatest product is
 //! r^2 d.d <= 2^516, the least r^2 d.d >= 2^-598.
 
+mod four;
+
+pub(super) use four::tested;
+
 use crate::geometry::foot::{self, Foot};
 use crate::geometry::object_ray::{ObjectRay, View};
 use crate::geometry::verdict::{Verdict, settle_closed, when};

@@ -32,7 +32,7 @@
 
 mod four;
 
-pub use four::FourTested;
+pub(super) use four::tested;
 
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded, settle_open, when};

@@ -33,6 +33,10 @@ pub trait Doubles: Copy {
     fn product_and(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
     /// `a b - c`; the product may be rounded or not.
     fn product_less(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+    /// `c - a b`; the product may be rounded or not.
+    fn product_from(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+    /// Square roots.
+    fn root(self, a: Self::Four) -> Self::Four;
     /// Magnitudes.
     fn magnitude(self, a: Self::Four) -> Self::Four;
     /// A bit for each lane in which `a` is greater; none for a NaN.
@@ -120,6 +124,16 @@ impl Doubles for TwoFours {
     }
 
     #[inline(always)]
+    fn product_from(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|lane| c[lane] - a[lane] * b[lane])
+    }
+
+    #[inline(always)]
+    fn root(self, a: [f64; 4]) -> [f64; 4] {
+        a.map(f64::sqrt)
+    }
+
+    #[inline(always)]
     fn magnitude(self, a: [f64; 4]) -> [f64; 4] {
         a.map(f64::abs)
     }
@@ -186,6 +200,16 @@ impl Doubles for V3 {
     }
 
     #[inline(always)]
+    fn product_from(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
+        self.negate_mul_add_f64x4(a, b, c)
+    }
+
+    #[inline(always)]
+    fn root(self, a: f64x4) -> f64x4 {
+        pulp::cast(self.avx._mm256_sqrt_pd(pulp::cast(a)))
+    }
+
+    #[inline(always)]
     fn magnitude(self, a: f64x4) -> f64x4 {
         self.abs_f64x4(a)
     }
@@ -220,6 +244,8 @@ mod tests {
         assert_eq!(numbers(doubles.quotient(a, b))[..2], [3.0, -0.5]);
         assert_eq!(numbers(doubles.product_and(a, b, c)), [-7.25, -16.0, -8.0]);
         assert_eq!(numbers(doubles.product_less(a, b, c)), [8.75, 0.0, 8.0]);
+        assert_eq!(numbers(doubles.product_from(a, b, c)), [-8.75, 0.0, -8.0]);
+        assert_eq!(numbers(doubles.root(doubles.product(a, a))), [1.5, 2.0, 0.0]);
         assert_eq!(numbers(doubles.magnitude(c)), [8.0; 3]);
         assert_eq!(doubles.is_above(a, b), 0b0001);
         assert_eq!(doubles.is_above(b, c), 0b0111);

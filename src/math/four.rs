@@ -2,11 +2,16 @@
 //!
 //! glam's four-component vector under another name: SSE2 registers on x86-64, NEON on 64-bit Arm,
 //! scalars elsewhere. Only lane-wise operations of IEEE are used, which round alike on all of them;
-//! none of glam's sums, products of vectors or lengths.
+//! none of glam's sums, products of vectors or lengths. What may round once instead of twice is said by
+//! [`Fused`].
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use glam::Vec4;
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V3;
+
+use crate::math::eight::TwoFours;
 
 /// How many lanes there are.
 pub const LANES: usize = 4;
@@ -84,6 +89,60 @@ impl Four {
     #[inline(always)]
     pub fn at_least(self, other: Self) -> u32 {
         self.0.cmpge(other.0).bitmask()
+    }
+}
+
+/// A way to make products that go into sums, for bounded attempts alone: whether such a product is rounded
+/// depends on the processor.
+pub trait Fused: Copy {
+    /// `a b + c`
+    fn fused_sum(self, a: Four, b: Four, c: Four) -> Four;
+    /// `a b - c`
+    fn fused_difference(self, a: Four, b: Four, c: Four) -> Four;
+
+    /// The scalar product.
+    #[inline(always)]
+    fn fused_dot(self, a: [Four; 3], b: [Four; 3]) -> Four {
+        self.fused_sum(a[0], b[0], self.fused_sum(a[1], b[1], a[2] * b[2]))
+    }
+
+    /// The vector product.
+    #[inline(always)]
+    fn fused_cross(self, a: [Four; 3], b: [Four; 3]) -> [Four; 3] {
+        [
+            self.fused_difference(a[1], b[2], a[2] * b[1]),
+            self.fused_difference(a[2], b[0], a[0] * b[2]),
+            self.fused_difference(a[0], b[1], a[1] * b[0]),
+        ]
+    }
+}
+
+/// On any machine: all are rounded.
+impl Fused for TwoFours {
+    #[inline(always)]
+    fn fused_sum(self, a: Four, b: Four, c: Four) -> Four {
+        a * b + c
+    }
+
+    #[inline(always)]
+    fn fused_difference(self, a: Four, b: Four, c: Four) -> Four {
+        a * b - c
+    }
+}
+
+/// None is rounded; to be used in code that [`V3::vectorize`] compiles.
+#[cfg(target_arch = "x86_64")]
+impl Fused for V3 {
+    #[inline(always)]
+    fn fused_sum(self, a: Four, b: Four, c: Four) -> Four {
+        let [a, b, c] = [a.to_array(), b.to_array(), c.to_array()];
+        Four::new(pulp::cast(self.mul_add_f32x4(pulp::cast(a), pulp::cast(b), pulp::cast(c))))
+    }
+
+    #[inline(always)]
+    fn fused_difference(self, a: Four, b: Four, c: Four) -> Four {
+        let [a, b, c] = [a.to_array(), b.to_array(), c.to_array()];
+        Four::new(pulp::cast(self.mul_sub_f32x4(pulp::cast(a), pulp::cast(b), pulp::cast(c))))
     }
 }
 

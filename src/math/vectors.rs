@@ -8,6 +8,7 @@ use pulp::x86::V3;
 
 use crate::math::doubles::Doubles;
 use crate::math::eight::{Eights, TwoFours};
+use crate::math::four::Fused;
 
 /// What operates on vectors.
 pub trait Task {
@@ -19,7 +20,7 @@ pub trait Task {
 }
 
 /// A way to operate on vectors, and to have more of that compiled alike.
-pub trait Vectors: Eights + Doubles {
+pub trait Vectors: Eights + Doubles + Fused {
     /// Runs a task in a function of its own.
     fn apart<T: Task>(self, task: T) -> T::Output;
 }

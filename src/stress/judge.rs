@@ -14,6 +14,7 @@ use crate::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, Transform, aabb, linear_swept_sphere, sphere,
     triangle,
 };
+use crate::math::eight::TwoFours;
 use crate::stress::case::{Case, Shape};
 use crate::stress::reference::{Expected, LineOf};
 
@@ -152,7 +153,10 @@ impl One<'_> {
                 let Some(bounds) = triangle::bounds(vertices) else { return Ok(()) };
                 let mut block = block::Triangles::EMPTY;
                 block.set(lane, vertices);
-                (block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(&ray)), expected.is_some())
+                (
+                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(TwoFours, &ray)),
+                    expected.is_some(),
+                )
             }
             Shape::Aabb([min, max]) => {
                 let Some(bounds) = aabb::bounds(min, max) else { return Ok(()) };
@@ -165,13 +169,19 @@ impl One<'_> {
                 let Some(bounds) = sphere::bounds(center, radius) else { return Ok(()) };
                 let mut block = block::Spheres::EMPTY;
                 block.set(lane, center, radius);
-                (block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(&ray)), expected.is_some())
+                (
+                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(TwoFours, &ray)),
+                    expected.is_some(),
+                )
             }
             Shape::LinearSweptSphere { positions, radii, caps } => {
                 let Some(bounds) = linear_swept_sphere::bounds(positions, radii) else { return Ok(()) };
                 let mut block = block::LinearSweptSpheres::EMPTY;
                 block.set(lane, positions, radii, caps);
-                (block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(&ray)), expected.is_some())
+                (
+                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(TwoFours, &ray)),
+                    expected.is_some(),
+                )
             }
         };
         let kept = met >> lane & 1 != 0;

@@ -12,6 +12,7 @@ use anyhit::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
     world_to_object,
 };
+use anyhit::math::eight::TwoFours;
 use anyhit::stress::draw::Draw;
 use anyhit::stress::reference::{self, Expected, LineOf, Root};
 
@@ -80,7 +81,7 @@ fn spheres() {
             if let Some(bounds) = sphere::bounds(center, radius) {
                 let mut block = block::Spheres::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, center, radius));
-                let met = block.met(&BlockRay::new(&object, &bounds));
+                let met = block.met(TwoFours, &BlockRay::new(&object, &bounds));
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = sphere::intersect(&object, center, radius, Precision::Exact);
@@ -106,7 +107,7 @@ fn linear_swept_spheres() {
             if let Some(bounds) = linear_swept_sphere::bounds(positions, radii) {
                 let mut block = block::LinearSweptSpheres::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, positions, radii, caps));
-                let met = block.met(&BlockRay::new(&object, &bounds));
+                let met = block.met(TwoFours, &BlockRay::new(&object, &bounds));
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = agree(found, expected, &ray, false, &case)?;
@@ -139,7 +140,7 @@ fn triangles() {
             if let Some(bounds) = triangle::bounds(vertices) {
                 let mut block = block::Triangles::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, vertices));
-                let met = block.met(&BlockRay::new(&object, &bounds));
+                let met = block.met(TwoFours, &BlockRay::new(&object, &bounds));
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = agree(found, expected, &ray, true, &case)?;

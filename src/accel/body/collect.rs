@@ -18,6 +18,7 @@ const LINEAR: usize = 4;
 /// What a ray pays for a leaf and for each primitive in it, in visits of inner nodes: where each is
 /// tested by itself, and where most of a block are dropped.
 const SINGLY: (f32, f32) = (1.0, 3.0);
+const AT_ONCE: (f32, f32) = (1.0, 0.15);
 const DROPPED: (f32, f32) = (1.0, 0.05);
 const SWEPT: (f32, f32) = (1.5, 0.4);
 
@@ -51,7 +52,8 @@ impl Body {
         let collected =
             if has_tree { Collected::boxed(geometries, count) } else { Collected::listed(geometries, count) };
         let (visit, primitive) = match geometries.first().map(|geometry| geometry.data.kind()) {
-            Some(GeometryKind::Spheres | GeometryKind::Aabbs) => SINGLY,
+            Some(GeometryKind::Aabbs) => SINGLY,
+            Some(GeometryKind::Spheres) => AT_ONCE,
             Some(GeometryKind::LinearSweptSpheres) => SWEPT,
             Some(GeometryKind::Triangles) | None => DROPPED,
         };

@@ -1,6 +1,6 @@
 //! The way of a packet through the trees of a TLAS and its BLASes.
 
-use crate::accel::body::Body;
+use crate::accel::body::{Body, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::level::Level;
 use crate::accel::node::Child;
@@ -9,8 +9,7 @@ use crate::accel::packet::{Found, MOST, Packet};
 use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible, presented};
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::tree::Tree;
-use crate::geometry::triangle::FourTested;
-use crate::geometry::{DoubleRay, Intersection};
+use crate::geometry::{DoubleRay, FourTested, Intersection, ObjectRay};
 use crate::math::vectors::{Task, Vectors};
 
 /// So few rays go by themselves below a node that no others meet.
@@ -263,15 +262,11 @@ impl Walk<'_> {
             let trace = &traces[at];
             let mut tested = FourTested::MISSED;
             let mut rest = if whole {
-                let ray = if inside.in_world {
-                    DoubleRay::ordinary(&trace.ray)
-                } else {
-                    DoubleRay::of(self.level(inside, at).object_ray(tlas, trace))
-                };
-                tested = body.tested(eights, leaf, &ray, self.packet.limits.0[at]);
+                let limit = self.packet.limits.0[at];
+                tested = body.tested(eights, leaf, &mut InPacket { walk: self, inside, at }, limit);
                 tested.met() & body.every(leaf)
             } else {
-                self.level(inside, at).met(tlas, body, leaf, trace)
+                self.level(inside, at).met(eights, tlas, body, leaf, trace)
             };
             while rest != 0 {
                 let lane = rest.trailing_zeros() as usize;
@@ -325,6 +320,31 @@ impl Walk<'_> {
         *hit |= 1 << at;
         limits.0[at] = found.intersection.t;
         hits[at] = found;
+    }
+}
+
+/// A ray of the packet, for a leaf of an instance.
+struct InPacket<'a, 'b, 'c> {
+    walk: &'a mut Walk<'b>,
+    inside: &'a Inside<'c>,
+    at: usize,
+}
+
+impl LeafRay for InPacket<'_, '_, '_> {
+    #[inline(always)]
+    fn double(&mut self) -> DoubleRay {
+        // All rays of a packet are ordinary.
+        if self.inside.in_world {
+            DoubleRay::ordinary(&self.walk.traces[self.at].ray)
+        } else {
+            DoubleRay::of(self.object())
+        }
+    }
+
+    #[inline(always)]
+    fn object(&mut self) -> &ObjectRay {
+        let Walk { tlas, traces, .. } = *self.walk;
+        self.walk.level(self.inside, self.at).object_ray(tlas, &traces[self.at])
     }
 }
 

@@ -17,9 +17,9 @@
 //! that outweighs r |E x A| where r^2 is lost, and r times the root of what the square of E x A can lose,
 //! 2^-73; 2^-126 pays for the other products.
 
-use super::{ALL, BlockRay, LANES, Row, cross, dot, load, norm1, sub};
+use super::{ALL, BlockRay, LANES, Row, load, norm1, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_sphere};
-use crate::math::four::Four;
+use crate::math::four::{Four, Fused};
 
 /// Up to four linear swept spheres.
 #[derive(Clone, Copy, Debug)]
@@ -49,8 +49,8 @@ impl LinearSweptSpheres {
 
     /// [`SweptEnds::met`].
     #[inline]
-    pub fn met(&self, ray: &BlockRay) -> u32 {
-        self.ends.met(ray)
+    pub fn met<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
+        self.ends.met(fused, ray)
     }
 
     /// [`SweptEnds::intersect`].
@@ -77,18 +77,19 @@ impl SweptEnds {
 
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline(always)]
-    pub fn met(&self, ray: &BlockRay) -> u32 {
+    pub fn met<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
         let p0 = load(&self.positions[0]);
         let axis = sub(load(&self.positions[1]), p0);
         let w = sub(ray.origins(), p0);
-        let across = cross(ray.directions(), axis);
-        let volume = dot(w, across);
+        let across = fused.fused_cross(ray.directions(), axis);
+        let volume = fused.fused_dot(w, across);
         let radius = Four::new(self.radii[0]).greater(Four::new(self.radii[1]));
         let length = norm1(axis) + Four::splat(1.0 / 1_099_511_627_776.0);
         let apart = volume.abs() - length * Four::splat(ray.reach);
         // Written so that a NaN is not apart.
         let apart = apart.if_above(Four::ZERO);
-        let room = (radius * radius) * dot(across, across) + Four::splat(f32::MIN_POSITIVE);
+        let square = fused.fused_dot(across, across);
+        let room = fused.fused_sum(radius * radius, square, Four::splat(f32::MIN_POSITIVE));
         ALL & !((apart * apart).above(room))
     }
 

@@ -13,9 +13,10 @@
 //! table E.M > |E| (e + c |M|) proves that; it is asked for rays whose interval begins at 0 or later
 //! and whose origin was not moved.
 
-use super::{ALL, BlockRay, LANES, Row, cross, dot, load, sub};
-use crate::geometry::{Intersection, ObjectRay, Precision, sphere};
-use crate::math::four::Four;
+use super::{ALL, BlockRay, LANES, Row, load, sub};
+use crate::geometry::{FourTested, Intersection, ObjectRay, Precision, sphere};
+use crate::math::doubles::Doubles;
+use crate::math::four::{Four, Fused};
 
 /// Up to four spheres.
 #[derive(Clone, Copy, Debug)]
@@ -40,23 +41,29 @@ impl Spheres {
 
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline(always)]
-    pub fn met(&self, ray: &BlockRay) -> u32 {
-        self.met_from(ray, Four::splat(f32::INFINITY))
+    pub fn met<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
+        self.met_from(fused, ray, Four::splat(f32::INFINITY))
     }
 
     /// The same, without lanes that are surely entered behind the origin, if ever.
     #[inline(always)]
-    pub fn entered(&self, ray: &BlockRay) -> u32 {
-        self.met_from(ray, Four::splat(ray.behind))
+    pub fn entered<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
+        self.met_from(fused, ray, Four::splat(ray.behind))
     }
 
     #[inline(always)]
-    fn met_from(&self, ray: &BlockRay, behind: Four) -> u32 {
+    fn met_from<F: Fused>(&self, fused: F, ray: &BlockRay, behind: Four) -> u32 {
         let d = ray.directions();
         let m = sub(ray.origins(), load(&self.center));
-        let q = cross(d, m);
-        let room = Four::new(self.radius) * Four::splat(ray.length) + Four::splat(ray.reach);
-        ALL & !(dot(q, q).above(room * room) | dot(d, m).above(behind))
+        let q = fused.fused_cross(d, m);
+        let room = fused.fused_sum(Four::new(self.radius), Four::splat(ray.length), Four::splat(ray.reach));
+        ALL & !(fused.fused_dot(q, q).above(room * room) | fused.fused_dot(d, m).above(behind))
+    }
+
+    /// The step from the foot for all lanes.
+    #[inline(always)]
+    pub fn tested<D: Doubles>(&self, doubles: D, ray: &ObjectRay, limit: f32) -> FourTested {
+        sphere::tested(doubles, ray, (&self.center, &self.radius), limit)
     }
 
     /// Where a ray enters the sphere in a lane: [`sphere::intersect`].

@@ -31,10 +31,10 @@
 //! |E| >= 1, so that 2 |E| e bounds 2 e, and 2 |E| c bounds the other coefficient.
 
 use super::{ALL, BlockRay, LANES, Row};
-use crate::geometry::triangle::{self, FourTested};
-use crate::geometry::{DoubleRay, Intersection, ObjectRay, Precision};
+use crate::geometry::triangle;
+use crate::geometry::{DoubleRay, FourTested, Intersection, ObjectRay, Precision};
 use crate::math::doubles::Doubles;
-use crate::math::four::Four;
+use crate::math::four::{Four, Fused};
 
 /// Up to four triangles.
 #[derive(Clone, Copy, Debug)]
@@ -59,7 +59,7 @@ impl Triangles {
 
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline(always)]
-    pub fn met(&self, ray: &BlockRay) -> u32 {
+    pub fn met<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
         let k = ray.axis;
         let (i, j) = ([1, 2, 0][k], [2, 0, 1][k]);
         let [oi, oj, ok] = [i, j, k].map(|axis| Four::splat(ray.origin[axis]));
@@ -73,13 +73,14 @@ impl Triangles {
         let (ax, ay, an, az) = seen(&self.vertices[0]);
         let (bx, by, bn, bz) = seen(&self.vertices[1]);
         let (cx, cy, cn, cz) = seen(&self.vertices[2]);
-        let areas = [ax * by - ay * bx, bx * cy - by * cx, cx * ay - cy * ax];
+        let area = |x: Four, y: Four, u: Four, v: Four| fused.fused_difference(x, v, y * u);
+        let areas = [area(ax, ay, bx, by), area(bx, by, cx, cy), area(cx, cy, ax, ay)];
         let least = areas[0].lesser(areas[1]).lesser(areas[2]);
         let most = areas[0].greater(areas[1]).greater(areas[2]);
         let n = an + bn + cn;
         let fixed = Four::splat(ray.fixed + ray.fixed);
         let growing = Four::splat(ray.growing + ray.growing);
-        let p = fixed + growing * (n + (az + bz + cz));
+        let p = fused.fused_sum(growing, n + (az + bz + cz), fixed);
         let error = (p + p) * (n + p);
         let zero = Four::splat(0.0);
         ALL & !((zero - error).above(least) & most.above(error))
@@ -88,7 +89,7 @@ impl Triangles {
     /// The f64 step for all lanes.
     #[inline(always)]
     pub fn tested<D: Doubles>(&self, doubles: D, ray: &DoubleRay, limit: f32) -> FourTested {
-        FourTested::of(doubles, ray, &self.vertices, limit)
+        triangle::tested(doubles, ray, &self.vertices, limit)
     }
 
     /// Where a ray meets the triangle in a lane: [`triangle::intersect`].

@@ -1,121 +1,90 @@
 //! The f64 step for the four triangles of a block at once: the formulas and bounds of `triangle`, lane by
 //! lane. A product that goes into a sum unrounded is off by less than the bounds allow.
 
-use super::facing;
-use crate::geometry::Intersection;
+use crate::geometry::Surface;
+use crate::geometry::four_tested::{ALL, Ends, FourTested};
 use crate::geometry::object_ray::{DoubleRay, View};
 use crate::math::doubles::Doubles;
 use crate::math::error_bound::{four_units, two_units};
 use crate::math::four::Four;
 
-/// A bit for every lane.
-const ALL: u32 = 0b1111;
+/// All are missed.
+const MISSED: FourTested =
+    FourTested { surfaces: [Surface::TriangleBack, Surface::TriangleFront], ..FourTested::MISSED };
 
-/// What the f64 step says of four triangles.
-#[derive(Clone, Copy, Debug)]
-pub struct FourTested {
-    /// A bit for each that is hit, within the interval.
-    hits: u32,
-    /// A bit for each of which the bounds can't tell.
-    undecided: u32,
-    /// A bit for each that shows its front.
-    fronts: u32,
-    t: [f32; 4],
-    attributes: [[f32; 4]; 2],
-}
+/// Tests the triangles whose vertices stand in rows; what lies behind `limit`, a rounded t, may be
+/// left out. Lanes without a triangle mean nothing.
+#[inline(always)]
+pub fn tested<D: Doubles>(
+    doubles: D,
+    ray: &DoubleRay,
+    vertices: &[[[f32; 4]; 3]; 3],
+    limit: f32,
+) -> FourTested {
+    let View { origin, direction, origin_error, slack, direction_norm, t_min, t_max } = ray.0;
+    let (v0, v1, v2) =
+        (point(doubles, &vertices[0]), point(doubles, &vertices[1]), point(doubles, &vertices[2]));
+    let d = in_all(doubles, direction);
+    let (e1, e2) = (doubles.vector_difference(v1, v0), doubles.vector_difference(v2, v0));
+    let w = doubles.vector_difference(in_all(doubles, origin), v0);
+    let (e1n, e2n) = (doubles.norm1(e1), doubles.norm1(e2));
+    let slack = doubles.all(slack);
+    let reach = doubles.product_and(slack, doubles.norm1(w), doubles.all(origin_error));
+    let direction_norm = doubles.all(direction_norm);
+    let de1 = doubles.product(direction_norm, e1n);
+    let de2 = doubles.product(direction_norm, e2n);
 
-impl FourTested {
-    /// All are missed.
-    pub const MISSED: Self =
-        Self { hits: 0, undecided: 0, fronts: 0, t: [0.0; 4], attributes: [[0.0; 4]; 2] };
+    let p = doubles.cross(d, e2);
+    let q = doubles.cross(w, e1);
+    let det = doubles.dot(e1, p);
+    let e_det = doubles.product(slack, doubles.product(e1n, de2));
+    let beta = doubles.dot(w, p);
+    let e_beta = doubles.product(de2, reach);
+    let gamma = doubles.dot(d, q);
+    let e_gamma = doubles.product(de1, reach);
+    let alpha = doubles.difference(doubles.difference(det, beta), gamma);
+    let sizes = doubles.norm1([det, beta, gamma]);
+    let errors = doubles.sum(doubles.sum(e_det, e_beta), e_gamma);
+    let rounding = two_units::<f64>() + two_units::<f64>();
+    let e_alpha = doubles.product_and(doubles.all(rounding), sizes, errors);
 
-    /// Tests the triangles whose vertices stand in rows; what lies behind `limit`, a rounded t, may be
-    /// left out. Lanes without a triangle mean nothing.
-    #[inline(always)]
-    pub fn of<D: Doubles>(doubles: D, ray: &DoubleRay, vertices: &[[[f32; 4]; 3]; 3], limit: f32) -> Self {
-        let View { origin, direction, origin_error, slack, direction_norm, t_min, t_max } = ray.0;
-        let (v0, v1, v2) =
-            (point(doubles, &vertices[0]), point(doubles, &vertices[1]), point(doubles, &vertices[2]));
-        let d = in_all(doubles, direction);
-        let (e1, e2) = (doubles.vector_difference(v1, v0), doubles.vector_difference(v2, v0));
-        let w = doubles.vector_difference(in_all(doubles, origin), v0);
-        let (e1n, e2n) = (doubles.norm1(e1), doubles.norm1(e2));
-        let slack = doubles.all(slack);
-        let reach = doubles.product_and(slack, doubles.norm1(w), doubles.all(origin_error));
-        let direction_norm = doubles.all(direction_norm);
-        let de1 = doubles.product(direction_norm, e1n);
-        let de2 = doubles.product(direction_norm, e2n);
-
-        let p = doubles.cross(d, e2);
-        let q = doubles.cross(w, e1);
-        let det = doubles.dot(e1, p);
-        let e_det = doubles.product(slack, doubles.product(e1n, de2));
-        let beta = doubles.dot(w, p);
-        let e_beta = doubles.product(de2, reach);
-        let gamma = doubles.dot(d, q);
-        let e_gamma = doubles.product(de1, reach);
-        let alpha = doubles.difference(doubles.difference(det, beta), gamma);
-        let sizes = doubles.norm1([det, beta, gamma]);
-        let errors = doubles.sum(doubles.sum(e_det, e_beta), e_gamma);
-        let rounding = two_units::<f64>() + two_units::<f64>();
-        let e_alpha = doubles.product_and(doubles.all(rounding), sizes, errors);
-
-        let of_alpha = Signs::of(doubles, alpha, e_alpha);
-        let of_beta = Signs::of(doubles, beta, e_beta);
-        let of_gamma = Signs::of(doubles, gamma, e_gamma);
-        let some_negative = of_alpha.negative | of_beta.negative | of_gamma.negative;
-        let some_positive = of_alpha.positive | of_beta.positive | of_gamma.positive;
-        let missed = some_negative & some_positive;
-        if missed == ALL {
-            return Self::MISSED;
-        }
-        let of_det = Signs::of(doubles, det, e_det);
-        let inside = of_alpha.certain() & of_beta.certain() & of_gamma.certain() & of_det.certain();
-        let mut out = Self { undecided: ALL & !(missed | inside), fronts: of_det.positive, ..Self::MISSED };
-        let inside = inside & !missed;
-        if inside == 0 {
-            return out;
-        }
-
-        let divisor = Divisor::new(doubles, det, e_det);
-        let t = divisor.quotient(doubles.dot(e2, q), doubles.product(doubles.product(e1n, e2n), reach));
-        let (t_min, t_max) = (doubles.all(t_min), doubles.all(t_max));
-        let outside = doubles.is_at_least(t_min, t.above) | doubles.is_at_least(t.below, t_max);
-        let within = doubles.is_above(t.below, t_min) & doubles.is_above(t_max, t.above);
-        let (known, rounded) = t.rounded(doubles);
-        // A t that rounds to infinity is none.
-        let beyond = known & (rounded.above(Four::splat(limit)) | rounded.abs().above(Four::splat(f32::MAX)));
-        let left = inside & !(outside | within & beyond);
-        let decided = left & within & known & divisor.is_certain;
-        out.undecided |= left & !decided;
-        if decided == 0 {
-            return out;
-        }
-        let (known_1, first) = divisor.quotient(beta, e_beta).rounded(doubles);
-        let (known_2, second) = divisor.quotient(gamma, e_gamma).rounded(doubles);
-        out.hits = decided & known_1 & known_2;
-        out.undecided |= decided & !out.hits;
-        (out.t, out.attributes) = (rounded.to_array(), [first.to_array(), second.to_array()]);
-        out
+    let of_alpha = Signs::of(doubles, alpha, e_alpha);
+    let of_beta = Signs::of(doubles, beta, e_beta);
+    let of_gamma = Signs::of(doubles, gamma, e_gamma);
+    let some_negative = of_alpha.negative | of_beta.negative | of_gamma.negative;
+    let some_positive = of_alpha.positive | of_beta.positive | of_gamma.positive;
+    let missed = some_negative & some_positive;
+    if missed == ALL {
+        return MISSED;
+    }
+    let of_det = Signs::of(doubles, det, e_det);
+    let inside = of_alpha.certain() & of_beta.certain() & of_gamma.certain() & of_det.certain();
+    let mut out = FourTested { undecided: ALL & !(missed | inside), marked: of_det.positive, ..MISSED };
+    let inside = inside & !missed;
+    if inside == 0 {
+        return out;
     }
 
-    /// A bit for each triangle that is not surely missed.
-    #[inline(always)]
-    pub fn met(&self) -> u32 {
-        self.hits | self.undecided
+    let divisor = Divisor::new(doubles, det, e_det);
+    let t = divisor.quotient(doubles.dot(e2, q), doubles.product(doubles.product(e1n, e2n), reach));
+    let (t_min, t_max) = (doubles.all(t_min), doubles.all(t_max));
+    let outside = doubles.is_at_least(t_min, t.above) | doubles.is_at_least(t.below, t_max);
+    let within = doubles.is_above(t.below, t_min) & doubles.is_above(t_max, t.above);
+    let (known, rounded) = t.rounded(doubles);
+    // A t that rounds to infinity is none.
+    let beyond = known & (rounded.above(Four::splat(limit)) | rounded.abs().above(Four::splat(f32::MAX)));
+    let left = inside & !(outside | within & beyond);
+    let decided = left & within & known & divisor.is_certain;
+    out.undecided |= left & !decided;
+    if decided == 0 {
+        return out;
     }
-
-    /// Where one of them is hit; `None` where that is undecided.
-    #[inline(always)]
-    pub fn hit(&self, lane: usize) -> Option<Intersection> {
-        let [first, second] = &self.attributes;
-        let lane = lane % 4;
-        (self.hits >> lane & 1 != 0).then(|| Intersection {
-            t: self.t[lane],
-            attributes: [first[lane], second[lane]],
-            surface: facing(self.fronts >> lane & 1 != 0),
-        })
-    }
+    let (known_1, first) = divisor.quotient(beta, e_beta).rounded(doubles);
+    let (known_2, second) = divisor.quotient(gamma, e_gamma).rounded(doubles);
+    out.hits = decided & known_1 & known_2;
+    out.undecided |= decided & !out.hits;
+    (out.t, out.attributes) = (rounded.to_array(), [first.to_array(), second.to_array()]);
+    out
 }
 
 #[inline(always)]
@@ -184,21 +153,5 @@ impl<D: Doubles> Divisor<D> {
         let own = doubles.product(doubles.magnitude(quotient), self.relative);
         let error = doubles.product_and(error, self.most, own);
         Ends { below: doubles.difference(quotient, error), above: doubles.sum(quotient, error) }
-    }
-}
-
-/// Between which numbers the exact ones lie.
-#[derive(Clone, Copy)]
-struct Ends<D: Doubles> {
-    below: D::Four,
-    above: D::Four,
-}
-
-impl<D: Doubles> Ends<D> {
-    /// A bit for each lane where both ends round to one `f32`, and those.
-    #[inline(always)]
-    fn rounded(&self, doubles: D) -> (u32, Four) {
-        let [first, last] = [self.below, self.above].map(|end| Four::new(doubles.to_floats(end)));
-        (first.at_least(last) & last.at_least(first), first + Four::ZERO)
     }
 }
