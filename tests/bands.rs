@@ -1,6 +1,8 @@
 //! Launches whose image is handed out in bands of rows: the same bits, traps and counts as of the whole image at once,
 //! in memory that the image's size does not change.
 
+#![allow(clippy::print_stdout, reason = "what is skipped is told")]
+
 use std::process::{Command, Stdio};
 
 use anyhit::harness::texels::plane;
