@@ -63,7 +63,8 @@ impl<D: Doubles> Ends<D> {
     /// A bit for each lane where both ends round to one `f32`, and those.
     #[inline(always)]
     pub fn rounded(&self, doubles: D) -> (u32, Four) {
-        let [first, last] = [self.below, self.above].map(|end| Four::new(doubles.to_floats(end)));
+        let first = Four::new(doubles.to_floats(self.below));
+        let last = Four::new(doubles.to_floats(self.above));
         (first.at_least(last) & last.at_least(first), first + Four::ZERO)
     }
 }
