@@ -22,6 +22,7 @@ mod frames;
 #[allow(dead_code, reason = "not all of it is compared")]
 mod scenes;
 #[path = "../speed/table.rs"]
+#[allow(dead_code, reason = "all rows are wanted here")]
 mod table;
 #[path = "../speed/traverse.rs"]
 mod traverse;
