@@ -16,7 +16,7 @@ use crate::math::four::Four;
 const LINEAR: usize = 4;
 
 /// What a ray pays for a leaf and for each primitive in it, in visits of inner nodes: where each is
-/// tested by itself, and where most of a block are dropped.
+/// tested by itself, where a block is tested at once, and where most of one are dropped.
 const SINGLY: (f32, f32) = (1.0, 3.0);
 const AT_ONCE: (f32, f32) = (1.0, 0.15);
 const DROPPED: (f32, f32) = (1.0, 0.05);
