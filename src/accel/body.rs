@@ -119,8 +119,8 @@ impl Body {
     pub fn drops(&self) -> Drops {
         match self.shapes {
             Shapes::LinearSweptSpheres(..) => Drops::Always,
-            Shapes::Triangles(_) => Drops::WhereSimple,
-            Shapes::Spheres(_) | Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => Drops::Never,
+            Shapes::Triangles(_) | Shapes::Spheres(_) => Drops::WhereSimple,
+            Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => Drops::Never,
         }
     }
 
@@ -143,8 +143,9 @@ impl Body {
         let at = leaf.index();
         let met = match &self.shapes {
             Shapes::Triangles(blocks) => blocks[at].met(fused, ray),
+            Shapes::Spheres(blocks) => blocks[at].entered(fused, ray),
             Shapes::LinearSweptSpheres(blocks, _) => blocks[at].met(fused, ray),
-            Shapes::Spheres(_) | Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => u32::MAX,
+            Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => u32::MAX,
         };
         met & self.every(leaf)
     }
