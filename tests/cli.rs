@@ -211,6 +211,17 @@ fn run_says_what_is_wrong_with_its_arguments() {
     assert!(err.contains("has no compute entry point") && err.contains("needs a scene file"), "{err}");
 }
 
+#[test]
+fn a_picture_is_refused_another_extension_than_png() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, is_written) in [("out.exr", false), ("out.bmp", false), ("out.PNG", true), ("picture", true)] {
+        let path = folder.path().join(name);
+        let (code, _, err) = run(&["render", "--size", "2x2", "-o", path.to_str().expect("text")]);
+        assert_eq!((code == Some(0), path.exists()), (is_written, is_written), "{name}: {err}");
+        assert_eq!(err.contains("a picture is written as PNG"), !is_written, "{name}: {err}");
+    }
+}
+
 /// A folder with a scene of one WGSL module, `main`.
 #[cfg(feature = "wgsl")]
 fn scene_folder(scene: &str, shaders: &str) -> tempfile::TempDir {

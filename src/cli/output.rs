@@ -2,6 +2,9 @@
 
 use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
+use std::path::PathBuf;
+
+use clap::builder::{PathBufValueParser, TypedValueParser};
 
 use crate::error::{Error, Result};
 use crate::machine::Printed;
@@ -27,6 +30,24 @@ pub fn printed(printed: &Printed) -> Result<()> {
         print(format_args!("{}{end}", line.text))?;
     }
     Ok(())
+}
+
+/// The file that a picture is written to. All are PNG: another extension would promise what is not in the file.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn picture_file(path: PathBuf) -> std::result::Result<PathBuf, String> {
+    match path.extension() {
+        Some(extension) if !extension.eq_ignore_ascii_case("png") => {
+            Err(format!("a picture is written as PNG, and `{}` says otherwise", path.display()))
+        }
+        _ => Ok(path),
+    }
+}
+
+/// [`picture_file`] for an argument.
+pub fn picture_parser() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(picture_file)
 }
 
 /// Prints an error to standard error, in colour where that is a terminal and `NO_COLOR` is not set.

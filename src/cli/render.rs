@@ -29,7 +29,7 @@ pub struct RenderArgs {
     scene: Option<PathBuf>,
 
     /// Where to write the picture, a PNG.
-    #[arg(short, long, value_name = "FILE", default_value = "out.png")]
+    #[arg(short, long, value_name = "FILE", default_value = "out.png", value_parser = output::picture_parser())]
     output: PathBuf,
 
     /// Width and height of the launch, instead of the scene's own; up to 2^30 texels, as 32768x32768.

@@ -3,7 +3,7 @@
 mod by_itself;
 mod dump;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -133,7 +133,10 @@ fn picture(text: &str, scene: &scene::ResolvedScene, resources: &crate::machine:
         return Err(dump::invalid(format!("`--save {text}`: WHAT=FILE.png is needed")));
     };
     match dump::descriptor(what, scene, resources)?.2 {
-        dump::Found::Image(image) => Ok((Path::new(path).to_path_buf(), image)),
+        dump::Found::Image(image) => match output::picture_file(path.into()) {
+            Ok(path) => Ok((path, image)),
+            Err(why) => Err(dump::invalid(format!("`--save {text}`: {why}"))),
+        },
         dump::Found::Buffer(_) => Err(dump::invalid(format!("`--save {text}`: this is a buffer"))),
     }
 }
