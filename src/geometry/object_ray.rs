@@ -524,17 +524,6 @@ impl<R: Real> View<R> {
 pub struct DoubleRay(pub(super) View<f64>);
 
 impl DoubleRay {
-    /// Memory for a ray.
-    pub const IDLE: Self = Self(View {
-        origin: [0.0; 3],
-        direction: [0.0; 3],
-        origin_error: 0.0,
-        slack: 0.0,
-        direction_norm: 0.0,
-        t_min: 0.0,
-        t_max: 0.0,
-    });
-
     /// The ray as an instance's primitives see it.
     #[inline(always)]
     pub fn of(ray: &ObjectRay) -> Self {

@@ -9,9 +9,9 @@ use half::f16;
 
 use crate::machine::lanes::map1;
 use crate::machine::{Reg, Registers, Scalar};
-#[cfg(target_arch = "x86_64")]
-use crate::math::eight::Eights as _;
 use crate::math::float;
+#[cfg(target_arch = "x86_64")]
+use crate::math::vectors::{Task, Vectors};
 use crate::ops::row::{Bits, LaneLoop, Row, Unary};
 
 macro_rules! conversions {
@@ -34,7 +34,7 @@ macro_rules! conversions {
 const fn truncating(row: Row) -> Row {
     Row {
         #[cfg(target_arch = "x86_64")]
-        full_v3: |simd, registers, to, from| simd.vectorize(Truncate { simd, registers, to, from: from[0] }),
+        full_v3: |simd, registers, to, from| simd.apart(Truncate { registers, to, from: from[0] }),
         ..row
     }
 }
@@ -42,22 +42,22 @@ const fn truncating(row: Row) -> Row {
 /// Brings f32 to i32.
 #[cfg(target_arch = "x86_64")]
 struct Truncate<'a> {
-    simd: pulp::x86::V3,
     registers: &'a mut Registers<64>,
     to: Reg,
     from: Reg,
 }
 
 #[cfg(target_arch = "x86_64")]
-impl pulp::NullaryFnOnce for Truncate<'_> {
+impl Task for Truncate<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
+    fn run<V: Vectors>(self, vectors: V) {
         let mut result = [0; 64];
-        let floats = self.registers[self.from].0.as_chunks::<8>().0;
-        for (words, to) in floats.iter().zip(result.as_chunks_mut::<8>().0) {
-            *to = pulp::cast(self.simd.to_integers(pulp::cast(*words)));
+        let from = self.registers[self.from].0.as_chunks::<8>().0;
+        for (words, to) in from.iter().zip(result.as_chunks_mut::<8>().0) {
+            let floats = vectors.load(&words.map(f32::from_bits));
+            *to = vectors.to_integers(floats).map(|integer| integer as u32);
         }
         self.registers[self.to].0 = result;
     }
