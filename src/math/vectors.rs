@@ -4,7 +4,7 @@
 //! are functions of their own, and so is what is not inlined.
 
 #[cfg(target_arch = "x86_64")]
-use pulp::x86::V3;
+use pulp::x86::{V3, V4};
 
 use crate::math::doubles::Doubles;
 use crate::math::eight::{Eights, TwoFours};
@@ -57,11 +57,30 @@ impl<T: Task> pulp::NullaryFnOnce for InAvx<T> {
     }
 }
 
+/// To be compiled for AVX-512, where the compiler makes vectors of loops; else as for AVX2.
+#[cfg(target_arch = "x86_64")]
+struct InAvx512<T> {
+    task: T,
+    simd: V4,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<T: Task> pulp::NullaryFnOnce for InAvx512<T> {
+    type Output = T::Output;
+
+    #[inline(always)]
+    fn call(self) -> T::Output {
+        self.task.run(*self.simd)
+    }
+}
+
 /// What the processor has beyond the target's baseline.
 #[derive(Clone, Copy, Debug)]
 pub struct Processor {
     #[cfg(target_arch = "x86_64")]
     simd: Option<V3>,
+    #[cfg(target_arch = "x86_64")]
+    widest: Option<V4>,
 }
 
 impl Processor {
@@ -70,6 +89,8 @@ impl Processor {
         Self {
             #[cfg(target_arch = "x86_64")]
             simd: V3::try_new(),
+            #[cfg(target_arch = "x86_64")]
+            widest: V4::try_new(),
         }
     }
 
@@ -90,6 +111,16 @@ impl Processor {
         TwoFours.apart(task)
     }
 
+    /// Runs a task whose loops the compiler makes vectors of, on the widest that it has.
+    #[inline(always)]
+    pub fn run_widest<T: Task>(self, task: T) -> T::Output {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.widest {
+            return simd.vectorize(InAvx512 { task, simd });
+        }
+        self.run(task)
+    }
+
     /// Runs a loop that the compiler makes vectors of; a closure that is to be inlined.
     #[inline(always)]
     pub fn run_loop<R>(self, function: impl FnOnce() -> R) -> R {
@@ -107,7 +138,11 @@ impl Processor {
     pub fn levels() -> Vec<(&'static str, Self)> {
         let has = Self::new();
         #[cfg(target_arch = "x86_64")]
-        let levels = [("the baseline", Some(Self { simd: None })), ("AVX2", has.simd.map(|_| has))];
+        let levels = [
+            ("the baseline", Some(Self { simd: None, widest: None })),
+            ("AVX2", has.simd.map(|_| Self { widest: None, ..has })),
+            ("AVX-512", has.widest.map(|_| has)),
+        ];
         #[cfg(not(target_arch = "x86_64"))]
         let levels = [("the baseline", Some(has))];
         levels.into_iter().filter_map(|(name, level)| level.map(|level| (name, level))).collect()

@@ -556,8 +556,8 @@ impl Steps {
         let processor = registers.processor();
         let rows = registers.all_mut();
         match if self.wide { None } else { rows.first_chunk_mut::<WINDOW>() } {
-            Some(rows) => processor.run(Loop { rows, steps, running }),
-            None => processor.run(Loop { rows, steps, running }),
+            Some(rows) => processor.run_widest(Loop { rows, steps, running }),
+            None => processor.run_widest(Loop { rows, steps, running }),
         }
     }
 }
