@@ -18,40 +18,39 @@ use crate::module::{Id, Instruction, Module};
 /// fixed) array, indexes a scalar, or arrives at another type than the instruction says.
 pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<()> {
     let Some(known) = opcode(instruction.opcode) else { return Ok(()) };
-    let operands = module.operands(instruction);
     let first = instruction.operands.start as usize;
-    let result_type = instruction.result_type.and_then(|id| module.type_with_id(id));
+    let result_type = || instruction.result_type.and_then(|id| module.type_with_id(id));
     let access = Access { module, instruction };
     match known.op {
         Op::CompositeExtract => {
             let Some(composite) = access.value_type(first)? else { return Ok(()) };
             let found = access.literal_path(composite, first + 1)?;
-            access.agree(found, result_type, span_of(instruction).start + 1)
+            access.agree(found, result_type(), span_of(instruction).start + 1)
         }
         Op::CompositeInsert => {
             let (object, composite) = (access.value_type(first)?, access.value_type(first + 1)?);
             let Some(composite) = composite else { return Ok(()) };
-            access.agree(Some(composite), result_type, first + 1)?;
+            access.agree(Some(composite), result_type(), first + 1)?;
             let found = access.literal_path(composite, first + 2)?;
             access.agree(found, object, first)
         }
         Op::AccessChain | Op::InBoundsAccessChain => {
             let Some(base) = access.pointee(first)? else { return Ok(()) };
             let found = access.id_path(base, first + 1)?;
-            access.result_pointer(found, result_type)
+            access.result_pointer(found, result_type())
         }
         Op::PtrAccessChain | Op::InBoundsPtrAccessChain => {
             let Some(base) = access.pointee(first)? else { return Ok(()) };
             let found = access.id_path(base, first + 2)?;
-            access.result_pointer(found, result_type)
+            access.result_pointer(found, result_type())
         }
         Op::Load => {
             let Some(pointee) = access.pointee(first)? else { return Ok(()) };
-            access.agree(Some(pointee), result_type, span_of(instruction).start + 1)
+            access.agree(Some(pointee), result_type(), span_of(instruction).start + 1)
         }
         Op::Store => {
             let Some(pointee) = access.pointee(first)? else { return Ok(()) };
-            access.agree(Some(pointee), module.type_of(Id(operands[1])), first + 1)
+            access.agree(Some(pointee), module.type_of(Id(module.operands(instruction)[1])), first + 1)
         }
         _ => Ok(()),
     }

@@ -3,12 +3,11 @@
 //! SPIR-V specification, sections 2.4 "Logical Layout of a Module" (items 10 and 11) and 2.11
 //! "Structured Control Flow".
 
-use rspirv::grammar::reflect::is_block_terminator;
 use rspirv::spirv::Op;
 
 use crate::error::Result;
 use crate::module::grammar::{Opcode, opcode, walk};
-use crate::module::load::{FUNCTION_STORAGE, Loader, is_module_scope_only};
+use crate::module::load::{FUNCTION_STORAGE, Loader};
 use crate::module::names::opcode_name;
 use crate::module::ty::{Type, TypeId};
 use crate::module::words::{Span, Walker, invalid};
@@ -106,7 +105,7 @@ impl<'w> Loader<'w> {
                     "OpFunction stands before the OpFunctionEnd of the last one",
                 ));
             }
-            _ if is_module_scope_only(known) => {
+            _ if known.module_scope_only => {
                 return Err(invalid(
                     span.start,
                     format!("{} stands inside a function", opcode_name(span.opcode)),
@@ -114,7 +113,7 @@ impl<'w> Loader<'w> {
             }
             _ => {
                 self.push_instruction(span, Some(known), body)?;
-                if is_terminator(known) {
+                if known.ends_block {
                     self.close_block(body);
                     self.debug.leave_block(span.end);
                 }
@@ -264,9 +263,4 @@ struct Body {
     open: Option<Block>,
     /// Memory for the instructions of the next block.
     room: Vec<Instruction>,
-}
-
-/// Whether an instruction ends its block.
-pub(super) fn is_terminator(known: &Opcode) -> bool {
-    is_block_terminator(known.op)
 }

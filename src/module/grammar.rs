@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::sync::LazyLock;
 
 use rspirv::dr;
+use rspirv::grammar::reflect::is_block_terminator;
 use rspirv::grammar::{INSTRUCTION_TABLE, LogicalOperand, OperandKind, OperandQuantifier};
 use rspirv::spirv;
 
@@ -25,6 +26,10 @@ pub(crate) struct Opcode {
     pub(crate) has_type: bool,
     /// Whether it has a result id (behind the result type, where there is one).
     pub(crate) has_result: bool,
+    /// Whether it may stand outside functions only.
+    pub(crate) module_scope_only: bool,
+    /// Whether it ends its block.
+    pub(crate) ends_block: bool,
     operands: &'static [LogicalOperand],
     plain: Plain,
 }
@@ -120,6 +125,8 @@ pub(crate) fn opcode(number: u16) -> Option<&'static Opcode> {
                 name: entry.opname,
                 has_type,
                 has_result,
+                module_scope_only: is_module_scope_only(entry.opcode, entry.opname),
+                ends_block: is_block_terminator(entry.opcode),
                 operands: entry.operands,
                 plain: Plain::of(&entry.operands[usize::from(has_type) + usize::from(has_result)..]),
             });
@@ -127,6 +134,35 @@ pub(crate) fn opcode(number: u16) -> Option<&'static Opcode> {
         table
     });
     TABLE.get(usize::from(number))?.as_ref()
+}
+
+/// Whether an opcode defines a constant or an undefined value; its name is without `Op`.
+pub(crate) fn is_constant(op: spirv::Op, name: &str) -> bool {
+    op == spirv::Op::Undef || name.starts_with("Constant") || name.starts_with("SpecConstant")
+}
+
+fn is_module_scope_only(op: spirv::Op, name: &str) -> bool {
+    use spirv::Op;
+    matches!(
+        op,
+        Op::Capability
+            | Op::Extension
+            | Op::ExtInstImport
+            | Op::MemoryModel
+            | Op::EntryPoint
+            | Op::ExecutionMode
+            | Op::ExecutionModeId
+            | Op::Decorate
+            | Op::DecorateId
+            | Op::DecorateString
+            | Op::MemberDecorate
+            | Op::MemberDecorateString
+            | Op::MemberDecorateIdEXT
+            | Op::DecorationGroup
+            | Op::GroupDecorate
+            | Op::GroupMemberDecorate
+    ) || name.starts_with("Type")
+        || (is_constant(op, name) && op != Op::Undef)
 }
 
 /// Whether words of this kind are ids.

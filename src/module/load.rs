@@ -14,7 +14,7 @@ use crate::module::check::{self, Uses};
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
 use crate::module::decoration::{Decorations, PendingDecorations};
-use crate::module::grammar::{Opcode, is_id, opcode, walk};
+use crate::module::grammar::{Opcode, is_constant, is_id, opcode, walk};
 use crate::module::id_map::IdMap;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::names::opcode_name;
@@ -225,7 +225,7 @@ impl<'w> Loader<'w> {
             Op::TypeForwardPointer => self.declare_forward_pointer(span)?,
             Op::Variable | Op::UntypedVariableKHR => self.global_variable(span, known)?,
             _ if known.name.starts_with("Type") => self.declare_type(span, known)?,
-            _ if is_constant(known) => self.declare_constant(span, known)?,
+            _ if is_constant(known.op, known.name) => self.declare_constant(span, known)?,
             _ if is_carried(known) => {
                 if known.has_result {
                     self.define(first + usize::from(known.has_type), Definition::Other)?;
@@ -554,13 +554,8 @@ impl CopyBudget {
 fn is_declaration(known: &Opcode) -> bool {
     known.op != Op::TypeForwardPointer
         && (known.name.starts_with("Type")
-            || is_constant(known)
+            || is_constant(known.op, known.name)
             || matches!(known.op, Op::Variable | Op::UntypedVariableKHR))
-}
-
-/// Whether an opcode defines a constant or an undefined value.
-fn is_constant(known: &Opcode) -> bool {
-    known.op == Op::Undef || known.name.starts_with("Constant") || known.name.starts_with("SpecConstant")
 }
 
 /// Instructions of module scope that are valid and mean nothing to this crate.
@@ -569,28 +564,4 @@ fn is_carried(known: &Opcode) -> bool {
         || known.op == Op::AsmTargetINTEL
         || known.op == Op::AsmINTEL
         || ["Graph", "Alias", "Conditional"].iter().any(|start| known.name.starts_with(start))
-}
-
-/// Whether an instruction may stand outside functions only.
-pub(super) fn is_module_scope_only(known: &Opcode) -> bool {
-    matches!(
-        known.op,
-        Op::Capability
-            | Op::Extension
-            | Op::ExtInstImport
-            | Op::MemoryModel
-            | Op::EntryPoint
-            | Op::ExecutionMode
-            | Op::ExecutionModeId
-            | Op::Decorate
-            | Op::DecorateId
-            | Op::DecorateString
-            | Op::MemberDecorate
-            | Op::MemberDecorateString
-            | Op::MemberDecorateIdEXT
-            | Op::DecorationGroup
-            | Op::GroupDecorate
-            | Op::GroupMemberDecorate
-    ) || known.name.starts_with("Type")
-        || (is_constant(known) && known.op != Op::Undef)
 }

@@ -56,11 +56,8 @@ pub(crate) fn words_of(bytes: &[u8]) -> Result<Vec<u32>> {
             format!("a module begins with a header of 20 bytes, but there are only {}", bytes.len()),
         ));
     };
-    let read = if u32::from_le_bytes(*first) == MAGIC {
-        u32::from_le_bytes
-    } else if u32::from_be_bytes(*first) == MAGIC {
-        u32::from_be_bytes
-    } else {
+    let little = u32::from_le_bytes(*first) == MAGIC;
+    if !little && u32::from_be_bytes(*first) != MAGIC {
         let found = u32::from_le_bytes(*first);
         let error = invalid(
             0,
@@ -72,7 +69,7 @@ pub(crate) fn words_of(bytes: &[u8]) -> Result<Vec<u32>> {
         } else {
             error
         });
-    };
+    }
     let (chunks, rest) = bytes.as_chunks::<4>();
     if !rest.is_empty() {
         return Err(invalid(
@@ -83,7 +80,10 @@ pub(crate) fn words_of(bytes: &[u8]) -> Result<Vec<u32>> {
             ),
         ));
     }
-    Ok(chunks.iter().map(|chunk| read(*chunk)).collect())
+    Ok(match little {
+        true => chunks.iter().map(|chunk| u32::from_le_bytes(*chunk)).collect(),
+        false => chunks.iter().map(|chunk| u32::from_be_bytes(*chunk)).collect(),
+    })
 }
 
 /// Reads the header.

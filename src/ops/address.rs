@@ -64,13 +64,13 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let indices = &decoder.operands(instruction)[2..];
             let pointer = pointer::follow(decoder, pointer, indices)?;
             if let Some(id) = instruction.result {
-                decoder.define(id, Value::Pointer(pointer));
+                decoder.define(id, Value::Pointer(pointer.into()));
             }
         }
         Opcode::RawAccessChainNV => {
             let pointer = raw(decoder, instruction)?;
             if let Some(id) = instruction.result {
-                decoder.define(id, Value::Pointer(pointer));
+                decoder.define(id, Value::Pointer(pointer.into()));
             }
         }
         Opcode::PtrEqual | Opcode::PtrNotEqual => {

@@ -361,7 +361,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     if let Target::Rows { .. } = target {
         decoder.forget();
     }
-    decoder.emit(Operation::Atomic(Op { kind, width, target, to, value, comparator }));
+    decoder.emit(Operation::Atomic(Box::new(Op { kind, width, target, to, value, comparator })));
     let words = rows_from(to, width.div_ceil(32));
     decoder.result(instruction, SmallVec::from_slice(&words));
     Ok(true)

@@ -27,10 +27,11 @@ pub fn operation(
         operands: start..start + operands.len() as u32,
     };
     debug_assert_eq!(decoder.module.operands(&instruction), operands);
-    let known = Opcode::from_u32(opcode.into());
-    let known = known.ok_or_else(|| decoder.unsupported(format!("{name} in OpSpecConstantOp")))?;
+    if Opcode::from_u32(opcode.into()).is_none() {
+        return Err(decoder.unsupported(format!("{name} in OpSpecConstantOp")));
+    }
     let emitted = decoder.ops.len();
-    crate::ops::decode_instruction(decoder, known, &instruction)?;
+    crate::ops::decode_instruction(decoder, opcode, &instruction)?;
     if decoder.ops.len() != emitted {
         return Err(decoder.unsupported(format!("{name} on operands that are not constant")));
     }

@@ -503,7 +503,7 @@ impl<'m> Decoder<'m> {
         }
         let value = match self.module.definition(id) {
             Some(Definition::Constant(index)) => Value::Words(self.constant_words(index)?),
-            Some(Definition::Variable(index)) => Value::Pointer(memory::variable(self, index)?),
+            Some(Definition::Variable(index)) => Value::Pointer(memory::variable(self, index)?.into()),
             Some(Definition::Result(..) | Definition::Parameter(..)) => {
                 return Err(self.invalid(format!("%{} is used where it has no value yet", id.0)));
             }
@@ -542,8 +542,11 @@ impl<'m> Decoder<'m> {
 
     /// The pointer that an id stands for.
     pub fn pointer(&mut self, id: Id) -> Result<Pointer> {
+        if let Some(Value::Pointer(pointer)) = self.values.find(id) {
+            return Ok(Pointer::clone(pointer));
+        }
         match self.value(id)? {
-            Value::Pointer(pointer) => Ok(pointer),
+            Value::Pointer(pointer) => Ok(*pointer),
             Value::Words(words) => {
                 let ty = self.type_of(id)?;
                 let mut pointer = memory::pointer_from_words(self, ty, &words)?;

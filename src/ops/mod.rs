@@ -63,33 +63,30 @@ pub static SECTIONS: &[&[&Family]] = &[
     relational_logical::FAMILIES,
 ];
 
-/// [`decode_instruction`] by the opcode's number.
+/// [`decode_instruction`] for an instruction of a function, whose result is held against its type.
 ///
 /// # Errors
-/// As there; an unknown opcode is `UnsupportedModule`.
+/// As there.
 pub fn decode_number(decoder: &mut Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
-    match Opcode::from_u32(number.into()) {
-        Some(Opcode::Nop) => Ok(()),
-        Some(opcode) => {
-            decode_instruction(decoder, opcode, instruction)?;
-            decoder.check_result(instruction)
-        }
-        None => Err(decoder.unsupported(format!("opcode {number} is not known"))),
+    if number == Opcode::Nop as u16 {
+        return Ok(());
     }
+    decode_instruction(decoder, number, instruction)?;
+    decoder.check_result(instruction)
 }
 
 /// Decodes an instruction that is neither a terminator nor a matter of control flow.
 ///
 /// # Errors
-/// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it.
-pub fn decode_instruction(
-    decoder: &mut Decoder<'_>,
-    opcode: Opcode,
-    instruction: &Instruction,
-) -> Result<()> {
-    if let Some(family) = row::family(Set::Core, opcode as u32) {
+/// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it, or does not
+/// know its opcode, `number`.
+pub fn decode_instruction(decoder: &mut Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
+    if let Some(family) = row::family(Set::Core, number.into()) {
         return componentwise(decoder, family, instruction, 0);
     }
+    let Some(opcode) = Opcode::from_u32(number.into()) else {
+        return Err(decoder.unsupported(format!("opcode {number} is not known")));
+    };
     let done = composite::decode(decoder, opcode, instruction)?
         || pointer::decode(decoder, opcode, instruction)?
         || address::decode(decoder, opcode, instruction)?
@@ -132,7 +129,10 @@ pub fn componentwise(
         let id = Id(ids[at]);
         // A shift's amount, for one, may have another width: its low word counts.
         let own;
-        (operands[at], own) = decoder.components_of_width(id)?;
+        (operands[at], own) = match decoder.type_of(id)? == ty {
+            true => (decoder.components_of(id, width)?, width),
+            false => decoder.components_of_width(id)?,
+        };
         let wide = own == 64;
         if row.operands[at] == 2 && !wide {
             return Err(decoder.invalid(format!("operand {at} of {} has {own} bits", family.name)));

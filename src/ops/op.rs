@@ -19,9 +19,9 @@ pub enum Op {
     /// Moves, loads and stores.
     Memory(memory::Op),
     /// Atomic instructions.
-    Atomic(atomic::Op),
+    Atomic(Box<atomic::Op>),
     /// Subgroup instructions.
-    Subgroup(subgroup::Op),
+    Subgroup(Box<subgroup::Op>),
     /// `DebugPrintf`.
     Print(debug_printf::Op),
     /// Image instructions.
@@ -29,12 +29,15 @@ pub enum Op {
     /// Ray query instructions.
     RayQuery(ray_query::Op),
     /// Hit object instructions.
-    HitObject(hit_object::Op),
+    HitObject(Box<hit_object::Op>),
     /// `OpControlBarrier` of scope Workgroup, which hands the batch to the pipeline.
     Barrier,
     /// Instructions that hand the batch to the pipeline.
     Stop(ray_tracing::Op),
 }
+
+// Every pass over a program goes through all of them: what is large and rare stands elsewhere.
+const _: () = assert!(size_of::<Op>() <= 40);
 
 /// What an operation does with rows, for passes over programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

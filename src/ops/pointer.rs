@@ -525,7 +525,7 @@ pub fn decode(
             let indices = &decoder.operands(instruction)[1..];
             let pointer = follow(decoder, pointer, indices)?;
             if let Some(id) = instruction.result {
-                decoder.define(id, crate::ops::decode::Value::Pointer(pointer));
+                decoder.define(id, crate::ops::decode::Value::Pointer(pointer.into()));
             }
         }
         Opcode::ArrayLength => {

@@ -443,7 +443,7 @@ fn emit(
         return Err(decoder.invalid("a subgroup instruction with a result of another type"));
     }
     let to = decoder.fresh(results)?;
-    decoder.emit(Operation::Subgroup(Op { kind, to, results, value, values, operand, operands }));
+    decoder.emit(Operation::Subgroup(Box::new(Op { kind, to, results, value, values, operand, operands })));
     decoder.result(instruction, rows_from(to, results));
     Ok(())
 }
@@ -452,7 +452,7 @@ fn emit(
 pub fn read(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32) -> Result<Reg> {
     let (to, kind, operand) = (decoder.fresh(words)?, Kind::Read(from), Reg(0));
     let (results, values, operands) = (words, words, 0);
-    decoder.emit(Operation::Subgroup(Op { kind, to, results, value, values, operand, operands }));
+    decoder.emit(Operation::Subgroup(Box::new(Op { kind, to, results, value, values, operand, operands })));
     Ok(to)
 }
 
@@ -460,7 +460,7 @@ pub fn read(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32) -> Re
 pub fn read_at(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32, operand: Reg) -> Result<Reg> {
     let (to, kind) = (decoder.fresh(words)?, Kind::Read(from));
     let (results, values, operands) = (words, words, 1);
-    decoder.emit(Operation::Subgroup(Op { kind, to, results, value, values, operand, operands }));
+    decoder.emit(Operation::Subgroup(Box::new(Op { kind, to, results, value, values, operand, operands })));
     Ok(to)
 }
 
@@ -529,7 +529,15 @@ fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     for value in decoder.components(id)? {
         let to = decoder.fresh(row.words)?;
         let (results, values) = (row.words, row.words);
-        decoder.emit(Operation::Subgroup(Op { kind, to, results, value, values, operand, operands }));
+        decoder.emit(Operation::Subgroup(Box::new(Op {
+            kind,
+            to,
+            results,
+            value,
+            values,
+            operand,
+            operands,
+        })));
         words.extend((0..row.words).map(|word| to.plus(word)));
     }
     decoder.result(instruction, words);

@@ -16,7 +16,6 @@ use smallvec::SmallVec;
 use crate::machine::Reg;
 use crate::ops::memory;
 use crate::ops::op::{Access, Op};
-use crate::program::prune::remove;
 use crate::program::{Program, Terminator};
 
 /// More bits of liveness than this are not worth their memory.
@@ -135,10 +134,11 @@ fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
     }
 }
 
-/// Removes masked stores to rows that no lane reads before it writes them again.
-pub fn drop_dead_stores(program: &mut Program, addressed: &[(Reg, u32)]) {
+/// By operation: `false` for masked stores to rows that no lane reads before it writes them again. `None` where nothing
+/// is known.
+pub fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bool>> {
     let shared = Shared::of(program, addressed);
-    let Some(stores) = Stores::of(program, &shared) else { return };
+    let stores = Stores::of(program, &shared)?;
     let count = program.blocks.len();
     let mut live = vec![0u64; stores.words];
     let mut before: Vec<SmallVec<[u32; 2]>> = vec![SmallVec::new(); count];
@@ -165,7 +165,7 @@ pub fn drop_dead_stores(program: &mut Program, addressed: &[(Reg, u32)]) {
             }
         }
     }
-    remove(program, &needed);
+    Some(needed)
 }
 
 /// No bit.
@@ -213,6 +213,7 @@ impl Stores {
             return None;
         }
         let mut stores = Self { words, events: Vec::new(), ends: Vec::new() };
+        let mut reads: Vec<(Reg, u32)> = Vec::new();
         for block in &program.blocks {
             each_read(&block.terminator, |reg| stores.note(&bits, reg, 1, Event::Read));
             for at in (block.first..block.end).rev() {
@@ -224,16 +225,13 @@ impl Stores {
                     stores.events.push(Event::Store { at, to, from });
                     continue;
                 }
-                op.accesses(|access| {
-                    if let Access::Write(first, count) = access {
-                        stores.note(&bits, first, count, Event::Write);
-                    }
+                reads.clear();
+                op.accesses(|access| match access {
+                    Access::Write(first, count) => stores.note(&bits, first, count, Event::Write),
+                    Access::Read(first, count) => reads.push((first, count)),
+                    Access::Effect => {}
                 });
-                op.accesses(|access| {
-                    if let Access::Read(first, count) = access {
-                        stores.note(&bits, first, count, Event::Read);
-                    }
-                });
+                reads.iter().for_each(|&(first, count)| stores.note(&bits, first, count, Event::Read));
             }
             stores.ends.push(stores.events.len());
         }

@@ -29,7 +29,7 @@ use crate::ops::pointer::{Place as PointerPlace, Pointer, storage};
 use crate::ops::ray_query;
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
-use crate::program::forward::{drop_dead_stores, forward_copies};
+use crate::program::forward::{forward_copies, live_stores};
 use crate::program::payload::Payloads;
 use crate::program::prune::prune;
 use crate::program::reuse::reuse_rows;
@@ -96,6 +96,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         queue: VecDeque::new(),
     };
     lowering.decoder.float_controls = FloatControls::of(entry);
+    lowering.make_room(function);
     let variables = module.interface_of(entry);
     interface_check::check(&mut lowering.decoder, entry, &variables)?;
     lowering.decoder.micromap_mode = entry.modes.iter().find_map(|(mode, operands)| match operands[..] {
@@ -126,13 +127,13 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
 /// unwatched.
 fn reduce(program: &mut Program, addressed: &[(Reg, u32)]) {
     let (operations, builtins) = (program.ops.len(), program.inputs.len());
-    prune(program, addressed);
+    prune(program, addressed, None);
     // What was dropped, and room that was never used, would stay with the program.
     program.ops.shrink_to_fit();
     program.origins.shrink_to_fit();
     forward_copies(program, addressed);
-    drop_dead_stores(program, addressed);
-    prune(program, addressed);
+    let stores = live_stores(program, addressed);
+    prune(program, addressed, stores.as_deref());
     program.touches = touches(program);
     program.dropped = Dropped {
         operations: (operations - program.ops.len()) as u32,
@@ -199,6 +200,13 @@ impl<'m> Lowering<'m> {
     fn label(&mut self) -> u32 {
         self.placed.push(u32::MAX);
         self.placed.len() as u32 - 1
+    }
+
+    /// Makes room for about an operation an instruction, as operations that outgrow theirs are all copied.
+    fn make_room(&mut self, entry: u32) {
+        let operations = self.sizes[entry as usize].instructions.min(INLINE_TOTAL as u64) as usize;
+        self.decoder.ops.reserve_exact(operations);
+        self.decoder.origins.reserve_exact(operations);
     }
 
     /// Opens a block under a label.
@@ -383,7 +391,7 @@ impl<'m> Lowering<'m> {
             load_store::store(&mut self.decoder, &pointer, &words)?;
         }
         if let Some(id) = instruction.result {
-            self.decoder.define(id, Value::Pointer(pointer));
+            self.decoder.define(id, Value::Pointer(pointer.into()));
         }
         Ok(())
     }

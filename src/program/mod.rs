@@ -255,7 +255,10 @@ impl Program {
         let op = self.ops.get(trap.op as usize)?;
         let chunk = match op {
             Op::Memory(memory::Op::BufferLoad { chunk, .. } | memory::Op::BufferStore { chunk, .. }) => chunk,
-            Op::Atomic(atomic::Op { target: atomic::Target::Buffer(chunk), .. }) => chunk,
+            Op::Atomic(op) => match &op.target {
+                atomic::Target::Buffer(chunk) => chunk,
+                _ => return self.describe_texel(accessed?),
+            },
             _ => return self.describe_texel(accessed?),
         };
         let bytes = chunk.width / 8 * chunk.count;

@@ -6,89 +6,124 @@
 use crate::machine::Reg;
 use crate::ops::op::{Access, Op};
 use crate::ops::{memory, ray_tracing};
-use crate::program::{Program, Terminator};
+use crate::program::Program;
+use crate::program::forward::each_read;
 
 /// No entry.
 const NONE: u32 = u32::MAX;
 
-/// Removes operations whose results are not read; `addressed` are rows that computed row numbers
-/// reach. What is left also tells whether the order of invocations matters.
-pub fn prune(program: &mut Program, addressed: &[(Reg, u32)]) {
-    let mut live = vec![false; program.rows as usize + 1];
-    let mut work: Vec<usize> = Vec::new();
-    let mut effects = Vec::new();
-    // The operations that write each row: the last of them, and for each entry the one before.
-    let mut last = vec![NONE; program.rows as usize + 1];
-    let mut writers: Vec<(u32, u32)> = Vec::with_capacity(2 * program.ops.len());
-    for (at, op) in program.ops.iter().enumerate() {
-        op.accesses(|access| match access {
-            Access::Write(first, count) => {
-                for row in first.0..first.0 + count {
-                    let last = &mut last[row as usize];
-                    writers.push((at as u32, *last));
-                    *last = writers.len() as u32 - 1;
-                }
-            }
-            Access::Effect => effects.push(at),
-            Access::Read(..) => {}
-        });
+/// What operations need of each other, found from the last one to the first.
+struct Needs<'a> {
+    ops: &'a [Op],
+    /// By operation.
+    needed: Vec<bool>,
+    /// By row: whether somebody reads it.
+    live: Vec<bool>,
+    /// The operations passed so far that write each row, which nobody read then: the last of them, and for each
+    /// entry the one before.
+    last: Vec<u32>,
+    passed: Vec<(u32, u32)>,
+    /// Operations whose reads are not marked yet.
+    work: Vec<u32>,
+}
+
+impl<'a> Needs<'a> {
+    fn new(program: &'a Program) -> Self {
+        let rows = program.rows as usize + 1;
+        Self {
+            ops: &program.ops,
+            needed: vec![false; program.ops.len()],
+            live: vec![false; rows],
+            last: vec![NONE; rows],
+            passed: Vec::new(),
+            work: Vec::new(),
+        }
     }
-    let rows = |first: Reg, count: u32, live: &mut Vec<bool>, work: &mut Vec<usize>| {
+
+    /// Somebody reads rows.
+    fn read(&mut self, first: Reg, count: u32) {
         for row in first.0..first.0 + count {
             let row = row as usize;
-            if row < live.len() && !std::mem::replace(&mut live[row], true) {
-                let mut next = last[row];
-                while let Some(&(op, before)) = writers.get(next as usize) {
-                    work.push(op as usize);
+            if row < self.live.len() && !std::mem::replace(&mut self.live[row], true) {
+                let mut next = self.last[row];
+                while let Some(&(op, before)) = self.passed.get(next as usize) {
+                    self.work.push(op);
                     next = before;
                 }
             }
         }
-    };
+    }
+
+    /// Marks what is needed, given that all that others read is marked; of `stores`, by operation, only those.
+    fn find(&mut self, stores: Option<&[bool]>) {
+        let ops = self.ops;
+        for (at, op) in ops.iter().enumerate().rev() {
+            if stores.is_some_and(|stores| !stores[at]) {
+                continue;
+            }
+            let mut needed = false;
+            op.accesses(|access| match access {
+                Access::Write(first, count) => {
+                    for row in first.0 as usize..(first.0 + count) as usize {
+                        if self.live[row] {
+                            needed = true;
+                        } else {
+                            self.passed.push((at as u32, self.last[row]));
+                            self.last[row] = self.passed.len() as u32 - 1;
+                        }
+                    }
+                }
+                Access::Effect => needed = true,
+                Access::Read(..) => {}
+            });
+            self.work.extend(needed.then_some(at as u32));
+            while let Some(at) = self.work.pop() {
+                if std::mem::replace(&mut self.needed[at as usize], true) {
+                    continue;
+                }
+                ops[at as usize].accesses(|access| {
+                    if let Access::Read(first, count) = access {
+                        self.read(first, count);
+                    }
+                });
+            }
+        }
+    }
+}
+
+/// Removes operations whose results are not read; `addressed` are rows that computed row numbers
+/// reach, `stores` tells of each operation where it is false that it is no use. What is left also tells whether
+/// the order of invocations matters.
+pub fn prune(program: &mut Program, addressed: &[(Reg, u32)], stores: Option<&[bool]>) {
+    let mut needs = Needs::new(program);
     for &(first, count) in addressed {
         // A computed index may reach every row of the variable.
         let holds = |&&(start, rows): &&(Reg, u32)| (start.0..start.0 + rows).contains(&first.0);
         let (first, count) = program.variables.iter().find(holds).copied().unwrap_or((first, count));
-        rows(first, count, &mut live, &mut work);
+        needs.read(first, count);
     }
     // Whoever calls this program reads payload, attributes and callable data.
     for interface in program.interface.iter().filter(|rows| rows.storage_class >= 5328) {
-        rows(interface.first, interface.count, &mut live, &mut work);
+        needs.read(interface.first, interface.count);
     }
     for block in &program.blocks {
-        match block.terminator {
-            Terminator::BranchConditional { condition, .. } => rows(condition, 1, &mut live, &mut work),
-            Terminator::Switch { selector, wide, .. } => {
-                rows(selector, 1 + u32::from(wide), &mut live, &mut work);
-            }
-            _ => {}
-        }
+        each_read(&block.terminator, |reg| needs.read(reg, 1));
     }
-    work.extend(effects);
-    let mut visited = vec![false; program.ops.len()];
-    while let Some(at) = work.pop() {
-        if std::mem::replace(&mut visited[at], true) {
-            continue;
-        }
-        program.ops[at].accesses(|access| {
-            if let Access::Read(first, count) = access {
-                rows(first, count, &mut live, &mut work);
-            }
-        });
-    }
+    needs.find(stores);
+    let Needs { needed, live, .. } = needs;
     program.inputs.retain(|input| (0..input.count).any(|word| live[(input.first.0 + word) as usize]));
-    program.order_dependent = program.ops.iter().zip(&visited).any(|(op, &kept)| match op {
+    program.order_dependent = program.ops.iter().zip(&needed).any(|(op, &kept)| match op {
         Op::Atomic(op) if kept => op.order_dependent(live[op.to.0 as usize]),
         _ => false,
     });
-    remove(program, &visited);
+    remove(program, &needed);
     program.uses_subgroups = program.ops.iter().any(|op| matches!(op, Op::Subgroup(_)));
     let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::Op::HitObjectRecordHandle { .. }));
     program.addresses_records = program.ops.iter().any(addresses);
 }
 
 /// Removes the operations that are not needed and moves the blocks' borders.
-pub(super) fn remove(program: &mut Program, needed: &[bool]) {
+fn remove(program: &mut Program, needed: &[bool]) {
     let mut before = Vec::with_capacity(needed.len() + 1);
     let mut count = 0;
     for &needed in needed {

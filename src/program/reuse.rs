@@ -70,7 +70,7 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
             *op = Op::Memory(memory::Op::Move { to, from });
         }
     }
-    let mut written = vec![0; program.rows as usize];
+    let mut written = vec![0u32; program.rows as usize];
     let mut copies = Copies::new(program.rows);
     for &(start, run) in &starts {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
@@ -89,11 +89,11 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
     let mut left: SmallVec<[Reg; 4]> = SmallVec::new();
     // Where a value is now, and the operation that reads it last.
     let mut place = vec![Reg(0); program.rows as usize];
-    let mut last = vec![0; program.rows as usize];
+    let mut last = vec![0u32; program.rows as usize];
     for &(start, run) in &starts {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
         for at in run.clone() {
-            each_single(&mut ops[at], |reg, _| last[reg.0 as usize] = at);
+            each_single(&mut ops[at], |reg, _| last[reg.0 as usize] = at as u32);
         }
         for at in run {
             let op = &mut ops[at];
@@ -104,7 +104,7 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
                 let value = reg.0 as usize;
                 if single == Single::Read && values.is_local(*reg) {
                     *reg = place[value];
-                    if last[value] == at && !left.contains(reg) {
+                    if last[value] == at as u32 && !left.contains(reg) {
                         left.push(*reg);
                     }
                 }
@@ -118,7 +118,7 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
                 if single == Single::Write && values.is_local(*reg) {
                     *reg = places.take();
                     place[value] = *reg;
-                    if last[value] == at {
+                    if last[value] == at as u32 {
                         left.push(*reg);
                     }
                 }
@@ -238,7 +238,7 @@ fn starts(program: &Program, runs: &[Run]) -> Vec<(u32, Run)> {
 /// A copy of a row as it was left before an operation.
 #[derive(Clone, Copy)]
 struct Copied {
-    at: usize,
+    at: u32,
     from: Reg,
     good: bool,
 }
@@ -282,7 +282,7 @@ fn forward(
     run: Range<usize>,
     values: &Values,
     shared: &Shared,
-    written: &mut [usize],
+    written: &mut [u32],
     copies: &mut Copies,
 ) {
     if !ops[run.clone()].iter().any(|op| matches!(op, Op::Memory(memory::Op::Move { .. }))) {
@@ -294,6 +294,7 @@ fn forward(
     // First see which copies hold whenever they are read, then rename.
     for at in run.clone() {
         let op = &mut ops[at];
+        let at = at as u32;
         each_single(op, |reg, single| {
             if let (Single::Read, Some(copy)) = (single, copies.find(*reg)) {
                 let stopped = if values.is_local(copy.from) { 0 } else { stopped };
@@ -324,7 +325,7 @@ fn forward(
             }
         });
         if let Op::Memory(memory::Op::Move { to, from }) = op
-            && copies.find(*to).is_some_and(|copy| copy.good && copy.at == at)
+            && copies.find(*to).is_some_and(|copy| copy.good && copy.at as usize == at)
         {
             *to = *from;
         }
@@ -362,7 +363,8 @@ fn near_values(
     if order.is_empty() {
         return order;
     }
-    let mut near: Vec<Option<Reg>> = vec![None; rows];
+    // By row: the one that it becomes.
+    let mut near: Vec<Reg> = (0..program.rows).map(Reg).collect();
     let mut taken = 0;
     for op in ops {
         each_single(op, |reg, _| {
@@ -371,11 +373,11 @@ fn near_values(
             if !far(reg.0) || row >= rows {
                 return;
             }
-            if near[row].is_none() && taken < order.len() && !stays[row] && values.stands_alone(*reg) {
-                near[row] = Some(order[taken]);
+            if near[row] == *reg && taken < order.len() && !stays[row] && values.stands_alone(*reg) {
+                near[row] = order[taken];
                 taken += 1;
             }
-            *reg = near[row].unwrap_or(*reg);
+            *reg = near[row];
         });
     }
     order.truncate(taken);
@@ -458,10 +460,10 @@ struct Values(Vec<Accesses>);
 struct Accesses {
     /// The first block of the run that writes it first.
     home: u32,
-    /// How often it is read or written; how often by an operation that names it by itself.
-    all: u32,
-    alone: u32,
-    writes: u32,
+    /// How often it is read or written by an operation that does not name it by itself.
+    together: u32,
+    /// How often it is written; 2 stands for more.
+    writes: u8,
     /// Whether it is written and then read in one run, always by itself.
     local: bool,
 }
@@ -469,8 +471,7 @@ struct Accesses {
 impl Values {
     fn of(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], shared: &Shared) -> Self {
         const NOWHERE: u32 = u32::MAX;
-        let begin =
-            |row| Accesses { home: NOWHERE, all: 0, alone: 0, writes: 0, local: !shared.holds(Reg(row)) };
+        let begin = |row| Accesses { home: NOWHERE, together: 0, writes: 0, local: !shared.holds(Reg(row)) };
         let mut rows: Vec<Accesses> = (0..program.rows).map(begin).collect();
         program.constants.iter().for_each(|&(reg, _)| rows[reg.0 as usize].local = false);
         for &(start, run) in starts {
@@ -479,21 +480,24 @@ impl Values {
                     let (Access::Read(first, count) | Access::Write(first, count)) = access else { return };
                     let write = matches!(access, Access::Write(..));
                     for row in &mut rows[first.0 as usize..(first.0 + count) as usize] {
-                        row.all += 1;
-                        row.writes += u32::from(write);
+                        row.together = row.together.wrapping_add(1);
+                        row.writes = (row.writes + u8::from(write)).min(2);
                         if row.home == NOWHERE && write {
                             row.home = start;
                         }
                         row.local &= row.home == start;
                     }
                 });
-                each_single(op, |reg, _| rows[reg.0 as usize].alone += 1);
+                each_single(op, |reg, _| {
+                    let row = &mut rows[reg.0 as usize];
+                    row.together = row.together.wrapping_sub(1);
+                });
             }
         }
         for block in &program.blocks {
             each_read(&block.terminator, |reg| rows[reg.0 as usize].local = false);
         }
-        rows.iter_mut().for_each(|row| row.local &= row.all == row.alone);
+        rows.iter_mut().for_each(|row| row.local &= row.together == 0);
         Self(rows)
     }
 
@@ -514,7 +518,7 @@ impl Values {
 
     /// Whether whoever accesses a row names it by itself, so that it may be another one.
     fn stands_alone(&self, reg: Reg) -> bool {
-        self.0[reg.0 as usize].all == self.0[reg.0 as usize].alone
+        self.0[reg.0 as usize].together == 0
     }
 }
 

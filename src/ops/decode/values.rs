@@ -27,7 +27,7 @@ pub enum Value {
     /// A value in rows.
     Words(Words),
     /// A pointer that is known at least in part.
-    Pointer(Pointer),
+    Pointer(Box<Pointer>),
 }
 
 /// The values of ids: of a module's constants and variables for good, of a function's own as long as it

@@ -88,11 +88,12 @@ impl Decoder<'_> {
         let ty = self.type_of(id)?;
         let words = self.words(id)?;
         let width = self.scalar_width(ty)?;
-        let components = match width {
-            0..=32 => words,
-            _ => words.chunks(width.div_ceil(32) as usize).map(|chunk| chunk[0]).collect(),
-        };
-        Ok((components, width))
+        Ok((first_words(words, width), width))
+    }
+
+    /// The same of a scalar or vector that is known to have so many bits.
+    pub fn components_of(&mut self, id: Id, width: u32) -> Result<Words> {
+        Ok(first_words(self.words(id)?, width))
     }
 
     /// The rows of words, from the first row of each component.
@@ -171,5 +172,13 @@ impl Decoder<'_> {
                 Ok(())
             }
         }
+    }
+}
+
+/// The first word of each component.
+fn first_words(words: Words, width: u32) -> Words {
+    match width {
+        0..=32 => words,
+        _ => words.chunks(width.div_ceil(32) as usize).map(|chunk| chunk[0]).collect(),
     }
 }

@@ -103,14 +103,14 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     }
     check_stage(decoder, opcode, instruction)?;
     if matches!(opcode, Opcode::ReorderThreadWithHintEXT | Opcode::ReorderThreadWithHintNV) {
-        decoder.emit(Operation::HitObject(Op::Reorder));
+        emit(decoder, Op::Reorder);
         return Ok(true);
     }
     let id = decoder.id(instruction, 0)?;
     let object = object::object(decoder, id, |ty| matches!(ty, Type::HitObject { .. }))?;
     if let Some(getter) = GETTERS.iter().find(|getter| getter.opcodes.contains(&opcode)) {
         let to = result(decoder, instruction, getter.shape)?;
-        decoder.emit(Operation::HitObject(Op::Get { object, getter, to }));
+        emit(decoder, Op::Get { object, getter, to });
         return Ok(true);
     }
     match opcode {
@@ -129,7 +129,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 opcode,
                 Opcode::HitObjectTraceReorderExecuteEXT | Opcode::HitObjectTraceMotionReorderExecuteEXT
             ) {
-                decoder.emit(Operation::HitObject(Op::Reorder));
+                emit(decoder, Op::Reorder);
                 decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectExecute { object, payload }));
             }
         }
@@ -138,7 +138,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         | Opcode::HitObjectReorderExecuteShaderEXT => {
             let payload = payload(decoder, instruction, 1)?;
             if opcode == Opcode::HitObjectReorderExecuteShaderEXT {
-                decoder.emit(Operation::HitObject(Op::Reorder));
+                emit(decoder, Op::Reorder);
             }
             decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectExecute { object, payload }));
             decoder.forget();
@@ -158,12 +158,12 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let end = 12 - usize::from(with_index) + usize::from(moves(opcode));
             let operands = timed(decoder, instruction, 1..end, moves(opcode), hit_operands(with_index))?;
             let attributes = attributes(decoder, instruction, end)?;
-            decoder.emit(Operation::HitObject(Op::RecordHit { object, operands, with_index, attributes }));
+            emit(decoder, Op::RecordHit { object, operands, with_index, attributes });
         }
         Opcode::HitObjectRecordMissEXT | Opcode::HitObjectRecordMissMotionEXT => {
             let end = if moves(opcode) { 8 } else { 7 };
             let operands = timed(decoder, instruction, 1..end, moves(opcode), MISS_OPERANDS)?;
-            decoder.emit(Operation::HitObject(Op::RecordMiss { object, operands }));
+            emit(decoder, Op::RecordMiss { object, operands });
         }
         Opcode::HitObjectRecordMissNV | Opcode::HitObjectRecordMissMotionNV => {
             // These have no ray flags.
@@ -176,10 +176,10 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 words.push(decoder.constant(0)?);
             }
             let operands = whole(decoder, instruction, &words, MISS_OPERANDS)?;
-            decoder.emit(Operation::HitObject(Op::RecordMiss { object, operands }));
+            emit(decoder, Op::RecordMiss { object, operands });
         }
         Opcode::HitObjectRecordEmptyEXT | Opcode::HitObjectRecordEmptyNV => {
-            decoder.emit(Operation::HitObject(Op::RecordEmpty { object }));
+            emit(decoder, Op::RecordEmpty { object });
         }
         Opcode::HitObjectRecordFromQueryEXT => {
             let query = decoder.id(instruction, 1)?;
@@ -189,21 +189,25 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let has_kind = decoder.operands(instruction).len() > 4;
             let hit_kind = if has_kind { Some(scalar(decoder, instruction, 4)?) } else { None };
             let op = Op::RecordFromQuery { object, query, record, attributes, hit_kind };
-            decoder.emit(Operation::HitObject(op));
+            emit(decoder, op);
         }
         Opcode::HitObjectSetShaderBindingTableRecordIndexEXT => {
             let record = scalar(decoder, instruction, 1)?;
-            decoder.emit(Operation::HitObject(Op::SetRecord { object, record }));
+            emit(decoder, Op::SetRecord { object, record });
         }
         Opcode::HitObjectGetAttributesEXT | Opcode::HitObjectGetAttributesNV => {
             let to = attributes(decoder, instruction, 1)?;
-            decoder.emit(Operation::HitObject(Op::GetAttributes { object, to }));
+            emit(decoder, Op::GetAttributes { object, to });
             decoder.forget();
         }
         // OpReorderThreadWithHitObject*
-        _ => decoder.emit(Operation::HitObject(Op::Reorder)),
+        _ => emit(decoder, Op::Reorder),
     }
     Ok(true)
+}
+
+fn emit(decoder: &mut Decoder<'_>, op: Op) {
+    decoder.emit(Operation::HitObject(Box::new(op)));
 }
 
 /// Hit objects are for three stages, reordering for one.

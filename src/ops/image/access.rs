@@ -279,7 +279,7 @@ fn texel_pointer(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result
     let place = TexelPlace::new(decoder, view, image, coordinate, &operands)?;
     let pointer = Pointer::new(Place::Texel(Box::new(place)), pointee, storage_class);
     if let Some(id) = instruction.result {
-        decoder.define(id, Value::Pointer(pointer));
+        decoder.define(id, Value::Pointer(pointer.into()));
     }
     Ok(())
 }

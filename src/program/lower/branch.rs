@@ -1,6 +1,5 @@
 //! The ends of blocks: branches, and the moves of phis on their edges.
 
-use rustc_hash::FxHashSet;
 use smallvec::SmallVec;
 
 use crate::error::Result;
@@ -137,8 +136,9 @@ impl Lowering<'_> {
         }
         // All phis read before any is written: a source that is also a target is saved first.
         if moves.len() > 1 {
-            let targets: FxHashSet<Reg> = moves.iter().map(|&(to, _)| to).collect();
-            for (_, from) in moves.iter_mut().filter(|(_, from)| targets.contains(from)) {
+            let mut targets: SmallVec<[Reg; 8]> = moves.iter().map(|&(to, _)| to).collect();
+            targets.sort_unstable();
+            for (_, from) in moves.iter_mut().filter(|(_, from)| targets.binary_search(from).is_ok()) {
                 let saved = self.decoder.fresh(1)?;
                 self.decoder.emit(Op::Memory(memory::Op::Move { to: saved, from: *from }));
                 *from = saved;
