@@ -248,7 +248,8 @@ impl<'w> Loader<'w> {
 
     fn close_block(&mut self, body: &mut Body) {
         if let Some(mut block) = body.open.take() {
-            let instructions = block.instructions.drain(..).collect();
+            let mut instructions = Vec::with_capacity(block.instructions.len());
+            instructions.append(&mut block.instructions);
             body.room = std::mem::replace(&mut block.instructions, instructions);
             self.module.functions[body.index as usize].blocks.push(block);
         }

@@ -20,8 +20,8 @@ use crate::ops::memory::{self, Pointer};
 use crate::ops::op::Op;
 use crate::ops::pointer_layout::{self, ends_in_matrix};
 use crate::ops::row::{Family, Row};
-use values::Values;
 pub use values::{Value, Words, rows_from};
+use values::{Values, words_from};
 
 /// A descriptor binding that a program uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -126,6 +126,8 @@ pub struct Decoder<'m> {
     time: u32,
     /// By type: how many words a value takes.
     word_counts: Vec<Option<u32>>,
+    /// Rows in which operations on constants run: two of the result, and two of each operand.
+    folding: Registers<1>,
 }
 
 impl<'m> Decoder<'m> {
@@ -157,6 +159,7 @@ impl<'m> Decoder<'m> {
             known: Vec::new(),
             time: 1,
             word_counts: vec![None; module.types.len()],
+            folding: Registers::new(8),
         }
     }
 
@@ -302,8 +305,8 @@ impl<'m> Decoder<'m> {
 
     /// As [`Decoder::row`], whatever the float controls.
     pub fn plain_row(&mut self, row: &'static Row, from: &[Reg]) -> Result<Reg> {
-        let mut operands = [from.first().copied().unwrap_or(Reg(0)); 3];
-        operands[..from.len()].copy_from_slice(from);
+        let first = from.first().copied().unwrap_or(Reg(0));
+        let operands = std::array::from_fn(|at| from.get(at).copied().unwrap_or(first));
         if let Some(bits) = self.fold(row, from) {
             return match row.words {
                 2 => self.wide_constant(bits),
@@ -323,21 +326,21 @@ impl<'m> Decoder<'m> {
         }
     }
 
-    fn fold(&self, row: &Row, from: &[Reg]) -> Option<u64> {
+    fn fold(&mut self, row: &Row, from: &[Reg]) -> Option<u64> {
         // Most operations have an operand that is not constant: nothing is made ready for those.
         if !from.iter().all(|&reg| self.constant_word(reg).is_some()) {
             return None;
         }
-        let mut registers = Registers::<1>::new(8);
         let mut operands = [Reg(2); 3];
         for (at, &reg) in from.iter().enumerate() {
             operands[at] = Reg(2 + 2 * at as u32);
             for word in 0..row.operands[at] {
-                registers[operands[at].plus(word)].0[0] = self.constant_word(reg.plus(word))?;
+                self.folding[operands[at].plus(word)].0[0] = self.constant_word(reg.plus(word))?;
             }
         }
-        (row.one)(&mut registers, Reg(0), &operands);
-        Some(u64::from(registers[Reg(0)].0[0]) | u64::from(registers[Reg(1)].0[0]) << 32)
+        (row.one)(&mut self.folding, Reg(0), &operands);
+        let [low, high] = [Reg(0), Reg(1)].map(|reg| u64::from(self.folding[reg].0[0]));
+        Some(low | high << 32)
     }
 
     /// One row for two words that must lie together.
@@ -520,7 +523,7 @@ impl<'m> Decoder<'m> {
     /// a composite.
     pub fn words(&mut self, id: Id) -> Result<Words> {
         if let Some(Value::Words(words)) = self.values.find(id) {
-            return Ok(Words::from_slice(words));
+            return Ok(words_from(words));
         }
         if let Value::Pointer(pointer) = self.value(id)?
             && matches!(pointer.place, memory::Place::Buffer(_))

@@ -157,13 +157,16 @@ fn scatter(decoder: &mut Decoder<'_>, first: Reg, row: Reg, words: &[Reg]) -> Re
     Ok(())
 }
 
-/// The scalars of what a pointer leads to in a buffer: byte offset and width; a 64-bit one is two.
-fn scalars(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Vec<(u32, u32)>> {
+/// Scalars of a buffer: byte offset and width.
+type Scalars = SmallVec<[(u32, u32); 4]>;
+
+/// The scalars of what a pointer leads to in a buffer; a 64-bit one is two.
+fn scalars(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Scalars> {
     if pointer.is_packed(decoder) {
         let words = decoder.word_count(pointer.pointee)?;
         return Ok((0..words).map(|word| (pointer.offset + word * 4, 32)).collect());
     }
-    let mut scalars = Vec::new();
+    let mut scalars = Scalars::new();
     let layout = (pointer.matrix, pointer.component_stride);
     collect(decoder, pointer.pointee, pointer.offset, layout, &mut scalars)?;
     Ok(scalars)
@@ -174,7 +177,7 @@ fn collect(
     ty: TypeId,
     offset: u32,
     (matrix, component_stride): (Option<MatrixLayout>, Option<u32>),
-    scalars: &mut Vec<(u32, u32)>,
+    scalars: &mut Scalars,
 ) -> Result<()> {
     let at = |decoder: &Decoder<'_>, index: u32, stride: u32| {
         let sum = index.checked_mul(stride).and_then(|bytes| offset.checked_add(bytes));
@@ -230,8 +233,13 @@ fn collect(
 }
 
 /// Joins scalars that touch; the alignment holds for the pointer itself.
-fn chunks(scalars: &[(u32, u32)], buffer: BufferRef, pointer: &Pointer, alignment: u32) -> Vec<Chunk> {
-    let mut chunks: Vec<Chunk> = Vec::new();
+fn chunks(
+    scalars: &[(u32, u32)],
+    buffer: BufferRef,
+    pointer: &Pointer,
+    alignment: u32,
+) -> SmallVec<[Chunk; 1]> {
+    let mut chunks: SmallVec<[Chunk; 1]> = SmallVec::new();
     for &(offset, width) in scalars {
         match chunks.last_mut() {
             Some(last) if last.width == width && last.offset + last.count * (width / 8) == offset => {

@@ -1,7 +1,6 @@
 //! The order of a function's blocks, and which values outlive the loop that makes them.
 
 use rustc_hash::FxHashSet;
-use smallvec::SmallVec;
 
 use crate::module::{Definition, Function, Id, Module};
 
@@ -19,48 +18,46 @@ const PHI: u16 = 245;
 pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
     let mut seen = vec![false; function.blocks.len()];
     let mut order = Vec::with_capacity(function.blocks.len());
-    let mut stack = Vec::new();
+    // The blocks on the way from the first one, and where their successors begin among all that are still to be visited.
+    let mut open: Vec<(u32, u32)> = Vec::new();
+    let mut next: Vec<u32> = Vec::new();
     if !function.blocks.is_empty() {
-        seen[0] = true;
-        stack.push((0, successors(module, function, 0), 0));
+        next.push(0);
     }
-    while let Some((block, next, at)) = stack.last_mut() {
-        match next.get(*at).copied() {
-            Some(successor) => {
-                *at += 1;
-                if !seen[successor] {
-                    seen[successor] = true;
-                    stack.push((successor, successors(module, function, successor), 0));
-                }
+    loop {
+        let base = open.last().map_or(0, |&(_, base)| base as usize);
+        if next.len() > base {
+            let block = next.pop().map_or(0, |block| block as usize);
+            if !std::mem::replace(&mut seen[block], true) {
+                open.push((block as u32, next.len() as u32));
+                push_successors(module, function, block, &mut next);
             }
-            None => {
-                order.push(*block);
-                stack.pop();
-            }
+        } else if let Some((block, _)) = open.pop() {
+            order.push(block as usize);
+        } else {
+            break;
         }
     }
     order.reverse();
     order
 }
 
-/// Merge block and continue target first, then the targets, the last of them first, so that they
-/// come out in the order in which they are written.
-fn successors(module: &Module, function: &Function, block: usize) -> SmallVec<[usize; 4]> {
+/// Those of a block, the first one last: merge block and continue target, then the targets, the last of them first,
+/// so that they come out in the order in which they are written.
+fn push_successors(module: &Module, function: &Function, block: usize, next: &mut Vec<u32>) {
     let instructions = &function.blocks[block].instructions;
-    let mut blocks = SmallVec::new();
-    let mut push = |id: Id| blocks.extend(block_of(module, function, id));
-    for instruction in instructions.iter().rev().take(2) {
-        let labels = match instruction.opcode {
+    let mut push = |id: Id| next.extend(block_of(module, function, id).map(|block| block as u32));
+    if let Some(terminator) = instructions.last() {
+        module.branch_targets(terminator).into_iter().for_each(&mut push);
+    }
+    if let Some(merge) = instructions.iter().rev().nth(1) {
+        let labels = match merge.opcode {
             LOOP_MERGE => 2,
             SELECTION_MERGE => 1,
             _ => 0,
         };
-        module.operands(instruction).iter().take(labels).for_each(|&id| push(Id(id)));
+        module.operands(merge).iter().take(labels).rev().for_each(|&id| push(Id(id)));
     }
-    if let Some(terminator) = instructions.last() {
-        module.branch_targets(terminator).into_iter().rev().for_each(push);
-    }
-    blocks
 }
 
 /// The block of a function that a label opens.

@@ -131,6 +131,8 @@ fn reduce(program: &mut Program, addressed: &[(Reg, u32)]) {
     // What was dropped, and room that was never used, would stay with the program.
     program.ops.shrink_to_fit();
     program.origins.shrink_to_fit();
+    program.blocks.shrink_to_fit();
+    program.stretches.shrink_to_fit();
     forward_copies(program, addressed);
     let stores = live_stores(program, addressed);
     prune(program, addressed, stores.as_deref());
@@ -202,11 +204,13 @@ impl<'m> Lowering<'m> {
         self.placed.len() as u32 - 1
     }
 
-    /// Makes room for about an operation an instruction, as operations that outgrow theirs are all copied.
+    /// Makes room for about an operation an instruction and a block for four, as what outgrows its room is all copied.
     fn make_room(&mut self, entry: u32) {
         let operations = self.sizes[entry as usize].instructions.min(INLINE_TOTAL as u64) as usize;
         self.decoder.ops.reserve_exact(operations);
         self.decoder.origins.reserve_exact(operations);
+        self.blocks.reserve_exact(operations / 4);
+        self.stretches.reserve_exact(operations / 4);
     }
 
     /// Opens a block under a label.

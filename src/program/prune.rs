@@ -35,7 +35,7 @@ impl<'a> Needs<'a> {
             needed: vec![false; program.ops.len()],
             live: vec![false; rows],
             last: vec![NONE; rows],
-            passed: Vec::new(),
+            passed: Vec::with_capacity(2 * program.ops.len()),
             work: Vec::new(),
         }
     }

@@ -76,6 +76,8 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
         forward(&mut ops, run, &values, &shared, &mut written, &mut copies);
     }
+    // Tables by row are large: what follows takes their memory.
+    drop((written, copies));
     for &(start, run) in &starts {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
         sign_casts(&mut ops[run], &program.constants);
@@ -84,6 +86,7 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
     for &(start, run) in &starts {
         schedule.order(&mut ops[program.blocks[start as usize].first as usize..run.end as usize]);
     }
+    drop(schedule);
     let fates = fates(&mut ops, program.rows, &values);
     let mut places = Places::new(program.rows, values.vanishing());
     let mut left: SmallVec<[Reg; 4]> = SmallVec::new();

@@ -21,6 +21,18 @@ pub fn rows_from(first: Reg, count: u32) -> Words {
     }
 }
 
+/// The same rows.
+pub(super) fn words_from(words: &[Reg]) -> Words {
+    match words.len() {
+        // Without a call that copies.
+        count @ 0..=4 => {
+            let word = |at: usize| words.get(at).copied().unwrap_or(Reg(0));
+            SmallVec::from_buf_and_len([0, 1, 2, 3].map(word), count)
+        }
+        _ => Words::from_slice(words),
+    }
+}
+
 /// What an id stands for while its function is lowered.
 #[derive(Clone, Debug)]
 pub enum Value {
