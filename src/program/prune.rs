@@ -62,20 +62,25 @@ impl<'a> Needs<'a> {
                 continue;
             }
             let mut needed = false;
-            op.accesses(|access| match access {
-                Access::Write(first, count) => {
-                    for row in first.0 as usize..(first.0 + count) as usize {
-                        if self.live[row] {
-                            needed = true;
-                        } else {
-                            self.passed.push((at as u32, self.last[row]));
-                            self.last[row] = self.passed.len() as u32 - 1;
+            let Self { live, last, passed, .. } = self;
+            op.accesses(
+                #[inline(always)]
+                |access| match access {
+                    Access::Write(first, count) => {
+                        let rows = first.0 as usize..(first.0 + count) as usize;
+                        for (&live, last) in live[rows.clone()].iter().zip(&mut last[rows]) {
+                            if live {
+                                needed = true;
+                            } else {
+                                passed.push((at as u32, *last));
+                                *last = passed.len() as u32 - 1;
+                            }
                         }
                     }
-                }
-                Access::Effect => needed = true,
-                Access::Read(..) => {}
-            });
+                    Access::Effect => needed = true,
+                    Access::Read(..) => {}
+                },
+            );
             self.work.extend(needed.then_some(at as u32));
             while let Some(at) = self.work.pop() {
                 if std::mem::replace(&mut self.needed[at as usize], true) {
