@@ -39,6 +39,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("safetensors", &["recording"]),
     ("quick_junit", &["harness"]),
     ("aligned_vec", &["machine"]),
+    ("prefetch_index", &["math"]),
     ("image_compare", &["harness"]),
 ];
 

@@ -7,6 +7,7 @@ use crate::accel::node::Child;
 use crate::accel::tree::Tree;
 use crate::geometry::block::{self, BlockRay, LANES};
 use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, triangle};
+use crate::math::ahead::fetch;
 use crate::math::doubles::Doubles;
 use crate::math::four::Fused;
 
@@ -94,6 +95,26 @@ impl Body {
     #[inline(always)]
     pub fn name(&self, leaf: Child, lane: usize) -> Name {
         self.names[self.place(leaf, lane)]
+    }
+
+    /// Has the processor bring what a ray will read of a part of the tree into its caches.
+    #[inline(always)]
+    pub fn fetch(&self, part: Child) {
+        let at = part.index();
+        match &self.shapes {
+            _ if !part.is_leaf() => self.tree.iter().for_each(|tree| tree.node(part).fetch()),
+            Shapes::Triangles(blocks) => blocks[at].fetch(),
+            Shapes::Aabbs(blocks) => blocks[at].fetch(),
+            Shapes::Spheres(blocks) => blocks[at].fetch(),
+            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].fetch(),
+            Shapes::MovingTriangles(_) => {}
+        }
+    }
+
+    /// The same for the names of a leaf's primitives.
+    #[inline(always)]
+    pub fn fetch_names(&self, leaf: Child) {
+        fetch(&self.names[self.place(leaf, 0)..][..1]);
     }
 
     /// Where a lane of a leaf stands in tree order.

@@ -1,6 +1,7 @@
 //! The nodes of a tree and the test of a ray against them (its derivation: `node_ray`).
 
 use crate::accel::node_ray::{NodeLimit, Slabs};
+use crate::math::ahead::fetch;
 use crate::math::eight::Eights;
 
 /// How many children a node has at most: the lanes of a vector register (AVX) or of two (SSE, NEON).
@@ -142,6 +143,13 @@ impl Node {
         }
         let met = eights.at_least(far, near);
         (eights.lanes(near), met & self.filled)
+    }
+
+    /// Has the processor bring it into its caches.
+    #[inline(always)]
+    pub fn fetch(&self) {
+        self.planes.iter().for_each(|planes| fetch(planes.as_flattened()));
+        fetch(&self.children);
     }
 
     /// A plane of the box of the child in a slot: of an axis the lower (0) or the upper one (1).

@@ -305,13 +305,18 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             while !child.is_leaf() {
                 self.visit.node(Some(number));
                 let Walk { stack, level, .. } = &mut *self.walk;
-                let ray = (&level.node_ray, &slabs);
+                let (ray, before) = ((&level.node_ray, &slabs), stack.len());
                 match push_children::<E, PLAIN>(stack, limit, tree.node(child), ray) {
                     Some(nearest) => child = nearest.child(),
                     None => break,
                 }
+                // Perhaps it is next.
+                if let Some(other) = stack.open[before..].last() {
+                    body.fetch(other.child());
+                }
             }
             if child.is_leaf() {
+                body.fetch_names(child);
                 let met = self.met(eights, body, child);
                 if met == 0 {
                     continue;

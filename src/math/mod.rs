@@ -1,6 +1,7 @@
 //! Numerics below everything else: elementary functions behind one door, exact arithmetic, error
 //! bounds, distances in ulp.
 
+pub mod ahead;
 pub mod doubles;
 pub mod eight;
 pub mod error_bound;

@@ -17,6 +17,7 @@
 use super::{ALL, BlockRay, LANES, Row};
 use crate::geometry::Bounds;
 use crate::geometry::{Intersection, ObjectRay, Precision, aabb};
+use crate::math::ahead::fetch;
 use crate::math::error_bound::{round_down, round_up};
 use crate::math::four::Four;
 
@@ -87,6 +88,12 @@ const WIDEN: f64 = 1.0 + 1.0 / 1_048_576.0;
 impl Aabbs {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { sides: [[[0.0; LANES]; 3]; 2] };
+
+    /// Has the processor bring it into its caches.
+    #[inline(always)]
+    pub fn fetch(&self) {
+        fetch(self.sides.as_flattened().as_flattened());
+    }
 
     /// Puts a box into a lane.
     #[inline(always)]

@@ -19,6 +19,7 @@
 
 use super::{ALL, BlockRay, LANES, Row, load, norm1, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_sphere};
+use crate::math::ahead::fetch;
 use crate::math::four::{Four, Fused};
 
 /// Up to four linear swept spheres.
@@ -63,6 +64,13 @@ impl LinearSweptSpheres {
 impl SweptEnds {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { positions: [[[0.0; LANES]; 3]; 2], radii: [[0.0; LANES]; 2] };
+
+    /// Has the processor bring it into its caches.
+    #[inline(always)]
+    pub fn fetch(&self) {
+        fetch(self.positions.as_flattened().as_flattened());
+        fetch(self.radii.as_flattened());
+    }
 
     /// Puts the ends of a swept sphere into a lane.
     #[inline(always)]

@@ -15,6 +15,7 @@
 
 use super::{ALL, BlockRay, LANES, Row, load, sub};
 use crate::geometry::{FourTested, Intersection, ObjectRay, Precision, sphere};
+use crate::math::ahead::fetch;
 use crate::math::doubles::Doubles;
 use crate::math::four::{Four, Fused};
 
@@ -29,6 +30,13 @@ pub struct Spheres {
 impl Spheres {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { center: [[0.0; LANES]; 3], radius: [0.0; LANES] };
+
+    /// Has the processor bring it into its caches.
+    #[inline(always)]
+    pub fn fetch(&self) {
+        fetch(self.center.as_flattened());
+        fetch(&self.radius);
+    }
 
     /// Puts a sphere into a lane.
     #[inline(always)]

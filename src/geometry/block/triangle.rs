@@ -33,6 +33,7 @@
 use super::{ALL, BlockRay, LANES, Row};
 use crate::geometry::triangle;
 use crate::geometry::{DoubleRay, FourTested, Intersection, ObjectRay, Precision};
+use crate::math::ahead::fetch;
 use crate::math::doubles::Doubles;
 use crate::math::four::{Four, Fused};
 
@@ -46,6 +47,12 @@ pub struct Triangles {
 impl Triangles {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { vertices: [[[0.0; LANES]; 3]; 3] };
+
+    /// Has the processor bring it into its caches.
+    #[inline(always)]
+    pub fn fetch(&self) {
+        fetch(self.vertices.as_flattened().as_flattened());
+    }
 
     /// Puts a triangle into a lane.
     #[inline(always)]
