@@ -97,14 +97,19 @@ pub fn run(table: &mut Table) {
         let name = "traverse 64 instances together";
         measure_way(table, name, &scene.tiled(), &rays, every, trace_together);
     }
-    if table.wants("traverse triangles shuffled") {
-        let scene = scenes::heightfield(grid);
-        let mut rays = scene.camera.rays(table.picture);
-        let mut random = Random(3);
-        for at in (1..rays.len()).rev() {
-            rays.swap(at, (random.bits() % (at as u64 + 1)) as usize);
+    for (name, trace) in [
+        ("traverse triangles shuffled together", trace_together as Way),
+        ("traverse triangles shuffled", trace),
+    ] {
+        if table.wants(name) {
+            let scene = scenes::heightfield(grid);
+            let mut rays = scene.camera.rays(table.picture);
+            let mut random = Random(3);
+            for at in (1..rays.len()).rev() {
+                rays.swap(at, (random.bits() % (at as u64 + 1)) as usize);
+            }
+            measure_way(table, name, &scene.tlas(GeometryFlags::OPAQUE), &rays, every, trace);
         }
-        measure(table, "traverse triangles shuffled", &scene.tlas(GeometryFlags::OPAQUE), &rays, every);
     }
 }
 

@@ -7,9 +7,10 @@
 //! primitives one ray after the other, as they would alone. So what is found is what each ray finds by
 //! itself: the order in which primitives are tested changes nothing (see `cursor`).
 //!
-//! Where rays go apart that does not pay: after more steps than they would have taken alone the rest
-//! is left to a [`Cursor`] each, and so are the next packets for a while. So are rays that are not
-//! [ordinary](crate::geometry::Ray::is_ordinary), or start far from what they reach.
+//! Where rays go apart that does not pay: after more steps than they would have taken alone, or after many
+//! that each takes by itself, the rest is left to a [`Cursor`] each, and so are the next packets for a
+//! while. So are rays that are not [ordinary](crate::geometry::Ray::is_ordinary), or start far from what
+//! they reach.
 
 mod rows;
 mod walk;
@@ -31,6 +32,10 @@ const LEAST: usize = 8;
 
 /// So many nodes and leaves a ray may be opened together before the rays go on by themselves.
 const STEPS: u32 = 4;
+
+/// And so many more by one ray alone, below what few rays meet: in random order rays take two and a half or
+/// more, those of a tile hardly ever two.
+const SINGLE_STEPS: u32 = 2;
 
 /// Traces rays together where they go alike. Its memory is used again for the next ones.
 ///
@@ -69,6 +74,8 @@ pub struct Packet {
     stack: Vec<Open>,
     /// How many more nodes and leaves may be opened.
     steps: u32,
+    /// And by one ray alone.
+    single_steps: u32,
     /// For how many packets rays go by themselves.
     apart: u32,
     /// How many times in a row packets did not pay.
@@ -146,6 +153,7 @@ impl Default for Packet {
             hits: [Found::IDLE; MOST],
             stack: Vec::new(),
             steps: 0,
+            single_steps: 0,
             apart: 0,
             failed: 0,
         }
@@ -240,7 +248,7 @@ impl Packet {
 
     /// Traces rays together, and says which must be traced by themselves.
     fn together(&mut self, tlas: &Tlas, traces: &[TraceRay], any_opaque_hit: bool) -> u64 {
-        self.steps = STEPS * traces.len() as u32;
+        (self.steps, self.single_steps) = (STEPS * traces.len() as u32, SINGLE_STEPS * traces.len() as u32);
         let walk = Walk { packet: self, tlas, traces, any_opaque_hit, alone: 0 };
         let alone = tlas.processor().run(walk);
         if self.steps == 0 {

@@ -29,7 +29,7 @@ fn check(tlas: &Tlas, traces: &[TraceRay]) {
     let whether = |hits: &[Option<Committed>]| hits.iter().map(Option::is_some).collect::<Vec<_>>();
     assert_eq!(whether(&hits), whether(&wanted));
     if let Some(first) = traces.get(..MOST.min(traces.len())).filter(|first| !first.is_empty()) {
-        let mut packet = Packet { steps: u32::MAX, ..Packet::default() };
+        let mut packet = Packet { steps: u32::MAX, single_steps: u32::MAX, ..Packet::default() };
         let walk = Walk { packet: &mut packet, tlas, traces: first, any_opaque_hit: false, alone: 0 };
         let left = TwoFours.apart(walk);
         for (at, wanted) in wanted.iter().enumerate().take(first.len()) {

@@ -200,6 +200,12 @@ impl Walk<'_> {
                 if open.entry() > self.packet.limits.0[ray] {
                     continue;
                 }
+                if self.packet.single_steps == 0 || self.packet.steps == 0 {
+                    self.packet.steps = 0;
+                    self.packet.stack.truncate(base);
+                    return;
+                }
+                self.packet.single_steps -= 1;
                 let (at, slot) = open.place();
                 let child = tree.node(at).child(slot);
                 if child.is_leaf() {
