@@ -101,7 +101,7 @@ impl Processor {
         self.simd
     }
 
-    /// Runs a task on its widest vectors.
+    /// Runs a task on vectors of eight: those of AVX2 where it has them.
     #[inline(always)]
     pub fn run<T: Task>(self, task: T) -> T::Output {
         #[cfg(target_arch = "x86_64")]
