@@ -87,7 +87,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             steps(&scene, &trees)
         );
         println!(
-            "  {:<22} {:>8} {:>6} {:>9} {:>9} {:>9} {:>11} {:>7} {:>6} {:>6}",
+            "  {:<22} {:>8} {:>7} {:>9} {:>9} {:>9} {:>11} {:>7} {:>6} {:>6}",
             "", "ns/ray", "exact=1", "p50 ulp", "p99", "p99.9", "max", "missed", "extra", "other"
         );
         let exact = contenders.iter().position(|name| *name == "Exact").expect("one is exact");
@@ -99,7 +99,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         for (place, name) in contenders.iter().enumerate() {
             let errors = Errors::of(&truth, &hits[place]);
             println!(
-                "  {name:<22} {:>8.1} {:>6.2} {:>9.3} {:>9.3} {:>9.3} {:>11.3} {:>7} {:>6} {:>6}",
+                "  {name:<22} {:>8.1} {:>7.3} {:>9.3} {:>9.3} {:>9.3} {:>11.3} {:>7} {:>6} {:>6}",
                 medians[place],
                 ratios[place],
                 errors.at(0.5),

@@ -9,7 +9,7 @@ const LINE: usize = 64;
 /// that. Changes nothing but time.
 #[inline(always)]
 pub fn fetch<T>(numbers: &[T]) {
-    for at in (0..numbers.len()).step_by(LINE / size_of::<T>()) {
+    for at in (0..numbers.len()).step_by((LINE / size_of::<T>()).max(1)) {
         prefetch_index(numbers, at);
     }
 }
