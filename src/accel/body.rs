@@ -100,9 +100,11 @@ impl Body {
     /// Has the processor bring what a ray will read of a part of the tree into its caches.
     #[inline(always)]
     pub fn fetch(&self, part: Child) {
+        if !part.is_leaf() {
+            return self.tree.iter().for_each(|tree| tree.node(part).fetch());
+        }
         let at = part.index();
         match &self.shapes {
-            _ if !part.is_leaf() => self.tree.iter().for_each(|tree| tree.node(part).fetch()),
             Shapes::Triangles(blocks) => blocks[at].fetch(),
             Shapes::Aabbs(blocks) => blocks[at].fetch(),
             Shapes::Spheres(blocks) => blocks[at].fetch(),

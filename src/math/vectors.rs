@@ -40,7 +40,8 @@ impl Vectors for V3 {
     }
 }
 
-/// To be compiled for AVX2: the same operations, and the same results.
+/// To be compiled for AVX2, or for AVX-512, where the compiler makes wider vectors of loops: the same operations, and
+/// the same results.
 #[cfg(target_arch = "x86_64")]
 struct InAvx<T> {
     task: T,
@@ -54,23 +55,6 @@ impl<T: Task> pulp::NullaryFnOnce for InAvx<T> {
     #[inline(always)]
     fn call(self) -> T::Output {
         self.task.run(self.simd)
-    }
-}
-
-/// To be compiled for AVX-512, where the compiler makes vectors of loops; else as for AVX2.
-#[cfg(target_arch = "x86_64")]
-struct InAvx512<T> {
-    task: T,
-    simd: V4,
-}
-
-#[cfg(target_arch = "x86_64")]
-impl<T: Task> pulp::NullaryFnOnce for InAvx512<T> {
-    type Output = T::Output;
-
-    #[inline(always)]
-    fn call(self) -> T::Output {
-        self.task.run(*self.simd)
     }
 }
 
@@ -116,7 +100,7 @@ impl Processor {
     pub fn run_widest<T: Task>(self, task: T) -> T::Output {
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = self.widest {
-            return simd.vectorize(InAvx512 { task, simd });
+            return simd.vectorize(InAvx { task, simd: *simd });
         }
         self.run(task)
     }

@@ -26,8 +26,10 @@ pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
     }
     loop {
         let base = open.last().map_or(0, |&(_, base)| base as usize);
-        if next.len() > base {
-            let block = next.pop().map_or(0, |block| block as usize);
+        if next.len() > base
+            && let Some(block) = next.pop()
+        {
+            let block = block as usize;
             if !std::mem::replace(&mut seen[block], true) {
                 open.push((block as u32, next.len() as u32));
                 push_successors(module, function, block, &mut next);

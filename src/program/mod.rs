@@ -254,13 +254,16 @@ impl Program {
         }
         let op = self.ops.get(trap.op as usize)?;
         let chunk = match op {
-            Op::Memory(memory::Op::BufferLoad { chunk, .. } | memory::Op::BufferStore { chunk, .. }) => chunk,
+            Op::Memory(memory::Op::BufferLoad { chunk, .. } | memory::Op::BufferStore { chunk, .. }) => {
+                Some(chunk)
+            }
             Op::Atomic(op) => match &op.target {
-                atomic::Target::Buffer(chunk) => chunk,
-                _ => return self.describe_texel(accessed?),
+                atomic::Target::Buffer(chunk) => Some(chunk),
+                _ => None,
             },
-            _ => return self.describe_texel(accessed?),
+            _ => None,
         };
+        let Some(chunk) = chunk else { return self.describe_texel(accessed?) };
         let bytes = chunk.width / 8 * chunk.count;
         let stretch = match trap.code {
             TrapCode::IndexOutOfBounds => String::new(),
