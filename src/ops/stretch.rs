@@ -12,25 +12,31 @@
 //! own, `Settled`, and stands only behind results whose bits somebody may see: an operation on floats
 //! takes every NaN for the same.
 //!
+//! Operands that are constants are often read as one word for all lanes: a code of its own keeps that in a vector register,
+//! where the row would be loaded vector by vector. As a batch has its constants in all lanes from the beginning, and nobody
+//! writes their rows, it does not matter which lanes run.
+//!
 //! `plan` makes the steps. Rows without a code are called as ever, irregular operations end a stretch. Only what takes few
 //! vector registers has a code: one arm that takes all sixteen, and the compiler keeps the accumulator in
 //! memory in every arm.
 
 mod pairs;
 mod plan;
+mod words;
 
 use std::ops::Range;
 
 use crate::machine::lanes::Lanes;
-use crate::machine::{Mask, Registers, Scalar};
+use crate::machine::{Mask, Registers};
 use crate::math::vectors::{Task, Vectors};
 use crate::ops::conversion::{self, Between, Conversion};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select;
-use crate::ops::row::{Binary, Bits, Row, Ternary, Unary, Width};
+use crate::ops::row::{Binary, Bits, Row, Width};
 use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
 use pairs::{After, Shape, Then, ThenWith, WithItself};
 pub use plan::{Fate, takes_float};
+use words::{Chain, Last, One, Same, Settled, Three, Two, Words};
 
 /// What a stretch does at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,115 +96,59 @@ impl<const W: usize> Rows<W> for [Lanes<W>] {
     }
 }
 
-/// A function of words, of which the first [`Words::OPERANDS`] count.
-trait Words {
-    const OPERANDS: usize;
-    /// The result, a NaN as the processor made it.
-    fn apply(words: Operands<u32>) -> u32;
-}
-
-struct One<F>(F);
-struct Two<F>(F);
-struct Three<F>(F);
-
-impl<F: Unary> Words for One<F> {
-    const OPERANDS: usize = 1;
-    #[inline(always)]
-    fn apply([a, ..]: Operands<u32>) -> u32 {
-        F::apply(F::A::from_words(a, 0)).to_word()
-    }
-}
-
-impl<F: Binary> Words for Two<F> {
-    const OPERANDS: usize = 2;
-    #[inline(always)]
-    fn apply([a, b, ..]: Operands<u32>) -> u32 {
-        F::apply(F::A::from_words(a, 0), F::B::from_words(b, 0)).to_word()
-    }
-}
-
-impl<F: Ternary> Words for Three<F> {
-    const OPERANDS: usize = 3;
-    #[inline(always)]
-    fn apply([a, b, c, ..]: Operands<u32>) -> u32 {
-        F::apply(F::A::from_words(a, 0), F::B::from_words(b, 0), F::C::from_words(c, 0)).to_word()
-    }
-}
-
-/// A function, then another one whose first operand is what that gave.
-struct Chain<F, G>(F, G);
-
-impl<F: Words, G: Words> Words for Chain<F, G> {
-    const OPERANDS: usize = F::OPERANDS + G::OPERANDS - 1;
-    #[inline(always)]
-    fn apply(words: Operands<u32>) -> u32 {
-        let mut second = Operands::default();
-        second[0] = F::apply(words);
-        second[1..G::OPERANDS].copy_from_slice(&words[F::OPERANDS..Self::OPERANDS]);
-        G::apply(second)
-    }
-}
-
-/// A function, then another one whose last operand is what that gave; its own others stand behind those of the first.
-struct Last<F, G>(F, G);
-
-impl<F: Words, G: Words> Words for Last<F, G> {
-    const OPERANDS: usize = F::OPERANDS + G::OPERANDS - 1;
-    #[inline(always)]
-    fn apply(words: Operands<u32>) -> u32 {
-        let mut second = Operands::default();
-        second[..G::OPERANDS - 1].copy_from_slice(&words[F::OPERANDS..Self::OPERANDS]);
-        second[G::OPERANDS - 1] = F::apply(words);
-        G::apply(second)
-    }
-}
-
-/// A value as it is.
-struct Same;
-
-impl Unary for Same {
-    type A = u32;
-    type R = u32;
-    #[inline(always)]
-    fn apply(a: u32) -> u32 {
-        a
-    }
-}
-
-/// A float as rows write it: every NaN the same.
-struct Settled;
-
-impl Unary for Settled {
-    type A = u32;
-    type R = u32;
-    #[inline(always)]
-    fn apply(a: u32) -> u32 {
-        f32::from_bits(a).to_words().0
-    }
-}
-
 /// The accumulator takes what a function gives of rows, and of what it held, which is operand `AT` (none
-/// for 0); the result goes to its row, too, where it is `STORED`.
+/// for 0); the result goes to its row, too, where it is `STORED`. Operands whose bit `UNIFORM` has are the same in all
+/// lanes: one word is read of each, and kept in a vector register. Those whose bit `AMOUNTS` has, too, are by how many bits
+/// to shift, and less than 32.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[inline(always)]
-fn apply<const W: usize, F: Words, const AT: usize, const STORED: bool>(
+fn apply<
+    const W: usize,
+    F: Words,
+    const AT: usize,
+    const STORED: bool,
+    const UNIFORM: u8,
+    const AMOUNTS: u8,
+>(
     accumulator: &mut [u32; W],
     rows: &mut (impl Rows<W> + ?Sized),
     step: &Step,
 ) {
     let held = Lanes(*accumulator);
     let row = |at: usize| {
-        if at < F::OPERANDS && at + 1 != AT { rows.row(step.from[at]) } else { &held }
+        let reads = at < F::OPERANDS && at + 1 != AT && !has(UNIFORM, at);
+        if reads { rows.row(step.from[at]) } else { &held }
+    };
+    let word = |at: usize| {
+        if at < F::OPERANDS && has(UNIFORM, at) {
+            // What the compiler knows to be less than 32 it need not compare.
+            rows.row(step.from[at]).0[0] & if has(AMOUNTS, at) { 31 } else { !0 }
+        } else {
+            0
+        }
     };
     let [a, b, c, d, e, f] = std::array::from_fn(row);
+    let words: Operands<u32> = std::array::from_fn(word);
     let mut result = [0; W];
     for lane in 0..W {
-        result[lane] = F::apply([a.0[lane], b.0[lane], c.0[lane], d.0[lane], e.0[lane], f.0[lane]]);
+        result[lane] = F::apply([
+            if has(UNIFORM, 0) { words[0] } else { a.0[lane] },
+            if has(UNIFORM, 1) { words[1] } else { b.0[lane] },
+            if has(UNIFORM, 2) { words[2] } else { c.0[lane] },
+            if has(UNIFORM, 3) { words[3] } else { d.0[lane] },
+            if has(UNIFORM, 4) { words[4] } else { e.0[lane] },
+            if has(UNIFORM, 5) { words[5] } else { f.0[lane] },
+        ]);
     }
     if STORED {
         rows.row_mut(step.to).0 = result;
     }
     *accumulator = result;
+}
+
+/// Whether operands that are the same in all lanes have one among them.
+const fn has(uniform: u8, operand: usize) -> bool {
+    uniform >> operand & 1 == 1
 }
 
 /// Floats to integers likewise: the processor's conversion of eight is none that the compiler makes of a loop.
@@ -246,21 +196,26 @@ fn store<const W: usize, const AT: usize>(
     }
 }
 
-/// Codes of a function: the operand that is the accumulator, and whether the result is stored.
-const fn code(function: Function, at: usize, stored: bool) -> u16 {
-    (function as u16) << 3 | (at as u16) << 1 | stored as u16
+/// Codes of a function: whether some operands are read as one word for all lanes ([`Function::uniform`]), the operand that
+/// is the accumulator, and whether the result is stored.
+const fn code(function: Function, uniform: bool, at: usize, stored: bool) -> u16 {
+    (function as u16) << 4 | (uniform as u16) << 3 | (at as u16) << 1 | stored as u16
 }
+
+/// The second operand's bit in [`Function::uniform`].
+const SECOND: u8 = 0b10;
 
 macro_rules! functions {
     (
         unary { $($unary:ident $unary_section:ident $unary_type:ident,)* }
         commuting { $($commuting:ident $commuting_section:ident $commuting_type:ident,)* }
         binary { $($binary:ident $binary_section:ident $binary_type:ident,)* }
+        shifts { $($shift:ident $shift_section:ident $shift_type:ident,)* }
         ternary { $($ternary:ident $ternary_section:ident $ternary_type:ident,)* }
         conversions { $($conversion:ident $from:ident $into:ident,)* }
-        two { $($two:ident $two_shape:ident $two_first:ident $two_second:ident $two_type:ty;)* }
-        three { $($three:ident $three_shape:ident $three_first:ident $three_second:ident $three_type:ty;)* }
-        chains { $($chain:ident $chain_shape:ident $chain_first:ident $chain_second:ident $chain_type:ty;)* }
+        two { $($two:ident $two_amounts:literal $two_shape:ident $two_first:ident $two_second:ident $two_type:ty;)* }
+        three { $($three:ident $three_uniform:literal $three_amounts:literal $three_shape:ident $three_first:ident $three_second:ident $three_type:ty;)* }
+        chains { $($chain:ident $chain_uniform:literal $chain_amounts:literal $chain_shape:ident $chain_first:ident $chain_second:ident $chain_type:ty;)* }
     ) => {
         /// What a step calculates.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -271,7 +226,7 @@ macro_rules! functions {
             /// What both of these do.
             SettleMasked,
             FToS,
-            $($unary,)* $($commuting,)* $($binary,)* $($ternary,)* $($conversion,)* $($two,)* $($three,)* $($chain,)*
+            $($unary,)* $($commuting,)* $($binary,)* $($shift,)* $($ternary,)* $($conversion,)* $($two,)* $($three,)* $($chain,)*
             /// Ends a stretch; behind all others, so that those begin with 0.
             Other,
         }
@@ -280,7 +235,7 @@ macro_rules! functions {
         #[allow(non_snake_case)]
         mod codes {
             functions! { @codes Move MoveMasked Settle SettleMasked FToS
-                $($unary)* $($commuting)* $($binary)* $($ternary)* $($conversion)* $($two)* $($three)* $($chain)* }
+                $($unary)* $($commuting)* $($binary)* $($shift)* $($ternary)* $($conversion)* $($two)* $($three)* $($chain)* }
         }
 
         impl Function {
@@ -290,6 +245,7 @@ macro_rules! functions {
                     $(($unary_section::$unary.row(<$unary_type as Bits>::BITS), Self::$unary),)*
                     $(($commuting_section::$commuting.row(<$commuting_type as Bits>::BITS), Self::$commuting),)*
                     $(($binary_section::$binary.row(<$binary_type as Bits>::BITS), Self::$binary),)*
+                    $(($shift_section::$shift.row(<$shift_type as Bits>::BITS), Self::$shift),)*
                     $(($ternary_section::$ternary.row(<$ternary_type as Bits>::BITS), Self::$ternary),)*
                 ];
                 let conversions = [$((
@@ -304,6 +260,28 @@ macro_rules! functions {
             /// Whether the first two operands may change places.
             fn commutes(self) -> bool {
                 matches!(self, $(Self::$commuting)|* | Self::TwoProducts | Self::ThreeProducts)
+            }
+
+            /// The operands that a code of its own reads as one word for all lanes, where all of them are constants:
+            /// a bit for each, the first is the lowest. None where there is no such code.
+            const fn uniform(self) -> u8 {
+                match self {
+                    $(Self::$commuting)|* | $(Self::$binary)|* | $(Self::$shift)|* | $(Self::$two)|* => SECOND,
+                    $(Self::$three => $three_uniform,)*
+                    $(Self::$chain => $chain_uniform,)*
+                    _ => 0,
+                }
+            }
+
+            /// Those of them that say by how many bits to shift.
+            const fn amounts(self) -> u8 {
+                match self {
+                    $(Self::$shift)|* => SECOND,
+                    $(Self::$two => $two_amounts,)*
+                    $(Self::$three => $three_amounts,)*
+                    $(Self::$chain => $chain_amounts,)*
+                    _ => 0,
+                }
             }
 
             /// Pairs: both functions, how they hang together, and the function that is both.
@@ -327,81 +305,113 @@ macro_rules! functions {
             let mut rest = steps.iter();
             while let Some(step) = rest.next() {
                 match step.code {
-                    codes::Move::ROWS => apply::<W, One<Same>, 0, false>(acc, rows, step),
+                    codes::Move::ROWS => apply::<W, One<Same>, 0, false, 0, 0>(acc, rows, step),
                     codes::Move::FIRST => {}
-                    codes::Move::ROWS_STORED => apply::<W, One<Same>, 0, true>(acc, rows, step),
-                    codes::Move::FIRST_STORED => apply::<W, One<Same>, 1, true>(acc, rows, step),
+                    codes::Move::ROWS_STORED => apply::<W, One<Same>, 0, true, 0, 0>(acc, rows, step),
+                    codes::Move::FIRST_STORED => apply::<W, One<Same>, 1, true, 0, 0>(acc, rows, step),
                     codes::MoveMasked::ROWS_STORED => store::<W, 0>(acc, rows, step, running),
                     codes::MoveMasked::FIRST_STORED => store::<W, 1>(acc, rows, step, running),
                     codes::SettleMasked::FIRST_STORED => {
-                        apply::<W, One<Settled>, 1, false>(acc, rows, step);
+                        apply::<W, One<Settled>, 1, false, 0, 0>(acc, rows, step);
                         store::<W, 1>(acc, rows, step, running);
                     }
                     codes::FToS::ROWS => to_integers::<W, V, 0, false>(vectors, acc, rows, step),
                     codes::FToS::ROWS_STORED => to_integers::<W, V, 0, true>(vectors, acc, rows, step),
                     codes::FToS::FIRST => to_integers::<W, V, 1, false>(vectors, acc, rows, step),
                     codes::FToS::FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, rows, step),
-                    codes::Settle::FIRST => apply::<W, One<Settled>, 1, false>(acc, rows, step),
-                    codes::Settle::FIRST_STORED => apply::<W, One<Settled>, 1, true>(acc, rows, step),
+                    codes::Settle::FIRST => apply::<W, One<Settled>, 1, false, 0, 0>(acc, rows, step),
+                    codes::Settle::FIRST_STORED => apply::<W, One<Settled>, 1, true, 0, 0>(acc, rows, step),
                     $(
-                    codes::$unary::ROWS => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, false>(acc, rows, step),
-                    codes::$unary::ROWS_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, true>(acc, rows, step),
-                    codes::$unary::FIRST => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, false>(acc, rows, step),
-                    codes::$unary::FIRST_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, true>(acc, rows, step),
+                    codes::$unary::ROWS => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, false, 0, 0>(acc, rows, step),
+                    codes::$unary::ROWS_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, true, 0, 0>(acc, rows, step),
+                    codes::$unary::FIRST => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, false, 0, 0>(acc, rows, step),
+                    codes::$unary::FIRST_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, true, 0, 0>(acc, rows, step),
                     )*
                     $(
-                    codes::$conversion::ROWS => apply::<W, One<Between<$from, $into>>, 0, false>(acc, rows, step),
-                    codes::$conversion::ROWS_STORED => apply::<W, One<Between<$from, $into>>, 0, true>(acc, rows, step),
-                    codes::$conversion::FIRST => apply::<W, One<Between<$from, $into>>, 1, false>(acc, rows, step),
-                    codes::$conversion::FIRST_STORED => apply::<W, One<Between<$from, $into>>, 1, true>(acc, rows, step),
+                    codes::$conversion::ROWS => apply::<W, One<Between<$from, $into>>, 0, false, 0, 0>(acc, rows, step),
+                    codes::$conversion::ROWS_STORED => apply::<W, One<Between<$from, $into>>, 0, true, 0, 0>(acc, rows, step),
+                    codes::$conversion::FIRST => apply::<W, One<Between<$from, $into>>, 1, false, 0, 0>(acc, rows, step),
+                    codes::$conversion::FIRST_STORED => apply::<W, One<Between<$from, $into>>, 1, true, 0, 0>(acc, rows, step),
                     )*
                     $(
-                    codes::$commuting::ROWS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false>(acc, rows, step),
-                    codes::$commuting::ROWS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true>(acc, rows, step),
-                    codes::$commuting::FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false>(acc, rows, step),
-                    codes::$commuting::FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true>(acc, rows, step),
+                    codes::$commuting::ROWS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, 0, 0>(acc, rows, step),
+                    codes::$commuting::ROWS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, 0, 0>(acc, rows, step),
+                    codes::$commuting::FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, 0, 0>(acc, rows, step),
+                    codes::$commuting::FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, 0, 0>(acc, rows, step),
+                    codes::$commuting::UNIFORM_ROWS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, SECOND, 0>(acc, rows, step),
+                    codes::$commuting::UNIFORM_ROWS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, SECOND, 0>(acc, rows, step),
+                    codes::$commuting::UNIFORM_FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, SECOND, 0>(acc, rows, step),
+                    codes::$commuting::UNIFORM_FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, SECOND, 0>(acc, rows, step),
                     )*
                     $(
-                    codes::$binary::ROWS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false>(acc, rows, step),
-                    codes::$binary::ROWS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true>(acc, rows, step),
-                    codes::$binary::FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false>(acc, rows, step),
-                    codes::$binary::FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true>(acc, rows, step),
-                    codes::$binary::SECOND => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, false>(acc, rows, step),
-                    codes::$binary::SECOND_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, true>(acc, rows, step),
+                    codes::$binary::ROWS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, 0, 0>(acc, rows, step),
+                    codes::$binary::ROWS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, 0, 0>(acc, rows, step),
+                    codes::$binary::FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, 0, 0>(acc, rows, step),
+                    codes::$binary::FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, 0, 0>(acc, rows, step),
+                    codes::$binary::SECOND => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, false, 0, 0>(acc, rows, step),
+                    codes::$binary::SECOND_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, true, 0, 0>(acc, rows, step),
+                    codes::$binary::UNIFORM_ROWS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, SECOND, 0>(acc, rows, step),
+                    codes::$binary::UNIFORM_ROWS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, SECOND, 0>(acc, rows, step),
+                    codes::$binary::UNIFORM_FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, SECOND, 0>(acc, rows, step),
+                    codes::$binary::UNIFORM_FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, SECOND, 0>(acc, rows, step),
                     )*
                     $(
-                    codes::$two::ROWS => apply::<W, Two<$two_type>, 0, false>(acc, rows, step),
-                    codes::$two::ROWS_STORED => apply::<W, Two<$two_type>, 0, true>(acc, rows, step),
-                    codes::$two::FIRST => apply::<W, Two<$two_type>, 1, false>(acc, rows, step),
-                    codes::$two::FIRST_STORED => apply::<W, Two<$two_type>, 1, true>(acc, rows, step),
-                    codes::$two::SECOND => apply::<W, Two<$two_type>, 2, false>(acc, rows, step),
-                    codes::$two::SECOND_STORED => apply::<W, Two<$two_type>, 2, true>(acc, rows, step),
+                    codes::$shift::ROWS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, 0, 0>(acc, rows, step),
+                    codes::$shift::ROWS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, 0, 0>(acc, rows, step),
+                    codes::$shift::FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, 0, 0>(acc, rows, step),
+                    codes::$shift::FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, 0, 0>(acc, rows, step),
+                    codes::$shift::SECOND => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, false, 0, 0>(acc, rows, step),
+                    codes::$shift::SECOND_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, true, 0, 0>(acc, rows, step),
+                    codes::$shift::UNIFORM_ROWS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, SECOND, SECOND>(acc, rows, step),
+                    codes::$shift::UNIFORM_ROWS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, SECOND, SECOND>(acc, rows, step),
+                    codes::$shift::UNIFORM_FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, SECOND, SECOND>(acc, rows, step),
+                    codes::$shift::UNIFORM_FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, SECOND, SECOND>(acc, rows, step),
                     )*
                     $(
-                    codes::$ternary::ROWS => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, false>(acc, rows, step),
-                    codes::$ternary::ROWS_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, true>(acc, rows, step),
-                    codes::$ternary::FIRST => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, false>(acc, rows, step),
-                    codes::$ternary::FIRST_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, true>(acc, rows, step),
-                    codes::$ternary::SECOND => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, false>(acc, rows, step),
-                    codes::$ternary::SECOND_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, true>(acc, rows, step),
-                    codes::$ternary::THIRD => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, false>(acc, rows, step),
-                    codes::$ternary::THIRD_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, true>(acc, rows, step),
+                    codes::$two::ROWS => apply::<W, Two<$two_type>, 0, false, 0, 0>(acc, rows, step),
+                    codes::$two::ROWS_STORED => apply::<W, Two<$two_type>, 0, true, 0, 0>(acc, rows, step),
+                    codes::$two::FIRST => apply::<W, Two<$two_type>, 1, false, 0, 0>(acc, rows, step),
+                    codes::$two::FIRST_STORED => apply::<W, Two<$two_type>, 1, true, 0, 0>(acc, rows, step),
+                    codes::$two::SECOND => apply::<W, Two<$two_type>, 2, false, 0, 0>(acc, rows, step),
+                    codes::$two::SECOND_STORED => apply::<W, Two<$two_type>, 2, true, 0, 0>(acc, rows, step),
+                    codes::$two::UNIFORM_ROWS => apply::<W, Two<$two_type>, 0, false, SECOND, $two_amounts>(acc, rows, step),
+                    codes::$two::UNIFORM_ROWS_STORED => apply::<W, Two<$two_type>, 0, true, SECOND, $two_amounts>(acc, rows, step),
+                    codes::$two::UNIFORM_FIRST => apply::<W, Two<$two_type>, 1, false, SECOND, $two_amounts>(acc, rows, step),
+                    codes::$two::UNIFORM_FIRST_STORED => apply::<W, Two<$two_type>, 1, true, SECOND, $two_amounts>(acc, rows, step),
                     )*
                     $(
-                    codes::$three::ROWS => apply::<W, Three<$three_type>, 0, false>(acc, rows, step),
-                    codes::$three::ROWS_STORED => apply::<W, Three<$three_type>, 0, true>(acc, rows, step),
-                    codes::$three::FIRST => apply::<W, Three<$three_type>, 1, false>(acc, rows, step),
-                    codes::$three::FIRST_STORED => apply::<W, Three<$three_type>, 1, true>(acc, rows, step),
-                    codes::$three::SECOND => apply::<W, Three<$three_type>, 2, false>(acc, rows, step),
-                    codes::$three::SECOND_STORED => apply::<W, Three<$three_type>, 2, true>(acc, rows, step),
-                    codes::$three::THIRD => apply::<W, Three<$three_type>, 3, false>(acc, rows, step),
-                    codes::$three::THIRD_STORED => apply::<W, Three<$three_type>, 3, true>(acc, rows, step),
+                    codes::$ternary::ROWS => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, false, 0, 0>(acc, rows, step),
+                    codes::$ternary::ROWS_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, true, 0, 0>(acc, rows, step),
+                    codes::$ternary::FIRST => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, false, 0, 0>(acc, rows, step),
+                    codes::$ternary::FIRST_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, true, 0, 0>(acc, rows, step),
+                    codes::$ternary::SECOND => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, false, 0, 0>(acc, rows, step),
+                    codes::$ternary::SECOND_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, true, 0, 0>(acc, rows, step),
+                    codes::$ternary::THIRD => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, false, 0, 0>(acc, rows, step),
+                    codes::$ternary::THIRD_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, true, 0, 0>(acc, rows, step),
                     )*
                     $(
-                    codes::$chain::ROWS => apply::<W, $chain_type, 0, false>(acc, rows, step),
-                    codes::$chain::ROWS_STORED => apply::<W, $chain_type, 0, true>(acc, rows, step),
-                    codes::$chain::FIRST => apply::<W, $chain_type, 1, false>(acc, rows, step),
-                    codes::$chain::FIRST_STORED => apply::<W, $chain_type, 1, true>(acc, rows, step),
+                    codes::$three::ROWS => apply::<W, Three<$three_type>, 0, false, 0, 0>(acc, rows, step),
+                    codes::$three::ROWS_STORED => apply::<W, Three<$three_type>, 0, true, 0, 0>(acc, rows, step),
+                    codes::$three::FIRST => apply::<W, Three<$three_type>, 1, false, 0, 0>(acc, rows, step),
+                    codes::$three::FIRST_STORED => apply::<W, Three<$three_type>, 1, true, 0, 0>(acc, rows, step),
+                    codes::$three::SECOND => apply::<W, Three<$three_type>, 2, false, 0, 0>(acc, rows, step),
+                    codes::$three::SECOND_STORED => apply::<W, Three<$three_type>, 2, true, 0, 0>(acc, rows, step),
+                    codes::$three::THIRD => apply::<W, Three<$three_type>, 3, false, 0, 0>(acc, rows, step),
+                    codes::$three::THIRD_STORED => apply::<W, Three<$three_type>, 3, true, 0, 0>(acc, rows, step),
+                    codes::$three::UNIFORM_ROWS => apply::<W, Three<$three_type>, 0, false, $three_uniform, $three_amounts>(acc, rows, step),
+                    codes::$three::UNIFORM_ROWS_STORED => apply::<W, Three<$three_type>, 0, true, $three_uniform, $three_amounts>(acc, rows, step),
+                    codes::$three::UNIFORM_FIRST => apply::<W, Three<$three_type>, 1, false, $three_uniform, $three_amounts>(acc, rows, step),
+                    codes::$three::UNIFORM_FIRST_STORED => apply::<W, Three<$three_type>, 1, true, $three_uniform, $three_amounts>(acc, rows, step),
+                    )*
+                    $(
+                    codes::$chain::ROWS => apply::<W, $chain_type, 0, false, 0, 0>(acc, rows, step),
+                    codes::$chain::ROWS_STORED => apply::<W, $chain_type, 0, true, 0, 0>(acc, rows, step),
+                    codes::$chain::FIRST => apply::<W, $chain_type, 1, false, 0, 0>(acc, rows, step),
+                    codes::$chain::FIRST_STORED => apply::<W, $chain_type, 1, true, 0, 0>(acc, rows, step),
+                    codes::$chain::UNIFORM_ROWS => apply::<W, $chain_type, 0, false, $chain_uniform, $chain_amounts>(acc, rows, step),
+                    codes::$chain::UNIFORM_ROWS_STORED => apply::<W, $chain_type, 0, true, $chain_uniform, $chain_amounts>(acc, rows, step),
+                    codes::$chain::UNIFORM_FIRST => apply::<W, $chain_type, 1, false, $chain_uniform, $chain_amounts>(acc, rows, step),
+                    codes::$chain::UNIFORM_FIRST_STORED => apply::<W, $chain_type, 1, true, $chain_uniform, $chain_amounts>(acc, rows, step),
                     )*
                     _ => return steps.len() - rest.len() - 1,
                 }
@@ -413,14 +423,18 @@ macro_rules! functions {
         #[allow(dead_code)]
         pub mod $name {
             use super::super::{Function, code};
-            pub const ROWS: u16 = code(Function::$name, 0, false);
-            pub const ROWS_STORED: u16 = code(Function::$name, 0, true);
-            pub const FIRST: u16 = code(Function::$name, 1, false);
-            pub const FIRST_STORED: u16 = code(Function::$name, 1, true);
-            pub const SECOND: u16 = code(Function::$name, 2, false);
-            pub const SECOND_STORED: u16 = code(Function::$name, 2, true);
-            pub const THIRD: u16 = code(Function::$name, 3, false);
-            pub const THIRD_STORED: u16 = code(Function::$name, 3, true);
+            pub const ROWS: u16 = code(Function::$name, false, 0, false);
+            pub const ROWS_STORED: u16 = code(Function::$name, false, 0, true);
+            pub const FIRST: u16 = code(Function::$name, false, 1, false);
+            pub const FIRST_STORED: u16 = code(Function::$name, false, 1, true);
+            pub const SECOND: u16 = code(Function::$name, false, 2, false);
+            pub const SECOND_STORED: u16 = code(Function::$name, false, 2, true);
+            pub const THIRD: u16 = code(Function::$name, false, 3, false);
+            pub const THIRD_STORED: u16 = code(Function::$name, false, 3, true);
+            pub const UNIFORM_ROWS: u16 = code(Function::$name, true, 0, false);
+            pub const UNIFORM_ROWS_STORED: u16 = code(Function::$name, true, 0, true);
+            pub const UNIFORM_FIRST: u16 = code(Function::$name, true, 1, false);
+            pub const UNIFORM_FIRST_STORED: u16 = code(Function::$name, true, 1, true);
         }
     )*};
 }
@@ -472,13 +486,15 @@ functions! {
     }
     binary {
     ISub arithmetic u32, FSub arithmetic f32, FDiv arithmetic f32,
-    ShiftRightLogical bit u32, ShiftRightArithmetic bit i32, ShiftLeftLogical bit u32,
     UGreaterThan logical u32, SGreaterThan logical i32, UGreaterThanEqual logical u32,
     SGreaterThanEqual logical i32, ULessThan logical u32, SLessThan logical i32, ULessThanEqual logical u32,
     SLessThanEqual logical i32, FOrdLessThan logical f32, FOrdGreaterThan logical f32,
     FOrdLessThanEqual logical f32, FOrdGreaterThanEqual logical f32, FUnordLessThan logical f32,
     FUnordGreaterThan logical f32, FUnordLessThanEqual logical f32, FUnordGreaterThanEqual logical f32,
     FMin glsl f32, FMax glsl f32, NMin glsl f32, NMax glsl f32, Step glsl f32,
+    }
+    shifts {
+    ShiftRightLogical bit u32, ShiftRightArithmetic bit i32, ShiftLeftLogical bit u32,
     }
     ternary {
     SelectWord select bool, FMix glsl f32, Fma glsl f32,
@@ -487,35 +503,35 @@ functions! {
     SToF i32 f32, UToF u32 f32,
     }
     two {
-    ShiftXor WithItself ShiftRightLogical BitwiseXor ShiftXor;
-    ShiftLeftXor WithItself ShiftLeftLogical BitwiseXor WithItself<Left, Xor>;
-    SignedTimes ThenWith SToF FMul ThenWith<Between<i32, f32>, FMul>;
+    ShiftXor 0b10 WithItself ShiftRightLogical BitwiseXor ShiftXor;
+    ShiftLeftXor 0b10 WithItself ShiftLeftLogical BitwiseXor WithItself<Left, Xor>;
+    SignedTimes 0 ThenWith SToF FMul ThenWith<Between<i32, f32>, FMul>;
     }
     three {
-    ShiftXorTimes Then ShiftXor IMul Then<ShiftXor, IMul>;
-    ShiftTimes Then ShiftRightLogical SignedTimes Then<SignedRight, ThenWith<Between<i32, f32>, FMul>>;
-    MulAdd Then FMul FAdd Then<FMul, FAdd>;
-    MulSub Then FMul FSub Then<FMul, FSub>;
-    SubMul After FMul FSub After<FMul, FSub>;
-    MulMul Then FMul FMul Then<FMul, FMul>;
-    AddTimes Then FAdd FMul Then<FAdd, FMul>;
-    SubTimes Then FSub FMul Then<FSub, FMul>;
-    AddAdd Then FAdd FAdd Then<FAdd, FAdd>;
-    SubAdd Then FSub FAdd Then<FSub, FAdd>;
-    ShiftAnd Then ShiftRightLogical BitwiseAnd Then<Right, And>;
-    ShiftOr Then ShiftRightLogical BitwiseOr Then<Right, Or>;
-    ShiftLeftOr Then ShiftLeftLogical BitwiseOr Then<Left, Or>;
-    XorTimes Then BitwiseXor IMul Then<Xor, IMul>;
-    TimesPlus Then IMul IAdd Then<IMul, IAdd>;
-    PlusPlus Then IAdd IAdd Then<IAdd, IAdd>;
-    PlusTimes Then IAdd IMul Then<IAdd, IMul>;
+    ShiftXorTimes 0b110 0b010 Then ShiftXor IMul Then<ShiftXor, IMul>;
+    ShiftTimes 0b110 0b010 Then ShiftRightLogical SignedTimes Then<SignedRight, ThenWith<Between<i32, f32>, FMul>>;
+    MulAdd 0b010 0 Then FMul FAdd Then<FMul, FAdd>;
+    MulSub 0b010 0 Then FMul FSub Then<FMul, FSub>;
+    SubMul 0b110 0 After FMul FSub After<FMul, FSub>;
+    MulMul 0b010 0 Then FMul FMul Then<FMul, FMul>;
+    AddTimes 0b110 0 Then FAdd FMul Then<FAdd, FMul>;
+    SubTimes 0b100 0 Then FSub FMul Then<FSub, FMul>;
+    AddAdd 0b110 0 Then FAdd FAdd Then<FAdd, FAdd>;
+    SubAdd 0b110 0 Then FSub FAdd Then<FSub, FAdd>;
+    ShiftAnd 0b110 0b010 Then ShiftRightLogical BitwiseAnd Then<Right, And>;
+    ShiftOr 0b010 0b010 Then ShiftRightLogical BitwiseOr Then<Right, Or>;
+    ShiftLeftOr 0b010 0b010 Then ShiftLeftLogical BitwiseOr Then<Left, Or>;
+    XorTimes 0b100 0 Then BitwiseXor IMul Then<Xor, IMul>;
+    TimesPlus 0b010 0 Then IMul IAdd Then<IMul, IAdd>;
+    PlusPlus 0b110 0 Then IAdd IAdd Then<IAdd, IAdd>;
+    PlusTimes 0b110 0 Then IAdd IMul Then<IAdd, IMul>;
     }
     chains {
-    MixTwice Chain ShiftXorTimes ShiftXorTimes MixTwice;
-    Mix Chain MixTwice ShiftXor Mix;
-    SubMulTimes Chain SubMul FMul Chain<Three<After<FMul, FSub>>, Two<FMul>>;
-    TwoProducts Last FMul MulAdd TwoProducts;
-    ThreeProducts Last TwoProducts MulAdd Last<TwoProducts, Three<Then<FMul, FAdd>>>;
+    MixTwice 0b11110 0b01010 Chain ShiftXorTimes ShiftXorTimes MixTwice;
+    Mix 0b111110 0b101010 Chain MixTwice ShiftXor Mix;
+    SubMulTimes 0b0110 0 Chain SubMul FMul Chain<Three<After<FMul, FSub>>, Two<FMul>>;
+    TwoProducts 0b1010 0 Last FMul MulAdd TwoProducts;
+    ThreeProducts 0b101010 0 Last TwoProducts MulAdd Last<TwoProducts, Three<Then<FMul, FAdd>>>;
     }
 }
 

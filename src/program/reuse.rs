@@ -134,7 +134,8 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
     program.rows = places.next;
     let ranges =
         starts.iter().map(|&(start, run)| program.blocks[start as usize].first as usize..run.end as usize);
-    program.unwatched = Unwatched { steps: Steps::of(&ops, ranges, &fates), ops, runs };
+    let steps = Steps::of(&ops, ranges, &fates, &program.constants);
+    program.unwatched = Unwatched { steps, ops, runs };
 }
 
 /// Lets casts of unsigned numbers to floats that are less than 2^31, as they were shifted to the right, be casts of signed
@@ -620,6 +621,29 @@ mod tests {
             assert!(program.rows as usize > WINDOW, "{name} has {} rows", program.rows);
             assert!(!program.unwatched.steps.is_wide(), "{name} names rows behind the window");
         }
+    }
+
+    #[test]
+    fn nobody_writes_the_row_of_a_constant() {
+        // Steps read one lane of it for all. What is watched does write rows that near constants took, but runs in batches
+        // of its own.
+        let folder = format!("{}/spirv-fixtures/bench", env!("CARGO_MANIFEST_DIR"));
+        let mut programs = 0;
+        for file in std::fs::read_dir(folder).expect("the fixtures' folder") {
+            let path = file.expect("a fixture").path();
+            let module = crate::Module::open(&path).expect("a valid fixture");
+            let program = Program::of(&module, "main").expect("a supported fixture");
+            programs += 1;
+            for op in program.unwatched.ops.iter().filter(|op| !is_idle(op)) {
+                op.accesses(|access| {
+                    let Access::Write(first, count) = access else { return };
+                    let written = first.0..first.0 + count;
+                    let constant = program.constants.iter().find(|(reg, _)| written.contains(&reg.0));
+                    assert_eq!(constant, None, "{op:?} of {}", path.display());
+                });
+            }
+        }
+        assert!(programs > 10, "{programs}");
     }
 
     #[test]

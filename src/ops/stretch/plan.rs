@@ -10,7 +10,7 @@ use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::row::Row;
 use crate::ops::stretch::pairs::Shape;
-use crate::ops::stretch::{Function, Operands, Step, Steps, WINDOW, code};
+use crate::ops::stretch::{Function, Operands, Step, Steps, WINDOW, code, has};
 
 /// What becomes of an operation's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,6 +89,35 @@ impl Planned {
         let from = Operands::default();
         Self { function, to: 0, from, operands: 0, fate, twice: false, float: false, op: at as u32 }
     }
+
+    /// Whether it has a code that reads constants as one word for all lanes: with this operand in the accumulator, counted
+    /// from one, or with none.
+    fn is_uniform(&self, at: usize, constants: &Constants) -> bool {
+        let (uniform, amounts) = (self.function.uniform(), self.function.amounts());
+        let mut operands = (0..).zip(&self.from[..self.operands]);
+        uniform != 0
+            && at < 2
+            && operands.all(|(operand, &row)| {
+                let limit = if has(amounts, operand) { 31 } else { u32::MAX };
+                !has(uniform, operand) || constants.word(row).is_some_and(|word| word <= limit)
+            })
+    }
+}
+
+/// Constants by the number of their row.
+struct Constants(Vec<Option<u32>>);
+
+impl Constants {
+    fn of(constants: &[(Reg, u32)]) -> Self {
+        let near = constants.iter().filter_map(|&(reg, constant)| Some((usize::from(word(reg)?), constant)));
+        let mut words = vec![None; near.clone().map(|(row, _)| row + 1).max().unwrap_or(0)];
+        near.for_each(|(row, constant)| words[row] = Some(constant));
+        Self(words)
+    }
+
+    fn word(&self, row: u16) -> Option<u32> {
+        self.0.get(usize::from(row)).copied().flatten()
+    }
 }
 
 /// Whether an operation that may be a step names a row behind the window.
@@ -117,9 +146,16 @@ struct Held {
 }
 
 impl Steps {
-    /// The steps of operations, `runs` of which follow each other without a choice.
-    pub fn of(ops: &[Op], runs: impl IntoIterator<Item = Range<usize>>, fates: &[Fate]) -> Self {
+    /// The steps of operations, `runs` of which follow each other without a choice. Nobody writes the rows of `constants`,
+    /// which every batch has in all lanes.
+    pub fn of(
+        ops: &[Op],
+        runs: impl IntoIterator<Item = Range<usize>>,
+        fates: &[Fate],
+        constants: &[(Reg, u32)],
+    ) -> Self {
         let mut steps = Self::default();
+        let constants = Constants::of(constants);
         // A few operations that name rows behind the window run by themselves, so that all steps name rows
         // inside.
         let far = ops.iter().filter(|op| is_far(op)).count();
@@ -131,11 +167,11 @@ impl Steps {
                 if apart && is_far(op) {
                     planned.push(Planned::other(at, fates[at]));
                 } else {
-                    plan(at, op, fates[at], &mut planned);
+                    plan(at, op, fates[at], &constants, &mut planned);
                 }
             }
             let mut held = None;
-            planned.drain(..).for_each(|planned| steps.add(planned, &mut held));
+            planned.drain(..).for_each(|planned| steps.add(planned, &mut held, &constants));
             steps.let_go(held);
         }
         let window = |row: u16| usize::from(row) < WINDOW;
@@ -153,7 +189,7 @@ impl Steps {
         steps
     }
 
-    fn add(&mut self, mut planned: Planned, held: &mut Option<Held>) {
+    fn add(&mut self, mut planned: Planned, held: &mut Option<Held>, constants: &Constants) {
         let mut at = 0;
         if let Some(held) = held {
             let operands = &mut planned.from[..planned.operands];
@@ -171,17 +207,19 @@ impl Steps {
         if let (Function::MoveMasked, 1, Some(held)) = (function, at, held.as_mut())
             && held.reads == Some(held.served)
             && let Some(last) = self.steps.last_mut()
-            && last.code == code(Function::Settle, 1, true)
+            && last.code == code(Function::Settle, false, 1, true)
         {
             // Nobody else needs what was settled: its row is left out.
-            *last = Step { code: code(Function::SettleMasked, 1, true), to: planned.to, ..*last };
+            *last = Step { code: code(Function::SettleMasked, false, 1, true), to: planned.to, ..*last };
             held.reads = None;
             return;
         }
         let seen = planned.float && planned.fate.bits_seen;
-        self.push(Step { code: code(function, at, !seen), to: planned.to, from: planned.from }, planned.op);
+        let code_of = code(function, planned.is_uniform(at, constants), at, !seen);
+        self.push(Step { code: code_of, to: planned.to, from: planned.from }, planned.op);
         if seen {
-            let settle = Step { code: code(Function::Settle, 1, true), to: planned.to, from: planned.from };
+            let settle =
+                Step { code: code(Function::Settle, false, 1, true), to: planned.to, from: planned.from };
             self.push(settle, planned.op);
         }
         match function {
@@ -225,7 +263,7 @@ impl Steps {
 
 /// Appends what an operation calculates: nothing where it does nothing, twice something where it is a
 /// clamp.
-fn plan(at: usize, op: &Op, fate: Fate, planned: &mut Vec<Planned>) {
+fn plan(at: usize, op: &Op, fate: Fate, constants: &Constants, planned: &mut Vec<Planned>) {
     let known = match op {
         Op::Memory(memory::Op::Move { to, from }) if to == from => return,
         Op::Row { row, .. } => known(row),
@@ -234,7 +272,7 @@ fn plan(at: usize, op: &Op, fate: Fate, planned: &mut Vec<Planned>) {
         _ => None,
     };
     let steps = match known {
-        Some(Known::One(function)) => single(at, op, function, fate).map(|one| push(planned, one)),
+        Some(Known::One(function)) => single(at, op, function, fate, constants).map(|one| push(planned, one)),
         Some(Known::Clamp(both)) => clamped(at, op, both, fate).map(|both| {
             both.into_iter().for_each(|one| push(planned, one));
         }),
@@ -272,7 +310,7 @@ fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], fate: Fate) -> Opt
     Some([half(lower, [a, low, low], inner), half(upper, [to, high, high], fate)])
 }
 
-fn single(at: usize, op: &Op, function: Function, fate: Fate) -> Option<Planned> {
+fn single(at: usize, op: &Op, function: Function, fate: Fate, constants: &Constants) -> Option<Planned> {
     let (to, from, operands, float) = match op {
         Op::Row { row, to, from } => {
             let operands = row.operands.iter().take_while(|&&words| words > 0).count();
@@ -286,7 +324,11 @@ fn single(at: usize, op: &Op, function: Function, fate: Fate) -> Option<Planned>
     };
     // Conversions of integers, and choices between numbers, make none.
     let float = float && !matches!(function, Function::UToF | Function::SToF | Function::Step);
-    let from = self::operands(from);
+    let mut from = self::operands(from);
+    // Codes that read one word for all lanes read that of their second operand.
+    if function.commutes() && constants.word(from[0]).is_some() && constants.word(from[1]).is_none() {
+        from.swap(0, 1);
+    }
     Some(Planned { function, to, from, operands, fate, twice: false, float, op: at as u32 })
 }
 

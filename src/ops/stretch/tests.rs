@@ -49,7 +49,11 @@ fn copy(to: u32, from: u32) -> Op {
 
 /// The steps of operations that are one run.
 fn steps(ops: &[Op], fates: &[Fate]) -> Steps {
-    Steps::of(ops, std::iter::once(0..ops.len()), fates)
+    with_constants(ops, fates, &[])
+}
+
+fn with_constants(ops: &[Op], fates: &[Fate], constants: &[(Reg, u32)]) -> Steps {
+    Steps::of(ops, std::iter::once(0..ops.len()), fates, constants)
 }
 
 /// Runs steps on all that the processor has, and sees that the results agree.
@@ -177,6 +181,21 @@ fn parts(function: Function, from: &[u32], rows: &[Known], ops: &mut Vec<Op>) ->
     parts(second, &operands, rows, ops)
 }
 
+/// What becomes of the results of operations that [`parts`] appended, where nobody sees but the last one's.
+fn fates(ops: &[Op]) -> Vec<Fate> {
+    let reads = |of: Reg| {
+        let named = ops.iter().map(|op| match op {
+            Op::Row { row, from, .. } => from[..operands(row)].iter().filter(|&&from| from == of).count(),
+            _ => 0,
+        });
+        named.sum::<usize>() as u32
+    };
+    let mut fates: Vec<Fate> =
+        (0..ops.len() as u32).map(|at| Fate { reads: Some(reads(Reg(at + 3))), bits_seen: false }).collect();
+    fates[ops.len() - 1] = Fate::UNKNOWN;
+    fates
+}
+
 #[test]
 fn a_pair_is_its_operations() {
     let rows = Function::rows();
@@ -184,19 +203,8 @@ fn a_pair_is_its_operations() {
         let mut ops = Vec::new();
         let from: Vec<u32> = (0..count(pair, &rows) as u32).map(|at| at % 3).collect();
         let last = Reg(parts(pair, &from, &rows, &mut ops));
-        let reads = |of: Reg| {
-            let named = ops.iter().map(|op| match op {
-                Op::Row { row, from, .. } => from[..operands(row)].iter().filter(|&&from| from == of).count(),
-                _ => unreachable!("a row"),
-            });
-            named.sum::<usize>() as u32
-        };
-        let mut fates: Vec<Fate> = (0..ops.len() as u32)
-            .map(|at| Fate { reads: Some(reads(Reg(at + 3))), bits_seen: false })
-            .collect();
-        fates[ops.len() - 1] = Fate::UNKNOWN;
-        let steps = steps(&ops, &fates);
-        assert_eq!((steps.steps[0].code >> 3, steps.steps.len() <= 2), (pair as u16, true), "{ops:?}");
+        let steps = steps(&ops, &fates(&ops));
+        assert_eq!((steps.steps[0].code >> 4, steps.steps.len() <= 2), (pair as u16, true), "{ops:?}");
         for round in 0..ROUNDS {
             let mut ran = registers(round);
             run(&steps, &mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
@@ -206,12 +214,84 @@ fn a_pair_is_its_operations() {
 }
 
 #[test]
+fn constants_read_as_one_word_give_what_their_rows_give() {
+    const AMOUNT: Reg = Reg(14);
+    const OTHER: Reg = Reg(15);
+    let rows = Function::rows();
+    let pairs = Function::PAIRS.iter().map(|pair| pair.3);
+    let functions = rows.iter().map(|&(_, function)| function).chain(pairs);
+    let mut count_uniform = 0;
+    for function in functions.filter(|function| function.uniform() != 0) {
+        let boolean = rows.iter().any(|&(row, of)| of == function && row.name.starts_with("Logical"));
+        for (at, special) in SPECIAL.into_iter().enumerate() {
+            // Shifts by nothing, by one bit and by all but one; by 32 bits they read the row.
+            let amount = [0, 1, 31, 32][at % 4];
+            let constants = [(AMOUNT, amount), (OTHER, if boolean { special & 1 } else { special })];
+            let of =
+                |operand: usize| match (has(function.amounts(), operand), has(function.uniform(), operand)) {
+                    (true, _) => AMOUNT.0,
+                    (_, true) => OTHER.0,
+                    _ => operand as u32 % 3,
+                };
+            let mut from: Vec<u32> = (0..count(function, &rows)).map(of).collect();
+            for at_hand in [false, true] {
+                let mut ops = Vec::new();
+                if at_hand {
+                    ops.push(copy(3, 0));
+                    from[0] = 3;
+                }
+                let last = Reg(parts(function, &from, &rows, &mut ops));
+                let steps = with_constants(&ops, &fates(&ops), &constants);
+                let code = steps.steps[usize::from(at_hand)].code;
+                let uniform = amount < 32 || function.amounts() == 0;
+                let expected = self::code(function, uniform, usize::from(at_hand), false);
+                assert_eq!(code & !1, expected, "{function:?} of {ops:?}");
+                count_uniform += u32::from(uniform);
+                for round in 0..ROUNDS {
+                    let mut ran = registers(round);
+                    constants.iter().for_each(|&(reg, word)| ran[reg].0 = [word; 64]);
+                    if boolean {
+                        (0..3).for_each(|row| ran[Reg(row)].0.iter_mut().for_each(|word| *word &= 1));
+                    }
+                    let mut one_by_one = ran.clone();
+                    for op in &ops {
+                        match op {
+                            Op::Row { row, to, from } => Width::<64>::run(*row, &mut one_by_one, *to, from),
+                            _ => one_by_one.copy(Reg(3), Reg(0), Mask::ALL),
+                        }
+                    }
+                    run(&steps, &mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
+                    assert_eq!(ran[last], one_by_one[last], "{function:?} of {ops:?}, {constants:x?}");
+                }
+            }
+        }
+    }
+    assert!(count_uniform > 1000, "{count_uniform}");
+}
+
+#[test]
+fn a_constant_factor_stands_behind_the_other_one() {
+    // 2.5 x, with x = 3, and what a row of constants holds beside the first lane is not looked at.
+    let times = arithmetic::FMul.row(32).expect("a row");
+    let ops = [row(times, 3, [4, 0, 4])];
+    let steps = with_constants(&ops, &[Fate::UNKNOWN], &[(Reg(4), 2.5f32.to_bits())]);
+    assert_eq!(steps.steps[0].code, code(Function::FMul, true, 0, false));
+    assert_eq!(steps.steps[0].from[..2], [0, 4]);
+    let mut ran = registers(0);
+    ran[Reg(0)].0 = [3f32.to_bits(); 64];
+    ran[Reg(4)].0 = [f32::NAN.to_bits(); 64];
+    ran[Reg(4)].0[0] = 2.5f32.to_bits();
+    run(&steps, &mut ran, &ops, 0..1, Mask::ALL);
+    assert_eq!(ran[Reg(3)].0, [7.5f32.to_bits(); 64]);
+}
+
+#[test]
 fn a_clamp_is_a_greater_and_a_lesser_of_two() {
     let families = [&glsl::FClamp, &glsl::NClamp, &glsl::UClamp, &glsl::SClamp];
     for clamp in families.map(|family| family.row(32).expect("a row")) {
         let ops = [row(clamp, 3, [0, 1, 2])];
         let steps = steps(&ops, &[Fate::UNKNOWN]);
-        assert!(steps.steps.iter().all(|step| step.code >> 3 != Function::Other as u16));
+        assert!(steps.steps.iter().all(|step| step.code >> 4 != Function::Other as u16));
         for round in 0..ROUNDS {
             let mut ran = registers(round);
             run(&steps, &mut ran, &ops, 0..1, Mask::ALL);
