@@ -36,7 +36,7 @@ use crate::ops::row::{Binary, Bits, Row, Width};
 use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
 use pairs::{After, Shape, Then, ThenWith, WithItself};
 pub use plan::{Fate, takes_float};
-use words::{Chain, Last, One, Same, Settled, Three, Two, Words};
+use words::{Chain, Last, One, Same, Settled, Three, Two, WithBoth, Words};
 
 /// What a stretch does at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -226,6 +226,8 @@ macro_rules! functions {
             /// What both of these do.
             SettleMasked,
             FToS,
+            /// A float times itself.
+            Square,
             $($unary,)* $($commuting,)* $($binary,)* $($shift,)* $($ternary,)* $($conversion,)* $($two,)* $($three,)* $($chain,)*
             /// Ends a stretch; behind all others, so that those begin with 0.
             Other,
@@ -234,7 +236,7 @@ macro_rules! functions {
         /// Codes by the names of their functions, as patterns.
         #[allow(non_snake_case)]
         mod codes {
-            functions! { @codes Move MoveMasked Settle SettleMasked FToS
+            functions! { @codes Move MoveMasked Settle SettleMasked FToS Square
                 $($unary)* $($commuting)* $($binary)* $($shift)* $($ternary)* $($conversion)* $($two)* $($three)* $($chain)* }
         }
 
@@ -319,6 +321,8 @@ macro_rules! functions {
                     codes::FToS::ROWS_STORED => to_integers::<W, V, 0, true>(vectors, acc, rows, step),
                     codes::FToS::FIRST => to_integers::<W, V, 1, false>(vectors, acc, rows, step),
                     codes::FToS::FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, rows, step),
+                    codes::Square::FIRST => apply::<W, One<WithBoth<FMul>>, 1, false, 0, 0>(acc, rows, step),
+                    codes::Square::FIRST_STORED => apply::<W, One<WithBoth<FMul>>, 1, true, 0, 0>(acc, rows, step),
                     codes::Settle::FIRST => apply::<W, One<Settled>, 1, false, 0, 0>(acc, rows, step),
                     codes::Settle::FIRST_STORED => apply::<W, One<Settled>, 1, true, 0, 0>(acc, rows, step),
                     $(

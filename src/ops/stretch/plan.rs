@@ -203,6 +203,14 @@ impl Steps {
                 held.served += if planned.twice && place == 0 { 2 } else { 1 };
             }
         }
+        if let (Function::FMul, 1, [a, b, ..], Some(held)) =
+            (planned.function, at, planned.from, held.as_mut())
+            && a == b
+        {
+            // Both operands are at hand.
+            (planned.function, planned.operands) = (Function::Square, 1);
+            held.served += 1;
+        }
         let function = planned.function;
         if let (Function::MoveMasked, 1, Some(held)) = (function, at, held.as_mut())
             && held.reads == Some(held.served)

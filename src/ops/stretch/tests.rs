@@ -286,6 +286,23 @@ fn a_constant_factor_stands_behind_the_other_one() {
 }
 
 #[test]
+fn a_square_reads_no_row() {
+    // (x - y)^2 with x = 3 and y = 5; nobody stores the difference.
+    let [minus, times] = [&arithmetic::FSub, &arithmetic::FMul].map(|family| family.row(32).expect("a row"));
+    let ops = [row(minus, 3, [0, 1, 0]), row(times, 4, [3, 3, 3])];
+    let twice = Fate { reads: Some(2), bits_seen: false };
+    let steps = steps(&ops, &[twice, Fate::UNKNOWN]);
+    let codes: Vec<u16> = steps.steps.iter().map(|step| step.code).collect();
+    let expected = [(Function::FSub, 0, false), (Function::Square, 1, false), (Function::Settle, 1, true)];
+    assert_eq!(codes, expected.map(|(function, at, stored)| code(function, false, at, stored)));
+    let mut ran = registers(0);
+    ran[Reg(0)].0 = [3f32.to_bits(); 64];
+    ran[Reg(1)].0 = [5f32.to_bits(); 64];
+    run(&steps, &mut ran, &ops, 0..2, Mask::ALL);
+    assert_eq!(ran[Reg(4)].0, [4f32.to_bits(); 64]);
+}
+
+#[test]
 fn a_clamp_is_a_greater_and_a_lesser_of_two() {
     let families = [&glsl::FClamp, &glsl::NClamp, &glsl::UClamp, &glsl::SClamp];
     for clamp in families.map(|family| family.row(32).expect("a row")) {

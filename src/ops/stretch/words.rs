@@ -67,6 +67,18 @@ impl<F: Words, G: Words> Words for Last<F, G> {
     }
 }
 
+/// A function of a value and the same value.
+pub struct WithBoth<F>(F);
+
+impl<F: Binary<B = <F as Binary>::A>> Unary for WithBoth<F> {
+    type A = F::A;
+    type R = F::R;
+    #[inline(always)]
+    fn apply(a: F::A) -> F::R {
+        F::apply(a, a)
+    }
+}
+
 /// A value as it is.
 pub struct Same;
 
