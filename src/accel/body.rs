@@ -97,7 +97,20 @@ impl Body {
         self.names[self.place(leaf, lane)]
     }
 
-    /// Has the processor bring what a ray will read of a part of the tree into its caches.
+    /// Has the processor bring the triangles in a node's leaves into its caches, where a ray that comes to the node
+    /// mostly reaches one: they come while the node does.
+    #[inline(always)]
+    pub fn fetch_leaves(&self, tree: &Tree, node: Child) {
+        let leaves = tree.leaves(node);
+        if leaves.is_empty() {
+            return;
+        }
+        if let Shapes::Triangles(blocks) = &self.shapes {
+            blocks.get(leaves).unwrap_or_default().iter().for_each(block::Triangles::fetch);
+        }
+    }
+
+    /// The same for what a ray will read of a part of the tree.
     #[inline(always)]
     pub fn fetch(&self, part: Child) {
         if !part.is_leaf() {

@@ -116,6 +116,11 @@ impl Node {
         }
     }
 
+    /// How many children there are.
+    pub fn count(&self) -> usize {
+        self.filled.count_ones() as usize
+    }
+
     /// The children with their boxes (scaled).
     #[cfg(test)]
     pub fn children(&self) -> impl Iterator<Item = (Child, [[f32; 3]; 2])> + '_ {

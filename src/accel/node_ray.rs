@@ -442,7 +442,8 @@ mod tests {
     fn check(boxes: &[Bounds], matrix: Option<[[f32; 4]; 3]>, ray: Ray) -> Result<bool, TestCaseError> {
         let Some(object_ray) = ObjectRay::new(&ray, matrix.as_ref()) else { return Ok(false) };
         let (tree, order) =
-            Tree::build(boxes, LeafCost { most: 1, visit: 1.0, primitive: 1.0 }).expect("boxes");
+            Tree::build(boxes, LeafCost { most: 1, visit: 1.0, primitive: 1.0, divided: 1.0 })
+                .expect("boxes");
         let prepared = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale());
         let transform = matrix.as_ref().and_then(Transform::new);
         let rough = transform.and_then(|transform| transform.rough(&ray)).and_then(|rough| {

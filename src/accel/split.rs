@@ -32,6 +32,8 @@ pub struct LeafCost {
     pub visit: f32,
     /// For each primitive.
     pub primitive: f32,
+    /// What fits into a leaf is divided where what is left of its cost is less than this share.
+    pub divided: f32,
 }
 
 impl LeafCost {
@@ -310,7 +312,7 @@ impl Divider {
             let left = Part::around(eights, left, whole.first as usize);
             let right = Part::around(eights, right, whole.first as usize + half);
             let price = |part: &Part| part.half_area * cost.of(part.count());
-            if !must && price(&left) + price(&right) >= price(&whole) {
+            if !must && price(&left) + price(&right) >= cost.divided * price(&whole) {
                 self.parts[at].is_leaf = true;
                 continue;
             }

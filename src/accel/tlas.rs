@@ -303,7 +303,7 @@ impl Tlas {
             };
             boxes.push(Reference::new(&placed, number as u32));
         }
-        Tree::over(boxes, LeafCost { most: 1, visit: 4.0, primitive: 0.0 })
+        Tree::over(boxes, LeafCost { most: 1, visit: 4.0, primitive: 0.0, divided: 1.0 })
     }
 }
 

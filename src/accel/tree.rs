@@ -4,6 +4,7 @@
 //! coordinates lie near 1e19 or 1e-19. Every box of a node is the union of given ones; how they are
 //! divided (`split`) changes time alone.
 
+use std::ops::Range;
 use std::sync::Mutex;
 
 use smallvec::SmallVec;
@@ -29,10 +30,19 @@ const MANY: usize = 16_384;
 #[derive(Debug)]
 pub struct Tree {
     nodes: Vec<Node>,
+    /// Of each node, which leaves it has that are worth fetching: the number of the first, in units of [`RUN`],
+    /// and how many there are.
+    leaves: Vec<u32>,
     root: Child,
     bounds: Bounds,
     scale: f64,
 }
+
+/// More than the leaves of a node.
+const RUN: usize = 2 * WIDTH;
+
+/// Of the leaves of a node a ray must reach as many, on average, that it pays to fetch all of them.
+const WORTH_FETCHING: f32 = 0.8;
 
 impl Tree {
     /// [`Tree::over`] boxes that are numbered by place.
@@ -61,13 +71,22 @@ impl Tree {
         references.iter_mut().for_each(|reference| *reference = scaled(reference, scale));
         let mut build = Build::new(cost, deepest, false);
         let root = build.subtree(&mut references, 0);
-        Some((Self { nodes: build.nodes, root, bounds, scale }, build.order))
+        let leaves = build.nodes.iter().map(run).collect();
+        Some((Self { nodes: build.nodes, leaves, root, bounds, scale }, build.order))
     }
 
     /// The inner node that a child names.
     #[inline(always)]
     pub fn node(&self, child: Child) -> &Node {
         &self.nodes[child.index()]
+    }
+
+    /// The leaves among a node's children, where a ray that comes to the node reaches enough of them; the node
+    /// itself is not looked at.
+    #[inline(always)]
+    pub fn leaves(&self, node: Child) -> Range<usize> {
+        let run = self.leaves[node.index()] as usize;
+        run / RUN..run / RUN + run % RUN
     }
 
     /// The root: a node or, in a tree of one leaf, that leaf.
@@ -84,6 +103,34 @@ impl Tree {
     pub fn scale(&self) -> f64 {
         self.scale
     }
+}
+
+/// The leaves among a node's children, as a tree keeps them; none where others stand between them, or where
+/// a ray that comes to the node reaches too few of them: it does in the ratio of surfaces.
+fn run(node: &Node) -> u32 {
+    let half_area = |[min, max]: [[f32; 3]; 2]| {
+        let [x, y, z] = [max[0] - min[0], max[1] - min[1], max[2] - min[2]];
+        x * y + y * z + z * x
+    };
+    let (mut around, mut reached) = ([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], 0.0);
+    let (mut first, mut end, mut count) = (usize::MAX, 0, 0);
+    for slot in 0..node.count() {
+        let corners = [0, 1].map(|side| [0, 1, 2].map(|axis| node.plane(axis, side, slot)));
+        for axis in 0..3 {
+            around[0][axis] = around[0][axis].min(corners[0][axis]);
+            around[1][axis] = around[1][axis].max(corners[1][axis]);
+        }
+        let child = node.child(slot);
+        if child.is_leaf() {
+            reached += half_area(corners);
+            (first, end) = (first.min(child.index()), end.max(child.index() + 1));
+            count += 1;
+        }
+    }
+    if count == 0 || end - first != count || reached < WORTH_FETCHING * half_area(around) {
+        return 0;
+    }
+    u32::try_from(first * RUN + count).unwrap_or(0)
 }
 
 #[cfg(test)]
@@ -295,7 +342,7 @@ fn corners(part: &Part) -> [[f32; 3]; 2] {
 mod tests {
     use super::*;
 
-    const FOURS: LeafCost = LeafCost { most: 4, visit: 1.0, primitive: 0.5 };
+    const FOURS: LeafCost = LeafCost { most: 4, visit: 1.0, primitive: 0.5, divided: 1.0 };
 
     /// Small boxes at random places of a cube, from a multiplicative generator.
     fn boxes(count: usize, size: f32) -> Vec<Bounds> {
@@ -366,6 +413,51 @@ mod tests {
             check(&tree, &order, &boxes);
             // 20,000 boxes in leaves of at most 4 need 5 levels of eight children at least.
             assert!((5..40).contains(&depth(&tree)), "depth {} at {size:e}", depth(&tree));
+        }
+    }
+
+    /// Unit squares beside each other, `across` in a row, and as many again so far away along the first axis.
+    fn squares(across: usize, away: f32) -> Vec<Bounds> {
+        let at = |k: usize, x: f32| [x + (k % across) as f32, (k / across) as f32, 0.0];
+        let square = |min: [f32; 3]| Bounds { min, max: [min[0] + 1.0, min[1] + 1.0, 0.0] };
+        [0.0, away].iter().flat_map(|&x| (0..4).map(move |k| square(at(k, x)))).collect()
+    }
+
+    /// How many boxes each leaf of a tree of one node has.
+    fn leaves_of_root(tree: &Tree) -> Vec<u32> {
+        tree.node(tree.root()).children().map(|(child, _)| child.count()).collect()
+    }
+
+    #[test]
+    fn a_leaf_is_divided_where_enough_of_its_cost_goes() {
+        // Halves of a flat patch have half its surface each: two leaves of two cost 2 (1 + 2/16) of 2 (1 + 4/16), which
+        // is 0.9 of one leaf of four; two leaves of one 17/18 of that.
+        let cost = |divided| LeafCost { most: 4, visit: 1.0, primitive: 0.0625, divided };
+        for (divided, wanted) in [(1.0, vec![1; 8]), (0.92, vec![2; 4]), (0.8, vec![4; 2])] {
+            let (tree, _) = Tree::build(&squares(2, 64.0), cost(divided)).expect("not empty");
+            assert_eq!(leaves_of_root(&tree), wanted, "{divided}");
+        }
+    }
+
+    #[test]
+    fn leaves_are_fetched_where_a_ray_reaches_them() {
+        let cost = LeafCost { divided: 0.8, primitive: 0.0625, ..FOURS };
+        // Eight units of surface, of 8 and of 12 around all.
+        for (away, wanted) in [(2.0, 0..2), (4.0, 0..0)] {
+            let (tree, _) = Tree::build(&squares(2, away), cost).expect("not empty");
+            assert_eq!(leaves_of_root(&tree), [4; 2]);
+            assert_eq!(tree.leaves(tree.root()), wanted, "{away}");
+        }
+        // Of every node in a large tree they are its own leaves, or none.
+        let boxes = boxes(20_000, 1.0);
+        let (tree, _) = build(&boxes);
+        let mut open = vec![tree.root()];
+        while let Some(node) = open.pop() {
+            let (leaves, inner): (Vec<_>, Vec<_>) =
+                tree.node(node).children().map(|(child, _)| child).partition(|child| child.is_leaf());
+            let run = tree.leaves(node);
+            assert!(run.is_empty() || run.eq(leaves.iter().map(|leaf| leaf.index())));
+            open.extend(inner);
         }
     }
 

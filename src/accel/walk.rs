@@ -304,6 +304,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             // Down to a leaf; what is farther waits on the stack.
             while !child.is_leaf() {
                 self.visit.node(Some(number));
+                body.fetch_leaves(tree, child);
                 let Walk { stack, level, .. } = &mut *self.walk;
                 let (ray, before) = ((&level.node_ray, &slabs), stack.len());
                 match push_children::<E, PLAIN>(stack, limit, tree.node(child), ray) {

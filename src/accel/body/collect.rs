@@ -16,11 +16,12 @@ use crate::math::four::Four;
 const LINEAR: usize = 4;
 
 /// What a ray pays for a leaf and for each primitive in it, in visits of inner nodes: where each is
-/// tested by itself, where a block is tested at once, and where most of one are dropped.
-const SINGLY: (f32, f32) = (1.0, 3.0);
-const AT_ONCE: (f32, f32) = (1.0, 0.15);
-const DROPPED: (f32, f32) = (1.0, 0.05);
-const SWEPT: (f32, f32) = (1.5, 0.4);
+/// tested by itself, where a block is tested at once, and where most of one are dropped. Triangles stand four
+/// in a leaf unless they gain much by being apart: a block takes as much memory whatever is in it.
+const SINGLY: LeafCost = LeafCost { most: LANES, visit: 1.0, primitive: 3.0, divided: 1.0 };
+const AT_ONCE: LeafCost = LeafCost { primitive: 0.15, ..SINGLY };
+const TRIANGLES: LeafCost = LeafCost { primitive: 0.05, divided: 0.8, ..SINGLY };
+const SWEPT: LeafCost = LeafCost { visit: 1.5, primitive: 0.4, ..SINGLY };
 
 /// The primitives that a body is made of, in the order in which they were given.
 #[derive(Default)]
@@ -51,13 +52,12 @@ impl Body {
         let has_tree = may_build && count > LINEAR;
         let collected =
             if has_tree { Collected::boxed(geometries, count) } else { Collected::listed(geometries, count) };
-        let (visit, primitive) = match geometries.first().map(|geometry| geometry.data.kind()) {
+        let cost = match geometries.first().map(|geometry| geometry.data.kind()) {
             Some(GeometryKind::Aabbs) => SINGLY,
             Some(GeometryKind::Spheres) => AT_ONCE,
             Some(GeometryKind::LinearSweptSpheres) => SWEPT,
-            Some(GeometryKind::Triangles) | None => DROPPED,
+            Some(GeometryKind::Triangles) | None => TRIANGLES,
         };
-        let cost = LeafCost { most: LANES, visit, primitive };
         Self::around(geometries, collected, cost, |_, names| Shapes::of(geometries, names))
     }
 
@@ -85,9 +85,7 @@ impl Body {
         if !may_build || collected.boxes.len() <= LINEAR {
             collected.forget_boxes();
         }
-        let (visit, primitive) = SINGLY;
-        let cost = LeafCost { most: LANES, visit, primitive };
-        Self::around(geometries, collected, cost, |order, _| {
+        Self::around(geometries, collected, SINGLY, |order, _| {
             let at = |&number: &u32| all.get(number as usize).copied();
             Shapes::MovingTriangles(order.iter().map(at).collect())
         })
