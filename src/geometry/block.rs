@@ -9,11 +9,11 @@
 //!
 //! # The ray
 //! The exact object-space ray o + t d is reparametrised: the origin moves by `t0` along it towards the
-//! primitives, where it starts far from them, and the direction is divided by its greatest
-//! component. With o' and D = λ d (λ > 0) the exact results and O, E their f32 neighbours,
+//! primitives, where it starts far from them, and the direction is scaled so that its greatest component
+//! is of a magnitude from 1 to 2. With o' and D = λ d (λ > 0) the exact results and O, E their f32 neighbours,
 //!
 //! ```text
-//! |O - o'| <= e          |E - D| <= κ |E|          (1-norms)
+//! |O - o'| <= e          |E - D| <= κ |E|          |E| >= 1          (1-norms)
 //! ```
 //!
 //! where e and κ are sums of the f64 error bounds of `ObjectRay` (origin, and t0 times the
@@ -60,9 +60,6 @@ const MOST: f32 = (1u64 << 60) as f32;
 /// The unit roundoff of f32.
 const UNIT: f64 = 1.0 / 16_777_216.0;
 
-/// √3 or more, by which a 2-norm bounds the 1-norm.
-const ROOT_3: f64 = 1.7321;
-
 /// Outweighs the roundings of a bound that is evaluated in f32.
 const MARGIN: f64 = 1.0 + 1.0 / 262_144.0;
 
@@ -70,7 +67,7 @@ const MARGIN: f64 = 1.0 + 1.0 / 262_144.0;
 #[derive(Clone, Copy, Debug)]
 pub struct BlockRay {
     origin: [f32; 3],
-    /// Its greatest component is 1 or -1.
+    /// Its greatest component is of a magnitude from 1 to 2.
     direction: [f32; 3],
     /// The axis of that component.
     axis: usize,
@@ -118,8 +115,8 @@ impl BlockRay {
     /// The common case in f32 throughout: a ray in world space that starts near the primitives, with a
     /// direction whose greatest component is of a magnitude from 2^-60 to 2^60. `None` for any other.
     ///
-    /// The origin is exact then, e = 2^-60, and a component of the direction rounds once, by u of it (or by
-    /// 2^-150 where it underflows, times 2^60 of distance less than a share of e). 16u pays for that, for 12u,
+    /// Both are exact then, as the direction is scaled by a power of two (but for what underflows, by 2^-150
+    /// at most: times 2^60 of distance that is less than a share of e), and e = 2^-60. 16u pays for 12u
     /// and for the roundings here.
     #[inline(always)]
     pub fn simple(ray: &Ray, around: &Bounds) -> Option<Self> {
@@ -130,10 +127,10 @@ impl BlockRay {
         if !(near && most <= MOST && most * MOST >= 1.0) {
             return None;
         }
-        let along = three(ray.direction) / Four::splat(most);
-        let length = sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0);
-        let fixed = length * (ROOT_3 * TINY * MARGIN * MARGIN) as f32;
-        let growing = length * (ROOT_3 * 16.0 * UNIT) as f32;
+        let along = three(ray.direction) * Four::splat(power_below(most));
+        let norm = sum(along.abs());
+        let fixed = norm * (TINY * MARGIN * MARGIN) as f32;
+        let growing = norm * (16.0 * UNIT) as f32;
         let reach = fixed + growing * far;
         Some(Self {
             origin: ray.origin,
@@ -143,25 +140,24 @@ impl BlockRay {
             growing,
             reach,
             behind: if ray.t_min >= 0.0 { reach } else { f32::INFINITY },
-            length,
+            length: sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0),
         })
     }
 
     /// A ray in the object space of an instance, in f32 throughout. `None` where its direction is not
     /// known well, or origin or primitives are very far.
     ///
-    /// The sum of the errors of o' is e; D's component i is off by its error over the greatest
-    /// component, as the latter is divided by, and by the two roundings of [`BlockRay::simple`].
+    /// The sums of the errors of o' and of d, the latter scaled as it is, are e and κ |E|.
     #[inline(always)]
     pub fn rough(ray: &RoughRay, around: &Bounds) -> Option<Self> {
         let far = farthest(ray.origin, around);
         let (axis, most) = greatest(triple(ray.direction));
-        let along = ray.direction / Four::splat(most);
-        let length = sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0);
-        let norm = length * ROOT_3 as f32;
+        let inverse = power_below(most);
+        let along = ray.direction * Four::splat(inverse);
+        let norm = sum(along.abs());
         let total = |errors: Four| sum(errors) * (MARGIN * MARGIN) as f32;
-        let turn = total(ray.direction_error) / most;
-        let fits = far <= MOST && turn <= 0.5;
+        let turn = total(ray.direction_error) * inverse;
+        let fits = far <= MOST && turn <= 0.5 && most.is_normal();
         let fixed = norm * (total(ray.origin_error) + (TINY * MARGIN * MARGIN) as f32);
         let growing = turn + norm * (16.0 * UNIT) as f32;
         fits.then(|| Self {
@@ -172,7 +168,7 @@ impl BlockRay {
             growing,
             reach: fixed + growing * far,
             behind: f32::INFINITY,
-            length: length + turn,
+            length: sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0) + turn,
         })
     }
 
@@ -253,6 +249,13 @@ fn greatest<R: Real>(v: [R; 3]) -> (usize, R) {
     let [x, y, z] = v.map(R::abs);
     let (axis, most) = (usize::from(y > x), if y > x { y } else { x });
     (if z > most { 2 } else { axis }, if z > most { z } else { most })
+}
+
+/// The power of two that brings a normal number to a magnitude from 1 to 2.
+#[inline(always)]
+fn power_below(x: f32) -> f32 {
+    const EXPONENT: u32 = 0xFF << 23;
+    f32::from_bits((254 << 23) - (x.to_bits() & EXPONENT))
 }
 
 #[inline(always)]

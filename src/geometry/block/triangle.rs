@@ -1,8 +1,7 @@
 //! Four triangles.
 //!
 //! Seen along the ray (Woop, Benthin and Wald, *Watertight Ray/Triangle Intersection*, 2013): with the
-//! direction's greatest component along axis k and equal to ±1, the vertex V becomes, relative to the
-//! origin, the point
+//! direction's greatest component along axis k, the vertex V becomes, relative to the origin, the point
 //!
 //! ```text
 //! x' = (V_i - o_i) - s_i (V_k - o_k)        y' = (V_j - o_j) - s_j (V_k - o_k)        s = D / D_k
@@ -13,7 +12,7 @@
 //!
 //! # Error
 //! Let z = |V_k - o_k| and n = |x'| + |y'| as computed. A difference rounds once (u) and has the origin's
-//! error; s = E_i E_k exactly in f32 (E_k = ±1), off by 2 κ |E| at most, |s| <= 1; the product and the
+//! error; the quotient s of E is off by 2 κ |E| and one rounding at most, |s| <= 1; the product and the
 //! difference round once each. As |V_i - o_i| <= |x'| + z up to these errors, x' and y' together are off
 //! by at most
 //!
@@ -22,8 +21,8 @@
 //! ```
 //!
 //! (e counts once for i and j together and |s_i| + |s_j| <= 2 times for k, of which the 1-norm e holds
-//! one share: 2 e bounds the sum; u of z: 2 for the differences, 2 for the products; u of n: 1 + 1 and
-//! what |V_i - o_i| adds, 1.) An area A'_x B'_y - A'_y B'_x is then off by p times the sum N of the three
+//! one share: 2 e bounds the sum; u of z: 2 for the differences, 2 for s and 2 for the products; u of n: 1 + 1
+//! and what |V_i - o_i| adds, 1.) An area A'_x B'_y - A'_y B'_x is then off by p times the sum N of the three
 //! vertices' n, by 2 p^2 at most and by its three roundings, 2u N^2 <= p N. So each is off by at most
 //! 2 p (N + p), with z and n summed over the three vertices in p. Two areas of opposite signs beyond that
 //! prove a miss.
@@ -70,7 +69,7 @@ impl Triangles {
         let k = ray.axis;
         let (i, j) = ([1, 2, 0][k], [2, 0, 1][k]);
         let [oi, oj, ok] = [i, j, k].map(|axis| Four::splat(ray.origin[axis]));
-        let [si, sj] = [i, j].map(|axis| Four::splat(ray.direction[axis] * ray.direction[k]));
+        let [si, sj] = [i, j].map(|axis| Four::splat(ray.direction[axis] / ray.direction[k]));
         let seen = |vertex: &[Row; 3]| {
             let z = Four::new(vertex[k]) - ok;
             let x = (Four::new(vertex[i]) - oi) - si * z;
