@@ -124,6 +124,20 @@ pub const ROWS: &[Row] = &[
     ),
     traversal("triangles, one ray at a time", "traverse triangles", "terrain", Rays::Single, 10.0 / 10.7),
     traversal(
+        "triangles, one ray at a time in random order",
+        "traverse triangles shuffled",
+        "terrain-shuffled",
+        Rays::Single,
+        10.0 / 10.7,
+    ),
+    traversal(
+        "triangles, packets of 8 in random order",
+        "traverse triangles shuffled together",
+        "terrain-shuffled",
+        Rays::Packets,
+        10.0 / 14.6,
+    ),
+    traversal(
         "64 instances, traversal alone",
         "traverse 64 instances together",
         "tiled",

@@ -8,6 +8,7 @@
 use std::path::Path;
 
 use anyhit::accel::GeometryData;
+use anyhit::geometry::Ray;
 
 use crate::rows::PICTURE;
 use crate::scenes::{self, Scene};
@@ -17,6 +18,9 @@ pub fn write(share: &Path) {
     let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     let terrain = scenes::heightfield(256);
     scene(&share.join("scenes/terrain"), &terrain, &[identity]);
+    let shuffled = share.join("scenes/terrain-shuffled");
+    scene(&shuffled, &terrain, &[identity]);
+    rays(&shuffled, &terrain.camera.shuffled_rays(PICTURE));
     scene(&share.join("scenes/tiled"), &terrain, &scenes::tiles(8).collect::<Vec<_>>());
     let spheres = share.join("scenes/spheres");
     scene(&spheres, &scenes::spheres(10_000), &[identity]);
@@ -36,16 +40,8 @@ pub fn write(share: &Path) {
 fn scene(folder: &Path, scene: &Scene, transforms: &[[[f32; 4]; 3]]) {
     std::fs::create_dir_all(folder).expect("a folder");
     let file = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");
-    let rays = scene.camera.rays(PICTURE);
-    let rays: Vec<[f32; 8]> = rays
-        .iter()
-        .map(|ray| {
-            let ([x, y, z], [dx, dy, dz]) = (ray.origin, ray.direction);
-            [x, y, z, 0.0, dx, dy, dz, 1e30]
-        })
-        .collect();
     file("inputs", bytemuck::cast_slice(&scene.camera.inputs()));
-    file("rays", bytemuck::cast_slice(&rays));
+    rays(folder, &scene.camera.rays(PICTURE));
     file("transforms", bytemuck::cast_slice(transforms));
     match &scene.data {
         GeometryData::Triangles { vertices, .. } => {
@@ -56,6 +52,17 @@ fn scene(folder: &Path, scene: &Scene, transforms: &[[[f32; 4]; 3]]) {
         GeometryData::Spheres { .. } => file("spheres", bytemuck::cast_slice(&scene.spheres)),
         _ => file("ends", bytemuck::cast_slice(&scene.spheres)),
     }
+}
+
+fn rays(folder: &Path, rays: &[Ray]) {
+    let rays: Vec<[f32; 8]> = rays
+        .iter()
+        .map(|ray| {
+            let ([x, y, z], [dx, dy, dz]) = (ray.origin, ray.direction);
+            [x, y, z, 0.0, dx, dy, dz, 1e30]
+        })
+        .collect();
+    std::fs::write(folder.join("rays"), bytemuck::cast_slice(&rays)).expect("a file");
 }
 
 fn boxes(folder: &Path, scene: &Scene) {

@@ -76,6 +76,16 @@ impl Camera {
         }
         rays
     }
+
+    /// The same in random order.
+    pub fn shuffled_rays(&self, picture: [u32; 2]) -> Vec<Ray> {
+        let mut rays = self.rays(picture);
+        let mut random = Random(3);
+        for at in (1..rays.len()).rev() {
+            rays.swap(at, (random.bits() % (at as u64 + 1)) as usize);
+        }
+        rays
+    }
 }
 
 /// What is drawn.

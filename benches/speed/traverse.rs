@@ -3,7 +3,7 @@
 use anyhit::accel::{Counters, Cursor, GeometryFlags, Packet, RayFlags, Tlas, TraceRay};
 use anyhit::geometry::Ray;
 
-use crate::scenes::{self, Random, Scene};
+use crate::scenes::{self, Scene};
 use crate::table::Table;
 
 /// Traces rays, and says how many hit and what each did on average.
@@ -103,11 +103,7 @@ pub fn run(table: &mut Table) {
     ] {
         if table.wants(name) {
             let scene = scenes::heightfield(grid);
-            let mut rays = scene.camera.rays(table.picture);
-            let mut random = Random(3);
-            for at in (1..rays.len()).rev() {
-                rays.swap(at, (random.bits() % (at as u64 + 1)) as usize);
-            }
+            let rays = scene.camera.shuffled_rays(table.picture);
             measure_way(table, name, &scene.tlas(GeometryFlags::OPAQUE), &rays, every, trace);
         }
     }
