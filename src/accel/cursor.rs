@@ -300,6 +300,7 @@ impl Cursor {
     }
 
     /// Begins another traversal in the memory of this one.
+    #[inline]
     pub fn reset(&mut self, _tlas: &Tlas, trace: TraceRay) {
         self.trace = trace;
         self.hits.clear();
@@ -439,6 +440,7 @@ impl Cursor {
     }
 
     /// The closest hit so far; after the end, the hit.
+    #[inline]
     pub fn committed(&self) -> Option<&Committed> {
         self.hits.committed.as_ref()
     }

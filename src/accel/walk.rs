@@ -127,37 +127,48 @@ impl Cursor {
     ) -> bool {
         let trace = &self.trace;
         let (walk, hits) = (&mut self.walk, &mut self.hits);
-        let advance =
-            Advance::<V, PLAIN> { walk, hits, trace, tlas, visit, start, tested: FourTested::MISSED };
-        if V::REASONS { TwoFours.apart(advance) } else { tlas.processor().run(advance) }
+        let step = Step::<V, PLAIN> { walk, hits, trace, tlas, visit, start };
+        if V::REASONS { TwoFours.apart(step) } else { tlas.processor().run(step) }
     }
 }
 
-/// A part of a traversal with its arguments.
-struct Advance<'a, V, const PLAIN: bool> {
+/// A part of a traversal: its arguments, each of which fits into a register. What is larger would be copied by
+/// vectors that wait until all that was written before is in the cache.
+struct Step<'a, V, const PLAIN: bool> {
     walk: &'a mut Walk,
     hits: &'a mut Hits,
     trace: &'a TraceRay,
     tlas: &'a Tlas,
     visit: &'a mut V,
     start: bool,
-    /// Of the leaf that is tested, where all its primitives are tested at once.
-    tested: FourTested,
 }
 
-impl<V: Visit, const PLAIN: bool> Task for Advance<'_, V, PLAIN> {
+impl<V: Visit, const PLAIN: bool> Task for Step<'_, V, PLAIN> {
     type Output = bool;
 
     #[inline(always)]
     fn run<E: Vectors>(self, eights: E) -> bool {
-        self.go_on(eights)
+        let Self { walk, hits, trace, tlas, visit, start } = self;
+        Advance::<V, PLAIN> { walk, hits, trace, tlas, visit, tested: FourTested::MISSED }
+            .go_on(eights, start)
     }
+}
+
+/// The same underway.
+struct Advance<'a, V, const PLAIN: bool> {
+    walk: &'a mut Walk,
+    hits: &'a mut Hits,
+    trace: &'a TraceRay,
+    tlas: &'a Tlas,
+    visit: &'a mut V,
+    /// Of the leaf that is tested, where all its primitives are tested at once.
+    tested: FourTested,
 }
 
 impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     #[inline(always)]
-    fn go_on<E: Vectors>(mut self, eights: E) -> bool {
-        if self.start {
+    fn go_on<E: Vectors>(mut self, eights: E, start: bool) -> bool {
+        if start {
             self.begin(eights);
         }
         loop {
