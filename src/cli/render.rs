@@ -80,29 +80,25 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let mut assembled = scene::assemble_without(&resolved, output)?;
     let streamed =
         Streamed { texel: image.texels.clone(), ..Streamed::new(output.set, output.binding, image.format) };
-    let whole = match why_whole(&args, &assembled, output, image, &streamed) {
-        None => None,
-        Some(why) => {
+    let printed = Arc::default();
+    assembled.resources.printed = Some(Arc::clone(&printed));
+    let (bands, whole) = match in_bands(&args, &assembled, output, image, &streamed) {
+        Ok(bands) => (Some(bands), None),
+        Err(why) => {
             let told = |error: Error| error.at(output.place.clone()).note(format!("it is held whole: {why}"));
             let image = scene::assemble::image(image).map_err(told)?;
             let binding = Binding { set: output.set, binding: output.binding };
             assembled.resources.insert(binding, output.element, Descriptor::Image(image.clone()));
-            Some(image)
+            (None, Some(image))
         }
     };
     let stability = args.stability.asks().then(|| apart(&assembled));
-    let printed = Arc::default();
-    assembled.resources.printed = Some(Arc::clone(&printed));
     let ready = begin.elapsed();
 
     let size = assembled.size;
     let bar = progress(size.iter().map(|&side| u64::from(side)).product());
     let launched = Instant::now();
     let launch = assembled.launch();
-    let bands = match whole {
-        Some(_) => None,
-        None => Some(launch.bands(size, &streamed).map_err(|why| Bands::refused(&streamed, &why))?),
-    };
     let done = |count| bar.inc(count);
     let outcome = match &bands {
         None => match args.lanes.as_str() {
@@ -148,14 +144,14 @@ fn output_of(scene: &ResolvedScene) -> Option<(&resolved::Binding, &Image)> {
     }
 }
 
-/// Why the output image is held whole, where it is: `None` where it is handed out in bands.
-fn why_whole(
+/// The launch in bands of the output image; or why the image is held whole.
+fn in_bands<'a>(
     args: &RenderArgs,
-    assembled: &Assembled,
+    assembled: &'a Assembled,
     output: &resolved::Binding,
     image: &Image,
-    streamed: &Streamed,
-) -> Option<String> {
+    streamed: &'a Streamed,
+) -> Result<Bands<'a>, String> {
     let [width, height, _] = assembled.size;
     let why = if args.stability.asks() {
         "--shadow and --perturb run the launch again on it"
@@ -168,9 +164,9 @@ fn why_whole(
     } else if image.size() <= 2 * streamed.band_bytes {
         "it takes no more memory than two bands of it"
     } else {
-        return assembled.launch().bands(assembled.size, streamed).err().map(|why| why.to_string());
+        return assembled.launch().bands(assembled.size, streamed).map_err(|why| why.to_string());
     };
-    Some(why.to_owned())
+    Err(why.to_owned())
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
