@@ -327,10 +327,6 @@ impl<'m> Decoder<'m> {
     }
 
     fn fold(&mut self, row: &Row, from: &[Reg]) -> Option<u64> {
-        // Most operations have an operand that is not constant: nothing is made ready for those.
-        if !from.iter().all(|&reg| self.constant_word(reg).is_some()) {
-            return None;
-        }
         let mut operands = [Reg(2); 3];
         for (at, &reg) in from.iter().enumerate() {
             operands[at] = Reg(2 + 2 * at as u32);
