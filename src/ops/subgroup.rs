@@ -431,37 +431,38 @@ fn emit(
             *rows = (decoder.consecutive(&words)?, words.len() as u32);
         }
     }
-    let [(value, values), (operand, operands)] = rows;
     let ty = decoder.result_type(instruction)?;
     let results = decoder.word_count(ty)?;
     let fits = match kind {
-        Kind::Read(_) => values == results,
+        Kind::Read(_) => rows[0].1 == results,
         Kind::Ballot | Kind::Partition => results == 4,
         _ => results == 1,
     };
     if !fits {
         return Err(decoder.invalid("a subgroup instruction with a result of another type"));
     }
-    let to = decoder.fresh(results)?;
-    decoder.emit(Operation::Subgroup(Box::new(Op { kind, to, results, value, values, operand, operands })));
+    let to = append(decoder, kind, results, rows)?;
     decoder.result(instruction, rows_from(to, results));
     Ok(())
 }
 
-/// Reads a value of some words from another invocation that the own place tells.
-pub fn read(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32) -> Result<Reg> {
-    let (to, kind, operand) = (decoder.fresh(words)?, Kind::Read(from), Reg(0));
-    let (results, values, operands) = (words, words, 0);
+/// Appends an operation on a value and a second operand, each its first row and how many there are, and gives the
+/// first row of the result.
+fn append(decoder: &mut Decoder<'_>, kind: Kind, results: u32, from: [(Reg, u32); 2]) -> Result<Reg> {
+    let to = decoder.fresh(results)?;
+    let [(value, values), (operand, operands)] = from;
     decoder.emit(Operation::Subgroup(Box::new(Op { kind, to, results, value, values, operand, operands })));
     Ok(to)
 }
 
+/// Reads a value of some words from another invocation that the own place tells.
+pub fn read(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32) -> Result<Reg> {
+    append(decoder, Kind::Read(from), words, [(value, words), (Reg(0), 0)])
+}
+
 /// The same from one that an operand tells.
 pub fn read_at(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32, operand: Reg) -> Result<Reg> {
-    let (to, kind) = (decoder.fresh(words)?, Kind::Read(from));
-    let (results, values, operands) = (words, words, 1);
-    decoder.emit(Operation::Subgroup(Box::new(Op { kind, to, results, value, values, operand, operands })));
-    Ok(to)
+    append(decoder, Kind::Read(from), words, [(value, words), (operand, 1)])
 }
 
 /// Reductions and scans, component by component.
@@ -509,7 +510,7 @@ fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         _ => return Err(decoder.invalid(format!("group operation {operation}"))),
     };
     let kind = Kind::Combine { row, over, partitioned };
-    let (operand, operands) = if partitioned {
+    let partition = if partitioned {
         let words = decoder.operand(instruction, 3)?;
         if words.len() != 4 {
             return Err(decoder.invalid("a partition that is no vector of four"));
@@ -527,17 +528,7 @@ fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     }
     let mut words = Words::new();
     for value in decoder.components(id)? {
-        let to = decoder.fresh(row.words)?;
-        let (results, values) = (row.words, row.words);
-        decoder.emit(Operation::Subgroup(Box::new(Op {
-            kind,
-            to,
-            results,
-            value,
-            values,
-            operand,
-            operands,
-        })));
+        let to = append(decoder, kind, row.words, [(value, row.words), partition])?;
         words.extend((0..row.words).map(|word| to.plus(word)));
     }
     decoder.result(instruction, words);
