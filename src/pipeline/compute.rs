@@ -1,13 +1,12 @@
 //! Compute shaders and their dispatches.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Observer, Resources, Workgroup};
 use crate::ops::row::{Row, Width};
 use crate::pipeline::launch::Stats;
-use crate::pipeline::tasks::Tasks;
+use crate::pipeline::tasks::{Done, Tasks};
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::workgroup::{Gang, Watch};
 use crate::pipeline::{DEFAULT_BUDGET, Event, check_subgroup_size};
@@ -204,42 +203,18 @@ impl Compute {
             done(invocations);
             result
         };
-        let mut results: Vec<(Stats, Option<(u64, Trapped)>)> = Vec::new();
-        if self.program.order_dependent || shares {
-            for index in tasks.iter() {
+        let worker = || {
+            let mut all = Done::default();
+            for index in tasks.iter().take_while(|&index| !tasks.is_beyond_trap(index)) {
                 let (stats, trapped) = task(index);
-                let ends = trapped.is_some();
-                results.push((stats, trapped.map(|trapped| (index, trapped))));
-                if ends {
-                    break;
+                if trapped.is_some() {
+                    tasks.trap_at(index);
                 }
+                all = all.and(Done { stats, trapped: trapped.map(|trapped| (index, trapped)) });
             }
-        } else {
-            // Beyond a trap in an earlier workgroup nothing can change the answer.
-            let trapped_at = AtomicU64::new(u64::MAX);
-            let worker = || {
-                let (mut stats, mut first) = (Stats::default(), None);
-                for index in tasks.iter() {
-                    if trapped_at.load(Relaxed) < index {
-                        continue;
-                    }
-                    let (task, trapped) = task(index);
-                    stats = stats.plus(&task);
-                    if let Some(trapped) = trapped {
-                        trapped_at.fetch_min(index, Relaxed);
-                        first.get_or_insert((index, trapped));
-                    }
-                }
-                (stats, first)
-            };
-            // One task needs no threads: starting them would take longer.
-            results = if tasks.count() <= 1 { vec![worker()] } else { tasks.on_threads(worker) };
-        }
-        let stats = results.iter().fold(Stats::default(), |sum, (stats, _)| sum.plus(stats));
-        match results.into_iter().filter_map(|(_, trapped)| trapped).min_by_key(|(index, _)| *index) {
-            Some((_, trapped)) => Err(Box::new(trapped)),
-            None => Ok(stats),
-        }
+            all
+        };
+        tasks.run(self.program.order_dependent || shares, worker)
     }
 
     /// The memory that the invocations of a dispatch share without atomic instructions between them,

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::accel::{Committed, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
@@ -14,7 +13,7 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::order::Order;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, bindings};
-use crate::pipeline::tasks::Tasks;
+use crate::pipeline::tasks::{Done, Tasks};
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::witness::{Event, Only, Witness};
 
@@ -178,48 +177,39 @@ impl Launch<'_> {
             let first = positions.start + task * each;
             first..positions.end.min(first + each)
         };
-        let work = Work { record, bindings: &bindings, order, trapped_at: AtomicU64::new(u64::MAX), done };
-        let ranges = || tasks.iter().map(range);
+        let work = Work { record, bindings: &bindings, order, tasks: &tasks, range, done };
         let worker = || match subgroups {
-            Some(..=64) => self.work::<64>(&work, ranges()),
-            Some(_) => self.work::<128>(&work, ranges()),
-            None if ordered => self.work::<1>(&work, ranges()),
-            None if one_thread => self.work::<64>(&work, ranges()),
-            None => self.work::<W>(&work, ranges()),
+            Some(..=64) => self.work::<64>(&work),
+            Some(_) => self.work::<128>(&work),
+            None if ordered => self.work::<1>(&work),
+            None if one_thread => self.work::<64>(&work),
+            None => self.work::<W>(&work),
         };
-        let all = match one_thread || few {
-            true => worker(),
-            false => tasks.on_threads(worker).into_iter().fold(Done::default(), Done::and),
-        };
-        match all.trapped {
-            Some((_, trapped)) => Err(trapped.error),
-            None => Ok(all.stats),
-        }
+        tasks.run(one_thread || few, worker).map_err(|trapped| trapped.error)
     }
 
-    /// Runs the invocations at stretches of positions, in a thread.
+    /// Works in a thread as long as there are tasks.
     fn work<const W: usize>(
         &self,
-        work: &Work<'_, impl Fn(u64) + Sync>,
-        ranges: impl Iterator<Item = Range<u64>>,
+        work: &Work<'_, impl Fn(u64) -> Range<u64> + Sync, impl Fn(u64) + Sync>,
     ) -> Done
     where
         Row: Width<W>,
     {
         let (mut witness, mut observer) = ((), ());
         let mut stack = Stack::<W, _, _>::new(self.pipeline, work.bindings, &mut witness, &mut observer);
-        for range in ranges {
-            // Beyond a trap with a lower launch index nothing can change the answer.
-            if work.trapped_at.load(Relaxed) < work.order.least_number(&range) {
+        for range in work.tasks.iter().map(&work.range) {
+            if work.tasks.is_beyond_trap(work.order.least_number(&range)) {
                 continue;
             }
             stack.launch_all(work.record, &work.order, range.clone());
             if let Some(trapped) = &stack.trapped {
-                work.trapped_at.fetch_min(work.order.number(trapped.launch_id), Relaxed);
+                work.tasks.trap_at(work.order.number(trapped.launch_id));
             }
             (work.done)(range.end - range.start);
         }
-        Done::of(&work.order, (stack.stats, stack.trapped))
+        let trapped = stack.trapped.map(|trapped| (work.order.number(trapped.launch_id), trapped));
+        Done { stats: stack.stats, trapped }
     }
 
     fn watched_task<const W: usize, T: Witness, O: Observer<W>>(
@@ -405,30 +395,12 @@ impl Launch<'_> {
 }
 
 /// What the threads of a launch share.
-struct Work<'a, D> {
+struct Work<'a, R, D> {
     record: &'a Record,
     bindings: &'a [Bindings],
     order: Order,
-    /// The number of the lowest launch index that is known to have trapped.
-    trapped_at: AtomicU64,
+    tasks: &'a Tasks,
+    /// The positions of a task.
+    range: R,
     done: &'a D,
-}
-
-/// What tasks did together.
-#[derive(Default)]
-struct Done {
-    stats: Stats,
-    /// The trap of the lowest launch index, with that index' number.
-    trapped: Option<(u64, Trapped)>,
-}
-
-impl Done {
-    fn of(order: &Order, (stats, trapped): (Stats, Option<Trapped>)) -> Self {
-        Self { stats, trapped: trapped.map(|trapped| (order.number(trapped.launch_id), trapped)) }
-    }
-
-    fn and(self, other: Self) -> Self {
-        let trapped = self.trapped.into_iter().chain(other.trapped).min_by_key(|(number, _)| *number);
-        Self { stats: self.stats.plus(&other.stats), trapped }
-    }
 }

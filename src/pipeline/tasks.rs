@@ -4,23 +4,40 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
+use crate::pipeline::launch::Stats;
+use crate::pipeline::trapped::Trapped;
+
 /// Numbers of tasks, of which whoever is free takes the next: so threads end together, however unlike the
 /// tasks are. (Cut into halves beforehand, they would only be cut again where a thread has come to steal.)
 #[derive(Debug)]
 pub(super) struct Tasks {
     count: u64,
     next: AtomicU64,
+    /// The lowest number at which one is known to have trapped.
+    trapped_at: AtomicU64,
+}
+
+/// What tasks did together.
+#[derive(Default)]
+pub(super) struct Done {
+    /// The sums.
+    pub stats: Stats,
+    /// The trap with the lowest number, which is the one to tell, with that number.
+    pub trapped: Option<(u64, Trapped)>,
+}
+
+impl Done {
+    /// Both together.
+    pub fn and(self, other: Self) -> Self {
+        let trapped = self.trapped.into_iter().chain(other.trapped).min_by_key(|(number, _)| *number);
+        Self { stats: self.stats.plus(&other.stats), trapped }
+    }
 }
 
 impl Tasks {
     /// As many tasks, none of them begun.
     pub fn new(count: u64) -> Self {
-        Self { count, next: AtomicU64::new(0) }
-    }
-
-    /// How many there are.
-    pub fn count(&self) -> u64 {
-        self.count
+        Self { count, next: AtomicU64::new(0), trapped_at: AtomicU64::new(u64::MAX) }
     }
 
     /// The tasks that are this one's to do, in ascending order; of several such iterators each gets others.
@@ -31,9 +48,32 @@ impl Tasks {
         })
     }
 
+    /// Whether one of a lower number has trapped: then what has this number can no longer change the answer.
+    pub fn is_beyond_trap(&self, number: u64) -> bool {
+        self.trapped_at.load(Relaxed) < number
+    }
+
+    /// Remembers that what has this number has trapped.
+    pub fn trap_at(&self, number: u64) {
+        self.trapped_at.fetch_min(number, Relaxed);
+    }
+
+    /// Has this thread work alone, or those of the pool; what they did together, or the trap with the lowest number.
+    pub fn run(&self, alone: bool, worker: impl Fn() -> Done + Sync) -> Result<Stats, Box<Trapped>> {
+        // One task needs no threads: starting them would take longer.
+        let done = match alone || self.count <= 1 {
+            true => worker(),
+            false => self.on_threads(worker).into_iter().fold(Done::default(), Done::and),
+        };
+        match done.trapped {
+            Some((_, trapped)) => Err(Box::new(trapped)),
+            None => Ok(done.stats),
+        }
+    }
+
     /// Has the threads of the pool work, as many as there are tasks for, and gives what each returns. Each
     /// works until [`Tasks::iter`] gives it nothing more.
-    pub fn on_threads<T: Send>(&self, worker: impl Fn() -> T + Sync) -> Vec<T> {
+    fn on_threads<T: Send>(&self, worker: impl Fn() -> T + Sync) -> Vec<T> {
         let threads = (rayon::current_num_threads() as u64).min(self.count) as usize;
         (0..threads).into_par_iter().with_max_len(1).map(|_| worker()).collect()
     }
