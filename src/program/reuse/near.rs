@@ -1,0 +1,129 @@
+//! Rows behind the window of steps give way to rows in it that nobody takes any more.
+
+use rustc_hash::FxHashMap;
+
+use crate::machine::Reg;
+use crate::ops::memory;
+use crate::ops::op::Op;
+use crate::ops::stretch::WINDOW;
+use crate::program::Program;
+use crate::program::forward::{Shared, each_read};
+use crate::program::reuse::{Places, Single, Values, each_single};
+
+/// Gives values behind the window of steps that live longer than a run a row in it, as long as there are any that nobody
+/// takes; which those are. As they are written before they are read, it may be one that batches begin with zeros.
+pub(super) fn near_values(
+    program: &Program,
+    ops: &mut [Op],
+    places: &Places,
+    shared: &Shared,
+    values: &Values,
+) -> Vec<Reg> {
+    let far = |row: u32| row as usize >= WINDOW;
+    let rows = program.rows as usize;
+    let mut stays: Vec<bool> = (0..rows).map(|row| shared.holds(Reg(row as u32))).collect();
+    let mut is_variable = vec![false; rows];
+    for row in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
+        (stays[row as usize], is_variable[row as usize]) = (true, true);
+    }
+    program.constants.iter().for_each(|(reg, _)| stays[reg.0 as usize] = true);
+    program.blocks.iter().for_each(|block| each_read(&block.terminator, |reg| stays[reg.0 as usize] = true));
+    // Rows of variables first: constants cannot have those.
+    let is_variable = |reg: &Reg| is_variable[reg.0 as usize];
+    let untaken = places.untaken().iter().copied().filter(|reg| !far(reg.0));
+    let (mut order, others): (Vec<Reg>, Vec<Reg>) = untaken.partition(is_variable);
+    order.extend(others);
+    if order.is_empty() {
+        return order;
+    }
+    // By row: the one that it becomes.
+    let mut near: Vec<Reg> = (0..program.rows).map(Reg).collect();
+    let mut taken = 0;
+    for op in ops {
+        each_single(op, |reg, _| {
+            let row = reg.0 as usize;
+            // Rows that values of one run share already stand behind all others.
+            if !far(reg.0) || row >= rows {
+                return;
+            }
+            if near[row] == *reg && taken < order.len() && !stays[row] && values.stands_alone(*reg) {
+                near[row] = order[taken];
+                taken += 1;
+            }
+            *reg = near[row];
+        });
+    }
+    order.truncate(taken);
+    order
+}
+
+/// Gives constants behind the window of steps a row in it, as long as there are any that nobody takes.
+pub(super) fn near_constants(program: &mut Program, ops: &mut [Op], places: &Places, taken: &[Reg]) {
+    let far = |reg: Reg| reg.0 as usize >= WINDOW;
+    let words: FxHashMap<Reg, u32> = program.constants.iter().copied().filter(|&(reg, _)| far(reg)).collect();
+    let mut near: FxHashMap<Reg, Reg> = FxHashMap::default();
+    // Every batch begins with zeros in variables, and keeps what constants it was made with.
+    let mut begins_as_zero = [false; WINDOW];
+    for row in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
+        if let Some(zero) = begins_as_zero.get_mut(row as usize) {
+            *zero = true;
+        }
+    }
+    let mut untaken = places
+        .untaken()
+        .iter()
+        .copied()
+        .filter(|&reg| !far(reg) && !begins_as_zero[reg.0 as usize] && !taken.contains(&reg))
+        .peekable();
+    if untaken.peek().is_none() {
+        return;
+    }
+    for op in ops {
+        if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }) = op {
+            each_single(op, |reg, single| {
+                if single != Single::Read || !far(*reg) {
+                    return;
+                }
+                let Some(&word) = words.get(reg) else { return };
+                let known = near.get(reg).copied().or_else(|| {
+                    let row = untaken.next()?;
+                    program.constants.push((row, word));
+                    near.insert(*reg, row);
+                    Some(row)
+                });
+                *reg = known.unwrap_or(*reg);
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_programs_name_near_rows_alone() {
+        for name in ["arithmetic.rgen", "light.rchit", "heavy.rchit"] {
+            let path = format!("{}/spirv-fixtures/bench/{name}.spv", env!("CARGO_MANIFEST_DIR"));
+            let module = crate::Module::open(path).expect("a valid fixture");
+            let program = Program::of(&module, "main").expect("a supported fixture");
+            assert!(program.rows as usize > WINDOW, "{name} has {} rows", program.rows);
+            assert!(!program.unwatched.steps.is_wide(), "{name} names rows behind the window");
+        }
+    }
+
+    #[test]
+    fn a_near_constant_has_a_row_that_no_batch_begins_with_zeros() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/bench/arithmetic.rgen.spv");
+        let module = crate::Module::open(path).expect("a valid fixture");
+        let mut program = Program::of(&module, "main").expect("a supported fixture");
+        let far = Reg(WINDOW as u32 + 40);
+        program.variables = vec![(Reg(10), 1)];
+        program.constants = vec![(far, 7)];
+        let row = crate::ops::arithmetic::IAdd.row(32).expect("a row of 32 bits");
+        let mut ops = [Op::Row { row, to: Reg(0), from: [Reg(1), far, Reg(1)] }];
+        near_constants(&mut program, &mut ops, &Places::new(400, vec![Reg(10), Reg(11)]), &[]);
+        assert_eq!(ops, [Op::Row { row, to: Reg(0), from: [Reg(1), Reg(11), Reg(1)] }]);
+        assert_eq!(program.constants, [(far, 7), (Reg(11), 7)]);
+    }
+}
