@@ -15,9 +15,13 @@ mod assembly;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
-/// A shader of a stage. It may use a buffer of words (%words), the scene, a payload of two words, of
-/// which %low and %high point to one each, callable data, and numbers.
 fn shader(stage: &str, payload: &str, body: &str) -> Program {
+    shader_with("OpTypeStruct %uint %uint", stage, payload, body)
+}
+
+/// A shader of a stage. It may use a buffer of words (%first and %second point to two), the scene, a payload of
+/// two words, of which %low and %high point to one each, callable data, and numbers.
+fn shader_with(pair: &str, stage: &str, payload: &str, body: &str) -> Program {
     let text = format!(
         "OpCapability RayTracingKHR
          OpExtension \"SPV_KHR_ray_tracing\"
@@ -59,7 +63,7 @@ fn shader(stage: &str, payload: &str, body: &str) -> Program {
          %outputs_pointer = OpTypePointer StorageBuffer %Outputs
          %outputs = OpVariable %outputs_pointer StorageBuffer
          %word = OpTypePointer StorageBuffer %uint
-         %pair = OpTypeStruct %uint %uint
+         %pair = {pair}
          %pair_pointer = OpTypePointer {payload} %pair
          %part = OpTypePointer {payload} %uint
          %payload = OpVariable %pair_pointer {payload}
@@ -213,55 +217,15 @@ fn a_payload_that_is_reached_by_a_computed_index_counts_as_read() {
     };
     let written = closest_hit("OpStore %low %2").payloads.writes_only.expect("nothing but the payload");
     assert!(!written.meets(plain.payloads.reads_behind(op(&plain))));
-    let text = "OpCapability RayTracingKHR
-         OpExtension \"SPV_KHR_ray_tracing\"
-         OpMemoryModel Logical GLSL450
-         OpEntryPoint RayGenerationKHR %main \"main\" %payload %scene %id %outputs
-         OpDecorate %scene DescriptorSet 0
-         OpDecorate %scene Binding 0
-         OpDecorate %outputs DescriptorSet 0
-         OpDecorate %outputs Binding 1
-         OpDecorate %Outputs Block
-         OpMemberDecorate %Outputs 0 Offset 0
-         OpDecorate %id BuiltIn LaunchIdKHR
-         %void = OpTypeVoid
-         %function = OpTypeFunction %void
-         %uint = OpTypeInt 32 0
-         %float = OpTypeFloat 32
-         %vec3 = OpTypeVector %float 3
-         %uvec3 = OpTypeVector %uint 3
-         %0 = OpConstant %uint 0
-         %2 = OpConstant %uint 2
-         %0f = OpConstant %float 0.0
-         %1f = OpConstant %float 1.0
-         %at = OpConstantComposite %vec3 %0f %0f %1f
-         %as = OpTypeAccelerationStructureKHR
-         %as_pointer = OpTypePointer UniformConstant %as
-         %scene = OpVariable %as_pointer UniformConstant
-         %Outputs = OpTypeStruct %uint
-         %outputs_pointer = OpTypePointer StorageBuffer %Outputs
-         %outputs = OpVariable %outputs_pointer StorageBuffer
-         %word = OpTypePointer StorageBuffer %uint
-         %pair = OpTypeArray %uint %2
-         %pair_pointer = OpTypePointer RayPayloadKHR %pair
-         %part = OpTypePointer RayPayloadKHR %uint
-         %payload = OpVariable %pair_pointer RayPayloadKHR
-         %id_pointer = OpTypePointer Input %uvec3
-         %id = OpVariable %id_pointer Input
-         %main = OpFunction %void None %function
-         %start = OpLabel
-         %structure = OpLoad %as %scene
-         OpTraceRayKHR %structure %0 %2 %0 %0 %0 %at %0f %at %1f %payload
+    let body = format!(
+        "{TRACE}
          %invocation = OpLoad %uvec3 %id
          %x = OpCompositeExtract %uint %invocation 0
          %element = OpAccessChain %part %payload %x
          %read = OpLoad %uint %element
-         %first = OpAccessChain %word %outputs %0
-         OpStore %first %read
-         OpReturn
-         OpFunctionEnd";
-    let module = Arc::new(anyhit::module::load(&assembly::assemble(text)).expect("a module"));
-    let computed = Program::of(&module, "main").expect("a shader");
+         OpStore %first %read"
+    );
+    let computed = shader_with("OpTypeArray %uint %2", "RayGenerationKHR", "RayPayloadKHR", &body);
     assert!(written.meets(computed.payloads.reads_behind(op(&computed))));
 }
 
