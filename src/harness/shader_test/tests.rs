@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::error::ErrorKind;
 use crate::geometry::Ray;
 use crate::harness::hit::Hit;
 use crate::harness::instance::Instance;
@@ -253,6 +254,27 @@ fn a_hit_object_without_an_instance_is_a_miss() {
         assert_eq!(found, [0.0, 0.0, 1.0, 0.5, 100.0, 1.0, 2.0]);
         assert_eq!(outcome.executes[0].committed, None);
     }
+}
+
+#[test]
+fn the_record_of_a_hit_object_is_what_the_test_gives() {
+    let module = fixture("hit-object/getters/main.rgen.spv");
+    // Its ray goes down from (3/2, 9/4, 1).
+    let triangle = Instance::triangle([[1.0, 2.0, -3.0], [3.0, 2.0, -3.0], [1.0, 4.0, -3.0]]);
+    let test = ShaderTest::new(&module, "main").expect("a ray generation shader");
+    let test = test.buffer(0, 1, &[0.0f32; 55]).on_trace(move |trace| {
+        trace.hit(triangle.clone());
+        Ok(())
+    });
+    // The shader reads the number behind the record's handle last.
+    let outcome = test.clone().hit_object_record(&29.5f32).run().unwrap();
+    assert_eq!(outcome.buffer(0, 1).unwrap()["outputs"][54].f32(), 29.5);
+    // A record of no bytes is there, and holds no number.
+    let error = test.clone().hit_object_record(&[0u32; 0]).run().unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Trap);
+    let error = test.run().unwrap_err().render();
+    assert!(error.contains("asks for the shader record of a hit object"), "{error}");
+    assert!(error.contains(".hit_object_record(&data)"), "{error}");
 }
 
 #[test]
