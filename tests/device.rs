@@ -91,6 +91,54 @@ fn null_descriptors_and_motion_need_their_features() {
         assert!(found.contains(wanted), "{more}: no `{wanted}` in:\n{found}");
         assert_eq!(refused(more, ""), None, "{more}");
     }
+    let image = "[resources.none]\ntype = 'storage_image'\nbinding = 99\nnull = true";
+    let found = refused(image, "").unwrap_or_default();
+    assert!(found.contains("only buffers and acceleration structures may be null"), "{found}");
+    assert!(found.contains("scene.toml:6:8"), "{found}");
+}
+
+/// What is wrong with a case of motion under other flags.
+fn refused_to_move(case: &str, flags: &str) -> Option<String> {
+    let root =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders/pass/motion-blur").join(case).join("scene.toml");
+    let text = format!(
+        "version = 1\nlaunch = 1\ninclude = '../targets.toml'\n\
+         [shaders]\nraygen = '../../../../spirv-fixtures/pass/motion-blur/{case}/main.rgen.spv'\n\
+         [pipeline]\nraygen = 'raygen'\nmiss = ['miss']\nhit = [{{ closest_hit = 'closest' }}]\n{flags}"
+    );
+    let found = load_text(&root, &text, &DiskFiles, &Options::default()).and_then(|scene| assemble(&scene));
+    found.err().map(|error| error.render() + &error.others().iter().map(Error::render).collect::<String>())
+}
+
+#[test]
+fn what_moves_needs_a_pipeline_that_allows_it() {
+    for (case, instruction, rule) in [
+        ("traces", "OpTraceRayMotionNV", "VUID-RuntimeSpirv-OpTraceRayMotionNV-06367"),
+        ("nv-hit-objects", "OpHitObjectTraceRayMotionNV", "OpHitObjectTraceRayMotionNV-07711"),
+        ("ext-hit-objects", "OpHitObjectTraceRayMotionEXT", "ALLOW_MOTION_BIT_NV is missing"),
+    ] {
+        assert_eq!(refused_to_move(case, ""), None, "no list of flags allows it");
+        assert_eq!(refused_to_move(case, "flags = 'allow_motion'"), None);
+        let found = refused_to_move(case, "flags = 'skip_aabbs'").unwrap_or_default();
+        let traces =
+            format!("shader `main`: {instruction} traces at a time, which the pipeline does not allow");
+        for words in [&traces, rule] {
+            assert!(found.contains(words), "{case}: no `{words}` in:\n{found}");
+        }
+    }
+    // Rays without a time meet what moves.
+    let moving = "[geometry.wing]\ntype = 'triangles'\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n\
+         [[instance]]\ngeometry = 'wing'\nmotion = { translate = [0, 0, 1] }";
+    let found = refused(moving, "flags = 'allow_spheres_and_linear_swept_spheres'").unwrap_or_default();
+    for words in ["instance 0 moves, which the pipeline does not allow", "OpTraceRayKHR-06360"] {
+        assert!(found.contains(words), "no `{words}` in:\n{found}");
+    }
+    let queries =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders/pass/motion-blur/ray-queries/scene.toml");
+    let text =
+        std::fs::read_to_string(&queries).expect("a case").replace("[pipeline]", "[pipeline]\nflags = []");
+    let scene = load_text(&queries, &text, &DiskFiles, &Options::default()).expect("a scene");
+    assert!(assemble(&scene).is_ok(), "a ray query needs no flag of a pipeline");
 }
 
 #[test]

@@ -103,6 +103,36 @@ impl Op {
     }
 }
 
+/// An instruction that traces a ray at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timed {
+    /// Its name.
+    pub name: &'static str,
+    /// What asks for a pipeline that allows it, where that is written.
+    pub rule: Option<&'static str>,
+}
+
+impl Timed {
+    /// The instruction of an opcode, if it is one.
+    pub fn of(opcode: u16) -> Option<Self> {
+        let (name, rule) = match Opcode::from_u32(opcode.into())? {
+            Opcode::TraceRayMotionNV => {
+                ("OpTraceRayMotionNV", Some("VUID-RuntimeSpirv-OpTraceRayMotionNV-06367"))
+            }
+            Opcode::TraceMotionNV => ("OpTraceMotionNV", None),
+            Opcode::HitObjectTraceRayMotionNV => {
+                ("OpHitObjectTraceRayMotionNV", Some("VUID-RuntimeSpirv-OpHitObjectTraceRayMotionNV-07711"))
+            }
+            Opcode::HitObjectTraceRayMotionEXT => ("OpHitObjectTraceRayMotionEXT", None),
+            Opcode::HitObjectTraceMotionReorderExecuteEXT => {
+                ("OpHitObjectTraceMotionReorderExecuteEXT", None)
+            }
+            _ => return None,
+        };
+        Some(Self { name, rule })
+    }
+}
+
 /// Decodes ray-tracing instructions; `false` for an instruction of another section.
 pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {

@@ -7,7 +7,7 @@ use crate::accel::{GeometryKind, Tlas};
 use crate::error::{Error, ErrorKind, Result};
 use crate::module::Module;
 use crate::module::names::capability_name;
-use crate::pipeline::PipelineFlags;
+use crate::pipeline::{PipelineFlags, flags};
 
 /// Bytes of a shader group's handle (`shaderGroupHandleSize`), the same on every device.
 const HANDLE_SIZE: u64 = 32;
@@ -274,8 +274,7 @@ impl DeviceProfile {
                 errors.push(invalid(message).note(vuid));
             }
         }
-        if let Some(at) =
-            instances.iter().position(|instance| instance.motion.is_some() || instance.blas.moves())
+        if let Some(at) = flags::first_moving(tlas)
             && !self.features.ray_tracing_motion_blur
         {
             let message = format!(

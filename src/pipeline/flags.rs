@@ -2,7 +2,11 @@
 
 use crate::accel::{GeometryKind, Tlas};
 use crate::error::{Error, ErrorKind, Result};
+use crate::ops::op::Op;
+use crate::ops::ray_tracing::{self, Timed};
+use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup};
+use crate::program::Program;
 
 /// `VkPipelineCreateFlags2` that change what rays meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +19,9 @@ pub struct PipelineFlags {
     /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES_BIT_NV`. Vulkan asks for
     /// it; on by default, so that only a test which takes it away meets the difference.
     pub allow_spheres_and_linear_swept_spheres: bool,
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_MOTION_BIT_NV`, which Vulkan asks for where something moves or a ray has a
+    /// time; on by default, too.
+    pub allow_motion: bool,
     /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR`: a candidate whose any-hit shader
     /// is null traps.
     pub no_null_any_hit_shaders: bool,
@@ -32,6 +39,7 @@ impl Default for PipelineFlags {
             skip_triangles: false,
             skip_aabbs: false,
             allow_spheres_and_linear_swept_spheres: true,
+            allow_motion: true,
             no_null_any_hit_shaders: false,
             no_null_closest_hit_shaders: false,
             no_null_miss_shaders: false,
@@ -69,6 +77,23 @@ impl PipelineFlags {
         Ok(())
     }
 
+    /// Checks that shaders trace rays at a time only where that is allowed.
+    ///
+    /// # Errors
+    /// `InvalidScene` at the first instruction of a shader that does.
+    pub(super) fn check_times(self, program: &Program) -> Result<()> {
+        let timed = traces(program).find_map(|op| Some((op, timed(program, op)?)));
+        match timed {
+            Some((op, timed)) if !self.allow_motion => {
+                let message = format!("{} traces at a time, which the pipeline does not allow", timed.name);
+                let error = Error::new(ErrorKind::InvalidScene, message).note(MOTION_MISSING);
+                let error = timed.rule.into_iter().fold(error, Error::note);
+                Err(program.place(op).into_iter().fold(error, Error::at))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Checks that what a pipeline will meet is allowed.
     ///
     /// # Errors
@@ -86,4 +111,43 @@ impl PipelineFlags {
             _ => Ok(()),
         }
     }
+}
+
+impl Pipeline {
+    /// Checks that nothing moves in a structure where the pipeline traces rays and does not allow it.
+    ///
+    /// # Errors
+    /// `InvalidScene` with the first instance that moves.
+    pub fn check_motion(&self, tlas: &Tlas) -> Result<()> {
+        let traces = || self.programs.iter().any(|program| traces(program).next().is_some());
+        match first_moving(tlas) {
+            Some(at) if !self.flags.allow_motion && traces() => {
+                let message = format!("instance {at} moves, which the pipeline does not allow");
+                let error = Error::new(ErrorKind::InvalidScene, message).note(MOTION_MISSING);
+                Err(error.note("VUID-RuntimeSpirv-OpTraceRayKHR-06360"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+const MOTION_MISSING: &str = "VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_MOTION_BIT_NV is missing";
+
+/// The first instance that moves, or whose geometry does.
+pub(super) fn first_moving(tlas: &Tlas) -> Option<usize> {
+    tlas.instances().iter().position(|instance| instance.motion.is_some() || instance.blas.moves())
+}
+
+/// The operations that trace rays.
+fn traces(program: &Program) -> impl Iterator<Item = u32> {
+    let traces = |op: &Op| {
+        matches!(op, Op::Stop(ray_tracing::Op::TraceRay { .. } | ray_tracing::Op::HitObjectTrace { .. }))
+    };
+    (0..).zip(&program.ops).filter(move |(_, op)| traces(op)).map(|(at, _)| at)
+}
+
+/// The instruction of an operation, where it takes a time.
+fn timed(program: &Program, op: u32) -> Option<Timed> {
+    let offset = program.origins.get(op as usize)?.offset;
+    Timed::of(program.module.words.get(offset as usize).map(|word| *word as u16)?)
 }

@@ -288,9 +288,10 @@ impl Builder {
         device.check_pipeline(max_recursion, self.flags)?;
         self.flags.check_groups(&self.groups)?;
         for (at, program) in self.programs.iter().enumerate() {
+            let context = |error: Error| error.context(format!("shader `{}`", program.name));
+            self.flags.check_times(program).map_err(context)?;
             let known = self.programs[..at].iter().any(|other| Arc::ptr_eq(&other.module, &program.module));
             if !known {
-                let context = |error: Error| error.context(format!("shader `{}`", program.name));
                 device.check_module(&program.module).map_err(context)?;
             }
             if let Some(rows) = program.interface_rows(storage::HIT_ATTRIBUTE) {

@@ -137,7 +137,11 @@ fn assemble_but(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>) -> Res
         other => other.ok(),
     };
     for (name, tlas) in &scene.tlas {
-        let checks = [scene.device.check_structure(tlas), scene.pipeline_flags.check_structure(tlas)];
+        let checks = [
+            scene.device.check_structure(tlas),
+            scene.pipeline_flags.check_structure(tlas),
+            pipeline.as_ref().map_or(Ok(()), |pipeline| pipeline.check_motion(tlas)),
+        ];
         let context = |error: Error| error.context(format!("acceleration structure `{name}`"));
         errors.extend(checks.into_iter().filter_map(|check| check.err().map(context)));
     }

@@ -48,6 +48,7 @@ pub(crate) enum PipelineFlag {
     SkipTriangles,
     SkipAabbs,
     AllowSpheresAndLinearSweptSpheres,
+    AllowMotion,
     NoNullAnyHitShaders,
     NoNullClosestHitShaders,
     NoNullMissShaders,
@@ -62,6 +63,7 @@ impl Named for PipelineFlag {
         ("skip_built_in_primitives", Self::SkipTriangles),
         ("skip_aabbs", Self::SkipAabbs),
         ("allow_spheres_and_linear_swept_spheres", Self::AllowSpheresAndLinearSweptSpheres),
+        ("allow_motion", Self::AllowMotion),
         ("no_null_any_hit_shaders", Self::NoNullAnyHitShaders),
         ("no_null_closest_hit_shaders", Self::NoNullClosestHitShaders),
         ("no_null_miss_shaders", Self::NoNullMissShaders),
@@ -74,8 +76,11 @@ pub(super) fn flags(table: &Table<'_>) -> PipelineFlags {
     let Some(OneOrMore(list)) = table.optional::<OneOrMore<PipelineFlag>>("flags") else {
         return PipelineFlags::default();
     };
-    let mut flags =
-        PipelineFlags { allow_spheres_and_linear_swept_spheres: false, ..PipelineFlags::default() };
+    let mut flags = PipelineFlags {
+        allow_spheres_and_linear_swept_spheres: false,
+        allow_motion: false,
+        ..PipelineFlags::default()
+    };
     for flag in list {
         match flag {
             PipelineFlag::SkipTriangles => flags.skip_triangles = true,
@@ -83,6 +88,7 @@ pub(super) fn flags(table: &Table<'_>) -> PipelineFlags {
             PipelineFlag::AllowSpheresAndLinearSweptSpheres => {
                 flags.allow_spheres_and_linear_swept_spheres = true;
             }
+            PipelineFlag::AllowMotion => flags.allow_motion = true,
             PipelineFlag::NoNullAnyHitShaders => flags.no_null_any_hit_shaders = true,
             PipelineFlag::NoNullClosestHitShaders => flags.no_null_closest_hit_shaders = true,
             PipelineFlag::NoNullMissShaders => flags.no_null_miss_shaders = true,

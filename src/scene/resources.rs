@@ -145,6 +145,10 @@ impl Parse for ResourceEntry {
         };
         let nullable =
             matches!(kind, Kind::StorageBuffer | Kind::UniformBuffer | Kind::AccelerationStructure);
+        if let Some(null) = table.value("null").filter(|_| !nullable) {
+            return null
+                .wrong("only buffers and acceleration structures may be null here, no image or sampler");
+        }
         let content = match kind {
             _ if nullable && table.or("null", false) => Some(Content::Null(kind)),
             Kind::StorageBuffer | Kind::UniformBuffer => {
