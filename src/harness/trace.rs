@@ -406,11 +406,9 @@ mod tests {
         let triangle = |z: f32| [[4.0, -1.0, z], [6.0, -1.0, z], [5.0, 1.0, z]];
         let triangle = Instance::triangle(triangle(0.0)).vertices_t1(triangle(2.0)).opaque();
         let scene = Scene::new([sphere, triangle]).unwrap();
-        let mut builder = Pipeline::builder();
-        builder.hit([shader("sphere/closest-hit/main.rchit.spv")]).unwrap();
-        let pipeline = builder.build().unwrap();
+        let pipeline = Pipeline::builder().build().unwrap();
         let t = |x: f32, time: f32| {
-            let ray = RayOperands::from(Ray::new([x, 0.0, 4.0], [0.0, 0.0, -1.0])).sbt(5, 1).time(time);
+            let ray = RayOperands::from(Ray::new([x, 0.0, 4.0], [0.0, 0.0, -1.0])).time(time);
             pipeline.trace(&scene, ray).unwrap().committed.map(|hit| hit.t)
         };
         // The sphere's upper end is at 1/2 - 4 time, the triangle at 2 time.
@@ -429,8 +427,29 @@ mod tests {
         let hit = |ray: RayOperands| pipeline.trace(&scene, ray).unwrap().committed.map(|hit| hit.candidate);
         assert_eq!(hit(ray.clone()).unwrap().instance, 1);
         assert_eq!(hit(ray.clone().cull_mask(2)).unwrap().instance, 0);
-        // No hit record 5: nothing runs, but the hit counts.
-        let traced = pipeline.trace(&scene, ray.sbt(5, 1)).unwrap();
-        assert!(traced.committed.is_some() && traced.stats.shaders.is_empty());
+    }
+
+    #[test]
+    fn a_record_beyond_its_table_traps_and_without_a_table_nothing_runs() {
+        let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)]).unwrap();
+        let hits = RayOperands::from(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
+        let misses = RayOperands::from(Ray::new([9.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
+        let mut builder = Pipeline::builder();
+        let without = builder.build().unwrap();
+        builder.hit([shader("sphere/closest-hit/main.rchit.spv")]).unwrap();
+        builder.miss(shader("sphere/closest-hit/main.rmiss.spv")).unwrap();
+        let pipeline = builder.build().unwrap();
+        for (ray, code, record) in [
+            (hits.sbt(5, 1), "the hit shader binding table has no record", "record 5 (instance offset"),
+            (misses.miss(1), "the miss shader binding table has no record", "record 1 (the miss index)"),
+        ] {
+            assert!(without.trace(&scene, ray.clone()).unwrap().stats.shaders.is_empty());
+            let error = pipeline.trace(&scene, ray).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Trap);
+            let text = error.render();
+            for words in [code, record, "of a table with 1 record"] {
+                assert!(text.contains(words), "no `{words}` in: {text}");
+            }
+        }
     }
 }

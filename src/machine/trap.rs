@@ -43,6 +43,12 @@ pub enum TrapCode {
     CallablesTooDeep,
     /// The shader binding table has no such record.
     ShaderRecordMissing,
+    /// The hit shader binding table has no record for what a ray met.
+    HitRecordMissing,
+    /// The miss shader binding table has no record of a ray's miss index.
+    MissRecordMissing,
+    /// A called shader takes a payload, or callable data, of another type than it is given.
+    PayloadMismatch,
     /// The hit kind of a report is above 127 (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998).
     InvalidHitKind,
     /// The operands of a ray query break a rule for rays; the report names it.
@@ -127,6 +133,11 @@ impl TrapCode {
             Self::RecursionTooDeep => "maxPipelineRayRecursionDepth is passed",
             Self::CallablesTooDeep => "1024 callable shaders have called each other: an endless recursion?",
             Self::ShaderRecordMissing => "the shader binding table has no such record",
+            Self::HitRecordMissing => "the hit shader binding table has no record for what the ray met",
+            Self::MissRecordMissing => "the miss shader binding table has no record of the ray's miss index",
+            Self::PayloadMismatch => {
+                "a called shader takes a payload, or callable data, of another type than it is given"
+            }
             Self::InvalidHitKind => {
                 "the hit kind of a report is above 127 (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998)"
             }

@@ -45,6 +45,8 @@ pub struct InterfaceRows {
     pub first: Reg,
     /// How many rows.
     pub count: u32,
+    /// Of payloads and callable data, a fingerprint of their scalars; see [`Decoder::scalars`].
+    pub scalars: u64,
 }
 
 impl InterfaceRows {

@@ -177,12 +177,20 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
         | storage::HIT_OBJECT_ATTRIBUTE_EXT => {
             let count = decoder.word_count(pointee)?;
             let first = decoder.fresh(count)?;
+            let scalars = match variable.storage_class {
+                storage::CALLABLE_DATA
+                | storage::INCOMING_CALLABLE_DATA
+                | storage::RAY_PAYLOAD
+                | storage::INCOMING_RAY_PAYLOAD => decoder.scalars(pointee)?,
+                _ => 0,
+            };
             let rows = InterfaceRows {
                 variable: id,
                 storage_class: variable.storage_class,
                 ty: pointee,
                 first,
                 count,
+                scalars,
             };
             decoder.interface.push(rows);
             decoder.variables.push((first, count));

@@ -85,6 +85,17 @@ impl Op {
         }
     }
 
+    /// The rows of the payload or callable data that a called shader is given.
+    pub fn given(&self) -> Option<Rows> {
+        match *self {
+            Self::TraceRay { payload, .. }
+            | Self::HitObjectTrace { payload, .. }
+            | Self::HitObjectExecute { payload, .. } => Some(payload),
+            Self::ExecuteCallable { data, .. } => Some(data),
+            Self::ReportIntersection { .. } | Self::HitObjectRecordHandle { .. } => None,
+        }
+    }
+
     /// The stop that the running lanes make.
     pub fn stop<const W: usize>(&self, batch: &Batch<W>) -> Stop<W> {
         let mask = batch.mask;

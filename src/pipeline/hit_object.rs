@@ -6,6 +6,7 @@ use crate::machine::object::ObjectRef;
 use crate::machine::stop::Rows;
 use crate::machine::{Mask, Observer, Reg, TrapCode};
 use crate::ops::row::{Row, Width};
+use crate::pipeline::payload;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Level, Stack};
 use crate::pipeline::trace::{Trace, at};
@@ -36,7 +37,8 @@ where
         let mut trace = self.spare_trace(true);
         let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
         let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
-        trace.traced_by(caller, &running.batch.invocations);
+        let program = &self.pipeline.programs[running.shader.0 as usize];
+        trace.traced_by(caller, payload::scalars_given(program, payload), &running.batch.invocations);
         trace.settled = true;
         let mut lanes = Mask::NONE;
         for lane in mask.lanes() {

@@ -14,7 +14,7 @@ use crate::pipeline::order::Order;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::tasks::{Done, Tasks};
-use crate::pipeline::trapped::Trapped;
+use crate::pipeline::trapped::{Trapped, missing_record};
 use crate::pipeline::witness::{Event, Only, Witness};
 
 /// What a launch did.
@@ -382,7 +382,10 @@ impl Launch<'_> {
         match (stack.trapped, trace) {
             (Some(trapped), _) => Err(trapped.error),
             (None, Some(trace)) => match trace.trapped(0) {
-                Some(code) => Err(Error::new(ErrorKind::Trap, code.message())),
+                Some(code) => {
+                    let record = missing_record(&self.pipeline.sbt, code, trace.records[0]);
+                    Err(record.into_iter().fold(Error::new(ErrorKind::Trap, code.message()), Error::note))
+                }
                 None => Ok(RayOutcome {
                     committed: trace.committed[0],
                     payload: trace.own_payload.as_ref().map_or_else(Vec::new, words),

@@ -14,6 +14,7 @@ pub mod group;
 mod hit_object;
 pub mod launch;
 mod order;
+mod payload;
 mod plain;
 mod report;
 pub mod sbt;

@@ -59,6 +59,11 @@ impl<const W: usize> Report<W> {
             };
             let any_hit = hit_group_at(pipeline, trace.hit_index(lane, &candidate)).1.any_hit;
             match any_hit.filter(|_| !candidate.opaque) {
+                Some(shader) if !trace.suits(pipeline, shader) => {
+                    let op = batch.op - 1;
+                    batch.asked[lane] = shader.0.into();
+                    batch.trap(Mask::lane(lane), TrapCode::PayloadMismatch, op);
+                }
                 None => {
                     trace.cursor_mut(lane).generate(t, kind);
                     trace.commit_attributes(lane, reported.attributes.clone());

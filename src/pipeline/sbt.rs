@@ -50,6 +50,12 @@ pub struct Sbt {
     pub callable: Vec<Option<Record>>,
 }
 
+/// Whether a table ends before an index. One without any records is as one whose handles are all null: an application
+/// that has no such shaders gives no memory for it.
+pub(super) fn ends_before(table: &[Option<Record>], index: u64) -> bool {
+    !table.is_empty() && index >= table.len() as u64
+}
+
 impl Sbt {
     /// Checks that every record names a group of its kind.
     pub(super) fn check(&self, programs: &[Arc<Program>], groups: &[Group]) -> Result<()> {

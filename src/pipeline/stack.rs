@@ -18,6 +18,7 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{RayOperands, Stats};
 use crate::pipeline::order::Order;
+use crate::pipeline::payload;
 use crate::pipeline::report::Report;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::trace::{Data, Trace, Waiting, at, general};
@@ -430,6 +431,13 @@ where
             return;
         }
         let (data, index) = (call.data, call.index);
+        let given = payload::scalars_given(&self.pipeline.programs[below.shader.0 as usize], data);
+        if !payload::takes(&self.pipeline.programs[shader.0 as usize], given) {
+            let op = below.batch.op - 1;
+            lanes.lanes().for_each(|lane| below.batch.asked[lane] = shader.0.into());
+            below.batch.trap(lanes, TrapCode::PayloadMismatch, op);
+            return;
+        }
         let mut running = self.ready(shader, Role::Callable);
         let [.., Level::Shader(below), Level::Call(_)] = &self.levels[..] else { return };
         let (from, to) = (&below.batch.invocations, &mut running.batch.invocations);

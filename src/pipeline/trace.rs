@@ -18,8 +18,9 @@ use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
 use crate::pipeline::launch::Stats;
+use crate::pipeline::payload;
 use crate::pipeline::plain::PlainRays;
-use crate::pipeline::sbt::Record;
+use crate::pipeline::sbt::{Record, ends_before};
 use crate::pipeline::stack::Role;
 use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
 
@@ -58,7 +59,8 @@ pub(super) struct Trace<const W: usize> {
     /// Attributes of hits that were reported or that hit objects hold, by lane.
     attributes: Vec<Data>,
     /// The indices of the shader records that are called.
-    records: [u64; W],
+    /// Of lanes that trap for want of a record, its index; as their payload does not suit, the shader's.
+    pub(super) records: [u64; W],
     /// Whether hit objects say which records, and with them the attributes: nothing is traversed.
     pub settled: bool,
     /// Lanes whose caller traps: a shader that their ray called trapped, or is null where it must not be.
@@ -73,6 +75,8 @@ pub(super) struct Trace<const W: usize> {
     finished: bool,
     /// The instruction that traces.
     caller: Option<Caller>,
+    /// The scalars of the payload that its shader gives.
+    payload_scalars: Option<u64>,
     /// Whether closest-hit and miss shaders run at the end.
     shades: bool,
     /// Whether somebody watches shaders run.
@@ -110,6 +114,7 @@ impl<const W: usize> Default for Trace<W> {
             begun: false,
             finished: false,
             caller: None,
+            payload_scalars: None,
             shades: false,
             watched: false,
             pipeline_flags: 0,
@@ -132,15 +137,26 @@ impl<const W: usize> Trace<W> {
         self.trapping = Mask::NONE;
         self.waiting.clear();
         (self.begun, self.finished) = (false, false);
-        self.caller = None;
+        (self.caller, self.payload_scalars) = (None, None);
         self.stats = Stats::default();
     }
 
     /// Takes the places in the launch of the invocations that trace.
-    pub fn traced_by(&mut self, caller: Caller, invocations: &Invocations<W>) {
-        self.caller = Some(caller);
+    pub fn traced_by(&mut self, caller: Caller, payload_scalars: Option<u64>, invocations: &Invocations<W>) {
+        (self.caller, self.payload_scalars) = (Some(caller), payload_scalars);
         (self.launch_id, self.launch_size) = (invocations.launch_id, invocations.launch_size);
         self.depth = invocations.depth + 1;
+    }
+
+    /// Whether a shader can take the payload of the rays.
+    pub fn suits(&self, pipeline: &Pipeline, shader: Shader) -> bool {
+        payload::takes(&pipeline.programs[shader.0 as usize], self.payload_scalars)
+    }
+
+    /// Ends the ray of a lane that calls a shader which cannot take its payload.
+    fn end_by_mismatch(&mut self, lane: usize, shader: Shader) {
+        self.records[lane] = shader.0.into();
+        self.trap(lane, TrapCode::PayloadMismatch);
     }
 
     /// Takes a place in the launch for a ray that no shader traces.
@@ -339,6 +355,11 @@ impl<const W: usize> Trace<W> {
                     ];
                     witness.event(Event::Candidate { candidate, record: index, arithmetic, shader });
                 }
+                if let Some(shader) = shader.filter(|shader| !self.suits(pipeline, *shader)) {
+                    self.end_by_mismatch(lane, shader);
+                    self.cursor_mut(lane).terminate();
+                    continue;
+                }
                 // A witness sees every shader run.
                 if !T::ACTIVE && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
                     // An empty intersection shader reports nothing, an empty any-hit shader accepts.
@@ -347,6 +368,10 @@ impl<const W: usize> Trace<W> {
                     continue;
                 }
                 match shader {
+                    _ if ends_before(&pipeline.sbt.hit, index) => {
+                        self.records[lane] = index;
+                        self.end_by_trap(lane, TrapCode::HitRecordMissing);
+                    }
                     Some(shader) => {
                         let role = if candidate.is_box() { Role::Intersection } else { Role::AnyHit };
                         self.records[lane] = index;

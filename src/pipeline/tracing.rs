@@ -12,6 +12,7 @@ use crate::ops::ray_tracing::TRACE_OPERANDS;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::PipelineFlags;
 use crate::pipeline::launch::RayOperands;
+use crate::pipeline::payload;
 use crate::pipeline::stack::{Level, Stack};
 use crate::pipeline::trace::{Data, Trace};
 use crate::pipeline::witness::{Caller, Event, Witness};
@@ -83,7 +84,8 @@ where
         let bindings = &self.bindings[running.shader.0 as usize];
         let batch = &mut running.batch;
         let caller = Caller { shader: running.shader, op: batch.op - 1, payload: payload.first };
-        trace.traced_by(caller, &batch.invocations);
+        let program = &self.pipeline.programs[running.shader.0 as usize];
+        trace.traced_by(caller, payload::scalars_given(program, payload), &batch.invocations);
         let found = trace.take_operands(&batch.registers, operands, bindings, mask);
         let flags = self.pipeline.flags;
         let mut lanes = found & trace.rays.within_rules(flags.ray_flags());
@@ -177,6 +179,10 @@ where
         for lane in trace.trapping().lanes() {
             let op = below.batch.op - 1;
             let code = trace.trapped(lane).unwrap_or(TrapCode::Callee);
+            let asks = [TrapCode::HitRecordMissing, TrapCode::MissRecordMissing, TrapCode::PayloadMismatch];
+            if asks.contains(&code) {
+                below.batch.asked[lane] = trace.records[lane];
+            }
             below.batch.trap(Mask::lane(lane), code, op);
         }
         if let Some(object) = object {

@@ -2,8 +2,12 @@
 
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::{Batch, Observer, Trap, TrapCode};
+use crate::module::interface::Stage;
+use crate::ops::op::Op;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::group::Shader;
+use crate::pipeline::payload;
+use crate::pipeline::sbt::Sbt;
 use crate::pipeline::stack::{Level, Running, Stack};
 use crate::pipeline::witness::Witness;
 use crate::program::Program;
@@ -51,6 +55,11 @@ where
             launch_id[1],
             launch_id[2]
         ));
+        let asked = running.batch.asked[lane];
+        error = missing_record(&self.pipeline.sbt, trap.code, asked).into_iter().fold(error, Error::note);
+        if trap.code == TrapCode::PayloadMismatch {
+            error = self.mismatch(running, trap.op, asked).into_iter().flatten().fold(error, Error::note);
+        }
         let callers = self.levels.iter().rev().filter_map(|level| match level {
             Level::Shader(caller) => Some(caller),
             _ => None,
@@ -75,6 +84,44 @@ where
         let (code, asked, shader) = (trap.code, running.batch.asked[lane], running.shader);
         self.trapped = Some(Trapped { launch_id, code, asked, shader, offset, error });
     }
+}
+
+impl<const W: usize, T: Witness, O: Observer<W>> Stack<'_, W, T, O> {
+    /// What two shaders make of a payload, and the rule that it breaks.
+    fn mismatch(&self, running: &Running<W>, op: u32, called: u64) -> Option<Vec<String>> {
+        let program = |shader: Shader| &*self.pipeline.programs[shader.0 as usize];
+        let own = match program(running.shader).ops.get(op as usize)? {
+            Op::Stop(op) => op.given().map(|rows| (running.shader, rows.first)),
+            _ => None,
+        };
+        // A reported hit's any-hit shader has the payload of whoever traces.
+        let traces = || {
+            self.levels.iter().rev().find_map(|level| match level {
+                Level::Trace { trace, payload, .. } => Some((trace.caller()?.shader, payload.first)),
+                _ => None,
+            })
+        };
+        let (caller, first) = own.or_else(traces)?;
+        let called = program(Shader(u32::try_from(called).ok()?));
+        let rule = match called.stage {
+            Stage::Callable => "SPV_KHR_ray_tracing, OpExecuteCallableKHR: both are of one type",
+            _ => "VUID-RuntimeSpirv-OpTraceRayKHR-11855: both are of one type",
+        };
+        Some(vec![payload::mismatch(program(caller), first, called)?, rule.to_owned()])
+    }
+}
+
+/// Which record a trap is about that is in no table.
+pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<String> {
+    let (what, count) = match code {
+        TrapCode::HitRecordMissing => {
+            ("instance offset + geometry index x SBT stride + SBT offset", sbt.hit.len())
+        }
+        TrapCode::MissRecordMissing => ("the miss index", sbt.miss.len()),
+        _ => return None,
+    };
+    let records = if count == 1 { "1 record".to_owned() } else { format!("{count} records") };
+    Some(format!("record {index} ({what}), counted from 0, of a table with {records}"))
 }
 
 /// The report of a trap by itself: what, where in the source, and which access.

@@ -1,5 +1,8 @@
 //! How values of each type lie in rows: how many words they take, and those of constants.
 
+use std::hash::Hasher;
+
+use rustc_hash::FxHasher;
 use smallvec::SmallVec;
 
 use crate::error::Result;
@@ -55,6 +58,38 @@ impl Decoder<'_> {
                 });
             }
         })
+    }
+
+    /// A fingerprint of a type's scalars, in their order: the same for types whose values lie alike in rows, whatever
+    /// the types and their members are called, and whether integers have a sign.
+    pub fn scalars(&mut self, ty: TypeId) -> Result<u64> {
+        let mut hasher = FxHasher::default();
+        self.hash_scalars(ty, &mut hasher)?;
+        Ok(hasher.finish())
+    }
+
+    fn hash_scalars(&mut self, ty: TypeId, hasher: &mut FxHasher) -> Result<()> {
+        const FLOAT: u32 = 1 << 16;
+        let (part, count) = match self.module.ty(ty).clone() {
+            Type::Vector { component: part, count } | Type::Matrix { column: part, count } => (part, count),
+            Type::Array { element, length, .. } => (element, self.array_length(length)?),
+            Type::Struct { members, .. } => {
+                return members.iter().try_for_each(|member| self.hash_scalars(member.ty, hasher));
+            }
+            Type::Int { width, .. } => {
+                hasher.write_u32(width);
+                return Ok(());
+            }
+            Type::Float { width, .. } => {
+                hasher.write_u32(FLOAT + width);
+                return Ok(());
+            }
+            _ => {
+                hasher.write_u32(self.word_count(ty)?);
+                return Ok(());
+            }
+        };
+        (0..count).try_for_each(|_| self.hash_scalars(part, hasher))
     }
 
     /// Bits of a scalar type or of a vector's component; 0 for a bool.

@@ -7,6 +7,7 @@ use crate::machine::stop::Rows;
 use crate::machine::{Mask, Registers, TrapCode};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
+use crate::pipeline::sbt::ends_before;
 use crate::pipeline::stack::Role;
 use crate::pipeline::trace::{Data, Trace, at, general, hit_group_at};
 use crate::pipeline::witness::{Caller, Event, Witness};
@@ -57,10 +58,15 @@ impl<const W: usize> Trace<W> {
                 }
             }
             let promised = match role {
+                Role::Miss if ends_before(&pipeline.sbt.miss, index) => Some(TrapCode::MissRecordMissing),
                 Role::Miss => pipeline.flags.no_null_miss_shaders.then_some(TrapCode::NullMiss),
+                _ if ends_before(&pipeline.sbt.hit, index) => Some(TrapCode::HitRecordMissing),
                 _ => pipeline.flags.no_null_closest_hit_shaders.then_some(TrapCode::NullClosestHit),
             };
             match (shader, promised) {
+                (Some(shader), _) if !self.suits(pipeline, shader) => {
+                    called.lanes().for_each(|lane| self.end_by_mismatch(lane, shader));
+                }
                 (Some(shader), _) if !T::ACTIVE && is_empty => {
                     self.stats.spare(pipeline.programs[shader.0 as usize].stage, called.count());
                 }

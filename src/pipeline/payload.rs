@@ -1,0 +1,58 @@
+//! Payloads and callable data: what a shader gives and what the shader that it calls takes are of one type.
+
+use crate::machine::Reg;
+use crate::machine::stop::Rows;
+use crate::module::Module;
+use crate::module::ty::{Type, TypeId};
+use crate::ops::decode::InterfaceRows;
+use crate::ops::pointer::storage;
+use crate::program::Program;
+
+/// The variable of a shader's interface whose rows it gives.
+fn given(program: &Program, first: Reg) -> Option<&InterfaceRows> {
+    program.interface.iter().find(|rows| rows.first == first)
+}
+
+/// The variable that a shader takes payload or callable data in, where it has one that it uses.
+fn taken(program: &Program) -> Option<&InterfaceRows> {
+    let classes = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA];
+    classes.into_iter().find_map(|class| program.interface_rows(class))
+}
+
+/// The scalars of what a shader gives from some rows; see [`InterfaceRows::scalars`].
+pub(super) fn scalars_given(program: &Program, rows: Rows) -> Option<u64> {
+    given(program, rows.first).map(|rows| rows.scalars)
+}
+
+/// Whether a shader can take data of these scalars. One that does not use what it is given takes anything.
+pub(super) fn takes(program: &Program, scalars: Option<u64>) -> bool {
+    let Some(scalars) = scalars else { return true };
+    taken(program).is_none_or(|rows| rows.scalars == scalars)
+}
+
+/// Both types, of what a shader gives and of what the called one takes.
+pub(super) fn mismatch(caller: &Program, first: Reg, called: &Program) -> Option<String> {
+    let (given, taken) = (given(caller, first)?, taken(called)?);
+    Some(format!(
+        "{} `{}` takes {}, and is given {}",
+        called.stage.name(),
+        called.name,
+        of_type(&called.module, taken.ty),
+        of_type(&caller.module, given.ty)
+    ))
+}
+
+/// A type for people, a struct with its members.
+fn of_type(module: &Module, ty: TypeId) -> String {
+    let name = module.describe_type(ty);
+    let Type::Struct { members, .. } = module.ty(ty) else { return name };
+    let id = module.type_ids[ty.0 as usize];
+    let members = (0..).zip(members).map(|(at, member)| {
+        let ty = module.describe_type(member.ty);
+        match module.debug_info.member_names.get(&(id, at)) {
+            Some(name) => format!("{ty} {name}"),
+            None => ty,
+        }
+    });
+    format!("{name} {{ {} }}", members.collect::<Vec<_>>().join(", "))
+}
