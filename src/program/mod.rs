@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::resource::ELEMENT_BITS;
+use crate::machine::resource::{ELEMENT_BITS, STRUCTURE_HANDLE};
 use crate::machine::{Accessed, Batch, Binding, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode};
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
@@ -251,6 +251,12 @@ impl Program {
             let opcode = *self.module.words.get(self.origins.get(trap.op as usize)?.offset as usize)?;
             let broken = *RayRule::ALL.get(asked as usize)?;
             return Some(ray_rules::describe(opcode as u16, broken));
+        }
+        if trap.code == TrapCode::AccelerationStructureMissing {
+            // What is no descriptor is a device address, which may not be known here.
+            let (handle, high) = (asked as u32, (asked >> 32) as u32);
+            let name = self.describe_descriptor(handle).filter(|_| high == STRUCTURE_HANDLE)?;
+            return Some(format!("{name} holds none"));
         }
         let op = self.ops.get(trap.op as usize)?;
         let chunk = match op {
