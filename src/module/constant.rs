@@ -76,6 +76,15 @@ impl Module {
         .note(self.list_specializations()))
     }
 
+    /// The type of the scalar specialization constants with this `SpecId`.
+    pub fn specialization_type(&self, spec_id: u32) -> Option<TypeId> {
+        let is_meant = |constant: &&Constant| {
+            let is_scalar = matches!(constant.value, ConstantValue::Scalar(_));
+            constant.spec_id == Some(spec_id) && constant.specializable && is_scalar
+        };
+        self.constants.iter().find(is_meant).map(|constant| constant.ty)
+    }
+
     /// The bits of a scalar constant as it stands, specialization constants included: their
     /// default, or what [`Module::specialize`] has put there.
     ///

@@ -173,13 +173,8 @@ impl<'a> Shaders<'a> {
         let mut module = self.module(shader.module)?;
         if !shader.specialization.is_empty() {
             let special = Arc::make_mut(&mut module);
-            for (id, bytes) in &shader.specialization {
-                let mut bits = [0; 8];
-                let count = bytes.len().min(8);
-                bits[..count].copy_from_slice(&bytes[..count]);
-                special
-                    .specialize(*id, u64::from_le_bytes(bits))
-                    .map_err(|error| error.at(shader.place.clone()))?;
+            for (id, value) in &shader.specialization {
+                value.give(special, *id)?;
             }
         }
         let entry =

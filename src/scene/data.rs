@@ -15,7 +15,7 @@ use half::f16;
 use crate::error::{Error, ErrorKind, Result};
 use crate::scene::camera::Camera;
 use crate::scene::files::Files;
-use crate::scene::read::{At, OneOrMore, Parse, Span, Table, Value, integer};
+use crate::scene::read::{At, OneOrMore, Parse, Span, Table, Value};
 use crate::scene::tree::Toml;
 
 /// The largest buffer that a scene may describe, in bytes.
@@ -250,26 +250,15 @@ impl Parse for Hex {
     }
 }
 
-/// The value of a specialization constant: `true`, `7`, `0.5`, or with its type `{ u64 = 7 }`.
-///
-/// A bare number has 32 bits. A Boolean has 4 bytes (`VkBool32`).
+/// The bytes of one scalar with its type, `{ u64 = 7 }`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SpecializationValue(pub Vec<u8>);
+pub struct ScalarBytes(pub Vec<u8>);
 
-impl Parse for SpecializationValue {
+impl Parse for ScalarBytes {
     fn parse(value: Value<'_>) -> Option<Self> {
-        match value.toml() {
-            Toml::Boolean(flag) => Some(Self(u32::from(*flag).to_le_bytes().to_vec())),
-            Toml::Integer(..) => {
-                let number = integer(value, i128::from(i32::MIN), i128::from(u32::MAX), "i32 or u32")?;
-                Some(Self((number as u32).to_le_bytes().to_vec()))
-            }
-            Toml::Float(_) => Some(Self(f32::parse(value)?.to_le_bytes().to_vec())),
-            Toml::Table(_) => match Piece::parse(value)?.content {
-                Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self(bytes)),
-                _ => value.wrong("a specialization constant is one scalar"),
-            },
-            _ => value.expected("a number or Boolean"),
+        match Piece::parse(value)?.content {
+            Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self(bytes)),
+            _ => value.wrong("a specialization constant is one scalar"),
         }
     }
 }

@@ -13,12 +13,13 @@ use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
 use crate::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands};
-use crate::scene::data::{Data, SpecializationValue};
+use crate::scene::data::Data;
 use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::read::{At, Document, Named, OneOrMore, Parse, Report, Source, Span, Table, Value};
 use crate::scene::resources::ResourceEntry;
+use crate::scene::specialization::SpecializationValue;
 
 /// The version of the format that this crate reads.
 pub const VERSION: u32 = 1;

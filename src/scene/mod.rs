@@ -27,6 +27,7 @@ pub mod resolve;
 pub mod resolved;
 pub mod resources;
 pub mod sampler;
+pub mod specialization;
 pub mod tree;
 
 pub use assemble::{Assembled, assemble, assemble_without};

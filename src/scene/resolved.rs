@@ -10,6 +10,7 @@ use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::file::RayEntry;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
+use crate::scene::specialization::SpecializationValue;
 
 /// A scene with all files loaded.
 #[derive(Clone, Debug)]
@@ -81,8 +82,8 @@ pub struct Shader {
     pub module: usize,
     /// The entry point's name.
     pub entry: String,
-    /// `constant_id` and little-endian bytes of each specialization constant.
-    pub specialization: Vec<(u32, Vec<u8>)>,
+    /// `constant_id` and value of each specialization constant.
+    pub specialization: Vec<(u32, SpecializationValue)>,
     /// Where the scene names it.
     pub place: Place,
 }

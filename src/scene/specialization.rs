@@ -1,0 +1,177 @@
+//! The values of specialization constants.
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::math::float::half_of;
+use crate::module::Module;
+use crate::module::ty::Type;
+use crate::scene::data::ScalarBytes;
+use crate::scene::read::{Parse, Value, integer};
+use crate::scene::tree::Toml;
+
+/// The value of a specialization constant: `true`, `7`, `0.5`, or with its type `{ u64 = 7 }`.
+///
+/// What is bare takes the constant's own type.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SpecializationValue {
+    given: Given,
+    place: Place,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Given {
+    Boolean(bool),
+    Whole(i128),
+    /// In decimal, as it is written.
+    Real(String),
+    /// Little-endian.
+    Bytes(Vec<u8>),
+}
+
+impl Parse for SpecializationValue {
+    fn parse(value: Value<'_>) -> Option<Self> {
+        let given = match value.toml() {
+            Toml::Boolean(flag) => Given::Boolean(*flag),
+            Toml::Integer(..) => {
+                Given::Whole(integer(value, i128::from(i64::MIN), i128::from(u64::MAX), "i64 or u64")?)
+            }
+            Toml::Float(text) => Given::Real(text.clone()),
+            Toml::Table(_) => Given::Bytes(ScalarBytes::parse(value)?.0),
+            _ => return value.expected("a number or Boolean"),
+        };
+        Some(Self { given, place: value.span().place() })
+    }
+}
+
+impl SpecializationValue {
+    /// Gives a module's constant the value.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the module has no such constant, `InvalidScene` where the value is none of its
+    /// type.
+    pub fn give(&self, module: &mut Module, constant: u32) -> Result<()> {
+        let bits = match module.specialization_type(constant) {
+            Some(ty) => {
+                let wrong = |why: String| {
+                    let message = format!("{why}; constant {constant} is {}", module.describe_type(ty));
+                    Error::new(ErrorKind::InvalidScene, message).at(self.place.clone())
+                };
+                self.given.bits(module.ty(ty)).map_err(wrong)?
+            }
+            None => 0,
+        };
+        module.specialize(constant, bits).map_err(|error| error.at(self.place.clone()))
+    }
+}
+
+impl Given {
+    /// The bits of the value in a type, or why it has none.
+    fn bits(&self, ty: &Type) -> std::result::Result<u64, String> {
+        let size = match ty {
+            Type::Int { width, .. } | Type::Float { width, .. } => width / 8,
+            // VkBool32
+            _ => 4,
+        };
+        match (self, ty) {
+            (Self::Bytes(bytes), _) if bytes.len() == size as usize => {
+                Ok(bytes.iter().rev().fold(0, |bits, &byte| bits << 8 | u64::from(byte)))
+            }
+            (Self::Bytes(bytes), _) => Err(format!(
+                "{} bytes are given where {size} are needed (VUID-VkSpecializationMapEntry-constantID-00776)",
+                bytes.len()
+            )),
+            (Self::Boolean(flag), Type::Bool) => Ok(u64::from(*flag)),
+            (Self::Whole(number @ 0..=1), Type::Bool) => Ok(*number as u64),
+            (Self::Whole(number), &Type::Int { width, .. }) => {
+                let range = -(1i128 << (width - 1))..1i128 << width;
+                match range.contains(number) {
+                    true => Ok(*number as u64 & (u64::MAX >> (64 - width))),
+                    false => Err(format!("{number} does not fit")),
+                }
+            }
+            (Self::Whole(number), &Type::Float { width, .. }) => real(&number.to_string(), width),
+            (Self::Real(text), &Type::Float { width, .. }) => real(text, width),
+            (Self::Boolean(flag), _) => Err(format!("{flag} is no number")),
+            (Self::Whole(number), _) => Err(format!("{number} is neither true nor false")),
+            (Self::Real(text), Type::Bool) => Err(format!("{text} is neither true nor false")),
+            (Self::Real(text), _) => Err(format!("{text} is no whole number")),
+        }
+    }
+}
+
+/// The bits of the float nearest to a decimal.
+fn real(text: &str, width: u32) -> std::result::Result<u64, String> {
+    let unread = |_| format!("{text} is no number");
+    let (bits, is_finite) = match width {
+        16 => {
+            let half = half_of(text.parse().map_err(unread)?);
+            (half.to_bits().into(), half.is_finite())
+        }
+        32 => {
+            let number: f32 = text.parse().map_err(unread)?;
+            (number.to_bits().into(), number.is_finite())
+        }
+        _ => {
+            let number: f64 = text.parse().map_err(unread)?;
+            (number.to_bits(), number.is_finite())
+        }
+    };
+    match is_finite || text.contains("inf") || text.contains("nan") {
+        true => Ok(bits),
+        false => Err(format!("{text} is beyond the range")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const UINT: Type = Type::Int { width: 32, signed: false };
+    const BYTE: Type = Type::Int { width: 8, signed: true };
+    const HALF: Type = Type::Float { width: 16, encoding: None };
+    const FLOAT: Type = Type::Float { width: 32, encoding: None };
+    const DOUBLE: Type = Type::Float { width: 64, encoding: None };
+
+    fn real(text: &str) -> Given {
+        Given::Real(text.into())
+    }
+
+    #[test]
+    fn bare_values_take_the_type_of_the_constant() {
+        // 3 = 1.5 * 2^1, so that the mantissa begins with a one.
+        assert_eq!(Given::Whole(3).bits(&UINT), Ok(3));
+        assert_eq!(Given::Whole(3).bits(&HALF), Ok(0x4200));
+        assert_eq!(Given::Whole(3).bits(&FLOAT), Ok(0x4040_0000));
+        assert_eq!(Given::Whole(3).bits(&DOUBLE), Ok(0x4008_0000_0000_0000));
+        assert_eq!(real("0.5").bits(&DOUBLE), Ok(0x3FE0_0000_0000_0000));
+        assert_eq!(real("-inf").bits(&FLOAT), Ok(0xFF80_0000));
+        // Rounded once: 2^24 + 1 + 2^-40 lies above the middle of two floats, which f64 does not tell.
+        assert_eq!(real("16777217.0000000000009094947017729282379150390625").bits(&FLOAT), Ok(0x4B80_0001));
+        assert_eq!((Given::Whole(-1).bits(&BYTE), Given::Whole(255).bits(&BYTE)), (Ok(0xFF), Ok(0xFF)));
+        assert_eq!(
+            (Given::Whole(1).bits(&Type::Bool), Given::Boolean(false).bits(&Type::Bool)),
+            (Ok(1), Ok(0))
+        );
+        assert_eq!(Given::Bytes(vec![1, 2, 3, 4]).bits(&UINT), Ok(0x0403_0201));
+        assert_eq!(Given::Bytes(vec![0, 0x42]).bits(&HALF), Ok(0x4200));
+    }
+
+    #[test]
+    fn values_of_no_such_type_say_why() {
+        for (given, ty, why) in [
+            (real("2.0"), UINT, "2.0 is no whole number"),
+            (Given::Boolean(true), UINT, "true is no number"),
+            (Given::Whole(256), BYTE, "256 does not fit"),
+            (Given::Whole(-129), BYTE, "-129 does not fit"),
+            (Given::Whole(2), Type::Bool, "2 is neither true nor false"),
+            (real("1e39"), FLOAT, "1e39 is beyond the range"),
+            (real("65520.0"), HALF, "65520.0 is beyond the range"),
+            (
+                Given::Bytes(vec![0; 8]),
+                UINT,
+                "8 bytes are given where 4 are needed (VUID-VkSpecializationMapEntry-constantID-00776)",
+            ),
+        ] {
+            assert_eq!(given.bits(&ty), Err(why.to_owned()));
+        }
+    }
+}
