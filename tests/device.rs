@@ -141,6 +141,45 @@ fn what_moves_needs_a_pipeline_that_allows_it() {
     assert!(assemble(&scene).is_ok(), "a ray query needs no flag of a pipeline");
 }
 
+/// What is wrong with a launch of the sphere's case whose two bindings are these resources.
+fn refused_to_bind(structure: &str, outputs: &str) -> Option<String> {
+    let root =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass/sphere/closest-hit/scene.toml");
+    let text = format!(
+        "version = 1\nlaunch = 1\n[shaders]\nraygen = 'main.rgen.spv'\n[pipeline]\nraygen = 'raygen'\n\
+         [geometry.ball]\ntype = 'spheres'\npositions = [[0, 0, 0]]\nradii = 1\n[[instance]]\ngeometry = 'ball'\n\
+         [resources.scene]\nbinding = 0\n{structure}\n[resources.outputs]\nbinding = 1\n{outputs}\n"
+    );
+    let found = load_text(&root, &text, &DiskFiles, &Options::default()).and_then(|scene| assemble(&scene));
+    found.err().map(|error| error.render() + &error.others().iter().map(Error::render).collect::<String>())
+}
+
+#[test]
+fn what_is_bound_is_what_shaders_declare() {
+    let [structure, buffer] = ["type = 'acceleration_structure'", "type = 'storage_buffer'\nsize = 64"];
+    assert_eq!(refused_to_bind(structure, buffer), None);
+    assert_eq!(refused_to_bind(structure, "type = 'storage_buffer'\nnull = true"), None);
+    let other = "\n[resources.other]\nbinding = 1\nelement = 1\ntype = 'sampler'";
+    assert_eq!(refused_to_bind(structure, &format!("{buffer}{other}")), None, "one of several types");
+    let uniform = "type = 'uniform_buffer'\nsize = 64";
+    let image = "type = 'storage_image'\nformat = 'rgba8'\nsize = [1, 1]";
+    for (structure, outputs, wanted) in [
+        (structure, uniform, "declares `Outputs` (set 0, binding 1) as `storage_buffer`"),
+        (structure, image, "declares `Outputs` (set 0, binding 1) as `storage_buffer`"),
+        (image, buffer, "declares `scene` (set 0, binding 0) as `acceleration_structure`"),
+    ] {
+        let found = refused_to_bind(structure, outputs).unwrap_or_default();
+        for words in [
+            wanted,
+            "RayGenerationKHR `main`",
+            "VkRayTracingPipelineCreateInfoKHR-layout-07990",
+            "scene.toml:",
+        ] {
+            assert!(found.contains(words), "no `{words}` in:\n{found}");
+        }
+    }
+}
+
 #[test]
 fn mistakes_in_the_table_have_their_place() {
     for (before, wanted) in [

@@ -15,6 +15,7 @@ use crate::module::{self, Module};
 use crate::ops::row::{Row, Width};
 use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
 use crate::program::{Program, lower};
+use crate::scene::descriptors;
 use crate::scene::image::MAX_IMAGE_SIZE;
 use crate::scene::image_entry::Image;
 use crate::scene::resolved::{self, Group, ResolvedScene, Shader, ShaderCode, ShaderModule, ShaderRecord};
@@ -145,6 +146,8 @@ fn assemble_but(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>) -> Res
         let context = |error: Error| error.context(format!("acceleration structure `{name}`"));
         errors.extend(checks.into_iter().filter_map(|check| check.err().map(context)));
     }
+    let programs = shaders.programs.iter().map(|(.., program)| &**program);
+    errors.extend(descriptors::mismatches(scene, programs));
     let own = |dispatch: &Dispatch| scene.device.check_module(&dispatch.compute.program.module).err();
     errors.extend(dispatches.iter().filter_map(own));
     let (Some(pipeline), true) = (pipeline, errors.is_empty()) else { return Err(Error::several(errors)) };

@@ -11,6 +11,7 @@ mod build_input;
 pub mod camera;
 pub mod data;
 pub mod demo;
+mod descriptors;
 mod device;
 pub mod file;
 pub mod files;

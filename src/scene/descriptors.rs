@@ -1,0 +1,130 @@
+//! What a scene binds is of the descriptor types that its shaders declare.
+
+use crate::error::{Error, ErrorKind};
+use crate::machine::Binding;
+use crate::module::Module;
+use crate::module::ty::{Type, TypeId};
+use crate::ops::pointer::storage;
+use crate::program::Program;
+use crate::scene::ResolvedScene;
+use crate::scene::resources::{Kind, Resource};
+
+/// What is bound where the shaders that use the binding declare only others, each at its place.
+///
+/// Of an array whose elements are of several types it is enough that some variable declares one of them
+/// (`VK_DESCRIPTOR_TYPE_MUTABLE_EXT`).
+pub(super) fn mismatches<'a>(
+    scene: &ResolvedScene,
+    programs: impl Iterator<Item = &'a Program>,
+) -> Vec<Error> {
+    let mut errors: Vec<Error> = Vec::new();
+    let mut told: Vec<Binding> = Vec::new();
+    for program in programs {
+        for slot in &program.slots {
+            let bound = || {
+                let here = scene.resources.iter();
+                here.filter(|one| Binding { set: one.set, binding: one.binding } == slot.binding)
+            };
+            let declared = declared(&program.module, slot.binding);
+            let suits = |one: &Resource| declared.iter().any(|kind| suits(*kind, one));
+            let Some(first) =
+                bound().next().filter(|_| !declared.is_empty() && !told.contains(&slot.binding))
+            else {
+                continue;
+            };
+            if bound().any(|one| suits(&one.resource)) {
+                continue;
+            }
+            told.push(slot.binding);
+            let Binding { set, binding } = slot.binding;
+            let names: Vec<_> = declared.iter().map(|kind| format!("`{}`", name(*kind))).collect();
+            let message = format!(
+                "{} `{}` declares `{}` (set {set}, binding {binding}) as {}",
+                program.stage.name(),
+                program.name,
+                slot.name,
+                names.join(" or ")
+            );
+            let rule = match program.workgroup {
+                Some(_) => "VUID-VkComputePipelineCreateInfo-layout-07990",
+                None => "VUID-VkRayTracingPipelineCreateInfoKHR-layout-07990",
+            };
+            errors.push(Error::new(ErrorKind::InvalidScene, message).at(first.place.clone()).note(rule));
+        }
+    }
+    errors
+}
+
+/// The descriptor types of a module's variables at a binding.
+fn declared(module: &Module, binding: Binding) -> Vec<Kind> {
+    let at = |id| {
+        let number = |decoration| module.decorations.literal(id, decoration);
+        number(34) == Some(binding.set) && number(33) == Some(binding.binding)
+    };
+    let mut kinds = Vec::new();
+    for variable in module.variables.iter().filter(|variable| at(variable.id)) {
+        let Type::Pointer { pointee: Some(ty), .. } = *module.ty(variable.pointer) else { continue };
+        if let Some(kind) = kind(module, variable.storage_class, ty)
+            && !kinds.contains(&kind)
+        {
+            kinds.push(kind);
+        }
+    }
+    kinds
+}
+
+fn kind(module: &Module, storage_class: u32, mut ty: TypeId) -> Option<Kind> {
+    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = module.ty(ty) {
+        ty = *element;
+    }
+    let image = |ty: TypeId, with_sampler| {
+        let Type::Image(image) = module.ty(ty) else { return None };
+        Some(match (image.dim, image.sampled) {
+            (BUFFER, 2) => Kind::StorageTexelBuffer,
+            (BUFFER, _) => Kind::UniformTexelBuffer,
+            (_, 2) => Kind::StorageImage,
+            _ if with_sampler => Kind::CombinedImageSampler,
+            _ => Kind::SampledImage,
+        })
+    };
+    match (storage_class, module.ty(ty)) {
+        (storage::STORAGE_BUFFER, _) | (storage::UNIFORM, Type::Struct { buffer_block: true, .. }) => {
+            Some(Kind::StorageBuffer)
+        }
+        (storage::UNIFORM, _) => Some(Kind::UniformBuffer),
+        (_, Type::Image(_)) => image(ty, false),
+        (_, Type::SampledImage(of)) => image(*of, true),
+        (_, Type::Sampler) => Some(Kind::Sampler),
+        (_, Type::AccelerationStructure) => Some(Kind::AccelerationStructure),
+        _ => None,
+    }
+}
+
+/// `Dim` of texel buffers.
+const BUFFER: u32 = 5;
+
+/// Whether a resource may stand where a descriptor type is declared.
+fn suits(declared: Kind, bound: &Resource) -> bool {
+    match bound {
+        Resource::StorageBuffer(_) => declared == Kind::StorageBuffer,
+        Resource::UniformBuffer(_) => declared == Kind::UniformBuffer,
+        Resource::NullBuffer => matches!(declared, Kind::StorageBuffer | Kind::UniformBuffer),
+        Resource::StorageImage(_) => declared == Kind::StorageImage,
+        Resource::SampledImage(_) => declared == Kind::SampledImage,
+        Resource::TexelBuffer(_) => matches!(declared, Kind::UniformTexelBuffer | Kind::StorageTexelBuffer),
+        Resource::Sampler(_) => declared == Kind::Sampler,
+        // Its two halves may be declared by themselves.
+        Resource::CombinedImageSampler(..) => {
+            matches!(declared, Kind::CombinedImageSampler | Kind::SampledImage | Kind::Sampler)
+        }
+        Resource::AccelerationStructure(_) | Resource::NullAccelerationStructure => {
+            declared == Kind::AccelerationStructure
+        }
+    }
+}
+
+/// What a scene file calls it.
+fn name(kind: Kind) -> &'static str {
+    use crate::scene::read::Named;
+    Kind::NAMES.iter().find(|(_, known)| *known == kind).map_or("", |(name, _)| name)
+}
