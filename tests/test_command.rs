@@ -57,6 +57,21 @@ fn prints(case: &str, code: i32) -> String {
 }
 
 #[test]
+fn what_breaks_a_file_is_told_in_full_once() {
+    let folder = scratch("broken-file");
+    let text = "version = 1\nlaunhc = 1\n\
+         [[ray]]\nname = 'first'\norigin = [0, 0, 1]\ndirection = [0, 0, -1]\nexpect = { miss = true }\n\
+         [[ray]]\nname = 'second'\norigin = [0, 0, 1]\ndirection = [0, 0, -1]\nexpect = { miss = true }\n";
+    std::fs::write(folder.join("rays.test.toml"), text).expect("a writable folder");
+    let ran = run_in(&folder, &["."]);
+    assert_eq!(ran.code, Some(2), "{}{}", ran.out, ran.err);
+    assert_eq!(ran.out.matches("did you mean `launch`?").count(), 1, "{}", ran.out);
+    let again =
+        "ERROR  rays::second\n  error: not run, for the same reason as `rays::first`: unknown key `launhc`\n";
+    assert!(ran.out.contains(again), "{}", ran.out);
+}
+
+#[test]
 fn failed_hits_say_what_was_found_and_where_it_is_expected() {
     let out = prints("hits.test.toml", 1);
     assert!(out.contains("t: expected 3.5 (bits 0x40600000), found 4.0 (bits 0x40800000)"), "{out}");

@@ -51,31 +51,45 @@ pub(super) fn error(source: &Source, complaints: Vec<Complaint>, output: &str) -
     Error::several(errors.collect())
 }
 
-/// The complaints in a log of glslang: `ERROR: FILE:LINE: TEXT`, where `0` is the source itself.
+/// The complaints in a log of glslang: `ERROR: FILE:LINE: TEXT`, where `0` is the source itself. A list, as of
+/// extensions that would help, follows on lines of its own.
 pub(super) fn glslang(log: &str) -> Vec<Complaint> {
-    let errors = log.lines().filter_map(|line| line.trim().strip_prefix("ERROR: "));
-    let complaints = errors.filter_map(|line| {
-        let (place, text) = line.split_once(": ")?;
-        // With a column: FILE:LINE:COLUMN. A file's name may hold colons, so read from the right.
-        let mut parts = place.rsplitn(3, ':').collect::<Vec<_>>();
-        parts.reverse();
-        let number = |text: &str| text.parse::<usize>().ok();
-        let (file, line, column) = match parts[..] {
-            [file, line, column] if number(line).is_some() => {
-                (file.to_owned(), number(line)?, number(column)?)
-            }
-            [head, file, line] => (format!("{head}:{file}"), number(line)?, 0),
-            [file, line] => (file.to_owned(), number(line)?, 0),
-            _ => return None,
-        };
-        // Said after the last mistake of a file, not a mistake itself.
-        if tidy(text) == "compilation terminated" {
-            return None;
+    let mut complaints: Vec<Complaint> = Vec::new();
+    let mut goes_on = false;
+    for line in log.lines().map(str::trim) {
+        if let Some(text) = line.strip_prefix("ERROR: ") {
+            let complaint = glslang_error(text);
+            goes_on = complaint.as_ref().is_some_and(|complaint| complaint.text.ends_with(':'));
+            complaints.extend(complaint);
+        } else if let Some(last) = complaints.last_mut().filter(|_| goes_on && !line.is_empty()) {
+            let between = if last.text.ends_with(':') { " " } else { ", " };
+            last.text = [&last.text, line].join(between);
+        } else {
+            goes_on = false;
         }
-        let file = if file == "0" { String::new() } else { file.trim_start_matches("./").to_owned() };
-        Some(Complaint { file, line, column, width: 0, text: tidy(text) })
-    });
-    complaints.collect()
+    }
+    complaints
+}
+
+/// One line of it, behind `ERROR: `.
+fn glslang_error(line: &str) -> Option<Complaint> {
+    let (place, text) = line.split_once(": ")?;
+    // With a column: FILE:LINE:COLUMN. A file's name may hold colons, so read from the right.
+    let mut parts = place.rsplitn(3, ':').collect::<Vec<_>>();
+    parts.reverse();
+    let number = |text: &str| text.parse::<usize>().ok();
+    let (file, line, column) = match parts[..] {
+        [file, line, column] if number(line).is_some() => (file.to_owned(), number(line)?, number(column)?),
+        [head, file, line] => (format!("{head}:{file}"), number(line)?, 0),
+        [file, line] => (file.to_owned(), number(line)?, 0),
+        _ => return None,
+    };
+    // Said after the last mistake of a file, not a mistake itself.
+    if tidy(text) == "compilation terminated" {
+        return None;
+    }
+    let file = if file == "0" { String::new() } else { file.trim_start_matches("./").to_owned() };
+    Some(Complaint { file, line, column, width: 0, text: tidy(text) })
 }
 
 /// The complaints in the output of `glslc`: `FILE:LINE: error: TEXT`.
@@ -177,6 +191,20 @@ mod tests {
                 ("", 7, 5, "'y': redefinition"),
             ]
         );
+    }
+
+    #[test]
+    fn a_list_of_glslang_belongs_to_the_mistake_above_it() {
+        let log = "ERROR: 0:2:2: '#include' : required extension not requested: Possible extensions include:\n\
+                   GL_GOOGLE_include_directive\nGL_ARB_shading_language_include\n\
+                   ERROR: 0:2:2: '#include' : must be followed by a header name\nno list\n\
+                   ERROR: 2 compilation errors.  No code generated.\n\nSPIR-V is not generated\n";
+        let texts: Vec<_> = glslang(log).into_iter().map(|complaint| complaint.text).collect();
+        let extensions = "GL_GOOGLE_include_directive, GL_ARB_shading_language_include";
+        let first = format!(
+            "'#include': required extension not requested: Possible extensions include: {extensions}"
+        );
+        assert_eq!(texts, [first.as_str(), "'#include': must be followed by a header name"]);
     }
 
     #[test]

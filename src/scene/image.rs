@@ -125,8 +125,7 @@ impl Picture {
     /// stored numbers, not fractions of them.
     ///
     /// # Errors
-    /// `InvalidImage` for a broken file or one beyond the limits, `UnsupportedFile` for another kind
-    /// of file.
+    /// `InvalidImage` for a broken file, one beyond the limits, or another kind of file.
     pub fn decode(path: &Path, bytes: &[u8], wanted: Option<Format>) -> Result<Self> {
         let invalid = |message: String| {
             Error::new(ErrorKind::InvalidImage, message).at(Place::File(path.to_path_buf()))
@@ -135,8 +134,7 @@ impl Picture {
             .with_guessed_format()
             .map_err(|error| invalid(error.to_string()))?;
         if reader.format().is_none() {
-            return Err(Error::new(ErrorKind::UnsupportedFile, "not a PNG, JPEG, HDR or EXR file")
-                .at(Place::File(path.to_path_buf())));
+            return Err(invalid("not a PNG, JPEG, HDR or EXR file: these are read".into()));
         }
         let mut limits = Limits::default();
         limits.max_image_width = Some(MAX_EXTENT);
@@ -475,7 +473,7 @@ mod tests {
     #[test]
     fn broken_and_hostile_files_are_errors() {
         let error = Picture::decode(Path::new("a.txt"), b"hello", None).unwrap_err();
-        assert_eq!(error.kind(), ErrorKind::UnsupportedFile);
+        assert_eq!(error.kind(), ErrorKind::InvalidImage);
         let whole = png(2, 1, &[[1, 2, 3, 4], [5, 6, 7, 8]]);
         for cut in 8..whole.len() - 12 {
             let error = Picture::decode(Path::new("a.png"), &whole[..cut], None).unwrap_err();

@@ -103,7 +103,7 @@ impl ImageEntry {
             data,
             format,
             dimension: Dimension::Buffer,
-            extent: extent?,
+            extent: extent.flatten(),
             layers: 1,
             levels: Levels::Count(1),
             samples: 1,
@@ -122,6 +122,7 @@ impl ImageEntry {
         if kind == Kind::CombinedImageSampler {
             entry.sampler = table.optional("sampler");
         }
+        extent?;
         let wrong = |message: &str| {
             table.report().push(table.span().error(message));
             None
@@ -147,7 +148,7 @@ impl ImageEntry {
     /// filled and need not be there as a whole, it may have more texels than fit into memory.
     ///
     /// # Errors
-    /// `Io`, `InvalidImage` or `UnsupportedFile` about its files; `InvalidScene` where sizes do not fit.
+    /// `Io` or `InvalidImage` about its files; `InvalidScene` where sizes do not fit.
     pub fn load(&self, files: &dyn Files, launch: [u32; 3], streams: bool) -> Result<Image> {
         let pictures = self.pictures(files)?;
         let format = match pictures.first() {

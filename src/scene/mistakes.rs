@@ -131,6 +131,17 @@ fn files_that_are_missing_or_broken() {
         "s/a.toml:5:8",
         &["in s/bad.png"],
     );
+    one(
+        "[resources.i]\ntype = 'storage_buffer'\nbinding = 1\nelement = 4294967295\nsize = 4\n",
+        "s/a.toml:5:11",
+        &["at most 1048576 elements"],
+    );
+    // Keys that were not looked at are not unknown.
+    one(
+        "[resources.i]\ntype = 'combined_image_sampler'\nbinding = 1\nsize = [0, 3]\nsampler = { filter = 'linear' }\n",
+        "s/a.toml:5:8",
+        &["each from 1 to 32768"],
+    );
     one("include = 'gone.toml'\n", "s/a.toml:2:11", &["no such embedded file"]);
     one("include = 'old.toml'\n", "s/old.toml:1:11", &["this anyhit reads version 1"]);
     one("include = 'loop.toml'\n", "s/loop.toml:2:11", &["an include that never ends"]);
@@ -143,6 +154,13 @@ fn geometry_that_does_not_fit_together() {
     one(&format!("{spheres}radii = [1, 2, 3]\n"), "s/a.toml:5:9", &["3 radii for 2 positions"]);
     one(&format!("{spheres}radii = 1\nindices = [0, 2]\n"), "s/a.toml:6:11", &["index 2 is beyond the 2"]);
     one(spheres, "s/a.toml:2:1", &["`radii` is missing"]);
+    // What a structure says of a geometry is said where that stands, however many instances have it.
+    let two = "[[instance]]\ngeometry = 'g'\n[[instance]]\ngeometry = 'g'\ntranslate = [1, 0, 0]\n";
+    one(
+        &format!("{spheres}radii = [1, -1]\n{two}"),
+        "s/a.toml:2:1",
+        &["primitive 1 has the negative radius -1"],
+    );
     let lss = "[geometry.g]\ntype = 'lss'\npositions = [[0, 0, 0], [1, 0, 0]]\nradii = 1\n";
     one(&format!("{lss}mode = 'successive'\n"), "s/a.toml:2:1", &["needs `indices`", "10427"]);
     one(&format!("{lss}mode = 'successive'\nindices = [1]\n"), "s/a.toml:7:11", &["index 1 is beyond the 1"]);

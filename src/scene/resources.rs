@@ -1,6 +1,7 @@
 //! `[resources.NAME]`: what shaders reach through descriptor sets.
 
 use crate::error::Result;
+use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::sampler::Sampler;
 use crate::scene::data::{Data, MAX_DATA_SIZE};
 use crate::scene::files::Files;
@@ -138,7 +139,7 @@ impl Parse for ResourceEntry {
         let kind = Kind::parse(kind)?;
         let set = table.or("set", 0);
         let binding = table.required("binding");
-        let element = table.or("element", 0);
+        let element = element(&table);
         let output = match kind {
             Kind::StorageImage => table.optional::<Marked>("output").and_then(|marked| marked.0),
             _ => None,
@@ -172,6 +173,18 @@ impl Parse for ResourceEntry {
         table.finish();
         Some(Self { span: value.span(), set, binding: binding?, element, output, content: content? })
     }
+}
+
+/// The element of an array of descriptors, less than shaders can tell apart.
+fn element(table: &Table<'_>) -> u32 {
+    let Some(At { value, span }) = table.optional::<At<u32>>("element") else { return 0 };
+    if value >> ELEMENT_BITS == 0 {
+        return value;
+    }
+    table
+        .report()
+        .push(span.error(format!("an array of descriptors has at most {} elements", 1 << ELEMENT_BITS)));
+    0
 }
 
 /// A buffer as a scene writes it.

@@ -214,11 +214,16 @@ struct Done {
 }
 
 impl Done {
+    /// The tests of a case that cannot be loaded: the first tells why, and the others name it.
     fn broken(tests: &[Test], file: &Path, error: &Error) -> Self {
-        let finished = tests.iter().map(|test| Finished {
+        let again = || {
+            let message = format!("not run, for the same reason as `{}`: {}", tests[0].name, error.message());
+            Error::new(error.kind(), message)
+        };
+        let finished = tests.iter().enumerate().map(|(at, test)| Finished {
             name: test.name.clone(),
             file: file.to_path_buf(),
-            outcome: Outcome::Broken(error.clone()),
+            outcome: Outcome::Broken(if at == 0 { error.clone() } else { again() }),
             took: Duration::ZERO,
         });
         let (coverage, shadow) = (Coverage::default(), Shadow::default());

@@ -93,6 +93,24 @@ impl Resolver<'_> {
             geometries.push(geometry.clone());
         }
         let geometries: Vec<Geometry> = geometries.into_iter().collect::<Option<_>>()?;
-        self.report.keep(Blas::new(geometries).map_err(|error| error.at(entry.span.place())))
+        let error = match Blas::new(geometries) {
+            Ok(blas) => return Some(blas),
+            Err(error) => error,
+        };
+        // A BLAS knows no lines, either; what is wrong with a geometry is told once.
+        let before = self.report.len();
+        for name in &entry.geometry {
+            let Some(geometry) = loaded.get_mut(name.value.as_str()) else { continue };
+            let alone = geometry.clone().map(|geometry| Blas::new(vec![geometry]));
+            let (Some(Err(error)), Some(found)) = (alone, self.find(&self.geometry, name, "geometry")) else {
+                continue;
+            };
+            *geometry = None;
+            self.report.push(found.span.error(error.message().trim_start_matches("geometry 0: ")));
+        }
+        if self.report.len() == before {
+            self.report.push(error.at(entry.span.place()));
+        }
+        None
     }
 }
