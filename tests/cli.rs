@@ -174,6 +174,16 @@ fn run_shows_what_a_compute_shader_left() {
 }
 
 #[test]
+fn a_scene_that_shows_nothing_says_how_to_ask() {
+    let scene = "shaders/pass/sphere/closest-hit/scene.toml";
+    let (code, out, err) = run(&["run", scene]);
+    assert_eq!((code, out.as_str()), (Some(0), ""));
+    assert_eq!(err, "it ran; --dump WHAT shows what it left of `outputs`, --stats what was done\n");
+    let (code, out, err) = run(&["run", scene, "--dump", "outputs=hex"]);
+    assert!(code == Some(0) && out.contains("outputs") && err.is_empty(), "{out}{err}");
+}
+
+#[test]
 fn run_prints_what_shaders_print() {
     let (code, out, err) = run(&["run", "shaders/pass/compute/print/scene.toml"]);
     assert_eq!((code, err.as_str()), (Some(0), ""));

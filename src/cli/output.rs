@@ -20,16 +20,23 @@ pub fn print(text: impl Display) -> Result<()> {
     write_to(&mut stdout().lock(), text)
 }
 
-/// Prints what shaders printed (`NonSemantic.DebugPrintf`), each text from a line of its own.
+/// Prints what shaders printed (`NonSemantic.DebugPrintf`), each text from a line of its own; whether that was anything.
 ///
 /// # Errors
 /// As [`print`].
-pub fn printed(printed: &Printed) -> Result<()> {
-    for line in printed.take() {
+pub fn printed(printed: &Printed) -> Result<bool> {
+    let lines = printed.take();
+    for line in &lines {
         let end = if line.text.ends_with('\n') { "" } else { "\n" };
         print(format_args!("{}{end}", line.text))?;
     }
-    Ok(())
+    Ok(!lines.is_empty())
+}
+
+/// A word to whoever typed the command, beside what it prints.
+pub fn hint(text: impl Display) {
+    // Nobody misses it where it cannot be written.
+    let _ = writeln!(stderr().lock(), "{text}");
 }
 
 /// The file that a picture is written to. All are PNG: another extension would promise what is not in the file.

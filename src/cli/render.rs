@@ -28,9 +28,9 @@ pub struct RenderArgs {
     /// The scene file (`scene.toml`); the built-in swept-spheres demo without it.
     scene: Option<PathBuf>,
 
-    /// Where to write the picture, a PNG.
-    #[arg(short, long, value_name = "FILE", default_value = "out.png", value_parser = output::picture_parser())]
-    output: PathBuf,
+    /// Where to write the picture, a PNG; without it out.png.
+    #[arg(short, long, value_name = "FILE", value_parser = output::picture_parser())]
+    output: Option<PathBuf>,
 
     /// Width and height of the launch, instead of the scene's own; up to 2^30 texels, as 32768x32768.
     #[arg(long, value_name = "WxH", value_parser = size)]
@@ -68,6 +68,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     }
     let options = Options { size: args.size, precision: args.precision, streams: true, ..Options::default() };
     let begin = Instant::now();
+    let file = args.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
     let resolved = match &args.scene {
         Some(path) => scene::load(path, &DiskFiles, &options)?,
         None => scene::demo::scene(&options)?,
@@ -106,7 +107,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
             "8" => launch.run::<8>(size, &done),
             _ => launch.run::<64>(size, &done),
         },
-        Some(bands) => stream_png(&args.output, [size[0], size[1]], image.format, to_srgb, |png| {
+        Some(bands) => stream_png(&file, [size[0], size[1]], image.format, to_srgb, |png| {
             let mut take = |band: Band<'_>| png.rows(band.rows(), |row| band.row_bytes(row));
             match args.lanes.as_str() {
                 "1" => bands.run::<1>(&done, &mut take),
@@ -121,7 +122,10 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let counted = outcome?;
 
     if let Some(image) = &whole {
-        write_png(&args.output, image, to_srgb)?;
+        write_png(&file, image, to_srgb)?;
+    }
+    if args.output.is_none() {
+        output::hint(format_args!("the picture is in {}", file.display()));
     }
     if args.stats {
         output::print(stats::table(&counted, ready, traced))?;

@@ -109,7 +109,10 @@ pub fn run(args: RunArgs) -> Result<()> {
         _ => assembled.run::<64>(&assembled.resources, &done),
     };
     let took = launched.elapsed();
-    output::printed(&printed)?;
+    let asked = args.stats || !shown.is_empty() || !saved.is_empty();
+    if !output::printed(&printed)? && !asked && outcome.is_ok() {
+        output::hint(dump::all(&scene));
+    }
     for one in shown {
         output::print(one.text(&assembled)?)?;
     }

@@ -11,7 +11,8 @@ use crate::harness::value::Value;
 use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::ops::pointer::storage;
-use crate::scene::{Assembled, ResolvedScene};
+use crate::scene::resources::Resource;
+use crate::scene::{Assembled, ResolvedScene, resolved};
 
 /// How something is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,6 +51,21 @@ pub struct Shown {
 
 pub fn invalid(message: String) -> Error {
     Error::new(ErrorKind::InvalidArgument, message)
+}
+
+/// How to ask for what a scene's run leaves.
+pub fn all(scene: &ResolvedScene) -> String {
+    let holds_data = |one: &&resolved::Binding| {
+        matches!(one.resource, Resource::StorageBuffer(_) | Resource::StorageImage(_))
+    };
+    let names: Vec<_> =
+        scene.resources.iter().filter(holds_data).map(|one| format!("`{}`", one.name)).collect();
+    match names.is_empty() {
+        true => "it ran; --stats tells what was done".to_owned(),
+        false => {
+            format!("it ran; --dump WHAT shows what it left of {}, --stats what was done", names.join(", "))
+        }
+    }
 }
 
 impl Dump {
