@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhit::accel::{
     Blas, Candidate, Counters, Cursor, Geometry, GeometryData, GeometryFlags, HitKind, Instance,
-    InstanceFlags, InstanceVerdict, Motion, Place, Primitive, PrimitiveVerdict, RayFlags, Srt, Tlas,
+    InstanceFlags, InstanceVerdict, Motion, Packet, Place, Primitive, PrimitiveVerdict, RayFlags, Srt, Tlas,
     TraceRay, Visit,
 };
 use anyhit::error::ErrorKind;
@@ -457,5 +457,23 @@ fn motion_has_rules() {
         let mut cursor = Cursor::new(&scene, trace);
         while cursor.proceed(&scene).is_some() {}
         assert_eq!(cursor.committed().is_some(), hit, "at {time}");
+    }
+}
+
+#[test]
+fn many_instances_of_nothing_are_hit_by_nothing() {
+    let nothing = Geometry::new(
+        GeometryData::Spheres { positions: vec![[0.0, 0.0, 1.0]], radii: vec![0.0], indices: None },
+        OPAQUE,
+    );
+    for geometries in [vec![], vec![nothing]] {
+        let blas = Blas::new(geometries).unwrap();
+        let scene = tlas(vec![Instance::of(blas, IDENTITY); 9]);
+        for flags in [0, 2] {
+            assert_eq!(ignore_all(&scene, along_z(flags)), (vec![], None));
+        }
+        let mut hits = Vec::new();
+        assert!(Packet::default().trace(&scene, &[along_z(0); 16], false, &mut hits));
+        assert_eq!(hits, [None; 16]);
     }
 }

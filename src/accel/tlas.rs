@@ -279,10 +279,16 @@ impl Tlas {
         self.processor
     }
 
+    /// Whether the instances are entered one after another.
+    #[inline]
+    pub(super) fn is_list(&self) -> bool {
+        self.instances.len() <= LINEAR
+    }
+
     /// The tree over the instances' world boxes, with its order (place -> instance); `None` for a
-    /// few instances. Builds on first use; of a BLAS it needs the box around all alone.
+    /// [list](Tlas::is_list), and where nothing in any of them can be hit. Builds on first use; of a BLAS it needs the box around all alone.
     pub(super) fn tree(&self) -> Option<&(Tree, Vec<u32>)> {
-        if self.instances.len() <= LINEAR {
+        if self.is_list() {
             return None;
         }
         self.tree.get_or_init(|| self.build()).as_ref()

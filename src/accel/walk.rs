@@ -217,10 +217,12 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
         let ray = &self.trace.ray;
         let Walk { stack, world, .. } = &mut *self.walk;
         let root = match self.tlas.tree() {
-            None => {
+            None if self.tlas.is_list() => {
                 *world = NodeRay::from(ray.t_min);
                 Child::leaf(0, count)
             }
+            // Nothing in them can be hit.
+            None => return,
             Some((tree, _)) => {
                 if !world.set_simple(ray, tree.scale()) {
                     let Some(object_ray) = ObjectRay::in_world(ray) else { return };
