@@ -80,6 +80,8 @@ pub struct Packet {
     apart: u32,
     /// How many times in a row packets did not pay.
     failed: u32,
+    /// How many of the last rays went together with others to the end.
+    went_together: u32,
 }
 
 /// The closest hit of a ray.
@@ -156,6 +158,7 @@ impl Default for Packet {
             single_steps: 0,
             apart: 0,
             failed: 0,
+            went_together: 0,
         }
     }
 }
@@ -177,12 +180,15 @@ impl Packet {
         }
         hits.clear();
         hits.reserve(traces.len());
+        self.went_together = 0;
         for traces in traces.chunks(MOST) {
             let alone = if self.is_worth_it(tlas, traces) {
                 self.together(tlas, traces, any_opaque_hit)
             } else {
                 u64::MAX
             };
+            self.went_together +=
+                traces.len() as u32 - (alone & (u64::MAX >> (MOST - traces.len()))).count_ones();
             for (at, trace) in traces.iter().enumerate() {
                 hits.push(if alone >> at & 1 == 0 {
                     self.committed(tlas, at)
@@ -192,6 +198,11 @@ impl Packet {
             }
         }
         true
+    }
+
+    /// How many rays of the last [`Packet::trace`] went together with others to the end.
+    pub fn went_together(&self) -> u32 {
+        self.went_together
     }
 
     /// Puts children of a node on the stack, the nearest on top.

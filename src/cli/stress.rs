@@ -1,5 +1,6 @@
 //! `anyhit stress`: adversarial rays without end, judged by arbitrary precision.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -7,7 +8,7 @@ use crate::cli::{output, precision};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
 use crate::stress::family::FAMILIES;
-use crate::stress::{self, Found, Report, Settings};
+use crate::stress::{self, Found, Report, Settings, Tally};
 
 /// Draws adversarial rays and shapes and compares every answer with arbitrary precision.
 ///
@@ -86,15 +87,22 @@ fn line(report: &Report) -> String {
 }
 
 fn table(report: &Report) -> String {
-    let mut out = format!("\n{:<14} {:>12} {:>12} {:>12}  what\n", "family", "lines", "rays", "hits");
+    let row = |name: &str, columns: [&dyn Display; 5], about: &str| {
+        let [lines, rays, hits, trees, packets] = columns;
+        let row = format!("{name:<14} {lines:>11} {rays:>11} {hits:>11} {trees:>11} {packets:>11}  {about}");
+        format!("{}\n", row.trim_end())
+    };
+    let tallied = |name: &str, tally: &Tally, about: &str| {
+        let Tally { lines, rays, hits, trees, packets, .. } = tally;
+        row(name, [lines, rays, hits, trees, packets], about)
+    };
+    let heads: [&dyn Display; 5] = [&"lines", &"rays", &"hits", &"in trees", &"in packets"];
+    let mut out = format!("\n{}", row("family", heads, "what"));
     for (family, tally) in FAMILIES.iter().zip(&report.families) {
-        out += &format!(
-            "{:<14} {:>12} {:>12} {:>12}  {}\n",
-            family.name, tally.lines, tally.rays, tally.hits, family.about
-        );
+        out += &tallied(family.name, tally, family.about);
     }
     let total = report.total();
-    out += &format!("{:<14} {:>12} {:>12} {:>12}\n\n", "all", total.lines, total.rays, total.hits);
+    out += &format!("{}\n", tallied("all", &total, ""));
     out += &format!(
         "{} rays in {:.1} s: {} wrong decisions; t, u and barycentrics correctly rounded in the others\n",
         total.rays,

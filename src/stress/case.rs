@@ -1,12 +1,16 @@
-//! A ray and what it is shot at, as plain numbers that can be written to a file.
+//! Rays and what they are shot at, as plain numbers that can be written to a file.
+
+mod geometries;
 
 use serde::{Deserialize, Serialize};
 
-use crate::accel::{EndCaps, GeometryData, Indexing};
+use crate::accel::{Motion, RayFlags, Srt, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
 
-/// A ray and a few primitives of one kind in one instance.
+type Matrix = [[f32; 4]; 3];
+
+/// A ray, others that are traced together with it, and primitives of one kind in one instance or several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
@@ -20,11 +24,136 @@ pub struct Case {
     pub t_min: f32,
     /// The greatest t.
     pub t_max: f32,
+    /// When, from 0 to 1.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub time: f32,
+    /// The ray's flags. All primitives are opaque.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub flags: u32,
     /// Object to world, row-major 3x4; none is the identity.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub transform: Option<[[f32; 4]; 3]>,
+    pub transform: Option<Matrix>,
+    /// How the instance moves, in place of the transform.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Moves>,
+    /// How many twins of the instance there are that no ray sees: above four instances there is a tree over them.
+    #[serde(default = "four", skip_serializing_if = "is_four")]
+    pub hidden: usize,
     /// Primitives, all of one kind.
     pub shapes: Vec<Shape>,
+    /// More instances of the same primitives.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<Placement>,
+    /// More rays.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub neighbours: Vec<Neighbour>,
+}
+
+fn four() -> usize {
+    4
+}
+
+fn is_four(count: &usize) -> bool {
+    *count == four()
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+fn one<T: From<u8>>() -> T {
+    T::from(1)
+}
+
+fn is_one<T: From<u8> + PartialEq>(value: &T) -> bool {
+    *value == one()
+}
+
+/// The mask of instances that no ray sees.
+const HIDDEN: u8 = 0x80;
+
+/// An instance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placement {
+    /// Object to world; none is the identity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transform: Option<Matrix>,
+    /// How it moves, in place of the transform.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Moves>,
+    /// Its mask.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub mask: u8,
+    /// Its flags.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub flags: u32,
+}
+
+impl Placement {
+    /// An instance of mask 1 without flags.
+    pub fn new(transform: Option<Matrix>, motion: Option<Moves>) -> Self {
+        Self { transform, motion, mask: one(), flags: 0 }
+    }
+}
+
+/// How an instance moves: what is given for time 0 and for time 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Moves {
+    /// Matrices.
+    Matrix([Matrix; 2]),
+    /// Decompositions, in the order of `VkSRTDataNV`.
+    Srt([[f32; 16]; 2]),
+}
+
+impl Moves {
+    /// As an instance takes it.
+    pub fn motion(&self) -> Motion {
+        let srt = |&[sx, a, b, pvx, sy, c, pvy, sz, pvz, qx, qy, qz, qw, tx, ty, tz]: &[f32; 16]| Srt {
+            scale: [sx, sy, sz],
+            shear: [a, b, c],
+            pivot: [pvx, pvy, pvz],
+            quaternion: [qx, qy, qz, qw],
+            translation: [tx, ty, tz],
+        };
+        match self {
+            Self::Matrix(keys) => Motion::Matrix(*keys),
+            Self::Srt([first, second]) => Motion::Srt(Box::new([srt(first), srt(second)])),
+        }
+    }
+}
+
+/// A ray that is traced together with that of the case.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Neighbour {
+    /// Where t is 0.
+    pub origin: [f32; 3],
+    /// The way per unit of t.
+    pub direction: [f32; 3],
+    /// The least t.
+    pub t_min: f32,
+    /// The greatest t.
+    pub t_max: f32,
+    /// When, from 0 to 1.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub time: f32,
+    /// Its flags.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub flags: u32,
+    /// Its cull mask.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub cull_mask: u32,
+}
+
+impl Neighbour {
+    /// As a trace takes it.
+    pub fn trace(&self) -> TraceRay {
+        let Self { origin, direction, t_min, t_max, time, flags, cull_mask } = *self;
+        let ray = Ray { origin, direction, t_min, t_max };
+        TraceRay { ray, flags: RayFlags(flags), cull_mask, time }
+    }
 }
 
 /// A primitive.
@@ -33,6 +162,8 @@ pub struct Case {
 pub enum Shape {
     /// Three vertices.
     Triangle([[f32; 3]; 3]),
+    /// The same at time 0 and at time 1.
+    MovingTriangle([[[f32; 3]; 3]; 2]),
     /// Least and greatest coordinates.
     Aabb([[f32; 3]; 2]),
     /// A sphere.
@@ -55,9 +186,23 @@ pub enum Shape {
 
 impl Case {
     /// Shapes and a ray over the whole half-line.
-    pub fn new(shapes: Vec<Shape>, (ray, transform): (Ray, Option<[[f32; 4]; 3]>)) -> Self {
+    pub fn new(shapes: Vec<Shape>, (ray, transform): (Ray, Option<Matrix>)) -> Self {
         let Ray { origin, direction, t_min, t_max } = ray;
-        Self { family: String::new(), origin, direction, t_min, t_max, transform, shapes }
+        Self {
+            family: String::new(),
+            origin,
+            direction,
+            t_min,
+            t_max,
+            time: 0.0,
+            flags: 0,
+            transform,
+            motion: None,
+            hidden: four(),
+            shapes,
+            others: Vec::new(),
+            neighbours: Vec::new(),
+        }
     }
 
     /// The same, of a family.
@@ -71,14 +216,40 @@ impl Case {
         Ray { origin: self.origin, direction: self.direction, t_min: self.t_min, t_max: self.t_max }
     }
 
+    /// The ray as a trace takes it.
+    pub fn trace(&self) -> TraceRay {
+        TraceRay { ray: self.ray(), flags: RayFlags(self.flags), cull_mask: 1, time: self.time }
+    }
+
+    /// All instances in their order.
+    pub fn placements(&self) -> Vec<Placement> {
+        let first = Placement::new(self.transform, self.motion);
+        let hidden = std::iter::repeat_n(Placement { mask: HIDDEN, ..first.clone() }, self.hidden);
+        std::iter::once(first).chain(self.others.iter().cloned()).chain(hidden).collect()
+    }
+
     /// All its numbers, for changing them one by one.
     pub fn numbers(&mut self) -> Vec<&mut f32> {
         let mut out: Vec<&mut f32> = self.origin.iter_mut().chain(&mut self.direction).collect();
-        out.extend([&mut self.t_min, &mut self.t_max]);
-        out.extend(self.transform.iter_mut().flatten().flatten());
+        out.extend([&mut self.t_min, &mut self.t_max, &mut self.time]);
+        let first = (&mut self.transform, &mut self.motion);
+        let others = self.others.iter_mut().map(|other| (&mut other.transform, &mut other.motion));
+        for (transform, motion) in std::iter::once(first).chain(others) {
+            out.extend(transform.iter_mut().flatten().flatten());
+            match motion {
+                None => {}
+                Some(Moves::Matrix(keys)) => out.extend(keys.as_flattened_mut().as_flattened_mut()),
+                Some(Moves::Srt(keys)) => out.extend(keys.as_flattened_mut()),
+            }
+        }
+        for neighbour in &mut self.neighbours {
+            out.extend(neighbour.origin.iter_mut().chain(&mut neighbour.direction));
+            out.extend([&mut neighbour.t_min, &mut neighbour.t_max, &mut neighbour.time]);
+        }
         for shape in &mut self.shapes {
             match shape {
                 Shape::Triangle(vertices) => out.extend(vertices.as_flattened_mut()),
+                Shape::MovingTriangle(keys) => out.extend(keys.as_flattened_mut().as_flattened_mut()),
                 Shape::Aabb(corners) => out.extend(corners.as_flattened_mut()),
                 Shape::Sphere { center, radius } => {
                     out.extend(center);
@@ -91,63 +262,6 @@ impl Case {
             }
         }
         out
-    }
-
-    /// The primitives as a geometry, where one of Vulkan's forms can hold them: swept spheres need
-    /// both caps, or none, on all.
-    pub fn geometry(&self) -> Option<GeometryData> {
-        let first = self.shapes.first()?;
-        Some(match first {
-            Shape::Triangle(_) => {
-                let vertices = self.shapes.iter().filter_map(|shape| match shape {
-                    Shape::Triangle(vertices) => Some(*vertices),
-                    _ => None,
-                });
-                GeometryData::Triangles {
-                    vertices: vertices.flatten().collect(),
-                    indices: None,
-                    transform: None,
-                }
-            }
-            Shape::Aabb(_) => {
-                let boxes = self.shapes.iter().filter_map(|shape| match *shape {
-                    Shape::Aabb([[x0, y0, z0], [x1, y1, z1]]) => Some([x0, y0, z0, x1, y1, z1]),
-                    _ => None,
-                });
-                GeometryData::Aabbs(boxes.collect())
-            }
-            Shape::Sphere { .. } => {
-                let spheres = self.shapes.iter().filter_map(|shape| match *shape {
-                    Shape::Sphere { center, radius } => Some((center, radius)),
-                    _ => None,
-                });
-                let (positions, radii) = spheres.unzip();
-                GeometryData::Spheres { positions, radii, indices: None }
-            }
-            Shape::LinearSweptSphere { caps: wanted, .. } => {
-                let end_caps = match wanted {
-                    [true, true] => EndCaps::Chained,
-                    [false, false] => EndCaps::None,
-                    _ => return None,
-                };
-                let (mut all_positions, mut all_radii) = (Vec::new(), Vec::new());
-                for shape in &self.shapes {
-                    let Shape::LinearSweptSphere { positions, radii, caps } = shape else { continue };
-                    if caps != wanted {
-                        return None;
-                    }
-                    all_positions.extend(*positions);
-                    all_radii.extend(*radii);
-                }
-                GeometryData::LinearSweptSpheres {
-                    positions: all_positions,
-                    radii: all_radii,
-                    indices: None,
-                    indexing: Indexing::List,
-                    end_caps,
-                }
-            }
-        })
     }
 
     /// The case as a file.
@@ -182,6 +296,15 @@ mod tests {
         ];
         let ray = Ray::new([0.1, 0.2, 0.3], [1e-40, 0.0, -1.0]).with_interval(0.1, f32::INFINITY);
         let mut case = Case::new(shapes, (ray, Some([[0.1; 4]; 3]))).named("test");
+        case.shapes.push(Shape::MovingTriangle([[[0.7; 3]; 3], [[1e-45; 3]; 3]]));
+        (case.time, case.flags, case.hidden) = (0.1, 16, 0);
+        case.motion = Some(Moves::Srt([[0.1; 16], [1e30; 16]]));
+        let motion = Some(Moves::Matrix([[[0.3; 4]; 3], [[-0.0; 4]; 3]]));
+        case.others = vec![Placement::new(None, motion), Placement::new(None, None)];
+        case.others.push(Placement { transform: Some([[0.9; 4]; 3]), mask: 6, flags: 2, motion: None });
+        let Case { origin, direction, t_min, t_max, .. } = case;
+        let neighbour = Neighbour { origin, direction, t_min, t_max, time: 0.3, flags: 32, cull_mask: 8 };
+        case.neighbours = vec![neighbour; 3];
         let mut again = Case::from_toml(&case.to_toml()).unwrap();
         assert_eq!(case, again);
         let bits = |case: &mut Case| case.numbers().iter().map(|x| x.to_bits()).collect::<Vec<_>>();

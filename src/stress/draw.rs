@@ -251,6 +251,23 @@ impl Draw {
         v.map(|x| x / length)
     }
 
+    /// A ray through a target, from it or from near or far before it: along an axis, between points of the
+    /// lattice, or any; of any length.
+    pub fn aim(&mut self, target: [f32; 3], s: f32) -> ([f32; 3], [f32; 3]) {
+        let mut direction = if self.one_in(2) { self.lattice(1.0) } else { self.direction() };
+        if direction == [0.0; 3] {
+            direction[self.below(3)] = 1.0;
+        }
+        let far = [0.0, 0.5, 1.0, 2.0, 4.0, 64.0, 1e3, 1e6, 1e12][self.below(9)] * f64::from(s);
+        let before = |i: usize| f64::from(target[i]) - f64::from(direction[i]) * far;
+        let origin = std::array::from_fn(|i| before(i).clamp(-3e38, 3e38) as f32);
+        let long = self.scale();
+        // Components of very different sizes miss it by a bit.
+        let mixed = self.one_in(8);
+        let direction = direction.map(|x| x * long * if mixed && self.one_in(2) { 1e-30 } else { 1.0 });
+        (origin, direction)
+    }
+
     /// A ray through a vertex, an edge, the inside or past a triangle.
     pub fn ray_through(&mut self, v: [[f32; 3]; 3]) -> (Ray, Option<Matrix>) {
         let [b, c] = match self.below(5) {

@@ -1,8 +1,13 @@
 //! The families of adversarial cases.
 
+mod moving;
+mod neighbours;
+mod trees;
+
 use crate::geometry::Ray;
 use crate::stress::case::{Case, Shape};
 use crate::stress::draw::Draw;
+pub use neighbours::surround;
 
 /// A way of drawing cases.
 pub struct Family {
@@ -53,6 +58,34 @@ pub const FAMILIES: &[Family] = &[
     Family { name: "ties", about: "the same primitive many times over", draw: ties },
     Family { name: "fields", about: "a dozen primitives under a tree, any scale", draw: fields },
     Family { name: "bits", about: "numbers of random bits", draw: bits },
+    Family {
+        name: "meshes",
+        about: "sheets of triangles with shared edges and vertices, far away and flat",
+        draw: trees::meshes,
+    },
+    Family { name: "grids", about: "boxes that touch, overlap or all but touch", draw: trees::grids },
+    Family {
+        name: "strands",
+        about: "long chains of swept spheres, in two pieces each",
+        draw: trees::strands,
+    },
+    Family { name: "swarms", about: "many spheres, in lattices where they touch", draw: trees::swarms },
+    Family { name: "soups", about: "many primitives at all scales together", draw: trees::soups },
+    Family {
+        name: "places",
+        about: "instances beside and upon each other, flags and masks",
+        draw: trees::places,
+    },
+    Family {
+        name: "moving",
+        about: "vertices between two keys, beside others that stay",
+        draw: moving::moving_triangles,
+    },
+    Family {
+        name: "moved",
+        about: "instances between two matrices or decompositions",
+        draw: moving::moving_instances,
+    },
 ];
 
 fn spheres(draw: &mut Draw) -> Case {

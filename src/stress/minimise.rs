@@ -1,7 +1,7 @@
-//! Makes a failing case small: fewer primitives, no matrix, short numbers.
+//! Makes a failing case small: fewer primitives, instances and rays, nothing that moves, short numbers.
 
 use crate::geometry::Precision;
-use crate::stress::case::Case;
+use crate::stress::case::{Case, Moves, Placement, Shape};
 use crate::stress::judge::{Failure, check_caught};
 
 /// A case that fails, no greater than the given one in any respect, and how it fails. Tries each
@@ -11,45 +11,119 @@ use crate::stress::judge::{Failure, check_caught};
 /// Where the given case does not fail.
 pub fn minimise(case: &Case, precision: Precision) -> (Case, Failure) {
     let fails = |case: &Case| check_caught(case, precision).err();
-    let mut best = case.clone();
-    let mut failure = fails(&best).expect("bug in anyhit: a case that does not fail is made smaller");
+    let failure = fails(case).expect("bug in anyhit: a case that does not fail is made smaller");
+    let mut search = Search { best: case.clone(), failure, fails };
     // A change that is kept makes the case smaller, so that this ends; the bound is for time.
     for _ in 0..8 {
-        let before = best.clone();
-        let mut try_one = |candidate: Case, best: &mut Case| {
-            if let Some(how) = fails(&candidate) {
-                *best = candidate;
-                failure = how;
-                return true;
-            }
-            false
-        };
-        let mut index = 0;
-        while best.shapes.len() > 1 && index < best.shapes.len() {
-            let mut fewer = best.clone();
-            fewer.shapes.remove(index);
-            if !try_one(fewer, &mut best) {
-                index += 1;
-            }
-        }
-        if best.transform.is_some() {
-            try_one(Case { transform: None, ..best.clone() }, &mut best);
-        }
-        let count = best.clone().numbers().len();
+        let before = search.best.clone();
+        search.shorten(0, |case| &mut case.neighbours);
+        search.shorten(0, |case| &mut case.others);
+        search.shorten(1, |case| &mut case.shapes);
+        search.simplify();
+        search.equalise();
+        let count = search.best.numbers().len();
         for place in 0..count {
-            for simpler in simpler(*best.numbers()[place]) {
-                let mut candidate = best.clone();
-                *candidate.numbers()[place] = simpler;
-                if try_one(candidate, &mut best) {
+            for simpler in simpler(*search.best.numbers()[place]) {
+                if search.keeps(|case| *case.numbers()[place] = simpler) {
                     break;
                 }
             }
         }
-        if best == before {
+        if search.best == before {
             break;
         }
     }
-    (best, failure)
+    (search.best, search.failure)
+}
+
+/// The least case so far that fails.
+struct Search<F> {
+    best: Case,
+    failure: Failure,
+    fails: F,
+}
+
+impl<F: Fn(&Case) -> Option<Failure>> Search<F> {
+    /// Makes a change where the case still fails; says whether it does, and is another one.
+    fn keeps(&mut self, change: impl FnOnce(&mut Case)) -> bool {
+        let mut candidate = self.best.clone();
+        change(&mut candidate);
+        if candidate == self.best {
+            return false;
+        }
+        let failure = (self.fails)(&candidate);
+        if let Some(failure) = failure {
+            (self.best, self.failure) = (candidate, failure);
+            return true;
+        }
+        false
+    }
+
+    /// Leaves out elements of a list, down to `least`: half of it at once, then quarters, then single ones.
+    fn shorten<T>(&mut self, least: usize, list: fn(&mut Case) -> &mut Vec<T>) {
+        let mut many = list(&mut self.best).len();
+        while many > 0 {
+            let mut first = 0;
+            loop {
+                let count = list(&mut self.best).len();
+                if first >= count {
+                    break;
+                }
+                let end = count.min(first + many);
+                if count - (end - first) < least || !self.keeps(|case| drop(list(case).drain(first..end))) {
+                    first = end;
+                }
+            }
+            many /= 2;
+        }
+    }
+
+    /// What is special about the case becomes what it is in others.
+    fn simplify(&mut self) {
+        self.keeps(|case| case.transform = None);
+        self.keeps(|case| case.motion = None);
+        self.keeps(|case| case.flags = 0);
+        self.keeps(|case| case.hidden = 0);
+        let key_of = |motion: &mut Option<Moves>| match motion {
+            Some(Moves::Matrix([first, second])) => *second = *first,
+            Some(Moves::Srt([first, second])) => *second = *first,
+            None => {}
+        };
+        self.keeps(|case| key_of(&mut case.motion));
+        for at in 0..self.best.others.len() {
+            self.keeps(|case| case.others[at].transform = None);
+            self.keeps(|case| case.others[at].motion = None);
+            self.keeps(|case| key_of(&mut case.others[at].motion));
+            self.keeps(|case| {
+                let Placement { transform, motion, .. } = case.others[at];
+                case.others[at] = Placement::new(transform, motion);
+            });
+        }
+        for at in 0..self.best.shapes.len() {
+            self.keeps(|case| {
+                if let Shape::MovingTriangle([first, _]) = case.shapes[at] {
+                    case.shapes[at] = Shape::Triangle(first);
+                }
+            });
+        }
+    }
+
+    /// Neighbours become the ray of the case, or at least start, head, and end as it does.
+    fn equalise(&mut self) {
+        for at in 0..self.best.neighbours.len() {
+            let Case { origin, direction, t_min, t_max, time, flags, .. } = self.best;
+            self.keeps(|case| {
+                (case.neighbours[at].origin, case.neighbours[at].direction) = (origin, direction)
+            });
+            self.keeps(|case| case.neighbours[at].origin = origin);
+            self.keeps(|case| case.neighbours[at].direction = direction);
+            self.keeps(|case| (case.neighbours[at].t_min, case.neighbours[at].t_max) = (t_min, t_max));
+            self.keeps(|case| {
+                let neighbour = &mut case.neighbours[at];
+                (neighbour.time, neighbour.flags, neighbour.cull_mask) = (time, flags, 1);
+            });
+        }
+    }
 }
 
 /// Shorter numbers that could stand for one, the shortest first.

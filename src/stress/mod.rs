@@ -1,7 +1,7 @@
 //! Adversarial rays without end, judged by arbitrary precision: `anyhit stress`.
 //!
-//! A [`Case`] is a ray, a few primitives of one kind and perhaps an instance's matrix. The
-//! [`family`] module draws cases where intersectors break, [`judge`] compares every answer with
+//! A [`Case`] is a ray, perhaps with others that go together with it, and primitives of one kind in an
+//! instance or several, which may move. The [`family`] module draws cases where intersectors break, [`judge`] compares every answer with
 //! [`mod@reference`], which computes in rational numbers and shares no code with `geometry`, and
 //! [`minimise`] makes a failure small enough to read. Case number n of a seed is the same on every
 //! machine, whatever the number of threads.
@@ -79,7 +79,9 @@ pub fn case(seed: u64, number: u64) -> Case {
     let family = &FAMILIES[(number % FAMILIES.len() as u64) as usize];
     // Seeds of draws must differ in more than a few bits: SplitMix64 scatters them.
     let mut draw = Draw::new(seed.wrapping_mul(0xD134_2543_DE82_EF95).wrapping_add(number));
-    (family.draw)(&mut draw).named(family.name)
+    let mut case = (family.draw)(&mut draw).named(family.name);
+    family::surround(&mut draw, &mut case);
+    case
 }
 
 /// Runs until the settings or ten failures end it; `progress` is told from time to time.
@@ -148,12 +150,16 @@ mod tests {
 
     #[test]
     fn exact_answers_are_found_right() {
-        let settings = Settings { seed: 2, rays: Some(1), time: None, precision: Precision::Exact };
+        let settings = Settings { seed: 2, rays: Some(60_000), time: None, precision: Precision::Exact };
         let report = run(&settings, |_| ());
         assert!(report.found.is_empty(), "{:#?}", report.found);
         for (family, tally) in FAMILIES.iter().zip(&report.families) {
             assert!(tally.rays > 0, "{}: {tally:?}", family.name);
             assert!(tally.hits > 0 || family.name == "bits", "{}: {tally:?}", family.name);
+            let in_trees = ["meshes", "grids", "strands", "swarms", "soups", "places", "moving", "moved"];
+            assert!(tally.trees > 0 || !in_trees.contains(&family.name), "{}: {tally:?}", family.name);
+            let in_packets = ["meshes", "strands", "swarms", "places"];
+            assert!(tally.packets > 0 || !in_packets.contains(&family.name), "{}: {tally:?}", family.name);
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Intersections in rational numbers and their square roots, written from SEMANTICS alone: slow,
 //! with divisions, and another formulation than the code under test at every step.
 
+pub mod motion;
+
 use std::cmp::Ordering;
 
 use dashu_ratio::RBig;

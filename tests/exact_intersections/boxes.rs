@@ -70,6 +70,7 @@ fn point_of(draw: &mut Draw, shape: &Shape) -> [f32; 3] {
                 vertices[0][axis] * 0.5 + vertices[1][axis] * 0.25 + vertices[2][axis] * 0.25
             }),
         },
+        Shape::MovingTriangle(_) => unreachable!("none is drawn"),
         Shape::Aabb([min, max]) => std::array::from_fn(|axis| match draw.below(3) {
             0 => min[axis],
             1 => max[axis],
@@ -138,6 +139,7 @@ fn ray_at(draw: &mut Draw, point: [f32; 3], m: &Matrix, s: f32) -> Ray {
 fn is_met(shape: &Shape, line: &LineOf, ray: &Ray) -> bool {
     let (expected, is_open) = match *shape {
         Shape::Triangle(vertices) => (line.triangle(vertices), true),
+        Shape::MovingTriangle(_) => unreachable!("none is drawn"),
         Shape::Aabb([min, max]) => return line.aabb(min, max, ray.t_min, ray.t_max).is_some(),
         Shape::Sphere { center, radius } => (line.sphere(center, radius), false),
         Shape::LinearSweptSphere { positions, radii, caps } => {
@@ -154,10 +156,11 @@ fn check(seed: u64, kind: usize) {
         let s = scale(&mut draw);
         let shapes: Vec<Shape> = (0..PRIMITIVES).map(|_| shape(&mut draw, kind, s)).collect();
         let case = Case::new(shapes.clone(), (Ray::new([0.0; 3], [0.0, 0.0, 1.0]), None));
-        let geometry = case.geometry().expect("shapes of one kind");
+        let (geometries, _) = case.geometries().expect("shapes of one kind");
         // Not opaque: every primitive that the ray meets is handed out.
-        let geometry = Geometry::new(geometry, GeometryFlags::default());
-        let blas = Blas::new(vec![geometry]).expect("legal primitives");
+        let flags = GeometryFlags::default();
+        let geometries = geometries.into_iter().map(|geometry| Geometry { flags, ..geometry });
+        let blas = Blas::new(geometries.collect()).expect("legal primitives");
         let matrices: Vec<Matrix> = (0..INSTANCES).map(|_| matrix(&mut draw, s)).collect();
         let instances = matrices.iter().map(|&transform| Instance::of(blas.clone(), transform));
         // Singular matrices are refused; there are plenty of others.

@@ -1,0 +1,144 @@
+//! What of a case stands where at a time, and what a ray hits there if every primitive is tested, without
+//! boxes and trees.
+
+use std::cmp::Ordering;
+
+use crate::accel::motion::interpolate;
+use crate::accel::{InstanceFlags, RayFlags, TraceRay};
+use crate::geometry::{Intersection, ObjectRay, Precision, Ray, Surface, Transform};
+use crate::stress::case::{Case, Placement, Shape};
+use crate::stress::judge::one::intersect;
+use crate::stress::judge::{Failure, fail};
+use crate::stress::reference::motion::{is_between, is_transform};
+
+type Matrix = [[f32; 4]; 3];
+
+/// The primitives and instances of a case at a time.
+pub struct Moment {
+    pub time: f32,
+    /// None of them moves.
+    pub shapes: Vec<Shape>,
+    pub places: Vec<Place>,
+}
+
+/// An instance at a time.
+pub struct Place {
+    placement: Placement,
+    /// Of one that moves, where there is one.
+    moved: Option<Matrix>,
+    /// Object to world; without one it is the identity.
+    pub matrix: Option<Matrix>,
+    /// Where there is a matrix, and it has an inverse.
+    transform: Option<Transform>,
+}
+
+/// What a ray hits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    pub instance: usize,
+    pub shape: usize,
+    /// Its surface is the one that the instance presents.
+    pub found: Intersection,
+}
+
+impl Moment {
+    /// The time must be one from 0 to 1.
+    pub fn new(case: &Case, time: f32) -> Self {
+        let shapes = case.shapes.iter().map(|shape| match shape {
+            Shape::MovingTriangle([first, second]) => {
+                let number = |i: usize, j: usize| interpolate(first[i][j], second[i][j], time);
+                Shape::Triangle(std::array::from_fn(|i| std::array::from_fn(|j| number(i, j))))
+            }
+            still => *still,
+        });
+        let places = case.placements().into_iter().map(|placement| {
+            let moved = placement.motion.and_then(|moves| moves.motion().at(time));
+            let matrix = match placement.motion {
+                None => placement.transform,
+                // Where there is no matrix there is no inverse either.
+                Some(_) => Some(moved.unwrap_or([[0.0; 4]; 3])),
+            };
+            let transform = matrix.as_ref().and_then(Transform::new);
+            Place { placement, moved, matrix, transform }
+        });
+        Self { time, shapes: shapes.collect(), places: places.collect() }
+    }
+
+    /// Judges the numbers that an instance has at the time.
+    pub fn check_place(&self, instance: usize) -> Result<(), Failure> {
+        let Place { placement, moved, .. } = &self.places[instance];
+        let Some(moves) = &placement.motion else { return Ok(()) };
+        if !is_transform(moves, self.time, moved.as_ref()) {
+            return fail(format!("instance {instance} at {:e}: {moved:?} is wrong", self.time));
+        }
+        Ok(())
+    }
+
+    /// The same for a primitive.
+    pub fn check_shape(&self, case: &Case, shape: usize) -> Result<(), Failure> {
+        let (Shape::MovingTriangle(keys), Shape::Triangle(found)) =
+            (&case.shapes[shape], &self.shapes[shape])
+        else {
+            return Ok(());
+        };
+        let [first, second] = keys.map(|vertices| vertices.as_flattened().to_vec());
+        let all = first.iter().zip(&second).zip(found.as_flattened());
+        for ((&first, &second), &number) in all {
+            if !is_between([first, second], self.time, number) {
+                return fail(format!("primitive {shape} at {:e}: {number:e} is wrong", self.time));
+            }
+        }
+        Ok(())
+    }
+
+    /// The ray as an instance's primitives see it.
+    pub fn object_ray(&self, instance: usize, ray: &Ray) -> Option<ObjectRay> {
+        let place = &self.places[instance];
+        match place.matrix {
+            None => ObjectRay::in_world(ray),
+            Some(_) => ObjectRay::in_instance(ray, place.transform.as_ref()?),
+        }
+    }
+
+    /// All hits of a ray of this time, in the order of their keys (t, instance, primitive).
+    pub fn hits(&self, trace: &TraceRay, precision: Precision) -> Vec<Hit> {
+        let mut hits = Vec::new();
+        for (instance, place) in self.places.iter().enumerate() {
+            // Vulkan, "Ray Culling": the low eight bits of both masks share one.
+            if u32::from(place.placement.mask) & trace.cull_mask == 0 {
+                continue;
+            }
+            let Some(ray) = self.object_ray(instance, &trace.ray) else { continue };
+            for (shape, numbers) in self.shapes.iter().enumerate() {
+                let Some(found) = intersect(numbers, &ray, precision) else { continue };
+                if let Some(surface) = place.presents(found.surface, trace.flags) {
+                    hits.push(Hit { instance, shape, found: Intersection { surface, ..found } });
+                }
+            }
+        }
+        let key = |hit: &Hit| (hit.instance, hit.shape);
+        let order = |a: &Hit, b: &Hit| a.found.t.partial_cmp(&b.found.t).unwrap_or(Ordering::Equal);
+        hits.sort_by(|a, b| order(a, b).then_with(|| key(a).cmp(&key(b))));
+        hits
+    }
+}
+
+impl Place {
+    /// The side of a primitive that an instance presents; `None` where the ray's flags cull it.
+    fn presents(&self, surface: Surface, flags: RayFlags) -> Option<Surface> {
+        let has = |flag: InstanceFlags| self.placement.flags & flag.0 != 0;
+        let is_flipped = has(InstanceFlags::TRIANGLE_FLIP_FACING);
+        let is_front = match surface {
+            Surface::TriangleFront => !is_flipped,
+            Surface::TriangleBack => is_flipped,
+            other => return Some(other),
+        };
+        let (surface, culls) = if is_front {
+            (Surface::TriangleFront, RayFlags::CULL_FRONT_FACING_TRIANGLES)
+        } else {
+            (Surface::TriangleBack, RayFlags::CULL_BACK_FACING_TRIANGLES)
+        };
+        let is_culled = flags.0 & culls.0 != 0 && !has(InstanceFlags::TRIANGLE_FACING_CULL_DISABLE);
+        (!is_culled).then_some(surface)
+    }
+}

@@ -1,0 +1,161 @@
+//! Judges the answers about one primitive: hit or miss, the surface, t and the attributes.
+
+use crate::geometry::block::{self, BlockRay, BoxRay, LANES};
+use crate::geometry::{
+    Bounds, Intersection, ObjectRay, Precision, Ray, Surface, Transform, aabb, linear_swept_sphere, sphere,
+    triangle,
+};
+use crate::math::eight::TwoFours;
+use crate::stress::case::Shape;
+use crate::stress::judge::{Failure, Tally, fail};
+use crate::stress::reference::{Expected, LineOf};
+
+/// What the tests of primitives find, of a shape that does not move.
+pub fn intersect(shape: &Shape, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
+    match *shape {
+        Shape::Triangle(vertices) => triangle::intersect(ray, vertices, precision),
+        Shape::MovingTriangle(_) => None,
+        Shape::Aabb([min, max]) => aabb::intersect(ray, min, max, precision),
+        Shape::Sphere { center, radius } => sphere::intersect(ray, center, radius, precision),
+        Shape::LinearSweptSphere { positions, radii, caps } => {
+            linear_swept_sphere::intersect(ray, positions, radii, caps, precision)
+        }
+    }
+}
+
+/// One primitive of a case and the line of a ray.
+pub struct One<'a> {
+    /// Where it is at the time.
+    pub shape: &'a Shape,
+    pub line: &'a LineOf,
+    pub matrix: Option<&'a [[f32; 4]; 3]>,
+    pub precision: Precision,
+    pub index: usize,
+}
+
+impl One<'_> {
+    /// Where the line meets it; `None` for a box, whose entry depends on the interval.
+    pub fn expected(&self) -> Option<Expected> {
+        match *self.shape {
+            Shape::Triangle(vertices) => self.line.triangle(vertices),
+            Shape::Aabb(_) | Shape::MovingTriangle(_) => None,
+            Shape::Sphere { center, radius } => self.line.sphere(center, radius),
+            Shape::LinearSweptSphere { positions, radii, caps } => {
+                self.line.linear_swept_sphere(positions, radii, caps)
+            }
+        }
+    }
+
+    /// The block test, with the primitive in one lane and nothing in the others.
+    pub fn check_block(
+        &self,
+        ray: &ObjectRay,
+        expected: Option<&Expected>,
+        tally: &mut Tally,
+    ) -> Result<(), Failure> {
+        let lane = self.index % LANES;
+        // As it is prepared, and in an instance in f32 as well.
+        let transform = self.matrix.and_then(Transform::new);
+        let rough = transform.and_then(|transform| transform.rough(ray.world()));
+        let block_rays = |bounds: &Bounds| {
+            let rough = rough.and_then(|rough| BlockRay::rough(&rough, bounds));
+            [Some(BlockRay::new(ray, bounds)), rough].into_iter().flatten()
+        };
+        let (met, is_met) = match *self.shape {
+            Shape::Triangle(vertices) => {
+                let Some(bounds) = triangle::bounds(vertices) else { return Ok(()) };
+                let mut block = block::Triangles::EMPTY;
+                block.set(lane, vertices);
+                (
+                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(TwoFours, &ray)),
+                    expected.is_some(),
+                )
+            }
+            Shape::MovingTriangle(_) => return Ok(()),
+            Shape::Aabb([min, max]) => {
+                let Some(bounds) = aabb::bounds(min, max) else { return Ok(()) };
+                let mut block = block::Aabbs::EMPTY;
+                block.set(lane, min, max);
+                let is_met = self.line.aabb(min, max, ray.t_min(), ray.t_max()).is_some();
+                (block.met(&BoxRay::new(ray, &bounds)), is_met)
+            }
+            Shape::Sphere { center, radius } => {
+                let Some(bounds) = sphere::bounds(center, radius) else { return Ok(()) };
+                let mut block = block::Spheres::EMPTY;
+                block.set(lane, center, radius);
+                (
+                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(TwoFours, &ray)),
+                    expected.is_some(),
+                )
+            }
+            Shape::LinearSweptSphere { positions, radii, caps } => {
+                let Some(bounds) = linear_swept_sphere::bounds(positions, radii) else { return Ok(()) };
+                let mut block = block::LinearSweptSpheres::EMPTY;
+                block.set(lane, positions, radii, caps);
+                (
+                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(TwoFours, &ray)),
+                    expected.is_some(),
+                )
+            }
+        };
+        let kept = met >> lane & 1 != 0;
+        tally.dropped += u64::from(!kept);
+        if is_met && !kept {
+            return fail(format!("primitive {}: the block test drops what the line meets", self.index));
+        }
+        Ok(())
+    }
+
+    /// The answer for one interval.
+    pub fn check(
+        &self,
+        ray: &Ray,
+        expected: Option<&Expected>,
+        tally: &mut Tally,
+    ) -> Result<Option<Intersection>, Failure> {
+        tally.rays += 1;
+        let Ray { t_min, t_max, .. } = *ray;
+        let index = self.index;
+        let Some(object) = ObjectRay::new(ray, self.matrix) else {
+            return fail(format!("no object-space ray over {t_min:e}..{t_max:e}"));
+        };
+        let found = intersect(self.shape, &object, self.precision);
+        let place = || format!("primitive {index} over {t_min:e}..{t_max:e}");
+        if let Shape::Aabb([min, max]) = *self.shape {
+            let entry = self.line.aabb(min, max, t_min, t_max);
+            match (&found, entry) {
+                (None, None) => {}
+                (Some(hit), Some(t)) if t.rounds_to(hit.t) => tally.hits += 1,
+                (Some(hit), Some(_)) => return fail(format!("{}: t {:e} is wrong", place(), hit.t)),
+                (found, entry) => {
+                    return fail(format!("{}: hit {}, not {}", place(), found.is_some(), entry.is_some()));
+                }
+            }
+            return Ok(found);
+        }
+        let is_open = matches!(self.shape, Shape::Triangle(_));
+        let expected = expected.filter(|expected| expected.t.is_within(t_min, t_max, is_open));
+        let (hit, expected) = match (found, expected) {
+            (None, None) => return Ok(None),
+            (Some(hit), Some(expected)) => (hit, expected),
+            (found, expected) => {
+                return fail(format!("{}: hit {}, not {}", place(), found.is_some(), expected.is_some()));
+            }
+        };
+        if hit.surface != expected.surface {
+            return fail(format!("{}: {:?}, not {:?}", place(), hit.surface, expected.surface));
+        }
+        if !expected.t.rounds_to(hit.t) {
+            return fail(format!("{}: t {:e} is wrong", place(), hit.t));
+        }
+        for (value, exact) in hit.attributes.iter().zip(&expected.attributes) {
+            let clamped =
+                hit.surface == Surface::Side && [f32::MIN_POSITIVE, 1.0f32.next_down()].contains(value);
+            if !clamped && !exact.rounds_to(*value) {
+                return fail(format!("{}: attribute {value:e} is wrong", place()));
+            }
+        }
+        tally.hits += 1;
+        Ok(Some(hit))
+    }
+}
