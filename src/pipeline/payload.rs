@@ -34,12 +34,19 @@ pub(super) fn takes(program: &Program, scalars: Option<u64>) -> bool {
 pub(super) fn mismatch(caller: &Program, first: Reg, called: &Program) -> Option<String> {
     let (given, taken) = (given(caller, first)?, taken(called)?);
     Some(format!(
-        "{} `{}` takes {}, and is given {}",
+        "{} `{}`{} takes {}, and is given {}",
         called.stage.name(),
         called.name,
+        source(&called.module),
         of_type(&called.module, taken.ty),
         of_type(&caller.module, given.ty)
     ))
+}
+
+/// The file that a module was made from, where it tells: many entry points are called `main`.
+fn source(module: &Module) -> String {
+    let file = module.debug_info.files.first().filter(|file| !file.name.is_empty());
+    file.map_or_else(String::new, |file| format!(" ({})", file.name))
 }
 
 /// A type for people, a struct with its members.
