@@ -184,6 +184,22 @@ fn a_scene_that_shows_nothing_says_how_to_ask() {
 }
 
 #[test]
+fn a_module_that_cannot_be_read_is_told_once() {
+    let folder = std::path::PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("told-once");
+    std::fs::create_dir_all(&folder).expect("a writable folder");
+    std::fs::write(folder.join("bad.spv"), [0; 20]).expect("a writable folder");
+    let scene = folder.join("scene.toml");
+    let hit = "hit = [{ closest_hit = 'bad' }, { closest_hit = 'bad', any_hit = 'bad' }]";
+    std::fs::write(
+        &scene,
+        format!("version = 1\nlaunch = 1\nshaders = {{ bad = 'bad.spv' }}\n[pipeline]\n{hit}\n"),
+    )
+    .expect("a writable folder");
+    let (code, _, err) = run(&["run", scene.to_str().expect("UTF-8")]);
+    assert_eq!((code, err.matches("error:").count()), (Some(2), 1), "{err}");
+}
+
+#[test]
 fn run_prints_what_shaders_print() {
     let (code, out, err) = run(&["run", "shaders/pass/compute/print/scene.toml"]);
     assert_eq!((code, err.as_str()), (Some(0), ""));

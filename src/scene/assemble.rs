@@ -150,8 +150,25 @@ fn assemble_but(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>) -> Res
     errors.extend(descriptors::mismatches(scene, programs));
     let own = |dispatch: &Dispatch| scene.device.check_module(&dispatch.compute.program.module).err();
     errors.extend(dispatches.iter().filter_map(own));
-    let (Some(pipeline), true) = (pipeline, errors.is_empty()) else { return Err(Error::several(errors)) };
+    let (Some(pipeline), true) = (pipeline, errors.is_empty()) else {
+        return Err(Error::several(once(errors)));
+    };
     Ok(Assembled { pipeline, resources, size: scene.launch, dispatches })
+}
+
+/// Each mistake once, however many groups name its shader; of a tool that is missing it is enough to hear once at all.
+fn once(errors: Vec<Error>) -> Vec<Error> {
+    let mut told: Vec<Error> = Vec::new();
+    for error in errors {
+        let again = |known: &Error| {
+            let anywhere = error.kind() == ErrorKind::UnsupportedTool;
+            known.message() == error.message() && (anywhere || known.places().eq(error.places()))
+        };
+        if !told.iter().any(again) {
+            told.push(error);
+        }
+    }
+    told
 }
 
 /// Shaders of a scene, each module read and each entry point lowered once.
