@@ -136,6 +136,15 @@ impl Tlas {
     /// # Errors
     /// As [`Tlas::new`].
     pub fn with_precision(instances: Vec<Instance>, precision: Precision) -> Result<Arc<Self>> {
+        Self::on(instances, precision, Processor::new())
+    }
+
+    /// The same for some of the processor's vectors.
+    pub(crate) fn on(
+        instances: Vec<Instance>,
+        precision: Precision,
+        processor: Processor,
+    ) -> Result<Arc<Self>> {
         let mistakes = validate::instances(&instances);
         if !mistakes.is_empty() {
             return Err(Error::several(mistakes));
@@ -165,7 +174,7 @@ impl Tlas {
             has_micromaps,
             plain,
             precision,
-            processor: Processor::new(),
+            processor,
         }))
     }
 

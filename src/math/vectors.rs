@@ -116,7 +116,7 @@ impl Processor {
     }
 }
 
-#[cfg(test)]
+#[cfg(any(test, feature = "stress"))]
 impl Processor {
     /// Each level up to what it has, and its name.
     pub fn levels() -> Vec<(&'static str, Self)> {

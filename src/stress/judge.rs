@@ -55,7 +55,7 @@ impl Tally {
 
 /// What is wrong.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Failure(String);
+pub struct Failure(pub(in crate::stress) String);
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -143,3 +143,63 @@ fn simpler(x: f32) -> Vec<f32> {
     // +-1 must not be changed to 0 and back.
     if x.abs() == 1.0 { vec![0.0] } else { out }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Ray;
+    use crate::stress::case::Neighbour;
+
+    #[test]
+    fn all_that_a_failure_does_not_need_goes() {
+        let ray = Ray::new([3.25, 0.0, 0.0], [0.1, 0.2, 0.3]);
+        let ball = |k: usize| Shape::Sphere { center: [k as f32, 0.3, 0.0], radius: 1.0 };
+        let mut case = Case::new((0..77).map(ball).collect(), (ray, Some([[0.5; 4]; 3])));
+        let Ray { origin, direction, t_min, .. } = ray;
+        let neighbour =
+            Neighbour { origin, direction, t_min, t_max: 7.0, time: 0.5, flags: 16, cull_mask: 3 };
+        case.neighbours = vec![neighbour; 63];
+        case.neighbours[40].direction = [0.0, 0.0, -1.0];
+        let motion = Moves::Matrix([[[0.1; 4]; 3], [[0.2; 4]; 3]]);
+        case.others = vec![Placement::new(Some([[0.7; 4]; 3]), Some(motion)); 9];
+        // Eight rays, of which one goes down, and a ball of its own.
+        let fails = |case: &Case| {
+            let has_ball = case.shapes.iter().any(|shape| *shape == ball(40));
+            let goes_down = case.neighbours.iter().any(|neighbour| neighbour.direction[2] < 0.0);
+            (has_ball && goes_down && case.neighbours.len() >= 7).then(|| Failure("it fails".to_owned()))
+        };
+        let failure = Failure(String::new());
+        let mut search = Search { best: case, failure, fails };
+        search.shorten(0, |case| &mut case.neighbours);
+        search.shorten(0, |case| &mut case.others);
+        search.shorten(1, |case| &mut case.shapes);
+        search.simplify();
+        search.equalise();
+        let mut least = Case { hidden: 0, ..Case::new(vec![ball(40)], (ray, None)) };
+        let alike = Neighbour { t_max: ray.t_max, time: 0.0, flags: 0, cull_mask: 1, ..neighbour };
+        least.neighbours = vec![alike; 7];
+        let down = search.best.neighbours.iter().position(|neighbour| neighbour.direction[2] < 0.0);
+        least.neighbours[down.expect("one goes down")].direction = [0.0, 0.0, -1.0];
+        assert_eq!(search.best, least);
+    }
+
+    #[test]
+    fn an_instance_keeps_what_matters_alone() {
+        let keys = [[[0.1; 4]; 3], [[0.2; 4]; 3]];
+        let mut case = Case::new(vec![], (Ray::new([0.0; 3], [1.0; 3]), None));
+        let whole = Placement { mask: 3, flags: 2, ..Placement::new(Some([[0.7; 4]; 3]), None) };
+        case.others = vec![Placement { motion: Some(Moves::Matrix(keys)), ..whole.clone() }; 3];
+        case.shapes = vec![Shape::MovingTriangle([[[1.0; 3]; 3], [[2.0; 3]; 3]]); 2];
+        // A second key, and flags.
+        let fails = |case: &Case| {
+            let moves = |other: &Placement| other.motion.is_some() && other.flags == 2;
+            case.others.iter().any(moves).then(|| Failure("it fails".to_owned()))
+        };
+        let mut search = Search { best: case, failure: Failure(String::new()), fails };
+        search.shorten(0, |case| &mut case.others);
+        search.simplify();
+        let still = Moves::Matrix([keys[0]; 2]);
+        assert_eq!(search.best.others, [Placement { transform: None, motion: Some(still), ..whole }]);
+        assert_eq!(search.best.shapes, [Shape::Triangle([[1.0; 3]; 3]); 2]);
+    }
+}

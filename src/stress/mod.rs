@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn exact_answers_are_found_right() {
-        let settings = Settings { seed: 2, rays: Some(60_000), time: None, precision: Precision::Exact };
+        let settings = Settings { seed: 2, rays: Some(200_000), time: None, precision: Precision::Exact };
         let report = run(&settings, |_| ());
         assert!(report.found.is_empty(), "{:#?}", report.found);
         for (family, tally) in FAMILIES.iter().zip(&report.families) {

@@ -1,6 +1,6 @@
 //! Judges what comes out of trees: a cursor and a packet must find what is found where every primitive is tested.
 //!
-//! A cursor has two ways through the same trees, and both are gone: an opaque ray commits the least hit of the key
+//! All of it with the processor's vectors, and with those that every processor has. A cursor has two ways through the same trees, and both are gone: an opaque ray commits the least hit of the key
 //! (t, instance, geometry, primitive), a ray for which nothing is opaque has all hits handed out in the order
 //! of that key, each once, whether somebody looks on or not. Packets are traced as launches trace them: all rays of a case together, then over
 //! intervals that end where each of them hits or one step beside it, and for any hit at all.
@@ -11,6 +11,7 @@ use crate::accel::{
     Blas, Candidate, Cursor, HitKind, Instance, InstanceFlags, Packet, Place, RayFlags, Tlas, TraceRay, Visit,
 };
 use crate::geometry::{Intersection, Precision, Ray, Surface};
+use crate::math::vectors::Processor;
 use crate::stress::case::{Case, Shape};
 use crate::stress::judge::moment::{Hit, Moment};
 use crate::stress::judge::{Failure, Tally, fail};
@@ -18,9 +19,11 @@ use crate::stress::reference::LineOf;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
-/// The structure that a case's rays are traced in.
+/// The structures that a case's rays are traced in.
 pub struct Scene {
-    tlas: Arc<Tlas>,
+    /// The same for the vectors that the processor has and for those of the baseline, where these are others.
+    structures: Vec<(&'static str, Arc<Tlas>)>,
+    precision: Precision,
     /// Geometry and primitive of each shape.
     places: Vec<(u32, u32)>,
     has_boxes: bool,
@@ -46,7 +49,12 @@ impl Scene {
             flags: InstanceFlags(placement.flags),
             ..Instance::of(blas.clone(), placement.transform.unwrap_or(IDENTITY))
         });
-        let Ok(tlas) = Tlas::with_precision(instances.collect(), precision) else {
+        let instances: Vec<_> = instances.collect();
+        // Traversal knows two kinds of vectors.
+        let levels = Processor::levels().into_iter().take(2);
+        let structures =
+            levels.map(|(name, processor)| Ok((name, Tlas::on(instances.clone(), precision, processor)?)));
+        let Ok(structures) = structures.collect::<crate::error::Result<Vec<_>>>() else {
             let has_inverse = |matrix: &[[f32; 4]; 3]| {
                 let is_finite = matrix.as_flattened().iter().all(|x| x.is_finite());
                 is_finite && LineOf::new(&case.ray(), Some(matrix)).is_some()
@@ -60,7 +68,7 @@ impl Scene {
             (0..count).map(move |primitive| (geometry as u32, primitive as u32))
         });
         let has_boxes = matches!(case.shapes.first(), Some(Shape::Aabb(_)));
-        Ok(Some(Self { tlas, places: places.collect(), has_boxes }))
+        Ok(Some(Self { structures, precision, places: places.collect(), has_boxes }))
     }
 
     fn seen(&self, hit: &Hit) -> Seen {
@@ -70,10 +78,23 @@ impl Scene {
 
     /// A ray that goes by itself.
     pub fn check_alone(&self, moment: &Moment, trace: &TraceRay, tally: &mut Tally) -> Result<(), Failure> {
-        let hits = moment.hits(trace, self.tlas.precision());
+        let hits = moment.hits(trace, self.precision);
         let Ray { t_min, t_max, .. } = trace.ray;
-        let place = || format!("traversal over {t_min:e}..{t_max:e}");
+        for (name, tlas) in &self.structures {
+            self.check_cursor(tlas, trace, &hits, tally).map_err(|Failure(what)| {
+                Failure(format!("traversal ({name}) over {t_min:e}..{t_max:e}: {what}"))
+            })?;
+        }
+        Ok(())
+    }
 
+    fn check_cursor(
+        &self,
+        tlas: &Tlas,
+        trace: &TraceRay,
+        hits: &[Hit],
+        tally: &mut Tally,
+    ) -> Result<(), Failure> {
         let flags = RayFlags(trace.flags.0 & !RayFlags::OPAQUE.0 | RayFlags::NO_OPAQUE.0);
         let all = TraceRay { flags, ..*trace };
         let mut nodes = Nodes(false);
@@ -83,20 +104,18 @@ impl Scene {
             tally.trees += u64::from(nodes.0);
         };
         for is_watched in [true, false] {
-            let mut cursor = Cursor::new(&self.tlas, all);
+            let mut cursor = Cursor::new(tlas, all);
             let mut wanted = hits.iter();
-            while let Some(candidate) = if is_watched {
-                cursor.proceed_with(&self.tlas, &mut nodes)
-            } else {
-                cursor.proceed(&self.tlas)
-            } {
+            while let Some(candidate) =
+                if is_watched { cursor.proceed_with(tlas, &mut nodes) } else { cursor.proceed(tlas) }
+            {
                 let (seen, wanted) = (seen(&candidate), wanted.next().map(|hit| self.seen(hit)));
                 if wanted.as_ref() != Some(&seen) {
-                    return fail(format!("{}: {seen:?} is handed out, not {wanted:?}", place()));
+                    return fail(format!("{seen:?} is handed out, not {wanted:?}"));
                 }
             }
             if let Some(hit) = wanted.next() {
-                return fail(format!("{}: {:?} is not handed out", place(), self.seen(hit)));
+                return fail(format!("{:?} is not handed out", self.seen(hit)));
             }
             count(&nodes);
         }
@@ -105,16 +124,15 @@ impl Scene {
         }
 
         for any in [false, true] {
-            let mut cursor = Cursor::new(&self.tlas, *trace);
+            let mut cursor = Cursor::new(tlas, *trace);
             if any {
                 cursor.end_at_any_opaque_hit();
             }
-            if let Some(candidate) = cursor.proceed(&self.tlas) {
-                return fail(format!("{}: {:?} is handed out, but opaque", place(), seen(&candidate)));
+            if let Some(candidate) = cursor.proceed(tlas) {
+                return fail(format!("{:?} is handed out, but opaque", seen(&candidate)));
             }
             let committed = cursor.committed().map(|hit| (seen(&hit.candidate), hit.t, hit.hit_kind));
-            self.check_committed(&hits, committed, any)
-                .or_else(|what| fail(format!("{}: {what}", place())))?;
+            self.check_committed(hits, committed, any).or_else(fail)?;
             count(&nodes);
         }
         Ok(())
@@ -125,12 +143,9 @@ impl Scene {
         if self.has_boxes || rays.is_empty() {
             return Ok(());
         }
-        let mut packet = Packet::default();
         let traces: Vec<_> = rays.iter().map(|(trace, _)| *trace).collect();
-        let precision = self.tlas.precision();
+        let precision = self.precision;
         let hits: Vec<_> = rays.iter().map(|(trace, moment)| moment.hits(trace, precision)).collect();
-        self.check_packet(&mut packet, &traces, &hits, false, tally)?;
-
         let ended = |(at, (trace, hits)): (usize, (&TraceRay, &Vec<Hit>))| {
             let t = hits.first()?.found.t;
             let [min, max] = [trace.ray.t_min, trace.ray.t_max];
@@ -143,28 +158,36 @@ impl Scene {
         let moments = rays.iter().map(|(_, moment)| *moment);
         let hits_of_ended: Vec<_> =
             ended.iter().zip(moments).map(|(trace, moment)| moment.hits(trace, precision)).collect();
-        self.check_packet(&mut packet, &ended, &hits_of_ended, false, tally)?;
-        self.check_packet(&mut packet, &traces, &hits, true, tally)
+        let told = [(&traces, &hits, false), (&ended, &hits_of_ended, false), (&traces, &hits, true)];
+        for (name, tlas) in &self.structures {
+            // One after another in the memory of one packet, which gives up for a while where it does not pay.
+            let mut packet = Packet::default();
+            for (traces, hits, any) in told {
+                self.check_packet(&mut packet, tlas, (traces, hits), any, tally)
+                    .map_err(|Failure(what)| Failure(format!("a packet ({name}){what}")))?;
+            }
+        }
+        Ok(())
     }
 
     fn check_packet(
         &self,
         packet: &mut Packet,
-        traces: &[TraceRay],
-        hits: &[Vec<Hit>],
+        tlas: &Tlas,
+        (traces, hits): (&[TraceRay], &[Vec<Hit>]),
         any: bool,
         tally: &mut Tally,
     ) -> Result<(), Failure> {
         let mut found = Vec::new();
-        if !packet.trace(&self.tlas, traces, any, &mut found) || found.len() != traces.len() {
-            return fail(format!("a packet of {} has {} answers", traces.len(), found.len()));
+        if !packet.trace(tlas, traces, any, &mut found) || found.len() != traces.len() {
+            return fail(format!(" of {} rays: {} answers", traces.len(), found.len()));
         }
         for (lane, (found, hits)) in found.iter().zip(hits).enumerate() {
             let committed = found.map(|hit| (seen(&hit.candidate), hit.t, hit.hit_kind));
             self.check_committed(hits, committed, any).or_else(|what| {
                 let Ray { t_min, t_max, .. } = traces[lane].ray;
                 let any = if any { " for any hit" } else { "" };
-                fail(format!("a packet{any}, ray {lane} over {t_min:e}..{t_max:e}: {what}"))
+                fail(format!("{any}, ray {lane} over {t_min:e}..{t_max:e}: {what}"))
             })?;
             tally.hits += u64::from(!hits.is_empty());
         }
@@ -262,13 +285,14 @@ mod tests {
     #[test]
     fn rays_through_trees_and_packets_are_counted() {
         let [alone, together] = judged(&balls(9), &balls(9)).map(|result| result.expect("right"));
+        let levels = Processor::levels().len().min(2) as u64;
         // The ray is traced for all hits, watched and not, for the closest and for any.
-        assert_eq!((alone.rays, alone.trees, alone.packets), (4, 4, 0));
+        assert_eq!((alone.rays, alone.trees, alone.packets), (4 * levels, 4 * levels, 0));
         // Sixteen rays as they are, over shorter intervals, and for any hit.
-        assert_eq!((together.rays, together.packets), (48, 48));
+        assert_eq!((together.rays, together.packets), (48 * levels, 48 * levels));
         // Four have no tree.
         let [alone, _] = judged(&balls(4), &balls(4)).map(|result| result.expect("right"));
-        assert_eq!((alone.rays, alone.trees), (4, 0));
+        assert_eq!((alone.rays, alone.trees), (4 * levels, 0));
     }
 
     #[test]
