@@ -1,10 +1,10 @@
 //! Adversarial rays without end, judged by arbitrary precision: `anyhit stress`.
 //!
 //! A [`Case`] is a ray, perhaps with others that go together with it, and primitives of one kind in an
-//! instance or several, which may move. The [`family`] module draws cases where intersectors break, [`judge`] compares every answer with
-//! [`mod@reference`], which computes in rational numbers and shares no code with `geometry`, and
-//! [`minimise`] makes a failure small enough to read. Case number n of a seed is the same on every
-//! machine, whatever the number of threads.
+//! instance or several, which may move. The [`family`] module draws cases where intersectors break,
+//! [`judge`] compares every answer with [`mod@reference`], which computes in rational numbers and shares no
+//! code with `geometry`, and [`minimise`] makes a failure small enough to read. Case number n of a seed is
+//! the same on every machine, whatever the number of threads.
 
 pub mod case;
 pub mod draw;
