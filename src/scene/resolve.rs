@@ -307,7 +307,8 @@ impl<'a> Resolver<'a> {
             let RayEntry::Pixel { pixel: At { value: [x, y], span }, .. } = ray else { continue };
             if *x >= self.launch[0] || *y >= self.launch[1] {
                 let [width, height, _] = self.launch;
-                self.report.push(span.error(format!("outside the launch of {width} x {height}")));
+                self.report
+                    .push(span.error(format!("pixel {x},{y} is outside the launch of {width} x {height}")));
             }
         }
     }

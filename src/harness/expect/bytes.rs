@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::error::Result;
 use crate::harness::expect::{Difference, SHOWN, Subject};
 use crate::harness::number::{Numbers, Tolerance};
 use crate::machine::image::Image;
@@ -32,7 +33,7 @@ pub struct BytesExpectation {
     /// Bytes from one outermost element to the next; without it they follow each other.
     pub stride: Option<usize>,
     /// An image's first texel, x and y.
-    pub at: [usize; 2],
+    pub at: Option<At<[u32; 2]>>,
     /// The numbers, by outermost element.
     pub numbers: Numbers,
     /// How exact.
@@ -47,7 +48,7 @@ impl Parse for BytesExpectation {
         let name = table.required("name");
         let offset = table.or("offset", 0_u32) as usize;
         let stride = table.optional::<u32>("stride").map(|stride| stride as usize);
-        let at = table.or("at", [0_u32; 2]).map(|side| side as usize);
+        let at = table.optional("at");
         let tolerance = Tolerance::of(&table);
         let numbers = Numbers::of(&table);
         let because = table.optional("because");
@@ -65,8 +66,13 @@ impl BytesExpectation {
             differences.push(Difference::unknown(&self.name, what, known));
             return;
         };
-        let [width, texel] = found.row.unwrap_or_default();
-        let start = self.offset + (self.at[1] * width + self.at[0]) * texel;
+        let start = match self.first_texel(found) {
+            Ok(texel) => self.offset + texel,
+            Err(mistake) => {
+                differences.push(Difference::of(mistake));
+                return;
+            }
+        };
         let scalar = self.numbers.scalar;
         let mut all: Vec<Difference> = Vec::new();
         for (index, element) in self.numbers.elements.iter().enumerate() {
@@ -101,6 +107,23 @@ impl BytesExpectation {
             }
         }
         differences.extend(all);
+    }
+}
+
+impl BytesExpectation {
+    /// Where the first texel begins, in bytes.
+    fn first_texel(&self, found: &Bytes) -> Result<usize> {
+        let Some(At { value, span }) = &self.at else { return Ok(0) };
+        let Some([width, texel]) = found.row else {
+            return Err(span.error("`at` is a texel of an image; a buffer has an `offset` in bytes"));
+        };
+        let [x, y] = value.map(|side| side as usize);
+        let height = found.bytes.len() / (width * texel).max(1);
+        if x >= width || y >= height {
+            let message = format!("texel ({x}, {y}) of `{}`, which has {width} x {height}", found.name);
+            return Err(span.error(message));
+        }
+        Ok((y * width + x) * texel)
     }
 }
 

@@ -72,6 +72,13 @@ fn numbers_are_found_by_offset_and_stride() {
     let text =
         difference(&format!("[[expect.image]]\nname = 'picture'\nat = [1, 0]\nu32 = [11, 9]\n{BECAUSE}"));
     assert!(text.contains("`picture` at texel (0, 1) byte 0: expected 9, found 12"), "{text}");
+    // The picture has two texels in each of two rows: the next is no texel of this row.
+    for at in ["[2, 0]", "[0, 2]"] {
+        let text = difference(&format!("[[expect.image]]\nname = 'picture'\nat = {at}\nu32 = 12\n"));
+        assert!(text.contains("of `picture`, which has 2 x 2") && text.contains("scene.toml:3:6"), "{text}");
+    }
+    let text = difference("[[expect.buffer]]\nname = 'outputs'\nat = [0, 0]\nu32 = 12\n");
+    assert!(text.contains("`at` is a texel of an image"), "{text}");
 }
 
 #[test]
