@@ -82,6 +82,33 @@ impl Tasks {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::{Error, ErrorKind};
+    use crate::machine::TrapCode;
+    use crate::pipeline::Shader;
+
+    #[test]
+    fn the_trap_with_the_lowest_number_is_told() {
+        let trapped = |task: u64| Trapped {
+            launch_id: [task as u32, 0, 0],
+            code: TrapCode::Unreachable,
+            asked: 0,
+            shader: Shader(0),
+            offset: 0,
+            error: Error::new(ErrorKind::Trap, "a trap"),
+        };
+        for (threads, alone) in [(1, true), (1, false), (3, false)] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let tasks = Tasks::new(100);
+            let done = |task| Done { trapped: Some((task, trapped(task))), ..Done::default() };
+            let worker = || {
+                // From the highest on, as threads may end in any order.
+                let own: Vec<u64> = tasks.iter().filter(|task| task % 7 == 6).collect();
+                own.into_iter().rev().map(done).fold(Done::default(), Done::and)
+            };
+            let told = pool.install(|| tasks.run(alone, worker)).expect_err("every seventh task traps");
+            assert_eq!(told.launch_id, [6, 0, 0]);
+        }
+    }
 
     #[test]
     fn every_task_is_done_once_and_each_worker_goes_up() {
