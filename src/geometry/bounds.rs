@@ -47,6 +47,13 @@ impl Bounds {
         out
     }
 
+    /// Its surface. A line that meets a convex box meets, of the boxes in it, as many as their surfaces are times its own, on the
+    /// average over all such lines (Cauchy, Crofton).
+    pub fn surface(&self) -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|axis| f64::from(self.max[axis]) - f64::from(self.min[axis]));
+        2.0 * (x * y + y * z + z * x)
+    }
+
     /// A box around this box's image under a row-major 3x4 matrix.
     ///
     /// Row i of the image spans b_i + sum_j of the interval a_ij [min_j, max_j]. A product of two

@@ -157,58 +157,46 @@ pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
     })
 }
 
-/// Into how many pieces a long one is cut at most.
-const MOST_PIECES: u32 = 2;
-
-/// Boxes that together hold a linear swept sphere: one, or where several are much tighter, one for
-/// each of some pieces of equal length. None where it is never hit.
+/// The boxes around both halves of a linear swept sphere, where their surfaces together are three quarters of that of the
+/// one around the whole at most. `None` elsewhere, and where it is never hit.
 ///
 /// The shape is the union of the balls that lie at P0 + u D and have the radius r0 + u δ, 0 <= u <= 1; those
-/// of a piece lie within the hull of its two end balls. Such an end, (1 - u) P0 + u P1 with exact u, is found
+/// of a half lie within the hull of its two end balls. The one in the middle, (P0 + P1) / 2, is found
 /// with two products and a sum, its radius too, and their difference and sum round once and, with
 /// the slack, again: each at most a unit roundoff of |P0| + |P1| + r0 + r1, or where they are
 /// subnormal 2^-150, ten in all. The slack is sixteen of both.
 #[inline]
-pub fn pieces(positions: [[f32; 3]; 2], radii: [f32; 2], mut take: impl FnMut(Bounds)) {
+pub fn halves(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<[Bounds; 2]> {
     let [p0, p1] = positions.map(|[x, y, z]| Four::new([x, y, z, 0.0]));
     let [r0, r1] = radii;
-    // About the surface of the boxes, so many times a piece's.
+    // About half the surface of the boxes.
     let (length, width) = ((p1 - p0).abs(), r0 + r1);
-    let area = |count: f32| {
-        let [x, y, z, _] = (length * Four::splat(1.0 / count) + Four::splat(width)).to_array();
-        count * (x * y + y * z + z * x)
+    let surface = |part: f32| {
+        let [x, y, z, _] = (length * Four::splat(part) + Four::splat(width)).to_array();
+        x * y + y * z + z * x
     };
-    let (mut count, mut least) = (1, area(1.0));
-    while count < MOST_PIECES && r0 >= 0.0 && r1 >= 0.0 {
-        let finer = area(2.0 * count as f32);
-        // A piece more costs something, too. (Written so that no infinity is cut.)
-        if !(finer < 0.75 * least) {
-            break;
-        }
-        (count, least) = (2 * count, finer);
-    }
-    if count == 1 || !is_solid(positions, radii) {
-        return bounds(positions, radii).into_iter().for_each(take);
+    // Written so that no infinity is halved.
+    let smaller = r0 >= 0.0 && r1 >= 0.0 && 2.0 * surface(0.5) < 0.75 * surface(1.0);
+    if !smaller || !is_solid(positions, radii) {
+        return None;
     }
     const ROUNDINGS: f32 = 16.0 / 16_777_216.0;
     let slack = (p0.abs() + p1.abs() + Four::splat(width)) * Four::splat(ROUNDINGS)
         + Four::splat(16.0 * f32::from_bits(1));
-    let end = |k: u32| {
-        let u = k as f32 / count as f32;
-        let center = p0 * Four::splat(1.0 - u) + p1 * Four::splat(u);
-        let radius = Four::splat(r0 * (1.0 - u) + r1 * u);
+    let half = Four::splat(0.5);
+    let ball = |center: Four, radius: f32| {
+        let radius = Four::splat(radius);
         [center - radius - slack, center + radius + slack]
     };
-    let mut first = end(0);
-    for at in 1..=count {
-        let next = end(at);
+    let ends = [ball(p0, r0), ball(p1, r1)];
+    let middle = ball(p0 * half + p1 * half, r0 * 0.5 + r1 * 0.5);
+    Some(ends.map(|end| {
         let three = |corner: Four| {
             let [x, y, z, _] = corner.to_array();
             [x, y, z]
         };
-        take(Bounds { min: three(first[0].lesser(next[0])), max: three(first[1].greater(next[1])) });
-        first = next;
-    }
+        Bounds { min: three(end[0].lesser(middle[0])), max: three(end[1].greater(middle[1])) }
+    }))
 }
 
 fn is_solid(positions: [[f32; 3]; 2], radii: [f32; 2]) -> bool {

@@ -66,7 +66,7 @@ pub const FAMILIES: &[Family] = &[
     Family { name: "grids", about: "boxes that touch, overlap or all but touch", draw: trees::grids },
     Family {
         name: "strands",
-        about: "long chains of swept spheres, in two pieces each",
+        about: "long chains of swept spheres, and some so dense that they are halved",
         draw: trees::strands,
     },
     Family { name: "swarms", about: "many spheres, in lattices where they touch", draw: trees::swarms },

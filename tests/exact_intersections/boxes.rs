@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 
 use anyhit::Ray;
 use anyhit::accel::{Blas, Cursor, Geometry, GeometryFlags, Instance, RayFlags, Tlas, TraceRay};
+use anyhit::geometry::linear_swept_sphere;
 use anyhit::stress::draw::Draw;
 use anyhit::stress::reference::LineOf;
 use anyhit::stress::{Case, Shape};
@@ -208,4 +209,35 @@ fn no_sphere_is_lost_in_any_box() {
 #[test]
 fn no_linear_swept_sphere_is_lost_in_any_box() {
     check(104, 3);
+}
+
+#[test]
+fn halves_of_a_swept_sphere_hold_it() {
+    let mut draw = Draw::new(11);
+    let mut halved = 0;
+    for _ in 0..20_000 {
+        let s = scale(&mut draw);
+        let point = |draw: &mut Draw| -> [f32; 3] { std::array::from_fn(|_| draw.unit() * s) };
+        let positions = [point(&mut draw), point(&mut draw)];
+        let radii = [0, 1].map(|_| draw.unit().abs() * s * [1e-6, 1e-2, 0.1][draw.below(3)]);
+        let Some(halves) = linear_swept_sphere::halves(positions, radii) else { continue };
+        halved += 1;
+        // A ball at u in each half, at its ends among them; f64 holds its corners but for a part of 2^-52.
+        for (half, bounds) in halves.iter().enumerate() {
+            for step in 0..=8 {
+                let u = (half * 8 + step) as f64 / 16.0;
+                let between = |[a, b]: [f32; 2]| f64::from(a) * (1.0 - u) + f64::from(b) * u;
+                let radius = between(radii);
+                for axis in 0..3 {
+                    let center = between(positions.map(|position| position[axis]));
+                    let [low, high] = [bounds.min[axis], bounds.max[axis]].map(f64::from);
+                    assert!(
+                        low <= center - radius && center + radius <= high,
+                        "{positions:?} {radii:?} at {u}: {bounds:?}"
+                    );
+                }
+            }
+        }
+    }
+    assert!(halved > 5000, "{halved}");
 }

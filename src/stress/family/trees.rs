@@ -1,4 +1,4 @@
-//! Many primitives: wide nodes, leaves of several blocks, swept spheres in two pieces, trees over instances.
+//! Many primitives: wide nodes, leaves of several blocks, swept spheres in two halves, trees over instances.
 
 use crate::geometry::{Ray, Transform};
 use crate::stress::case::{Case, Placement, Shape};
@@ -101,7 +101,7 @@ pub fn grids(draw: &mut Draw) -> Case {
 }
 
 pub fn strands(draw: &mut Draw) -> Case {
-    if draw.one_in(8) {
+    if draw.one_in(4) {
         return level(draw);
     }
     let (shapes, scale) = strand(draw);
@@ -157,7 +157,7 @@ fn strand(draw: &mut Draw) -> (Vec<Shape>, f32) {
     let count = 6 + draw.below(40);
     let thin = [0.25, 0.25, 1e-2, 1e-4][draw.below(4)] * scale;
     let (is_lattice, tapers) = (draw.one_in(3), draw.one_in(3));
-    // Long links are cut in two for the tree where they run across the axes.
+    // Long links are halved for the tree where they lie close together.
     let step = if draw.one_in(2) { 4.0 * scale } else { scale };
     let mut points = vec![draw.lattice(scale)];
     let mut heading = draw.direction();
