@@ -83,7 +83,7 @@ macro_rules! ours {
 
 ours!(block::Spheres, BlockRay, vectors, ray => block.entered(vectors, ray),
     Shape::Sphere(center, radius) => block, lane, block.set(lane, center, radius));
-ours!(block::SweptEnds, BlockRay, vectors, ray => block.met(vectors, ray),
+ours!(block::SweptEnds, BlockRay, vectors, ray => block.met_closely(vectors, ray),
     Shape::Swept(positions, radii) => block, lane, block.set(lane, positions, radii), &[[true; 2]; block::LANES]);
 ours!(block::Triangles, BlockRay, vectors, ray => block.met(vectors, ray),
     Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));

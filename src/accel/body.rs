@@ -172,14 +172,15 @@ impl Body {
         (1 << leaf.count()) - 1
     }
 
-    /// A bit for each of a leaf's primitives that the ray's line does not surely miss. Only for bodies
-    /// that [drop](Body::drops) some.
+    /// A bit for each of a leaf's primitives that the ray's line does not surely miss; `CLOSELY`: fewer of those that
+    /// taper. Only for bodies that [drop](Body::drops) some.
     #[inline(always)]
-    pub fn met<F: Fused>(&self, fused: F, leaf: Child, ray: &BlockRay) -> u32 {
+    pub fn met<F: Fused, const CLOSELY: bool>(&self, fused: F, leaf: Child, ray: &BlockRay) -> u32 {
         let at = leaf.index();
         let met = match &self.shapes {
             Shapes::Triangles(blocks) => blocks[at].met(fused, ray),
             Shapes::Spheres(blocks) => blocks[at].entered(fused, ray),
+            Shapes::LinearSweptSpheres(blocks, _) if CLOSELY => blocks[at].met_closely(fused, ray),
             Shapes::LinearSweptSpheres(blocks, _) => blocks[at].met(fused, ray),
             Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => u32::MAX,
         };

@@ -145,9 +145,9 @@ impl Level {
         &self.object_ray
     }
 
-    /// A bit for each of a leaf's primitives that the ray may meet.
+    /// A bit for each of a leaf's primitives that the ray may meet: [`Body::met`].
     #[inline(always)]
-    pub fn met<F: Fused>(
+    pub fn met<F: Fused, const CLOSELY: bool>(
         &mut self,
         fused: F,
         tlas: &Tlas,
@@ -159,7 +159,7 @@ impl Level {
             self.has_block_ray = true;
             self.make_block_ray(tlas, body, trace);
         }
-        if self.drops { body.met(fused, leaf, &self.block_ray) } else { body.every(leaf) }
+        if self.drops { body.met::<F, CLOSELY>(fused, leaf, &self.block_ray) } else { body.every(leaf) }
     }
 
     #[inline(always)]

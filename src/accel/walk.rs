@@ -376,7 +376,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             self.tested = body.tested(eights, leaf, &mut ray, self.hits.cull_t);
             self.tested.met() & body.every(leaf)
         } else {
-            level.met(eights, self.tlas, body, leaf, self.trace)
+            level.met::<E, true>(eights, self.tlas, body, leaf, self.trace)
         };
         self.visit.missed(leaf.count() - met.count_ones());
         met

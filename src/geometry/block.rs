@@ -81,6 +81,8 @@ pub struct BlockRay {
     behind: f32,
     /// The 2-norm of D at most.
     length: f32,
+    /// 5.5 |E| ρ, 10 |E|^2 c and |E|^2, with `reach` for ρ, for the cones of swept spheres.
+    cone: [f32; 3],
 }
 
 /// What [`BlockRay::prepare`] knows besides.
@@ -102,6 +104,7 @@ impl BlockRay {
         reach: f32::INFINITY,
         behind: f32::INFINITY,
         length: f32::INFINITY,
+        cone: [f32::INFINITY; 3],
     };
 
     /// Makes a ray ready for primitives that lie within the given box (object space); for boxes there is
@@ -132,16 +135,20 @@ impl BlockRay {
         let fixed = norm * (TINY * MARGIN * MARGIN) as f32;
         let growing = norm * (16.0 * UNIT) as f32;
         let reach = fixed + growing * far;
-        Some(Self {
-            origin: ray.origin,
-            direction: triple(along),
-            axis,
-            fixed,
-            growing,
-            reach,
-            behind: if ray.t_min >= 0.0 { reach } else { f32::INFINITY },
-            length: sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0),
-        })
+        Some(
+            Self {
+                origin: ray.origin,
+                direction: triple(along),
+                axis,
+                fixed,
+                growing,
+                reach,
+                behind: if ray.t_min >= 0.0 { reach } else { f32::INFINITY },
+                length: sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0),
+                cone: [0.0; 3],
+            }
+            .with_cone(),
+        )
     }
 
     /// A ray in the object space of an instance, in f32 throughout. `None` where its direction is not
@@ -160,15 +167,19 @@ impl BlockRay {
         let fits = far <= MOST && turn <= 0.5 && most.is_normal();
         let fixed = norm * (total(ray.origin_error) + (TINY * MARGIN * MARGIN) as f32);
         let growing = turn + norm * (16.0 * UNIT) as f32;
-        fits.then(|| Self {
-            origin: triple(ray.origin),
-            direction: triple(along),
-            axis,
-            fixed,
-            growing,
-            reach: fixed + growing * far,
-            behind: f32::INFINITY,
-            length: sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0) + turn,
+        fits.then(|| {
+            Self {
+                origin: triple(ray.origin),
+                direction: triple(along),
+                axis,
+                fixed,
+                growing,
+                reach: fixed + growing * far,
+                behind: f32::INFINITY,
+                length: sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0) + turn,
+                cone: [0.0; 3],
+            }
+            .with_cone()
         })
     }
 
@@ -215,7 +226,15 @@ impl BlockRay {
         out.growing = ((kappa + norm * (12.0 * UNIT)) * MARGIN) as f32;
         out.length = ((square.sqrt() + kappa) * MARGIN) as f32;
         out.reach = out.fixed + out.growing * farthest(three(out.origin), around);
+        let out = out.with_cone();
         (out, Some(Errors { origin: origin_error, direction: direction_error, t0 }))
+    }
+
+    /// The same with what follows for cones.
+    #[inline(always)]
+    fn with_cone(self) -> Self {
+        let Self { growing, reach, length, .. } = self;
+        Self { cone: [5.5 * reach * length, 10.0 * growing * length, length * length], ..self }
     }
 
     #[inline(always)]

@@ -107,7 +107,8 @@ fn linear_swept_spheres() {
             if let Some(bounds) = linear_swept_sphere::bounds(positions, radii) {
                 let mut block = block::LinearSweptSpheres::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, positions, radii, caps));
-                let met = block.met(TwoFours, &BlockRay::new(&object, &bounds));
+                let block_ray = BlockRay::new(&object, &bounds);
+                let met = block.met(TwoFours, &block_ray) & block.met_closely(TwoFours, &block_ray);
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = agree(found, expected, &ray, false, &case)?;

@@ -272,7 +272,7 @@ impl Walk<'_> {
                 tested = body.tested(eights, leaf, &mut InPacket { walk: self, inside, at }, limit);
                 tested.met() & body.every(leaf)
             } else {
-                self.level(inside, at).met(eights, tlas, body, leaf, trace)
+                self.level(inside, at).met::<E, false>(eights, tlas, body, leaf, trace)
             };
             while rest != 0 {
                 let lane = rest.trailing_zeros() as usize;

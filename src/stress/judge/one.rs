@@ -92,10 +92,8 @@ impl One<'_> {
                 let Some(bounds) = linear_swept_sphere::bounds(positions, radii) else { return Ok(()) };
                 let mut block = block::LinearSweptSpheres::EMPTY;
                 block.set(lane, positions, radii, caps);
-                (
-                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(TwoFours, &ray)),
-                    expected.is_some(),
-                )
+                let both = |ray: &BlockRay| block.met(TwoFours, ray) & block.met_closely(TwoFours, ray);
+                (block_rays(&bounds).fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
             }
         };
         let kept = met >> lane & 1 != 0;
