@@ -135,20 +135,18 @@ impl BlockRay {
         let fixed = norm * (TINY * MARGIN * MARGIN) as f32;
         let growing = norm * (16.0 * UNIT) as f32;
         let reach = fixed + growing * far;
-        Some(
-            Self {
-                origin: ray.origin,
-                direction: triple(along),
-                axis,
-                fixed,
-                growing,
-                reach,
-                behind: if ray.t_min >= 0.0 { reach } else { f32::INFINITY },
-                length: sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0),
-                cone: [0.0; 3],
-            }
-            .with_cone(),
-        )
+        let length = sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0);
+        Some(Self {
+            origin: ray.origin,
+            direction: triple(along),
+            axis,
+            fixed,
+            growing,
+            reach,
+            behind: if ray.t_min >= 0.0 { reach } else { f32::INFINITY },
+            length,
+            cone: cone(growing, reach, length),
+        })
     }
 
     /// A ray in the object space of an instance, in f32 throughout. `None` where its direction is not
@@ -167,19 +165,18 @@ impl BlockRay {
         let fits = far <= MOST && turn <= 0.5 && most.is_normal();
         let fixed = norm * (total(ray.origin_error) + (TINY * MARGIN * MARGIN) as f32);
         let growing = turn + norm * (16.0 * UNIT) as f32;
-        fits.then(|| {
-            Self {
-                origin: triple(ray.origin),
-                direction: triple(along),
-                axis,
-                fixed,
-                growing,
-                reach: fixed + growing * far,
-                behind: f32::INFINITY,
-                length: sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0) + turn,
-                cone: [0.0; 3],
-            }
-            .with_cone()
+        let reach = fixed + growing * far;
+        let length = sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0) + turn;
+        fits.then(|| Self {
+            origin: triple(ray.origin),
+            direction: triple(along),
+            axis,
+            fixed,
+            growing,
+            reach,
+            behind: f32::INFINITY,
+            length,
+            cone: cone(growing, reach, length),
         })
     }
 
@@ -226,15 +223,8 @@ impl BlockRay {
         out.growing = ((kappa + norm * (12.0 * UNIT)) * MARGIN) as f32;
         out.length = ((square.sqrt() + kappa) * MARGIN) as f32;
         out.reach = out.fixed + out.growing * farthest(three(out.origin), around);
-        let out = out.with_cone();
+        out.cone = cone(out.growing, out.reach, out.length);
         (out, Some(Errors { origin: origin_error, direction: direction_error, t0 }))
-    }
-
-    /// The same with what follows for cones.
-    #[inline(always)]
-    fn with_cone(self) -> Self {
-        let Self { growing, reach, length, .. } = self;
-        Self { cone: [5.5 * reach * length, 10.0 * growing * length, length * length], ..self }
     }
 
     #[inline(always)]
@@ -246,6 +236,12 @@ impl BlockRay {
     fn directions(&self) -> [Four; 3] {
         self.direction.map(Four::splat)
     }
+}
+
+/// [`BlockRay::cone`], of the numbers beside it.
+#[inline(always)]
+fn cone(growing: f32, reach: f32, length: f32) -> [f32; 3] {
+    [5.5 * reach * length, 10.0 * growing * length, length * length]
 }
 
 /// 2^-60: see the head of this file.

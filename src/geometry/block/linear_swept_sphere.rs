@@ -78,6 +78,20 @@ pub struct SweptEnds {
     radii: [Row; 2],
 }
 
+/// What both tests begin with, as at the head of this file.
+struct Beside {
+    /// W
+    from_start: [Four; 3],
+    /// E x A
+    across: [Four; 3],
+    /// Its square.
+    square: Four,
+    /// |A|, or more.
+    length: Four,
+    /// |W.(E x A)|, or less.
+    apart: Four,
+}
+
 impl LinearSweptSpheres {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { ends: SweptEnds::EMPTY, caps: [[false; 2]; LANES] };
@@ -133,17 +147,8 @@ impl SweptEnds {
     /// A bit for each lane of which the ray's line does not surely miss the cylinder of its greater radius.
     #[inline(always)]
     pub fn met<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
-        let p0 = load(&self.positions[0]);
-        let axis = sub(load(&self.positions[1]), p0);
-        let w = sub(ray.origins(), p0);
-        let across = fused.fused_cross(ray.directions(), axis);
-        let volume = fused.fused_dot(w, across);
+        let Beside { square, apart, .. } = self.beside(fused, ray);
         let radius = Four::new(self.radii[0]).greater(Four::new(self.radii[1]));
-        let length = norm1(axis) + Four::splat(1.0 / 1_099_511_627_776.0);
-        let apart = volume.abs() - length * Four::splat(ray.reach);
-        // Written so that a NaN is not apart.
-        let apart = apart.if_above(Four::ZERO);
-        let square = fused.fused_dot(across, across);
         let room = fused.fused_sum(radius * radius, square, Four::splat(f32::MIN_POSITIVE));
         ALL & !((apart * apart).above(room))
     }
@@ -152,20 +157,11 @@ impl SweptEnds {
     /// rays that go by themselves, whose next branches wait for it.
     #[inline(always)]
     pub fn met_closely<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
-        let p0 = load(&self.positions[0]);
-        let axis = sub(load(&self.positions[1]), p0);
-        let w = sub(ray.origins(), p0);
-        let across = fused.fused_cross(ray.directions(), axis);
-        let volume = fused.fused_dot(w, across);
+        let Beside { from_start, across, square, length, apart } = self.beside(fused, ray);
         let [r0, r1] = self.radii.map(Four::new);
         let slope = r1 - r0;
-        let length = norm1(axis) + Four::splat(1.0 / 1_099_511_627_776.0);
         let area = length * length;
-        let square = fused.fused_dot(across, across);
-        let place = fused.fused_dot(fused.fused_cross(ray.directions(), w), across);
-        let apart = volume.abs() - length * Four::splat(ray.reach);
-        // Written so that a NaN is not apart.
-        let apart = apart.if_above(Four::ZERO);
+        let place = fused.fused_dot(fused.fused_cross(ray.directions(), from_start), across);
         let [wider, blur, steep] = ray.cone.map(Four::splat);
         let rest = square - fused.fused_sum(area, blur, slope * slope * steep);
         let rest = rest.if_above(Four::ZERO);
@@ -173,6 +169,20 @@ impl SweptEnds {
         let radius = fused.fused_sum(area, wider, radius);
         let room = fused.fused_sum(radius * radius, Four::splat(1.0 + 1e-5), Four::splat(f32::MIN_POSITIVE));
         ALL & !((apart * rest * apart).above(room))
+    }
+
+    /// Where the ray's line passes the axes' lines.
+    #[inline(always)]
+    fn beside<F: Fused>(&self, fused: F, ray: &BlockRay) -> Beside {
+        let p0 = load(&self.positions[0]);
+        let axis = sub(load(&self.positions[1]), p0);
+        let from_start = sub(ray.origins(), p0);
+        let across = fused.fused_cross(ray.directions(), axis);
+        let length = norm1(axis) + Four::splat(1.0 / 1_099_511_627_776.0);
+        let apart = fused.fused_dot(from_start, across).abs() - length * Four::splat(ray.reach);
+        // Written so that a NaN is not apart.
+        let apart = apart.if_above(Four::ZERO);
+        Beside { from_start, across, square: fused.fused_dot(across, across), length, apart }
     }
 
     /// Where a ray enters the swept sphere in a lane: [`linear_swept_sphere::intersect`]. `caps` are those
