@@ -8,7 +8,7 @@
 //! ```
 //!
 //! All contenders share rays, tree, leaf loop and the four-wide test of a leaf (their own formula in
-//! it), compiled for the vectors that the processor has. They take turns, several rounds in one run, with
+//! it), compiled for the vectors that the processor has. They take turns in changing order, several rounds in one run, with
 //! several copies of their primitives, once unmeasured for the caches and once more; times are processor
 //! time of one thread, medians over the rounds, and so are the ratios to the exact mode within a round.
 //! "engine" is the traversal that shaders get ([`anyhit::accel::Cursor`]).
@@ -29,12 +29,12 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhit::accel::{Blas, Cursor, Instance, RayFlags, Tlas, TraceRay};
-use anyhit::geometry::block::{self, BlockRay, BoxRay};
+use anyhit::geometry::block::{self, BlockRay, BoxRay, ShearedRay};
 use anyhit::geometry::{ObjectRay, Precision, Ray, linear_swept_sphere, sphere, triangle};
 use anyhit::math::eight::TwoFours;
 use anyhit::math::vectors::{Processor, Vectors};
 
-use contender::{Contender, DOUBLE, EXACT, FLOAT, Ours};
+use contender::{Contender, DOUBLE, EXACT, ExactTriangles, FLOAT, Ours};
 use judge::Errors;
 use pass::{Field, Hit, Pass, Trees};
 use plot::{Panel, Point};
@@ -44,7 +44,7 @@ use textbook::{CapsuleByDistance, MoellerTrumbore, NaiveSphere, RecentredSphere,
 use tree::{Leaves, NodeRay, Tree};
 
 /// How often each copy of a contender runs.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 9;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let quick = std::env::args().any(|argument| argument == "--quick");
@@ -58,6 +58,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for scene in scene::scenes(quick).into_iter().filter(|scene| is_chosen(scene.name)) {
         let truth = judge::truth(&scene, judged);
         let trees = Trees::of(&scene);
+        assert!(ShearedRay::reaches(&scene.bounds), "as traversals know it of a tree");
         // Where blocks lie in memory is worth some hundredths, one way or the other.
         let mut copies: Vec<_> = (0..copies).map(|_| contenders(&scene, &trees)).collect();
         let contenders: Vec<&str> = copies[0].iter().map(|(name, _)| *name).collect();
@@ -65,7 +66,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut hits: Vec<Vec<Hit>> = vec![Vec::new(); contenders.len()];
         for round in 0..ROUNDS * copies.len() {
             let copy = round % copies.len();
-            for (place, (_, run)) in copies[copy].iter_mut().enumerate() {
+            for place in order(round, contenders.len()) {
+                let run = &mut copies[copy][place].1;
                 // Once for the caches, which whoever came before has left to other trees or not.
                 hits[place].clear();
                 run(&scene.rays, &mut hits[place]);
@@ -138,6 +140,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
+/// Whose turn is when: every number below `count` once, so that over the rounds each comes after each other.
+fn order(round: usize, count: usize) -> impl Iterator<Item = usize> {
+    let divides = |factor: usize, number: usize| number.is_multiple_of(factor);
+    let is_prime_to =
+        |step: &usize| !(2..=*step).any(|factor| divides(factor, *step) && divides(factor, count));
+    let steps: Vec<usize> = (1..count.max(2)).filter(is_prime_to).collect();
+    let step = steps[round % steps.len()];
+    (0..count).map(move |turn| (round + turn * step) % count)
+}
+
 fn thread_time() -> Duration {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::new(now.tv_sec as u64, now.tv_nsec as u32)
@@ -169,7 +181,7 @@ fn contenders<'a>(scene: &'a Scene, trees: &'a Trees) -> Vec<(&'static str, Run<
             ("capsule by distance", runner::<CapsuleByDistance>(scene, trees)),
         ],
         Shape::Triangle(_) => vec![
-            ("Exact", runner::<Ours<block::Triangles, EXACT>>(scene, trees)),
+            ("Exact", runner::<ExactTriangles>(scene, trees)),
             ("Double", runner::<Ours<block::Triangles, DOUBLE>>(scene, trees)),
             ("Float", runner::<Ours<block::Triangles, FLOAT>>(scene, trees)),
             ("Möller-Trumbore", runner::<MoellerTrumbore>(scene, trees)),
@@ -262,6 +274,11 @@ fn steps(scene: &Scene, trees: &Trees) -> String {
     )
 }
 
+/// As contenders have it.
+fn sheared(ray: &ObjectRay, block_ray: &BlockRay) -> ShearedRay {
+    if ray.is_in_world() { ShearedRay::ordinary(ray.world()) } else { ShearedRay::of(block_ray) }
+}
+
 fn step(shape: &Shape, ray: &ObjectRay, (block_ray, box_ray): &(BlockRay, BoxRay)) -> usize {
     let (met, in_f64) = match *shape {
         Shape::Sphere(center, radius) => {
@@ -280,7 +297,7 @@ fn step(shape: &Shape, ray: &ObjectRay, (block_ray, box_ray): &(BlockRay, BoxRay
         Shape::Triangle(vertices) => {
             let mut block = block::Triangles::EMPTY;
             block.set(0, vertices);
-            (block.met(TwoFours, block_ray), triangle::is_decided_in_f64(ray, vertices))
+            (block.met(TwoFours, &sheared(ray, block_ray)), triangle::is_decided_in_f64(ray, vertices))
         }
         Shape::Aabb([min, max]) => {
             let mut block = block::Aabbs::EMPTY;

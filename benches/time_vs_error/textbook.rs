@@ -65,7 +65,13 @@ impl<T: Textbook> Contender for T {
     }
 
     #[inline(always)]
-    fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
+    fn hit<V: Vectors>(
+        _: V,
+        block: &Self::Block,
+        lane: usize,
+        ray: &Self::Ray,
+        _: (&Ray, &Placed),
+    ) -> Option<f32> {
         T::hit(block, lane, ray)
     }
 }
@@ -383,6 +389,14 @@ impl Lanes for TriangleBlock {
     }
 }
 
+impl TriangleBlock {
+    #[inline(always)]
+    fn vertex(&self, number: usize, lane: usize) -> [f32; 3] {
+        let [x, y, z] = &self.vertices[number];
+        [x[lane], y[lane], z[lane]]
+    }
+}
+
 /// Möller and Trumbore 1997.
 pub struct MoellerTrumbore;
 
@@ -392,7 +406,8 @@ impl Textbook for MoellerTrumbore {
 
     #[inline(always)]
     fn met(block: &TriangleBlock, ray: &PlainRay) -> u32 {
-        let [v0, v1, v2] = [&block.vertices[0], &block.vertices[1], &block.vertices[2]].map(load);
+        let [a, b, c] = &block.vertices;
+        let (v0, v1, v2) = (load(a), load(b), load(c));
         let d = splat(ray.direction);
         let (e1, e2, w) = (sub(v1, v0), sub(v2, v0), sub(splat(ray.origin), v0));
         let p = cross(d, e2);
@@ -406,7 +421,7 @@ impl Textbook for MoellerTrumbore {
 
     #[inline(always)]
     fn hit(block: &TriangleBlock, lane: usize, ray: &PlainRay) -> Option<f32> {
-        let [v0, v1, v2] = [0, 1, 2].map(|k: usize| block.vertices[k].map(|row| row[lane]));
+        let (v0, v1, v2) = (block.vertex(0, lane), block.vertex(1, lane), block.vertex(2, lane));
         let (e1, e2, w) = (sub1(v1, v0), sub1(v2, v0), sub1(ray.origin, v0));
         let p = cross1(ray.direction, e2);
         let inverse = 1.0 / dot1(e1, p);
@@ -456,7 +471,8 @@ impl Textbook for Woop {
             let at = (Four::new(rows[x]) - origin[0]) - sx * depth;
             (at, (Four::new(rows[y]) - origin[1]) - sy * depth)
         };
-        let [a, b, c] = [&block.vertices[0], &block.vertices[1], &block.vertices[2]].map(seen);
+        let [a, b, c] = &block.vertices;
+        let (a, b, c) = (seen(a), seen(b), seen(c));
         let (u, v, w) = (c.0 * b.1 - c.1 * b.0, a.0 * c.1 - a.1 * c.0, b.0 * a.1 - b.1 * a.0);
         let zero = Four::splat(0.0);
         let least = u.lesser(v).lesser(w);
@@ -469,11 +485,11 @@ impl Textbook for Woop {
         let [x, y, z] = ray.axes;
         let o = ray.plain.origin;
         let seen = |k: usize| {
-            let v = block.vertices[k].map(|row| row[lane]);
+            let v = block.vertex(k, lane);
             let depth = v[z] - o[z];
             (v[x] - o[x] - ray.shear[0] * depth, v[y] - o[y] - ray.shear[1] * depth, ray.shear[2] * depth)
         };
-        let [a, b, c] = [0, 1, 2].map(seen);
+        let (a, b, c) = (seen(0), seen(1), seen(2));
         let (u, v, w) = (c.0 * b.1 - c.1 * b.0, a.0 * c.1 - a.1 * c.0, b.0 * a.1 - b.1 * a.0);
         let det = u + v + w;
         if det == 0.0 {

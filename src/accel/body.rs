@@ -5,7 +5,7 @@ mod collect;
 use crate::accel::blas::{GeometryFlags, between};
 use crate::accel::node::Child;
 use crate::accel::tree::Tree;
-use crate::geometry::block::{self, BlockRay, LANES};
+use crate::geometry::block::{self, BlockRay, LANES, ShearedRay};
 use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, triangle};
 use crate::math::ahead::fetch;
 use crate::math::doubles::Doubles;
@@ -160,6 +160,12 @@ impl Body {
         }
     }
 
+    /// Whether they are triangles at rest.
+    #[inline(always)]
+    pub fn has_triangles(&self) -> bool {
+        matches!(self.shapes, Shapes::Triangles(_))
+    }
+
     /// The flags that all geometries have in common, where all have the same and no micromaps.
     #[inline]
     pub fn common_flags(&self) -> Option<GeometryFlags> {
@@ -173,12 +179,17 @@ impl Body {
     }
 
     /// A bit for each of a leaf's primitives that the ray's line does not surely miss; `CLOSELY`: fewer of those that
-    /// taper. Only for bodies that [drop](Body::drops) some.
+    /// taper. Only for bodies that [drop](Body::drops) some; triangles read the second ray.
     #[inline(always)]
-    pub fn met<F: Fused, const CLOSELY: bool>(&self, fused: F, leaf: Child, ray: &BlockRay) -> u32 {
+    pub fn met<F: Fused, const CLOSELY: bool>(
+        &self,
+        fused: F,
+        leaf: Child,
+        (ray, sheared): (&BlockRay, &ShearedRay),
+    ) -> u32 {
         let at = leaf.index();
         let met = match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[at].met(fused, ray),
+            Shapes::Triangles(blocks) => blocks[at].met(fused, sheared),
             Shapes::Spheres(blocks) => blocks[at].entered(fused, ray),
             Shapes::LinearSweptSpheres(blocks, _) if CLOSELY => blocks[at].met_closely(fused, ray),
             Shapes::LinearSweptSpheres(blocks, _) => blocks[at].met(fused, ray),

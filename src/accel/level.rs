@@ -7,7 +7,7 @@ use crate::accel::node::Child;
 use crate::accel::node_ray::NodeRay;
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::tree::Tree;
-use crate::geometry::block::BlockRay;
+use crate::geometry::block::{BlockRay, ShearedRay};
 use crate::geometry::{DoubleRay, ObjectRay, Ray, RoughRay, Transform};
 use crate::math::four::Fused;
 
@@ -23,6 +23,8 @@ pub struct Level {
     /// Whether object space is the world's, and the ray ordinary.
     is_ordinary: bool,
     block_ray: BlockRay,
+    /// The same for triangles.
+    sheared_ray: ShearedRay,
     /// Whether there is a ray for blocks, if it is known already.
     drops: bool,
     has_block_ray: bool,
@@ -41,6 +43,7 @@ impl Level {
         has_object_ray: false,
         is_ordinary: false,
         block_ray: BlockRay::IDLE,
+        sheared_ray: ShearedRay::IDLE,
         drops: false,
         has_block_ray: false,
         approach: Approach::Prepared,
@@ -159,7 +162,11 @@ impl Level {
             self.has_block_ray = true;
             self.make_block_ray(tlas, body, trace);
         }
-        if self.drops { body.met::<F, CLOSELY>(fused, leaf, &self.block_ray) } else { body.every(leaf) }
+        if self.drops {
+            body.met::<F, CLOSELY>(fused, leaf, (&self.block_ray, &self.sheared_ray))
+        } else {
+            body.every(leaf)
+        }
     }
 
     #[inline(always)]
@@ -167,6 +174,12 @@ impl Level {
         let drops = body.drops();
         if drops == Drops::Never {
             self.drops = false;
+            return;
+        }
+        if body.has_triangles() {
+            let ray = self.sheared_ray_for(body, trace);
+            self.drops = ray.is_some();
+            self.sheared_ray = ray.unwrap_or(ShearedRay::IDLE);
             return;
         }
         let ray = match self.approach {
@@ -179,6 +192,21 @@ impl Level {
             self.block_ray = ray;
         } else if self.drops {
             self.block_ray = BlockRay::new(self.object_ray(tlas, trace), body.bounds());
+        }
+    }
+
+    /// The ray for blocks of triangles, where there is a simple one.
+    #[inline(always)]
+    fn sheared_ray_for(&self, body: &Body, trace: &TraceRay) -> Option<ShearedRay> {
+        let bounds = body.bounds();
+        match self.approach {
+            Approach::Simple => {
+                // Of an ordinary ray the tree's scale has said it.
+                let fits = self.is_ordinary || trace.ray.is_ordinary() && ShearedRay::reaches(bounds);
+                fits.then(|| ShearedRay::ordinary(&trace.ray))
+            }
+            Approach::Rough => BlockRay::rough(&self.rough_ray, bounds).as_ref().map(ShearedRay::of),
+            Approach::Prepared => None,
         }
     }
 }

@@ -1,7 +1,8 @@
-//! What the f64 step says of four primitives at once.
+//! What the f64 step says of four primitives at once, and what it divides by.
 
 use crate::geometry::{Intersection, Surface};
 use crate::math::doubles::Doubles;
+use crate::math::error_bound::four_units;
 use crate::math::four::Four;
 
 /// A bit for every lane.
@@ -52,19 +53,69 @@ impl FourTested {
     }
 }
 
-/// Between which numbers the exact ones lie.
+/// Numbers, and between which the exact ones lie.
 #[derive(Clone, Copy)]
 pub(super) struct Ends<D: Doubles> {
+    pub middle: D::Four,
     pub below: D::Four,
     pub above: D::Four,
 }
 
 impl<D: Doubles> Ends<D> {
-    /// A bit for each lane where both ends round to one `f32`, and those.
+    /// Computed numbers that are off by some errors at most.
+    #[inline(always)]
+    pub fn around(doubles: D, middle: D::Four, error: D::Four) -> Self {
+        Self { middle, below: doubles.difference(middle, error), above: doubles.sum(middle, error) }
+    }
+
+    /// A bit for each lane where both ends round to one `f32`, and those: made of what lies between them, so that whoever takes them
+    /// waits for no bound.
     #[inline(always)]
     pub fn rounded(&self, doubles: D) -> (u32, Four) {
         let first = Four::new(doubles.to_floats(self.below));
         let last = Four::new(doubles.to_floats(self.above));
-        (first.at_least(last) & last.at_least(first), first + Four::ZERO)
+        let middle = Four::new(doubles.to_floats(self.middle));
+        (first.at_least(last) & last.at_least(first), middle + Four::ZERO)
+    }
+}
+
+/// `math::error_bound::Divisor`, lane by lane.
+#[derive(Clone, Copy)]
+pub(super) struct Divisor<D: Doubles> {
+    doubles: D,
+    inverse: D::Four,
+    /// Twice its own relative error, and the roundings of a quotient.
+    relative: D::Four,
+    most: D::Four,
+    /// A bit for each lane in which the others mean something.
+    pub is_certain: u32,
+}
+
+impl<D: Doubles> Divisor<D> {
+    /// Denominators that are off by some errors at most.
+    #[inline(always)]
+    pub fn new(doubles: D, denominator: D::Four, error: D::Four) -> Self {
+        let one = doubles.all(1.0);
+        let inverse = doubles.quotient(one, denominator);
+        let size = doubles.magnitude(inverse);
+        let relative = doubles.product(error, size);
+        let twice = doubles.sum(relative, relative);
+        Self {
+            doubles,
+            inverse,
+            relative: doubles.sum(twice, doubles.all(four_units::<f64>())),
+            most: doubles.product_and(twice, size, size),
+            is_certain: doubles.is_at_least(one, twice),
+        }
+    }
+
+    /// Numerators over them.
+    #[inline(always)]
+    pub fn quotient(&self, numerator: D::Four, error: D::Four) -> Ends<D> {
+        let doubles = self.doubles;
+        let quotient = doubles.product(numerator, self.inverse);
+        let own = doubles.product(doubles.magnitude(quotient), self.relative);
+        let error = doubles.product_and(error, self.most, own);
+        Ends::around(doubles, quotient, error)
     }
 }

@@ -34,6 +34,7 @@ pub use object_ray::{
     DoubleRay, ObjectRay, ROUGH_SLACK, ROUGH_UNDERFLOW, RoughRay, Transform, world_to_object,
 };
 pub use ray::{Intersection, Ray, Surface};
+pub use verdict::Verdict;
 
 /// How intersections are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

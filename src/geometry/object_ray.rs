@@ -519,30 +519,62 @@ impl<R: Real> View<R> {
     }
 }
 
-/// A ray in f64 with bounds of its errors, for tests of several primitives at once.
+/// A ray in f64 with bounds of its errors, for tests that operate on four numbers at once: what [`View`] holds, with a 0 after
+/// each three components.
 #[derive(Clone, Copy, Debug)]
-pub struct DoubleRay(pub(super) View<f64>);
+pub struct DoubleRay {
+    pub(super) origin: [f64; 4],
+    pub(super) direction: [f64; 4],
+    pub(super) origin_error: f64,
+    pub(super) slack: f64,
+    pub(super) direction_norm: f64,
+    pub(super) t_min: f32,
+    pub(super) t_max: f32,
+}
 
 impl DoubleRay {
+    /// Memory for a ray; for it, nothing is decided.
+    pub const IDLE: Self = Self {
+        origin: [0.0; 4],
+        direction: [0.0; 4],
+        origin_error: f64::INFINITY,
+        slack: f64::INFINITY,
+        direction_norm: 0.0,
+        t_min: 0.0,
+        t_max: 0.0,
+    };
+
     /// The ray as an instance's primitives see it.
     #[inline(always)]
     pub fn of(ray: &ObjectRay) -> Self {
-        Self(ray.view())
+        let View { origin, direction, origin_error, slack, direction_norm, .. } = ray.view::<f64>();
+        let [origin, direction] = [origin, direction].map(|[x, y, z]| [x, y, z, 0.0]);
+        Self {
+            origin,
+            direction,
+            origin_error,
+            slack,
+            direction_norm,
+            t_min: ray.t_min(),
+            t_max: ray.t_max(),
+        }
     }
 
     /// A ray in world space that [is ordinary](Ray::is_ordinary).
     #[inline(always)]
     pub fn ordinary(ray: &Ray) -> Self {
-        let [origin, direction] = [ray.origin, ray.direction].map(|v| v.map(f64::from));
-        Self(View {
+        // Not by `map` over four, which is a function of its own to the compiler.
+        let four = |[x, y, z]: [f32; 3]| [f64::from(x), f64::from(y), f64::from(z), 0.0];
+        let (origin, direction) = (four(ray.origin), four(ray.direction));
+        Self {
             origin,
             direction,
             origin_error: 0.0,
             slack: 12.0 * UNIT,
-            direction_norm: norm1(direction),
-            t_min: ray.t_min.into(),
-            t_max: ray.t_max.into(),
-        })
+            direction_norm: direction[0].abs() + direction[1].abs() + direction[2].abs(),
+            t_min: ray.t_min,
+            t_max: ray.t_max,
+        }
     }
 }
 

@@ -25,21 +25,23 @@
 //! **Facing** (SEMANTICS 4.2): front where the vertices run clockwise as seen from the ray in a
 //! left-handed system, that is d.(e1 x e2) < 0, that is det > 0. Decided in object space.
 //!
-//! # Error
-//! The bounds of det, beta, gamma and e2.q are rows of the table at `object_ray::View`; alpha adds two
-//! roundings; quotients have `math::error_bound::Divisor`. Two of alpha, beta, gamma with certain
-//! and opposite signs are a miss whatever det is. Products stay within 2^-450 and 2^520.
+//! # Steps
+//! The f64 step takes one triangle (`one`) or the four of a block (`four`). The bounds of det, beta, gamma and e2.q are rows of the table
+//! at `object_ray::View`, quotients have `math::error_bound::Divisor`. Products stay within 2^-450 and 2^520. What it leaves open is
+//! decided exactly.
 
 mod four;
+mod one;
 
 pub(super) use four::tested;
+pub(super) use one::tested as tested_one;
 
-use crate::geometry::object_ray::ObjectRay;
-use crate::geometry::verdict::{Verdict, rounded, settle_open, when};
+use crate::geometry::object_ray::{DoubleRay, ObjectRay};
+use crate::geometry::verdict::Verdict;
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
-use crate::math::error_bound::{Divisor, two_units};
+use crate::math::eight::TwoFours;
 use crate::math::exact::{self, Dyadic};
-use crate::math::real::{Real, cross, dot, from_f32, norm1, sub};
+use crate::math::real::{Real, cross, dot, from_f32, sub};
 use crate::math::surd::Surd;
 
 /// Where a ray meets a triangle, strictly within the interval. The attributes are the barycentrics
@@ -49,7 +51,7 @@ pub fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3], precision: Precision)
     match precision {
         Precision::Float => intersect_in::<f32>(ray, vertices),
         Precision::Double => intersect_in::<f64>(ray, vertices),
-        Precision::Exact => match approach::<f64, true>(ray, vertices) {
+        Precision::Exact => match in_f64(ray, vertices) {
             Verdict::Hit(hit) => Some(hit),
             Verdict::Miss => None,
             Verdict::Undecided => intersect_exactly(ray, vertices),
@@ -57,15 +59,14 @@ pub fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3], precision: Precision)
     }
 }
 
-/// Without bounds; apart, so that only the exact way is compiled into its callers.
-#[inline(never)]
-fn intersect_in<R: Real>(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Intersection> {
-    approach::<R, false>(ray, vertices).found()
+#[inline(always)]
+fn in_f64(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Intersection> {
+    tested_one(TwoFours, &DoubleRay::of(ray), vertices)
 }
 
 /// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
 pub fn is_decided_in_f64(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> bool {
-    approach::<f64, true>(ray, vertices) != Verdict::Undecided
+    in_f64(ray, vertices) != Verdict::Undecided
 }
 
 /// The box around a triangle; `None` where it is inactive (a NaN in the X of a vertex, SEMANTICS
@@ -78,62 +79,28 @@ fn is_finite(vertices: [[f32; 3]; 3]) -> bool {
     vertices.as_flattened().iter().all(|x| x.is_finite())
 }
 
-#[inline(always)]
-fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Intersection> {
+/// Without bounds; apart, so that only the exact way is compiled into its callers.
+#[inline(never)]
+fn intersect_in<R: Real>(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Intersection> {
     let ray = &ray.view::<R>();
-    let u2 = two_units::<R>();
     let [v0, v1, v2] = vertices.map(from_f32::<R>);
     let d = ray.direction;
     let (e1, e2, w) = (sub(v1, v0), sub(v2, v0), sub(ray.origin, v0));
-    let (e1n, e2n, reach) = (norm1(e1), norm1(e2), ray.reach(norm1(w)));
-    let (de1, de2) = (ray.direction_norm * e1n, ray.direction_norm * e2n);
-
-    let p = cross(d, e2);
-    let q = cross(w, e1);
-    let det = dot(e1, p);
-    let e_det = when::<R, BOUNDED>(ray.slack * (e1n * de2));
-    let beta = dot(w, p);
-    let e_beta = when::<R, BOUNDED>(de2 * reach);
-    let gamma = dot(d, q);
-    let e_gamma = when::<R, BOUNDED>(de1 * reach);
+    let (p, q) = (cross(d, e2), cross(w, e1));
+    let (det, beta, gamma) = (dot(e1, p), dot(w, p), dot(d, q));
     let alpha = det - beta - gamma;
-    let rounding = (u2 + u2) * (det.abs() + beta.abs() + gamma.abs());
-    let e_alpha = when::<R, BOUNDED>(e_det + e_beta + e_gamma + rounding);
-
-    let some_negative = (alpha < -e_alpha) | (beta < -e_beta) | (gamma < -e_gamma);
-    let some_positive = (alpha > e_alpha) | (beta > e_beta) | (gamma > e_gamma);
-    if some_negative & some_positive {
-        return Verdict::Miss;
+    let some_negative = (alpha < R::ZERO) | (beta < R::ZERO) | (gamma < R::ZERO);
+    let some_positive = (alpha > R::ZERO) | (beta > R::ZERO) | (gamma > R::ZERO);
+    // Written so that a NaN is none.
+    if some_negative & some_positive || !(det.abs() > R::ZERO) {
+        return None;
     }
-    if BOUNDED {
-        let inside = (alpha.abs() > e_alpha) & (beta.abs() > e_beta) & (gamma.abs() > e_gamma);
-        if !(inside & (det.abs() > e_det)) {
-            return Verdict::Undecided;
-        }
-    } else if !(det.abs() > R::ZERO) {
-        return Verdict::Miss;
-    }
-
-    let divisor = Divisor::new(det, e_det);
-    let quotient = |numerator: R, error: R| {
-        if BOUNDED { divisor.quotient(numerator, error) } else { (numerator / det, R::ZERO) }
-    };
-    let (t, e_t) = quotient(dot(e2, q), e1n * e2n * reach);
-    let t = match settle_open::<R, BOUNDED>(ray, t, e_t) {
-        Verdict::Hit(t) => t,
-        Verdict::Miss => return Verdict::Miss,
-        Verdict::Undecided => return Verdict::Undecided,
-    };
-    let barycentric = |numerator: R, error: R| {
-        let (value, error) = quotient(numerator, error);
-        rounded(value - error, value + error)
-    };
-    match (barycentric(beta, e_beta), barycentric(gamma, e_gamma)) {
-        (Verdict::Hit(b1), Verdict::Hit(b2)) => {
-            Verdict::Hit(Intersection { t, attributes: [b1, b2], surface: facing(det > R::ZERO) })
-        }
-        _ => Verdict::Undecided,
-    }
+    let t = dot(e2, q) / det;
+    let is_within = t > ray.t_min && t < ray.t_max;
+    let [t, b1, b2] = [t, beta / det, gamma / det].map(|x| x.to_f32() + 0.0);
+    let hit = Intersection { t, attributes: [b1, b2], surface: facing(det > R::ZERO) };
+    // An overflow makes NaNs.
+    (is_within && t.is_finite() && !b1.is_nan() && !b2.is_nan()).then_some(hit)
 }
 
 fn facing(front: bool) -> Surface {

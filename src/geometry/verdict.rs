@@ -5,7 +5,7 @@ use crate::math::real::Real;
 
 /// The outcome of an attempt with an error bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Verdict<T> {
+pub enum Verdict<T> {
     /// Certainly nothing.
     Miss,
     /// Certainly this.
@@ -17,7 +17,7 @@ pub(super) enum Verdict<T> {
 impl<T> Verdict<T> {
     /// The answer of an attempt without bounds, which leaves nothing undecided.
     #[inline(always)]
-    pub fn found(self) -> Option<T> {
+    pub(super) fn found(self) -> Option<T> {
         match self {
             Self::Hit(found) => Some(found),
             Self::Miss | Self::Undecided => None,
@@ -43,23 +43,6 @@ pub(super) fn settle_closed<R: Real, const BOUNDED: bool>(ray: &View<R>, t: R, e
         return Verdict::Miss;
     }
     if below >= ray.t_min && above <= ray.t_max {
-        return representable(rounded(below, above));
-    }
-    if BOUNDED { Verdict::Undecided } else { Verdict::Miss }
-}
-
-/// Tests a parameter against the open interval and rounds it.
-#[inline(always)]
-pub(super) fn settle_open<R: Real, const BOUNDED: bool>(ray: &View<R>, t: R, error: R) -> Verdict<f32> {
-    if !BOUNDED && !is_finite(t) {
-        return Verdict::Miss;
-    }
-    let error = when::<R, BOUNDED>(error);
-    let (below, above) = (t - error, t + error);
-    if above <= ray.t_min || below >= ray.t_max {
-        return Verdict::Miss;
-    }
-    if below > ray.t_min && above < ray.t_max {
         return representable(rounded(below, above));
     }
     if BOUNDED { Verdict::Undecided } else { Verdict::Miss }

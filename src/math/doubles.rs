@@ -19,6 +19,8 @@ pub trait Doubles: Copy {
     fn floats(self, values: &[f32; 4]) -> Self::Four;
     /// Lane by lane, to nearest even.
     fn to_floats(self, value: Self::Four) -> [f32; 4];
+    /// Lane by lane.
+    fn numbers(self, values: [f64; 4]) -> Self::Four;
     /// The same in all lanes.
     fn all(self, value: f64) -> Self::Four;
     /// Sums.
@@ -44,6 +46,15 @@ pub trait Doubles: Copy {
 
     /// A bit for each lane in which `a` is greater or equal; none for a NaN.
     fn is_at_least(self, a: Self::Four, b: Self::Four) -> u32;
+
+    /// The greater, lane by lane; either where one is a NaN.
+    fn greater(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    /// Of (x, y, z, w): (y, z, x, w).
+    fn turned(self, v: Self::Four) -> Self::Four;
+    /// The sum of all lanes, in all lanes; each goes through two sums.
+    fn total(self, v: Self::Four) -> Self::Four;
+    /// The sums of all lanes of each; each goes through two sums.
+    fn totals(self, v: [Self::Four; 4]) -> Self::Four;
 
     /// `a - b`.
     #[inline(always)]
@@ -86,6 +97,11 @@ impl Doubles for TwoFours {
     #[inline(always)]
     fn to_floats(self, value: [f64; 4]) -> [f32; 4] {
         value.map(|x| x as f32)
+    }
+
+    #[inline(always)]
+    fn numbers(self, values: [f64; 4]) -> [f64; 4] {
+        values
     }
 
     #[inline(always)]
@@ -139,6 +155,26 @@ impl Doubles for TwoFours {
     }
 
     #[inline(always)]
+    fn greater(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|lane| if a[lane] > b[lane] { a[lane] } else { b[lane] })
+    }
+
+    #[inline(always)]
+    fn turned(self, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
+        [y, z, x, w]
+    }
+
+    #[inline(always)]
+    fn total(self, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
+        [(x + z) + (y + w); 4]
+    }
+
+    #[inline(always)]
+    fn totals(self, v: [[f64; 4]; 4]) -> [f64; 4] {
+        v.map(|[x, y, z, w]| (x + y) + (z + w))
+    }
+
+    #[inline(always)]
     fn is_above(self, a: [f64; 4], b: [f64; 4]) -> u32 {
         (0..4).fold(0, |all, lane| all | u32::from(a[lane] > b[lane]) << lane)
     }
@@ -162,6 +198,11 @@ impl Doubles for V3 {
     #[inline(always)]
     fn to_floats(self, value: f64x4) -> [f32; 4] {
         pulp::cast(self.convert_f64x4_to_f32x4(value))
+    }
+
+    #[inline(always)]
+    fn numbers(self, values: [f64; 4]) -> f64x4 {
+        pulp::cast(values)
     }
 
     #[inline(always)]
@@ -215,6 +256,34 @@ impl Doubles for V3 {
     }
 
     #[inline(always)]
+    fn greater(self, a: f64x4, b: f64x4) -> f64x4 {
+        pulp::cast(self.avx._mm256_max_pd(pulp::cast(a), pulp::cast(b)))
+    }
+
+    #[inline(always)]
+    fn turned(self, v: f64x4) -> f64x4 {
+        pulp::cast(self.avx2._mm256_permute4x64_pd::<0b11_00_10_01>(pulp::cast(v)))
+    }
+
+    #[inline(always)]
+    fn total(self, v: f64x4) -> f64x4 {
+        let v = pulp::cast(v);
+        let pairs = self.avx._mm256_add_pd(v, self.avx2._mm256_permute4x64_pd::<0b01_00_11_10>(v));
+        pulp::cast(self.avx._mm256_add_pd(pairs, self.avx._mm256_permute_pd::<0b0101>(pairs)))
+    }
+
+    #[inline(always)]
+    fn totals(self, [a, b, c, d]: [f64x4; 4]) -> f64x4 {
+        let (avx, a, b, c, d) = (self.avx, pulp::cast(a), pulp::cast(b), pulp::cast(c), pulp::cast(d));
+        // Of two: their first two lanes' sums below, and above those of the others.
+        let pairs = |a, b| avx._mm256_add_pd(avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
+        let (ab, cd) = (pairs(a, b), pairs(c, d));
+        let crossed = avx._mm256_permute2f128_pd::<0x21>(ab, cd);
+        let straight = avx._mm256_blend_pd::<0b1100>(ab, cd);
+        pulp::cast(avx._mm256_add_pd(straight, crossed))
+    }
+
+    #[inline(always)]
     fn is_above(self, a: f64x4, b: f64x4) -> u32 {
         let wide = self.cmp_gt_f64x4(a, b);
         self.avx._mm256_movemask_pd(pulp::cast(wide)) as u32
@@ -247,6 +316,13 @@ mod tests {
         assert_eq!(numbers(doubles.product_from(a, b, c)), [-8.75, 0.0, -8.0]);
         assert_eq!(numbers(doubles.root(doubles.product(a, a))), [1.5, 2.0, 0.0]);
         assert_eq!(numbers(doubles.magnitude(c)), [8.0; 3]);
+        assert_eq!(numbers(doubles.greater(doubles.numbers([1.0, 5.0, -3.0, 0.0]), a)), [1.5, 5.0, 0.0]);
+        let lanes = |four: D::Four| doubles.to_floats(four);
+        let v = doubles.numbers([1.0, 20.0, 300.0, 4000.0]);
+        assert_eq!(lanes(doubles.turned(v)), [20.0, 300.0, 1.0, 4000.0]);
+        assert_eq!(lanes(doubles.total(v)), [4321.0; 4]);
+        let halves = doubles.product(v, doubles.all(0.5));
+        assert_eq!(lanes(doubles.totals([v, c, halves, v])), [4321.0, -32.0, 2160.5, 4321.0]);
         assert_eq!(doubles.is_above(a, b), 0b0001);
         assert_eq!(doubles.is_above(b, c), 0b0111);
         // (1, 2, 3) x (4, 5, 6) = (-3, 6, -3), and their product is 32.

@@ -7,7 +7,7 @@
 
 mod boxes;
 
-use anyhit::geometry::block::{self, BlockRay, BoxRay, LANES};
+use anyhit::geometry::block::{self, BlockRay, BoxRay, LANES, ShearedRay};
 use anyhit::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
     world_to_object,
@@ -141,7 +141,8 @@ fn triangles() {
             if let Some(bounds) = triangle::bounds(vertices) {
                 let mut block = block::Triangles::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, vertices));
-                let met = block.met(TwoFours, &BlockRay::new(&object, &bounds));
+                let sheared = ShearedRay::of(&BlockRay::new(&object, &bounds));
+                let met = block.met(TwoFours, &sheared);
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = agree(found, expected, &ray, true, &case)?;

@@ -11,30 +11,113 @@
 //! A' x B', B' x C', C' x A' about the origin of that plane have opposite signs.
 //!
 //! # Error
-//! Let z = |V_k - o_k| and n = |x'| + |y'| as computed. A difference rounds once (u) and has the origin's
-//! error; the quotient s of E is off by 2 κ |E| and one rounding at most, |s| <= 1; the product and the
-//! difference round once each. As |V_i - o_i| <= |x'| + z up to these errors, x' and y' together are off
-//! by at most
+//! Let z = |V_k - o_k| and n = |x'| + |y'| as computed, and E off by at most ε (1-norm), E_k being its greatest
+//! component. A difference rounds once (u) and has the origin's error. The quotient of E is off from that of D by
+//! (|E_i - D_i| + |s_i| |E_k - D_k|) / |D_k|, and by one rounding of the reciprocal and one of the product, |s| <= 1. The product and
+//! the difference round once each. As |V_i - o_i| <= |x'| + z up to these errors, and with 4 ε <= |E_k| <= (4/3) |D_k|, x' and y'
+//! together are off by at most
 //!
 //! ```text
-//! p = 2 e + (2 κ |E| + 12 u) (z + n)
+//! p = 2 e + (3 ε / |E_k| + 12 u) (z + n)
 //! ```
 //!
 //! (e counts once for i and j together and |s_i| + |s_j| <= 2 times for k, of which the 1-norm e holds
-//! one share: 2 e bounds the sum; u of z: 2 for the differences, 2 for s and 2 for the products; u of n: 1 + 1
-//! and what |V_i - o_i| adds, 1.) An area A'_x B'_y - A'_y B'_x is then off by p times the sum N of the three
-//! vertices' n, by 2 p^2 at most and by its three roundings, 2u N^2 <= p N. So each is off by at most
+//! one share: 2 e bounds the sum; likewise for ε, 2 (4/3) <= 3; u of z: 2 for the differences, 4 for s and 2 for the products, and 2 as
+//! |V_i - o_i| rounds; u of n: 1 + 1.) An area A'_x B'_y - A'_y B'_x is then off by p times the sum N of the three
+//! vertices' n, by p^2 at most and by its three roundings, 3u N^2 <= p N. So each is off by at most
 //! 2 p (N + p), with z and n summed over the three vertices in p. Two areas of opposite signs beyond that
 //! prove a miss.
 //!
-//! |E| >= 1, so that 2 |E| e bounds 2 e, and 2 |E| c bounds the other coefficient.
+//! *Underflow* costs 2^-149 times 2^61 at most in s z, of which e = 2^-60 is far more, and 2^-149 in an area, of which 2 e^2 is.
+//! *Overflow* there is none up to 2^60.
+//!
+//! # Branches
+//! Whoever asks which are met can go on, on nearly every leaf, with what the areas' signs say as they are; that they say it with
+//! certainty is known some steps later. So [`Triangles::met`] looks at that in a branch of its own, which the processor
+//! foresees: nothing waits for it.
 
-use super::{ALL, BlockRay, LANES, Row};
+use super::{ALL, BlockRay, LANES, MOST, Row, TINY, UNIT, greatest, three};
 use crate::geometry::triangle;
-use crate::geometry::{DoubleRay, FourTested, Intersection, ObjectRay, Precision};
+use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, Ray, Verdict};
 use crate::math::ahead::fetch;
 use crate::math::doubles::Doubles;
 use crate::math::four::{Four, Fused};
+
+/// A ray made ready for blocks of triangles.
+#[derive(Clone, Copy, Debug)]
+pub struct ShearedRay {
+    /// i, j and k: that along which the direction is greatest comes last.
+    axes: [Axis; 3],
+    /// Along these.
+    origin: [f32; 3],
+    /// -s, along i and j.
+    shear: [f32; 2],
+    /// 2 e
+    fixed: f32,
+    /// 3 ε / |E_k| + 12 u, or more.
+    growing: f32,
+}
+
+/// An axis. The compiler knows that there are three.
+#[derive(Clone, Copy, Debug)]
+enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+/// i, j and k for each k. A table, as branches would not be foreseen.
+const AXES: [[Axis; 3]; 3] =
+    [[Axis::Y, Axis::Z, Axis::X], [Axis::Z, Axis::X, Axis::Y], [Axis::X, Axis::Y, Axis::Z]];
+
+impl ShearedRay {
+    /// Memory for a ray; for it, all is met.
+    pub const IDLE: Self = Self {
+        axes: AXES[2],
+        origin: [0.0; 3],
+        shear: [0.0; 2],
+        fixed: f32::INFINITY,
+        growing: f32::INFINITY,
+    };
+
+    /// Whether [`ShearedRay::ordinary`] is for triangles that lie within a box.
+    #[inline(always)]
+    pub fn reaches(around: &Bounds) -> bool {
+        let size = three(around.min).abs().greater(three(around.max).abs());
+        Four::splat(MOST).at_least(size) == ALL
+    }
+
+    /// A ray in world space that [is ordinary](Ray::is_ordinary), for triangles of which no coordinate has a magnitude above
+    /// 2^60: e and ε are 0.
+    #[inline(always)]
+    pub fn ordinary(ray: &Ray) -> Self {
+        let (axis, _) = greatest(ray.direction);
+        Self::new(axis, &ray.origin, &ray.direction, 2.0 * TINY as f32, (16.0 * UNIT) as f32)
+    }
+
+    /// Any other.
+    #[inline(always)]
+    pub fn of(ray: &BlockRay) -> Self {
+        // With its margins; written so that a NaN is not known well.
+        let is_known = ray.growing <= 0.25;
+        let fixed = if is_known { ray.fixed + ray.fixed } else { f32::INFINITY };
+        Self::new(ray.axis, &ray.origin, &ray.direction, fixed, 3.0 * ray.growing)
+    }
+
+    #[inline(always)]
+    fn new(axis: usize, origin: &[f32; 3], direction: &[f32; 3], fixed: f32, growing: f32) -> Self {
+        let axes = AXES[axis];
+        let [i, j, k] = axes.map(|axis| axis as usize);
+        let slowness = -1.0 / direction[k];
+        Self {
+            axes,
+            origin: [origin[i], origin[j], origin[k]],
+            shear: [direction[i] * slowness, direction[j] * slowness],
+            fixed,
+            growing,
+        }
+    }
+}
 
 /// Up to four triangles.
 #[derive(Clone, Copy, Debug)]
@@ -65,31 +148,47 @@ impl Triangles {
 
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline(always)]
-    pub fn met<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
-        let k = ray.axis;
-        let (i, j) = ([1, 2, 0][k], [2, 0, 1][k]);
-        let [oi, oj, ok] = [i, j, k].map(|axis| Four::splat(ray.origin[axis]));
-        let [si, sj] = [i, j].map(|axis| Four::splat(ray.direction[axis] / ray.direction[k]));
+    pub fn met<F: Fused>(&self, fused: F, ray: &ShearedRay) -> u32 {
+        let [i, j, k] = ray.axes.map(|axis| axis as usize);
+        let [oi, oj, ok] = ray.origin.map(Four::splat);
+        let [si, sj] = ray.shear.map(Four::splat);
+        let [a, b, c] = &self.vertices;
         let seen = |vertex: &[Row; 3]| {
             let z = Four::new(vertex[k]) - ok;
-            let x = (Four::new(vertex[i]) - oi) - si * z;
-            let y = (Four::new(vertex[j]) - oj) - sj * z;
-            (x, y, x.abs() + y.abs(), z.abs())
+            let x = fused.fused_sum(si, z, Four::new(vertex[i]) - oi);
+            let y = fused.fused_sum(sj, z, Four::new(vertex[j]) - oj);
+            [x, y, z]
         };
-        let (ax, ay, an, az) = seen(&self.vertices[0]);
-        let (bx, by, bn, bz) = seen(&self.vertices[1]);
-        let (cx, cy, cn, cz) = seen(&self.vertices[2]);
+        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = [seen(a), seen(b), seen(c)];
         let area = |x: Four, y: Four, u: Four, v: Four| fused.fused_difference(x, v, y * u);
         let areas = [area(ax, ay, bx, by), area(bx, by, cx, cy), area(cx, cy, ax, ay)];
         let least = areas[0].lesser(areas[1]).lesser(areas[2]);
         let most = areas[0].greater(areas[1]).greater(areas[2]);
-        let n = an + bn + cn;
-        let fixed = Four::splat(ray.fixed + ray.fixed);
-        let growing = Four::splat(ray.growing + ray.growing);
-        let p = fused.fused_sum(growing, n + (az + bz + cz), fixed);
-        let error = (p + p) * (n + p);
-        let zero = Four::splat(0.0);
-        ALL & !((zero - error).above(least) & most.above(error))
+        let zero = Four::ZERO;
+        let met = least.at_least(zero) | zero.at_least(most);
+
+        let n = (ax.abs() + ay.abs()) + (bx.abs() + by.abs()) + (cx.abs() + cy.abs());
+        let z = az.abs() + bz.abs() + cz.abs();
+        let p = fused.fused_sum(Four::splat(ray.growing), n + z, Four::splat(ray.fixed));
+        let missed = most.lesser(zero - least).above((p + p) * (n + p));
+        if met | missed != ALL {
+            return not_surely(missed);
+        }
+        met
+    }
+
+    /// The vertices of the triangle in a lane.
+    #[inline(always)]
+    fn vertices(&self, lane: usize) -> [[f32; 3]; 3] {
+        let [a, b, c] = &self.vertices;
+        let vertex = |[x, y, z]: &[Row; 3]| [x[lane], y[lane], z[lane]];
+        [vertex(a), vertex(b), vertex(c)]
+    }
+
+    /// The f64 step for one lane.
+    #[inline(always)]
+    pub fn tested_one<D: Doubles>(&self, doubles: D, lane: usize, ray: &DoubleRay) -> Verdict<Intersection> {
+        triangle::tested_one(doubles, ray, self.vertices(lane))
     }
 
     /// The f64 step for all lanes.
@@ -101,8 +200,13 @@ impl Triangles {
     /// Where a ray meets the triangle in a lane: [`triangle::intersect`].
     #[inline(always)]
     pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
-        let [a, b, c] = &self.vertices;
-        let vertices = [a, b, c].map(|rows| [rows[0][lane], rows[1][lane], rows[2][lane]]);
-        triangle::intersect(ray, vertices, precision)
+        triangle::intersect(ray, self.vertices(lane), precision)
     }
+}
+
+/// All but some lanes: out of line, so that this is a branch.
+#[cold]
+#[inline(never)]
+fn not_surely(missed: u32) -> u32 {
+    ALL & !missed
 }

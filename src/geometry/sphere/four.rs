@@ -53,7 +53,7 @@ pub fn tested<D: Doubles>(
     let half = doubles.root(doubles.product(room, doubles.all(inverse)));
     let t = doubles.difference(doubles.difference(doubles.all(0.0), back), half);
     let error = doubles.product(doubles.all(16.0 * slowness), reach);
-    let t = Ends::<D> { below: doubles.difference(t, error), above: doubles.sum(t, error) };
+    let t = Ends::around(doubles, t, error);
     let (t_min, t_max) = (doubles.all(t_min), doubles.all(t_max));
     let within = doubles.is_at_least(t.below, t_min) & doubles.is_at_least(t_max, t.above);
     let outside = doubles.is_above(t_min, t.above) | doubles.is_above(t.below, t_max);

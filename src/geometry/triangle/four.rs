@@ -2,10 +2,10 @@
 //! lane. A product that goes into a sum unrounded is off by less than the bounds allow.
 
 use crate::geometry::Surface;
-use crate::geometry::four_tested::{ALL, Ends, FourTested};
-use crate::geometry::object_ray::{DoubleRay, View};
+use crate::geometry::four_tested::{ALL, Divisor, FourTested};
+use crate::geometry::object_ray::DoubleRay;
 use crate::math::doubles::Doubles;
-use crate::math::error_bound::{four_units, two_units};
+use crate::math::error_bound::two_units;
 use crate::math::four::Four;
 
 /// All are missed.
@@ -21,7 +21,7 @@ pub fn tested<D: Doubles>(
     vertices: &[[[f32; 4]; 3]; 3],
     limit: f32,
 ) -> FourTested {
-    let View { origin, direction, origin_error, slack, direction_norm, t_min, t_max } = ray.0;
+    let DoubleRay { origin, direction, origin_error, slack, direction_norm, t_min, t_max } = *ray;
     let (v0, v1, v2) =
         (point(doubles, &vertices[0]), point(doubles, &vertices[1]), point(doubles, &vertices[2]));
     let d = in_all(doubles, direction);
@@ -67,7 +67,7 @@ pub fn tested<D: Doubles>(
 
     let divisor = Divisor::new(doubles, det, e_det);
     let t = divisor.quotient(doubles.dot(e2, q), doubles.product(doubles.product(e1n, e2n), reach));
-    let (t_min, t_max) = (doubles.all(t_min), doubles.all(t_max));
+    let (t_min, t_max) = (doubles.all(t_min.into()), doubles.all(t_max.into()));
     let outside = doubles.is_at_least(t_min, t.above) | doubles.is_at_least(t.below, t_max);
     let within = doubles.is_above(t.below, t_min) & doubles.is_above(t_max, t.above);
     let (known, rounded) = t.rounded(doubles);
@@ -93,7 +93,7 @@ fn point<D: Doubles>(doubles: D, rows: &[[f32; 4]; 3]) -> [D::Four; 3] {
 }
 
 #[inline(always)]
-fn in_all<D: Doubles>(doubles: D, [x, y, z]: [f64; 3]) -> [D::Four; 3] {
+fn in_all<D: Doubles>(doubles: D, [x, y, z, _]: [f64; 4]) -> [D::Four; 3] {
     [doubles.all(x), doubles.all(y), doubles.all(z)]
 }
 
@@ -114,44 +114,5 @@ impl Signs {
     #[inline(always)]
     fn certain(self) -> u32 {
         self.negative | self.positive
-    }
-}
-
-/// `math::error_bound::Divisor`, lane by lane.
-#[derive(Clone, Copy)]
-struct Divisor<D: Doubles> {
-    doubles: D,
-    inverse: D::Four,
-    /// Twice its own relative error, and the roundings of a quotient.
-    relative: D::Four,
-    most: D::Four,
-    /// A bit for each lane in which the others mean something.
-    is_certain: u32,
-}
-
-impl<D: Doubles> Divisor<D> {
-    #[inline(always)]
-    fn new(doubles: D, denominator: D::Four, error: D::Four) -> Self {
-        let one = doubles.all(1.0);
-        let inverse = doubles.quotient(one, denominator);
-        let size = doubles.magnitude(inverse);
-        let relative = doubles.product(error, size);
-        let twice = doubles.sum(relative, relative);
-        Self {
-            doubles,
-            inverse,
-            relative: doubles.sum(twice, doubles.all(four_units::<f64>())),
-            most: doubles.product_and(twice, size, size),
-            is_certain: doubles.is_at_least(one, twice),
-        }
-    }
-
-    #[inline(always)]
-    fn quotient(&self, numerator: D::Four, error: D::Four) -> Ends<D> {
-        let doubles = self.doubles;
-        let quotient = doubles.product(numerator, self.inverse);
-        let own = doubles.product(doubles.magnitude(quotient), self.relative);
-        let error = doubles.product_and(error, self.most, own);
-        Ends { below: doubles.difference(quotient, error), above: doubles.sum(quotient, error) }
     }
 }

@@ -1,11 +1,12 @@
 //! Judges the answers about one primitive: hit or miss, the surface, t and the attributes.
 
-use crate::geometry::block::{self, BlockRay, BoxRay, LANES};
+use crate::geometry::block::{self, BlockRay, BoxRay, LANES, ShearedRay};
 use crate::geometry::{
-    Bounds, Intersection, ObjectRay, Precision, Ray, Surface, Transform, aabb, linear_swept_sphere, sphere,
-    triangle,
+    Bounds, DoubleRay, Intersection, ObjectRay, Precision, Ray, Surface, Transform, Verdict, aabb,
+    linear_swept_sphere, sphere, triangle,
 };
 use crate::math::eight::TwoFours;
+use crate::math::vectors::{Processor, Task, Vectors};
 use crate::stress::case::Shape;
 use crate::stress::judge::{Failure, Tally, fail};
 use crate::stress::reference::{Expected, LineOf};
@@ -20,6 +21,37 @@ pub fn intersect(shape: &Shape, ray: &ObjectRay, precision: Precision) -> Option
         Shape::LinearSweptSphere { positions, radii, caps } => {
             linear_swept_sphere::intersect(ray, positions, radii, caps, precision)
         }
+    }
+}
+
+/// The test of a block of triangles, on vectors.
+struct Met<'a> {
+    block: &'a block::Triangles,
+    ray: &'a ShearedRay,
+}
+
+impl Task for Met<'_> {
+    type Output = u32;
+
+    #[inline(always)]
+    fn run<V: Vectors>(self, vectors: V) -> u32 {
+        self.block.met(vectors, self.ray)
+    }
+}
+
+/// The test of a triangle of it, on vectors.
+struct Tested<'a> {
+    block: &'a block::Triangles,
+    lane: usize,
+    ray: &'a DoubleRay,
+}
+
+impl Task for Tested<'_> {
+    type Output = Verdict<Intersection>;
+
+    #[inline(always)]
+    fn run<V: Vectors>(self, vectors: V) -> Verdict<Intersection> {
+        self.block.tested_one(vectors, self.lane, self.ray)
     }
 }
 
@@ -66,10 +98,14 @@ impl One<'_> {
                 let Some(bounds) = triangle::bounds(vertices) else { return Ok(()) };
                 let mut block = block::Triangles::EMPTY;
                 block.set(lane, vertices);
-                (
-                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(TwoFours, &ray)),
-                    expected.is_some(),
-                )
+                let is_ordinary =
+                    ray.is_in_world() && ray.world().is_ordinary() && ShearedRay::reaches(&bounds);
+                let ordinary = is_ordinary.then(|| ShearedRay::ordinary(ray.world()));
+                let sheared = block_rays(&bounds).map(|ray| ShearedRay::of(&ray)).chain(ordinary);
+                let both = |ray: &ShearedRay| {
+                    block.met(TwoFours, ray) & Processor::new().run(Met { block: &block, ray })
+                };
+                (sheared.fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
             }
             Shape::MovingTriangle(_) => return Ok(()),
             Shape::Aabb([min, max]) => {
@@ -119,6 +155,20 @@ impl One<'_> {
         };
         let found = intersect(self.shape, &object, self.precision);
         let place = || format!("primitive {index} over {t_min:e}..{t_max:e}");
+        if let (Shape::Triangle(vertices), Precision::Exact) = (self.shape, self.precision) {
+            let mut block = block::Triangles::EMPTY;
+            block.set(index % LANES, *vertices);
+            let ray = DoubleRay::of(&object);
+            let tested = Processor::new().run(Tested { block: &block, lane: index % LANES, ray: &ray });
+            let agrees = match tested {
+                Verdict::Hit(hit) => found == Some(hit),
+                Verdict::Miss => found.is_none(),
+                Verdict::Undecided => true,
+            };
+            if !agrees {
+                return fail(format!("{}: {tested:?} on vectors, otherwise {found:?}", place()));
+            }
+        }
         if let Shape::Aabb([min, max]) = *self.shape {
             let entry = self.line.aabb(min, max, t_min, t_max);
             match (&found, entry) {

@@ -1,0 +1,88 @@
+//! The f64 step for one triangle, its vectors' components side by side: the formulas and bounds of `triangle`, with one bound from
+//! few norms, and with what it leaves open left to them.
+//!
+//! # Error
+//! Let N be the 1-norm of the greater components of e1 and e2, so that |e1|, |e2| <= N. By the table at `object_ray::View`
+//! det is off by at most c |d| N^2, beta and gamma by |d| N reach(|w|), and e2.q by N^2 reach(|w|). alpha is summed up with its components'
+//! differences taken first: two roundings more in each of its three products, 9u of the 12u of c, so that it is off by
+//! what the three are together. All are divided by det: [`Divisor`] lane by lane. With alpha / det, beta / det and
+//! gamma / det above 0 and t within the interval it is hit; with one of the former below 0, or t outside, missed, and so it is, whatever det
+//! is, where two of alpha, beta and gamma have opposite signs.
+//!
+//! # Branches
+//! What is returned is made of the quotients as they are, and the bounds only say that it holds: as that is nearly always so, the
+//! processor foresees it, and whoever takes the t waits for no bound.
+
+use crate::geometry::Intersection;
+use crate::geometry::four_tested::{ALL, Divisor, Ends};
+use crate::geometry::object_ray::DoubleRay;
+use crate::geometry::triangle::facing;
+use crate::geometry::verdict::Verdict;
+use crate::math::doubles::Doubles;
+
+/// Tests a triangle.
+#[inline(always)]
+pub fn tested<D: Doubles>(doubles: D, ray: &DoubleRay, [v0, v1, v2]: [[f32; 3]; 3]) -> Verdict<Intersection> {
+    let DoubleRay { origin, direction, origin_error, slack, direction_norm, t_min, t_max } = *ray;
+    let point = |[x, y, z]: [f32; 3]| doubles.floats(&[x, y, z, 0.0]);
+    let (v0, v1, v2) = (point(v0), point(v1), point(v2));
+    let (origin, d) = (doubles.numbers(origin), doubles.numbers(direction));
+    let (e1, e2, w) =
+        (doubles.difference(v1, v0), doubles.difference(v2, v0), doubles.difference(origin, v0));
+
+    // (x, y, z) and (y, z, x) make a vector product's (z, x, y).
+    let turned = |v| doubles.turned(v);
+    let (d1, e11, e21, w1) = (turned(d), turned(e1), turned(e2), turned(w));
+    let p2 = doubles.product_less(d, e21, doubles.product(d1, e2));
+    let q2 = doubles.product_less(w, e11, doubles.product(w1, e1));
+    let of_det = doubles.product(turned(e11), p2);
+    let of_beta = doubles.product(turned(w1), p2);
+    let of_gamma = doubles.product(turned(d1), q2);
+    let of_t = doubles.product(turned(e21), q2);
+    let det = doubles.total(of_det);
+    let of_alpha = doubles.difference(doubles.difference(of_det, of_beta), of_gamma);
+    let numerators = doubles.totals([of_t, of_beta, of_gamma, of_alpha]);
+
+    let of_all = doubles.all(direction_norm);
+    let n = doubles.total(doubles.greater(doubles.magnitude(e1), doubles.magnitude(e2)));
+    let slack = doubles.all(slack);
+    let reach = doubles.product_and(slack, doubles.total(doubles.magnitude(w)), doubles.all(origin_error));
+    let e_det = doubles.product(doubles.product(n, n), doubles.product(slack, of_all));
+    let few = |lanes: [f32; 4]| doubles.floats(&lanes);
+    // Of e2.q N, of beta and gamma |d|, of alpha 2 |d|: times N reach.
+    let weights =
+        doubles.product_and(of_all, few([0.0, 1.0, 1.0, 2.0]), doubles.product(n, few([1.0, 0.0, 0.0, 0.0])));
+    let errors = doubles.product_and(
+        doubles.product(n, reach),
+        weights,
+        doubles.product(e_det, few([0.0, 0.0, 0.0, 1.0])),
+    );
+    let divisor = Divisor::new(doubles, det, e_det);
+    let quotients = divisor.quotient(numerators, errors);
+    let (known, rounded) = quotients.rounded(doubles);
+    let [t, b1, b2, _] = rounded.to_array();
+
+    let least = few([t_min, 0.0, 0.0, 0.0]);
+    let greatest = few([t_max, 2.0, 2.0, 2.0]);
+    let Ends { below, above, .. } = quotients;
+    if divisor.is_certain != 0 {
+        if doubles.is_above(below, least) & doubles.is_above(greatest, above) == ALL {
+            let all_known = known | OF_ALPHA == ALL && t.abs() <= f32::MAX;
+            let surface = facing(doubles.is_above(det, doubles.all(0.0)) != 0);
+            let hit = Intersection { t, attributes: [b1, b2], surface };
+            return if all_known { Verdict::Hit(hit) } else { Verdict::Undecided };
+        }
+        if doubles.is_above(least, above) | doubles.is_above(below, greatest) != 0 {
+            return Verdict::Miss;
+        }
+    }
+    let negative = doubles.is_above(doubles.difference(doubles.all(0.0), errors), numerators);
+    let positive = doubles.is_above(numerators, errors);
+    let signs = [negative, positive].map(|signs| signs & !OF_T);
+    if signs[0] != 0 && signs[1] != 0 { Verdict::Miss } else { Verdict::Undecided }
+}
+
+/// The lane of alpha, which need not be known but for its sign.
+const OF_ALPHA: u32 = 0b1000;
+/// The lane of t.
+const OF_T: u32 = 0b0001;
