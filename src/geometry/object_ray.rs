@@ -519,7 +519,7 @@ impl<R: Real> View<R> {
     }
 }
 
-/// A ray in f64 with bounds of its errors, for tests that operate on four numbers at once: what [`View`] holds, with a 0 after
+/// A ray in f64 with bounds of its errors, for tests that operate on four numbers at once: origin and direction with a 0 after
 /// each three components.
 #[derive(Clone, Copy, Debug)]
 pub struct DoubleRay {
