@@ -533,17 +533,6 @@ pub struct DoubleRay {
 }
 
 impl DoubleRay {
-    /// Memory for a ray; for it, nothing is decided.
-    pub const IDLE: Self = Self {
-        origin: [0.0; 4],
-        direction: [0.0; 4],
-        origin_error: f64::INFINITY,
-        slack: f64::INFINITY,
-        direction_norm: 0.0,
-        t_min: 0.0,
-        t_max: 0.0,
-    };
-
     /// The ray as an instance's primitives see it.
     #[inline(always)]
     pub fn of(ray: &ObjectRay) -> Self {

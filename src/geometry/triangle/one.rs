@@ -1,5 +1,5 @@
-//! The f64 step for one triangle, its vectors' components side by side: the formulas and bounds of `triangle`, with one bound from
-//! few norms, and with what it leaves open left to them.
+//! The f64 step for one triangle, its vectors' components side by side: the formulas of `triangle`, with bounds made of few norms. A
+//! product that goes into a sum unrounded is off by less than they allow.
 //!
 //! # Error
 //! Let N be the 1-norm of the greater components of e1 and e2, so that |e1|, |e2| <= N. By the table at `object_ray::View`
