@@ -3,7 +3,7 @@
 
 use anyhit::geometry::block::{self, BlockRay, BoxRay, ShearedRay};
 use anyhit::geometry::{Bounds, DoubleRay, Intersection, ObjectRay, Precision, Ray, Transform, Verdict};
-use anyhit::math::vectors::{Task, Vectors};
+use anyhit::math::vectors::Vectors;
 
 use crate::shape::Shape;
 
@@ -27,15 +27,8 @@ pub trait Contender {
     fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, around: &Bounds);
     /// A bit for each lane that may be hit.
     fn met<V: Vectors>(vectors: V, block: &Self::Block, ray: &Self::Ray) -> u32;
-    /// The t of a lane. What the ray was made from, a ray in world space and where its primitives are placed, is for what is
-    /// made ready seldom.
-    fn hit<V: Vectors>(
-        vectors: V,
-        block: &Self::Block,
-        lane: usize,
-        ray: &Self::Ray,
-        made_from: (&Ray, &Placed),
-    ) -> Option<f32>;
+    /// The t of a lane.
+    fn hit<V: Vectors>(vectors: V, block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32>;
 }
 
 /// This crate.
@@ -81,13 +74,7 @@ macro_rules! ours {
             }
 
             #[inline(always)]
-            fn hit<V: Vectors>(
-                _: V,
-                block: &Self::Block,
-                lane: usize,
-                ray: &Self::Ray,
-                _: (&Ray, &Placed),
-            ) -> Option<f32> {
+            fn hit<V: Vectors>(_: V, block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
                 block.intersect(lane, $($caps,)? &ray.0, precision(P)).map(|hit| hit.t)
             }
         }
@@ -109,9 +96,8 @@ pub struct ExactTriangles;
 
 impl Contender for ExactTriangles {
     type Block = block::Triangles;
-    /// In f64 where it is not an ordinary one in world space.
-    type Ray = (ShearedRay, Option<DoubleRay>);
-    const IDLE: Self::Ray = (ShearedRay::IDLE, None);
+    type Ray = (ShearedRay, Whole);
+    const IDLE: Self::Ray = (ShearedRay::IDLE, Whole::InObject(ObjectRay::IDLE));
 
     fn block(shapes: &[Shape]) -> Self::Block {
         Ours::<block::Triangles, EXACT>::block(shapes)
@@ -120,10 +106,11 @@ impl Contender for ExactTriangles {
     #[inline(always)]
     fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, around: &Bounds) {
         *out = if placed.transform.is_none() && ray.is_ordinary() {
-            (ShearedRay::ordinary(ray), None)
+            (ShearedRay::ordinary(ray), Whole::Ordinary(*ray))
         } else {
-            let object = object_ray(ray, placed);
-            (ShearedRay::prepared(ray, &object, around), Some(DoubleRay::of(&object)))
+            let mut object = ObjectRay::IDLE;
+            set(&mut object, ray, placed);
+            (ShearedRay::prepared(ray, &object, around), Whole::InObject(object))
         };
     }
 
@@ -133,21 +120,15 @@ impl Contender for ExactTriangles {
     }
 
     #[inline(always)]
-    fn hit<V: Vectors>(
-        vectors: V,
-        block: &Self::Block,
-        lane: usize,
-        (_, ray): &Self::Ray,
-        (world, placed): (&Ray, &Placed),
-    ) -> Option<f32> {
+    fn hit<V: Vectors>(vectors: V, block: &Self::Block, lane: usize, (_, ray): &Self::Ray) -> Option<f32> {
         let tested = match ray {
-            None => block.tested_one(vectors, lane, &DoubleRay::ordinary(world)),
-            Some(ray) => vectors.apart(TestedOne { block, lane, ray }),
+            Whole::Ordinary(ray) => block.tested_one(vectors, lane, &DoubleRay::ordinary(ray)),
+            Whole::InObject(ray) => block.tested_one(vectors, lane, &DoubleRay::of(ray)),
         };
         let found = match tested {
             Verdict::Hit(found) => Some(found),
             Verdict::Miss => None,
-            Verdict::Undecided => exactly(block, lane, world, placed),
+            Verdict::Undecided => ray.intersect(block, lane),
         };
         found.map(|hit| {
             std::hint::black_box(hit.attributes);
@@ -156,38 +137,28 @@ impl Contender for ExactTriangles {
     }
 }
 
-/// The test of one triangle, as a function of its own.
-struct TestedOne<'a> {
-    block: &'a block::Triangles,
-    lane: usize,
-    ray: &'a DoubleRay,
+/// What exact tests start from.
+#[allow(clippy::large_enum_variant, reason = "there is one, written in place")]
+#[derive(Clone, Copy)]
+pub enum Whole {
+    /// An ordinary ray in world space, where its triangles are.
+    Ordinary(Ray),
+    InObject(ObjectRay),
 }
 
-impl Task for TestedOne<'_> {
-    type Output = Verdict<Intersection>;
-
-    #[inline(always)]
-    fn run<V: Vectors>(self, vectors: V) -> Verdict<Intersection> {
-        self.block.tested_one(vectors, self.lane, self.ray)
+impl Whole {
+    #[cold]
+    #[inline(never)]
+    fn intersect(&self, block: &block::Triangles, lane: usize) -> Option<Intersection> {
+        match self {
+            Self::Ordinary(ray) => block.intersect(lane, &ObjectRay::in_world(ray)?, Precision::Exact),
+            Self::InObject(ray) => block.intersect(lane, ray, Precision::Exact),
+        }
     }
 }
 
-#[cold]
-#[inline(never)]
-fn exactly(block: &block::Triangles, lane: usize, ray: &Ray, placed: &Placed) -> Option<Intersection> {
-    block.intersect(lane, &object_ray(ray, placed), Precision::Exact)
-}
-
-#[cold]
-#[inline(never)]
-fn object_ray(ray: &Ray, placed: &Placed) -> ObjectRay {
-    let mut out = ObjectRay::IDLE;
-    set(&mut out, ray, placed);
-    out
-}
-
 /// A ray made ready for blocks.
-trait ForBlocks {
+pub trait ForBlocks {
     fn prepared(ray: &Ray, object: &ObjectRay, around: &Bounds) -> Self;
 }
 

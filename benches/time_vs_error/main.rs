@@ -34,7 +34,7 @@ use anyhit::geometry::{ObjectRay, Precision, Ray, linear_swept_sphere, sphere, t
 use anyhit::math::eight::TwoFours;
 use anyhit::math::vectors::{Processor, Vectors};
 
-use contender::{Contender, DOUBLE, EXACT, ExactTriangles, FLOAT, Ours};
+use contender::{Contender, DOUBLE, EXACT, ExactTriangles, FLOAT, ForBlocks, Ours};
 use judge::Errors;
 use pass::{Field, Hit, Pass, Trees};
 use plot::{Panel, Point};
@@ -140,11 +140,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Whose turn is when: every number below `count` once, so that over the rounds each comes after each other.
+/// Whose turn is when: every number below `count` once, in another order each round.
 fn order(round: usize, count: usize) -> impl Iterator<Item = usize> {
-    let divides = |factor: usize, number: usize| number.is_multiple_of(factor);
     let is_prime_to =
-        |step: &usize| !(2..=*step).any(|factor| divides(factor, *step) && divides(factor, count));
+        |step: &usize| !(2..=*step).any(|factor| step.is_multiple_of(factor) && count.is_multiple_of(factor));
     let steps: Vec<usize> = (1..count.max(2)).filter(is_prime_to).collect();
     let step = steps[round % steps.len()];
     (0..count).map(move |turn| (round + turn * step) % count)
@@ -233,7 +232,7 @@ struct Steps<'a> {
     tree: &'a Tree,
     shapes: &'a [Shape],
     ray: ObjectRay,
-    block_rays: (BlockRay, BoxRay),
+    block_rays: (BlockRay, ShearedRay, BoxRay),
     counts: [u64; 3],
 }
 
@@ -257,7 +256,11 @@ fn steps(scene: &Scene, trees: &Trees) -> String {
                 None => ObjectRay::in_world(ray),
             };
             let object = object.expect("a finite ray");
-            let block_rays = (BlockRay::new(&object, &scene.bounds), BoxRay::new(&object, &scene.bounds));
+            let block_rays = (
+                BlockRay::prepared(ray, &object, &scene.bounds),
+                ShearedRay::prepared(ray, &object, &scene.bounds),
+                BoxRay::prepared(ray, &object, &scene.bounds),
+            );
             let mut steps = Steps { tree, shapes: &scene.shapes, ray: object, block_rays, counts };
             tree.traverse(TwoFours, &NodeRay::in_object(ray, placed), f32::INFINITY, &mut steps);
             counts = steps.counts;
@@ -274,12 +277,11 @@ fn steps(scene: &Scene, trees: &Trees) -> String {
     )
 }
 
-/// As contenders have it.
-fn sheared(ray: &ObjectRay, block_ray: &BlockRay) -> ShearedRay {
-    if ray.is_in_world() { ShearedRay::ordinary(ray.world()) } else { ShearedRay::of(block_ray) }
-}
-
-fn step(shape: &Shape, ray: &ObjectRay, (block_ray, box_ray): &(BlockRay, BoxRay)) -> usize {
+fn step(
+    shape: &Shape,
+    ray: &ObjectRay,
+    (block_ray, sheared_ray, box_ray): &(BlockRay, ShearedRay, BoxRay),
+) -> usize {
     let (met, in_f64) = match *shape {
         Shape::Sphere(center, radius) => {
             let mut block = block::Spheres::EMPTY;
@@ -297,7 +299,7 @@ fn step(shape: &Shape, ray: &ObjectRay, (block_ray, box_ray): &(BlockRay, BoxRay
         Shape::Triangle(vertices) => {
             let mut block = block::Triangles::EMPTY;
             block.set(0, vertices);
-            (block.met(TwoFours, &sheared(ray, block_ray)), triangle::is_decided_in_f64(ray, vertices))
+            (block.met(TwoFours, sheared_ray), triangle::is_decided_in_f64(ray, vertices))
         }
         Shape::Aabb([min, max]) => {
             let mut block = block::Aabbs::EMPTY;

@@ -120,15 +120,14 @@ struct InInstance<'a, 'b, C: Contender> {
 impl<C: Contender> Leaves for InInstance<'_, '_, C> {
     #[inline(always)]
     fn visit<V: Vectors>(&mut self, vectors: V, block: usize, mut limit: f32) -> f32 {
-        let Way { field, ray, prepared, best } = &mut *self.way;
-        let made_from = (*ray, &field.trees.placed[self.instance as usize].0);
+        let Way { field, prepared, best, .. } = &mut *self.way;
         let numbers = &field.trees.primitives.blocks[block];
         let block = &field.blocks[block];
         let mut met = C::met(vectors, block, prepared) & ((1 << numbers.len()) - 1);
         while met != 0 {
             let lane = met.trailing_zeros() as usize;
             met &= met - 1;
-            if let Some(t) = C::hit(vectors, block, lane, prepared, made_from) {
+            if let Some(t) = C::hit(vectors, block, lane, prepared) {
                 let key = (t, self.instance, numbers[lane]);
                 if best.is_none_or(|best| key < best) {
                     *best = Some(key);

@@ -65,13 +65,7 @@ impl<T: Textbook> Contender for T {
     }
 
     #[inline(always)]
-    fn hit<V: Vectors>(
-        _: V,
-        block: &Self::Block,
-        lane: usize,
-        ray: &Self::Ray,
-        _: (&Ray, &Placed),
-    ) -> Option<f32> {
+    fn hit<V: Vectors>(_: V, block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
         T::hit(block, lane, ray)
     }
 }
