@@ -105,13 +105,16 @@ impl Contender for ExactTriangles {
 
     #[inline(always)]
     fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, around: &Bounds) {
-        *out = if placed.transform.is_none() && ray.is_ordinary() {
-            (ShearedRay::ordinary(ray), Whole::Ordinary(*ray))
+        let simple = if placed.transform.is_none() { ShearedRay::simple(ray) } else { None };
+        if let Some(simple) = simple {
+            out.0 = simple;
+            out.1 = Whole::InWorld(*ray);
         } else {
             let mut object = ObjectRay::IDLE;
             set(&mut object, ray, placed);
-            (ShearedRay::prepared(ray, &object, around), Whole::InObject(object))
-        };
+            out.0 = ShearedRay::prepared(ray, &object, around);
+            out.1 = Whole::InObject(object);
+        }
     }
 
     #[inline(always)]
@@ -122,8 +125,8 @@ impl Contender for ExactTriangles {
     #[inline(always)]
     fn hit<V: Vectors>(vectors: V, block: &Self::Block, lane: usize, (_, ray): &Self::Ray) -> Option<f32> {
         let tested = match ray {
-            Whole::Ordinary(ray) => block.tested_one(vectors, lane, &DoubleRay::ordinary(ray)),
-            Whole::InObject(ray) => block.tested_one(vectors, lane, &DoubleRay::of(ray)),
+            Whole::InWorld(ray) => block.tested_one(vectors, lane, &DoubleRay::in_world(vectors, ray)),
+            Whole::InObject(ray) => block.tested_one(vectors, lane, &DoubleRay::of(vectors, ray)),
         };
         let found = match tested {
             Verdict::Hit(found) => Some(found),
@@ -141,8 +144,8 @@ impl Contender for ExactTriangles {
 #[allow(clippy::large_enum_variant, reason = "there is one, written in place")]
 #[derive(Clone, Copy)]
 pub enum Whole {
-    /// An ordinary ray in world space, where its triangles are.
-    Ordinary(Ray),
+    /// In world space, where its triangles are.
+    InWorld(Ray),
     InObject(ObjectRay),
 }
 
@@ -151,7 +154,7 @@ impl Whole {
     #[inline(never)]
     fn intersect(&self, block: &block::Triangles, lane: usize) -> Option<Intersection> {
         match self {
-            Self::Ordinary(ray) => block.intersect(lane, &ObjectRay::in_world(ray)?, Precision::Exact),
+            Self::InWorld(ray) => block.intersect(lane, &ObjectRay::in_world(ray)?, Precision::Exact),
             Self::InObject(ray) => block.intersect(lane, ray, Precision::Exact),
         }
     }
@@ -173,10 +176,8 @@ impl ForBlocks for BlockRay {
 impl ForBlocks for ShearedRay {
     #[inline(always)]
     fn prepared(ray: &Ray, object: &ObjectRay, around: &Bounds) -> Self {
-        if object.is_in_world() && ray.is_ordinary() {
-            return Self::ordinary(ray);
-        }
-        Self::of(&BlockRay::prepared(ray, object, around))
+        let simple = if object.is_in_world() { Self::simple(ray) } else { None };
+        simple.unwrap_or_else(|| Self::of(&BlockRay::prepared(ray, object, around)))
     }
 }
 

@@ -52,7 +52,7 @@ pub enum Drops {
 /// A ray for tests of all of a leaf's primitives; each reads one of the two.
 pub trait LeafRay {
     /// In f64.
-    fn double(&mut self) -> DoubleRay;
+    fn double<D: Doubles>(&mut self, doubles: D) -> DoubleRay<D>;
 
     /// In object space.
     fn object(&mut self) -> &ObjectRay;
@@ -215,7 +215,7 @@ impl Body {
         limit: f32,
     ) -> FourTested {
         match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[leaf.index()].tested(doubles, &ray.double(), limit),
+            Shapes::Triangles(blocks) => blocks[leaf.index()].tested(doubles, &ray.double(doubles), limit),
             Shapes::Spheres(blocks) => blocks[leaf.index()].tested(doubles, ray.object(), limit),
             _ => FourTested::MISSED,
         }

@@ -9,6 +9,7 @@ use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::tree::Tree;
 use crate::geometry::block::{BlockRay, ShearedRay};
 use crate::geometry::{DoubleRay, ObjectRay, Ray, RoughRay, Transform};
+use crate::math::doubles::Doubles;
 use crate::math::four::Fused;
 
 /// The instance that the upper end of the stack belongs to.
@@ -202,8 +203,10 @@ impl Level {
         match self.approach {
             Approach::Simple => {
                 // Of an ordinary ray the tree's scale has said it.
-                let fits = self.is_ordinary || trace.ray.is_ordinary() && ShearedRay::reaches(bounds);
-                fits.then(|| ShearedRay::ordinary(&trace.ray))
+                if self.is_ordinary {
+                    return Some(ShearedRay::ordinary(&trace.ray));
+                }
+                if ShearedRay::reaches(bounds) { ShearedRay::simple(&trace.ray) } else { None }
             }
             Approach::Rough => BlockRay::rough(&self.rough_ray, bounds).as_ref().map(ShearedRay::of),
             Approach::Prepared => None,
@@ -220,11 +223,11 @@ pub struct ForLeaf<'a> {
 
 impl LeafRay for ForLeaf<'_> {
     #[inline(always)]
-    fn double(&mut self) -> DoubleRay {
+    fn double<D: Doubles>(&mut self, doubles: D) -> DoubleRay<D> {
         if self.level.is_ordinary {
-            DoubleRay::ordinary(&self.trace.ray)
+            DoubleRay::in_world(doubles, &self.trace.ray)
         } else {
-            DoubleRay::of(self.object())
+            DoubleRay::of(doubles, self.object())
         }
     }
 

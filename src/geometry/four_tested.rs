@@ -72,10 +72,20 @@ impl<D: Doubles> Ends<D> {
     /// waits for no bound.
     #[inline(always)]
     pub fn rounded(&self, doubles: D) -> (u32, Four) {
-        let first = Four::new(doubles.to_floats(self.below));
-        let last = Four::new(doubles.to_floats(self.above));
-        let middle = Four::new(doubles.to_floats(self.middle));
-        (first.at_least(last) & last.at_least(first), middle + Four::ZERO)
+        let [first, last] = self.rounded_ends(doubles);
+        (first.at_least(last), self.rounded_middle(doubles))
+    }
+
+    /// Both ends, rounded; of `f32`, those above them or below are of what lies between them, too.
+    #[inline(always)]
+    pub fn rounded_ends(&self, doubles: D) -> [Four; 2] {
+        [self.below, self.above].map(|end| Four::new(doubles.to_floats(end)))
+    }
+
+    /// What lies between the ends, rounded, with no sign where it is 0.
+    #[inline(always)]
+    pub fn rounded_middle(&self, doubles: D) -> Four {
+        Four::new(doubles.to_floats(self.middle)) + Four::ZERO
     }
 }
 

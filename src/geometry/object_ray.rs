@@ -27,6 +27,7 @@ use std::cmp::Ordering;
 
 use crate::geometry::Ray;
 use crate::geometry::foot::Footing;
+use crate::math::doubles::Doubles;
 use crate::math::exact::{self, Dyadic, Vector};
 use crate::math::four::Four;
 use crate::math::real::{Real, norm1};
@@ -519,48 +520,49 @@ impl<R: Real> View<R> {
     }
 }
 
-/// A ray in f64 with bounds of its errors, for tests that operate on four numbers at once: origin and direction with a 0 after
-/// each three components.
-#[derive(Clone, Copy, Debug)]
-pub struct DoubleRay {
-    pub(super) origin: [f64; 4],
-    pub(super) direction: [f64; 4],
-    pub(super) origin_error: f64,
-    pub(super) slack: f64,
-    pub(super) direction_norm: f64,
+/// A ray in f64 with bounds of its errors, for tests that operate on four numbers at once.
+#[derive(Clone, Copy)]
+pub struct DoubleRay<D: Doubles> {
+    /// (x, y, z, 0), and so the direction.
+    pub(super) origin: D::Four,
+    pub(super) direction: D::Four,
+    /// As [`View`] has them, in all lanes.
+    pub(super) origin_error: D::Four,
+    pub(super) slack: D::Four,
+    pub(super) direction_norm: D::Four,
     pub(super) t_min: f32,
     pub(super) t_max: f32,
 }
 
-impl DoubleRay {
+impl<D: Doubles> DoubleRay<D> {
     /// The ray as an instance's primitives see it.
     #[inline(always)]
-    pub fn of(ray: &ObjectRay) -> Self {
+    pub fn of(doubles: D, ray: &ObjectRay) -> Self {
         let View { origin, direction, origin_error, slack, direction_norm, .. } = ray.view::<f64>();
-        let [origin, direction] = [origin, direction].map(|[x, y, z]| [x, y, z, 0.0]);
+        let three = |[x, y, z]: [f64; 3]| doubles.numbers([x, y, z, 0.0]);
         Self {
-            origin,
-            direction,
-            origin_error,
-            slack,
-            direction_norm,
+            origin: three(origin),
+            direction: three(direction),
+            origin_error: doubles.all(origin_error),
+            slack: doubles.all(slack),
+            direction_norm: doubles.all(direction_norm),
             t_min: ray.t_min(),
             t_max: ray.t_max(),
         }
     }
 
-    /// A ray in world space that [is ordinary](Ray::is_ordinary).
+    /// A finite ray in world space.
     #[inline(always)]
-    pub fn ordinary(ray: &Ray) -> Self {
-        // Not by `map` over four, which is a function of its own to the compiler.
-        let four = |[x, y, z]: [f32; 3]| [f64::from(x), f64::from(y), f64::from(z), 0.0];
-        let (origin, direction) = (four(ray.origin), four(ray.direction));
+    pub fn in_world(doubles: D, ray: &Ray) -> Self {
+        // With what stands next to them, as that is one load.
+        let three = |[x, y, z]: [f32; 3], next| doubles.three(doubles.floats(&[x, y, z, next]));
+        let direction = three(ray.direction, ray.t_min);
         Self {
-            origin,
+            origin: three(ray.origin, ray.direction[0]),
             direction,
-            origin_error: 0.0,
-            slack: 12.0 * UNIT,
-            direction_norm: direction[0].abs() + direction[1].abs() + direction[2].abs(),
+            origin_error: doubles.all(0.0),
+            slack: doubles.all(12.0 * UNIT),
+            direction_norm: doubles.total(doubles.magnitude(direction)),
             t_min: ray.t_min,
             t_max: ray.t_max,
         }

@@ -61,7 +61,7 @@ pub fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3], precision: Precision)
 
 #[inline(always)]
 fn in_f64(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Intersection> {
-    tested_one(TwoFours, &DoubleRay::of(ray), vertices)
+    tested_one(TwoFours, &DoubleRay::of(TwoFours, ray), vertices)
 }
 
 /// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.

@@ -49,6 +49,10 @@ pub trait Doubles: Copy {
 
     /// The greater, lane by lane; either where one is a NaN.
     fn greater(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    /// Of (x, y, z, w): (x, y, z, 0).
+    fn three(self, v: Self::Four) -> Self::Four;
+    /// Of (x, y, z, w): x, y and z, each in all lanes.
+    fn spread(self, v: Self::Four) -> [Self::Four; 3];
     /// Of (x, y, z, w): (y, z, x, w).
     fn turned(self, v: Self::Four) -> Self::Four;
     /// The sum of all lanes, in all lanes; each goes through two sums.
@@ -160,6 +164,16 @@ impl Doubles for TwoFours {
     }
 
     #[inline(always)]
+    fn three(self, [x, y, z, _]: [f64; 4]) -> [f64; 4] {
+        [x, y, z, 0.0]
+    }
+
+    #[inline(always)]
+    fn spread(self, [x, y, z, _]: [f64; 4]) -> [[f64; 4]; 3] {
+        [[x; 4], [y; 4], [z; 4]]
+    }
+
+    #[inline(always)]
     fn turned(self, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
         [y, z, x, w]
     }
@@ -261,6 +275,21 @@ impl Doubles for V3 {
     }
 
     #[inline(always)]
+    fn three(self, v: f64x4) -> f64x4 {
+        pulp::cast(self.avx._mm256_blend_pd::<0b1000>(pulp::cast(v), self.avx._mm256_setzero_pd()))
+    }
+
+    #[inline(always)]
+    fn spread(self, v: f64x4) -> [f64x4; 3] {
+        let (avx2, v) = (self.avx2, pulp::cast(v));
+        [
+            pulp::cast(avx2._mm256_permute4x64_pd::<0b00_00_00_00>(v)),
+            pulp::cast(avx2._mm256_permute4x64_pd::<0b01_01_01_01>(v)),
+            pulp::cast(avx2._mm256_permute4x64_pd::<0b10_10_10_10>(v)),
+        ]
+    }
+
+    #[inline(always)]
     fn turned(self, v: f64x4) -> f64x4 {
         pulp::cast(self.avx2._mm256_permute4x64_pd::<0b11_00_10_01>(pulp::cast(v)))
     }
@@ -319,6 +348,8 @@ mod tests {
         assert_eq!(numbers(doubles.greater(doubles.numbers([1.0, 5.0, -3.0, 0.0]), a)), [1.5, 5.0, 0.0]);
         let lanes = |four: D::Four| doubles.to_floats(four);
         let v = doubles.numbers([1.0, 20.0, 300.0, 4000.0]);
+        assert_eq!(lanes(doubles.three(v)), [1.0, 20.0, 300.0, 0.0]);
+        assert_eq!(doubles.spread(v).map(lanes), [[1.0; 4], [20.0; 4], [300.0; 4]]);
         assert_eq!(lanes(doubles.turned(v)), [20.0, 300.0, 1.0, 4000.0]);
         assert_eq!(lanes(doubles.total(v)), [4321.0; 4]);
         let halves = doubles.product(v, doubles.all(0.5));

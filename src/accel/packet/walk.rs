@@ -10,6 +10,7 @@ use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, i
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::tree::Tree;
 use crate::geometry::{DoubleRay, FourTested, Intersection, ObjectRay};
+use crate::math::doubles::Doubles;
 use crate::math::vectors::{Task, Vectors};
 
 /// So few rays go by themselves below a node that no others meet.
@@ -338,12 +339,11 @@ struct InPacket<'a, 'b, 'c> {
 
 impl LeafRay for InPacket<'_, '_, '_> {
     #[inline(always)]
-    fn double(&mut self) -> DoubleRay {
-        // All rays of a packet are ordinary.
+    fn double<D: Doubles>(&mut self, doubles: D) -> DoubleRay<D> {
         if self.inside.in_world {
-            DoubleRay::ordinary(&self.walk.traces[self.at].ray)
+            DoubleRay::in_world(doubles, &self.walk.traces[self.at].ray)
         } else {
-            DoubleRay::of(self.object())
+            DoubleRay::of(doubles, self.object())
         }
     }
 

@@ -58,8 +58,9 @@ pub struct ShearedRay {
     growing: f32,
 }
 
-/// An axis. The compiler knows that there are three.
+/// An axis. The compiler knows that there are three, and as wide as an index it need not be widened.
 #[derive(Clone, Copy, Debug)]
+#[repr(usize)]
 enum Axis {
     X,
     Y,
@@ -80,18 +81,33 @@ impl ShearedRay {
         growing: f32::INFINITY,
     };
 
-    /// Whether [`ShearedRay::ordinary`] is for triangles that lie within a box.
+    /// Whether [`ShearedRay::simple`] is for triangles that lie within a box: no coordinate has a magnitude above 2^60.
     #[inline(always)]
     pub fn reaches(around: &Bounds) -> bool {
         let size = three(around.min).abs().greater(three(around.max).abs());
         Four::splat(MOST).at_least(size) == ALL
     }
 
-    /// A ray in world space that [is ordinary](Ray::is_ordinary), for triangles of which no coordinate has a magnitude above
-    /// 2^60: e and ε are 0.
+    /// A ray in world space, for triangles that it [reaches](Self::reaches). `None` where no component of its direction has a
+    /// magnitude of 2^-60 or more, or any of direction and origin one above 2^60.
+    #[inline(always)]
+    pub fn simple(ray: &Ray) -> Option<Self> {
+        let (axis, most) = greatest(ray.direction);
+        let within = |v: [f32; 3]| Four::splat(Ray::MOST).at_least(three(v).abs());
+        let fits = within(ray.origin) & within(ray.direction) == ALL && most >= Ray::LEAST;
+        fits.then(|| Self::of_simple(axis, ray))
+    }
+
+    /// One of which that is known: that [is ordinary](Ray::is_ordinary).
     #[inline(always)]
     pub fn ordinary(ray: &Ray) -> Self {
         let (axis, _) = greatest(ray.direction);
+        Self::of_simple(axis, ray)
+    }
+
+    /// e and ε are 0.
+    #[inline(always)]
+    fn of_simple(axis: usize, ray: &Ray) -> Self {
         Self::new(axis, &ray.origin, &ray.direction, 2.0 * TINY as f32, (16.0 * UNIT) as f32)
     }
 
@@ -116,6 +132,17 @@ impl ShearedRay {
             fixed,
             growing,
         }
+    }
+
+    /// A vertex of each lane, sheared so that the ray goes along the third axis from 0.
+    #[inline(always)]
+    fn seen<F: Fused>(&self, fused: F, vertex: &[Row; 3]) -> [Four; 3] {
+        let [i, j, k] = [self.axes[0] as usize, self.axes[1] as usize, self.axes[2] as usize];
+        let beside = |axis: usize, origin: f32| Four::new(vertex[axis]) - Four::splat(origin);
+        let z = beside(k, self.origin[2]);
+        let x = fused.fused_sum(Four::splat(self.shear[0]), z, beside(i, self.origin[0]));
+        let y = fused.fused_sum(Four::splat(self.shear[1]), z, beside(j, self.origin[1]));
+        [x, y, z]
     }
 }
 
@@ -149,17 +176,9 @@ impl Triangles {
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline(always)]
     pub fn met<F: Fused>(&self, fused: F, ray: &ShearedRay) -> u32 {
-        let [i, j, k] = ray.axes.map(|axis| axis as usize);
-        let [oi, oj, ok] = ray.origin.map(Four::splat);
-        let [si, sj] = ray.shear.map(Four::splat);
         let [a, b, c] = &self.vertices;
-        let seen = |vertex: &[Row; 3]| {
-            let z = Four::new(vertex[k]) - ok;
-            let x = fused.fused_sum(si, z, Four::new(vertex[i]) - oi);
-            let y = fused.fused_sum(sj, z, Four::new(vertex[j]) - oj);
-            [x, y, z]
-        };
-        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = [seen(a), seen(b), seen(c)];
+        let ([ax, ay, az], [bx, by, bz], [cx, cy, cz]) =
+            (ray.seen(fused, a), ray.seen(fused, b), ray.seen(fused, c));
         let area = |x: Four, y: Four, u: Four, v: Four| fused.fused_difference(x, v, y * u);
         let areas = [area(ax, ay, bx, by), area(bx, by, cx, cy), area(cx, cy, ax, ay)];
         let least = areas[0].lesser(areas[1]).lesser(areas[2]);
@@ -187,13 +206,18 @@ impl Triangles {
 
     /// The f64 step for one lane.
     #[inline(always)]
-    pub fn tested_one<D: Doubles>(&self, doubles: D, lane: usize, ray: &DoubleRay) -> Verdict<Intersection> {
+    pub fn tested_one<D: Doubles>(
+        &self,
+        doubles: D,
+        lane: usize,
+        ray: &DoubleRay<D>,
+    ) -> Verdict<Intersection> {
         triangle::tested_one(doubles, ray, self.vertices(lane))
     }
 
     /// The f64 step for all lanes.
     #[inline(always)]
-    pub fn tested<D: Doubles>(&self, doubles: D, ray: &DoubleRay, limit: f32) -> FourTested {
+    pub fn tested<D: Doubles>(&self, doubles: D, ray: &DoubleRay<D>, limit: f32) -> FourTested {
         triangle::tested(doubles, ray, &self.vertices, limit)
     }
 

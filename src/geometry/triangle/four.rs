@@ -17,20 +17,18 @@ const MISSED: FourTested =
 #[inline(always)]
 pub fn tested<D: Doubles>(
     doubles: D,
-    ray: &DoubleRay,
+    ray: &DoubleRay<D>,
     vertices: &[[[f32; 4]; 3]; 3],
     limit: f32,
 ) -> FourTested {
     let DoubleRay { origin, direction, origin_error, slack, direction_norm, t_min, t_max } = *ray;
     let (v0, v1, v2) =
         (point(doubles, &vertices[0]), point(doubles, &vertices[1]), point(doubles, &vertices[2]));
-    let d = in_all(doubles, direction);
+    let d = doubles.spread(direction);
     let (e1, e2) = (doubles.vector_difference(v1, v0), doubles.vector_difference(v2, v0));
-    let w = doubles.vector_difference(in_all(doubles, origin), v0);
+    let w = doubles.vector_difference(doubles.spread(origin), v0);
     let (e1n, e2n) = (doubles.norm1(e1), doubles.norm1(e2));
-    let slack = doubles.all(slack);
-    let reach = doubles.product_and(slack, doubles.norm1(w), doubles.all(origin_error));
-    let direction_norm = doubles.all(direction_norm);
+    let reach = doubles.product_and(slack, doubles.norm1(w), origin_error);
     let de1 = doubles.product(direction_norm, e1n);
     let de2 = doubles.product(direction_norm, e2n);
 
@@ -90,11 +88,6 @@ pub fn tested<D: Doubles>(
 #[inline(always)]
 fn point<D: Doubles>(doubles: D, rows: &[[f32; 4]; 3]) -> [D::Four; 3] {
     [doubles.floats(&rows[0]), doubles.floats(&rows[1]), doubles.floats(&rows[2])]
-}
-
-#[inline(always)]
-fn in_all<D: Doubles>(doubles: D, [x, y, z, _]: [f64; 4]) -> [D::Four; 3] {
-    [doubles.all(x), doubles.all(y), doubles.all(z)]
 }
 
 /// A bit for each lane whose number surely has that sign.

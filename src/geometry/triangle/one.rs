@@ -7,26 +7,31 @@
 //! differences taken first: two roundings more in each of its three products, 9u of the 12u of c, so that it is off by
 //! what the three are together. All are divided by det: [`Divisor`] lane by lane. With alpha / det, beta / det and
 //! gamma / det above 0 and t within the interval it is hit; with one of the former below 0, or t outside, missed, and so it is, whatever det
-//! is, where two of alpha, beta and gamma have opposite signs.
+//! is, where two of alpha, beta and gamma have opposite signs. The ends of what the quotients may be are compared after they were rounded
+//! to f32, as what they are compared with is of f32: one above it or below it after that was so before. Equal ones tell nothing.
 //!
 //! # Branches
 //! What is returned is made of the quotients as they are, and the bounds only say that it holds: as that is nearly always so, the
 //! processor foresees it, and whoever takes the t waits for no bound.
 
 use crate::geometry::Intersection;
-use crate::geometry::four_tested::{ALL, Divisor, Ends};
+use crate::geometry::four_tested::{ALL, Divisor};
 use crate::geometry::object_ray::DoubleRay;
 use crate::geometry::triangle::facing;
 use crate::geometry::verdict::Verdict;
 use crate::math::doubles::Doubles;
+use crate::math::four::Four;
 
 /// Tests a triangle.
 #[inline(always)]
-pub fn tested<D: Doubles>(doubles: D, ray: &DoubleRay, [v0, v1, v2]: [[f32; 3]; 3]) -> Verdict<Intersection> {
-    let DoubleRay { origin, direction, origin_error, slack, direction_norm, t_min, t_max } = *ray;
+pub fn tested<D: Doubles>(
+    doubles: D,
+    ray: &DoubleRay<D>,
+    [v0, v1, v2]: [[f32; 3]; 3],
+) -> Verdict<Intersection> {
+    let DoubleRay { origin, direction: d, origin_error, slack, direction_norm, t_min, t_max } = *ray;
     let point = |[x, y, z]: [f32; 3]| doubles.floats(&[x, y, z, 0.0]);
     let (v0, v1, v2) = (point(v0), point(v1), point(v2));
-    let (origin, d) = (doubles.numbers(origin), doubles.numbers(direction));
     let (e1, e2, w) =
         (doubles.difference(v1, v0), doubles.difference(v2, v0), doubles.difference(origin, v0));
 
@@ -43,15 +48,16 @@ pub fn tested<D: Doubles>(doubles: D, ray: &DoubleRay, [v0, v1, v2]: [[f32; 3]; 
     let of_alpha = doubles.difference(doubles.difference(of_det, of_beta), of_gamma);
     let numerators = doubles.totals([of_t, of_beta, of_gamma, of_alpha]);
 
-    let of_all = doubles.all(direction_norm);
     let n = doubles.total(doubles.greater(doubles.magnitude(e1), doubles.magnitude(e2)));
-    let slack = doubles.all(slack);
-    let reach = doubles.product_and(slack, doubles.total(doubles.magnitude(w)), doubles.all(origin_error));
-    let e_det = doubles.product(doubles.product(n, n), doubles.product(slack, of_all));
+    let reach = doubles.product_and(slack, doubles.total(doubles.magnitude(w)), origin_error);
+    let e_det = doubles.product(doubles.product(n, n), doubles.product(slack, direction_norm));
     let few = |lanes: [f32; 4]| doubles.floats(&lanes);
     // Of e2.q N, of beta and gamma |d|, of alpha 2 |d|: times N reach.
-    let weights =
-        doubles.product_and(of_all, few([0.0, 1.0, 1.0, 2.0]), doubles.product(n, few([1.0, 0.0, 0.0, 0.0])));
+    let weights = doubles.product_and(
+        direction_norm,
+        few([0.0, 1.0, 1.0, 2.0]),
+        doubles.product(n, few([1.0, 0.0, 0.0, 0.0])),
+    );
     let errors = doubles.product_and(
         doubles.product(n, reach),
         weights,
@@ -59,20 +65,18 @@ pub fn tested<D: Doubles>(doubles: D, ray: &DoubleRay, [v0, v1, v2]: [[f32; 3]; 
     );
     let divisor = Divisor::new(doubles, det, e_det);
     let quotients = divisor.quotient(numerators, errors);
-    let (known, rounded) = quotients.rounded(doubles);
-    let [t, b1, b2, _] = rounded.to_array();
+    let [first, last] = quotients.rounded_ends(doubles);
 
-    let least = few([t_min, 0.0, 0.0, 0.0]);
-    let greatest = few([t_max, 2.0, 2.0, 2.0]);
-    let Ends { below, above, .. } = quotients;
+    let least = Four::new([t_min, 0.0, 0.0, 0.0]);
+    let greatest = Four::new([t_max, f32::MAX, f32::MAX, f32::MAX]);
     if divisor.is_certain != 0 {
-        if doubles.is_above(below, least) & doubles.is_above(greatest, above) == ALL {
-            let all_known = known | OF_ALPHA == ALL && t.abs() <= f32::MAX;
+        let known = first.at_least(last) | OF_ALPHA;
+        if first.above(least) & greatest.above(last) & known == ALL {
+            let [t, b1, b2, _] = quotients.rounded_middle(doubles).to_array();
             let surface = facing(doubles.is_above(det, doubles.all(0.0)) != 0);
-            let hit = Intersection { t, attributes: [b1, b2], surface };
-            return if all_known { Verdict::Hit(hit) } else { Verdict::Undecided };
+            return Verdict::Hit(Intersection { t, attributes: [b1, b2], surface });
         }
-        if doubles.is_above(least, above) | doubles.is_above(below, greatest) != 0 {
+        if least.above(last) | first.above(greatest) != 0 {
             return Verdict::Miss;
         }
     }

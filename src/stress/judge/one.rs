@@ -43,7 +43,9 @@ impl Task for Met<'_> {
 struct Tested<'a> {
     block: &'a block::Triangles,
     lane: usize,
-    ray: &'a DoubleRay,
+    ray: &'a ObjectRay,
+    /// Whether it is to be taken as one in world space.
+    in_world: bool,
 }
 
 impl Task for Tested<'_> {
@@ -51,7 +53,12 @@ impl Task for Tested<'_> {
 
     #[inline(always)]
     fn run<V: Vectors>(self, vectors: V) -> Verdict<Intersection> {
-        self.block.tested_one(vectors, self.lane, self.ray)
+        let ray = if self.in_world {
+            DoubleRay::in_world(vectors, self.ray.world())
+        } else {
+            DoubleRay::of(vectors, self.ray)
+        };
+        self.block.tested_one(vectors, self.lane, &ray)
     }
 }
 
@@ -158,15 +165,18 @@ impl One<'_> {
         if let (Shape::Triangle(vertices), Precision::Exact) = (self.shape, self.precision) {
             let mut block = block::Triangles::EMPTY;
             block.set(index % LANES, *vertices);
-            let ray = DoubleRay::of(&object);
-            let tested = Processor::new().run(Tested { block: &block, lane: index % LANES, ray: &ray });
-            let agrees = match tested {
-                Verdict::Hit(hit) => found == Some(hit),
-                Verdict::Miss => found.is_none(),
-                Verdict::Undecided => true,
-            };
-            if !agrees {
-                return fail(format!("{}: {tested:?} on vectors, otherwise {found:?}", place()));
+            let ways: &[bool] = if self.matrix.is_none() { &[false, true] } else { &[false] };
+            for &in_world in ways {
+                let lane = index % LANES;
+                let tested = Processor::new().run(Tested { block: &block, lane, ray: &object, in_world });
+                let agrees = match tested {
+                    Verdict::Hit(hit) => found == Some(hit),
+                    Verdict::Miss => found.is_none(),
+                    Verdict::Undecided => true,
+                };
+                if !agrees {
+                    return fail(format!("{}: {tested:?} on vectors, otherwise {found:?}", place()));
+                }
             }
         }
         if let Shape::Aabb([min, max]) = *self.shape {
