@@ -18,17 +18,22 @@ pub trait Contender {
     /// Four primitives.
     type Block;
     /// The ray in object space.
-    type Ray: Copy;
+    type Ready: Copy;
     /// Memory for one.
-    const IDLE: Self::Ray;
+    const IDLE: Self::Ready;
 
     fn block(shapes: &[Shape]) -> Self::Block;
     /// Brings a ray into object space.
-    fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, around: &Bounds);
+    fn ready(out: &mut Self::Ready, ray: &Ray, placed: &Placed, around: &Bounds);
     /// A bit for each lane that may be hit.
-    fn met<V: Vectors>(vectors: V, block: &Self::Block, ray: &Self::Ray) -> u32;
-    /// The t of a lane.
-    fn hit<V: Vectors>(vectors: V, block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32>;
+    fn met<V: Vectors>(vectors: V, block: &Self::Block, ready: &Self::Ready) -> u32;
+    /// The t of a lane; ray and instance are what it was made ready of.
+    fn hit<V: Vectors>(
+        vectors: V,
+        lane: (&Self::Block, usize),
+        ready: &mut Self::Ready,
+        whole: (&Ray, &Placed),
+    ) -> Option<f32>;
 }
 
 /// This crate.
@@ -50,8 +55,9 @@ macro_rules! ours {
     ($block:ty, $block_ray:ident, $vectors:ident, $ready:ident => $met:expr, $shape:pat => $block_name:ident, $lane:ident, $set:expr $(, $caps:expr)?) => {
         impl<const P: u8> Contender for Ours<$block, P> {
             type Block = $block;
-            type Ray = (ObjectRay, $block_ray);
-            const IDLE: Self::Ray = (ObjectRay::IDLE, $block_ray::IDLE);
+            type Ready = Ready<$block_ray>;
+            const IDLE: Self::Ready =
+                Ready { blocks: $block_ray::IDLE, object: ObjectRay::IDLE, has_object: false };
 
             fn block(shapes: &[Shape]) -> Self::Block {
                 let mut $block_name = <$block>::EMPTY;
@@ -63,19 +69,24 @@ macro_rules! ours {
             }
 
             #[inline(always)]
-            fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, around: &Bounds) {
-                set(&mut out.0, ray, placed);
-                out.1 = $block_ray::prepared(ray, &out.0, around);
+            fn ready(out: &mut Self::Ready, ray: &Ray, placed: &Placed, around: &Bounds) {
+                out.set(ray, placed, around);
             }
 
             #[inline(always)]
-            fn met<V: Vectors>($vectors: V, $block_name: &Self::Block, (_, $ready): &Self::Ray) -> u32 {
+            fn met<V: Vectors>($vectors: V, $block_name: &Self::Block, ready: &Self::Ready) -> u32 {
+                let $ready = &ready.blocks;
                 $met
             }
 
             #[inline(always)]
-            fn hit<V: Vectors>(_: V, block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
-                block.intersect(lane, $($caps,)? &ray.0, precision(P)).map(|hit| hit.t)
+            fn hit<V: Vectors>(
+                _: V,
+                (block, lane): (&Self::Block, usize),
+                ready: &mut Self::Ready,
+                whole: (&Ray, &Placed),
+            ) -> Option<f32> {
+                block.intersect(lane, $($caps,)? ready.object(whole), precision(P)).map(|hit| hit.t)
             }
         }
     };
@@ -94,44 +105,44 @@ ours!(block::Aabbs, BoxRay, _vectors, ray => block.met(ray),
 /// the world's, before one is asked for.
 pub struct ExactTriangles;
 
+type Triangles = Ours<block::Triangles, EXACT>;
+
 impl Contender for ExactTriangles {
     type Block = block::Triangles;
-    type Ray = (ShearedRay, Whole);
-    const IDLE: Self::Ray = (ShearedRay::IDLE, Whole::InObject(ObjectRay::IDLE));
+    type Ready = Ready<ShearedRay>;
+    const IDLE: Self::Ready = Triangles::IDLE;
 
     fn block(shapes: &[Shape]) -> Self::Block {
-        Ours::<block::Triangles, EXACT>::block(shapes)
+        Triangles::block(shapes)
     }
 
     #[inline(always)]
-    fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, around: &Bounds) {
-        let simple = if placed.transform.is_none() { ShearedRay::simple(ray) } else { None };
-        if let Some(simple) = simple {
-            out.0 = simple;
-            out.1 = Whole::InWorld(*ray);
+    fn ready(out: &mut Self::Ready, ray: &Ray, placed: &Placed, around: &Bounds) {
+        Triangles::ready(out, ray, placed, around);
+    }
+
+    #[inline(always)]
+    fn met<V: Vectors>(vectors: V, block: &Self::Block, ready: &Self::Ready) -> u32 {
+        Triangles::met(vectors, block, ready)
+    }
+
+    #[inline(always)]
+    fn hit<V: Vectors>(
+        vectors: V,
+        (block, lane): (&Self::Block, usize),
+        ready: &mut Self::Ready,
+        (ray, placed): (&Ray, &Placed),
+    ) -> Option<f32> {
+        // Not one test of either ray, which would be taken apart where both ways meet.
+        let tested = if placed.transform.is_none() {
+            block.tested_one(vectors, lane, &DoubleRay::in_world(vectors, ray))
         } else {
-            let mut object = ObjectRay::IDLE;
-            set(&mut object, ray, placed);
-            out.0 = ShearedRay::prepared(ray, &object, around);
-            out.1 = Whole::InObject(object);
-        }
-    }
-
-    #[inline(always)]
-    fn met<V: Vectors>(vectors: V, block: &Self::Block, (ray, _): &Self::Ray) -> u32 {
-        block.met(vectors, ray)
-    }
-
-    #[inline(always)]
-    fn hit<V: Vectors>(vectors: V, block: &Self::Block, lane: usize, (_, ray): &Self::Ray) -> Option<f32> {
-        let tested = match ray {
-            Whole::InWorld(ray) => block.tested_one(vectors, lane, &DoubleRay::in_world(vectors, ray)),
-            Whole::InObject(ray) => block.tested_one(vectors, lane, &DoubleRay::of(vectors, ray)),
+            block.tested_one(vectors, lane, &DoubleRay::of(vectors, ready.object((ray, placed))))
         };
         let found = match tested {
             Verdict::Hit(found) => Some(found),
             Verdict::Miss => None,
-            Verdict::Undecided => ray.intersect(block, lane),
+            Verdict::Undecided => undecided(block, lane, ray, placed),
         };
         found.map(|hit| {
             std::hint::black_box(hit.attributes);
@@ -140,50 +151,92 @@ impl Contender for ExactTriangles {
     }
 }
 
-/// What exact tests start from.
-#[allow(clippy::large_enum_variant, reason = "there is one, written in place")]
-#[derive(Clone, Copy)]
-pub enum Whole {
-    /// In world space, where its triangles are.
-    InWorld(Ray),
-    InObject(ObjectRay),
+#[cold]
+#[inline(never)]
+fn undecided(block: &block::Triangles, lane: usize, ray: &Ray, placed: &Placed) -> Option<Intersection> {
+    let mut object = ObjectRay::IDLE;
+    set(&mut object, ray, placed);
+    block.intersect(lane, &object, Precision::Exact)
 }
 
-impl Whole {
-    #[cold]
-    #[inline(never)]
-    fn intersect(&self, block: &block::Triangles, lane: usize) -> Option<Intersection> {
-        match self {
-            Self::InWorld(ray) => block.intersect(lane, &ObjectRay::in_world(ray)?, Precision::Exact),
-            Self::InObject(ray) => block.intersect(lane, ray, Precision::Exact),
+/// A ray for this crate: for blocks, and for exact tests from the first of them on.
+#[derive(Clone, Copy)]
+pub struct Ready<R> {
+    blocks: R,
+    object: ObjectRay,
+    has_object: bool,
+}
+
+impl<R: ForBlocks> Ready<R> {
+    #[inline(always)]
+    fn set(&mut self, ray: &Ray, placed: &Placed, around: &Bounds) {
+        let early = R::early(ray, placed, around);
+        self.has_object = early.is_none();
+        if let Some(blocks) = early {
+            self.blocks = blocks;
+        } else {
+            set(&mut self.object, ray, placed);
+            self.blocks = R::new(&self.object, around);
         }
     }
 }
 
+impl<R> Ready<R> {
+    #[inline(always)]
+    fn object(&mut self, (ray, placed): (&Ray, &Placed)) -> &ObjectRay {
+        if !self.has_object {
+            self.has_object = true;
+            set(&mut self.object, ray, placed);
+        }
+        &self.object
+    }
+}
+
 /// A ray made ready for blocks.
-pub trait ForBlocks {
-    fn prepared(ray: &Ray, object: &ObjectRay, around: &Bounds) -> Self;
+pub trait ForBlocks: Sized {
+    /// Without a ray in object space, where that is possible.
+    fn early(ray: &Ray, placed: &Placed, around: &Bounds) -> Option<Self>;
+    fn new(object: &ObjectRay, around: &Bounds) -> Self;
 }
 
 impl ForBlocks for BlockRay {
     #[inline(always)]
-    fn prepared(ray: &Ray, object: &ObjectRay, around: &Bounds) -> Self {
-        let simple = if object.is_in_world() { Self::simple(ray, around) } else { None };
-        simple.unwrap_or_else(|| Self::new(object, around))
+    fn early(ray: &Ray, placed: &Placed, around: &Bounds) -> Option<Self> {
+        match &placed.transform {
+            None => Self::simple(ray, around),
+            Some(transform) => Self::rough(&transform.rough(ray)?, around),
+        }
+    }
+
+    #[inline(always)]
+    fn new(object: &ObjectRay, around: &Bounds) -> Self {
+        Self::new(object, around)
     }
 }
 
 impl ForBlocks for ShearedRay {
     #[inline(always)]
-    fn prepared(ray: &Ray, object: &ObjectRay, around: &Bounds) -> Self {
-        let simple = if object.is_in_world() { Self::simple(ray) } else { None };
-        simple.unwrap_or_else(|| Self::of(&BlockRay::prepared(ray, object, around)))
+    fn early(ray: &Ray, placed: &Placed, around: &Bounds) -> Option<Self> {
+        match &placed.transform {
+            None => Self::simple(ray),
+            Some(_) => BlockRay::early(ray, placed, around).as_ref().map(Self::of),
+        }
+    }
+
+    #[inline(always)]
+    fn new(object: &ObjectRay, around: &Bounds) -> Self {
+        Self::of(&BlockRay::new(object, around))
     }
 }
 
 impl ForBlocks for BoxRay {
     #[inline(always)]
-    fn prepared(_: &Ray, object: &ObjectRay, around: &Bounds) -> Self {
+    fn early(_: &Ray, _: &Placed, _: &Bounds) -> Option<Self> {
+        None
+    }
+
+    #[inline(always)]
+    fn new(object: &ObjectRay, around: &Bounds) -> Self {
         Self::new(object, around)
     }
 }

@@ -22,6 +22,7 @@ mod pass;
 mod plot;
 mod scene;
 mod shape;
+mod steps;
 mod textbook;
 mod tree;
 
@@ -29,19 +30,17 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhit::accel::{Blas, Cursor, Instance, RayFlags, Tlas, TraceRay};
-use anyhit::geometry::block::{self, BlockRay, BoxRay, ShearedRay};
-use anyhit::geometry::{ObjectRay, Precision, Ray, linear_swept_sphere, sphere, triangle};
-use anyhit::math::eight::TwoFours;
-use anyhit::math::vectors::{Processor, Vectors};
+use anyhit::geometry::block::{self, ShearedRay};
+use anyhit::geometry::{Precision, Ray};
+use anyhit::math::vectors::Processor;
 
-use contender::{Contender, DOUBLE, EXACT, ExactTriangles, FLOAT, ForBlocks, Ours};
+use contender::{Contender, DOUBLE, EXACT, ExactTriangles, FLOAT, Ours};
 use judge::Errors;
 use pass::{Field, Hit, Pass, Trees};
 use plot::{Panel, Point};
 use scene::Scene;
 use shape::Shape;
 use textbook::{CapsuleByDistance, MoellerTrumbore, NaiveSphere, RecentredSphere, RoundCone, Slabs, Woop};
-use tree::{Leaves, NodeRay, Tree};
 
 /// How often each copy of a contender runs.
 const ROUNDS: usize = 9;
@@ -86,7 +85,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             scene.rays.len(),
             met,
             truth.len(),
-            steps(&scene, &trees)
+            steps::steps(&scene, &trees)
         );
         println!(
             "  {:<22} {:>8} {:>7} {:>9} {:>9} {:>9} {:>11} {:>7} {:>6} {:>6}",
@@ -225,93 +224,4 @@ fn engine(scene: &Scene, precision: Precision) -> Run<'static> {
             hits.push(cursor.committed().map(|hit| (hit.t, hit.candidate.instance, hit.candidate.primitive)));
         }
     })
-}
-
-/// At which step the tests of the exact mode end.
-struct Steps<'a> {
-    tree: &'a Tree,
-    shapes: &'a [Shape],
-    ray: ObjectRay,
-    block_rays: (BlockRay, ShearedRay, BoxRay),
-    counts: [u64; 3],
-}
-
-impl Leaves for Steps<'_> {
-    fn visit<V: Vectors>(&mut self, _: V, block: usize, limit: f32) -> f32 {
-        for &number in &self.tree.blocks[block] {
-            self.counts[step(&self.shapes[number as usize], &self.ray, &self.block_rays)] += 1;
-        }
-        limit
-    }
-}
-
-/// At which step the tests of the exact mode end, over all leaves that rays reach.
-fn steps(scene: &Scene, trees: &Trees) -> String {
-    let tree = &trees.primitives;
-    let mut counts = [0u64; 3];
-    for ray in &scene.rays {
-        for (placed, _) in &trees.placed {
-            let object = match &placed.transform {
-                Some(transform) => ObjectRay::in_instance(ray, transform),
-                None => ObjectRay::in_world(ray),
-            };
-            let object = object.expect("a finite ray");
-            let block_rays = (
-                BlockRay::prepared(ray, &object, &scene.bounds),
-                ShearedRay::prepared(ray, &object, &scene.bounds),
-                BoxRay::prepared(ray, &object, &scene.bounds),
-            );
-            let mut steps = Steps { tree, shapes: &scene.shapes, ray: object, block_rays, counts };
-            tree.traverse(TwoFours, &NodeRay::in_object(ray, placed), f32::INFINITY, &mut steps);
-            counts = steps.counts;
-        }
-    }
-    let total = counts.iter().sum::<u64>().max(1) as f64;
-    let share = |count: u64| 100.0 * count as f64 / total;
-    format!(
-        "of {} tests {:.2} % end in f32, {:.2} % in f64, {:.4} % exactly",
-        counts.iter().sum::<u64>(),
-        share(counts[0]),
-        share(counts[1]),
-        share(counts[2])
-    )
-}
-
-fn step(
-    shape: &Shape,
-    ray: &ObjectRay,
-    (block_ray, sheared_ray, box_ray): &(BlockRay, ShearedRay, BoxRay),
-) -> usize {
-    let (met, in_f64) = match *shape {
-        Shape::Sphere(center, radius) => {
-            let mut block = block::Spheres::EMPTY;
-            block.set(0, center, radius);
-            (block.met(TwoFours, block_ray), sphere::is_decided_in_f64(ray, center, radius))
-        }
-        Shape::Swept(positions, radii) => {
-            let mut block = block::LinearSweptSpheres::EMPTY;
-            block.set(0, positions, radii, [true; 2]);
-            (
-                block.met(TwoFours, block_ray),
-                linear_swept_sphere::is_decided_in_f64(ray, positions, radii, [true; 2]),
-            )
-        }
-        Shape::Triangle(vertices) => {
-            let mut block = block::Triangles::EMPTY;
-            block.set(0, vertices);
-            (block.met(TwoFours, sheared_ray), triangle::is_decided_in_f64(ray, vertices))
-        }
-        Shape::Aabb([min, max]) => {
-            let mut block = block::Aabbs::EMPTY;
-            block.set(0, min, max);
-            (block.met(box_ray), anyhit::geometry::aabb::is_decided_in_f64(ray, min, max))
-        }
-    };
-    if met & 1 == 0 {
-        0
-    } else if in_f64 {
-        1
-    } else {
-        2
-    }
 }

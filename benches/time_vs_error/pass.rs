@@ -31,9 +31,9 @@ impl Trees {
 
 /// A scene as one contender has it.
 pub struct Field<'a, C: Contender> {
-    scene: &'a Scene,
-    trees: &'a Trees,
-    blocks: Vec<C::Block>,
+    pub scene: &'a Scene,
+    pub trees: &'a Trees,
+    pub blocks: Vec<C::Block>,
 }
 
 impl<'a, C: Contender> Field<'a, C> {
@@ -79,7 +79,7 @@ impl<C: Contender> Task for Pass<'_, C> {
 struct Way<'a, C: Contender> {
     field: &'a Field<'a, C>,
     ray: &'a Ray,
-    prepared: &'a mut C::Ray,
+    prepared: &'a mut C::Ready,
     best: Hit,
 }
 
@@ -91,7 +91,7 @@ impl<C: Contender> Way<'_, C> {
         let placed = &trees.placed[instance as usize].0;
         C::ready(self.prepared, self.ray, placed, &scene.bounds);
         let nodes = NodeRay::in_object(self.ray, placed);
-        trees.primitives.traverse(vectors, &nodes, limit, &mut InInstance { way: self, instance })
+        trees.primitives.traverse(vectors, &nodes, limit, &mut InInstance { way: self, instance, placed })
     }
 }
 
@@ -115,19 +115,20 @@ impl<C: Contender> Leaves for InWorld<'_, '_, C> {
 struct InInstance<'a, 'b, C: Contender> {
     way: &'a mut Way<'b, C>,
     instance: u32,
+    placed: &'a Placed,
 }
 
 impl<C: Contender> Leaves for InInstance<'_, '_, C> {
     #[inline(always)]
     fn visit<V: Vectors>(&mut self, vectors: V, block: usize, mut limit: f32) -> f32 {
-        let Way { field, prepared, best, .. } = &mut *self.way;
+        let Way { field, ray, prepared, best } = &mut *self.way;
         let numbers = &field.trees.primitives.blocks[block];
         let block = &field.blocks[block];
         let mut met = C::met(vectors, block, prepared) & ((1 << numbers.len()) - 1);
         while met != 0 {
             let lane = met.trailing_zeros() as usize;
             met &= met - 1;
-            if let Some(t) = C::hit(vectors, block, lane, prepared) {
+            if let Some(t) = C::hit(vectors, (block, lane), prepared, (ray, self.placed)) {
                 let key = (t, self.instance, numbers[lane]);
                 if best.is_none_or(|best| key < best) {
                     *best = Some(key);

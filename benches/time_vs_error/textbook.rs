@@ -47,7 +47,7 @@ pub trait Prepared: Copy {
 
 impl<T: Textbook> Contender for T {
     type Block = T::Block;
-    type Ray = T::Ray;
+    type Ready = T::Ray;
     const IDLE: T::Ray = T::Ray::IDLE;
 
     fn block(shapes: &[Shape]) -> Self::Block {
@@ -55,17 +55,22 @@ impl<T: Textbook> Contender for T {
     }
 
     #[inline(always)]
-    fn ready(out: &mut Self::Ray, ray: &Ray, placed: &Placed, _: &Bounds) {
+    fn ready(out: &mut T::Ray, ray: &Ray, placed: &Placed, _: &Bounds) {
         *out = T::Ray::new(ray, placed);
     }
 
     #[inline(always)]
-    fn met<V: Vectors>(_: V, block: &Self::Block, ray: &Self::Ray) -> u32 {
+    fn met<V: Vectors>(_: V, block: &Self::Block, ray: &T::Ray) -> u32 {
         T::met(block, ray)
     }
 
     #[inline(always)]
-    fn hit<V: Vectors>(_: V, block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32> {
+    fn hit<V: Vectors>(
+        _: V,
+        (block, lane): (&Self::Block, usize),
+        ray: &mut T::Ray,
+        _: (&Ray, &Placed),
+    ) -> Option<f32> {
         T::hit(block, lane, ray)
     }
 }

@@ -555,10 +555,11 @@ impl<D: Doubles> DoubleRay<D> {
     #[inline(always)]
     pub fn in_world(doubles: D, ray: &Ray) -> Self {
         // With what stands next to them, as that is one load.
-        let three = |[x, y, z]: [f32; 3], next| doubles.three(doubles.floats(&[x, y, z, next]));
-        let direction = three(ray.direction, ray.t_min);
+        let numbers: &[f32; 8] = bytemuck::cast_ref(ray);
+        let three = |four: Option<&[f32; 4]>| doubles.three(doubles.floats(four.expect("four of eight")));
+        let (origin, direction) = (three(numbers.first_chunk()), three(numbers[3..].first_chunk()));
         Self {
-            origin: three(ray.origin, ray.direction[0]),
+            origin,
             direction,
             origin_error: doubles.all(0.0),
             slack: doubles.all(12.0 * UNIT),

@@ -1,10 +1,13 @@
 //! What every intersector takes and gives.
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::math::four::Four;
 
 /// A ray as a shader passes it to a trace: world space, direction not normalised, t in units of
 /// the direction's length.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Ray {
     /// Where t is 0.
     pub origin: [f32; 3],

@@ -48,6 +48,14 @@ impl Four {
         Self(self.0.abs())
     }
 
+    /// Square roots.
+    #[inline(always)]
+    pub fn sqrt(self) -> Self {
+        // Not by `map` over four, which is a function of its own to the compiler.
+        let [a, b, c, d] = self.to_array();
+        Self::new([a.sqrt(), b.sqrt(), c.sqrt(), d.sqrt()])
+    }
+
     /// The greater one; either where one is a NaN.
     #[inline(always)]
     pub fn greater(self, other: Self) -> Self {
@@ -172,12 +180,12 @@ mod tests {
             let a: [f32; 4] = std::array::from_fn(|lane| special[(i + lane) % 8]);
             let b: [f32; 4] = std::array::from_fn(|lane| special[(i / 8 + 3 * lane) % 8]);
             let (x, y) = (Four::new(a), Four::new(b));
-            let results =
-                [x + y, x - y, x * y, x / y, x.abs(), x.if_above(y), x.if_below(y)].map(Four::to_array);
+            let results = [x + y, x - y, x * y, x / y, x.abs(), x.sqrt(), x.if_above(y), x.if_below(y)]
+                .map(Four::to_array);
             for lane in 0..4 {
                 let (p, q) = (a[lane], b[lane]);
                 let (above, below) = (if p > q { p } else { q }, if p < q { p } else { q });
-                let wanted = [p + q, p - q, p * q, p / q, p.abs(), above, below];
+                let wanted = [p + q, p - q, p * q, p / q, p.abs(), p.sqrt(), above, below];
                 for (found, wanted) in results.iter().zip(wanted) {
                     assert!(same(found[lane], wanted), "{p} {q}: {} {wanted}", found[lane]);
                 }

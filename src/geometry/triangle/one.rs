@@ -37,13 +37,12 @@ pub fn tested<D: Doubles>(
 
     // (x, y, z) and (y, z, x) make a vector product's (z, x, y).
     let turned = |v| doubles.turned(v);
-    let (d1, e11, e21, w1) = (turned(d), turned(e1), turned(e2), turned(w));
-    let p2 = doubles.product_less(d, e21, doubles.product(d1, e2));
-    let q2 = doubles.product_less(w, e11, doubles.product(w1, e1));
-    let of_det = doubles.product(turned(e11), p2);
-    let of_beta = doubles.product(turned(w1), p2);
-    let of_gamma = doubles.product(turned(d1), q2);
-    let of_t = doubles.product(turned(e21), q2);
+    let p = turned(doubles.product_less(d, turned(e2), doubles.product(turned(d), e2)));
+    let q = turned(doubles.product_less(w, turned(e1), doubles.product(turned(w), e1)));
+    let of_det = doubles.product(e1, p);
+    let of_beta = doubles.product(w, p);
+    let of_gamma = doubles.product(d, q);
+    let of_t = doubles.product(e2, q);
     let det = doubles.total(of_det);
     let of_alpha = doubles.difference(doubles.difference(of_det, of_beta), of_gamma);
     let numerators = doubles.totals([of_t, of_beta, of_gamma, of_alpha]);

@@ -1,0 +1,91 @@
+//! At which step the tests of the exact mode end.
+
+use anyhit::geometry::{ObjectRay, Ray, aabb, block, linear_swept_sphere, sphere, triangle};
+use anyhit::math::vectors::{Processor, Task, Vectors};
+
+use crate::contender::{Contender, EXACT, ExactTriangles, Ours, Placed};
+use crate::pass::{Field, Trees};
+use crate::scene::Scene;
+use crate::shape::Shape;
+use crate::tree::{Leaves, NodeRay};
+
+/// The shares, over all leaves that rays reach in all instances.
+pub fn steps(scene: &Scene, trees: &Trees) -> String {
+    let processor = Processor::new();
+    let counts = match scene.shapes[0] {
+        Shape::Sphere(..) => processor.run(Count(Field::<Ours<block::Spheres, EXACT>>::new(scene, trees))),
+        Shape::Swept(..) => processor.run(Count(Field::<Ours<block::SweptEnds, EXACT>>::new(scene, trees))),
+        Shape::Triangle(_) => processor.run(Count(Field::<ExactTriangles>::new(scene, trees))),
+        Shape::Aabb(_) => processor.run(Count(Field::<Ours<block::Aabbs, EXACT>>::new(scene, trees))),
+    };
+    let total = counts.iter().sum::<u64>();
+    let [in_f32, in_f64, exactly] = counts.map(|count| 100.0 * count as f64 / total.max(1) as f64);
+    format!("of {total} tests {in_f32:.2} % end in f32, {in_f64:.2} % in f64, {exactly:.4} % exactly")
+}
+
+/// Counts the tests that end in f32, in f64 and exactly.
+struct Count<'a, C: Contender>(Field<'a, C>);
+
+impl<C: Contender> Task for Count<'_, C> {
+    type Output = [u64; 3];
+
+    fn run<V: Vectors>(self, vectors: V) -> [u64; 3] {
+        let Self(field) = self;
+        let Field { scene, trees, .. } = &field;
+        let mut counts = [0; 3];
+        let mut ready = C::IDLE;
+        for ray in &scene.rays {
+            for (placed, _) in &trees.placed {
+                C::ready(&mut ready, ray, placed, &scene.bounds);
+                let object = object(ray, placed);
+                let nodes = NodeRay::in_object(ray, placed);
+                let mut tests = Tests { field: &field, ready: &ready, object, counts: &mut counts };
+                trees.primitives.traverse(vectors, &nodes, f32::INFINITY, &mut tests);
+            }
+        }
+        counts
+    }
+}
+
+fn object(ray: &Ray, placed: &Placed) -> ObjectRay {
+    let object = match &placed.transform {
+        Some(transform) => ObjectRay::in_instance(ray, transform),
+        None => ObjectRay::in_world(ray),
+    };
+    object.expect("a finite ray")
+}
+
+/// Those of a ray in an instance.
+struct Tests<'a, C: Contender> {
+    field: &'a Field<'a, C>,
+    ready: &'a C::Ready,
+    object: ObjectRay,
+    counts: &'a mut [u64; 3],
+}
+
+impl<C: Contender> Leaves for Tests<'_, C> {
+    fn visit<V: Vectors>(&mut self, vectors: V, block: usize, limit: f32) -> f32 {
+        let Field { scene, trees, blocks } = self.field;
+        let met = C::met(vectors, &blocks[block], self.ready);
+        for (lane, &number) in trees.primitives.blocks[block].iter().enumerate() {
+            let step = match met >> lane & 1 {
+                0 => 0,
+                _ if is_decided_in_f64(&scene.shapes[number as usize], &self.object) => 1,
+                _ => 2,
+            };
+            self.counts[step] += 1;
+        }
+        limit
+    }
+}
+
+fn is_decided_in_f64(shape: &Shape, ray: &ObjectRay) -> bool {
+    match *shape {
+        Shape::Sphere(center, radius) => sphere::is_decided_in_f64(ray, center, radius),
+        Shape::Swept(positions, radii) => {
+            linear_swept_sphere::is_decided_in_f64(ray, positions, radii, [true; 2])
+        }
+        Shape::Triangle(vertices) => triangle::is_decided_in_f64(ray, vertices),
+        Shape::Aabb([min, max]) => aabb::is_decided_in_f64(ray, min, max),
+    }
+}
