@@ -13,17 +13,36 @@ pub struct Placed {
     pub inverse: [[f32; 4]; 3],
 }
 
+impl Placed {
+    /// The ray in object space.
+    pub fn object(&self, ray: &Ray) -> ObjectRay {
+        let mut out = ObjectRay::IDLE;
+        self.bring(ray, &mut out);
+        out
+    }
+
+    /// Brings a ray into object space.
+    #[inline(always)]
+    fn bring(&self, ray: &Ray, out: &mut ObjectRay) {
+        let is_ray = match &self.transform {
+            Some(transform) => out.set_in_instance(ray, transform),
+            None => out.set_in_world(ray),
+        };
+        assert!(is_ray, "a finite ray");
+    }
+}
+
 /// One way to intersect.
 pub trait Contender {
     /// Four primitives.
     type Block;
-    /// The ray in object space.
+    /// A ray made ready for an instance.
     type Ready: Copy;
     /// Memory for one.
     const IDLE: Self::Ready;
 
     fn block(shapes: &[Shape]) -> Self::Block;
-    /// Brings a ray into object space.
+    /// Makes a ray ready.
     fn ready(out: &mut Self::Ready, ray: &Ray, placed: &Placed, around: &Bounds);
     /// A bit for each lane that may be hit.
     fn met<V: Vectors>(vectors: V, block: &Self::Block, ready: &Self::Ready) -> u32;
@@ -101,8 +120,8 @@ ours!(block::Triangles, ShearedRay, vectors, ray => block.met(vectors, ray),
 ours!(block::Aabbs, BoxRay, _vectors, ray => block.met(ray),
     Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));
 
-/// This crate with triangles and exactly, as its traversal has them: no ray in object space where that is
-/// the world's, before one is asked for.
+/// This crate with triangles and exactly, the f64 step on the processor's vectors: without a ray in object space where that is the
+/// world's.
 pub struct ExactTriangles;
 
 type Triangles = Ours<block::Triangles, EXACT>;
@@ -154,9 +173,7 @@ impl Contender for ExactTriangles {
 #[cold]
 #[inline(never)]
 fn undecided(block: &block::Triangles, lane: usize, ray: &Ray, placed: &Placed) -> Option<Intersection> {
-    let mut object = ObjectRay::IDLE;
-    set(&mut object, ray, placed);
-    block.intersect(lane, &object, Precision::Exact)
+    block.intersect(lane, &placed.object(ray), Precision::Exact)
 }
 
 /// A ray for this crate: for blocks, and for exact tests from the first of them on.
@@ -175,7 +192,7 @@ impl<R: ForBlocks> Ready<R> {
         if let Some(blocks) = early {
             self.blocks = blocks;
         } else {
-            set(&mut self.object, ray, placed);
+            placed.bring(ray, &mut self.object);
             self.blocks = R::new(&self.object, around);
         }
     }
@@ -186,7 +203,7 @@ impl<R> Ready<R> {
     fn object(&mut self, (ray, placed): (&Ray, &Placed)) -> &ObjectRay {
         if !self.has_object {
             self.has_object = true;
-            set(&mut self.object, ray, placed);
+            placed.bring(ray, &mut self.object);
         }
         &self.object
     }
@@ -239,14 +256,4 @@ impl ForBlocks for BoxRay {
     fn new(object: &ObjectRay, around: &Bounds) -> Self {
         Self::new(object, around)
     }
-}
-
-/// Brings a ray into object space.
-#[inline(always)]
-fn set(out: &mut ObjectRay, ray: &Ray, placed: &Placed) {
-    let is_ray = match &placed.transform {
-        Some(transform) => out.set_in_instance(ray, transform),
-        None => out.set_in_world(ray),
-    };
-    assert!(is_ray, "a finite ray");
 }

@@ -1,9 +1,9 @@
 //! At which step the tests of the exact mode end.
 
-use anyhit::geometry::{ObjectRay, Ray, aabb, block, linear_swept_sphere, sphere, triangle};
+use anyhit::geometry::{ObjectRay, aabb, block, linear_swept_sphere, sphere, triangle};
 use anyhit::math::vectors::{Processor, Task, Vectors};
 
-use crate::contender::{Contender, EXACT, ExactTriangles, Ours, Placed};
+use crate::contender::{Contender, EXACT, ExactTriangles, Ours};
 use crate::pass::{Field, Trees};
 use crate::scene::Scene;
 use crate::shape::Shape;
@@ -37,22 +37,14 @@ impl<C: Contender> Task for Count<'_, C> {
         for ray in &scene.rays {
             for (placed, _) in &trees.placed {
                 C::ready(&mut ready, ray, placed, &scene.bounds);
-                let object = object(ray, placed);
                 let nodes = NodeRay::in_object(ray, placed);
-                let mut tests = Tests { field: &field, ready: &ready, object, counts: &mut counts };
+                let mut tests =
+                    Tests { field: &field, ready: &ready, object: placed.object(ray), counts: &mut counts };
                 trees.primitives.traverse(vectors, &nodes, f32::INFINITY, &mut tests);
             }
         }
         counts
     }
-}
-
-fn object(ray: &Ray, placed: &Placed) -> ObjectRay {
-    let object = match &placed.transform {
-        Some(transform) => ObjectRay::in_instance(ray, transform),
-        None => ObjectRay::in_world(ray),
-    };
-    object.expect("a finite ray")
 }
 
 /// Those of a ray in an instance.

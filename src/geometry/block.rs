@@ -40,7 +40,7 @@ mod sphere;
 mod triangle;
 
 pub use aabb::{Aabbs, BoxRay};
-pub use linear_swept_sphere::{LinearSweptSpheres, SweptEnds};
+pub use linear_swept_sphere::SweptEnds;
 pub use sphere::Spheres;
 pub use triangle::{ShearedRay, Triangles};
 
@@ -340,14 +340,14 @@ mod tests {
     #[test]
     fn each_lane_is_dropped_by_its_own_primitive() {
         let mut spheres = Spheres::EMPTY;
-        let mut swept = LinearSweptSpheres::EMPTY;
+        let mut swept = SweptEnds::EMPTY;
         let mut triangles = Triangles::EMPTY;
         let mut boxes = Aabbs::EMPTY;
         for lane in 0..LANES {
             // Of half-width (lane + 1) / 4 about the axis.
             let half = (lane + 1) as f32 / 4.0;
             spheres.set(lane, [0.0; 3], half);
-            swept.set(lane, [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]], [half, half * 0.5], [true; 2]);
+            swept.set(lane, [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]], [half, half * 0.5]);
             triangles.set(lane, [[-half, -1.0, 0.0], [half, -1.0, 0.0], [half, 1.0, 0.0]]);
             boxes.set(lane, [-half; 3], [half; 3]);
         }

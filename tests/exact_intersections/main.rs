@@ -105,8 +105,8 @@ fn linear_swept_spheres() {
             let found = linear_swept_sphere::intersect(&object, positions, radii, caps, Precision::Exact);
             let expected = line.linear_swept_sphere(positions, radii, caps);
             if let Some(bounds) = linear_swept_sphere::bounds(positions, radii) {
-                let mut block = block::LinearSweptSpheres::EMPTY;
-                (0..LANES).for_each(|lane| block.set(lane, positions, radii, caps));
+                let mut block = block::SweptEnds::EMPTY;
+                (0..LANES).for_each(|lane| block.set(lane, positions, radii));
                 let block_ray = BlockRay::new(&object, &bounds);
                 let met = block.met(TwoFours, &block_ray) & block.met_closely(TwoFours, &block_ray);
                 assert_kept(met, expected.is_some(), &ray, &case);

@@ -63,14 +63,7 @@ use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_
 use crate::math::ahead::fetch;
 use crate::math::four::{Four, Fused};
 
-/// Up to four linear swept spheres.
-#[derive(Clone, Copy, Debug)]
-pub struct LinearSweptSpheres {
-    ends: SweptEnds,
-    caps: [[bool; 2]; LANES],
-}
-
-/// Their ends alone: two lines of cache, where a ray that meets none reads nothing more.
+/// Up to four linear swept spheres without their caps: two lines of cache, where a ray that meets none reads nothing more.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct SweptEnds {
@@ -90,36 +83,6 @@ struct Beside {
     length: Four,
     /// |W.(E x A)|, or less.
     apart: Four,
-}
-
-impl LinearSweptSpheres {
-    /// None; a lane that is not set means nothing.
-    pub const EMPTY: Self = Self { ends: SweptEnds::EMPTY, caps: [[false; 2]; LANES] };
-
-    /// Puts a swept sphere into a lane.
-    #[inline(always)]
-    pub fn set(&mut self, lane: usize, positions: [[f32; 3]; 2], radii: [f32; 2], caps: [bool; 2]) {
-        self.ends.set(lane, positions, radii);
-        self.caps[lane] = caps;
-    }
-
-    /// [`SweptEnds::met`].
-    #[inline]
-    pub fn met<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
-        self.ends.met(fused, ray)
-    }
-
-    /// [`SweptEnds::met_closely`].
-    #[inline]
-    pub fn met_closely<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
-        self.ends.met_closely(fused, ray)
-    }
-
-    /// [`SweptEnds::intersect`].
-    #[inline]
-    pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
-        self.ends.intersect(lane, &self.caps, ray, precision)
-    }
 }
 
 impl SweptEnds {

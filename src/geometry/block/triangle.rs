@@ -115,7 +115,7 @@ impl ShearedRay {
         Self::of_simple(axis, ray)
     }
 
-    /// e and ε are 0.
+    /// ε is 0, and so is e but for what underflows. 13u is more than 12u.
     #[inline(always)]
     fn of_simple(axis: usize, ray: &Ray) -> Self {
         Self::new(axis, &ray.origin, &ray.direction, 2.0 * TINY as f32, (13.0 * UNIT) as f32)

@@ -105,10 +105,11 @@ impl One<'_> {
                 let Some(bounds) = triangle::bounds(vertices) else { return Ok(()) };
                 let mut block = block::Triangles::EMPTY;
                 block.set(lane, vertices);
-                let is_ordinary =
-                    ray.is_in_world() && ray.world().is_ordinary() && ShearedRay::reaches(&bounds);
-                let ordinary = is_ordinary.then(|| ShearedRay::ordinary(ray.world()));
-                let sheared = block_rays(&bounds).map(|ray| ShearedRay::of(&ray)).chain(ordinary);
+                let world = Some(ray.world()).filter(|_| ray.is_in_world() && ShearedRay::reaches(&bounds));
+                let simple = world.and_then(ShearedRay::simple);
+                let ordinary = world.filter(|ray| ray.is_ordinary()).map(ShearedRay::ordinary);
+                let sheared =
+                    block_rays(&bounds).map(|ray| ShearedRay::of(&ray)).chain(simple).chain(ordinary);
                 let both = |ray: &ShearedRay| {
                     block.met(TwoFours, ray) & Processor::new().run(Met { block: &block, ray })
                 };
@@ -131,10 +132,10 @@ impl One<'_> {
                     expected.is_some(),
                 )
             }
-            Shape::LinearSweptSphere { positions, radii, caps } => {
+            Shape::LinearSweptSphere { positions, radii, .. } => {
                 let Some(bounds) = linear_swept_sphere::bounds(positions, radii) else { return Ok(()) };
-                let mut block = block::LinearSweptSpheres::EMPTY;
-                block.set(lane, positions, radii, caps);
+                let mut block = block::SweptEnds::EMPTY;
+                block.set(lane, positions, radii);
                 let both = |ray: &BlockRay| block.met(TwoFours, ray) & block.met_closely(TwoFours, ray);
                 (block_rays(&bounds).fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
             }
@@ -164,10 +165,10 @@ impl One<'_> {
         let place = || format!("primitive {index} over {t_min:e}..{t_max:e}");
         if let (Shape::Triangle(vertices), Precision::Exact) = (self.shape, self.precision) {
             let mut block = block::Triangles::EMPTY;
-            block.set(index % LANES, *vertices);
-            let ways: &[bool] = if self.matrix.is_none() { &[false, true] } else { &[false] };
-            for &in_world in ways {
-                let lane = index % LANES;
+            let lane = index % LANES;
+            block.set(lane, *vertices);
+            // In world space both ways of taking a ray.
+            for in_world in [false, true].into_iter().filter(|in_world| !in_world || self.matrix.is_none()) {
                 let tested = Processor::new().run(Tested { block: &block, lane, ray: &object, in_world });
                 let agrees = match tested {
                     Verdict::Hit(hit) => found == Some(hit),
