@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhit::machine::Descriptor;
-use anyhit::program::{Inlining, Terminator, lower_with};
+use anyhit::program::{Inlining, LowerOptions, Terminator, lower_with};
 use anyhit::scene::{self, Assembled, DiskFiles, Options};
 
 #[path = "support/files.rs"]
@@ -37,7 +37,7 @@ fn real_calls_and_inlined_ones_agree() {
                 entry.name == program.name && entry.stage == program.stage
             };
             let entry = module.entry_points.iter().find(has).expect("the entry point");
-            let lowered = lower_with(&module, entry, Inlining::Never);
+            let lowered = lower_with(&module, entry, LowerOptions { inlining: Inlining::Never, ..LowerOptions::default() });
             // A pointer that no register can carry must be inlined.
             let Ok(lowered) = lowered else { continue };
             calls += lowered

@@ -19,6 +19,7 @@ where
 {
     let Unwatched { ops, steps, runs } = &program.unwatched;
     let ops = if O::active() { &program.ops } else { ops };
+    let steps = steps.as_ref().filter(|_| Row::STRETCHES && !O::active());
     loop {
         let block = &program.blocks[batch.block as usize];
         // Behind a stop a block goes on, it is not entered.
@@ -33,7 +34,7 @@ where
                 batch.paused = true;
                 return Stop::Paused;
             }
-            if Row::STRETCHES && !O::active() {
+            if let Some(steps) = steps {
                 batch.op = Row::stretch(&mut batch.registers, steps, ops, batch.op..run.end, batch.mask);
                 if batch.op == run.end {
                     break;
@@ -57,6 +58,7 @@ where
                 batch.op += 1;
                 return stop;
             }
+            batch.silent = program.silent.get(batch.op as usize) == Some(&true);
             op.eval(batch, bindings);
             if batch.mask.is_empty() {
                 break;
@@ -77,7 +79,7 @@ where
 fn leave<const W: usize, O: Observer<W>>(
     batch: &mut Batch<W>,
     program: &Program,
-    terminator: &Terminator,
+    end: &Terminator,
     observer: &mut O,
 ) -> bool {
     let mask = batch.mask;
@@ -85,7 +87,7 @@ fn leave<const W: usize, O: Observer<W>>(
     let going = if mask.is_empty() {
         batch.follow([])
     } else {
-        match terminator {
+        match end {
             Terminator::Branch(target) => go(batch, program, *target),
             Terminator::BranchConditional { condition, then, other } => {
                 let taken = batch.registers.mask(*condition) & mask;
@@ -120,7 +122,7 @@ fn leave<const W: usize, O: Observer<W>>(
                 split(batch, program, &edges)
             }
             Terminator::Call { function, return_to } => {
-                batch.spend(mask, 1, last_op(program, from));
+                batch.spend(mask, 1, terminator(program, from));
                 if batch.mask.is_empty() {
                     batch.follow([])
                 } else {
@@ -134,7 +136,7 @@ fn leave<const W: usize, O: Observer<W>>(
                 batch.follow([])
             }
             Terminator::Unreachable => {
-                batch.trap(mask, TrapCode::Unreachable, last_op(program, from));
+                batch.trap(mask, TrapCode::Unreachable, terminator(program, from));
                 batch.follow([])
             }
         }
@@ -160,18 +162,17 @@ fn split<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(u32,
     batch.follow(edges.iter().map(|&(target, mask)| (target, mask & live)))
 }
 
-/// Spends the budget of lanes at a back edge: as much as the loop has operations, so that what a
-/// lane may do depends neither on its neighbours nor on the width of its batch.
+/// Spends the budget of lanes at a back edge: as much as the loop has instructions, so that what a
+/// lane may do depends neither on its neighbours nor on the width of its batch nor on the optimizer.
 fn charge<const W: usize>(batch: &mut Batch<W>, program: &Program, to: u32, mask: Mask<W>) {
     if to <= batch.block {
-        let end = program.blocks[batch.block as usize].end;
-        let cost = end.saturating_sub(program.blocks[to as usize].first) + 1;
-        batch.spend(mask, cost, last_op(program, batch.block));
+        let before = to.checked_sub(1).map_or(0, |before| program.blocks[before as usize].instructions);
+        let cost = program.blocks[batch.block as usize].instructions - before;
+        batch.spend(mask, cost.max(1), terminator(program, batch.block));
     }
 }
 
-/// The operation to name for what a block's terminator does.
-fn last_op(program: &Program, block: u32) -> u32 {
-    let block = &program.blocks[block as usize];
-    block.end.saturating_sub(1)
+/// Where the origin of a block's terminator stands, for the traps that it raises.
+fn terminator(program: &Program, block: u32) -> u32 {
+    program.ops.len() as u32 + block
 }

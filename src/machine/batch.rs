@@ -44,6 +44,9 @@ pub struct Batch<const W: usize> {
     pub block: u32,
     /// Whether an observer paused the batch before the operation that runs next.
     pub paused: bool,
+    /// Whether the operation that runs traps nobody, as the optimizer eliminates it; see
+    /// [`Program::silent`](crate::program::Program::silent).
+    pub silent: bool,
     /// How each lane ended, meaningful once it has.
     pub exits: [Exit; W],
     /// The byte offset or device address that a lane asked for, meaningful once the access has
@@ -80,6 +83,7 @@ impl<const W: usize> Batch<W> {
             op: 0,
             block: 0,
             paused: false,
+            silent: false,
             exits: [Exit::Returned; W],
             asked: [0; W],
             accessed: Vec::new(),
@@ -102,6 +106,7 @@ impl<const W: usize> Batch<W> {
         self.block = block;
         self.op = op;
         self.paused = false;
+        self.silent = false;
         self.accessed.clear();
         self.exits = [Exit::Returned; W];
         self.budget = [budget; W];
@@ -168,13 +173,18 @@ impl<const W: usize> Batch<W> {
     /// Stops lanes that misbehaved at an operation.
     #[cold]
     pub fn trap(&mut self, mask: Mask<W>, code: TrapCode, op: u32) {
+        if self.silent {
+            return;
+        }
         self.exit(mask & self.mask, Exit::Trapped(Trap { code, op }));
     }
 
     /// Remembers what the access meant that a lane traps at, as its registers may change later.
     #[cold]
     pub fn remember_access(&mut self, lane: usize, accessed: Accessed) {
-        self.accessed.push((lane, accessed));
+        if !self.silent {
+            self.accessed.push((lane, accessed));
+        }
     }
 
     /// What the access meant that a lane trapped at.

@@ -68,7 +68,7 @@ pub struct InputRows {
 }
 
 /// Where an operation comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Origin {
     /// The instruction, in words from the start of the module.
     pub offset: u32,
@@ -108,6 +108,9 @@ pub struct Decoder<'m> {
     pub workgroup_blocks: bool,
     /// Whether the entry point is a compute shader with a derivative group.
     pub derivatives: bool,
+    /// Whether loads give what is known to have been stored, and operations on constants run here. Never off for
+    /// constants of the module, on which types depend.
+    pub optimizes: bool,
     /// The constant that says whether its ray queries look at opacity micromaps (`OpacityMicromapIdKHR`).
     pub micromap_mode: Option<Id>,
     /// Rows of variables, which begin as zeros.
@@ -128,6 +131,8 @@ pub struct Decoder<'m> {
     time: u32,
     /// By type: how many words a value takes.
     word_counts: Vec<Option<u32>>,
+    /// Whether a constant of the module is decoded.
+    pub(super) in_constant: bool,
     /// Rows in which operations on constants run: two of the result, and two of each operand.
     folding: Registers<1>,
 }
@@ -149,6 +154,7 @@ impl<'m> Decoder<'m> {
             workgroup_size: 0,
             workgroup_blocks: false,
             derivatives: false,
+            optimizes: true,
             micromap_mode: None,
             variables: Vec::new(),
             clock: None,
@@ -161,6 +167,7 @@ impl<'m> Decoder<'m> {
             known: Vec::new(),
             time: 1,
             word_counts: vec![None; module.types.len()],
+            in_constant: false,
             folding: Registers::new(8),
         }
     }
@@ -309,7 +316,9 @@ impl<'m> Decoder<'m> {
     pub fn plain_row(&mut self, row: &'static Row, from: &[Reg]) -> Result<Reg> {
         let first = from.first().copied().unwrap_or(Reg(0));
         let operands = std::array::from_fn(|at| from.get(at).copied().unwrap_or(first));
-        if let Some(bits) = self.fold(row, from) {
+        if (self.optimizes || self.in_constant)
+            && let Some(bits) = self.fold(row, from)
+        {
             return match row.words {
                 2 => self.wide_constant(bits),
                 _ => self.constant(bits as u32),
@@ -405,7 +414,7 @@ impl<'m> Decoder<'m> {
     /// The row that holds a variable's current value, where that is known.
     pub fn recall(&self, variable: Reg) -> Option<Reg> {
         let &(since, value) = self.known.get(variable.0 as usize)?;
-        (since == self.time).then_some(value)
+        (self.optimizes && since == self.time).then_some(value)
     }
 
     /// Forgets what variables hold: at a block's beginning, and where something may change them.

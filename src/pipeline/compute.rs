@@ -62,6 +62,14 @@ impl Compute {
         Ok(Self { program, budget: DEFAULT_BUDGET, subgroup_size, layout })
     }
 
+    /// The same shader without any optimisation; see [`Program::unoptimized`].
+    ///
+    /// # Errors
+    /// As [`crate::program::lower()`].
+    pub fn unoptimized(&self) -> Result<Self> {
+        Ok(Self { program: Arc::new(self.program.unoptimized()?), ..self.clone() })
+    }
+
     /// Sets how many operations an invocation may spend at back edges and calls.
     #[must_use]
     pub fn budget(self, operations: u64) -> Self {

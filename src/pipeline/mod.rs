@@ -80,6 +80,15 @@ impl Pipeline {
         Builder::default()
     }
 
+    /// The same pipeline with programs that are not optimised; see [`Program::unoptimized`].
+    ///
+    /// # Errors
+    /// As [`crate::program::lower()`].
+    pub fn unoptimized(&self) -> Result<Self> {
+        let reference = |program: &Arc<Program>| Ok(Arc::new(program.unoptimized()?));
+        Ok(Self { programs: self.programs.iter().map(reference).collect::<Result<_>>()?, ..self.clone() })
+    }
+
     /// The words of the largest payload that a shader takes.
     pub fn payload_words(&self) -> usize {
         let counts = self.programs.iter().filter_map(|program| {

@@ -7,6 +7,7 @@
 
 mod branch;
 mod call;
+mod reference;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -18,7 +19,7 @@ use crate::machine::{Exit, Reg};
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
-use crate::ops::decode::{Decoder, Value, Words};
+use crate::ops::decode::{Decoder, Origin, Value, Words};
 use crate::ops::decode_number;
 use crate::ops::float_controls::FloatControls;
 use crate::ops::interface_check;
@@ -41,7 +42,7 @@ use crate::program::{Block, Dropped, Program, Scope, Stretch, Terminator, Unwatc
 const OPACITY_MICROMAP_ID: u32 = 6031;
 /// Functions of at most this many instructions, callees included, are inlined at every call.
 const INLINE_SIZE: u64 = 2_000;
-/// Beyond this many operations only functions that are called once are inlined.
+/// Beyond this many instructions only functions that are called once are inlined.
 const INLINE_TOTAL: usize = 400_000;
 /// Calls nest this deep inlined; deeper ones become real.
 const INLINE_DEPTH: usize = 48;
@@ -56,19 +57,57 @@ pub enum Inlining {
     Never,
 }
 
+/// Whether a program is made fast.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Optimization {
+    /// Every pass runs.
+    #[default]
+    Full,
+    /// No pass runs: no value is forwarded from a store to a load, no expression is folded, nothing is eliminated, no
+    /// registers are shared, no superinstruction is formed. Results are the same. This is the reference that the
+    /// optimizer is checked against.
+    None,
+}
+
+/// How an entry point is lowered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LowerOptions {
+    /// Whether calls are inlined.
+    pub inlining: Inlining,
+    /// Which passes run.
+    pub optimization: Optimization,
+}
+
 /// Lowers an entry point of a module.
 ///
 /// # Errors
 /// `InvalidModule` or `UnsupportedModule` about the first instruction that cannot be lowered.
 pub fn lower(module: &Arc<Module>, entry: &EntryPoint) -> Result<Program> {
-    lower_with(module, entry, Inlining::default())
+    lower_with(module, entry, LowerOptions::default())
 }
 
-/// The same, with a say in how calls are lowered.
+/// Lowers an entry point of a module with options.
 ///
 /// # Errors
 /// As [`lower`].
-pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) -> Result<Program> {
+pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOptions) -> Result<Program> {
+    let (mut program, addressed) = translate(module, entry, options)?;
+    match options.optimization {
+        Optimization::Full => optimize(&mut program, &addressed),
+        Optimization::None => {
+            let options = LowerOptions { optimization: Optimization::Full, ..options };
+            reference::complete(&mut program, &lower_with(module, entry, options)?);
+        }
+    }
+    Ok(program)
+}
+
+/// The program of an entry point as it is translated, and the rows that computed row numbers reach.
+fn translate(
+    module: &Arc<Module>,
+    entry: &EntryPoint,
+    LowerOptions { inlining, optimization }: LowerOptions,
+) -> Result<(Program, Vec<(Reg, u32)>)> {
     if let Stage::Other(_) = entry.stage {
         let message = format!(
             "entry point `{}`: {} is neither a ray-tracing stage nor compute",
@@ -87,7 +126,9 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         placed: Vec::new(),
         blocks: Vec::new(),
         stretches: Vec::new(),
+        terminators: Vec::new(),
         first: 0,
+        instructions: 0,
         scopes: vec![Scope { parent: 0, call: 0, function: entry.function }],
         depth: 0,
         inlining,
@@ -96,6 +137,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         queue: VecDeque::new(),
     };
     lowering.decoder.float_controls = FloatControls::of(entry);
+    lowering.decoder.optimizes = optimization == Optimization::Full;
     lowering.make_room(function);
     let variables = module.interface_of(entry);
     interface_check::check(&mut lowering.decoder, entry, &variables)?;
@@ -118,14 +160,12 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, inlining: Inlining) 
         }
         _ => None,
     };
-    let (mut program, addressed) = lowering.finish(module, entry, workgroup);
-    reduce(&mut program, &addressed);
-    Ok(program)
+    Ok(lowering.finish(module, entry, workgroup))
 }
 
-/// Drops what a program can do without, tells what is left of it, and makes the operations that run
-/// unwatched.
-fn reduce(program: &mut Program, addressed: &[(Reg, u32)]) {
+/// Runs the passes: eliminates what a program can do without, analyses what is left of it, and makes the operations
+/// that run where nobody observes.
+fn optimize(program: &mut Program, addressed: &[(Reg, u32)]) {
     let (operations, builtins) = (program.ops.len(), program.inputs.len());
     prune(program, addressed, None);
     // What was dropped, and room that was never used, would stay with the program.
@@ -187,8 +227,12 @@ struct Lowering<'m> {
     placed: Vec<u32>,
     blocks: Vec<Block>,
     stretches: Vec<Stretch>,
+    /// By block: where its terminator comes from.
+    terminators: Vec<Origin>,
     /// The first operation of the open block.
     first: u32,
+    /// How many instructions have been lowered.
+    instructions: usize,
     scopes: Vec<Scope>,
     depth: usize,
     inlining: Inlining,
@@ -223,7 +267,8 @@ impl<'m> Lowering<'m> {
     /// Closes the open block.
     fn end(&mut self, terminator: Terminator) {
         let end = self.decoder.ops.len() as u32;
-        self.blocks.push(Block { first: self.first, end, terminator });
+        self.blocks.push(Block { first: self.first, end, terminator, instructions: 0 });
+        self.terminators.push(self.decoder.origin);
     }
 
     /// Variables of module scope that have an initialiser.
@@ -355,6 +400,7 @@ impl<'m> Lowering<'m> {
 
     /// Notes that the open block runs an instruction.
     fn note(&mut self, instruction: &Instruction) {
+        self.instructions += 1;
         let (block, scope) = (self.blocks.len() as u32, self.decoder.origin.scope);
         let offset = instruction.offset;
         match self.stretches.last_mut() {
@@ -427,6 +473,15 @@ impl<'m> Lowering<'m> {
                 Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
             }
         }
+        let mut counts = vec![0u32; blocks.len()];
+        for stretch in &self.stretches {
+            counts[stretch.block as usize] += stretch.count;
+        }
+        let mut instructions = 0u32;
+        for (block, count) in blocks.iter_mut().zip(counts) {
+            instructions = instructions.saturating_add(count);
+            block.instructions = instructions;
+        }
         let constants = self.decoder.constant_rows().collect();
         let rows = self.decoder.row_count();
         let program = Program {
@@ -434,8 +489,9 @@ impl<'m> Lowering<'m> {
             stage: entry.stage,
             name: entry.name.clone(),
             ops: self.decoder.ops,
+            silent: Vec::new(),
             unwatched: Unwatched::default(),
-            origins: self.decoder.origins,
+            origins: [self.decoder.origins, self.terminators].concat(),
             scopes: self.scopes,
             blocks,
             stretches: self.stretches,

@@ -29,7 +29,7 @@ use crate::ops::{atomic, memory, ray_rules, stretch};
 use crate::program::payload::Payloads;
 use crate::program::sharing::Touch;
 
-pub use lower::{Inlining, lower, lower_with};
+pub use lower::{Inlining, LowerOptions, Optimization, lower, lower_with};
 pub use obstacles::obstacles;
 pub use reuse::{Run, Unwatched};
 pub use workgroup::{DerivativeGroup, WorkgroupLayout};
@@ -83,6 +83,9 @@ pub struct Block {
     pub end: u32,
     /// What then.
     pub terminator: Terminator,
+    /// How many instructions of the module the blocks up to the end of this one have, eliminated ones among them: what
+    /// a back edge costs.
+    pub instructions: u32,
 }
 
 /// Instructions of the module that follow each other and run in one block of a program. What was
@@ -123,9 +126,12 @@ pub struct Program {
     pub name: String,
     /// All operations.
     pub ops: Vec<Op>,
+    /// By operation of a program that is not optimised: whether the optimizer eliminates it, so that it must not trap
+    /// here either. Empty in optimised programs.
+    pub silent: Vec<bool>,
     /// The same as they run where nobody watches.
     pub unwatched: Unwatched,
-    /// Where each operation comes from.
+    /// Where each operation comes from; behind them, where each block's terminator comes from.
     pub origins: Vec<Origin>,
     /// Inlined calls; the first is the entry point itself.
     pub scopes: Vec<Scope>,
@@ -201,6 +207,22 @@ impl Program {
         let found = module.entry_points.iter().find(|known| known.stage == stage && known.name == entry);
         let message = || format!("the module has no {} entry point `{entry}`", stage.name());
         lower(module, found.ok_or_else(|| Error::new(ErrorKind::InvalidArgument, message()))?)
+    }
+
+    /// The same entry point lowered without any optimisation: the reference that an optimised program is checked
+    /// against. It gives the same results, slowly.
+    ///
+    /// # Errors
+    /// As [`lower()`].
+    pub fn unoptimized(&self) -> Result<Self> {
+        let same = |entry: &&EntryPoint| entry.stage == self.stage && entry.name == self.name;
+        let entry = self.module.entry_points.iter().find(same);
+        let entry = entry.expect("bug in anyhit: a program of no entry point of its module");
+        lower_with(
+            &self.module,
+            entry,
+            LowerOptions { optimization: Optimization::None, ..LowerOptions::default() },
+        )
     }
 
     /// Whether it does nothing at all: no output, no effect, and nothing that could trap.

@@ -142,8 +142,9 @@ fn remove(program: &mut Program, needed: &[bool]) {
     }
     let mut keep = needed.iter();
     program.ops.retain(|_| *keep.next().expect("bug in anyhit: an operation without a verdict"));
+    // Those of terminators stand behind.
     let mut keep = needed.iter();
-    program.origins.retain(|_| *keep.next().expect("bug in anyhit: an operation without a verdict"));
+    program.origins.retain(|_| *keep.next().unwrap_or(&true));
     let is_noop = |op: &Op| matches!(op, Op::Memory(memory::Op::Move { to, from }) if to == from);
     debug_assert!(!program.ops.iter().any(is_noop));
 }

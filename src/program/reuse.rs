@@ -36,8 +36,8 @@ use near::{near_constants, near_values};
 pub struct Unwatched {
     /// One for each of [`Program::ops`].
     pub ops: Vec<Op>,
-    /// The same in short.
-    pub steps: Steps,
+    /// The same as superinstructions; none in programs that are not optimised.
+    pub steps: Option<Steps>,
     /// One for each of [`Program::blocks`].
     pub runs: Vec<Run>,
 }
@@ -90,7 +90,6 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
         schedule.order(&mut ops[program.blocks[start as usize].first as usize..run.end as usize]);
     }
     drop(schedule);
-    let fates = fates(&mut ops, program.rows, &values);
     let mut places = Places::new(program.rows, values.vanishing());
     let mut left: SmallVec<[Reg; 4]> = SmallVec::new();
     // Where a value is now, and the operation that reads it last.
@@ -132,13 +131,14 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
             places.free.extend(left.drain(..));
         }
     }
+    let fates = fates(program, &mut ops, &starts, &places);
     let taken = near_values(program, &mut ops, &places, &shared, &values);
     near_constants(program, &mut ops, &places, &taken);
     program.rows = places.next;
     let ranges =
         starts.iter().map(|&(start, run)| program.blocks[start as usize].first as usize..run.end as usize);
     let steps = Steps::of(&ops, ranges, &fates, &program.constants);
-    program.unwatched = Unwatched { steps, ops, runs };
+    program.unwatched = Unwatched { steps: Some(steps), ops, runs };
 }
 
 /// Lets casts of unsigned numbers to floats that are less than 2^31, as they were shifted to the right, be casts of signed
@@ -171,32 +171,48 @@ fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
     }
 }
 
-/// What becomes of each operation's result.
-fn fates(ops: &mut [Op], rows: u32, values: &Values) -> Vec<Fate> {
-    let mut reads = vec![0u32; rows as usize];
-    let mut bits_seen = vec![false; rows as usize];
-    for op in ops.iter_mut().filter(|op| !is_idle(op)) {
-        let row = match op {
-            Op::Row { row, .. } => Some(*row),
-            _ => None,
-        };
-        let mut operand = 0;
-        each_single(op, |reg, single| {
-            if single == Single::Read {
-                reads[reg.0 as usize] += 1;
-                bits_seen[reg.0 as usize] |= !row.is_some_and(|row| takes_float(row, operand));
-                operand += 1;
+/// What becomes of each operation's result: of those that stand in shared rows, which operations read it until the row
+/// is written again.
+///
+/// It is told of the rows as they are shared. Where a copy got the row of its original it is gone, and whoever read
+/// the copy reads the original now.
+fn fates(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], places: &Places) -> Vec<Fate> {
+    const NOBODY: u32 = u32::MAX;
+    let mut fates = vec![Fate::UNKNOWN; ops.len()];
+    // By row: the operation whose result it holds.
+    let mut definition = vec![NOBODY; places.next as usize];
+    for &(start, run) in starts {
+        for at in program.blocks[start as usize].first as usize..run.end as usize {
+            let op = &mut ops[at];
+            if is_idle(op) {
+                continue;
             }
-        });
+            let row = match op {
+                Op::Row { row, .. } => Some(*row),
+                _ => None,
+            };
+            let mut operand = 0;
+            each_single(op, |reg, single| {
+                if single == Single::Read {
+                    if let Some(fate) = fates.get_mut(definition[reg.0 as usize] as usize) {
+                        fate.reads = fate.reads.map(|reads| reads + 1);
+                        fate.bits_seen |= !row.is_some_and(|row| takes_float(row, operand));
+                    }
+                    operand += 1;
+                }
+            });
+            let defines = matches!(op, Op::Row { .. } | Op::Memory(memory::Op::Move { .. }));
+            each_single(op, |reg, single| {
+                if single == Single::Write && places.shares(*reg) {
+                    definition[reg.0 as usize] = if defines { at as u32 } else { NOBODY };
+                    if defines {
+                        fates[at] = Fate { reads: Some(0), bits_seen: false };
+                    }
+                }
+            });
+        }
     }
-    let fate = |op: &Op| match *op {
-        Op::Row { to, .. } | Op::Memory(memory::Op::Move { to, .. }) if values.is_local(to) => Fate {
-            reads: values.is_written_once(to).then(|| reads[to.0 as usize]),
-            bits_seen: bits_seen[to.0 as usize],
-        },
-        _ => Fate::UNKNOWN,
-    };
-    ops.iter().map(fate).collect()
+    fates
 }
 
 /// The run that begins with each block.
@@ -351,20 +367,30 @@ struct Places {
     free: Vec<Reg>,
     /// As many of the free rows have never been taken.
     untaken: usize,
+    /// By row: whether it has been taken.
+    taken: Vec<bool>,
 }
 
 impl Places {
     fn new(next: u32, free: Vec<Reg>) -> Self {
-        Self { next, untaken: free.len(), free }
+        Self { next, untaken: free.len(), free, taken: vec![false; next as usize] }
     }
 
     fn take(&mut self) -> Reg {
         let free = self.free.pop();
         self.untaken = self.untaken.min(self.free.len());
-        free.unwrap_or_else(|| {
+        let reg = free.unwrap_or_else(|| {
             self.next += 1;
+            self.taken.push(false);
             Reg(self.next - 1)
-        })
+        });
+        self.taken[reg.0 as usize] = true;
+        reg
+    }
+
+    /// Whether values share a row.
+    fn shares(&self, reg: Reg) -> bool {
+        self.taken[reg.0 as usize]
     }
 
     fn untaken(&self) -> &[Reg] {

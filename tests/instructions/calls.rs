@@ -38,3 +38,38 @@ fn callable_data_is_found_by_its_location() {
         assert_eq!(words[..2], [2 * id as u32, 9]);
     }
 }
+
+/// A variable that a function doubles through a pointer, as often as it is called: each call loads what the one
+/// before it stored.
+#[test]
+fn a_function_doubles_what_a_pointer_leads_to_with_each_call() {
+    let found = Shader {
+        declarations: "%double_type = OpTypeFunction %void %ptr_Function_uint",
+        body: "
+            %variable = OpVariable %ptr_Function_uint Function
+            %begin = OpIAdd %uint %id %u1
+            OpStore %variable %begin
+            %first = OpFunctionCall %void %twofold %variable
+            %second = OpFunctionCall %void %twofold %variable
+            %twice = OpLoad %uint %variable
+            out 0 %twice
+            %third = OpFunctionCall %void %twofold %variable
+            %thrice = OpLoad %uint %variable
+            out 1 %thrice",
+        functions: "
+            %twofold = OpFunction %void None %double_type
+            %pointer = OpFunctionParameter %ptr_Function_uint
+            %double_entry = OpLabel
+            %a = OpLoad %uint %pointer
+            %b = OpLoad %uint %pointer
+            %sum = OpIAdd %uint %a %b
+            OpStore %pointer %sum
+            OpReturn
+            OpFunctionEnd",
+        ..Shader::default()
+    }
+    .run();
+    for (id, words) in (1..).zip(&found) {
+        assert_eq!(words[..2], [4 * id, 8 * id]);
+    }
+}

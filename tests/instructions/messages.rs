@@ -42,7 +42,7 @@ fn texts_are_collected_in_launch_order() {
             expected.push("odd".to_owned());
         }
     }
-    assert_eq!(sinks.len(), 3);
+    assert_eq!(sinks.len(), 6);
     for sink in sinks {
         assert_eq!(sink.take().into_iter().map(|line| line.text).collect::<Vec<_>>(), expected);
     }

@@ -50,16 +50,26 @@ impl Shader<'_> {
             builder.callable(anyhit::program::lower(&module, entry)?)?;
         }
         let pipeline = builder.build()?;
+        let reference = pipeline.unoptimized()?;
         let count = self.invocations.unwrap_or(INVOCATIONS);
         let one = launch::<1>(&pipeline, resources(), count);
-        let eight = launch::<8>(&pipeline, resources(), count);
-        let full = launch::<64>(&pipeline, resources(), count);
-        match (&one, &eight, &full) {
-            (Ok(one), Ok(eight), Ok(full)) => assert!(one == eight && one == full, "the widths differ"),
-            (Err(one), Err(eight), Err(full)) => {
-                assert_eq!([one.render(), one.render()], [eight.render(), full.render()]);
+        let others = [
+            ("8 lanes", launch::<8>(&pipeline, resources(), count)),
+            ("64 lanes", launch::<64>(&pipeline, resources(), count)),
+            ("1 lane without the optimizer", launch::<1>(&reference, resources(), count)),
+            ("8 lanes without the optimizer", launch::<8>(&reference, resources(), count)),
+            ("64 lanes without the optimizer", launch::<64>(&reference, resources(), count)),
+        ];
+        for (name, other) in others {
+            match (&one, &other) {
+                (Ok(one), Ok(other)) => {
+                    if let Some(id) = (0..count).find(|&id| one[id] != other[id]) {
+                        panic!("invocation {id}: 1 lane {:?}, {name} {:?}", one[id], other[id]);
+                    }
+                }
+                (Err(one), Err(other)) => assert_eq!(one.render(), other.render(), "1 lane beside {name}"),
+                (one, other) => panic!("1 lane beside {name}: {one:?} / {other:?}"),
             }
-            _ => panic!("one width traps where another does not"),
         }
         one
     }

@@ -142,6 +142,7 @@ impl Decoder<'_> {
         let constant = self.module.constants[index as usize].clone();
         let before = self.origin;
         self.origin = Origin { offset: constant.offset, scope: 0 };
+        let nested = std::mem::replace(&mut self.in_constant, true);
         let words = match constant.value {
             ConstantValue::Scalar(bits) => match self.scalar_width(constant.ty)? {
                 64 => {
@@ -171,6 +172,7 @@ impl Decoder<'_> {
             }
         };
         self.origin = before;
+        self.in_constant = nested;
         let words = words?;
         if self.word_count(constant.ty)? as usize != words.len() {
             let name = self.module.describe_type(constant.ty);

@@ -26,7 +26,7 @@ impl Lowering<'_> {
             )));
         }
         let size = self.sizes[index as usize];
-        let small = size.instructions <= INLINE_SIZE && self.decoder.ops.len() < INLINE_TOTAL;
+        let small = size.instructions <= INLINE_SIZE && self.instructions < INLINE_TOTAL;
         let pays = self.depth < INLINE_DEPTH && (small || size.calls <= 1);
         if pays && self.inlining == Inlining::WherePaying {
             self.inline(instruction, function, &arguments)

@@ -1,0 +1,63 @@
+//! Programs without any optimisation: the reference that the optimizer is checked against.
+
+use rustc_hash::FxHashMap;
+
+use crate::ops::decode::Origin;
+use crate::ops::memory;
+use crate::ops::op::Op;
+use crate::ops::ray_tracing;
+use crate::program::{Program, Run, Unwatched};
+
+/// Makes a program ready to run as it was translated, given the optimised one of the same entry point.
+///
+/// Of that it takes only what decides the schedule of a launch, which is a part of what a shader means here
+/// where invocations share memory, and which instructions it has eliminated.
+pub(super) fn complete(program: &mut Program, optimized: &Program) {
+    program.silent = silent(program, optimized);
+    program.order_dependent = optimized.order_dependent;
+    program.touches.clone_from(&optimized.touches);
+    program.uses_subgroups = program.ops.iter().any(|op| matches!(op, Op::Subgroup(_)));
+    let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::Op::HitObjectRecordHandle { .. }));
+    program.addresses_records = program.ops.iter().any(addresses);
+    let runs = (0..).zip(&program.blocks).map(|(last, block)| Run { end: block.end, last }).collect();
+    program.unwatched = Unwatched { ops: program.ops.clone(), steps: None, runs };
+}
+
+/// What tells the operations of one instruction apart: a load of a whole structure has several.
+type Part = Option<(u32, u32, u32)>;
+
+/// By operation: whether the optimised program lacks it. A load whose value nobody needs is eliminated, and with it
+/// the trap that it might have raised.
+fn silent(program: &Program, optimized: &Program) -> Vec<bool> {
+    let mut kept: FxHashMap<Origin, Vec<Part>> = FxHashMap::default();
+    for (op, origin) in optimized.ops.iter().zip(&optimized.origins).filter(|(op, _)| may_trap(op)) {
+        kept.entry(*origin).or_default().push(part(op));
+    }
+    let mut counts: FxHashMap<Origin, usize> = FxHashMap::default();
+    for (_, origin) in program.ops.iter().zip(&program.origins).filter(|(op, _)| may_trap(op)) {
+        *counts.entry(*origin).or_default() += 1;
+    }
+    let is_silent = |(op, origin): (&Op, &Origin)| {
+        may_trap(op)
+            && match kept.get(origin) {
+                None => true,
+                Some(parts) => parts.len() < counts[origin] && !parts.contains(&part(op)),
+            }
+    };
+    program.ops.iter().zip(&program.origins).map(is_silent).collect()
+}
+
+fn may_trap(op: &Op) -> bool {
+    use memory::Op as Memory;
+    !matches!(
+        op,
+        Op::Row { .. } | Op::Memory(Memory::Move { .. } | Memory::MoveMasked { .. } | Memory::Index { .. })
+    )
+}
+
+fn part(op: &Op) -> Part {
+    match op {
+        Op::Memory(memory::Op::BufferLoad { chunk, .. }) => Some((chunk.offset, chunk.width, chunk.count)),
+        _ => None,
+    }
+}
