@@ -1,8 +1,8 @@
 //! Every case of `shaders/` and every scene of `scenes/`, a test each, named by its folder:
 //! `cargo test --test cases lss` runs some. No compiler is needed: the modules are fixtures.
 //!
-//! A case runs at 1, 8 and 64 lanes with bit-identical results and must meet its `[expect]`, whose
-//! values are derived by hand. `expect.stderr` beside a scene holds the report of its trap, a
+//! A case runs at 1, 8 and 64 lanes, with the optimizer and without, with bit-identical results, and must meet its
+//! `[expect]`, whose values are derived by hand. `expect.stderr` beside a scene holds the report of its trap, a
 //! rendering: `BLESS=1` writes it anew.
 
 use std::collections::BTreeSet;
@@ -43,6 +43,7 @@ fn demo(root: &Path) -> Vec<Case> {
 
 fn check(case: &Case, root: &Path) -> Result<(), Failed> {
     let run = case.check().map_err(|error| Failed::from(error.render()))?;
+    case.check_optimizer().map_err(|error| Failed::from(error.render()))?;
     if case.scene.starts_with(root.join("shaders")) {
         let expectations = scene(case).and_then(|scene| Expectations::read(&scene.document));
         if let Ok(expectations) = expectations {

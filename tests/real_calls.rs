@@ -37,7 +37,11 @@ fn real_calls_and_inlined_ones_agree() {
                 entry.name == program.name && entry.stage == program.stage
             };
             let entry = module.entry_points.iter().find(has).expect("the entry point");
-            let lowered = lower_with(&module, entry, LowerOptions { inlining: Inlining::Never, ..LowerOptions::default() });
+            let lowered = lower_with(
+                &module,
+                entry,
+                LowerOptions { inlining: Inlining::Never, ..LowerOptions::default() },
+            );
             // A pointer that no register can carry must be inlined.
             let Ok(lowered) = lowered else { continue };
             calls += lowered

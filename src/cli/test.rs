@@ -40,6 +40,9 @@ pub struct TestArgs {
     /// Run launches at 1, 8 and 64 lanes, whose results must be the same
     #[arg(long)]
     all_widths: bool,
+    /// Run every test without the optimizer, too: results must be the same, bit for bit
+    #[arg(long)]
+    check_optimizer: bool,
     /// How results are printed
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -142,6 +145,7 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<Report> {
     let options = Options {
         jobs: args.jobs.map_or(0, usize::from),
         all_widths: args.all_widths,
+        check_optimizer: args.check_optimizer,
         bless: args.bless,
         fail_fast: args.fail_fast,
         coverage: args.coverage.is_some(),

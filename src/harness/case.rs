@@ -169,6 +169,21 @@ impl Case {
         Ok(Run { observed, modules })
     }
 
+    /// Loads the scene, runs it optimised and without any optimisation, and compares: see
+    /// [`Loaded::check_launch`].
+    ///
+    /// # Errors
+    /// The mistakes of scene and shaders; `Expectation` for the first difference.
+    pub fn check_optimizer(&self) -> Result<()> {
+        let loaded = self.load()?;
+        loaded.check_launch(&run::<64>(&loaded.scene, &loaded.assembled))?;
+        for at in (0..loaded.rays.len()).filter(|&at| loaded.rays[at].is_some()) {
+            let found = one_ray(&loaded.scene, &loaded.assembled, at, &mut Watch::default());
+            loaded.check_ray(at, &found)?;
+        }
+        Ok(())
+    }
+
     /// Loads scene, shaders and expectations.
     ///
     /// # Errors
@@ -206,7 +221,7 @@ impl Loaded {
         let one = run::<1>(scene, assembled);
         let mut many = run::<64>(scene, assembled);
         for (lanes, other) in [(8, &run::<8>(scene, assembled)), (64, &many)] {
-            if let Some(difference) = difference(&one, other) {
+            if let Some(difference) = difference(&one, other, Counts::All) {
                 let message = format!("1 and {lanes} lanes disagree: {difference}");
                 return Err(Error::new(ErrorKind::Expectation, message)
                     .at(Place::File(scene.path.clone()))
@@ -232,8 +247,17 @@ impl Loaded {
     }
 }
 
+/// Which counts of two runs must be the same.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Counts {
+    /// All that do not hang on the size of batches.
+    All,
+    /// Only those of rays: a shader that leaves nothing behind need not be called.
+    Rays,
+}
+
 /// What differs between two runs of one case.
-fn difference(one: &Observed, other: &Observed) -> Option<String> {
+pub(super) fn difference(one: &Observed, other: &Observed, which: Counts) -> Option<String> {
     let trap = |observed: &Observed| observed.trap.as_ref().map(Error::render);
     if trap(one) != trap(other) {
         let words = |trap: Option<String>| trap.unwrap_or_else(|| "no trap".into());
@@ -257,6 +281,11 @@ fn difference(one: &Observed, other: &Observed) -> Option<String> {
             ));
         }
     }
+    if one.printed != other.printed {
+        let line = one.printed.lines().zip(other.printed.lines()).find(|(one, other)| one != other);
+        let (one, other) = line.unwrap_or((&one.printed, &other.printed));
+        return Some(format!("printed {one:?} / {other:?}"));
+    }
     // Batches differ with the width, invocations do not.
     let counts = |observed: &Observed| {
         let stats = observed.stats.as_ref()?;
@@ -264,7 +293,10 @@ fn difference(one: &Observed, other: &Observed) -> Option<String> {
             stats.rays,
             stats.ray_queries,
             stats.reorders,
-            stats.shaders.values().map(|stage| stage.invocations).collect::<Vec<_>>(),
+            match which {
+                Counts::All => stats.shaders.values().map(|stage| stage.invocations).collect::<Vec<_>>(),
+                Counts::Rays => Vec::new(),
+            },
         ))
     };
     (counts(one) != counts(other)).then(|| format!("counts {:?} / {:?}", counts(one), counts(other)))

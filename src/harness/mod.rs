@@ -16,6 +16,7 @@ pub mod blame;
 pub mod bless;
 mod bound;
 pub mod case;
+mod check_optimizer;
 pub mod cost;
 pub mod coverage;
 pub mod data;

@@ -56,6 +56,18 @@ impl Dispatch {
 }
 
 impl Assembled {
+    /// The same scene with programs that are not optimised; see [`Program::unoptimized`].
+    ///
+    /// # Errors
+    /// As [`lower`].
+    pub fn unoptimized(&self) -> Result<Self> {
+        let mut reference = Self { pipeline: self.pipeline.unoptimized()?, ..self.clone() };
+        for dispatch in &mut reference.dispatches {
+            dispatch.compute = dispatch.compute.unoptimized()?;
+        }
+        Ok(reference)
+    }
+
     /// The launch.
     pub fn launch(&self) -> Launch<'_> {
         Launch { pipeline: &self.pipeline, resources: &self.resources }

@@ -30,6 +30,8 @@ pub struct Options {
     pub jobs: usize,
     /// Whether launches run at 1, 8 and 64 lanes, which must agree bit for bit.
     pub all_widths: bool,
+    /// Whether every test runs without the optimizer, too, and must leave the same behind.
+    pub check_optimizer: bool,
     /// Whether recorded expectations are written anew.
     pub bless: bool,
     /// Whether nothing is told behind the first test that does not pass.
@@ -316,6 +318,14 @@ impl Tester<'_> {
             self.loaded.add_costs(&mut observed)?;
             observed
         };
+        if self.options.check_optimizer {
+            match self.loaded.check_launch(&observed) {
+                Err(error) if error.kind() == ErrorKind::Expectation => {
+                    return Ok(self.failed(vec![Difference::of(error)], None));
+                }
+                checked => checked?,
+            }
+        }
         let mut differences = expectations.differences(&observed);
         differences.extend(rendering::differences(self.loaded, &observed, self.is_variant)?);
         Ok(self.outcome(differences, expectations.known_failure.as_ref().map(|why| &why.value), None))
@@ -333,6 +343,14 @@ impl Tester<'_> {
             && error.kind() != ErrorKind::Trap
         {
             return Err(error.clone().at(expect.span.place()));
+        }
+        if self.options.check_optimizer {
+            match self.loaded.check_ray(at, &observed) {
+                Err(error) if error.kind() == ErrorKind::Expectation => {
+                    return Ok(self.failed(vec![Difference::of(error)], Some(at)));
+                }
+                checked => checked?,
+            }
         }
         let differences = expect.differences(&observed);
         let known = expect.rest.known_failure.as_ref().map(|why| &why.value);

@@ -24,7 +24,8 @@ impl Lowering<'_> {
             opcode::BRANCH_CONDITIONAL => {
                 let condition = self.decoder.operand(instruction, 0)?[0];
                 let targets = [self.decoder.id(instruction, 1)?, self.decoder.id(instruction, 2)?];
-                if let Some(known) = self.decoder.constant_word(condition).filter(|_| self.decoder.optimizes) {
+                if let Some(known) = self.decoder.constant_word(condition).filter(|_| self.decoder.optimizes)
+                {
                     let target = targets[usize::from(known == 0)];
                     self.edge_moves(place, target)?;
                     let label = self.target(place, target)?;

@@ -108,7 +108,10 @@ mod tests {
             let module = crate::Module::open(path).expect("a valid fixture");
             let program = Program::of(&module, "main").expect("a supported fixture");
             assert!(program.rows as usize > WINDOW, "{name} has {} rows", program.rows);
-            assert!(program.unwatched.steps.as_ref().is_some_and(|steps| !steps.is_wide()), "{name} names rows behind the window");
+            assert!(
+                program.unwatched.steps.as_ref().is_some_and(|steps| !steps.is_wide()),
+                "{name} names rows behind the window"
+            );
         }
     }
 

@@ -1,0 +1,49 @@
+//! Translation validation: what a case leaves behind with optimised programs and without any optimisation must be
+//! the same, bit for bit.
+//!
+//! The optimizer (store-to-load forwarding, constant folding, dead-code elimination, copy propagation, register
+//! allocation, superinstructions) may change how a shader is executed, never what it does. The reference of
+//! [`Program::unoptimized`](crate::Program::unoptimized) passes none of it.
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::harness::case::{Counts, Loaded, difference};
+use crate::harness::expect::Observed;
+use crate::harness::run::{Watch, one_ray, run};
+
+impl Loaded {
+    /// Compares what the launch left behind, all of it, with runs of the reference at 1, 8 and 64 lanes.
+    ///
+    /// # Errors
+    /// `Expectation` with the first difference.
+    pub fn check_launch(&self, optimized: &Observed) -> Result<()> {
+        let reference = self.assembled.unoptimized()?;
+        let scene = &self.scene;
+        self.same(1, optimized, &run::<1>(scene, &reference))?;
+        self.same(8, optimized, &run::<8>(scene, &reference))?;
+        self.same(64, optimized, &run::<64>(scene, &reference))
+    }
+
+    /// Compares what became of a ray of the scene, and what it left behind, with a run of the reference.
+    ///
+    /// # Errors
+    /// `Expectation` with the first difference.
+    pub fn check_ray(&self, at: usize, optimized: &Observed) -> Result<()> {
+        let reference = self.assembled.unoptimized()?;
+        self.same(1, optimized, &one_ray(&self.scene, &reference, at, &mut Watch::default()))
+    }
+
+    fn same(&self, lanes: u32, optimized: &Observed, reference: &Observed) -> Result<()> {
+        let rays = |observed: &Observed| format!("{:?}", observed.rays);
+        let found = difference(optimized, reference, Counts::Rays).or_else(|| {
+            let rays = [rays(optimized), rays(reference)];
+            // Those of a launch are not always traced.
+            let differ = !optimized.rays.is_empty() && rays[0] != rays[1];
+            differ.then(|| format!("rays {} / {}", rays[0], rays[1]))
+        });
+        let Some(difference) = found else { return Ok(()) };
+        let message = format!("optimised and not optimised ({lanes} lanes) disagree: {difference}");
+        Err(Error::new(ErrorKind::Expectation, message)
+            .at(Place::File(self.scene.path.clone()))
+            .note("this is a bug in anyhit's optimizer, not in the shader: please report it with the module"))
+    }
+}
