@@ -75,6 +75,13 @@ impl DeviceMemory {
         }
     }
 
+    /// Whether an address is the null pointer, or one that leads a little further.
+    pub fn is_null(address: u64) -> bool {
+        /// What systems leave free around address 0, for this very purpose.
+        const GUARD: u64 = 1 << 16;
+        address < GUARD
+    }
+
     /// The acceleration structure at an address.
     pub fn structure(&self, address: u64) -> Option<&Arc<Tlas>> {
         match self.allocation(address)? {

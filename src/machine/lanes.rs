@@ -23,7 +23,19 @@ impl Reg {
     pub fn plus(self, words: u32) -> Self {
         Self(self.0 + words)
     }
+
+    /// The row a computed number of rows further on, which may be behind the last one. The number is an index, or
+    /// for a row that carries [`ROW_POINTER`] a pointer that does.
+    #[inline]
+    #[must_use]
+    pub fn computed(self, words: u32) -> Self {
+        Self(self.0.wrapping_add(words))
+    }
 }
+
+/// What a pointer to a row carries beside the row's number, so that no row has the value of the
+/// null pointer, 0. A row that pointers count from carries it too: together they cancel.
+pub const ROW_POINTER: u32 = 1 << 31;
 
 /// One 32-bit word for each of W lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -26,7 +26,7 @@ pub use batch::{Batch, Frame};
 pub use device_memory::DeviceMemory;
 pub use hit_object::{HitObject, HitObjects};
 pub use invocation::{Hit, Invocation, Invocations, ShaderRecord};
-pub use lanes::{Lanes, Mask, Reg, Registers, Scalar};
+pub use lanes::{Lanes, Mask, ROW_POINTER, Reg, Registers, Scalar};
 pub use observe::Observer;
 pub use printed::Printed;
 pub use ray_query::{RayQuery, RayQueryEvent, RayQueryStep};

@@ -1,6 +1,6 @@
 //! What a variable holds by a handle: ray queries and hit objects.
 
-use crate::machine::lanes::{Reg, Registers};
+use crate::machine::lanes::{ROW_POINTER, Reg, Registers};
 use crate::machine::trap::TrapCode;
 
 /// Where the handle of a ray query or hit object lies.
@@ -21,16 +21,19 @@ impl ObjectRef {
     /// The row of a lane's handle.
     ///
     /// # Errors
-    /// `IndexOutOfBounds`
+    /// `IndexOutOfBounds`, `NullPointer`
     #[inline]
     pub fn row<const W: usize>(self, registers: &Registers<W>, lane: usize) -> Result<Reg, TrapCode> {
         match self {
             Self::Row(reg) => Ok(reg),
             Self::Computed { first, index } => {
+                let words = registers[index].0[lane];
+                let row = first.computed(words);
                 // An index outside its array is the greatest number.
-                let row = u64::from(first.0) + u64::from(registers[index].0[lane]);
-                if row < registers.len() as u64 {
-                    Ok(Reg(row as u32))
+                if words != u32::MAX && (row.0 as usize) < registers.len() {
+                    Ok(row)
+                } else if first.0 >= ROW_POINTER && words < ROW_POINTER {
+                    Err(TrapCode::NullPointer)
                 } else {
                     Err(TrapCode::IndexOutOfBounds)
                 }

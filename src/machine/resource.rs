@@ -259,11 +259,9 @@ impl Resources {
 
     /// The descriptors of a program's slots, in the order of the slots.
     pub fn bindings(&self, slots: impl IntoIterator<Item = Binding>) -> Bindings {
+        let descriptors = |binding| self.descriptors.get(&binding).cloned().unwrap_or_default();
         Bindings {
-            slots: slots
-                .into_iter()
-                .map(|binding| self.descriptors.get(&binding).cloned().unwrap_or_default())
-                .collect(),
+            slots: std::iter::once(Vec::new()).chain(slots.into_iter().map(descriptors)).collect(),
             push_constants: self.push_constants.clone(),
             memory: self.memory.clone(),
             printed: self.printed.clone(),
@@ -272,8 +270,12 @@ impl Resources {
     }
 }
 
-/// Bits of a descriptor handle that name the array element; the bits above name the slot.
+/// Bits of a descriptor handle that name the array element; the bits above name the slot, counted from 1:
+/// handles that begin with 0 are null, whatever element they go on to.
 pub const ELEMENT_BITS: u32 = 20;
+
+/// How many slots a program may have: handles behind theirs stand for what is no descriptor.
+pub const MAX_SLOTS: usize = (1 << (32 - ELEMENT_BITS)) - 2;
 
 /// The upper word of an acceleration structure's value that tells a descriptor's handle from a
 /// device address: no allocation lies that high.
@@ -283,6 +285,7 @@ pub const STRUCTURE_HANDLE: u32 = u32::MAX;
 /// [`ELEMENT_BITS`].
 #[derive(Clone, Debug, Default)]
 pub struct Bindings {
+    /// By what handles begin with; the first is null's and has none.
     slots: Vec<Vec<Descriptor>>,
     /// The push constants.
     pub push_constants: Option<Arc<Buffer>>,
@@ -302,7 +305,18 @@ impl Bindings {
 
     /// The handle of a slot's array element.
     pub fn handle(slot: u32, element: u32) -> u32 {
-        slot << ELEMENT_BITS | element.min((1 << ELEMENT_BITS) - 1)
+        Self::element_handle((slot + 1) << ELEMENT_BITS, element)
+    }
+
+    /// The handle of an array element, from that of the slot's first one.
+    pub fn element_handle(first: u32, element: u32) -> u32 {
+        first | element.min((1 << ELEMENT_BITS) - 1)
+    }
+
+    /// The slot and the array element of a handle; `None` for null. The slot need not exist.
+    pub fn slot_of(handle: u32) -> Option<(usize, u32)> {
+        let slot = (handle >> ELEMENT_BITS).checked_sub(1)?;
+        Some((slot as usize, handle & ((1 << ELEMENT_BITS) - 1)))
     }
 
     /// The descriptor with a handle.
@@ -344,6 +358,16 @@ impl Bindings {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_descriptor_has_the_handle_of_null() {
+        let resources = Resources::default().bind(0, 0, Descriptor::Buffer(Buffer::zeroed(4)));
+        let bindings = resources.bindings([Binding { set: 0, binding: 0 }]);
+        assert!(bindings.buffer(Bindings::handle(0, 0)).is_some());
+        assert!([0, 1, 0xF_FFFF].iter().all(|&null| bindings.descriptor(null).is_none()));
+        assert_eq!(Bindings::slot_of(0xF_FFFF), None);
+        assert_eq!(Bindings::slot_of(Bindings::handle(3, 5)), Some((3, 5)));
+    }
 
     #[test]
     fn scalars_of_every_width_and_alignment() {

@@ -11,6 +11,8 @@ pub enum TrapCode {
     IndexOutOfBounds,
     /// A load or store is outside its buffer.
     BufferOutOfBounds,
+    /// An access through a null pointer.
+    NullPointer,
     /// No buffer lies at a device address.
     AddressInvalid,
     /// A load or store through a device address goes beyond its buffer.
@@ -110,6 +112,7 @@ impl TrapCode {
         match self {
             Self::IndexOutOfBounds => "an index is outside its array",
             Self::BufferOutOfBounds => "a buffer is accessed outside its range",
+            Self::NullPointer => "an access through a null pointer",
             Self::AddressInvalid => "no buffer lies at a device address",
             Self::AddressOutOfBounds => "a buffer is accessed beyond its end through a device address",
             Self::AddressMisaligned => "a device address is not aligned as the instruction promises",

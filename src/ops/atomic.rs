@@ -18,7 +18,7 @@ use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, rows_from};
 use crate::ops::image::access::TexelPlace;
 use crate::ops::image::reader::Reader;
-use crate::ops::memory::{BufferRef, Chunk, OUT_OF_BOUNDS, each_access, trap};
+use crate::ops::memory::{BufferRef, Chunk, computed_row, each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Place, Pointer};
 
@@ -176,13 +176,13 @@ impl Op {
             &Target::Rows { first, row } => {
                 for lane in batch.mask.lanes() {
                     let row = row.map_or(0, |row| batch.registers[row].0[lane]);
-                    let at = u64::from(first.0) + u64::from(row);
-                    let outside = at + u64::from(self.words()) > batch.registers.len() as u64;
-                    if row == OUT_OF_BOUNDS || outside {
-                        trap(batch, Mask::lane(lane), TrapCode::IndexOutOfBounds);
-                        continue;
-                    }
-                    let at = Reg(at as u32);
+                    let at = match computed_row(&batch.registers, first, row, self.words()) {
+                        Ok(at) => at,
+                        Err(code) => {
+                            trap(batch, Mask::lane(lane), code);
+                            continue;
+                        }
+                    };
                     let old = self.read(batch, at, lane);
                     let (value, comparator) = self.operands(batch, lane);
                     self.write(batch, self.to, lane, old);
@@ -395,7 +395,7 @@ fn target(decoder: &mut Decoder<'_>, pointer: &Pointer, width: u32) -> Result<Ta
             }
             Ok(Target::Rows { first, row: pointer.index })
         }
-        Place::ComputedRows => Ok(Target::Rows { first: Reg(pointer.offset), row: pointer.index }),
+        Place::ComputedRows => Ok(Target::Rows { first: pointer.pointed_rows(), row: pointer.index }),
         Place::Descriptors { .. } => Err(decoder.invalid("an atomic instruction on a descriptor")),
     }
 }

@@ -37,7 +37,7 @@ pub(super) fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignme
         }
         Place::ComputedRows => {
             let row = pointer.index.ok_or_else(|| decoder.invalid("a pointer without a value"))?;
-            gather(decoder, Reg(pointer.offset), row, count)
+            gather(decoder, pointer.pointed_rows(), row, count)
         }
         Place::Buffer(buffer) => {
             let scalars = scalars(decoder, pointer)?;
@@ -53,7 +53,7 @@ pub(super) fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignme
         Place::Descriptors { buffers: true, .. } => {
             Err(decoder.invalid("a load of a whole array of buffers"))
         }
-        Place::Descriptors { slot, array, .. } => {
+        Place::Descriptors { first, array, .. } => {
             if let (true, &Type::Array { element, .. }) = (array, decoder.module.ty(pointer.pointee)) {
                 let each = descriptor_count(decoder, element)?;
                 let mut words = Words::new();
@@ -64,7 +64,7 @@ pub(super) fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignme
                 }
                 return Ok(words);
             }
-            let base = decoder.constant(Bindings::handle(slot, pointer.offset))?;
+            let base = decoder.constant(Bindings::element_handle(first, pointer.offset))?;
             let handle = shifted(decoder, pointer.index, base)?;
             match *decoder.module.ty(pointer.pointee) {
                 // An image and a sampler, or a handle that stands for a device address.
@@ -133,7 +133,7 @@ pub(super) fn store_aligned(
         }
         Place::ComputedRows => {
             let row = pointer.index.ok_or_else(|| decoder.invalid("a pointer without a value"))?;
-            scatter(decoder, Reg(pointer.offset), row, words)
+            scatter(decoder, pointer.pointed_rows(), row, words)
         }
         Place::Buffer(buffer) => {
             let scalars = scalars(decoder, pointer)?;

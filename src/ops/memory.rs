@@ -9,7 +9,10 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use smallvec::SmallVec;
 
-use crate::machine::{Accessed, Batch, Bindings, Buffer, Invocations, Lanes, Mask, Reg, Registers, TrapCode};
+use crate::machine::device_memory::DeviceMemory;
+use crate::machine::{
+    Accessed, Batch, Bindings, Buffer, Invocations, Lanes, Mask, ROW_POINTER, Reg, Registers, TrapCode,
+};
 use crate::ops::op::Access;
 
 pub use crate::ops::pointer::{
@@ -90,9 +93,9 @@ pub enum Op {
     MoveMasked { to: Reg, from: Reg },
     /// `to = base + index * stride`, or [`OUT_OF_BOUNDS`] where the index is not below `length`.
     Index { to: Reg, base: Option<Reg>, index: Reg, stride: u32, length: Length },
-    /// Reads `count` rows from `first + row[lane]` on.
+    /// Reads `count` rows from `first + row[lane]` on; see [`Reg::computed`].
     Gather { to: Reg, count: u32, first: Reg, row: Reg },
-    /// Writes `count` rows from `first + row[lane]` on.
+    /// Writes `count` rows from `first + row[lane]` on; see [`Reg::computed`].
     Scatter { from: Reg, count: u32, first: Reg, row: Reg },
     /// Reads scalars of a buffer into consecutive rows.
     BufferLoad { to: Reg, chunk: Chunk },
@@ -254,17 +257,35 @@ fn each_row<const W: usize>(
     mut access: impl FnMut(&mut Registers<W>, usize, Reg),
 ) {
     let rows = batch.registers[row];
-    let end = batch.registers.len() as u64;
-    let mut outside = Mask::NONE;
+    let (mut outside, mut null) = (Mask::NONE, Mask::NONE);
     for lane in batch.mask.lanes() {
-        let at = u64::from(first.0) + u64::from(rows.0[lane]);
-        if rows.0[lane] == OUT_OF_BOUNDS || at + u64::from(count) > end {
-            outside = outside | Mask::lane(lane);
-        } else {
-            access(&mut batch.registers, lane, Reg(at as u32));
+        match computed_row(&batch.registers, first, rows.0[lane], count) {
+            Ok(at) => access(&mut batch.registers, lane, at),
+            Err(TrapCode::NullPointer) => null = null | Mask::lane(lane),
+            Err(_) => outside = outside | Mask::lane(lane),
         }
     }
     trap(batch, outside, TrapCode::IndexOutOfBounds);
+    trap(batch, null, TrapCode::NullPointer);
+}
+
+/// The row that a computed number means, `count` rows of which must exist; see [`Reg::computed`].
+///
+/// # Errors
+/// `IndexOutOfBounds`, `NullPointer`
+#[inline(always)]
+pub fn computed_row<const W: usize>(
+    registers: &Registers<W>,
+    first: Reg,
+    row: u32,
+    count: u32,
+) -> Result<Reg, TrapCode> {
+    let at = first.computed(row);
+    if row != OUT_OF_BOUNDS && u64::from(at.0) + u64::from(count) <= registers.len() as u64 {
+        return Ok(at);
+    }
+    let null = first.0 >= ROW_POINTER && row < ROW_POINTER;
+    Err(if null { TrapCode::NullPointer } else { TrapCode::IndexOutOfBounds })
 }
 
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
@@ -340,11 +361,17 @@ fn find<'a, const W: usize>(
             PUSH_CONSTANTS_HANDLE => whole(bindings.push_constants.as_deref()),
             SHADER_RECORD_HANDLE => record(),
             WORKGROUP_HANDLE => workgroup(),
-            handle => whole(bindings.buffer(handle)),
+            handle => match whole(bindings.buffer(handle)) {
+                Err(_) if Bindings::slot_of(handle).is_none() => Err(TrapCode::NullPointer),
+                found => found,
+            },
         },
         BufferRef::Address(reg) => {
-            let found = bindings.memory.buffer(address(registers, reg, lane));
-            let (buffer, start) = found.ok_or(TrapCode::AddressInvalid)?;
+            let address = address(registers, reg, lane);
+            let null = DeviceMemory::is_null(address);
+            let found = bindings.memory.buffer(address);
+            let (buffer, start) =
+                found.ok_or(if null { TrapCode::NullPointer } else { TrapCode::AddressInvalid })?;
             Ok((buffer, start, buffer.size().saturating_sub(start)))
         }
     }

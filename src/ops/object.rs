@@ -62,7 +62,9 @@ pub fn object(decoder: &mut Decoder<'_>, id: Id, is_wanted: impl Fn(&Type) -> bo
             decoder.addressed.push((first, count));
             Ok(ObjectRef::Computed { first: first.plus(pointer.offset), index })
         }
-        (Place::ComputedRows, Some(index)) => Ok(ObjectRef::Computed { first: Reg(pointer.offset), index }),
+        (Place::ComputedRows, Some(index)) => {
+            Ok(ObjectRef::Computed { first: pointer.pointed_rows(), index })
+        }
         _ => Err(decoder.invalid(format!("%{} is no pointer to a variable", id.0))),
     }
 }

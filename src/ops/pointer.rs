@@ -3,8 +3,8 @@
 use smallvec::SmallVec;
 
 use crate::error::Result;
-use crate::machine::resource::ELEMENT_BITS;
-use crate::machine::{Binding, Bindings, Reg};
+use crate::machine::resource::{ELEMENT_BITS, MAX_SLOTS};
+use crate::machine::{Binding, Bindings, ROW_POINTER, Reg};
 use crate::module::Instruction;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::ops::decode::{Decoder, InputRows, InterfaceRows, Slot, Words};
@@ -50,14 +50,15 @@ pub enum Place {
         /// Whether nothing writes them while the shader runs.
         constant: bool,
     },
-    /// Rows of the register file; the pointer's index is the row's number.
+    /// Rows of the register file; the pointer's index is the row's number with
+    /// [`ROW_POINTER`].
     ComputedRows,
     /// Bytes of a buffer.
     Buffer(BufferRef),
     /// Descriptors of a slot; the offset counts array elements.
     Descriptors {
-        /// The slot.
-        slot: u32,
+        /// The handle of the first one; 0 where the pointer's index is a handle.
+        first: u32,
         /// Whether the binding is an array.
         array: bool,
         /// Whether the descriptors are buffers, whose contents further indices reach.
@@ -91,6 +92,11 @@ impl Pointer {
     pub fn new(place: Place, pointee: TypeId, storage_class: u32) -> Self {
         let (index, matrix, component_stride) = (None, None, None);
         Self { place, pointee, storage_class, offset: 0, index, matrix, component_stride }
+    }
+
+    /// For [`Place::ComputedRows`]: the row from which the index counts.
+    pub fn pointed_rows(&self) -> Reg {
+        Reg(ROW_POINTER.wrapping_add(self.offset))
     }
 
     /// Whether it leads into memory without a layout of its own, where each scalar takes as many
@@ -215,12 +221,15 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
             let block = || decoder.module.name(decoder.module.id_of_type(pointee)?);
             let name = decoder.module.name(id).or_else(block).unwrap_or_default().to_string();
             let slot = decoder.slots.len() as u32;
+            if decoder.slots.len() == MAX_SLOTS {
+                return Err(decoder.unsupported(format!("more than {MAX_SLOTS} descriptor bindings")));
+            }
             decoder.slots.push(Slot { binding: Binding { set, binding }, name });
             let array = matches!(decoder.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
             let buffers = variable.storage_class != storage::UNIFORM_CONSTANT;
             Ok(match (buffers, array) {
                 (true, false) => pointer(Place::Buffer(BufferRef::Handle(Bindings::handle(slot, 0)))),
-                _ => pointer(Place::Descriptors { slot, array, buffers }),
+                _ => pointer(Place::Descriptors { first: Bindings::handle(slot, 0), array, buffers }),
             })
         }
         other => {
@@ -230,13 +239,14 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
     }
 }
 
-/// A pointer as words that a phi, a select or a call can carry.
+/// A pointer as words that a phi, a select or a call can carry. The null pointer is zeros, and so
+/// is what a variable holds before anything is stored there; no other pointer begins with zeros.
 pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
     match pointer.place {
         Place::Rows { first, count, .. } => {
             decoder.addressed.push((first, count));
             decoder.forget();
-            let base = decoder.constant(first.0 + pointer.offset)?;
+            let base = decoder.constant(ROW_POINTER + first.0 + pointer.offset)?;
             Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
         }
         Place::ComputedRows => {
@@ -258,8 +268,8 @@ pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Wor
             let base = decoder.constant(pointer.offset)?;
             Ok(SmallVec::from_slice(&[handle, shifted(decoder, pointer.index, base)?]))
         }
-        Place::Descriptors { slot, buffers, .. } => {
-            let base = decoder.constant(Bindings::handle(slot, pointer.offset))?;
+        Place::Descriptors { first, buffers, .. } => {
+            let base = decoder.constant(Bindings::element_handle(first, pointer.offset))?;
             let handle = shifted(decoder, pointer.index, base)?;
             if !buffers {
                 return Ok(SmallVec::from_slice(&[handle]));
@@ -281,7 +291,7 @@ pub fn pointer_from_words(decoder: &mut Decoder<'_>, ty: TypeId, words: &[Reg]) 
             (Place::Buffer(BufferRef::Address(decoder.pair(low, high)?)), None)
         }
         (storage::UNIFORM | storage::STORAGE_BUFFER, &[handle, _]) if is_buffer_array(decoder, pointee) => {
-            (Place::Descriptors { slot: 0, array: true, buffers: true }, Some(handle))
+            (Place::Descriptors { first: 0, array: true, buffers: true }, Some(handle))
         }
         (
             storage::UNIFORM
@@ -293,7 +303,7 @@ pub fn pointer_from_words(decoder: &mut Decoder<'_>, ty: TypeId, words: &[Reg]) 
         ) => (Place::Buffer(BufferRef::Computed(handle)), Some(offset)),
         (storage::UNIFORM_CONSTANT, &[handle]) => {
             let array = matches!(decoder.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
-            (Place::Descriptors { slot: 0, array, buffers: false }, Some(handle))
+            (Place::Descriptors { first: 0, array, buffers: false }, Some(handle))
         }
         (storage::PRIVATE | storage::FUNCTION | storage::INPUT, &[row]) => (Place::ComputedRows, Some(row)),
         (5328.., &[row]) if storage_class != storage::PHYSICAL_STORAGE_BUFFER => {
@@ -452,14 +462,17 @@ fn element_step(
         }
     }
     let is_array = matches!(decoder.module.ty(element), Type::Array { .. } | Type::RuntimeArray { .. });
-    if let Place::Descriptors { slot, buffers: true, .. } = pointer.place
+    if let Place::Descriptors { first, buffers: true, .. } = pointer.place
         && !is_array
     {
         // The element of an array of buffers is chosen: what follows are its bytes.
-        let handle = decoder.constant(Bindings::handle(slot, pointer.offset))?;
+        let handle = Bindings::element_handle(first, pointer.offset);
         let buffer = match pointer.index.take() {
-            None => BufferRef::Handle(Bindings::handle(slot, pointer.offset)),
-            Some(index) => BufferRef::Computed(shifted(decoder, Some(index), handle)?),
+            None => BufferRef::Handle(handle),
+            Some(index) => {
+                let handle = decoder.constant(handle)?;
+                BufferRef::Computed(shifted(decoder, Some(index), handle)?)
+            }
         };
         pointer.place = Place::Buffer(buffer);
         pointer.offset = 0;

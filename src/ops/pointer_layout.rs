@@ -33,7 +33,8 @@ pub fn complete(decoder: &Decoder<'_>, id: Id, pointer: &mut Pointer) -> Result<
     }
     let mut trace = Trace { decoder, module, seen: HashSet::new() };
     match *trace.layouts(id) {
-        [] => {}
+        // Nothing is loaded or stored through null: any layout will do.
+        [] => pointer.matrix = Some(MatrixLayout { stride: 16, row_major: false }),
         [layout] => (pointer.matrix, pointer.component_stride) = layout,
         _ => {
             let message = "a pointer that may lead into matrices of different layouts";
@@ -82,6 +83,8 @@ impl Trace<'_, '_> {
                 let block = &module.functions[function as usize].blocks[block as usize];
                 self.of_result(&block.instructions[at as usize])
             }
+            // The null pointer leads into no matrix: it agrees with every layout.
+            Some(Definition::Constant(_)) => Layouts::new(),
             _ => SmallVec::from_slice(&[(None, None)]),
         }
     }
@@ -102,6 +105,7 @@ impl Trace<'_, '_> {
         let module = self.module;
         let operands = module.operands(instruction);
         match instruction.opcode {
+            opcode::UNDEF => Layouts::new(),
             opcode::PHI => self.of_all(operands.iter().copied().step_by(2)),
             opcode::SELECT => self.of_all(operands[1..].iter().copied()),
             opcode::COPY_OBJECT => self.of_all(operands[..1].iter().copied()),
@@ -166,6 +170,7 @@ fn instructions(module: &Module) -> impl Iterator<Item = &Instruction> {
 
 /// Opcodes that make pointers of pointers.
 mod opcode {
+    pub const UNDEF: u16 = 1;
     pub const FUNCTION_CALL: u16 = 57;
     pub const ACCESS_CHAIN: u16 = 65;
     pub const IN_BOUNDS_ACCESS_CHAIN: u16 = 66;

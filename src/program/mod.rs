@@ -18,8 +18,8 @@ use std::sync::Arc;
 
 use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::resource::{ELEMENT_BITS, STRUCTURE_HANDLE};
-use crate::machine::{Accessed, Batch, Binding, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode};
+use crate::machine::resource::STRUCTURE_HANDLE;
+use crate::machine::{Accessed, Batch, Binding, Bindings, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode};
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
 use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
@@ -342,9 +342,11 @@ impl Program {
 
     /// Name, set, binding and array element of a handle.
     fn describe_descriptor(&self, handle: u32) -> Option<String> {
-        let slot = self.slots.get((handle >> ELEMENT_BITS) as usize)?;
+        let Some((slot, element)) = Bindings::slot_of(handle) else {
+            return Some("a null descriptor".to_owned());
+        };
+        let slot = self.slots.get(slot)?;
         let Binding { set, binding } = slot.binding;
-        let element = handle & ((1 << ELEMENT_BITS) - 1);
         Some(format!("`{}` (set {set}, binding {binding}, element {element})", slot.name))
     }
 

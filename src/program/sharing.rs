@@ -17,8 +17,7 @@ use std::sync::Arc;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
-use crate::machine::resource::ELEMENT_BITS;
-use crate::machine::{Binding, Descriptor, Reg, Resources};
+use crate::machine::{Binding, Bindings, Descriptor, Reg, Resources};
 use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
 use crate::ops::atomic::{self, Target as AtomicTarget};
 use crate::ops::bit::ShiftLeftLogical;
@@ -426,7 +425,7 @@ impl<'a> Trace<'a> {
     }
 
     fn binding(&self, handle: u32) -> Memory {
-        let slot = self.program.slots.get((handle >> ELEMENT_BITS) as usize);
+        let slot = Bindings::slot_of(handle).and_then(|(slot, _)| self.program.slots.get(slot));
         slot.map_or(Memory::Unknown, |slot| Memory::Binding(slot.binding))
     }
 
@@ -436,12 +435,13 @@ impl<'a> Trace<'a> {
             return self.binding(handle);
         }
         match self.writer(reg) {
-            Some(&Op::Memory(MemoryOp::Index { base: Some(base), .. })) => self.handle(base),
-            // A handle of the first slot is nothing but its element.
-            Some(&Op::Memory(MemoryOp::Index { base: None, stride, index, .. })) => {
-                let shifted = self.constants.get(&index) == Some(&1);
-                self.binding(if shifted { stride } else { 0 })
+            // An element's number, behind the handle of the first one: see `pointer::shifted`.
+            Some(&Op::Memory(MemoryOp::Index { base: Some(_), stride, index, .. }))
+                if self.constants.get(&index) == Some(&1) && Bindings::slot_of(stride).is_some() =>
+            {
+                self.binding(stride)
             }
+            Some(&Op::Memory(MemoryOp::Index { base: Some(base), .. })) => self.handle(base),
             Some(&Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. })) => {
                 self.handle(from)
             }
@@ -494,7 +494,7 @@ impl<'a> Trace<'a> {
                 let place = match chunk.buffer {
                     BufferRef::PushConstants => None,
                     BufferRef::Handle(handle) => match self.binding(handle) {
-                        Memory::Binding(binding) => Some((binding, handle & ((1 << ELEMENT_BITS) - 1))),
+                        Memory::Binding(binding) => Some((binding, Bindings::slot_of(handle)?.1)),
                         _ => return None,
                     },
                     _ => return None,

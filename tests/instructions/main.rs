@@ -16,6 +16,7 @@ mod integers;
 mod memory;
 mod messages;
 mod motion;
+mod null_pointers;
 mod pointers;
 mod ray_queries;
 mod resources;

@@ -221,7 +221,7 @@ fn bad_addresses_trap_and_are_named() {
             "%pointer = OpConvertUToPtr %ptr_uint %id
              %value = OpLoad %uint %pointer Aligned 4"
         ),
-        ("no buffer lies at a device address".to_owned(), "4 bytes at address 0x0".to_owned())
+        ("an access through a null pointer".to_owned(), "4 bytes at address 0x0".to_owned())
     );
 }
 

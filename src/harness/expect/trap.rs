@@ -27,6 +27,7 @@ impl Named for TrapName {
     const NAMES: &'static [(&'static str, Self)] = &[
         ("index_out_of_bounds", Self(TrapCode::IndexOutOfBounds)),
         ("buffer_out_of_bounds", Self(TrapCode::BufferOutOfBounds)),
+        ("null_pointer", Self(TrapCode::NullPointer)),
         ("address_invalid", Self(TrapCode::AddressInvalid)),
         ("address_out_of_bounds", Self(TrapCode::AddressOutOfBounds)),
         ("address_misaligned", Self(TrapCode::AddressMisaligned)),

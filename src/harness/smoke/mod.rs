@@ -255,7 +255,10 @@ impl Subject {
             let given = resources::given(&self.program, &self.variables, values, &known, &hits::scene)?;
             let End::Trapped(trapped) = self.once(way, &given, values)? else { return Ok(End::Done) };
             let lost = match trapped.code {
-                TrapCode::AddressInvalid | TrapCode::AddressMisaligned | TrapCode::AddressOutOfBounds => true,
+                TrapCode::NullPointer
+                | TrapCode::AddressInvalid
+                | TrapCode::AddressMisaligned
+                | TrapCode::AddressOutOfBounds => true,
                 TrapCode::AccelerationStructureMissing => self.addresses_structures(),
                 _ => false,
             };

@@ -187,7 +187,7 @@ impl<'a> Watcher<'a> {
 
     fn moves(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &memory::Op) {
         let Some(frame) = self.frames.last_mut() else { return };
-        let at = |first: Reg, row: Reg| first.plus(batch.registers[row].0[0]);
+        let at = |first: Reg, row: Reg| first.computed(batch.registers[row].0[0]);
         match *op {
             memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from } => {
                 let entry = frame.entry(from);
