@@ -84,8 +84,8 @@ fn sharing(whose: &str, memory: Memory) -> String {
         Memory::Unknown => "memory of a descriptor known only while running".to_owned(),
     };
     format!(
-        "one thread, 32 invocations together in their order: {whose} invocations may reach each other's data in \
-         {place}, without atomic instructions\n"
+        "one thread, 64 invocations together in their order: {whose} invocations may reach each other's data in \
+         {place}, not only by atomic instructions that commute\n"
     )
 }
 

@@ -3,7 +3,9 @@
 //! Lanes apply them in ascending order, which is launch order. A program whose results depend on
 //! how invocations interleave (one that uses what an atomic returns, or adds floats) says so by
 //! [`Op::order_dependent`], and a launch then runs it invocation by invocation. Integer additions,
-//! bit operations, minima and maxima whose result nobody reads commute: those run on all threads.
+//! bit operations, minima and maxima whose result nobody reads commute each with its own kind: those
+//! run on all threads, unless others may reach the same memory ([`Update::commutes_with`],
+//! [`crate::program::sharing`]).
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -79,6 +81,32 @@ pub enum Kind {
     FMax,
 }
 
+/// What an atomic operation whose result nobody reads does to memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Update {
+    /// What becomes of the value.
+    pub kind: Kind,
+    /// Bits of the scalar.
+    pub width: u32,
+}
+
+impl Update {
+    /// Whether memory holds the same in whichever order two of them come, if the places that they reach lie on
+    /// each other at least in part. Differences are sums; bits are changed each by itself, whatever
+    /// the width.
+    pub fn commutes_with(self, other: Self) -> bool {
+        use Kind::{Add, And, Load, Or, SMax, SMin, Sub, UMax, UMin, Xor};
+        let same_width = self.width == other.width;
+        match (self.kind, other.kind) {
+            (Load, _) | (_, Load) => true,
+            (And, And) | (Or, Or) | (Xor, Xor) => true,
+            (Add | Sub, Add | Sub) => same_width,
+            (SMin, SMin) | (UMin, UMin) | (SMax, SMax) | (UMax, UMax) => same_width,
+            _ => false,
+        }
+    }
+}
+
 /// Where the value lies.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Target {
@@ -113,8 +141,14 @@ pub struct Op {
 }
 
 impl Op {
-    fn words(&self) -> u32 {
+    /// How many words the scalar has.
+    pub fn words(&self) -> u32 {
         self.width.div_ceil(32)
+    }
+
+    /// What it does to memory.
+    pub fn update(&self) -> Update {
+        Update { kind: self.kind, width: self.width }
     }
 
     /// See [`crate::ops::op::Op::accesses`].
@@ -403,6 +437,56 @@ fn target(decoder: &mut Decoder<'_>, pointer: &Pointer, width: u32) -> Result<Ta
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn updates_that_commute_leave_the_same_in_either_order() {
+        use Kind::*;
+        let kinds = [
+            Load,
+            Exchange,
+            CompareExchange,
+            Add,
+            Sub,
+            SMin,
+            UMin,
+            SMax,
+            UMax,
+            And,
+            Or,
+            Xor,
+            FAdd,
+            FMin,
+            FMax,
+        ];
+        // Numbers between which every kind can tell; as floats some are NaNs and of both signs.
+        let samples = [0, 1, 7, 0x7FFF_FFFF, 0x8000_0000, 0xFFFF_FFFF, 0x3F80_0000, 0xC040_0000, 0x4B80_0001];
+        let after = |kind, old, value| apply(kind, 32, old, value, 7).unwrap_or(old);
+        for a in kinds {
+            for b in kinds {
+                let differ = samples.iter().flat_map(|&start| {
+                    samples.iter().flat_map(move |&x| samples.iter().map(move |&y| (start, x, y)))
+                });
+                let differ = differ
+                    .filter(|&(start, x, y)| {
+                        after(b, after(a, start, x), y) != after(a, after(b, start, y), x)
+                    })
+                    .count();
+                let commutes =
+                    |a, b| Update { kind: a, width: 32 }.commutes_with(Update { kind: b, width: 32 });
+                assert_eq!(commutes(a, b), commutes(b, a), "{a:?} {b:?}");
+                if commutes(a, b) {
+                    assert_eq!(differ, 0, "{a:?} and {b:?} do not commute");
+                } else if [a, b].iter().all(|kind| ![FAdd, FMin, FMax].contains(kind)) {
+                    assert_ne!(differ, 0, "{a:?} and {b:?} commute");
+                }
+            }
+        }
+        let update = |kind, width| Update { kind, width };
+        // A carry out of the lower half of a wide sum is none of two narrow ones.
+        assert!(!update(Add, 32).commutes_with(update(Add, 64)));
+        assert!(!update(UMax, 16).commutes_with(update(UMax, 32)));
+        assert!(update(Xor, 32).commutes_with(update(Xor, 64)));
+    }
 
     #[test]
     fn the_new_value_of_every_kind() {

@@ -10,7 +10,7 @@ use crate::pipeline::tasks::{Done, Tasks};
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::workgroup::{Gang, Watch};
 use crate::pipeline::{DEFAULT_BUDGET, Event, check_subgroup_size};
-use crate::program::sharing::{Extent, Memory};
+use crate::program::sharing::{self, Extent, Memory};
 use crate::program::{Program, WorkgroupLayout};
 
 /// A compute shader (`VkComputePipelineCreateInfo`), ready to be dispatched.
@@ -41,6 +41,8 @@ pub struct Compute {
     /// `SubgroupSize`
     pub subgroup_size: u32,
     layout: WorkgroupLayout,
+    /// Whether the atomic instructions on its workgroups' memory need one schedule.
+    mixes_atomics: bool,
 }
 
 /// Invocations that one task of a thread runs: enough that stealing costs little.
@@ -59,7 +61,8 @@ impl Compute {
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         };
         let subgroup_size = crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
-        Ok(Self { program, budget: DEFAULT_BUDGET, subgroup_size, layout })
+        let mixes_atomics = sharing::mixes_workgroup_atomics(&program);
+        Ok(Self { program, budget: DEFAULT_BUDGET, subgroup_size, layout, mixes_atomics })
     }
 
     /// The same shader without any optimisation; see [`Program::unoptimized`].
@@ -203,7 +206,7 @@ impl Compute {
                 None if self.program.order_dependent => {
                     Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
                 }
-                None if shares => {
+                None if shares || self.mixes_atomics => {
                     Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
                 }
                 None => Gang::<W>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody()),
@@ -225,8 +228,8 @@ impl Compute {
         tasks.run(self.program.order_dependent || shares, worker)
     }
 
-    /// The memory that the invocations of a dispatch share without atomic instructions between them,
-    /// where there is any; they then run on one thread, 64 together in their order, at every width.
+    /// The memory that the invocations of a dispatch share otherwise than by atomic instructions that
+    /// commute, where there is any; they then run on one thread, 64 together in their order, at every width.
     pub fn shared_memory(&self, groups: [u32; 3], resources: &Resources) -> Option<Memory> {
         Extent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
     }

@@ -1,13 +1,16 @@
-//! Which memory the invocations of a launch share without atomic instructions between them.
+//! Which memory the invocations of a launch share otherwise than by atomic instructions that commute.
 //!
 //! Where one invocation stores plainly what another one loads or stores, the result depends on the
-//! schedule. To know it before running, the place of every access is followed back to what tells
+//! schedule; so it does where both change it by atomic instructions of two kinds, one adding, the
+//! other exchanging bits. (Atomic instructions whose own results are read, or that commute not even
+//! with themselves, are no matter of places: see [`crate::ops::atomic`].) To know it before running, the place of every access is followed back to what tells
 //! invocations apart: the launch index, or workgroup and local index. A place is an invocation's own
 //! where it is a linear function of these that takes no value twice. What this cannot show (an index
 //! that was loaded lane by lane, the neighbour's texel) counts as shared, be it or not.
 //!
-//! Bindings that hold one buffer or image count as one. Workgroup memory is left out: it is there to be
-//! shared, between barriers. So is a buffer reached both by a binding and by its device address.
+//! Bindings that hold one buffer or image count as one, and one whose buffer has a device address counts as
+//! what lies behind addresses. Plain accesses to workgroup memory are left out: it is there to be shared,
+//! between barriers.
 
 mod rows;
 
@@ -19,11 +22,13 @@ use smallvec::SmallVec;
 
 use crate::machine::{Binding, Bindings, Descriptor, Reg, Resources};
 use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
-use crate::ops::atomic::{self, Target as AtomicTarget};
+use crate::ops::atomic::{Kind, Target as AtomicTarget, Update};
 use crate::ops::bit::ShiftLeftLogical;
 use crate::ops::image::Op as ImageOp;
 use crate::ops::image::access::TexelPlace;
-use crate::ops::memory::{BufferRef, Chunk, Length, Op as MemoryOp};
+use crate::ops::memory::{
+    BufferRef, Chunk, Length, Op as MemoryOp, PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE,
+};
 use crate::ops::op::{Access, Op};
 use crate::ops::row::Row;
 use crate::program::Program;
@@ -48,8 +53,8 @@ pub struct Touch {
     pub memory: Memory,
     /// Whether it stores, plainly or by an atomic instruction.
     pub stores: bool,
-    /// Whether it is atomic.
-    pub atomic: bool,
+    /// What it does, where it is atomic.
+    pub atomic: Option<Update>,
     /// The place in it, where that is known: the bytes of a buffer, or one after the other the
     /// coordinates of a texel.
     place: Option<SmallVec<[Reach; 3]>>,
@@ -213,6 +218,22 @@ impl Extent<'_> {
         buffer.load(offset.into(), 32)
     }
 
+    /// Bindings one of whose buffers has a device address.
+    fn addressed(&self, touches: &[&Touch]) -> Vec<Binding> {
+        if !touches.iter().any(|touch| touch.memory == Memory::Addresses) {
+            return Vec::new();
+        }
+        let has_address = |descriptor: &Descriptor| {
+            let address = descriptor.find(|kind| match kind {
+                Descriptor::Buffer(buffer) => self.resources.memory.address_of(buffer),
+                _ => None,
+            });
+            address.is_some()
+        };
+        let bindings = self.resources.descriptors.iter();
+        bindings.filter(|(_, all)| all.iter().any(has_address)).map(|(&binding, _)| binding).collect()
+    }
+
     /// For each binding that a buffer or image of another one is bound to, too, the first of these.
     fn one_memory(&self, touches: &[&Touch]) -> BTreeMap<Binding, Binding> {
         let binding = |touch: &&Touch| match touch.memory {
@@ -278,8 +299,8 @@ impl Extent<'_> {
         self.sides().all(|(symbol, _)| told.contains(&symbol))
     }
 
-    /// The first memory that invocations share without atomic instructions between them; `None` where
-    /// there is none.
+    /// The first memory that invocations share otherwise than by atomic instructions that commute; `None`
+    /// where there is none.
     pub fn shared(&self, programs: &[&Program]) -> Option<Memory> {
         self.sides().next()?;
         let touches: Vec<&Touch> = programs.iter().flat_map(|program| &program.touches).collect();
@@ -289,9 +310,38 @@ impl Extent<'_> {
             let same =
                 |touch: &&&Touch| unknown || [memory, Memory::Unknown].contains(&stored.of(touch.memory));
             let same: Vec<&Touch> = touches.iter().filter(same).copied().collect();
-            !same.iter().all(|touch| touch.atomic)
-                && !self.keeps_apart(&same, |binding| stored.may_change(binding))
+            !commute(&same) && !self.keeps_apart(&same, |binding| stored.may_change(binding))
         })
+    }
+}
+
+/// Whether all of these accesses are atomic and commute with each other, but for those that never meet.
+fn commute(touches: &[&Touch]) -> bool {
+    let pairs = touches.iter().enumerate().flat_map(|(at, a)| touches[at..].iter().map(move |b| (a, b)));
+    touches.iter().all(|touch| touch.atomic.is_some())
+        && pairs.into_iter().all(|(a, b)| {
+            let commute = a.atomic.zip(b.atomic).is_some_and(|(a, b)| a.commutes_with(b));
+            commute || never_meet(a, b)
+        })
+}
+
+/// Whether two accesses to one memory reach different places, whatever invocations make them.
+fn never_meet(a: &Touch, b: &Touch) -> bool {
+    let (Some(a), Some(b)) = (&a.place, &b.place) else { return false };
+    a.len() == b.len() && a.iter().zip(b).any(|(a, b)| a.avoids(b))
+}
+
+impl Reach {
+    /// Whether no value of one is a value of the other, by what remains when they are divided by a
+    /// power of two that all their terms are multiples of: numbers of 32 bits begin anew behind one.
+    fn avoids(&self, other: &Self) -> bool {
+        let ((own, rest), (others, other_rest)) = (self.from.split(), other.from.split());
+        let terms = rest.0.iter().chain(&other_rest.0);
+        let zeros = terms.map(|(_, factor)| factor.trailing_zeros()).min().unwrap_or(32).min(32);
+        let step = 1u64 << zeros;
+        let ahead = others.wrapping_sub(own).rem_euclid(step as i64) as u64;
+        let fits = |distance: u64, count: u64| distance > 0 && count <= distance;
+        fits(ahead, self.count) && fits(step - ahead, other.count)
     }
 }
 
@@ -299,12 +349,18 @@ impl Extent<'_> {
 struct Stored {
     /// Of bindings that hold the same, the first.
     first: BTreeMap<Binding, Binding>,
+    /// Bindings whose memory is reached by device addresses, too.
+    addressed: Vec<Binding>,
     memories: Vec<Memory>,
 }
 
 impl Stored {
     fn new(extent: &Extent<'_>, touches: &[&Touch]) -> Self {
-        let mut all = Self { first: extent.one_memory(touches), memories: Vec::new() };
+        let first = extent.one_memory(touches);
+        let mut addressed = extent.addressed(touches);
+        // With one binding all that stand for the same.
+        addressed.iter_mut().for_each(|binding| *binding = *first.get(binding).unwrap_or(binding));
+        let mut all = Self { first, addressed, memories: Vec::new() };
         let mut memories: Vec<Memory> =
             touches.iter().filter(|touch| touch.stores).map(|touch| all.of(touch.memory)).collect();
         memories.sort_unstable();
@@ -316,7 +372,10 @@ impl Stored {
     /// What stands for a memory.
     fn of(&self, memory: Memory) -> Memory {
         match memory {
-            Memory::Binding(binding) => Memory::Binding(*self.first.get(&binding).unwrap_or(&binding)),
+            Memory::Binding(binding) => match *self.first.get(&binding).unwrap_or(&binding) {
+                first if self.addressed.contains(&first) => Memory::Addresses,
+                first => Memory::Binding(first),
+            },
             other => other,
         }
     }
@@ -334,7 +393,13 @@ pub fn touches(program: &Program) -> Vec<Touch> {
         Op::Image(op) => matches!(op, ImageOp::Write(_)),
         _ => false,
     });
-    let loads = |op: &Op| matches!(op, Op::Memory(MemoryOp::BufferLoad { .. }) | Op::Image(ImageOp::Read(_)));
+    let loads = |op: &Op| {
+        matches!(
+            op,
+            Op::Memory(MemoryOp::BufferLoad { .. })
+                | Op::Image(ImageOp::Read(_) | ImageOp::Sample(_) | ImageOp::Process(_))
+        )
+    };
     if !stores && !program.ops.iter().any(loads) {
         return Vec::new();
     }
@@ -347,15 +412,20 @@ pub fn touches(program: &Program) -> Vec<Touch> {
     };
     for op in &program.ops {
         match op {
-            Op::Memory(MemoryOp::BufferLoad { chunk, .. }) => add(trace.bytes(chunk, false, false)),
-            Op::Memory(MemoryOp::BufferStore { chunk, .. }) => add(trace.bytes(chunk, true, false)),
-            Op::Image(ImageOp::Read(op)) => add(Some(trace.texel(&op.place, false, false))),
-            Op::Image(ImageOp::Write(op)) => add(Some(trace.texel(&op.place, true, false))),
+            Op::Memory(MemoryOp::BufferLoad { chunk, .. }) => add(trace.bytes(chunk, false, None)),
+            Op::Memory(MemoryOp::BufferStore { chunk, .. }) => add(trace.bytes(chunk, true, None)),
+            Op::Image(ImageOp::Read(op)) => add(Some(trace.texel(&op.place, false, None))),
+            Op::Image(ImageOp::Write(op)) => add(Some(trace.texel(&op.place, true, None))),
+            // Which texels a sampler reads is not followed.
+            Op::Image(ImageOp::Sample(op)) => add(Some(Touch::anywhere(trace.handle(op.image)))),
+            Op::Image(ImageOp::Process(op)) => {
+                op.images().for_each(|image| add(Some(Touch::anywhere(trace.handle(image)))));
+            }
             Op::Atomic(op) => {
-                let stores = op.kind != atomic::Kind::Load;
+                let (stores, update) = (op.kind != Kind::Load, Some(op.update()));
                 match &op.target {
-                    AtomicTarget::Buffer(chunk) => add(trace.bytes(chunk, stores, true)),
-                    AtomicTarget::Texel(place) => add(Some(trace.texel(place, stores, true))),
+                    AtomicTarget::Buffer(chunk) => add(trace.bytes(chunk, stores, update)),
+                    AtomicTarget::Texel(place) => add(Some(trace.texel(place, stores, update))),
                     AtomicTarget::Rows { .. } => {}
                 }
             }
@@ -363,6 +433,39 @@ pub fn touches(program: &Program) -> Vec<Touch> {
         }
     }
     found
+}
+
+impl Touch {
+    /// A load from a place that is not known.
+    fn anywhere(memory: Memory) -> Self {
+        Self { memory, stores: false, atomic: None, place: None }
+    }
+}
+
+/// Whether the invocations of a workgroup change its memory by atomic instructions that do not commute: what
+/// that leaves depends on which of them run together.
+pub fn mixes_workgroup_atomics(program: &Program) -> bool {
+    let concerned = |op| match op {
+        &Op::Atomic(ref op) => match op.target {
+            AtomicTarget::Buffer(
+                chunk @ Chunk { buffer: BufferRef::Workgroup | BufferRef::Computed(_), .. },
+            ) => Some((chunk, op.update())),
+            _ => None,
+        },
+        _ => None,
+    };
+    let found: SmallVec<[(Chunk, Update); 4]> = program.ops.iter().filter_map(concerned).collect();
+    if found.len() < 2 || program.workgroup.is_none_or(|layout| layout.memory == 0) {
+        return false;
+    }
+    // A pointer that may lead elsewhere counts as one that leads here.
+    let mut trace = Trace::new(program);
+    let touch = |(chunk, update): &(Chunk, Update)| {
+        let place = trace.reached(chunk, None);
+        Touch { memory: Memory::Unknown, stores: update.kind != Kind::Load, atomic: Some(*update), place }
+    };
+    let touches: Vec<Touch> = found.iter().map(touch).collect();
+    !commute(&touches.iter().collect::<Vec<_>>())
 }
 
 /// No operation, or more than one.
@@ -395,28 +498,39 @@ impl<'a> Trace<'a> {
     }
 
     /// The access to a stretch of a buffer; `None` for memory that is not shared, or only read.
-    fn bytes(&mut self, chunk: &Chunk, stores: bool, atomic: bool) -> Option<Touch> {
-        let mut base = Some(Reach { from: Sum::constant(chunk.offset.into()), count: 1 });
+    fn bytes(&mut self, chunk: &Chunk, stores: bool, atomic: Option<Update>) -> Option<Touch> {
+        let mut address = None;
         let memory = match chunk.buffer {
             BufferRef::PushConstants | BufferRef::ShaderRecord | BufferRef::Workgroup => return None,
             BufferRef::Handle(handle) => self.binding(handle),
-            BufferRef::Computed(reg) => self.handle(reg),
+            BufferRef::Computed(reg) => match self.constants.get(&reg) {
+                Some(&(PUSH_CONSTANTS_HANDLE | SHADER_RECORD_HANDLE | WORKGROUP_HANDLE)) => return None,
+                _ => self.handle(reg),
+            },
             BufferRef::Address(reg) => {
-                base = plus(base, self.value(reg));
+                address = Some(reg);
                 Memory::Addresses
             }
         };
+        Some(Touch { memory, stores, atomic, place: self.reached(chunk, address) })
+    }
+
+    /// The bytes that an access reaches, counted from the beginning of the buffer, or as addresses.
+    fn reached(&mut self, chunk: &Chunk, address: Option<Reg>) -> Option<SmallVec<[Reach; 3]>> {
+        let mut base = Some(Reach { from: Sum::constant(chunk.offset.into()), count: 1 });
+        if let Some(address) = address {
+            base = plus(base, self.value(address));
+        }
         if let Some(index) = chunk.index {
             base = plus(base, self.value(index));
         }
         let bytes = u64::from(chunk.count) * u64::from(chunk.width / 8);
-        let place = base.map(|stretch| {
+        base.map(|stretch| {
             SmallVec::from_iter([Reach { count: stretch.count - 1 + bytes, from: stretch.from }])
-        });
-        Some(Touch { memory, stores, atomic, place })
+        })
     }
 
-    fn texel(&mut self, texel: &TexelPlace, stores: bool, atomic: bool) -> Touch {
+    fn texel(&mut self, texel: &TexelPlace, stores: bool, atomic: Option<Update>) -> Touch {
         let memory = self.handle(texel.image);
         let plain = texel.offset.is_none() && texel.level.is_none() && texel.sample.is_none();
         let place: Option<SmallVec<[Reach; 3]>> =

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use anyhit::error::ErrorKind;
 use anyhit::machine::{Buffer, Descriptor, Resources};
+use anyhit::pipeline::{Compute, Launch, Pipeline};
 
+use crate::assembly::assemble;
 use crate::run::{INVOCATIONS, Shader};
 
 const COUNTER_LAYOUT: &str = "
@@ -131,6 +133,148 @@ fn sums_without_a_reader_commute() {
     );
     // 0xFFFF_FFFF + 40 carries into the upper word.
     assert_eq!(left, [count * (count - 1) / 2, 0, count - 1, 1]);
+}
+
+/// Instructions on `%count`, `%wide` and `%id`, of which an order between invocations can be seen; and
+/// some of which it cannot.
+const MIXED: &[&str] = &[
+    "%a = OpAtomicIAdd %uint %count %u1 %u0 %id
+     %b = OpAtomicXor %uint %count %u1 %u0 %triple",
+    "%a = OpAtomicUMax %uint %count %u1 %u0 %triple
+     %b = OpAtomicISub %uint %count %u1 %u0 %id",
+    "%a = OpAtomicOr %uint %count %u1 %u0 %id
+     %b = OpAtomicAnd %uint %count %u1 %u0 %triple",
+    "%a = OpAtomicXor %uint %count %u1 %u0 %triple
+     OpStore %count %id",
+    "%a = OpAtomicIAdd %uint %count %u1 %u0 %id
+     %b = OpLoad %uint %count
+     %c = OpAtomicXor %uint %other %u1 %u0 %b",
+    // Only the upper half of what is returned is read.
+    "%x = OpUConvert %ulong %id
+     %shift = OpShiftLeftLogical %ulong %x %u31
+     %a = OpAtomicIAdd %ulong %wide %u1 %u0 %shift
+     %halves = OpBitcast %uint2 %a
+     %high = OpCompositeExtract %uint %halves 1
+     %b = OpIMul %uint %high %triple
+     %c = OpAtomicXor %uint %other %u1 %u0 %b",
+    "%a = OpAtomicIAdd %uint %count %u1 %u0 %id
+     %b = OpAtomicISub %uint %count %u1 %u0 %triple",
+];
+
+#[test]
+fn threads_change_nothing() {
+    // Enough for many tasks of a launch.
+    const SIZE: [u32; 3] = [512, 32, 1];
+    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    let (one, many) = (pool(1), pool(4));
+    for body in MIXED {
+        let body = format!(
+            "%count = OpAccessChain %ptr_StorageBuffer_uint %counters %u0
+             %other = OpAccessChain %ptr_StorageBuffer_uint %counters %u3
+             %wide = OpAccessChain %ptr_StorageBuffer_ulong %counters %u2
+             %y = OpCompositeExtract %uint %launch_id_value 1
+             %row = OpIMul %uint %y %u31
+             %place = OpIAdd %uint %id %row
+             %triple = OpIMul %uint %place %u3
+             {body}"
+        );
+        let shader = Shader {
+            capabilities: "OpCapability Int64Atomics",
+            annotations: &format!("{COUNTER_LAYOUT}\nOpMemberDecorate %counter_block 3 Offset 16"),
+            declarations: &COUNTERS.replace("%uint %float %ulong", "%uint %float %ulong %uint"),
+            body: &body,
+            ..Shader::default()
+        };
+        let mut builder = Pipeline::builder();
+        builder.ray_generation(shader.program()).expect("a shader");
+        let pipeline = builder.build().expect("a pipeline");
+        let left = |threads: &rayon::ThreadPool, lanes: usize| {
+            let counters = Buffer::zeroed(24);
+            let resources = Resources::default().bind(0, 1, Descriptor::Buffer(counters.clone()));
+            let resources = resources.bind(0, 0, Descriptor::Buffer(Buffer::zeroed(4)));
+            let launch = Launch { pipeline: &pipeline, resources: &resources };
+            let ran = threads.install(|| match lanes {
+                1 => launch.run::<1>(SIZE, &|_| ()),
+                8 => launch.run::<8>(SIZE, &|_| ()),
+                _ => launch.run::<64>(SIZE, &|_| ()),
+            });
+            ran.unwrap_or_else(|error| panic!("{}", error.render()));
+            counters.bytes()
+        };
+        let expected = left(&one, 64);
+        for lanes in [64, 64, 64, 64, 64, 64, 8, 8, 1, 1] {
+            assert_eq!(left(&many, lanes), expected, "{lanes} lanes: {body}");
+        }
+    }
+}
+
+#[test]
+fn workgroup_memory_does_not_depend_on_the_width() {
+    let module = assemble(
+        "OpCapability Shader
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint GLCompute %main \"main\" %index %global %count %out
+         OpExecutionMode %main LocalSize 192 1 1
+         OpDecorate %index BuiltIn LocalInvocationIndex
+         OpDecorate %global BuiltIn GlobalInvocationId
+         OpDecorate %words ArrayStride 4
+         OpDecorate %block Block
+         OpMemberDecorate %block 0 Offset 0
+         OpDecorate %out DescriptorSet 0
+         OpDecorate %out Binding 0
+         %void = OpTypeVoid
+         %function = OpTypeFunction %void
+         %uint = OpTypeInt 32 0
+         %uint3 = OpTypeVector %uint 3
+         %0 = OpConstant %uint 0
+         %2 = OpConstant %uint 2
+         %3 = OpConstant %uint 3
+         %264 = OpConstant %uint 264
+         %ptr_in = OpTypePointer Input %uint
+         %ptr_in3 = OpTypePointer Input %uint3
+         %index = OpVariable %ptr_in Input
+         %global = OpVariable %ptr_in3 Input
+         %ptr_shared = OpTypePointer Workgroup %uint
+         %count = OpVariable %ptr_shared Workgroup
+         %words = OpTypeRuntimeArray %uint
+         %block = OpTypeStruct %words
+         %ptr_block = OpTypePointer StorageBuffer %block
+         %ptr_uint = OpTypePointer StorageBuffer %uint
+         %out = OpVariable %ptr_block StorageBuffer
+         %main = OpFunction %void None %function
+         %entry = OpLabel
+         %i = OpLoad %uint %index
+         %triple = OpIMul %uint %i %3
+         %global_id = OpLoad %uint3 %global
+         %g = OpCompositeExtract %uint %global_id 0
+         %a = OpAtomicIAdd %uint %count %2 %0 %i
+         %b = OpAtomicXor %uint %count %2 %0 %triple
+         OpControlBarrier %2 %2 %264
+         %sum = OpLoad %uint %count
+         %pointer = OpAccessChain %ptr_uint %out %0 %g
+         OpStore %pointer %sum
+         OpReturn
+         OpFunctionEnd",
+    );
+    let module = Arc::new(anyhit::module::load(&module).expect("a module"));
+    let compute = Compute::new(anyhit::program::lower(&module, &module.entry_points[0]).expect("a program"));
+    let compute = compute.expect("a compute shader");
+    let dispatch = |lanes: usize| {
+        let out = Buffer::zeroed(4 * 192 * 40);
+        let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
+        let groups = [40, 1, 1];
+        match lanes {
+            1 => compute.run::<1>(&resources, groups, &|_| ()),
+            8 => compute.run::<8>(&resources, groups, &|_| ()),
+            _ => compute.run::<64>(&resources, groups, &|_| ()),
+        }
+        .unwrap_or_else(|error| panic!("{}", error.render()));
+        out.bytes()
+    };
+    let expected = dispatch(64);
+    for lanes in [1, 8, 64] {
+        assert_eq!(dispatch(lanes), expected, "{lanes} lanes");
+    }
 }
 
 #[test]

@@ -1,6 +1,11 @@
-//! Memory that invocations share without atomic instructions between them: it is found before running,
-//! and the launch keeps one schedule.
+//! Memory that invocations share otherwise than by atomic instructions that commute: it is found before
+//! running, and the launch keeps one schedule.
 
+use std::sync::Arc;
+
+use anyhit::machine::format::{Component, Format};
+use anyhit::machine::image::{Image, Shape};
+use anyhit::machine::sampler::Sampler;
 use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit::program::sharing::{Extent, Memory};
 
@@ -14,6 +19,15 @@ const ANNOTATIONS: &str = "
     OpDecorate %cells Binding 1
     OpDecorate %picture DescriptorSet 0
     OpDecorate %picture Binding 2
+    OpDecorate %wide_words ArrayStride 8
+    OpDecorate %wide_block Block
+    OpMemberDecorate %wide_block 0 Offset 0
+    OpDecorate %wide_cells DescriptorSet 0
+    OpDecorate %wide_cells Binding 3
+    OpDecorate %counts DescriptorSet 0
+    OpDecorate %counts Binding 4
+    OpDecorate %texture DescriptorSet 0
+    OpDecorate %texture Binding 5
     OpDecorate %launch_size BuiltIn LaunchSizeKHR
     OpDecorate %push_block Block
     OpMemberDecorate %push_block 0 Offset 0";
@@ -31,7 +45,23 @@ const DECLARATIONS: &str = "
     %int2 = OpTypeVector %int 2
     %one = OpConstant %int 1
     %zero = OpConstant %int 0
-    %right = OpConstantComposite %int2 %one %zero";
+    %right = OpConstantComposite %int2 %one %zero
+    %wide_words = OpTypeRuntimeArray %ulong
+    %wide_block = OpTypeStruct %wide_words
+    %ptr_wide_block = OpTypePointer StorageBuffer %wide_block
+    %ptr_StorageBuffer_ulong = OpTypePointer StorageBuffer %ulong
+    %wide_cells = OpVariable %ptr_wide_block StorageBuffer
+    %count_image = OpTypeImage %uint 2D 0 0 0 2 R32ui
+    %ptr_count_image = OpTypePointer UniformConstant %count_image
+    %counts = OpVariable %ptr_count_image UniformConstant
+    %ptr_texel = OpTypePointer Image %uint
+    %read_image = OpTypeImage %float 2D 0 0 0 1 Unknown
+    %sampled = OpTypeSampledImage %read_image
+    %ptr_sampled = OpTypePointer UniformConstant %sampled
+    %texture = OpVariable %ptr_sampled UniformConstant
+    %zero_float = OpConstant %float 0.0
+    %middle = OpConstantComposite %float2 %zero_float %zero_float
+    %four = OpConstantComposite %float4 %zero_float %zero_float %zero_float %zero_float";
 
 /// What a launch of some size shares, the body finding `%x`, `%y`, `%width` and `%pushed`.
 fn shared(body: &str, size: [u32; 3]) -> Option<Memory> {
@@ -154,12 +184,185 @@ fn a_buffer_bound_twice_is_one_memory() {
         %loaded = OpLoad %uint %pointer
         out 0 %loaded";
     let (one, other) = (Buffer::zeroed(4096), Buffer::zeroed(4096));
-    let bound = |cells: &std::sync::Arc<Buffer>| {
+    let bound = |cells: &Arc<Buffer>| {
         let resources = Resources::default().bind(0, 0, Descriptor::Buffer(one.clone()));
         resources.bind(0, 1, Descriptor::Buffer(cells.clone()))
     };
     assert_eq!(shared_with(body, [40, 1, 1], &bound(&other)), None);
     assert_eq!(shared_with(body, [40, 1, 1], &bound(&one)), Some(OUT));
+}
+
+/// Two atomic instructions on cells whose indices are computed before.
+fn mixed(indices: &str, first: &str, second: &str) -> String {
+    format!(
+        "{indices}
+         %a = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %i
+         %b = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %j
+         %old_a = {first} %uint %a %u1 %u0 %x
+         %old_b = {second} %uint %b %u1 %u0 %x"
+    )
+}
+
+#[test]
+fn atomic_instructions_of_two_kinds_do_not_commute() {
+    let one_cell = "%i = OpIMul %uint %u2 %u3\n%j = OpIMul %uint %u3 %u2";
+    let size = [40, 1, 1];
+    for (a, b, together) in [
+        ("OpAtomicIAdd", "OpAtomicXor", CELLS),
+        ("OpAtomicIAdd", "OpAtomicISub", None),
+        ("OpAtomicIAdd", "OpAtomicUMax", CELLS),
+        ("OpAtomicUMin", "OpAtomicUMax", CELLS),
+        ("OpAtomicSMin", "OpAtomicUMin", CELLS),
+        ("OpAtomicUMax", "OpAtomicUMax", None),
+        ("OpAtomicAnd", "OpAtomicOr", CELLS),
+        ("OpAtomicOr", "OpAtomicOr", None),
+    ] {
+        assert_eq!(shared(&mixed(one_cell, a, b), size), together, "{a} {b}");
+        assert_eq!(shared(&mixed(one_cell, b, a), size), together, "{b} {a}");
+        let two_cells = "%i = OpIAdd %uint %u2 %u3\n%j = OpIAdd %uint %u3 %u3";
+        assert_eq!(shared(&mixed(two_cells, a, b), size), None, "{a} {b} on words 5 and 6");
+    }
+    let (add, xor) = ("OpAtomicIAdd", "OpAtomicXor");
+    // Each invocation's own two words, and the neighbour's.
+    let own = "%i = OpIMul %uint %x %u2\n%j = OpIAdd %uint %i %u1";
+    assert_eq!(shared(&mixed(own, add, xor), size), None);
+    let neighbour = "%i = OpIAdd %uint %x %u0\n%j = OpIAdd %uint %x %u1";
+    assert_eq!(shared(&mixed(neighbour, add, xor), size), CELLS);
+    // Even words and odd ones, whatever the push constant is.
+    let halves = "%i = OpIMul %uint %pushed %u2\n%j = OpIAdd %uint %i %u1";
+    assert_eq!(shared(&mixed(halves, add, xor), size), None);
+    let loaded = "%i = OpIMul %uint %pushed %u3\n%j = OpIAdd %uint %i %u1";
+    assert_eq!(shared(&mixed(loaded, add, xor), size), CELLS, "three words lie on four");
+    // 64 bits beside 32 in them.
+    let wide = "
+        %low = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %u0
+        %wide = OpAccessChain %ptr_StorageBuffer_ulong %wide_cells %u0 %u0
+        %x_wide = OpUConvert %ulong %x
+        %old_low = OpAtomicIAdd %uint %low %u1 %u0 %x
+        %old_wide = OpAtomicIAdd %ulong %wide %u1 %u0 %x_wide";
+    let one = Buffer::zeroed(64);
+    let bound = |other: &Arc<Buffer>| {
+        let resources = Resources::default().bind(0, 1, Descriptor::Buffer(one.clone()));
+        resources.bind(0, 3, Descriptor::Buffer(other.clone()))
+    };
+    assert_eq!(shared_with(wide, size, &bound(&one)), CELLS);
+    assert_eq!(shared_with(wide, size, &bound(&Buffer::zeroed(64))), None);
+    // Texels.
+    let texels = |coordinate: &str| {
+        format!(
+            "%a = OpImageTexelPointer %ptr_texel %counts %xy %u0
+             %b = OpImageTexelPointer %ptr_texel %counts {coordinate} %u0
+             %old_a = OpAtomicIAdd %uint %a %u1 %u0 %x
+             %old_b = OpAtomicXor %uint %b %u1 %u0 %x"
+        )
+    };
+    assert_eq!(shared(&texels("%xy"), [40, 20, 1]), None);
+    let counts = Some(Memory::Binding(Binding { set: 0, binding: 4 }));
+    assert_eq!(shared(&texels("%right"), [40, 20, 1]), counts);
+    assert_eq!(shared(&texels("%xy"), [40, 20, 2]), counts);
+}
+
+#[test]
+fn the_shaders_of_a_pipeline_share_together() {
+    let program = |opcode: &str| {
+        let body = format!(
+            "%pointer = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %u0
+             %old = {opcode} %uint %pointer %u1 %u0 %id"
+        );
+        Shader { annotations: ANNOTATIONS, declarations: DECLARATIONS, body: &body, ..Shader::default() }
+            .program()
+    };
+    let resources = Resources::default();
+    let extent = Extent { count: [40, 1, 1], local: [1; 3], resources: &resources };
+    let (add, sub, or) = (program("OpAtomicIAdd"), program("OpAtomicISub"), program("OpAtomicOr"));
+    assert_eq!(extent.shared(&[&add, &sub]), None);
+    assert_eq!(extent.shared(&[&or]), None);
+    assert_eq!(extent.shared(&[&add, &or]), CELLS);
+}
+
+#[test]
+fn a_buffer_that_has_an_address_is_reached_by_it() {
+    let body = "
+        %pointer = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %u0
+        %old = OpAtomicIAdd %uint %pointer %u1 %u0 %id
+        %address = OpConvertUToPtr %ptr_physical %region
+        %other = OpAtomicXor %uint %address %u1 %u0 %id";
+    let shader = Shader {
+        capabilities: "OpCapability PhysicalStorageBufferAddresses",
+        annotations: ANNOTATIONS,
+        declarations: &format!(
+            "{DECLARATIONS}
+             %region = OpConstant %ulong 0x100000000L
+             %ptr_physical = OpTypePointer PhysicalStorageBuffer %uint"
+        ),
+        body,
+        ..Shader::default()
+    };
+    let program = shader.program();
+    let (cells, other) = (Buffer::zeroed(64), Buffer::zeroed(64));
+    for (addressed, expected) in [(&cells, Some(Memory::Addresses)), (&other, None)] {
+        let mut resources = Resources::default().bind(0, 1, Descriptor::Buffer(cells.clone()));
+        resources.memory.add_buffer(addressed);
+        let extent = Extent { count: [40, 1, 1], local: [1; 3], resources: &resources };
+        assert_eq!(extent.shared(&[&program]), expected);
+    }
+}
+
+#[test]
+fn an_element_chosen_while_running_is_one_of_its_binding() {
+    // `%table` is bound first; the element of `%many` that is stored to is another binding's.
+    let body = "
+        %first = OpAccessChain %ptr_StorageBuffer_uint %table %u0 %id
+        %value = OpLoad %uint %first
+        %which = OpBitwiseAnd %uint %value %u1
+        %pointer = OpAccessChain %ptr_StorageBuffer_uint %many %which %u0 %u0
+        OpStore %pointer %id";
+    let shader = Shader {
+        annotations: "
+            OpDecorate %table DescriptorSet 0
+            OpDecorate %table Binding 1
+            OpDecorate %many DescriptorSet 0
+            OpDecorate %many Binding 2",
+        declarations: "
+            %blocks = OpTypeArray %out_block %u2
+            %ptr_blocks = OpTypePointer StorageBuffer %blocks
+            %table = OpVariable %ptr_StorageBuffer_out_block StorageBuffer
+            %many = OpVariable %ptr_blocks StorageBuffer",
+        body,
+        ..Shader::default()
+    };
+    let resources = Resources::default();
+    let extent = Extent { count: [40, 1, 1], local: [1; 3], resources: &resources };
+    let many = Memory::Binding(Binding { set: 0, binding: 2 });
+    assert_eq!(extent.shared(&[&shader.program()]), Some(many));
+}
+
+#[test]
+fn what_a_sampler_reads_counts() {
+    let body = "
+        %image_value = OpLoad %image %picture
+        OpImageWrite %image_value %xy %four
+        %sampled_value = OpLoad %sampled %texture
+        %texel = OpImageSampleExplicitLod %float4 %sampled_value %middle 2 %zero_float
+        %red = OpCompositeExtract %float %texel 0
+        %word = OpBitcast %uint %red
+        %row = OpIMul %uint %y %width
+        %index = OpIAdd %uint %row %x
+        %own = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %index
+        OpStore %own %word";
+    let image =
+        || Image::new(Format::new(Component::Float32, 1), Shape::plane(1, 1), &[0; 4]).expect("an image");
+    let sampler = Arc::new(Sampler::default());
+    let (one, other) = (image(), image());
+    let picture = Some(Memory::Binding(Binding { set: 0, binding: 2 }));
+    for (texture, expected) in [(&other, None), (&one, picture)] {
+        let resources = Resources::default().bind(0, 2, Descriptor::Image(one.clone())).bind(
+            0,
+            5,
+            Descriptor::ImageSampler(texture.clone(), sampler.clone()),
+        );
+        assert_eq!(shared_with(body, [40, 20, 1], &resources), expected);
+    }
 }
 
 #[test]

@@ -77,6 +77,16 @@ pub struct Process {
 }
 
 impl Process {
+    /// The handles of the image and of the other one.
+    pub fn images(&self) -> impl Iterator<Item = Reg> {
+        let other = match &self.kind {
+            Kind::Weighted(weights) => Some(weights.image),
+            Kind::Match { reference, .. } => Some(reference.image),
+            Kind::Box(_) => None,
+        };
+        [self.target.image].into_iter().chain(other)
+    }
+
     /// The image's handle.
     pub fn image(&self) -> Reg {
         self.target.image
