@@ -118,7 +118,9 @@ pub fn prune(program: &mut Program, addressed: &[(Reg, u32)], stores: Option<&[b
     let Needs { needed, live, .. } = needs;
     program.inputs.retain(|input| (0..input.count).any(|word| live[(input.first.0 + word) as usize]));
     program.order_dependent = program.ops.iter().zip(&needed).any(|(op, &kept)| match op {
-        Op::Atomic(op) if kept => op.order_dependent(live[op.to.0 as usize]),
+        Op::Atomic(op) if kept => {
+            op.order_dependent((0..op.words()).any(|word| live[(op.to.0 + word) as usize]))
+        }
         _ => false,
     });
     remove(program, &needed);
