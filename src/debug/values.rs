@@ -5,6 +5,7 @@ use std::fmt;
 use half::f16;
 use serde::ser::{Serialize, Serializer};
 
+use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::builtin::{Builtin, Shape};
@@ -62,6 +63,8 @@ pub enum Float {
     F32(f32),
     /// `binary64`
     F64(f64),
+    /// A number of a format of 8 or 16 bits that is not IEEE 754's.
+    Small(FloatFormat, f32),
 }
 
 impl Value {
@@ -171,6 +174,7 @@ impl fmt::Display for Float {
             Self::F32(value) => write!(f, "{value:e}"),
             Self::F64(value) if plain(value.abs()) => write!(f, "{value}"),
             Self::F64(value) => write!(f, "{value:e}"),
+            Self::Small(format, value) => f.write_str(&shortest(format, value)),
         }
     }
 }
@@ -182,6 +186,7 @@ impl PartialEq for Float {
             (Self::F16(a), Self::F16(b)) => a.to_bits() == b.to_bits(),
             (Self::F32(a), Self::F32(b)) => a.to_bits() == b.to_bits(),
             (Self::F64(a), Self::F64(b)) => a.to_bits() == b.to_bits(),
+            (Self::Small(a, x), Self::Small(b, y)) => a == b && x.to_bits() == y.to_bits(),
             _ => false,
         }
     }
@@ -193,14 +198,25 @@ impl Serialize for Float {
             Self::F16(value) => value.is_finite(),
             Self::F32(value) => value.is_finite(),
             Self::F64(value) => value.is_finite(),
+            Self::Small(_, value) => value.is_finite(),
         };
         match *self {
             _ if !finite => serializer.serialize_str(&self.to_string()),
             Self::F16(value) => serializer.serialize_f32(value.to_f32()),
             Self::F32(value) => serializer.serialize_f32(value),
             Self::F64(value) => serializer.serialize_f64(value),
+            Self::Small(_, value) => serializer.serialize_f32(value),
         }
     }
+}
+
+/// The shortest digits that a format reads back as the same number.
+fn shortest(format: FloatFormat, value: f32) -> String {
+    let reads_back =
+        |near: &f32| format.value(format.round((*near).into())).to_bits() == f64::from(value).to_bits();
+    let shorter = (0..9).filter_map(|digits| format!("{value:.digits$e}").parse::<f32>().ok());
+    let near = shorter.filter(|_| value.is_finite()).find(reads_back).unwrap_or(value);
+    Float::F32(near).to_string()
 }
 
 /// The name of a type: a struct's own where it has one.
@@ -233,6 +249,13 @@ fn content(module: &Module, ty: TypeId, words: &mut impl Iterator<Item = u32>) -
         Type::Float { width: 64, encoding: None } => {
             let bits = u64::from(next()) | u64::from(next()) << 32;
             Content::Float(Float::F64(f64::from_bits(bits)))
+        }
+        ty @ Type::Float { .. } => {
+            let bits = u64::from(next());
+            match ty.float_format() {
+                Some(format) => Content::Float(Float::Small(format, format.value(bits) as f32)),
+                None => Content::Uint(bits),
+            }
         }
         Type::Vector { component, count } => repeated(module, *component, (*count).into(), words),
         Type::Matrix { column, count } => repeated(module, *column, (*count).into(), words),
@@ -290,6 +313,22 @@ mod tests {
         assert_eq!(text(16_777_217.5), "16777218");
         for value in [1.0 / 3.0, f32::MIN_POSITIVE, f32::MAX, 123_456_790.0] {
             assert_eq!(text(value).parse(), Ok(value));
+        }
+    }
+
+    #[test]
+    fn floats_of_few_bits_are_shown_with_few_digits() {
+        let bfloat = |bits: u64| {
+            let format = FloatFormat::BFloat16;
+            Float::Small(format, format.value(bits) as f32).to_string()
+        };
+        // 0x3DCD is 0.10009765625, the bfloat16 nearest to 0.1.
+        assert_eq!(bfloat(0x3DCD), "0.1");
+        assert_eq!(bfloat(0x8000), "-0");
+        assert_eq!([0x7F80, 0x7FC0].map(bfloat), ["inf", "NaN"]);
+        for bits in (0..0x7F80).chain(0x8000..0xFF80) {
+            let shown: f64 = bfloat(bits).parse().unwrap();
+            assert_eq!(FloatFormat::BFloat16.round(shown), bits);
         }
     }
 

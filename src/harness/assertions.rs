@@ -8,7 +8,6 @@
 use std::fmt::Debug;
 
 use bytemuck::{AnyBitPattern, NoUninit};
-use half::f16;
 use pretty_assertions::StrComparison;
 
 use crate::error::Result;
@@ -224,11 +223,9 @@ pub fn near(
 
 /// The bits of a number as a type holds it.
 fn rounded(scalar: Scalar, exact: f64) -> u64 {
-    match scalar {
-        Scalar::F16 => f16::from_f64(exact).to_bits().into(),
-        Scalar::F32 => (exact as f32).to_bits().into(),
-        Scalar::F64 => exact.to_bits(),
-        _ => exact as i64 as u64 & 0xFFFF_FFFF,
+    match scalar.format() {
+        Some(format) => format.round(exact),
+        None => exact as i64 as u64 & 0xFFFF_FFFF,
     }
 }
 

@@ -150,7 +150,7 @@ impl<'a> Layout<'a> {
                 let kind = format!("{}{width}", if *signed { 'i' } else { 'u' });
                 Value::scalar(name, whole, &kind)
             }
-            Type::Float { width, .. } => Value::scalar(name, whole, &format!("f{width}")),
+            ty @ Type::Float { .. } => Value::float(name, whole, ty.float_format()),
             Type::Vector { component, count } => {
                 let part = self.part(*component);
                 Value::list(name, whole, list(*count as usize, part.size(), part))

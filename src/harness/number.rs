@@ -1,7 +1,6 @@
 //! Numbers of an expectation: their types, and how near a result must come.
 
-use half::f16;
-
+use crate::math::float_format::FloatFormat;
 use crate::math::ulp;
 use crate::scene::read::{At, Parse, Table, Value};
 
@@ -12,6 +11,9 @@ pub enum Scalar {
     F16,
     F32,
     F64,
+    Bf16,
+    E4m3,
+    E5m2,
     U8,
     U16,
     U32,
@@ -22,10 +24,13 @@ pub enum Scalar {
     I64,
 }
 
-const SCALARS: [(&str, Scalar); 11] = [
+const SCALARS: [(&str, Scalar); 14] = [
     ("f16", Scalar::F16),
     ("f32", Scalar::F32),
     ("f64", Scalar::F64),
+    ("bf16", Scalar::Bf16),
+    ("e4m3", Scalar::E4m3),
+    ("e5m2", Scalar::E5m2),
     ("u8", Scalar::U8),
     ("u16", Scalar::U16),
     ("u32", Scalar::U32),
@@ -40,8 +45,8 @@ impl Scalar {
     /// Bytes.
     pub fn size(self) -> usize {
         match self {
-            Self::U8 | Self::I8 => 1,
-            Self::F16 | Self::U16 | Self::I16 => 2,
+            Self::U8 | Self::I8 | Self::E4m3 | Self::E5m2 => 1,
+            Self::F16 | Self::Bf16 | Self::U16 | Self::I16 => 2,
             Self::F32 | Self::U32 | Self::I32 => 4,
             Self::F64 | Self::U64 | Self::I64 => 8,
         }
@@ -49,7 +54,20 @@ impl Scalar {
 
     /// Whether it is a floating-point type.
     pub fn is_float(self) -> bool {
-        matches!(self, Self::F16 | Self::F32 | Self::F64)
+        self.format().is_some()
+    }
+
+    /// The format of a floating-point type.
+    pub(super) fn format(self) -> Option<FloatFormat> {
+        Some(match self {
+            Self::F16 => FloatFormat::Binary16,
+            Self::F32 => FloatFormat::Binary32,
+            Self::F64 => FloatFormat::Binary64,
+            Self::Bf16 => FloatFormat::BFloat16,
+            Self::E4m3 => FloatFormat::E4M3,
+            Self::E5m2 => FloatFormat::E5M2,
+            _ => return None,
+        })
     }
 
     /// The bits at a byte offset, zero-extended; `None` outside the bytes.
@@ -62,15 +80,15 @@ impl Scalar {
 
     /// The value of its bits; exact for all but large 64-bit integers.
     pub(super) fn value(self, bits: u64) -> f64 {
+        if let Some(format) = self.format() {
+            return format.value(bits);
+        }
         match self {
-            Self::F16 => f64::from(f16::from_bits(bits as u16)),
-            Self::F32 => f64::from(f32::from_bits(bits as u32)),
-            Self::F64 => f64::from_bits(bits),
             Self::U8 | Self::U16 | Self::U32 | Self::U64 => bits as f64,
             Self::I8 => f64::from(bits as i8),
             Self::I16 => f64::from(bits as i16),
             Self::I32 => f64::from(bits as i32),
-            Self::I64 => bits as i64 as f64,
+            _ => bits as i64 as f64,
         }
     }
 
@@ -81,7 +99,8 @@ impl Scalar {
     /// The value in words: floats with enough digits to be told apart, and their bits.
     fn describe(self, bits: u64) -> String {
         match self {
-            Self::F16 => format!("{} (bits {bits:#06x})", f16::from_bits(bits as u16)),
+            Self::F16 | Self::Bf16 => format!("{} (bits {bits:#06x})", self.value(bits) as f32),
+            Self::E4m3 | Self::E5m2 => format!("{} (bits {bits:#04x})", self.value(bits) as f32),
             Self::F32 => format!("{:?} (bits {bits:#010x})", f32::from_bits(bits as u32)),
             Self::F64 => format!("{:?} (bits {bits:#018x})", f64::from_bits(bits)),
             Self::U8 | Self::U16 | Self::U32 | Self::U64 => bits.to_string(),
@@ -98,7 +117,7 @@ impl Scalar {
             return "nan".into();
         }
         match self {
-            Self::F16 => format!("{:?}", f32::from(f16::from_bits(bits as u16))),
+            Self::F16 | Self::Bf16 | Self::E4m3 | Self::E5m2 => format!("{:?}", self.value(bits) as f32),
             Self::F32 => format!("{:?}", f32::from_bits(bits as u32)),
             Self::F64 => format!("{:?}", f64::from_bits(bits)),
             _ => self.describe(bits),
@@ -109,9 +128,10 @@ impl Scalar {
         // The unrounded value counts where a tolerance is given.
         let exact = if self.is_float() { f64::parse(value)? } else { 0.0 };
         let bits = match self {
-            Self::F16 => f32::parse(value).map(|number| u64::from(f16::from_f32(number).to_bits())),
             Self::F32 => f32::parse(value).map(|number| u64::from(number.to_bits())),
-            Self::F64 => f64::parse(value).map(f64::to_bits),
+            Self::F16 | Self::F64 | Self::Bf16 | Self::E4m3 | Self::E5m2 => {
+                f64::parse(value).zip(self.format()).map(|(number, format)| format.round(number))
+            }
             Self::U8 => u8::parse(value).map(u64::from),
             Self::U16 => u16::parse(value).map(u64::from),
             Self::U32 => u32::parse(value).map(u64::from),
@@ -260,11 +280,13 @@ impl Tolerance {
 /// The distance of neighbouring numbers of a type in the binade that holds a value.
 fn ulp_of(scalar: Scalar, exact: f64) -> f64 {
     let exponent = |least: i32, most: i32| ((exact.abs().to_bits() >> 52) as i32 - 1023).clamp(least, most);
-    match scalar {
-        Scalar::F16 => 2f64.powi(exponent(-14, 15) - 10),
-        Scalar::F32 => ulp::ulp_of(exact),
-        Scalar::F64 => 2f64.powi(exponent(-1022, 1023) - 52),
-        _ => 1.0,
+    match (scalar, scalar.format()) {
+        (Scalar::F32, _) => ulp::ulp_of(exact),
+        (_, Some(format)) => {
+            let (least, greatest, significand) = format.binades();
+            2f64.powi(exponent(least, greatest) - significand)
+        }
+        (_, None) => 1.0,
     }
 }
 

@@ -1,9 +1,8 @@
 //! Rust values that builtins, and members of payloads, can be set to.
 
-use half::f16;
-
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::layout::Layout;
+use crate::math::float_format::FloatFormat;
 use crate::module::ty::Type;
 use crate::ops::builtin::{self, Builtin, Shape};
 use crate::scene::read::nearest;
@@ -39,17 +38,15 @@ impl Scalar {
         }
     }
 
-    /// Its bits as a float of a width; `None` for another kind of scalar.
-    fn as_float(self, width: u32) -> Option<u64> {
-        Some(match (self, width) {
-            (Self::Float(value), 16) => f16::from_f32(value).to_bits().into(),
-            (Self::Float(value), 32) => value.to_bits().into(),
-            (Self::Float(value), 64) => f64::from(value).to_bits(),
-            (Self::Double(value), 16) => f16::from_f64(value).to_bits().into(),
-            (Self::Double(value), 32) => (value as f32).to_bits().into(),
-            (Self::Double(value), 64) => value.to_bits(),
-            _ => return None,
-        })
+    /// Its bits as a float of a format; `None` for another kind of scalar.
+    fn as_float(self, format: FloatFormat) -> Option<u64> {
+        match self {
+            // The bits of a NaN stay.
+            Self::Float(value) if format == FloatFormat::Binary32 => Some(value.to_bits().into()),
+            Self::Float(value) => Some(format.round(value.into())),
+            Self::Double(value) => Some(format.round(value)),
+            _ => None,
+        }
     }
 
     /// Its bits as an integer of a width and either sign; `None` where it does not fit.
@@ -118,7 +115,7 @@ pub(super) fn builtin_words(name: &str, value: &impl Scalars) -> Result<(&'stati
     let word = |scalar: &Scalar| match (*scalar, kind) {
         (Scalar::Bool(value), "bool") => Some(u32::from(value)),
         (scalar, "integer") => scalar.as_integer(32).map(|bits| bits as u32),
-        (scalar, "float") => scalar.as_float(32).map(|bits| bits as u32),
+        (scalar, "float") => scalar.as_float(FloatFormat::Binary32).map(|bits| bits as u32),
         _ => None,
     };
     let words: Option<Vec<u32>> = scalars.iter().map(word).collect();
@@ -146,7 +143,7 @@ pub(super) fn write(layout: Layout<'_>, bytes: &mut [u8], what: &str, value: &im
         let bits = match (layout.module.ty(part.ty), *scalar) {
             (Type::Bool, Scalar::Bool(value)) => Some(u64::from(value)),
             (Type::Int { width, .. }, scalar) => scalar.as_integer(*width),
-            (Type::Float { width, .. }, scalar) => scalar.as_float(*width),
+            (ty @ Type::Float { .. }, scalar) => ty.float_format().and_then(|format| scalar.as_float(format)),
             _ => None,
         };
         let bits = bits.ok_or_else(wrong)?.to_le_bytes();

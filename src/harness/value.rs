@@ -5,11 +5,11 @@ use std::ops::Index;
 use std::sync::Arc;
 
 use bytemuck::AnyBitPattern;
-use half::f16;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::number::Scalar;
 use crate::harness::told::{Explain, Told};
+use crate::math::float_format::FloatFormat;
 
 /// A value that a shader left: a payload, a buffer, a member or an element of one.
 ///
@@ -57,11 +57,14 @@ enum Number {
 }
 
 impl Value {
+    pub(super) fn float(ty: String, bytes: &[u8], format: Option<FloatFormat>) -> Self {
+        let number = |format: FloatFormat| Content::Scalar(Number::Float(format.value(bits_of(bytes))));
+        let content = format.map_or(Content::Opaque, number);
+        Self { ty, bytes: bytes.to_vec(), content, told: None }
+    }
+
     pub(super) fn scalar(ty: String, bytes: &[u8], kind: &str) -> Self {
-        let mut word = [0; 8];
-        let count = bytes.len().min(8);
-        word[..count].copy_from_slice(&bytes[..count]);
-        let bits = u64::from_le_bytes(word);
+        let bits = bits_of(bytes);
         let content = match kind {
             "bool" => Content::Scalar(Number::Bool(bits != 0)),
             "i8" => Content::Scalar(Number::Int((bits as i8).into())),
@@ -72,9 +75,6 @@ impl Value {
             "u16" => Content::Scalar(Number::Uint((bits as u16).into())),
             "u32" => Content::Scalar(Number::Uint((bits as u32).into())),
             "u64" => Content::Scalar(Number::Uint(bits)),
-            "f16" => Content::Scalar(Number::Float(f16::from_bits(bits as u16).into())),
-            "f32" => Content::Scalar(Number::Float(f32::from_bits(bits as u32).into())),
-            "f64" => Content::Scalar(Number::Float(f64::from_bits(bits))),
             _ => Content::Opaque,
         };
         Self { ty, bytes: bytes.to_vec(), content, told: None }
@@ -107,13 +107,13 @@ impl Value {
     pub(super) fn numbers(&self) -> Vec<(Scalar, u64)> {
         match &self.content {
             Content::Scalar(number) => {
-                let mut word = [0; 8];
-                let count = self.bytes.len().min(8);
-                word[..count].copy_from_slice(&self.bytes[..count]);
-                let bits = u64::from_le_bytes(word);
+                let bits = bits_of(&self.bytes);
                 let scalar = match (number, self.ty.as_str()) {
                     (Number::Float(_), "double") => Scalar::F64,
                     (Number::Float(_), "float") => Scalar::F32,
+                    (Number::Float(_), "bfloat16_t") => Scalar::Bf16,
+                    (Number::Float(_), "floate4m3_t") => Scalar::E4m3,
+                    (Number::Float(_), "floate5m2_t") => Scalar::E5m2,
                     (Number::Float(_), _) => Scalar::F16,
                     (Number::Int(_), _) => Scalar::I32,
                     (Number::Uint(_) | Number::Bool(_), _) => Scalar::U32,
@@ -372,6 +372,14 @@ impl Value {
     pub fn matrix<const C: usize, const R: usize>(&self) -> [[f32; R]; C] {
         self.exactly("a matrix of this shape", |column| column.exactly("a column of this size", Self::f32))
     }
+}
+
+/// At most eight little-endian bytes.
+fn bits_of(bytes: &[u8]) -> u64 {
+    let mut word = [0; 8];
+    let count = bytes.len().min(8);
+    word[..count].copy_from_slice(&bytes[..count]);
+    u64::from_le_bytes(word)
 }
 
 impl Index<&str> for Value {

@@ -294,14 +294,20 @@ native!(
 ///
 /// (`f16::from_f64` rounds twice, or looks at the upper half of the number only.)
 pub fn half_of(value: f64) -> f16 {
+    f16::from_f32(single_to_odd(value))
+}
+
+/// A f64 as a f32 that rounds to a number of half its bits as the f64 does.
+///
+/// It is rounded to odd: the last bit tells that something was lost, and 24 bits are enough for 11.
+pub fn single_to_odd(value: f64) -> f32 {
     let near = value as f32;
     let back = f64::from(near);
     if back == value || !near.is_finite() {
-        return f16::from_f32(near);
+        return near;
     }
-    // Rounded to odd: the last bit tells that something was lost, and 24 bits are enough for 11.
     let towards_zero = near.to_bits() - u32::from(back.abs() > value.abs());
-    f16::from_f32(f32::from_bits(towards_zero | 1))
+    f32::from_bits(towards_zero | 1)
 }
 
 macro_rules! through_f64 {

@@ -7,6 +7,7 @@ pub mod eight;
 pub mod error_bound;
 pub mod exact;
 pub mod float;
+pub mod float_format;
 pub mod four;
 pub mod hard;
 pub mod power;

@@ -3,12 +3,13 @@
 use rspirv::spirv::Op;
 
 use crate::error::{Error, Place, Result};
-use crate::module::check_access;
+use crate::module::check_encoding::Encoded;
 use crate::module::grammar::{is_id, opcode, walk};
 use crate::module::load::UnknownResults;
 use crate::module::names::opcode_name;
 use crate::module::words::{Span, invalid};
 use crate::module::{Block, Definition, Id, Instruction, Module};
+use crate::module::{check_access, check_encoding};
 
 /// Checks every instruction of every function, then that no entry point calls itself in a circle; says what
 /// each function uses.
@@ -20,12 +21,15 @@ use crate::module::{Block, Definition, Id, Instruction, Module};
 pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec<Uses>> {
     let mut calls = vec![Vec::new(); module.functions.len()];
     let mut named = vec![Vec::new(); module.functions.len()];
+    let encoded = Encoded::of(module);
+    check_encoding::constants(module, &encoded)?;
     for (index, function) in module.functions.iter().enumerate() {
         let checker = Checker { module, unknown, function: index as u32 };
         for (block_index, block) in function.blocks.iter().enumerate() {
             for (position, instruction) in block.instructions.iter().enumerate() {
                 checker.instruction(instruction, (block_index as u32, position as u32), &mut named[index])?;
                 check_access::instruction(module, instruction)?;
+                check_encoding::instruction(module, &encoded, instruction)?;
                 if instruction.opcode == Op::FunctionCall as u16 {
                     let (callee, at) = checker.call(instruction)?;
                     calls[index].extend(callee.map(|callee| (callee, at)));

@@ -10,7 +10,7 @@ use crate::module::constant::ConstantValue;
 use crate::module::grammar::Opcode;
 use crate::module::load::Loader;
 use crate::module::names::opcode_name;
-use crate::module::ty::{ImageType, Member, Type, TypeId};
+use crate::module::ty::{BFLOAT16, FLOAT8_E4M3, FLOAT8_E5M2, ImageType, Member, Type, TypeId};
 use crate::module::words::{Span, invalid};
 use crate::module::{Definition, Id};
 
@@ -111,12 +111,26 @@ impl Loader<'_> {
             }
             Op::TypeFloat => {
                 let width = words[at];
-                match width {
-                    0 => return Err(invalid(at, "OpTypeFloat: a width above 0 is expected, found 0")),
-                    8 | 16 | 32 | 64 => {
-                        Type::Float { width, encoding: words[at + 1..span.end].first().copied() }
+                let ty = Type::Float { width, encoding: words[at + 1..span.end].first().copied() };
+                match (ty.float_format(), &ty) {
+                    (Some(_), _) => ty,
+                    (None, Type::Float { width: 0, .. }) => {
+                        return Err(invalid(at, "OpTypeFloat: a width above 0 is expected, found 0"));
                     }
-                    _ => Type::Other(span.opcode),
+                    // SPV_EXT_float8 adds 8 bits with an encoding alone.
+                    (None, Type::Float { width: 8, encoding: None }) => {
+                        let message = "OpTypeFloat: 8 bits without an FP Encoding (SPIR-V 2.16.1: floats of 16, \
+                                       32 and 64 bits)";
+                        return Err(invalid(at, message));
+                    }
+                    (None, Type::Float { width, encoding: Some(BFLOAT16 | FLOAT8_E4M3 | FLOAT8_E5M2) }) => {
+                        let message = format!(
+                            "OpTypeFloat: {width} bits with an FP Encoding of another width (SPV_KHR_bfloat16 and \
+                             SPV_EXT_float8, FP Encoding)"
+                        );
+                        return Err(invalid(at, message));
+                    }
+                    (None, _) => Type::Other(span.opcode),
                 }
             }
             Op::TypeVector => {

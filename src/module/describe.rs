@@ -1,5 +1,6 @@
 //! Ids and types in words, for errors and listings.
 
+use crate::math::float_format::FloatFormat;
 use crate::module::names::{opcode_name, storage_class_name};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
@@ -40,7 +41,7 @@ impl Module {
             Type::Void => out.push_str("void"),
             Type::Bool => out.push_str("bool"),
             Type::Int { width, signed } => out.push_str(&int_name(*width, *signed)),
-            Type::Float { width, encoding } => out.push_str(&float_name(*width, *encoding)),
+            ty @ Type::Float { .. } => out.push_str(float_names(ty)[0]),
             Type::Vector { component, count } => {
                 match self.ty(*component) {
                     Type::Bool => out.push('b'),
@@ -50,9 +51,7 @@ impl Module {
                         out.push_str(if *signed { "i" } else { "u" });
                         out.push_str(&width.to_string());
                     }
-                    Type::Float { width: 32, encoding: None } => {}
-                    Type::Float { width: 64, encoding: None } => out.push('d'),
-                    Type::Float { width: 16, encoding: None } => out.push_str("f16"),
+                    ty @ Type::Float { .. } => out.push_str(float_names(ty)[1]),
                     _ => {
                         self.write_type(*component, pointers, out);
                         out.push_str(" vector of ");
@@ -68,10 +67,8 @@ impl Module {
                     Type::Vector { component, count } => (self.ty(*component), *count),
                     _ => (&Type::Void, 0),
                 };
-                match component {
-                    Type::Float { width: 64, .. } => out.push('d'),
-                    Type::Float { width: 16, .. } => out.push_str("f16"),
-                    _ => {}
+                if let Type::Float { .. } = component {
+                    out.push_str(float_names(component)[1]);
                 }
                 out.push_str("mat");
                 out.push_str(&count.to_string());
@@ -151,13 +148,16 @@ fn int_name(width: u32, signed: bool) -> String {
     if width == 32 { base.to_owned() } else { format!("{base}{width}_t") }
 }
 
-fn float_name(width: u32, encoding: Option<u32>) -> String {
-    match (width, encoding) {
-        (32, None) => "float".to_owned(),
-        (64, None) => "double".to_owned(),
-        (16, Some(0)) => "bfloat16_t".to_owned(),
-        (width, None) => format!("float{width}_t"),
-        (width, Some(encoding)) => format!("float{width}_t of encoding {encoding}"),
+/// The names of a float and, before `vec` and `mat`, of its vectors and matrices: GLSL's own, and
+/// those of `GL_EXT_bfloat16`, `GL_EXT_float_e4m3` and `GL_EXT_float_e5m2`.
+fn float_names(ty: &Type) -> [&'static str; 2] {
+    match ty.float_format() {
+        Some(FloatFormat::Binary16) => ["float16_t", "f16"],
+        Some(FloatFormat::Binary32) | None => ["float", ""],
+        Some(FloatFormat::Binary64) => ["double", "d"],
+        Some(FloatFormat::BFloat16) => ["bfloat16_t", "bf16"],
+        Some(FloatFormat::E4M3) => ["floate4m3_t", "fe4m3"],
+        Some(FloatFormat::E5M2) => ["floate5m2_t", "fe5m2"],
     }
 }
 
@@ -189,8 +189,13 @@ mod tests {
         a.op(Op::TypePointer, &[32, 12, 30]);
         a.op(Op::TypeInt, &[33, 16, 0]);
         a.op(Op::TypeAccelerationStructureKHR, &[34]);
+        a.op(Op::TypeFloat, &[35, 16, 0]);
+        a.op(Op::TypeVector, &[36, 35, 3]);
+        a.op(Op::TypeFloat, &[37, 8, 4214]);
+        a.op(Op::TypeFloat, &[38, 8, 4215]);
+        a.op(Op::TypeVector, &[39, 38, 2]);
         let module = a.loaded();
-        let told = [11, 12, 13, 14, 15, 18, 19, 30, 31, 32, 33, 34]
+        let told = [11, 12, 13, 14, 15, 18, 19, 30, 31, 32, 33, 34, 35, 36, 37, 39]
             .map(|id| module.describe_type(module.type_with_id(Id(id)).unwrap()));
         assert_eq!(
             told,
@@ -207,6 +212,10 @@ mod tests {
                 "pointer to StorageBuffer struct Payload",
                 "uint16_t",
                 "accelerationStructureEXT",
+                "bfloat16_t",
+                "bf16vec3",
+                "floate4m3_t",
+                "fe5m2vec2",
             ]
         );
         assert_eq!(module.describe_id(Id(8)), "%8 (a constant)");

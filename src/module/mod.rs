@@ -6,6 +6,7 @@
 
 mod check;
 mod check_access;
+pub mod check_encoding;
 mod check_flow;
 pub mod constant;
 pub mod debug_info;

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use crate::math::float_format::FloatFormat;
 use crate::module::{Id, Module};
 
 /// A handle of a type: an index into [`Module::types`](crate::module::Module::types).
@@ -21,7 +22,8 @@ pub enum Type {
         width: u32,
         signed: bool,
     },
-    /// Width in bits: 16, 32 or 64; `encoding` is the optional operand (bfloat16, ...).
+    /// Width in bits: 16, 32 or 64, and 8 or 16 with an `encoding`, the optional `FP Encoding`;
+    /// see [`Type::float_format`].
     Float {
         width: u32,
         encoding: Option<u32>,
@@ -75,6 +77,29 @@ pub enum Type {
     },
     /// A type that this crate carries without knowing: opcode's number.
     Other(u16),
+}
+
+/// `BFloat16KHR` (`SPV_KHR_bfloat16`), an `FP Encoding` of 16 bits.
+pub(super) const BFLOAT16: u32 = 0;
+/// `Float8E4M3EXT` (`SPV_EXT_float8`), an `FP Encoding` of 8 bits.
+pub(super) const FLOAT8_E4M3: u32 = 4214;
+/// `Float8E5M2EXT` (`SPV_EXT_float8`), an `FP Encoding` of 8 bits.
+pub(super) const FLOAT8_E5M2: u32 = 4215;
+
+impl Type {
+    /// The format of a float; `None` for another type, and for encodings that are not known here.
+    pub fn float_format(&self) -> Option<FloatFormat> {
+        let &Self::Float { width, encoding } = self else { return None };
+        Some(match (width, encoding) {
+            (16, None) => FloatFormat::Binary16,
+            (32, None) => FloatFormat::Binary32,
+            (64, None) => FloatFormat::Binary64,
+            (16, Some(BFLOAT16)) => FloatFormat::BFloat16,
+            (8, Some(FLOAT8_E4M3)) => FloatFormat::E4M3,
+            (8, Some(FLOAT8_E5M2)) => FloatFormat::E5M2,
+            _ => return None,
+        })
+    }
 }
 
 /// The operands of `OpTypeImage`, numbers as in the specification.

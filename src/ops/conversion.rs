@@ -3,6 +3,8 @@
 //! A float outside the range of the integer type, which the specification leaves undefined,
 //! saturates; a NaN gives 0.
 
+pub mod encoded;
+
 use std::marker::PhantomData;
 
 use half::f16;

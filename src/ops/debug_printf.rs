@@ -14,6 +14,7 @@ use crate::machine::{Batch, Bindings, Reg};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Instruction};
 use crate::ops::address::is_physical;
+use crate::ops::conversion::encoded;
 use crate::ops::decode::Decoder;
 use crate::ops::op::{Access, Op as Operation};
 
@@ -127,7 +128,13 @@ pub fn decode(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()
             Argument::Numbers { scalar: Scalar::Int(64, false), components: vec![address] }
         } else {
             let scalar = scalar(decoder, ty)?;
-            Argument::Numbers { scalar, components: decoder.components(id)?.to_vec() }
+            let mut components = decoder.components(id)?.to_vec();
+            if let Some(format) = decoder.float_format(ty) {
+                for component in &mut components {
+                    *component = encoded::widened(decoder, format, *component)?.0;
+                }
+            }
+            Argument::Numbers { scalar, components }
         });
     }
     decoder.emit(Operation::Print(Op { format, arguments: arguments.into() }));
@@ -140,6 +147,8 @@ fn scalar(decoder: &Decoder<'_>, ty: TypeId) -> Result<Scalar> {
         Type::Bool => Ok(Scalar::Bool),
         Type::Int { width, signed } => Ok(Scalar::Int(width, signed)),
         Type::Float { width, encoding: None } => Ok(Scalar::Float(width)),
+        // As f32: see `widened`.
+        Type::Float { .. } => Ok(Scalar::Float(32)),
         Type::Vector { component, .. } => scalar(decoder, component),
         _ => {
             let name = decoder.module.describe_type(ty);

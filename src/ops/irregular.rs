@@ -7,11 +7,12 @@ use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::Reg;
+use crate::module::check_encoding::SATURATED;
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{self, extended};
 use crate::ops::bit::{self, field};
-use crate::ops::conversion::{self, Conversion};
+use crate::ops::conversion::{Conversion, encoded};
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::parts;
 use crate::ops::relational_logical as logical;
@@ -156,15 +157,30 @@ fn finish(decoder: &mut Decoder<'_>, instruction: &Instruction, components: &[Re
 }
 
 fn convert(decoder: &mut Decoder<'_>, conversion: Conversion, instruction: &Instruction) -> Result<()> {
-    let from = width(decoder, instruction, 0)?;
+    let operand = decoder.type_of(decoder.id(instruction, 0)?)?;
     let ty = decoder.result_type(instruction)?;
-    let to = decoder.scalar_width(ty)?;
+    let (from, to) = (decoder.scalar_width(operand)?, decoder.scalar_width(ty)?);
+    let takes_float = matches!(conversion, Conversion::FToU | Conversion::FToS | Conversion::F);
+    let gives_float = matches!(conversion, Conversion::SToF | Conversion::UToF | Conversion::F);
+    let [source, target] = [operand, ty].map(|ty| decoder.float_format(ty));
+    if source.is_some() != takes_float || target.is_some() != gives_float {
+        let name = crate::module::names::opcode_name(instruction.opcode);
+        let [operand, ty] = [operand, ty].map(|ty| decoder.module.describe_type(ty));
+        return Err(decoder.invalid(format!("{name} from {operand} to {ty} (SPIR-V 3.3.11)")));
+    }
+    let saturated =
+        instruction.result.is_some_and(|id| decoder.module.decorations.find(id, SATURATED).is_some());
     let mut result = Words::new();
     for component in components(decoder, instruction, 0)? {
-        result.push(match conversion::row(conversion, from, to) {
-            Some(row) => decoder.row(row, &[component])?,
-            None if from == to => component,
-            None => return Err(decoder.unsupported(format!("a conversion from {from} to {to} bits"))),
+        let (value, from) = match source {
+            Some(source) if Some(source) != target => encoded::widened(decoder, source, component)?,
+            _ => (component, from),
+        };
+        result.push(match target {
+            Some(target) if source != Some(target) => {
+                encoded::narrowed(decoder, (conversion, from), (target, saturated), value)?
+            }
+            _ => encoded::between(decoder, conversion, (from, to), value)?,
         });
     }
     finish(decoder, instruction, &result, to);

@@ -2,15 +2,17 @@
 //! `GLSL.std.450` defines by a formula over whole vectors. Each follows its formula operation by
 //! operation, left to right, each rounded.
 
-use rspirv::spirv::{GlslStd450Op, Op as Opcode};
+use rspirv::spirv::{Capability, GlslStd450Op, Op as Opcode};
 use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::Reg;
+use crate::math::float_format::FloatFormat;
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{FAdd, FMul, FNegate, FSub};
 use crate::ops::composite::{columns, scalar_width_of_matrix};
+use crate::ops::conversion::encoded;
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::{InverseSqrt, Sqrt};
 use crate::ops::relational_logical::{FOrdLessThan, select::SelectWord};
@@ -139,6 +141,9 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     let right: Words = components(decoder, b)?;
     let columns_of_a = if is_matrix(decoder, a) { columns(decoder, a)? } else { Vec::new() };
     let columns_of_b = if is_matrix(decoder, b) { columns(decoder, b)? } else { Vec::new() };
+    if decoder.type_of(a).is_ok_and(|ty| decoder.float_format(ty) == Some(FloatFormat::BFloat16)) {
+        return dot_of_bfloat16(decoder, instruction, &left, &right);
+    }
     let mut scalars = Scalars { decoder, width };
     let mut result = Words::new();
     let agree = match opcode {
@@ -184,6 +189,41 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     }
     let words = decoder.spread(&result, width);
     decoder.result(instruction, words);
+    Ok(true)
+}
+
+/// `OpDot` of bfloat16, in f32 and rounded to bfloat16 at the end: "the accuracy ... is the same as
+/// operations on IEEE754 binary32 floating-point values, with the result rounded ...; it is
+/// implementation-defined whether intermediate values are rounded" (`SPV_KHR_bfloat16`, "FP
+/// Encoding").
+fn dot_of_bfloat16(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    left: &[Reg],
+    right: &[Reg],
+) -> Result<bool> {
+    const DOT_PRODUCT: u32 = Capability::BFloat16DotProductKHR as u32;
+    if !decoder.module.capabilities.contains(&DOT_PRODUCT) {
+        let message = "OpDot of bfloat16_t needs the capability BFloat16DotProductKHR (SPV_KHR_bfloat16, \
+                       Arithmetic Instructions)";
+        return Err(decoder.invalid(message));
+    }
+    let second = decoder.type_of(decoder.id(instruction, 1)?)?;
+    let same = [second, decoder.result_type(instruction)?]
+        .iter()
+        .all(|&ty| decoder.float_format(ty) == Some(FloatFormat::BFloat16));
+    if !same || left.len() != right.len() {
+        return Err(decoder.invalid("the operands of a product do not fit together"));
+    }
+    let mut wide = [Words::new(), Words::new()];
+    for (wide, narrow) in wide.iter_mut().zip([left, right]) {
+        for &component in narrow {
+            wide.push(encoded::widened(decoder, FloatFormat::BFloat16, component)?.0);
+        }
+    }
+    let sum = Scalars { decoder, width: 32 }.dot(&wide[0], &wide[1])?;
+    let result = decoder.family(&encoded::ToBFloat16, 32, &[sum])?;
+    decoder.result(instruction, SmallVec::from_slice(&[result]));
     Ok(true)
 }
 

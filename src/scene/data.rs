@@ -10,9 +10,8 @@
 
 use std::path::Path;
 
-use half::f16;
-
 use crate::error::{Error, ErrorKind, Result};
+use crate::math::float_format::FloatFormat;
 use crate::scene::camera::Camera;
 use crate::scene::files::Files;
 use crate::scene::read::{At, OneOrMore, Parse, Span, Table, Value};
@@ -141,6 +140,9 @@ enum Scalar {
     F16,
     F32,
     F64,
+    Bf16,
+    E4m3,
+    E5m2,
     U8,
     I8,
     U16,
@@ -153,10 +155,13 @@ enum Scalar {
 }
 
 impl Scalar {
-    const ALL: [Self; 12] = [
+    const ALL: [Self; 15] = [
         Self::F16,
         Self::F32,
         Self::F64,
+        Self::Bf16,
+        Self::E4m3,
+        Self::E5m2,
         Self::U8,
         Self::I8,
         Self::U16,
@@ -173,6 +178,9 @@ impl Scalar {
             Self::F16 => "f16",
             Self::F32 => "f32",
             Self::F64 => "f64",
+            Self::Bf16 => "bf16",
+            Self::E4m3 => "e4m3",
+            Self::E5m2 => "e5m2",
             Self::U8 => "u8",
             Self::I8 => "i8",
             Self::U16 => "u16",
@@ -188,7 +196,10 @@ impl Scalar {
     /// The little-endian bytes of one value.
     fn encode(self, value: Value<'_>, bytes: &mut Vec<u8>) -> Option<()> {
         match self {
-            Self::F16 => bytes.extend(half_from(value)?.to_le_bytes()),
+            Self::F16 => bytes.extend(small(value, FloatFormat::Binary16, "f16")?),
+            Self::Bf16 => bytes.extend(small(value, FloatFormat::BFloat16, "bf16")?),
+            Self::E4m3 => bytes.extend(small(value, FloatFormat::E4M3, "e4m3")?),
+            Self::E5m2 => bytes.extend(small(value, FloatFormat::E5M2, "e5m2")?),
             Self::F32 => bytes.extend(f32::parse(value)?.to_le_bytes()),
             Self::F64 => bytes.extend(f64::parse(value)?.to_le_bytes()),
             Self::U8 => bytes.extend(u8::parse(value)?.to_le_bytes()),
@@ -222,15 +233,17 @@ impl Scalar {
     }
 }
 
-/// Through f64: 53 bits are more than twice the 11 of a half, plus two, so that the second rounding
-/// changes nothing unless the decimal lies within 2^-53 of a tie without being one.
-fn half_from(value: Value<'_>) -> Option<f16> {
+/// The bytes of a float of 8 or 16 bits. Through f64: 53 bits are more than twice the 11 of a half,
+/// plus two, so that the second rounding changes nothing unless the decimal lies within 2^-53 of a
+/// tie without being one.
+fn small(value: Value<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
     let wide = f64::parse(value)?;
-    let half = crate::math::float::half_of(wide);
-    if half.is_infinite() && wide.is_finite() {
-        return value.wrong(format!("`{wide}` is beyond the range of f16"));
+    let bits = format.round(wide);
+    let rounded = format.value(bits);
+    if !rounded.is_finite() && wide.is_finite() || rounded.is_nan() && !wide.is_nan() {
+        return value.wrong(format!("`{wide}` is beyond the range of {name}"));
     }
-    Some(half)
+    Some(bits.to_le_bytes()[..format.width() as usize / 8].to_vec())
 }
 
 /// Bytes as hexadecimal digits; white space and `_` may stand between them.
@@ -286,6 +299,9 @@ mod tests {
         // 1.5 = 0 01111 1000000000 in binary16
         assert_eq!(encode("x = { f16 = 1.5 }").unwrap(), [0, 0x3e]);
         assert_eq!(encode("x = { i16 = -2 }").unwrap(), [0xfe, 0xff]);
+        // 1.5 = 0 01111111 1000000 in bfloat16, 0 0111 100 in E4M3, 0 01111 10 in E5M2
+        assert_eq!(encode("x = { bf16 = [1.5, -inf] }").unwrap(), [0xc0, 0x3f, 0x80, 0xff]);
+        assert_eq!(encode("x = [{ e4m3 = [1.5, 448] }, { e5m2 = 1.5 }]").unwrap(), [0x3c, 0x7e, 0x3e]);
         assert_eq!(encode("x = { bool = [true, false] }").unwrap(), [1, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(encode("x = { f64 = 1 }").unwrap(), [0, 0, 0, 0, 0, 0, 0xf0, 0x3f]);
     }
@@ -305,6 +321,9 @@ mod tests {
             ("x = { f32 = 1, u32 = 1 }", "array of pieces"),
             ("x = { u8 = 256 }", "does not fit: u8 goes from 0 to 255"),
             ("x = { f16 = 65520 }", "beyond the range of f16"),
+            ("x = { e4m3 = 465 }", "beyond the range of e4m3"),
+            ("x = { e4m3 = inf }", "beyond the range of e4m3"),
+            ("x = { e5m2 = 61440 }", "beyond the range of e5m2"),
             ("x = { hex = 'abc' }", "each byte takes two"),
             ("x = { align = 3 }", "power of two"),
             ("x = { f31 = 3 }", "did you mean `f32`?"),

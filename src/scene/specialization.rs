@@ -1,7 +1,7 @@
 //! The values of specialization constants.
 
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::math::float::half_of;
+use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::Type;
 use crate::scene::data::ScalarBytes;
@@ -88,8 +88,8 @@ impl Given {
                     false => Err(format!("{number} does not fit")),
                 }
             }
-            (Self::Whole(number), &Type::Float { width, .. }) => real(&number.to_string(), width),
-            (Self::Real(text), &Type::Float { width, .. }) => real(text, width),
+            (Self::Whole(number), ty @ Type::Float { .. }) => real(&number.to_string(), ty),
+            (Self::Real(text), ty @ Type::Float { .. }) => real(text, ty),
             (Self::Boolean(flag), _) => Err(format!("{flag} is no number")),
             (Self::Whole(number), _) => Err(format!("{number} is neither true nor false")),
             (Self::Real(text), Type::Bool) => Err(format!("{text} is neither true nor false")),
@@ -99,23 +99,14 @@ impl Given {
 }
 
 /// The bits of the float nearest to a decimal.
-fn real(text: &str, width: u32) -> std::result::Result<u64, String> {
+fn real(text: &str, ty: &Type) -> std::result::Result<u64, String> {
     let unread = |_| format!("{text} is no number");
-    let (bits, is_finite) = match width {
-        16 => {
-            let half = half_of(text.parse().map_err(unread)?);
-            (half.to_bits().into(), half.is_finite())
-        }
-        32 => {
-            let number: f32 = text.parse().map_err(unread)?;
-            (number.to_bits().into(), number.is_finite())
-        }
-        _ => {
-            let number: f64 = text.parse().map_err(unread)?;
-            (number.to_bits(), number.is_finite())
-        }
+    let format = ty.float_format().unwrap_or(FloatFormat::Binary64);
+    let bits = match format {
+        FloatFormat::Binary32 => text.parse::<f32>().map_err(unread)?.to_bits().into(),
+        _ => format.round(text.parse().map_err(unread)?),
     };
-    match is_finite || text.contains("inf") || text.contains("nan") {
+    match format.value(bits).is_finite() || text.contains("inf") || text.contains("nan") {
         true => Ok(bits),
         false => Err(format!("{text} is beyond the range")),
     }
@@ -130,6 +121,8 @@ mod tests {
     const HALF: Type = Type::Float { width: 16, encoding: None };
     const FLOAT: Type = Type::Float { width: 32, encoding: None };
     const DOUBLE: Type = Type::Float { width: 64, encoding: None };
+    const BFLOAT: Type = Type::Float { width: 16, encoding: Some(0) };
+    const E4M3: Type = Type::Float { width: 8, encoding: Some(4214) };
 
     fn real(text: &str) -> Given {
         Given::Real(text.into())
@@ -142,6 +135,8 @@ mod tests {
         assert_eq!(Given::Whole(3).bits(&HALF), Ok(0x4200));
         assert_eq!(Given::Whole(3).bits(&FLOAT), Ok(0x4040_0000));
         assert_eq!(Given::Whole(3).bits(&DOUBLE), Ok(0x4008_0000_0000_0000));
+        assert_eq!(Given::Whole(3).bits(&BFLOAT), Ok(0x4040));
+        assert_eq!(real("-3.0").bits(&E4M3), Ok(0xC4)); // 1 1000 100
         assert_eq!(real("0.5").bits(&DOUBLE), Ok(0x3FE0_0000_0000_0000));
         assert_eq!(real("-inf").bits(&FLOAT), Ok(0xFF80_0000));
         // Rounded once: 2^24 + 1 + 2^-40 lies above the middle of two floats, which f64 does not tell.
@@ -165,6 +160,7 @@ mod tests {
             (Given::Whole(2), Type::Bool, "2 is neither true nor false"),
             (real("1e39"), FLOAT, "1e39 is beyond the range"),
             (real("65520.0"), HALF, "65520.0 is beyond the range"),
+            (real("465.0"), E4M3, "465.0 is beyond the range"),
             (
                 Given::Bytes(vec![0; 8]),
                 UINT,

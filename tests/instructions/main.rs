@@ -10,6 +10,7 @@ mod constants;
 mod declarations;
 mod extended;
 mod float_controls;
+mod float_encodings;
 mod formulas;
 mod images;
 mod integers;

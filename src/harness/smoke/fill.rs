@@ -3,8 +3,6 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use half::f16;
-
 use crate::accel::Tlas;
 use crate::error::Result;
 use crate::harness::layout::{Layout, Rules, array_length};
@@ -66,13 +64,9 @@ impl Numbers {
         self.random.unit()
     }
 
-    /// A float of a width that is a number, as bits.
-    pub fn float(width: u32, value: f32) -> u64 {
-        match width {
-            16 => f16::from_f32(value).to_bits().into(),
-            64 => f64::from(value).to_bits(),
-            _ => value.to_bits().into(),
-        }
+    /// A number as bits of a float type.
+    pub fn float(ty: &Type, value: f32) -> u64 {
+        ty.float_format().map_or(0, |format| format.round(value.into()))
     }
 }
 
@@ -215,8 +209,8 @@ impl<'a> Filler<'a> {
                 let value = address.unwrap_or_else(|| self.numbers.integer());
                 self.put(out, offset, layout.size(), value);
             }
-            Type::Float { width, .. } => {
-                let value = Numbers::float(*width, self.numbers.unit());
+            ty @ Type::Float { .. } => {
+                let value = Numbers::float(ty, self.numbers.unit());
                 self.put(out, offset, layout.size(), value);
             }
             Type::Vector { component, count } => {
@@ -281,7 +275,7 @@ impl<'a> Filler<'a> {
         out: &mut [u8],
     ) {
         let Type::Vector { component, count } = *self.module.ty(column) else { return };
-        let Type::Float { width, .. } = *self.module.ty(component) else { return };
+        let float = self.module.ty(component);
         let scalar = layout.part(component).size();
         for at in 0..columns {
             for row in 0..count as usize {
@@ -290,7 +284,7 @@ impl<'a> Filler<'a> {
                     Some(matrix) => at * matrix.stride as usize + row * scalar,
                     None => (at * count as usize + row) * scalar,
                 };
-                let value = Numbers::float(width, f32::from(u8::from(at == row)));
+                let value = Numbers::float(float, f32::from(u8::from(at == row)));
                 self.put(out, offset + place, scalar, value);
             }
         }

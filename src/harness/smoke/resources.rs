@@ -170,9 +170,9 @@ pub fn answer(module: &Module, rows: &InterfaceRows, numbers: &mut Numbers) -> V
 
 fn answer_words(module: &Module, ty: TypeId, missed: bool, numbers: &mut Numbers, words: &mut Vec<u32>) {
     match module.ty(ty) {
-        Type::Float { width, .. } => {
+        ty @ Type::Float { width, .. } => {
             let value = if missed { -1.0 } else { numbers.unit() };
-            let bits = Numbers::float(*width, value);
+            let bits = Numbers::float(ty, value);
             words.push(bits as u32);
             if *width == 64 {
                 words.push((bits >> 32) as u32);

@@ -1,12 +1,13 @@
 //! How values of each type lie in rows: how many words they take, and those of constants.
 
-use std::hash::Hasher;
+use std::hash::{Hash, Hasher};
 
 use rustc_hash::FxHasher;
 use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::Reg;
+use crate::math::float_format::FloatFormat;
 use crate::module::Id;
 use crate::module::constant::ConstantValue;
 use crate::module::ty::{Type, TypeId};
@@ -69,7 +70,6 @@ impl Decoder<'_> {
     }
 
     fn hash_scalars(&mut self, ty: TypeId, hasher: &mut FxHasher) -> Result<()> {
-        const FLOAT: u32 = 1 << 16;
         let (part, count) = match self.module.ty(ty).clone() {
             Type::Vector { component: part, count } | Type::Matrix { column: part, count } => (part, count),
             Type::Array { element, length, .. } => (element, self.array_length(length)?),
@@ -80,8 +80,8 @@ impl Decoder<'_> {
                 hasher.write_u32(width);
                 return Ok(());
             }
-            Type::Float { width, .. } => {
-                hasher.write_u32(FLOAT + width);
+            ref ty @ Type::Float { .. } => {
+                ty.float_format().hash(hasher);
                 return Ok(());
             }
             _ => {
@@ -93,15 +93,26 @@ impl Decoder<'_> {
     }
 
     /// Bits of a scalar type or of a vector's component; 0 for a bool.
+    ///
+    /// A module whose arithmetic has operands of another [`FloatFormat`] than IEEE 754's is not
+    /// loaded, so that their number of bits tells the formats of all others.
     pub fn scalar_width(&self, ty: TypeId) -> Result<u32> {
         match *self.module.ty(ty) {
             Type::Bool => Ok(0),
-            Type::Int { width, .. } | Type::Float { width, encoding: None } => Ok(width),
+            Type::Int { width, .. } | Type::Float { width, .. } => Ok(width),
             Type::Vector { component, .. } => self.scalar_width(component),
             _ => {
                 Err(self
                     .invalid(format!("{} where a scalar or vector must be", self.module.describe_type(ty))))
             }
+        }
+    }
+
+    /// The format of a float type or of a vector's component; `None` for another type.
+    pub fn float_format(&self, ty: TypeId) -> Option<FloatFormat> {
+        match *self.module.ty(ty) {
+            Type::Vector { component, .. } => self.module.ty(component).float_format(),
+            ref ty => ty.float_format(),
         }
     }
 

@@ -1,0 +1,133 @@
+//! Conversions from and to bfloat16 and 8-bit floats, on the way through IEEE 754's formats.
+//!
+//! "Conversions to or from floating-point values with the BFloat16KHR encoding first convert the
+//! source value to IEEE754 binary32, and then from IEEE754 binary32 to the target format"
+//! (`SPV_KHR_bfloat16`, "Conversion Instructions"): so a double is rounded twice.
+//!
+//! 8-bit floats are exact in f32. What becomes one is rounded once: f64 holds every integer that
+//! lies within their range, and so near to it that rounding could bring it inside.
+#![allow(clippy::useless_conversion, reason = "a row's one formula stands for all its types")]
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::math::float_format::{self, FloatFormat};
+use crate::ops::conversion::{Conversion, row};
+use crate::ops::decode::Decoder;
+use crate::ops::row::Family;
+use crate::rows;
+
+rows! {
+    /// A bfloat16 as f32.
+    FromBFloat16 Internal [u16] (a: T) -> f32 { float_format::from_bfloat16(a) }
+    /// An E4M3 float as f32.
+    FromE4M3 Internal [u8] (a: T) -> f32 { float_format::from_e4m3(a) }
+    /// An E5M2 float as f32.
+    FromE5M2 Internal [u8] (a: T) -> f32 { float_format::from_e5m2(a) }
+    /// To the nearest bfloat16.
+    ToBFloat16 Internal [f32] (a: T) -> u16 { float_format::to_bfloat16(a) }
+    /// To the nearest E4M3 float.
+    ToE4M3 Internal [f32 f64] (a: T) -> u8 { float_format::to_e4m3(f64::from(a)) }
+    /// To the nearest finite E4M3 float.
+    ToE4M3Saturated Internal [f32 f64] (a: T) -> u8 { float_format::to_e4m3_saturated(f64::from(a)) }
+    /// To the nearest E5M2 float.
+    ToE5M2 Internal [f32 f64] (a: T) -> u8 { float_format::to_e5m2(f64::from(a)) }
+    /// To the nearest finite E5M2 float.
+    ToE5M2Saturated Internal [f32 f64] (a: T) -> u8 { float_format::to_e5m2_saturated(f64::from(a)) }
+}
+
+/// A value of a format as the IEEE 754 one that its arithmetic is done in, and that one's bits.
+///
+/// # Errors
+/// Where there is no room for the result.
+pub fn widened(decoder: &mut Decoder<'_>, format: FloatFormat, value: Reg) -> Result<(Reg, u32)> {
+    let (family, width): (&Family, u32) = match format {
+        FloatFormat::BFloat16 => (&FromBFloat16, 16),
+        FloatFormat::E4M3 => (&FromE4M3, 8),
+        FloatFormat::E5M2 => (&FromE5M2, 8),
+        _ => return Ok((value, format.width())),
+    };
+    Ok((decoder.family(family, width, &[value])?, 32))
+}
+
+/// A number of a type, on its way into a format by a conversion from that type.
+///
+/// # Errors
+/// `UnsupportedModule` where there is no such conversion.
+pub fn narrowed(
+    decoder: &mut Decoder<'_>,
+    (conversion, from): (Conversion, u32),
+    (format, saturated): (FloatFormat, bool),
+    value: Reg,
+) -> Result<Reg> {
+    let float = conversion == Conversion::F;
+    let (family, through): (&Family, u32) = match (format, saturated) {
+        (FloatFormat::BFloat16, _) => (&ToBFloat16, 32),
+        (FloatFormat::E4M3, false) => (&ToE4M3, if float && from < 64 { 32 } else { 64 }),
+        (FloatFormat::E4M3, true) => (&ToE4M3Saturated, if float && from < 64 { 32 } else { 64 }),
+        (FloatFormat::E5M2, false) => (&ToE5M2, if float && from < 64 { 32 } else { 64 }),
+        (FloatFormat::E5M2, true) => (&ToE5M2Saturated, if float && from < 64 { 32 } else { 64 }),
+        _ => return between(decoder, conversion, (from, format.width()), value),
+    };
+    let value = between(decoder, conversion, (from, through), value)?;
+    decoder.family(family, through, &[value])
+}
+
+/// A conversion between two widths.
+///
+/// # Errors
+/// `UnsupportedModule` where there is no such conversion.
+pub fn between(
+    decoder: &mut Decoder<'_>,
+    conversion: Conversion,
+    (from, to): (u32, u32),
+    value: Reg,
+) -> Result<Reg> {
+    match row(conversion, from, to) {
+        Some(row) => decoder.row(row, &[value]),
+        None if from == to => Ok(value),
+        None => Err(decoder.unsupported(format!("a conversion from {from} to {to} bits"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ops::row::tests::check;
+
+    #[test]
+    fn vectors() {
+        let bits = |value: f32| u64::from(value.to_bits());
+        check(&FromBFloat16, 16, &[0xBFC0], bits(-1.5));
+        check(&FromBFloat16, 16, &[0x0001], 0x0001_0000); // 2^-133 is 2^16 of the least f32
+        // A NaN is one pattern, whatever it was.
+        check(&FromBFloat16, 16, &[0xFF81], 0x7FC0_0000);
+        check(&FromE4M3, 8, &[0xFF], 0x7FC0_0000);
+        check(&FromE4M3, 8, &[0x7E], bits(448.0));
+        check(&FromE5M2, 8, &[0xFC], bits(f32::NEG_INFINITY));
+        check(&FromE5M2, 8, &[0x01], bits(2f32.powi(-16)));
+        check(&ToBFloat16, 32, &[bits(f32::MAX)], 0x7F80);
+        check(&ToBFloat16, 32, &[0xFF80_0001], 0x7FC0);
+        check(&ToBFloat16, 32, &[bits(-1.003_906_25)], 0xBF80); // 1 + 2^-8, a tie
+        check(&ToE4M3, 32, &[bits(465.0)], 0x7F);
+        check(&ToE4M3Saturated, 32, &[bits(-465.0)], 0xFE);
+        check(&ToE4M3, 64, &[(0.5f64 + 2f64.powi(-5) + 2f64.powi(-50)).to_bits()], 0x31);
+        check(&ToE5M2, 32, &[bits(-70_000.0)], 0xFC);
+        check(&ToE5M2Saturated, 64, &[f64::INFINITY.to_bits()], 0x7B);
+    }
+
+    #[test]
+    fn every_code_of_a_small_format_at_every_width() {
+        let formats = [
+            (&FromBFloat16, FloatFormat::BFloat16),
+            (&FromE4M3, FloatFormat::E4M3),
+            (&FromE5M2, FloatFormat::E5M2),
+        ];
+        for (family, format) in formats {
+            for code in 0..1u64 << format.width() {
+                let value = format.value(code) as f32;
+                let expected = if value.is_nan() { 0x7FC0_0000 } else { value.to_bits() };
+                check(family, format.width(), &[code], expected.into());
+            }
+        }
+    }
+}
