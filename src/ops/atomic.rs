@@ -6,18 +6,21 @@
 //! bit operations, minima and maxima whose result nobody reads commute each with its own kind: those
 //! run on all threads, unless others may reach the same memory ([`Update::commutes_with`],
 //! [`crate::program::sharing`]).
+//!
+//! Of a vector of f16 each component is an operation of its own: "atomic operations on vectors only
+//! guarantee atomicity of each component" (`SPV_NV_shader_atomic_fp16_vector`, 3.49.18).
 
 use std::sync::atomic::Ordering::Relaxed;
 
 use half::f16;
-use rspirv::spirv::Op as Opcode;
+use rspirv::spirv::{Capability, Op as Opcode};
 use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::{Batch, Bindings, Mask, Reg, TrapCode};
 use crate::module::Instruction;
-use crate::module::ty::Type;
-use crate::ops::decode::{Decoder, rows_from};
+use crate::module::ty::{Type, TypeId};
+use crate::ops::decode::{Decoder, Words, rows_from};
 use crate::ops::image::access::TexelPlace;
 use crate::ops::image::reader::Reader;
 use crate::ops::memory::{BufferRef, Chunk, computed_row, each_access, trap};
@@ -119,7 +122,7 @@ pub enum Target {
         /// A row that holds a further number of rows, lane by lane.
         row: Option<Reg>,
     },
-    /// A texel of one component as wide as the scalar.
+    /// A texel of so many components as the vector has, each as wide as the scalar.
     Texel(Box<TexelPlace>),
 }
 
@@ -130,6 +133,8 @@ pub struct Op {
     pub kind: Kind,
     /// Bits of the scalar: 16, 32 or 64.
     pub width: u32,
+    /// Which component it is of how many, 0 of 1 for a scalar.
+    pub component: (u32, u32),
     /// Where the value lies.
     pub target: Target,
     /// The first row that takes the value that was there before.
@@ -190,12 +195,17 @@ impl Op {
             Target::Buffer(chunk) => self.on_buffer(batch, bindings, chunk),
             Target::Texel(place) => {
                 for lane in batch.mask.lanes() {
-                    match place.find_scalar(Reader::new(&batch.registers, lane, bindings)) {
+                    let (component, count) = self.component;
+                    match place.find_texel(Reader::new(&batch.registers, lane, bindings), count) {
                         Ok((image, index)) => {
                             let (value, comparator) = self.operands(batch, lane);
-                            let change = |old| apply(self.kind, self.width, old, value, comparator);
-                            let old = image.update(index, change);
-                            self.write(batch, self.to, lane, old);
+                            let (shift, mask) = (component * self.width, u64::MAX >> (64 - self.width));
+                            let old = image.update(index, |texel| {
+                                let old = texel >> shift & mask;
+                                let new = apply(self.kind, self.width, old, value, comparator)?;
+                                Some(texel & !(mask << shift) | (new & mask) << shift)
+                            });
+                            self.write(batch, self.to, lane, old >> shift & mask);
                         }
                         Err(TrapCode::ImageOutOfBounds) if bindings.is_robust() => {
                             self.write(batch, self.to, lane, 0);
@@ -375,6 +385,10 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     let pointer = decoder.pointer(id)?;
     let width = match *decoder.module.ty(pointer.pointee) {
         Type::Int { width, .. } | Type::Float { width, encoding: None } => width,
+        Type::Vector { component, count } => {
+            half_vector(decoder, opcode, (component, count))?;
+            return components(decoder, instruction, (kind, count), &pointer).map(|()| true);
+        }
         _ => return Err(decoder.invalid("an atomic instruction on what is no scalar")),
     };
     if width == 8 {
@@ -390,15 +404,79 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         }
         _ => (scalar(decoder, instruction, 3, width)?, none),
     };
-    let target = target(decoder, &pointer, width)?;
+    let target = target(decoder, &pointer, width, 1)?;
+    let to = emit(decoder, (kind, width, (0, 1)), target, (value, comparator))?;
+    let words = rows_from(to, width.div_ceil(32));
+    decoder.result(instruction, SmallVec::from_slice(&words));
+    Ok(true)
+}
+
+/// Appends an operation; where the value that was there goes.
+fn emit(
+    decoder: &mut Decoder<'_>,
+    (kind, width, component): (Kind, u32, (u32, u32)),
+    target: Target,
+    (value, comparator): (Reg, Reg),
+) -> Result<Reg> {
     let to = decoder.fresh(width.div_ceil(32))?;
     if let Target::Rows { .. } = target {
         decoder.forget();
     }
-    decoder.emit(Operation::Atomic(Box::new(Op { kind, width, target, to, value, comparator })));
-    let words = rows_from(to, width.div_ceil(32));
-    decoder.result(instruction, SmallVec::from_slice(&words));
-    Ok(true)
+    let op = Op { kind, width, component, target, to, value, comparator };
+    decoder.emit(Operation::Atomic(Box::new(op)));
+    Ok(to)
+}
+
+/// Refuses vectors that atomic instructions must not be used with.
+fn half_vector(decoder: &Decoder<'_>, opcode: Opcode, (component, count): (TypeId, u32)) -> Result<()> {
+    const FLOAT16_VECTOR: u32 = Capability::AtomicFloat16VectorNV as u32;
+    const SECTION: &str = "(SPV_NV_shader_atomic_fp16_vector, Validation Rules)";
+    let takes_vectors = matches!(
+        opcode,
+        Opcode::AtomicExchange | Opcode::AtomicFAddEXT | Opcode::AtomicFMinEXT | Opcode::AtomicFMaxEXT
+    );
+    let halves = matches!(*decoder.module.ty(component), Type::Float { width: 16, encoding: None });
+    if !(takes_vectors && halves && matches!(count, 2 | 4)) {
+        return Err(decoder.invalid(format!(
+            "an atomic instruction on a vector; additions, minima, maxima and exchanges take those of two or four \
+             16-bit floats {SECTION}"
+        )));
+    }
+    if !decoder.module.capabilities.contains(&FLOAT16_VECTOR) {
+        let message = format!("an atomic instruction on a vector needs AtomicFloat16VectorNV {SECTION}");
+        return Err(decoder.invalid(message));
+    }
+    Ok(())
+}
+
+/// An operation for each component of a vector of f16.
+fn components(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    (kind, count): (Kind, u32),
+    pointer: &Pointer,
+) -> Result<()> {
+    let values = decoder.operand(instruction, 3)?;
+    if values.len() as u32 != count {
+        return Err(decoder.invalid("the operand of an atomic instruction has another type than the memory"));
+    }
+    let none = decoder.wide_constant(0)?;
+    let stride = match pointer.place {
+        Place::Buffer(_) if pointer.is_packed(decoder) => 4,
+        Place::Buffer(_) => pointer.component_stride.unwrap_or(2),
+        _ => 1,
+    };
+    let mut words = Words::new();
+    for (component, &value) in values.iter().enumerate() {
+        let component = component as u32;
+        let mut part = pointer.clone();
+        let offset = component.checked_mul(stride).and_then(|bytes| part.offset.checked_add(bytes));
+        part.offset = offset.ok_or_else(|| decoder.invalid("an offset beyond 4 GiB"))?;
+        let target = target(decoder, &part, 16, count)?;
+        words.push(emit(decoder, (kind, 16, (component, count)), target, (value, none))?);
+    }
+    decoder.result(instruction, words);
+    Ok(())
 }
 
 /// The first row of an operand that must be a scalar of a width.
@@ -410,9 +488,9 @@ fn scalar(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize, width
     }
 }
 
-fn target(decoder: &mut Decoder<'_>, pointer: &Pointer, width: u32) -> Result<Target> {
+fn target(decoder: &mut Decoder<'_>, pointer: &Pointer, width: u32, count: u32) -> Result<Target> {
     match pointer.place {
-        Place::Texel(ref place) if (width == 64) == place.view.wide && width >= 32 => {
+        Place::Texel(ref place) if (width == 64) == place.view.wide && width * count >= 32 => {
             Ok(Target::Texel(place.clone()))
         }
         Place::Texel(_) => Err(decoder.invalid("an atomic instruction on a texel of another width")),

@@ -12,6 +12,7 @@ mod extended;
 mod float_controls;
 mod float_encodings;
 mod formulas;
+mod half_vector_atomics;
 mod images;
 mod integers;
 mod memory;

@@ -6,7 +6,7 @@
 use rspirv::spirv::Op as Opcode;
 
 use crate::error::Result;
-use crate::machine::format::Class;
+use crate::machine::format::{Class, Component};
 use crate::machine::image::{Image, Position};
 use crate::machine::{Accessed, Batch, Bindings, Reg, TrapCode};
 use crate::module::Instruction;
@@ -126,18 +126,22 @@ impl TexelPlace {
     }
 
     /// The place as atomic instructions need it: its texel has the size of the scalar that the
-    /// pointer points to.
+    /// pointer points to, or is the vector of so many 16-bit floats.
     ///
     /// # Errors
     /// As [`TexelPlace::find`], and `ImageMismatch` for a texel of another size.
-    pub fn find_scalar<'b, const W: usize>(
+    pub fn find_texel<'b, const W: usize>(
         &self,
         reader: Reader<'_, 'b, W>,
+        components: u32,
     ) -> Result<(&'b Image, usize), TrapCode> {
         let (image, index) = self.find(reader)?;
         let size = if self.view.wide { 8 } else { 4 };
         let format = image.format();
-        let fits = format.texel_size() == size && format.channels == 1;
+        let fits = match components {
+            1 => format.texel_size() == size && format.channels == 1,
+            _ => format.component == Component::Float16 && u32::from(format.channels) == components,
+        };
         if fits { Ok((image, index)) } else { Err(TrapCode::ImageMismatch) }
     }
 }
