@@ -14,8 +14,8 @@ use crate::module::{Id, Instruction, Module};
 /// Checks one instruction; those that access nothing pass.
 ///
 /// # Errors
-/// `InvalidModule` where an index leaves its struct, vector, matrix or (where its length is
-/// fixed) array, indexes a scalar, or arrives at another type than the instruction says.
+/// `InvalidModule` where an index leaves its struct or, as a literal, its vector, matrix or array
+/// of fixed length, indexes a scalar, or arrives at another type than the instruction says.
 pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<()> {
     let Some(known) = opcode(instruction.opcode) else { return Ok(()) };
     let first = instruction.operands.start as usize;
@@ -132,9 +132,11 @@ impl Access<'_> {
                 let member = usize::try_from(index).ok().and_then(|index| members.get(index));
                 (member.map(|member| member.ty), Some(members.len() as u64))
             }
-            Type::Vector { component, count } => (Some(*component), Some(u64::from(*count))),
-            Type::Matrix { column, count } => (Some(*column), Some(u64::from(*count))),
-            Type::Array { element, length, .. } => (Some(*element), self.array_length(*length)),
+            Type::Vector { component, count } => (Some(*component), self.fixed(Some(u64::from(*count)))),
+            Type::Matrix { column, count } => (Some(*column), self.fixed(Some(u64::from(*count)))),
+            Type::Array { element, length, .. } => {
+                (Some(*element), self.fixed(self.module.constant_scalar(*length)))
+            }
             Type::RuntimeArray { element, .. } => (Some(*element), None),
             Type::Other(_) => return Ok(None),
             _ => {
@@ -164,12 +166,13 @@ impl Access<'_> {
         }
     }
 
-    /// The length of an array. Constant indices of arrays are not held against it when they come
-    /// through memory: shaders may name an element past the end and never touch it.
-    fn array_length(&self, length: Id) -> Option<u64> {
+    /// How many parts an index is held against. Those that come through memory, as constants may, are left to the
+    /// run: an index past the end is undefined where it is used (`OpAccessChain`), and shaders may
+    /// name an element past the end and never touch it.
+    fn fixed(&self, parts: Option<u64>) -> Option<u64> {
         let literal =
             matches!(opcode(self.instruction.opcode)?.op, Op::CompositeExtract | Op::CompositeInsert);
-        self.module.constant_scalar(length).filter(|_| literal)
+        parts.filter(|_| literal)
     }
 
     /// Two types that must be one, where both are known.

@@ -2,11 +2,11 @@
 
 use smallvec::SmallVec;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::machine::resource::{ELEMENT_BITS, MAX_SLOTS};
 use crate::machine::{Binding, Bindings, ROW_POINTER, Reg};
-use crate::module::Instruction;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
+use crate::module::{Id, Instruction};
 use crate::ops::decode::{Decoder, InputRows, InterfaceRows, Slot, Words};
 use crate::ops::image::access::TexelPlace;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
@@ -163,7 +163,7 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
         storage::INPUT => {
             let number = decoder.module.decorations.literal(id, 11);
             let Some(number) = number else {
-                return Err(decoder.invalid(format!("input variable %{} is no builtin", id.0)));
+                return Err(user_defined_input(decoder, id, pointee));
             };
             let builtin = builtin::find(number).ok_or_else(|| {
                 decoder.unsupported(format!("the builtin {}", crate::module::names::builtin_name(number)))
@@ -237,6 +237,18 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
             Err(decoder.unsupported(format!("variables of storage class {name}")))
         }
     }
+}
+
+/// The error of an input variable that is no builtin: nothing comes before the stages that run here.
+fn user_defined_input(decoder: &Decoder<'_>, id: Id, pointee: TypeId) -> Error {
+    /// `Location`
+    const LOCATION: u32 = 30;
+    let message = format!("input variable %{} is no builtin", id.0);
+    let members = matches!(decoder.module.ty(pointee), Type::Struct { .. });
+    if members || decoder.module.decorations.find(id, LOCATION).is_some() {
+        return decoder.unsupported(message);
+    }
+    decoder.invalid(message + ", and has no Location").note("VUID-StandaloneSpirv-Location-04916")
 }
 
 /// A pointer as words that a phi, a select or a call can carry. The null pointer is zeros, and so

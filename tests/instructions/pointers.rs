@@ -1,5 +1,6 @@
 //! Pointers as values (`VariablePointers`): through phis, selects and calls, into matrices too.
 
+use anyhit::error::ErrorKind;
 use anyhit::machine::{Buffer, Descriptor, Resources};
 
 use crate::run::Shader;
@@ -262,4 +263,44 @@ fn raw_access_chains_count_bytes() {
     for (id, words) in found.iter().enumerate() {
         assert_eq!(words[0], 2 * (id as u32 % 4) + 3);
     }
+}
+
+#[test]
+fn constants_past_the_end_of_a_vector_trap_where_they_are_used() {
+    // "Each index must be in bounds" is undefined behaviour of `OpAccessChain`, not a rule of the module: spirv-val
+    // accepts both shaders.
+    let shader = |taken: &str| {
+        let body = format!(
+            "%point = OpVariable %ptr_own3 Function
+            %beyond = OpAccessChain %ptr_own %point %u3
+            OpSelectionMerge %end None
+            OpBranchConditional {taken} %yes %end
+            %yes = OpLabel
+            %value = OpLoad %uint %beyond
+            out 0 %value
+            OpBranch %end
+            %end = OpLabel
+            out 1 %u7"
+        );
+        let declarations = "%ptr_own3 = OpTypePointer Function %uint3
+            %ptr_own = OpTypePointer Function %uint";
+        Shader { declarations, body: &body, ..Shader::default() }.run_with(&mut Resources::default)
+    };
+    let found = shader("%false").unwrap_or_else(|error| panic!("{}", error.render()));
+    assert!(found.iter().all(|words| words[1] == 7));
+    let error = shader("%true").expect_err("a component that does not exist");
+    assert_eq!(error.kind(), ErrorKind::Trap);
+}
+
+#[test]
+fn inputs_are_builtins_or_have_a_location() {
+    let error = |annotations: &str| {
+        let declarations = "%ptr_in = OpTypePointer Input %uint\n%lonely = OpVariable %ptr_in Input";
+        let body = "%value = OpLoad %uint %lonely";
+        Shader { annotations, declarations, body, ..Shader::default() }.refused()
+    };
+    let without = error("");
+    assert_eq!(without.kind(), ErrorKind::InvalidModule);
+    assert_eq!(without.notes(), ["VUID-StandaloneSpirv-Location-04916"]);
+    assert_eq!(error("OpDecorate %lonely Location 0").kind(), ErrorKind::UnsupportedModule);
 }
