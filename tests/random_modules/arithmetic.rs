@@ -250,7 +250,10 @@ pub fn extended_floats(op: GLOp, v: &[u64], width: u32) -> Option<u64> {
 fn halves_round_to_even() {
     // 2049 lies between 2048 and 2050, 2051 between 2050 and 2052; 2^-25 is half the least one.
     assert_eq!([2049.0, 2051.0].map(|value| float(rounded(value, 16), 16)), [2048.0, 2052.0]);
-    assert_eq!([2f64.powi(-25), 1.5 * 2f64.powi(-25), 65_519.9, 65_520.0].map(|value| rounded(value, 16)), [0, 1, 0x7BFF, 0x7C00]);
+    assert_eq!(
+        [2f64.powi(-25), 1.5 * 2f64.powi(-25), 65_519.9, 65_520.0].map(|value| rounded(value, 16)),
+        [0, 1, 0x7BFF, 0x7C00]
+    );
     // (1 + 2^-6)^2 - 1 = 2^-5 (1 + 2^-7).
     assert_eq!(fused(0x3C10, 0x3C10, 0xBC00, 16), 0x2808);
     // 2048 * 2048 + 2^-24 is far from any tie; 2^-14 * 2^-11 + 2^-24 = 1.5 * 2^-24 is one, and goes to 2.

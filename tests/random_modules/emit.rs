@@ -6,7 +6,9 @@ use rspirv::spirv::{
     AddressingModel, BuiltIn, Capability, Decoration, ExecutionMode, ExecutionModel, MemoryModel, Op,
 };
 
-use crate::module::{Body, ConstantKind, End, Function, GLSL, Id, Inst, MAIN, Module, Node, Operand, Phi, Ty, Type};
+use crate::module::{
+    Body, ConstantKind, End, Function, GLSL, Id, Inst, MAIN, Module, Node, Operand, Phi, Ty, Type,
+};
 
 /// The words of a module; what nothing uses is left out.
 pub fn words(module: &Module) -> Vec<u32> {
@@ -226,7 +228,9 @@ impl Emitter<'_> {
         if self.uses(|inst| inst.op == Op::FmaKHR) {
             found.push(Capability::FMAKHR);
         }
-        if self.uses(|inst| (Op::GroupNonUniformElect as u32..=Op::GroupNonUniformQuadSwap as u32).contains(&(inst.op as u32))) {
+        if self.uses(|inst| {
+            (Op::GroupNonUniformElect as u32..=Op::GroupNonUniformQuadSwap as u32).contains(&(inst.op as u32))
+        }) {
             found.extend([
                 Capability::GroupNonUniform,
                 Capability::GroupNonUniformVote,
@@ -244,7 +248,8 @@ impl Emitter<'_> {
                         .is_some_and(|ty| matches!(self.module.at(ty), Type::Int { width: 64, .. })),
                     Operand::Literal(_) => false,
                 })
-                || atomic && inst.ty.is_some_and(|ty| matches!(self.module.at(ty), Type::Int { width: 64, .. }))
+                || atomic
+                    && inst.ty.is_some_and(|ty| matches!(self.module.at(ty), Type::Int { width: 64, .. }))
         });
         if wide_atomic {
             found.push(Capability::Int64Atomics);
@@ -321,7 +326,9 @@ impl Emitter<'_> {
     }
 
     fn function(&mut self, function: &Function) {
-        let Type::Function(result, _) = *self.module.at(function.ty) else { unreachable!("a function's type") };
+        let Type::Function(result, _) = *self.module.at(function.ty) else {
+            unreachable!("a function's type")
+        };
         self.op(Op::Function, &[self.ty(result), function.id, function.control, self.ty(function.ty)]);
         for &(id, ty) in &function.parameters {
             self.op(Op::FunctionParameter, &[self.ty(ty), id]);
@@ -388,11 +395,12 @@ impl Emitter<'_> {
                 Node::If { condition, arms, phis } => {
                     let merge = self.label();
                     // An arm without anything is the merge block itself, one time in two.
-                    let direct = |arm: &Body| arm.nodes.is_empty() && matches!(arm.end, End::Fall(_)) && condition % 2 == 0;
+                    let direct = |arm: &Body| {
+                        arm.nodes.is_empty() && matches!(arm.end, End::Fall(_)) && condition % 2 == 0
+                    };
                     let skips = arms.iter().position(|arm| direct(arm));
-                    let labels: Vec<Id> = (0..2)
-                        .map(|at| if skips == Some(at) { merge } else { self.label() })
-                        .collect();
+                    let labels: Vec<Id> =
+                        (0..2).map(|at| if skips == Some(at) { merge } else { self.label() }).collect();
                     self.op(Op::SelectionMerge, &[merge, 0]);
                     self.op(Op::BranchConditional, &[*condition, labels[0], labels[1]]);
                     let mut edges = Vec::new();
@@ -445,7 +453,8 @@ impl Emitter<'_> {
                 Node::Loop(it) => {
                     let [header, body, next, merge] =
                         [self.label(), self.label(), self.label(), self.label()];
-                    let back = if it.again.is_some() || !it.continuing.is_empty() { self.label() } else { next };
+                    let back =
+                        if it.again.is_some() || !it.continuing.is_empty() { self.label() } else { next };
                     // The block of the back edge is known only when the continue construct is written:
                     // where it is more than one block, it ends in a block of its own.
                     self.op(Op::Branch, &[header]);

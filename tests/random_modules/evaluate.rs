@@ -22,7 +22,8 @@ const FUEL: u32 = 60_000;
 /// Runs a module; what it leaves in memory, or what it does that means nothing.
 pub fn run(words: &[u32], memory: &Memory, groups: u32, subgroup: u32) -> Result<Memory, String> {
     let read = crate::reader::read(words);
-    let mut machine = Machine { read: &read, memory: memory.clone(), workgroup: Vec::new(), groups, subgroup, steps: 0 };
+    let mut machine =
+        Machine { read: &read, memory: memory.clone(), workgroup: Vec::new(), groups, subgroup, steps: 0 };
     for group in 0..groups {
         machine.group(group)?;
     }
@@ -101,7 +102,9 @@ impl Machine<'_> {
                         one.own[variable.cells as usize..][..value.len()].copy_from_slice(&value);
                     }
                 }
-                StorageClass::Workgroup => self.workgroup[variable.cells as usize..][..value.len()].copy_from_slice(&value),
+                StorageClass::Workgroup => {
+                    self.workgroup[variable.cells as usize..][..value.len()].copy_from_slice(&value)
+                }
                 _ => {}
             }
         }
@@ -151,7 +154,11 @@ impl Machine<'_> {
 
     fn value<'b>(&'b self, one: &'b Invocation, id: Id) -> &'b [Cell] {
         let (at, count) = (self.read.slot[id as usize] as usize, self.size(self.read.type_of[id as usize]));
-        if self.read.is_constant[id as usize] { &self.read.constants[at..at + count] } else { &one.values[at..at + count] }
+        if self.read.is_constant[id as usize] {
+            &self.read.constants[at..at + count]
+        } else {
+            &one.values[at..at + count]
+        }
     }
 
     fn number(&self, one: &Invocation, id: Id) -> Outcome<u64> {
@@ -247,7 +254,9 @@ impl Machine<'_> {
                     one.at = at;
                 }
                 Op::ControlBarrier => return Ok(()),
-                op if (Op::GroupNonUniformElect as u32..=Op::GroupNonUniformQuadSwap as u32).contains(&(op as u32)) => {
+                op if (Op::GroupNonUniformElect as u32..=Op::GroupNonUniformQuadSwap as u32)
+                    .contains(&(op as u32)) =>
+                {
                     return Ok(());
                 }
                 _ => {
@@ -311,7 +320,8 @@ impl Machine<'_> {
                     let bytes = width as usize / 8;
                     match self.memory.buffers[buffer].get(at..at + bytes) {
                         Some(found) => {
-                            let bits = found.iter().rev().fold(0u64, |bits, byte| bits << 8 | u64::from(*byte));
+                            let bits =
+                                found.iter().rev().fold(0u64, |bits, byte| bits << 8 | u64::from(*byte));
                             out.push(defined(bits));
                         }
                         None => failed = Some("undefined: a load outside of a buffer"),
@@ -400,7 +410,11 @@ impl Machine<'_> {
     /// How far a part of a type lies from its beginning: in cells, or in bytes of a buffer.
     fn step(&self, ty: Id, index: u64, bytes: bool, layout: MatrixLayout) -> Outcome<(Id, u64)> {
         let outside = |count: u32| {
-            if index >= u64::from(count) { Err(format!("undefined: index {index} of {count}")) } else { Ok(()) }
+            if index >= u64::from(count) {
+                Err(format!("undefined: index {index} of {count}"))
+            } else {
+                Ok(())
+            }
         };
         Ok(match self.ty(ty) {
             Type::Struct(members) => {
@@ -444,7 +458,8 @@ impl Machine<'_> {
             let index = self.number(one, id)?;
             let width = self.width(self.read.type_of[id as usize]);
             // Indices are signed.
-            let index = u64::try_from(exact::signed(index, width)).map_err(|_| "undefined: a negative index")?;
+            let index =
+                u64::try_from(exact::signed(index, width)).map_err(|_| "undefined: a negative index")?;
             if let Type::Struct(_) = self.ty(ty) {
                 layout = self.read.matrices.get(&(ty, index as u32)).copied();
             }
@@ -516,7 +531,9 @@ impl Machine<'_> {
                 }
             }
             Op::Transpose => {
-                let Type::Matrix(column, columns) = *self.type_of(w[3]) else { return Err("no matrix".into()) };
+                let Type::Matrix(column, columns) = *self.type_of(w[3]) else {
+                    return Err("no matrix".into());
+                };
                 let rows = self.size(column);
                 let cells = self.value(one, w[3]);
                 for row in 0..rows {
@@ -540,7 +557,9 @@ impl Machine<'_> {
             let value = known(*cell)?;
             bits.extend((0..from).map(|at| value >> at & 1));
         }
-        out.extend(bits.chunks(to).map(|part| defined(part.iter().rev().fold(0, |value, bit| value << 1 | bit))));
+        out.extend(
+            bits.chunks(to).map(|part| defined(part.iter().rev().fold(0, |value, bit| value << 1 | bit))),
+        );
         Ok(())
     }
 
@@ -553,13 +572,18 @@ impl Machine<'_> {
         let old = known(before[0])?;
         let operand = |at: usize| self.number(one, w[at]);
         let of = |op: Op, b: u64| exact::integers(op, old, b, width).ok_or("an atomic instruction");
-        let extended = |op: GLOp, b: u64| exact::extended_integers(op, &[old, b], width).ok_or("an atomic instruction");
+        let extended =
+            |op: GLOp, b: u64| exact::extended_integers(op, &[old, b], width).ok_or("an atomic instruction");
         let new = match op {
             Op::AtomicLoad => old,
             Op::AtomicStore => operand(4)?,
             Op::AtomicExchange => operand(6)?,
             Op::AtomicCompareExchange => {
-                if operand(8)? == old { operand(7)? } else { old }
+                if operand(8)? == old {
+                    operand(7)?
+                } else {
+                    old
+                }
             }
             Op::AtomicIIncrement => of(Op::IAdd, 1)?,
             Op::AtomicIDecrement => of(Op::ISub, 1)?,
@@ -595,7 +619,9 @@ impl Machine<'_> {
         let (from, width) = (self.scalar(of).clone(), self.width(of));
         let to = self.scalar(w[1]).clone();
         let to_width = self.width(w[1]);
-        let number = |operand: usize, at: usize| known(values[operand][if values[operand].len() == 1 { 0 } else { at }]);
+        let number = |operand: usize, at: usize| {
+            known(values[operand][if values[operand].len() == 1 { 0 } else { at }])
+        };
         let undefined = || format!("undefined: {op:?} {extended:?}");
         match op {
             Op::Any | Op::All => {
@@ -612,9 +638,13 @@ impl Machine<'_> {
                 for at in 0..values[0].len() {
                     let (a, b) = (number(0, at)?, number(1, at)?);
                     let (low, more) = match op {
-                        Op::IAddCarry => (a.wrapping_add(b), u64::from((u128::from(a) + u128::from(b)) >> width != 0)),
+                        Op::IAddCarry => {
+                            (a.wrapping_add(b), u64::from((u128::from(a) + u128::from(b)) >> width != 0))
+                        }
                         Op::ISubBorrow => (a.wrapping_sub(b), u64::from(a < b)),
-                        Op::UMulExtended => (a.wrapping_mul(b), (u128::from(a) * u128::from(b) >> width) as u64),
+                        Op::UMulExtended => {
+                            (a.wrapping_mul(b), (u128::from(a) * u128::from(b) >> width) as u64)
+                        }
                         _ => {
                             let product = exact::signed(a, width) * exact::signed(b, width);
                             (product as u64, (product >> width) as u64)
@@ -629,7 +659,8 @@ impl Machine<'_> {
             Op::OuterProduct => {
                 for at in 0..values[1].len() {
                     for row in 0..values[0].len() {
-                        let product = exact::floats(Op::FMul, known(values[0][row])?, known(values[1][at])?, to_width);
+                        let product =
+                            exact::floats(Op::FMul, known(values[0][row])?, known(values[1][at])?, to_width);
                         out.push(defined(product.ok_or_else(undefined)?));
                     }
                 }
@@ -650,7 +681,9 @@ impl Machine<'_> {
                 (Op::SNegate, ..) => defined(a.wrapping_neg() & exact::mask(width)),
                 (Op::Not, ..) => defined(!a & exact::mask(width)),
                 (Op::BitCount, ..) => defined((0..width).map(|bit| a >> bit & 1).sum()),
-                (Op::BitReverse, ..) => defined((0..width).map(|bit| (a >> bit & 1) << (width - 1 - bit)).sum()),
+                (Op::BitReverse, ..) => {
+                    defined((0..width).map(|bit| (a >> bit & 1) << (width - 1 - bit)).sum())
+                }
                 (Op::BitFieldInsert, ..) => {
                     let (insert, offset, count) = (number(1, at)?, number(2, at)?, number(3, at)?);
                     if u128::from(offset) + u128::from(count) > width.into() {
@@ -676,7 +709,8 @@ impl Machine<'_> {
                 (Op::ConvertSToF, ..) => defined(exact::integer_to_float(exact::signed(a, width), to_width)),
                 (Op::ConvertFToU | Op::ConvertFToS, ..) => {
                     let Type::Int(..) = to else { return Err(undefined()) };
-                    let found = exact::float_to_integer(exact::float(a, width), to_width, op == Op::ConvertFToS);
+                    let found =
+                        exact::float_to_integer(exact::float(a, width), to_width, op == Op::ConvertFToS);
                     defined(found.ok_or_else(undefined)?)
                 }
                 (Op::FConvert, ..) => defined(exact::rounded(exact::float(a, width), to_width)),
@@ -740,7 +774,11 @@ impl Machine<'_> {
         for at in 0..count {
             let from = |source: u64| -> Outcome<Vec<Cell>> {
                 // What an invocation that is none has is not defined.
-                Ok(if source < count as u64 { value(source as usize, operand) } else { vec![Cell::default(); size] })
+                Ok(if source < count as u64 {
+                    value(source as usize, operand)
+                } else {
+                    vec![Cell::default(); size]
+                })
             };
             let own = |id: Id| self.number(&members[at], id);
             results[at] = match code.op {
@@ -750,7 +788,11 @@ impl Machine<'_> {
                     for one in 0..count {
                         all.push(known(value(one, operand)[0])? == 1);
                     }
-                    vec![truth(if code.op == Op::GroupNonUniformAll { !all.contains(&false) } else { all.contains(&true) })]
+                    vec![truth(if code.op == Op::GroupNonUniformAll {
+                        !all.contains(&false)
+                    } else {
+                        all.contains(&true)
+                    })]
                 }
                 Op::GroupNonUniformAllEqual => {
                     let first = value(0, operand);
@@ -776,7 +818,8 @@ impl Machine<'_> {
                 Op::GroupNonUniformShuffleUp => from((at as u64).wrapping_sub(own(last)?))?,
                 Op::GroupNonUniformShuffleDown => from(at as u64 + own(last)?)?,
                 Op::GroupNonUniformInverseBallot | Op::GroupNonUniformBallotBitExtract => {
-                    let bit = if code.op == Op::GroupNonUniformInverseBallot { at as u64 } else { own(last)? };
+                    let bit =
+                        if code.op == Op::GroupNonUniformInverseBallot { at as u64 } else { own(last)? };
                     let ballot = value(at, operand);
                     let word = *ballot.get(bit as usize / 32).ok_or("undefined: no such bit")?;
                     vec![truth(known(word)? >> (bit % 32) & 1 == 1)]
@@ -810,10 +853,18 @@ impl Machine<'_> {
                                 Op::GroupNonUniformLogicalAnd => Some(a & b),
                                 Op::GroupNonUniformLogicalOr => Some(a | b),
                                 Op::GroupNonUniformLogicalXor => Some(a ^ b),
-                                Op::GroupNonUniformUMin => exact::extended_integers(GLOp::UMin, &[a, b], width),
-                                Op::GroupNonUniformUMax => exact::extended_integers(GLOp::UMax, &[a, b], width),
-                                Op::GroupNonUniformSMin => exact::extended_integers(GLOp::SMin, &[a, b], width),
-                                Op::GroupNonUniformSMax => exact::extended_integers(GLOp::SMax, &[a, b], width),
+                                Op::GroupNonUniformUMin => {
+                                    exact::extended_integers(GLOp::UMin, &[a, b], width)
+                                }
+                                Op::GroupNonUniformUMax => {
+                                    exact::extended_integers(GLOp::UMax, &[a, b], width)
+                                }
+                                Op::GroupNonUniformSMin => {
+                                    exact::extended_integers(GLOp::SMin, &[a, b], width)
+                                }
+                                Op::GroupNonUniformSMax => {
+                                    exact::extended_integers(GLOp::SMax, &[a, b], width)
+                                }
                                 _ => None,
                             }
                         };
@@ -828,7 +879,8 @@ impl Machine<'_> {
                         let start = values.next().unwrap_or(identity);
                         let mut sum = start;
                         for value in values {
-                            sum = combine(sum, value).filter(|_| !is_float).ok_or_else(|| format!("{op:?}"))?;
+                            sum =
+                                combine(sum, value).filter(|_| !is_float).ok_or_else(|| format!("{op:?}"))?;
                         }
                         result.push(defined(sum));
                     }

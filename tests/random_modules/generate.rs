@@ -9,7 +9,9 @@ use std::collections::BTreeMap;
 use rspirv::spirv::{BuiltIn, Decoration, Op, StorageClass};
 
 use crate::emit::{bound_at, is_builtin};
-use crate::module::{Body, ConstantKind, End, Function, Id, Inst, Layout, MAIN, Module, Node, Operand, Ty, Type, Variable};
+use crate::module::{
+    Body, ConstantKind, End, Function, Id, Inst, Layout, MAIN, Module, Node, Operand, Ty, Type, Variable,
+};
 use crate::random::Random;
 
 /// Words that every invocation reads, behind the words that all of them read: the device address and
@@ -290,7 +292,13 @@ impl Generator {
         }
     }
 
-    fn global(&mut self, class: StorageClass, to: Ty, initializer: Option<Id>, decorations: Vec<Vec<u32>>) -> Id {
+    fn global(
+        &mut self,
+        class: StorageClass,
+        to: Ty,
+        initializer: Option<Id>,
+        decorations: Vec<Vec<u32>>,
+    ) -> Id {
         let ty = self.module.pointer(class, to);
         let id = self.module.id(Some(ty));
         self.module.globals.push(Variable { id, ty, initializer, decorations });
@@ -327,7 +335,8 @@ impl Generator {
         self.gid = self.global(StorageClass::Input, uvec3, None, is_builtin(BuiltIn::GlobalInvocationId));
         self.group_id = self.global(StorageClass::Input, uvec3, None, is_builtin(BuiltIn::WorkgroupId));
         self.lid = self.global(StorageClass::Input, Ty(1), None, is_builtin(BuiltIn::LocalInvocationIndex));
-        self.lane_id = self.global(StorageClass::Input, Ty(1), None, is_builtin(BuiltIn::SubgroupLocalInvocationId));
+        self.lane_id =
+            self.global(StorageClass::Input, Ty(1), None, is_builtin(BuiltIn::SubgroupLocalInvocationId));
         if self.random.chance(1, 2) {
             let (element, stride) = self.laid_struct();
             let block = self.block(element, stride);
@@ -340,14 +349,19 @@ impl Generator {
         }
         for _ in 0..self.random.below(3) {
             let ty = self.any_type();
-            let value = if self.random.chance(1, 3) { self.module.constant(ty, ConstantKind::Null) } else { self.constant(ty) };
+            let value = if self.random.chance(1, 3) {
+                self.module.constant(ty, ConstantKind::Null)
+            } else {
+                self.constant(ty)
+            };
             let id = self.global(StorageClass::Private, ty, Some(value), aliased.clone());
             self.places.push(Place { id, class: StorageClass::Private, to: ty, object: id });
         }
         if self.random.chance(2, 5) {
             for _ in 0..1 + self.random.below(2) {
                 let ty = self.any_type();
-                let array = self.module.ty(Type::Array { element: ty, count: self.module.local_size, stride: 0 });
+                let array =
+                    self.module.ty(Type::Array { element: ty, count: self.module.local_size, stride: 0 });
                 let id = self.global(StorageClass::Workgroup, array, None, aliased.clone());
                 self.workgroup.push((id, ty));
             }
@@ -361,14 +375,37 @@ impl Generator {
             Type::Int { width, .. } => {
                 let mask = u64::MAX >> (64 - width);
                 let edges = [0, 1, 2, 3, 7, mask, mask >> 1, (mask >> 1) + 1];
-                let bits = if self.random.chance(3, 4) { self.random.pick(&edges) } else { self.random.next() };
+                let bits =
+                    if self.random.chance(3, 4) { self.random.pick(&edges) } else { self.random.next() };
                 ConstantKind::Bits(bits & mask)
             }
             Type::Float { width } => {
                 let values: &[u64] = match width {
                     16 => &[0, 0x8000, 0x3C00, 0xBC00, 0x4200, 0x3555, 0x7BFF, 0x0001, 0x7C00, 0x5640],
-                    32 => &[0, 1 << 31, 0x3F80_0000, 0xBF80_0000, 0x4040_0000, 0x3EAA_AAAB, 0x7F7F_FFFF, 1, 0x7F80_0000, 0x4B80_0001],
-                    _ => &[0, 1 << 63, 0x3FF0 << 48, 0xBFF0 << 48, 0x4008 << 48, 0x3FD5_5555_5555_5555, 0x7FEF << 48, 1, 0x7FF0 << 48, 0x4340_0000_0000_0001],
+                    32 => &[
+                        0,
+                        1 << 31,
+                        0x3F80_0000,
+                        0xBF80_0000,
+                        0x4040_0000,
+                        0x3EAA_AAAB,
+                        0x7F7F_FFFF,
+                        1,
+                        0x7F80_0000,
+                        0x4B80_0001,
+                    ],
+                    _ => &[
+                        0,
+                        1 << 63,
+                        0x3FF0 << 48,
+                        0xBFF0 << 48,
+                        0x4008 << 48,
+                        0x3FD5_5555_5555_5555,
+                        0x7FEF << 48,
+                        1,
+                        0x7FF0 << 48,
+                        0x4340_0000_0000_0001,
+                    ],
                 };
                 ConstantKind::Bits(self.random.pick(values))
             }
@@ -386,7 +423,11 @@ impl Generator {
         let (scalar, count) = self.module.scalar_of(ty);
         let bits = bits & u64::MAX >> (64 - self.module.width(ty));
         let one = self.module.constant(scalar, ConstantKind::Bits(bits));
-        if count == 1 { one } else { self.module.constant(ty, ConstantKind::Composite(vec![one; count as usize])) }
+        if count == 1 {
+            one
+        } else {
+            self.module.constant(ty, ConstantKind::Composite(vec![one; count as usize]))
+        }
     }
 
     fn word(&mut self, value: u32) -> Id {
@@ -424,7 +465,8 @@ impl Generator {
     fn local(&mut self, ty: Ty) -> Place {
         let pointer = self.module.pointer(StorageClass::Function, ty);
         let id = self.module.id(Some(pointer));
-        let initializer = (self.times == 1 && self.depth == 0 && self.random.chance(1, 3)).then(|| self.constant(ty));
+        let initializer =
+            (self.times == 1 && self.depth == 0 && self.random.chance(1, 3)).then(|| self.constant(ty));
         self.variables.push(Variable { id, ty: pointer, initializer, decorations: Vec::new() });
         if initializer.is_none() {
             let value = if self.random.chance(1, 2) { self.constant(ty) } else { self.value(ty, 1) };
@@ -483,7 +525,8 @@ impl Generator {
             .map(|at| {
                 let offset = self.word((HEAD + at) as u32);
                 let index = self.hidden(Op::IAdd, Ty(1), &[Operand::Id(base), Operand::Id(offset)]);
-                let place = self.hidden(Op::AccessChain, pointer, &[self.input, zero, index].map(Operand::Id));
+                let place =
+                    self.hidden(Op::AccessChain, pointer, &[self.input, zero, index].map(Operand::Id));
                 self.hidden(Op::Load, Ty(1), &[Operand::Id(place)])
             })
             .collect()
@@ -516,7 +559,12 @@ impl Generator {
         };
         self.count("physical storage");
         // All addresses lead into one buffer.
-        self.places.push(Place { id, class: StorageClass::PhysicalStorageBuffer, to: element, object: PHYSICAL });
+        self.places.push(Place {
+            id,
+            class: StorageClass::PhysicalStorageBuffer,
+            to: element,
+            object: PHYSICAL,
+        });
     }
 
     /// A function that those behind it can call.
@@ -533,9 +581,13 @@ impl Generator {
         for _ in 0..self.random.pick(&[0, 1, 1, 1, 2, 2, 3]) {
             let (class, to) = match self.random.below(10) {
                 0 => (StorageClass::Private, self.any_type()),
-                1 if !self.workgroup.is_empty() => (StorageClass::Workgroup, self.random.pick(&self.workgroup).1),
+                1 if !self.workgroup.is_empty() => {
+                    (StorageClass::Workgroup, self.random.pick(&self.workgroup).1)
+                }
                 2 | 3 if self.own.is_some() => (StorageClass::StorageBuffer, self.own.unwrap().1),
-                4 | 5 if self.physical.is_some() => (StorageClass::PhysicalStorageBuffer, self.physical.unwrap().0),
+                4 | 5 if self.physical.is_some() => {
+                    (StorageClass::PhysicalStorageBuffer, self.physical.unwrap().0)
+                }
                 _ => (StorageClass::Function, self.any_type()),
             };
             let private = self.places.iter().filter(|place| place.class == StorageClass::Private);
@@ -551,7 +603,8 @@ impl Generator {
             let ty = self.any_type();
             parameters.push(Parameter::Value(ty));
         }
-        let void = parameters.iter().any(|one| matches!(one, Parameter::Pointer(..))) && self.random.chance(1, 3);
+        let void =
+            parameters.iter().any(|one| matches!(one, Parameter::Pointer(..))) && self.random.chance(1, 3);
         let result = if void { Ty(0) } else { self.any_type() };
         let mut types = Vec::new();
         for parameter in &parameters {
@@ -618,7 +671,14 @@ impl Generator {
         let body = Body { nodes: std::mem::take(&mut self.nodes), end };
         let ty = self.module.ty(Type::Function(Ty(0), Vec::new()));
         let variables = std::mem::take(&mut self.variables);
-        self.module.functions.push(Function { id: MAIN, ty, control: 0, parameters: Vec::new(), variables, body });
+        self.module.functions.push(Function {
+            id: MAIN,
+            ty,
+            control: 0,
+            parameters: Vec::new(),
+            variables,
+            body,
+        });
     }
 
     /// What is left in places and values meets the outputs.
@@ -631,7 +691,8 @@ impl Generator {
                     None => part,
                     Some(before) => {
                         let factor = self.word(31);
-                        let product = self.hidden(Op::IMul, Ty(1), &[Operand::Id(before), Operand::Id(factor)]);
+                        let product =
+                            self.hidden(Op::IMul, Ty(1), &[Operand::Id(before), Operand::Id(factor)]);
                         self.hidden(Op::BitwiseXor, Ty(1), &[Operand::Id(product), Operand::Id(part)])
                     }
                 });
@@ -644,7 +705,12 @@ impl Generator {
     fn some_word(&mut self) -> Id {
         let scalar = |module: &Module, ty: Ty| module.is_scalar(ty);
         if self.random.chance(2, 3) && !self.places.is_empty() {
-            let place = { let places = std::mem::take(&mut self.places); let place = self.random.pick(&places); self.places = places; place };
+            let place = {
+                let places = std::mem::take(&mut self.places);
+                let place = self.random.pick(&places);
+                self.places = places;
+                place
+            };
             let paths = self.module.paths(place.to, &|ty| scalar(&self.module, ty));
             let path = paths[self.random.below(paths.len())].clone();
             let ty = self.module.at_path(place.to, &path);

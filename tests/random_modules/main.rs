@@ -94,7 +94,8 @@ fn judge(generated: &Generated, seed: u64) -> Option<String> {
         Err(problem) => return Some(problem),
     };
     let mut check = |way: &str, found: &evaluate::Memory| {
-        run::difference(generated, &expected, found).map_or(Ok(()), |difference| Err(format!("wrong ({way}): {difference}")))
+        run::difference(generated, &expected, found)
+            .map_or(Ok(()), |difference| Err(format!("wrong ({way}): {difference}")))
     };
     run::interpret(&words, &before, generated, &mut check).err()
 }
@@ -118,7 +119,10 @@ fn modules_give_what_their_words_say() {
         .filter_map(|index| judge(&generate(seed, index), seed).map(|problem| (index, problem)))
         .collect();
     let seconds = start.elapsed().as_secs_f64();
-    println!("{count} modules of seed {seed} in {seconds:.1} s: {:.0} an hour", count as f64 / seconds * 3600.0);
+    println!(
+        "{count} modules of seed {seed} in {seconds:.1} s: {:.0} an hour",
+        count as f64 / seconds * 3600.0
+    );
     // What costs too much is left to others; no more than a few may.
     let costly = wrong.iter().filter(|(_, problem)| kind(problem) == "costly").count();
     wrong.retain(|(_, problem)| kind(problem) != "costly");
@@ -132,11 +136,17 @@ fn modules_give_what_their_words_say() {
     }
     if let Some((index, problem)) = wrong.first() {
         let whole = generate(seed, *index);
-        let small = reduce::reduce(&whole, &mut |smaller| judge(smaller, seed).is_some_and(|found| kind(&found) == kind(problem)));
+        let small = reduce::reduce(&whole, &mut |smaller| {
+            judge(smaller, seed).is_some_and(|found| kind(&found) == kind(problem))
+        });
         let found = judge(&small, seed).unwrap_or_default();
         let words = emit::words(&small.module);
         save(&words, *index);
-        panic!("{} of {count}: {kinds:?}\nmodule {index} of seed {seed}: {problem}\nmade small: {found}\n{}", wrong.len(), disassemble(&words));
+        panic!(
+            "{} of {count}: {kinds:?}\nmodule {index} of seed {seed}: {problem}\nmade small: {found}\n{}",
+            wrong.len(),
+            disassemble(&words)
+        );
     }
 }
 
@@ -144,7 +154,8 @@ fn modules_give_what_their_words_say() {
 fn save(words: &[u32], index: u64) {
     if let Some(folder) = std::env::var_os("ANYHIT_RANDOM_SAVE") {
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-        std::fs::write(std::path::Path::new(&folder).join(format!("{index}.spv")), bytes).expect("a writable folder");
+        std::fs::write(std::path::Path::new(&folder).join(format!("{index}.spv")), bytes)
+            .expect("a writable folder");
     }
 }
 

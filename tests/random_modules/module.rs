@@ -107,16 +107,8 @@ pub struct Phi {
 #[derive(Clone, Debug)]
 pub enum Node {
     Inst(Inst),
-    If {
-        condition: Id,
-        arms: [Body; 2],
-        phis: Vec<Phi>,
-    },
-    Switch {
-        selector: Id,
-        cases: Vec<Case>,
-        phis: Vec<Phi>,
-    },
+    If { condition: Id, arms: [Body; 2], phis: Vec<Phi> },
+    Switch { selector: Id, cases: Vec<Case>, phis: Vec<Phi> },
     Loop(Box<Loop>),
 }
 
@@ -319,7 +311,9 @@ impl Module {
                             used.insert(*id);
                         }
                     }
-                    if let (Op::FunctionCall, Operand::Id(callee)) = (inst.op, inst.operands.first().copied().unwrap_or(Operand::Literal(0))) {
+                    if let (Op::FunctionCall, Operand::Id(callee)) =
+                        (inst.op, inst.operands.first().copied().unwrap_or(Operand::Literal(0)))
+                    {
                         open.push(callee);
                     }
                 }

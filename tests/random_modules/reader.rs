@@ -158,7 +158,9 @@ pub fn read(words: &[u32]) -> Read {
                 read.constant_of(w, &unknown);
             }
             Op::Variable => {
-                let Type::Pointer(class, pointee) = read.types[w[1] as usize] else { unreachable!("a pointer") };
+                let Type::Pointer(class, pointee) = read.types[w[1] as usize] else {
+                    unreachable!("a pointer")
+                };
                 let memory = match class {
                     StorageClass::Function | StorageClass::Private => Some(&mut read.own_cells),
                     StorageClass::Workgroup => Some(&mut read.workgroup_cells),
@@ -172,7 +174,8 @@ pub fn read(words: &[u32]) -> Read {
                 let builtin = builtins.get(&w[2]).and_then(|&builtin| BuiltIn::from_u32(builtin));
                 let binding = bindings.get(&w[2]).copied();
                 let initializer = w.get(4).copied();
-                read.variables.insert(w[2], Variable { class, pointee, initializer, cells, binding, builtin });
+                read.variables
+                    .insert(w[2], Variable { class, pointee, initializer, cells, binding, builtin });
                 let pointer = [Cell { bits: u64::from(w[2]) << 32, defined: true }];
                 read.constant_of(w, &pointer);
                 if let Some(function) = function {
@@ -255,7 +258,8 @@ impl Read {
     /// How the matrix lies that an access chain leads to or into.
     fn layout_behind(&self, w: &[u32]) -> MatrixLayout {
         let mut layout = self.pointer_layout.get(&w[3]).copied().flatten();
-        let Some(Type::Pointer(_, mut ty)) = Some(self.types[self.type_of[w[3] as usize] as usize].clone()) else {
+        let Some(Type::Pointer(_, mut ty)) = Some(self.types[self.type_of[w[3] as usize] as usize].clone())
+        else {
             return None;
         };
         for &index in &w[4..] {
@@ -265,7 +269,9 @@ impl Read {
                     layout = self.matrices.get(&(ty, member)).copied();
                     members[member as usize]
                 }
-                Type::Vector(of, _) | Type::Matrix(of, _) | Type::Array(of, _, _) | Type::Runtime(of, _) => *of,
+                Type::Vector(of, _) | Type::Matrix(of, _) | Type::Array(of, _, _) | Type::Runtime(of, _) => {
+                    *of
+                }
                 _ => unreachable!("an index into a scalar"),
             };
         }

@@ -15,7 +15,18 @@ pub fn reduce(whole: &Generated, fails: &mut dyn FnMut(&Generated) -> bool) -> G
     let mut trials = 0;
     loop {
         let mut better = false;
-        for step in [Step::Node, Step::Arm(0), Step::Arm(1), Step::Case, Step::Once, Step::Phi, Step::Stay, Step::Value(0), Step::Value(1), Step::Value(2)] {
+        for step in [
+            Step::Node,
+            Step::Arm(0),
+            Step::Arm(1),
+            Step::Case,
+            Step::Once,
+            Step::Phi,
+            Step::Stay,
+            Step::Value(0),
+            Step::Value(1),
+            Step::Value(2),
+        ] {
             let mut at = 0;
             while trials < TRIALS {
                 let mut smaller = best.clone();
@@ -121,7 +132,8 @@ impl Changer<'_> {
             }
             (Step::Arm(which), Node::If { .. }) if self.turn() => {
                 let Node::If { mut arms, phis, .. } = nodes.remove(at) else { unreachable!("a branch") };
-                let arm = std::mem::replace(&mut arms[which], Body { nodes: Vec::new(), end: End::Unreachable });
+                let arm =
+                    std::mem::replace(&mut arms[which], Body { nodes: Vec::new(), end: End::Unreachable });
                 if let End::Fall(ids) = &arm.end {
                     self.instead.extend(phis.iter().map(|phi| phi.id).zip(ids.iter().copied()));
                     nodes.splice(at..at, arm.nodes);
@@ -311,7 +323,8 @@ fn settle(module: &mut Module, mut instead: HashMap<Id, Id>) -> bool {
             Visit::Phis(phis) => known.extend(phis.iter().map(|phi| phi.id)),
         });
     }
-    let gone: Vec<Id> = used.into_iter().chain(instead.values().copied()).filter(|id| !known.contains(id)).collect();
+    let gone: Vec<Id> =
+        used.into_iter().chain(instead.values().copied()).filter(|id| !known.contains(id)).collect();
     for id in gone {
         if instead.contains_key(&id) {
             continue;
@@ -342,7 +355,11 @@ fn settle(module: &mut Module, mut instead: HashMap<Id, Id>) -> bool {
 fn replace_in(body: &mut Body, resolve: &dyn Fn(Id) -> Id) {
     replace_in_nodes(&mut body.nodes, resolve);
     match &mut body.end {
-        End::Fall(ids) | End::FallThrough(ids) | End::LeaveSwitch(ids) | End::Break(ids) | End::Continue(ids) => {
+        End::Fall(ids)
+        | End::FallThrough(ids)
+        | End::LeaveSwitch(ids)
+        | End::Break(ids)
+        | End::Continue(ids) => {
             replace_all(ids, resolve);
         }
         End::Return(Some(id)) => *id = resolve(*id),

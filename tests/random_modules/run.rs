@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::pipeline::Compute;
-use anyhit::program::{Inlining, Program};
+use anyhit::program::{Inlining, LowerOptions, Optimization, Program};
 
 use crate::evaluate::Memory;
 use crate::generate::{BUFFERS, Generated, HEAD, INPUTS, OUTPUTS, SHARED};
@@ -47,18 +47,22 @@ pub enum Lowered {
     Usual,
     /// With every call a real one.
     Called,
+    /// With every pass of the optimizer off: the reference.
+    Unoptimized,
 }
 
-/// All ways to lower a module. The reference lowering, with every pass off, belongs here.
-pub const LOWERINGS: &[Lowered] = &[Lowered::Usual, Lowered::Called];
+/// All ways to lower a module.
+pub const LOWERINGS: &[Lowered] = &[Lowered::Usual, Lowered::Called, Lowered::Unoptimized];
 
 /// The one place where a module is lowered.
 fn lower(module: &Arc<anyhit::Module>, lowered: Lowered) -> anyhit::Result<Program> {
-    let entry = &module.entry_points[0];
-    match lowered {
-        Lowered::Usual => anyhit::program::lower(module, entry),
-        Lowered::Called => anyhit::program::lower_with(module, entry, Inlining::Never),
-    }
+    let usual = LowerOptions::default();
+    let options = match lowered {
+        Lowered::Usual => usual,
+        Lowered::Called => LowerOptions { inlining: Inlining::Never, ..usual },
+        Lowered::Unoptimized => LowerOptions { optimization: Optimization::None, ..usual },
+    };
+    anyhit::program::lower_with(module, &module.entry_points[0], options)
 }
 
 /// What the interpreter leaves in the buffers, by lowering and lanes.
@@ -76,7 +80,9 @@ pub fn interpret(
             continue;
         }
         let program = lower(&module, lowered).map_err(told)?;
-        let compute = Compute::new(program).and_then(|compute| compute.subgroup_size(generated.subgroup)).map_err(told)?;
+        let compute = Compute::new(program)
+            .and_then(|compute| compute.subgroup_size(generated.subgroup))
+            .map_err(told)?;
         for lanes in [1, 8, 64] {
             let buffers: Vec<Arc<Buffer>> = before.buffers.iter().map(|bytes| Buffer::new(bytes)).collect();
             let mut resources = Resources::default();
@@ -92,7 +98,10 @@ pub fn interpret(
             };
             let way = format!("{lowered:?}, {lanes} lanes");
             result.map_err(|error| format!("trapped ({way}): {}", error.render()))?;
-            let after = Memory { buffers: buffers.iter().map(|buffer| buffer.bytes()).collect(), address: before.address };
+            let after = Memory {
+                buffers: buffers.iter().map(|buffer| buffer.bytes()).collect(),
+                address: before.address,
+            };
             check(&way, &after)?;
         }
     }
@@ -108,7 +117,9 @@ pub fn difference(generated: &Generated, expected: &Memory, found: &Memory) -> O
         let (expected, found) = (one_nan(generated, binding, expected), one_nan(generated, binding, found));
         if let Some(at) = expected.iter().zip(&found).position(|(one, other)| one != other) {
             let word = at / 4 * 4;
-            let number = |bytes: &[u8]| bytes.get(word..word + 4).map_or(0, |word| u32::from_le_bytes(word.try_into().unwrap()));
+            let number = |bytes: &[u8]| {
+                bytes.get(word..word + 4).map_or(0, |word| u32::from_le_bytes(word.try_into().unwrap()))
+            };
             let size = match binding {
                 0 | 3 => 4,
                 1 => OUTPUTS * 4,

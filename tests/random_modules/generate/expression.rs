@@ -40,7 +40,8 @@ impl Generator {
         let roll = self.random.below(12);
         if roll < 6 || depth == 0 {
             // The newest ones three times in four.
-            let found: Vec<Id> = self.pool.iter().filter(|known| known.0 == ty).map(|known| known.1).collect();
+            let found: Vec<Id> =
+                self.pool.iter().filter(|known| known.0 == ty).map(|known| known.1).collect();
             if !found.is_empty() {
                 let newest = found.len().saturating_sub(4);
                 let from = if self.random.chance(3, 4) { &found[newest..] } else { &found[..] };
@@ -252,7 +253,8 @@ impl Generator {
             }
             5 => {
                 let (a, b) = (self.value(ty, depth), self.value(ty, depth));
-                let op = self.random.pick(&[Op::LogicalAnd, Op::LogicalOr, Op::LogicalEqual, Op::LogicalNotEqual]);
+                let op =
+                    self.random.pick(&[Op::LogicalAnd, Op::LogicalOr, Op::LogicalEqual, Op::LogicalNotEqual]);
                 self.inst(op, ty, &[a, b])
             }
             6 if count == 1 => {
@@ -342,7 +344,8 @@ impl Generator {
                     3 => self.extended(GLOp::UMin, ty, &[a, b]),
                     4 => self.extended(GLOp::UMax, ty, &[a, b]),
                     _ => {
-                        let (low, high) = (self.extended(GLOp::SMin, ty, &[b, c]), self.extended(GLOp::SMax, ty, &[b, c]));
+                        let (low, high) =
+                            (self.extended(GLOp::SMin, ty, &[b, c]), self.extended(GLOp::SMax, ty, &[b, c]));
                         self.extended(GLOp::SClamp, ty, &[a, low, high])
                     }
                 }
@@ -375,7 +378,8 @@ impl Generator {
             15 if unsigned == ty && width >= 32 => {
                 let pair = self.module.ty(Type::Struct { members: vec![ty, ty], layout: None });
                 let (a, b) = (self.value(ty, depth), self.value(ty, depth));
-                let op = self.random.pick(&[Op::IAddCarry, Op::ISubBorrow, Op::UMulExtended, Op::SMulExtended]);
+                let op =
+                    self.random.pick(&[Op::IAddCarry, Op::ISubBorrow, Op::UMulExtended, Op::SMulExtended]);
                 let both = self.inst(op, pair, &[a, b]);
                 let part = self.random.below(2) as u32;
                 self.count("extended arithmetic");
@@ -401,9 +405,14 @@ impl Generator {
         let value = self.value(from, depth);
         // The greatest float below 2^bits that is an integer, or the greatest f16.
         let bits = width - u32::from(signed);
-        let most = if digits < bits { 2f64.powi(bits as i32) - 2f64.powi((bits - digits) as i32) } else { 2f64.powi(bits as i32) - 1.0 };
+        let most = if digits < bits {
+            2f64.powi(bits as i32) - 2f64.powi((bits - digits) as i32)
+        } else {
+            2f64.powi(bits as i32) - 1.0
+        };
         let least = if signed { -(2f64.powi(bits as i32)) } else { 0.0 };
-        let (least, most) = if float_width == 16 { (least.max(-65_504.0), most.min(65_504.0)) } else { (least, most) };
+        let (least, most) =
+            if float_width == 16 { (least.max(-65_504.0), most.min(65_504.0)) } else { (least, most) };
         let (least, most) = (self.float_splat(from, least), self.float_splat(from, most));
         // A NaN becomes the least. Whose sign a zero has does not matter.
         let above = self.hidden_extended(GLOp::NMax, from, &[value, least]);
@@ -415,13 +424,22 @@ impl Generator {
         let (scalar, count) = self.module.scalar_of(ty);
         let bits = crate::arithmetic::rounded(value, self.module.width(ty));
         let one = self.module.constant(scalar, ConstantKind::Bits(bits));
-        if count == 1 { one } else { self.module.constant(ty, ConstantKind::Composite(vec![one; count as usize])) }
+        if count == 1 {
+            one
+        } else {
+            self.module.constant(ty, ConstantKind::Composite(vec![one; count as usize]))
+        }
     }
 
     /// The bits of something as wide.
     fn bits_of(&mut self, ty: Ty, width: u32, count: u32, depth: usize) -> Id {
         self.count("bitcast");
-        let floats: Vec<Ty> = self.scalars.iter().copied().filter(|&it| self.module.is_float(it) && self.module.width(it) == width).collect();
+        let floats: Vec<Ty> = self
+            .scalars
+            .iter()
+            .copied()
+            .filter(|&it| self.module.is_float(it) && self.module.width(it) == width)
+            .collect();
         if !floats.is_empty() && self.random.chance(1, 2) {
             let from = self.like(floats[0], count);
             let value = self.value(from, depth);
@@ -433,7 +451,9 @@ impl Generator {
             .scalars
             .iter()
             .copied()
-            .filter(|&it| self.module.is_int(it) && self.module.width(it) < width && width / self.module.width(it) <= 4)
+            .filter(|&it| {
+                self.module.is_int(it) && self.module.width(it) < width && width / self.module.width(it) <= 4
+            })
             .collect();
         if count == 1 && !narrow.is_empty() && self.random.chance(1, 2) {
             let part = self.random.pick(&narrow);
@@ -529,7 +549,14 @@ impl Generator {
             }
             5 => {
                 let a = self.value(ty, depth);
-                let op = self.random.pick(&[GLOp::FAbs, GLOp::Floor, GLOp::Ceil, GLOp::Trunc, GLOp::RoundEven, GLOp::Sqrt]);
+                let op = self.random.pick(&[
+                    GLOp::FAbs,
+                    GLOp::Floor,
+                    GLOp::Ceil,
+                    GLOp::Trunc,
+                    GLOp::RoundEven,
+                    GLOp::Sqrt,
+                ]);
                 self.extended(op, ty, &[a])
             }
             6 => {
@@ -593,7 +620,8 @@ impl Generator {
                 let (of_a, of_b) = (self.like(scalar, m), self.like(scalar, n));
                 let (a, b) = (self.value(of_a, depth), self.value(of_b, depth));
                 let mut operands = vec![Operand::Id(a), Operand::Id(b)];
-                operands.extend((0..count).map(|_| Operand::Literal(self.random.below((m + n) as usize) as u32)));
+                operands
+                    .extend((0..count).map(|_| Operand::Literal(self.random.below((m + n) as usize) as u32)));
                 let id = self.hidden(Op::VectorShuffle, ty, &operands);
                 self.know(ty, id);
                 id
@@ -763,7 +791,8 @@ impl Generator {
             Type::Int { width: 64, .. } => {
                 let by = self.splat(ty, 32);
                 let high = self.inst(Op::ShiftRightLogical, ty, &[value, by]);
-                let (low, high) = (self.inst(Op::UConvert, Ty(1), &[value]), self.inst(Op::UConvert, Ty(1), &[high]));
+                let (low, high) =
+                    (self.inst(Op::UConvert, Ty(1), &[value]), self.inst(Op::UConvert, Ty(1), &[high]));
                 self.inst(Op::BitwiseXor, Ty(1), &[low, high])
             }
             Type::Int { width: 32, signed: true } => self.inst(Op::Bitcast, Ty(1), &[value]),

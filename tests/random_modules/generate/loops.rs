@@ -111,7 +111,10 @@ impl Generator {
         let next_round = self.inst(Op::IAdd, counter, &[round, one]);
         let mut next = vec![next_round];
         for at in 1..types.len() {
-            let others: Vec<Id> = (1..types.len()).filter(|&other| other != at && types[other] == types[at]).map(|other| phis[other].id).collect();
+            let others: Vec<Id> = (1..types.len())
+                .filter(|&other| other != at && types[other] == types[at])
+                .map(|other| phis[other].id)
+                .collect();
             next.push(if !others.is_empty() && self.random.chance(1, 2) {
                 self.count("phis that swap");
                 self.random.pick(&others)

@@ -139,7 +139,9 @@ impl Generator {
         let known = to.object;
         let apart = move |place: &Place| place.object != known && place.object != 0 && known != 0;
         let aliased = |place: &Place| place.class != to.class || matches!(place.class, StorageClass::Private);
-        let Some((from, from_path)) = self.place_of(ty, &|place| apart(place) && (aliased(place) || to.class == StorageClass::Function)) else {
+        let Some((from, from_path)) = self
+            .place_of(ty, &|place| apart(place) && (aliased(place) || to.class == StorageClass::Function))
+        else {
             return self.store();
         };
         let target = self.chain(to, &path);
@@ -156,7 +158,8 @@ impl Generator {
     }
 
     fn call(&mut self) {
-        let signatures: Vec<Signature> = self.callable.iter().filter(|it| self.affordable(it)).cloned().collect();
+        let signatures: Vec<Signature> =
+            self.callable.iter().filter(|it| self.affordable(it)).cloned().collect();
         if signatures.is_empty() {
             return self.store();
         }
@@ -166,7 +169,8 @@ impl Generator {
         // The same function again, on the same variables or on others.
         while self.random.chance(1, 2) && self.affordable(&signature) {
             self.count("call again");
-            let others = if self.random.chance(2, 3) { pointers.clone() } else { self.pointer_arguments(&signature) };
+            let others =
+                if self.random.chance(2, 3) { pointers.clone() } else { self.pointer_arguments(&signature) };
             self.call_with(&signature, &others);
         }
     }
@@ -190,14 +194,17 @@ impl Generator {
         for parameter in &signature.parameters {
             let Parameter::Pointer(class, to) = *parameter else { continue };
             let free = |place: &Place| {
-                place.class == class && (signature.aliased || class != StorageClass::Function || !used.contains(&place.object))
+                place.class == class
+                    && (signature.aliased || class != StorageClass::Function || !used.contains(&place.object))
             };
             // With logical addressing a pointer to a variable's part is no argument, but for
             // variable pointers.
-            let parts = self.module.physical || matches!(class, StorageClass::StorageBuffer | StorageClass::Workgroup);
+            let parts = self.module.physical
+                || matches!(class, StorageClass::StorageBuffer | StorageClass::Workgroup);
             let whole = |place: &Place| free(place) && place.to == to;
             let part = if parts && self.random.chance(1, 2) { self.place_of(to, &free) } else { None };
-            let (place, path) = match part.or_else(|| self.place_of(to, &whole).filter(|it| it.1.is_empty())) {
+            let (place, path) = match part.or_else(|| self.place_of(to, &whole).filter(|it| it.1.is_empty()))
+            {
                 Some(found) => found,
                 None if class == StorageClass::Function => (self.local(to), Vec::new()),
                 None => {
@@ -215,17 +222,28 @@ impl Generator {
     fn new_place(&mut self, class: StorageClass, to: Ty) -> Place {
         let place = match class {
             StorageClass::Workgroup => {
-                let variables: Vec<Id> = self.workgroup.iter().filter(|it| it.1 == to).map(|it| it.0).collect();
+                let variables: Vec<Id> =
+                    self.workgroup.iter().filter(|it| it.1 == to).map(|it| it.0).collect();
                 let variable = self.random.pick(&variables);
                 let pointer = self.module.pointer(class, to);
                 let local_index = self.local_index;
-                Place { id: self.inst(Op::AccessChain, pointer, &[variable, local_index]), class, to, object: variable }
+                Place {
+                    id: self.inst(Op::AccessChain, pointer, &[variable, local_index]),
+                    class,
+                    to,
+                    object: variable,
+                }
             }
             StorageClass::StorageBuffer => {
                 let (variable, _) = self.own.expect("a buffer");
                 let pointer = self.module.pointer(class, to);
                 let (zero, own_index) = (self.word(0), self.own_index);
-                Place { id: self.inst(Op::AccessChain, pointer, &[variable, zero, own_index]), class, to, object: variable }
+                Place {
+                    id: self.inst(Op::AccessChain, pointer, &[variable, zero, own_index]),
+                    class,
+                    to,
+                    object: variable,
+                }
             }
             StorageClass::PhysicalStorageBuffer => {
                 let (element, size) = self.physical.expect("a buffer");
@@ -254,7 +272,9 @@ impl Generator {
         if signature.parameters.iter().any(|it| matches!(it, Parameter::Pointer(_, to) if matches!(self.module.at(*to), Type::Struct { .. }))) {
             self.count("call with a pointer to a struct");
         }
-        if signature.parameters.iter().any(|it| matches!(it, Parameter::Value(to) if matches!(self.module.at(*to), Type::Struct { .. }))) {
+        if signature.parameters.iter().any(
+            |it| matches!(it, Parameter::Value(to) if matches!(self.module.at(*to), Type::Struct { .. })),
+        ) {
             self.count("call with a struct");
         }
         self.cost += signature.cost * self.times;
@@ -387,7 +407,9 @@ impl Generator {
         bodies.iter().any(|body| {
             body.nodes.iter().any(|node| match node {
                 Node::Inst(_) => false,
-                Node::If { arms, .. } => arms.iter().any(|arm| !matches!(arm.end, End::Fall(_))) || self.has_left(arms),
+                Node::If { arms, .. } => {
+                    arms.iter().any(|arm| !matches!(arm.end, End::Fall(_))) || self.has_left(arms)
+                }
                 Node::Switch { cases, .. } => cases.iter().any(|case| {
                     matches!(case.body.end, End::Break(_) | End::Continue(_) | End::Return(_))
                         || self.has_left(std::slice::from_ref(&case.body))
@@ -409,7 +431,11 @@ impl Generator {
         let selector = self.value(ty, 1);
         let range = self.random.pick(&[3, 7]);
         let mask = self.splat(ty, range);
-        let selector = if self.random.chance(1, 6) { selector } else { self.inst(Op::BitwiseAnd, ty, &[selector, mask]) };
+        let selector = if self.random.chance(1, 6) {
+            selector
+        } else {
+            self.inst(Op::BitwiseAnd, ty, &[selector, mask])
+        };
         let types = self.phi_types();
         let phis = self.phis(&types);
         let count = 2 + self.random.below(3);
@@ -452,9 +478,12 @@ impl Generator {
             cases.push(Case { literals, arguments: arguments[at].clone(), phis: case_phis, body });
         }
         self.around.in_switch = outer;
-        let open = cases.iter().any(|case| matches!(case.body.end, End::Fall(_) | End::LeaveSwitch(_)) || leaves_switch(&case.body));
+        let open = cases.iter().any(|case| {
+            matches!(case.body.end, End::Fall(_) | End::LeaveSwitch(_)) || leaves_switch(&case.body)
+        });
         let bodies: Vec<Body> = cases.iter().map(|case| case.body.clone()).collect();
-        let left = bodies.iter().any(|body| matches!(body.end, End::Break(_) | End::Continue(_) | End::Return(_)));
+        let left =
+            bodies.iter().any(|body| matches!(body.end, End::Break(_) | End::Continue(_) | End::Return(_)));
         self.uniform = was_uniform && !left && !self.has_left(&bodies);
         self.nodes.push(Node::Switch { selector, cases, phis: phis.clone() });
         if !open {
@@ -500,7 +529,12 @@ impl Generator {
 
     /// An atomic instruction on a word of the invocation's own.
     fn own_atomic(&mut self) {
-        let ints: Vec<Ty> = self.scalars.iter().copied().filter(|&ty| self.module.is_int(ty) && self.module.width(ty) >= 32).collect();
+        let ints: Vec<Ty> = self
+            .scalars
+            .iter()
+            .copied()
+            .filter(|&ty| self.module.is_int(ty) && self.module.width(ty) >= 32)
+            .collect();
         let ty = self.random.pick(&ints);
         let shared = |place: &Place| !matches!(place.class, StorageClass::Function | StorageClass::Private);
         let Some((place, path)) = self.place_of(ty, &shared) else { return };
@@ -555,8 +589,13 @@ impl Generator {
                 let ballot = self.inst(Op::GroupNonUniformBallot, uvec4, &[scope, value]);
                 match self.random.below(3) {
                     0 => {
-                        let operation = self.random.pick(&[GroupOperation::Reduce, GroupOperation::InclusiveScan, GroupOperation::ExclusiveScan]);
-                        let operands = [Operand::Id(scope), Operand::Literal(operation as u32), Operand::Id(ballot)];
+                        let operation = self.random.pick(&[
+                            GroupOperation::Reduce,
+                            GroupOperation::InclusiveScan,
+                            GroupOperation::ExclusiveScan,
+                        ]);
+                        let operands =
+                            [Operand::Id(scope), Operand::Literal(operation as u32), Operand::Id(ballot)];
                         let id = self.hidden(Op::GroupNonUniformBallotBitCount, Ty(1), &operands);
                         self.know(Ty(1), id);
                     }
@@ -609,7 +648,8 @@ impl Generator {
                 let value = self.value(int, 2);
                 let delta = 1 + self.random.below(2) as u32;
                 let delta = self.word(delta);
-                let up = self.hidden(Op::GroupNonUniformShuffleUp, int, &[scope, value, delta].map(Operand::Id));
+                let up =
+                    self.hidden(Op::GroupNonUniformShuffleUp, int, &[scope, value, delta].map(Operand::Id));
                 let lane = self.hidden(Op::Load, Ty(1), &[Operand::Id(self.lane_id)]);
                 let has = self.inst(Op::UGreaterThanEqual, Ty(2), &[lane, delta]);
                 self.inst(Op::Select, int, &[has, up, value]);
@@ -626,11 +666,19 @@ impl Generator {
                     Op::GroupNonUniformBitwiseOr,
                     Op::GroupNonUniformBitwiseXor,
                 ]);
-                let operation = self.random.pick(&[GroupOperation::Reduce, GroupOperation::InclusiveScan, GroupOperation::ExclusiveScan]);
+                let operation = self.random.pick(&[
+                    GroupOperation::Reduce,
+                    GroupOperation::InclusiveScan,
+                    GroupOperation::ExclusiveScan,
+                ]);
                 // `UMin` and `UMax` are for unsigned integers.
                 let width = self.module.width(int);
                 let unsigned = self.module.int(width, false);
-                let of = if matches!(op, Op::GroupNonUniformUMin | Op::GroupNonUniformUMax) { unsigned } else { int };
+                let of = if matches!(op, Op::GroupNonUniformUMin | Op::GroupNonUniformUMax) {
+                    unsigned
+                } else {
+                    int
+                };
                 let ty = self.module.vector(of, count);
                 let value = self.value(ty, 2);
                 let operands = [Operand::Id(scope), Operand::Literal(operation as u32), Operand::Id(value)];
@@ -680,20 +728,29 @@ impl Generator {
 
     /// A pointer that a condition chooses, where pointers are variable.
     fn pointers(&mut self) {
-        let classes = [StorageClass::StorageBuffer, StorageClass::Workgroup, StorageClass::PhysicalStorageBuffer];
-        let candidates: Vec<Place> = self.places.iter().copied().filter(|place| classes.contains(&place.class)).collect();
+        let classes =
+            [StorageClass::StorageBuffer, StorageClass::Workgroup, StorageClass::PhysicalStorageBuffer];
+        let candidates: Vec<Place> =
+            self.places.iter().copied().filter(|place| classes.contains(&place.class)).collect();
         if candidates.is_empty() {
             return self.store();
         }
         let place = self.random.pick(&candidates);
         let module = &self.module;
         // Not into matrices: a pointer does not tell how they lie.
-        let paths = module.paths(place.to, &|part| module.is_scalar(part) || matches!(module.at(part), Type::Struct { .. }));
+        let paths = module.paths(place.to, &|part| {
+            module.is_scalar(part) || matches!(module.at(part), Type::Struct { .. })
+        });
         let paths: Vec<Vec<u32>> = paths
             .into_iter()
-            .filter(|path| (0..path.len()).all(|end| !matches!(module.at(module.at_path(place.to, &path[..end])), Type::Matrix(..))))
+            .filter(|path| {
+                (0..path.len())
+                    .all(|end| !matches!(module.at(module.at_path(place.to, &path[..end])), Type::Matrix(..)))
+            })
             .collect();
-        let Some(path) = (!paths.is_empty()).then(|| paths[self.random.below(paths.len())].clone()) else { return };
+        let Some(path) = (!paths.is_empty()).then(|| paths[self.random.below(paths.len())].clone()) else {
+            return;
+        };
         let ty = self.module.at_path(place.to, &path);
         self.count("chosen pointer");
         let (yes, no) = (self.chain(place, &path), self.chain(place, &path));
