@@ -43,6 +43,7 @@ pub mod seen;
 pub mod stretch;
 pub mod subgroup;
 pub mod support;
+pub mod symbolic;
 pub mod twin;
 
 use rspirv::spirv::Op as Opcode;

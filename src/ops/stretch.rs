@@ -22,6 +22,7 @@
 
 mod pairs;
 mod plan;
+mod verify;
 mod words;
 
 use std::ops::Range;

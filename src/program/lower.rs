@@ -33,8 +33,9 @@ use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::forward::{forward_copies, live_stores};
 use crate::program::payload::Payloads;
 use crate::program::prune::prune;
-use crate::program::reuse::reuse_rows;
+use crate::program::reuse::{reuse_rows, superblocks};
 use crate::program::sharing::touches;
+use crate::program::verify::{Verifier, Version};
 use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
 use crate::program::{Block, Dropped, Program, Scope, Stretch, Terminator, Unwatched};
 
@@ -70,12 +71,25 @@ pub enum Optimization {
 }
 
 /// How an entry point is lowered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LowerOptions {
     /// Whether calls are inlined.
     pub inlining: Inlining,
     /// Which passes run.
     pub optimization: Optimization,
+    /// Whether each pass is checked ([`crate::program::verify`]), which takes longer than all of them: as a default in
+    /// debug builds. What a pass breaks is a panic.
+    pub verify: bool,
+}
+
+impl Default for LowerOptions {
+    fn default() -> Self {
+        Self {
+            inlining: Inlining::default(),
+            optimization: Optimization::default(),
+            verify: cfg!(debug_assertions),
+        }
+    }
 }
 
 /// Lowers an entry point of a module.
@@ -93,7 +107,7 @@ pub fn lower(module: &Arc<Module>, entry: &EntryPoint) -> Result<Program> {
 pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOptions) -> Result<Program> {
     let (mut program, addressed) = translate(module, entry, options)?;
     match options.optimization {
-        Optimization::Full => optimize(&mut program, &addressed),
+        Optimization::Full => optimize(&mut program, &addressed, options.verify),
         Optimization::None => {
             let options = LowerOptions { optimization: Optimization::Full, ..options };
             reference::complete(&mut program, &lower_with(module, entry, options)?);
@@ -106,7 +120,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOption
 fn translate(
     module: &Arc<Module>,
     entry: &EntryPoint,
-    LowerOptions { inlining, optimization }: LowerOptions,
+    LowerOptions { inlining, optimization, .. }: LowerOptions,
 ) -> Result<(Program, Vec<(Reg, u32)>)> {
     if let Stage::Other(_) = entry.stage {
         let message = format!(
@@ -165,24 +179,50 @@ fn translate(
 
 /// Runs the passes: eliminates what a program can do without, analyses what is left of it, and makes the operations
 /// that run where nobody observes.
-fn optimize(program: &mut Program, addressed: &[(Reg, u32)]) {
+fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
     let (operations, builtins) = (program.ops.len(), program.inputs.len());
-    prune(program, addressed, None);
+    let pass = |program: &mut Program, name: &str, pass: &dyn Fn(&mut Program)| {
+        let verifier = if verify { Verifier::new(program, addressed, None) } else { None };
+        pass(program);
+        if let Some(verifier) = verifier {
+            expect_same(program, name, verifier.compare(&Version::of(program), &|reg| reg));
+        }
+    };
+    pass(program, "prune", &|program| prune(program, addressed, None));
     // What was dropped, and room that was never used, would stay with the program.
     program.ops.shrink_to_fit();
     program.origins.shrink_to_fit();
     program.blocks.shrink_to_fit();
     program.stretches.shrink_to_fit();
-    forward_copies(program, addressed);
-    let stores = live_stores(program, addressed);
-    prune(program, addressed, stores.as_deref());
+    pass(program, "forward", &|program| forward_copies(program, addressed));
+    pass(program, "live stores", &|program| {
+        let stores = live_stores(program, addressed);
+        prune(program, addressed, stores.as_deref());
+    });
     program.touches = touches(program);
     program.dropped = Dropped {
         operations: (operations - program.ops.len()) as u32,
         builtins: (builtins - program.inputs.len()) as u32,
     };
     program.payloads = Payloads::of(program, addressed);
-    reuse_rows(program, addressed);
+    let runs = verify.then(|| superblocks(program));
+    let verifier = runs.and_then(|runs| Verifier::new(program, addressed, Some(&runs)));
+    let renamed = reuse_rows(program, addressed);
+    if let Some(verifier) = verifier {
+        let after = Version { ops: program.unwatched.ops.clone(), ..Version::of(program) };
+        let renamed = |reg: Reg| renamed.get(reg.0 as usize).copied().unwrap_or(reg);
+        expect_same(program, "reuse", verifier.compare(&after, &renamed));
+        if let Some(steps) = &program.unwatched.steps {
+            expect_same(program, "superinstructions", verifier.compare_steps(&after, &renamed, steps));
+        }
+    }
+}
+
+/// Panics where a pass has changed what a program does.
+fn expect_same(program: &Program, pass: &str, compared: std::result::Result<(), String>) {
+    if let Err(problem) = compared {
+        panic!("bug in anyhit: the pass `{pass}` changes what `{}` does: {problem}", program.name);
+    }
 }
 
 /// Refuses what only a ray-tracing pipeline can serve.

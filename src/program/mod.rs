@@ -12,6 +12,7 @@ mod reuse;
 mod schedule;
 pub mod sharing;
 pub mod source_map;
+pub mod verify;
 pub mod workgroup;
 
 use std::sync::Arc;

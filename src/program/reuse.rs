@@ -58,9 +58,9 @@ enum Single {
     Write,
 }
 
-/// Makes the operations that run unwatched.
-pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
-    let runs = runs(program);
+/// Makes the operations that run unwatched. By row: which one it is now, where it holds something beyond a run.
+pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
+    let runs = superblocks(program);
     let starts = starts(program, &runs);
     let mut ops = program.ops.clone();
     let shared = Shared::of(program, addressed);
@@ -132,13 +132,14 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) {
         }
     }
     let fates = fates(program, &mut ops, &starts, &places);
-    let taken = near_values(program, &mut ops, &places, &shared, &values);
+    let (taken, renamed) = near_values(program, &mut ops, &places, &shared, &values);
     near_constants(program, &mut ops, &places, &taken);
     program.rows = places.next;
     let ranges =
         starts.iter().map(|&(start, run)| program.blocks[start as usize].first as usize..run.end as usize);
     let steps = Steps::of(&ops, ranges, &fates, &program.constants);
     program.unwatched = Unwatched { steps: Some(steps), ops, runs };
+    renamed
 }
 
 /// Lets casts of unsigned numbers to floats that are less than 2^31, as they were shifted to the right, be casts of signed
@@ -216,7 +217,7 @@ fn fates(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], places: &Plac
 }
 
 /// The run that begins with each block.
-fn runs(program: &Program) -> Vec<Run> {
+pub(super) fn superblocks(program: &Program) -> Vec<Run> {
     let blocks = &program.blocks;
     let mut ways = vec![0u32; blocks.len() + 1];
     let mut count = |block: u32| ways[block as usize] += 1;

@@ -8,17 +8,17 @@ use crate::ops::op::Op;
 use crate::ops::stretch::WINDOW;
 use crate::program::Program;
 use crate::program::forward::{Shared, each_read};
-use crate::program::reuse::{Places, Single, Values, each_single};
+use crate::program::reuse::{Places, Single, Values, each_single, is_idle};
 
 /// Gives values behind the window of steps that live longer than a run a row in it, as long as there are any that nobody
-/// takes; which those are. As they are written before they are read, it may be one that batches begin with zeros.
+/// takes; which those are, and by row which one it is now. As they are written before they are read, it may be one that batches begin with zeros.
 pub(super) fn near_values(
     program: &Program,
     ops: &mut [Op],
     places: &Places,
     shared: &Shared,
     values: &Values,
-) -> Vec<Reg> {
+) -> (Vec<Reg>, Vec<Reg>) {
     let far = |row: u32| row as usize >= WINDOW;
     let rows = program.rows as usize;
     let mut stays: Vec<bool> = (0..rows).map(|row| shared.holds(Reg(row as u32))).collect();
@@ -34,7 +34,7 @@ pub(super) fn near_values(
     let (mut order, others): (Vec<Reg>, Vec<Reg>) = untaken.partition(is_variable);
     order.extend(others);
     if order.is_empty() {
-        return order;
+        return (order, Vec::new());
     }
     // By row: the one that it becomes.
     let mut near: Vec<Reg> = (0..program.rows).map(Reg).collect();
@@ -54,7 +54,7 @@ pub(super) fn near_values(
         });
     }
     order.truncate(taken);
-    order
+    (order, near)
 }
 
 /// Gives constants behind the window of steps a row in it, as long as there are any that nobody takes.
@@ -78,7 +78,8 @@ pub(super) fn near_constants(program: &mut Program, ops: &mut [Op], places: &Pla
     if untaken.peek().is_none() {
         return;
     }
-    for op in ops {
+    // A copy that is gone stays so.
+    for op in ops.iter_mut().filter(|op| !is_idle(op)) {
         if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }) = op {
             each_single(op, |reg, single| {
                 if single != Single::Read || !far(*reg) {

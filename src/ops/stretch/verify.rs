@@ -1,0 +1,277 @@
+//! Checks superinstructions against the operations that they stand for, by executing both symbolically.
+
+use std::ops::Range;
+use std::sync::LazyLock;
+
+use rustc_hash::FxHashMap;
+
+use crate::machine::Reg;
+use crate::ops::op::{Access, Op};
+use crate::ops::row::Row;
+use crate::ops::stretch::pairs::Shape;
+use crate::ops::stretch::{Function, Step, Steps, has, takes_float};
+use crate::ops::symbolic::{Numbering, State, Value};
+
+/// What a register or the accumulator holds while superinstructions run.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    value: Value,
+    /// Whether a NaN in it has the one pattern that others may see.
+    settled: bool,
+}
+
+/// The function of a number.
+fn function(number: u16) -> Option<Function> {
+    static FUNCTIONS: LazyLock<FxHashMap<u16, Function>> =
+        LazyLock::new(|| functions().map(|function| (function as u16, function)).collect());
+    FUNCTIONS.get(&number).copied()
+}
+
+fn functions() -> impl Iterator<Item = Function> {
+    let special = [
+        Function::Move,
+        Function::MoveMasked,
+        Function::Settle,
+        Function::SettleMasked,
+        Function::Square,
+        Function::Other,
+    ];
+    let rows = Function::rows().into_iter().map(|(_, function)| function);
+    let pairs = Function::PAIRS.iter().map(|pair| pair.3);
+    special.into_iter().chain(rows).chain(pairs)
+}
+
+/// How many operands a function has.
+fn operand_count(function: Function) -> usize {
+    if let Some(row) = row(function) {
+        return row.operands.iter().take_while(|&&words| words > 0).count();
+    }
+    match Function::PAIRS.iter().find(|pair| pair.3 == function) {
+        Some(&(first, second, shape, _)) => match shape {
+            Shape::Then | Shape::After => 3,
+            Shape::ThenWith | Shape::WithItself => 2,
+            Shape::Chain | Shape::Last => operand_count(first) + operand_count(second) - 1,
+        },
+        None => 1,
+    }
+}
+
+fn row(function: Function) -> Option<&'static Row> {
+    static ROWS: LazyLock<Vec<(&'static Row, Function)>> = LazyLock::new(Function::rows);
+    ROWS.iter().find(|&&(_, known)| known == function).map(|&(row, _)| row)
+}
+
+/// What a function gives of operands.
+fn calculate(function: Function, from: &[Held], numbering: &mut Numbering) -> Result<Held, String> {
+    if let Some(row) = row(function) {
+        for (at, held) in from.iter().enumerate() {
+            if !held.settled && !takes_float(row, at) {
+                return Err(format!("{row:?} sees the bits of a NaN"));
+            }
+        }
+        let values: Vec<Value> = from.iter().map(|held| held.value).collect();
+        let is_number = matches!(function, Function::UToF | Function::SToF | Function::Step);
+        let settled = row.float_result != 32 || is_number;
+        return Ok(Held { value: numbering.regular(row, 0, &values), settled });
+    }
+    if function == Function::Square {
+        return calculate(Function::FMul, &[from[0], from[0]], numbering);
+    }
+    let pair = Function::PAIRS.iter().find(|pair| pair.3 == function);
+    let &(first, second, shape, _) = pair.ok_or_else(|| format!("{function:?} is no pair"))?;
+    let (own, others) = from.split_at(operand_count(first));
+    let inner = calculate(first, own, numbering)?;
+    let operands: Vec<Held> = match shape {
+        Shape::Then | Shape::ThenWith | Shape::Chain => [&[inner][..], others].concat(),
+        Shape::After | Shape::Last => [others, &[inner]].concat(),
+        Shape::WithItself => vec![own[0], inner],
+    };
+    calculate(second, &operands, numbering)
+}
+
+/// Both executions of a range of operations.
+struct Check<'a, 'b> {
+    ops: &'a [Op],
+    numbering: &'b mut Numbering,
+    expected: State<'a>,
+    /// Only what superinstructions and the operations between them have written.
+    found: FxHashMap<Reg, Held>,
+    begin: State<'a>,
+    is_seen: &'b dyn Fn(Reg) -> bool,
+    accumulator: Option<Held>,
+    next: usize,
+}
+
+impl Steps {
+    /// Compares the steps of a range of operations that follow each other without a choice with the operations
+    /// themselves: where an operation is no step, and behind the last one for all registers that `is_seen` names, both
+    /// must have left the same. `begin` is the state where the range begins.
+    ///
+    /// # Errors
+    /// What differs, and where.
+    pub fn verify(
+        &self,
+        ops: &[Op],
+        range: Range<usize>,
+        begin: &State<'_>,
+        numbering: &mut Numbering,
+        is_seen: &dyn Fn(Reg) -> bool,
+    ) -> Result<(), String> {
+        let mut check = Check {
+            ops,
+            numbering,
+            expected: begin.clone(),
+            found: FxHashMap::default(),
+            begin: begin.clone(),
+            is_seen,
+            accumulator: None,
+            next: range.start,
+        };
+        let [first, end] = [range.start, range.end].map(|op| self.first[op] as usize);
+        for (step, &op) in self.steps[first..end].iter().zip(&self.ops[first..end]) {
+            let number = step.code >> 4;
+            let function = function(number).ok_or_else(|| format!("no function has number {number}"))?;
+            let done = match function {
+                Function::Other => check.other(op as usize),
+                _ => check.step(step, function),
+            };
+            done.map_err(|problem| {
+                format!("operation {op} ({:?}), {function:?}: {problem}", ops[op as usize])
+            })?;
+        }
+        check.expect_up_to(range.end);
+        let mut written: Vec<Reg> = check.found.keys().copied().collect();
+        for op in &ops[range] {
+            op.accesses(|access| {
+                if let Access::Write(first, count) = access {
+                    written.extend((first.0..first.0 + count).map(Reg));
+                }
+            });
+        }
+        written.sort_unstable();
+        written.dedup();
+        written.into_iter().filter(|&reg| is_seen(reg)).try_for_each(|reg| check.same(reg, true))
+    }
+}
+
+impl Check<'_, '_> {
+    /// Executes the operations themselves up to one.
+    fn expect_up_to(&mut self, end: usize) {
+        for op in &self.ops[self.next..end] {
+            self.expected.execute(op, self.numbering);
+        }
+        self.next = end;
+    }
+
+    fn get(&mut self, reg: Reg) -> Held {
+        match self.found.get(&reg) {
+            Some(&held) => held,
+            None => Held { value: self.begin.get(reg, self.numbering), settled: true },
+        }
+    }
+
+    /// Whether a register holds what it must.
+    fn same(&mut self, reg: Reg, bits_seen: bool) -> Result<(), String> {
+        let expected = self.expected.get(reg, self.numbering);
+        let found = self.get(reg);
+        if expected != found.value {
+            let [expected, found] = [expected, found.value].map(|value| self.numbering.describe(value));
+            return Err(format!("r{} holds {found}, not {expected}", reg.0));
+        }
+        match found.settled || !bits_seen {
+            true => Ok(()),
+            false => Err(format!("r{} holds a NaN of any pattern", reg.0)),
+        }
+    }
+
+    /// An operation that is no step: what it reads must be there, and what it writes is.
+    fn other(&mut self, at: usize) -> Result<(), String> {
+        self.expect_up_to(at);
+        let op = &self.ops[at];
+        let mut reads: Vec<(Reg, bool)> = Vec::new();
+        if let Op::Row { row, from, .. } = op {
+            for (operand, (&reg, &words)) in from.iter().zip(&row.operands).enumerate() {
+                reads.extend((0..words).map(|word| (reg.plus(word), !takes_float(row, operand))));
+            }
+        } else {
+            op.accesses(|access| {
+                if let Access::Read(first, count) = access {
+                    reads.extend((first.0..first.0 + count).map(|reg| (Reg(reg), true)));
+                }
+            });
+        }
+        if !matches!(op, Op::Row { .. }) {
+            // It may reach more than it names.
+            let is_seen = self.is_seen;
+            reads.extend(self.found.keys().filter(|&&reg| is_seen(reg)).map(|&reg| (reg, true)));
+        }
+        reads.into_iter().try_for_each(|(reg, bits_seen)| self.same(reg, bits_seen))?;
+        self.expect_up_to(at + 1);
+        let mut written: Vec<Reg> = Vec::new();
+        op.accesses(|access| {
+            if let Access::Write(first, count) = access {
+                written.extend((first.0..first.0 + count).map(Reg));
+            }
+        });
+        if !matches!(op, Op::Row { .. }) {
+            let reached = self.expected.reached();
+            written.extend(reached.addressed.iter().chain(&reached.interface));
+        }
+        for reg in written {
+            let value = self.expected.get(reg, self.numbering);
+            self.found.insert(reg, Held { value, settled: true });
+        }
+        self.accumulator = None;
+        Ok(())
+    }
+
+    fn step(&mut self, step: &Step, function: Function) -> Result<(), String> {
+        let (uniform, at, stored) =
+            (step.code >> 3 & 1 == 1, usize::from(step.code >> 1 & 3), step.code & 1 == 1);
+        let held = |check: &Self| check.accumulator.ok_or("the accumulator holds nothing".to_owned());
+        let to = Reg(step.to.into());
+        match function {
+            Function::MoveMasked | Function::SettleMasked => {
+                let mut held = match at {
+                    0 => self.get(Reg(step.from[0].into())),
+                    _ => held(self)?,
+                };
+                held.settled |= function == Function::SettleMasked;
+                self.accumulator = Some(held);
+                self.found.insert(to, held);
+                return Ok(());
+            }
+            Function::Settle => {
+                let held = Held { settled: true, ..held(self)? };
+                self.accumulator = Some(held);
+                if stored {
+                    self.found.insert(to, held);
+                }
+                return Ok(());
+            }
+            _ => {}
+        }
+        let count = operand_count(function);
+        let mut from = Vec::new();
+        for operand in 0..count {
+            let reg = Reg(step.from[operand].into());
+            if uniform && has(function.uniform(), operand) {
+                let value = self.get(reg).value;
+                let word = self.numbering.word_of(value).ok_or(format!("r{} is no constant", reg.0))?;
+                if has(function.amounts(), operand) && word > 31 {
+                    return Err(format!("{word} is no amount to shift by"));
+                }
+            }
+            from.push(if operand + 1 == at { held(self)? } else { self.get(reg) });
+        }
+        let result = match function {
+            Function::Move => from[0],
+            _ => calculate(function, &from, self.numbering)?,
+        };
+        self.accumulator = Some(result);
+        if stored {
+            self.found.insert(to, result);
+        }
+        Ok(())
+    }
+}

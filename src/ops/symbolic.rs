@@ -1,0 +1,359 @@
+//! Symbolic execution of operations, for checks of the optimizer.
+//!
+//! What a register holds is an expression of what registers held where the code begins. Equal expressions get equal
+//! numbers (hash-based value numbering), so that two sequences of operations are compared by comparing numbers.
+//! Everything is seen by one lane that runs: a masked store is a store.
+
+use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
+
+use crate::machine::Reg;
+use crate::ops::conversion::{self, Conversion};
+use crate::ops::memory;
+use crate::ops::op::{Access, Op};
+use crate::ops::row::Row;
+use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
+
+/// The number of an expression.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Value(u32);
+
+/// The operands of an expression.
+pub type Values = SmallVec<[Value; 4]>;
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+enum Expression {
+    /// What a register held at the beginning.
+    Initial(Reg),
+    /// What nobody has written.
+    Undefined(Reg),
+    Constant(u32),
+    /// A word of what a regular operation gives; its row by its address.
+    Regular {
+        row: usize,
+        word: u32,
+        operands: Values,
+    },
+    /// A word of what an irregular operation gives behind so many effects.
+    Irregular {
+        op: u32,
+        effects: u32,
+        word: u32,
+        operands: Values,
+    },
+}
+
+/// All expressions so far.
+#[derive(Default)]
+pub struct Numbering {
+    numbers: FxHashMap<Expression, Value>,
+    expressions: Vec<Expression>,
+    /// Irregular operations without the registers that they name by themselves.
+    irregular: FxHashMap<String, u32>,
+    /// By address: regular operations whose two operands may change places.
+    commuting: Vec<usize>,
+    /// By address: those that expressions name.
+    rows: FxHashMap<usize, &'static Row>,
+}
+
+impl Numbering {
+    /// No expressions.
+    pub fn new() -> Self {
+        let families: [&'static crate::ops::row::Family; 18] = [
+            &arithmetic::IAdd,
+            &arithmetic::IMul,
+            &arithmetic::FAdd,
+            &arithmetic::FMul,
+            &bit::BitwiseOr,
+            &bit::BitwiseXor,
+            &bit::BitwiseAnd,
+            &logical::LogicalEqual,
+            &logical::LogicalNotEqual,
+            &logical::LogicalOr,
+            &logical::LogicalAnd,
+            &logical::IEqual,
+            &logical::INotEqual,
+            &logical::FOrdEqual,
+            &logical::FUnordNotEqual,
+            &glsl::UMin,
+            &glsl::SMin,
+            &glsl::UMax,
+        ];
+        let more = [&glsl::SMax, &logical::FOrdNotEqual];
+        let rows = families.into_iter().chain(more).flat_map(|family| family.rows);
+        let words = rows.filter(|row| row.operands == [1, 1, 0] && row.words == 1);
+        Self { commuting: words.map(address).collect(), ..Self::default() }
+    }
+
+    fn number(&mut self, expression: Expression) -> Value {
+        if let Some(&known) = self.numbers.get(&expression) {
+            return known;
+        }
+        let value = Value(self.expressions.len() as u32);
+        self.expressions.push(expression.clone());
+        self.numbers.insert(expression, value);
+        value
+    }
+
+    /// What a register held at the beginning.
+    pub fn initial(&mut self, reg: Reg) -> Value {
+        self.number(Expression::Initial(reg))
+    }
+
+    /// What a register holds that nobody has written.
+    pub fn undefined(&mut self, reg: Reg) -> Value {
+        self.number(Expression::Undefined(reg))
+    }
+
+    /// A word known before running.
+    pub fn constant(&mut self, word: u32) -> Value {
+        self.number(Expression::Constant(word))
+    }
+
+    /// The word of a constant.
+    pub fn word_of(&self, value: Value) -> Option<u32> {
+        match self.expressions[value.0 as usize] {
+            Expression::Constant(word) => Some(word),
+            _ => None,
+        }
+    }
+
+    /// A word of what a regular operation gives.
+    pub fn regular(&mut self, row: &'static Row, word: u32, operands: &[Value]) -> Value {
+        let (mut row, mut operands) = (row, Values::from_slice(operands));
+        // A clamp is a minimum of a maximum.
+        let clamp = match row.name {
+            "FClamp" => Some((&glsl::FMax, &glsl::FMin)),
+            "NClamp" => Some((&glsl::NMax, &glsl::NMin)),
+            "UClamp" => Some((&glsl::UMax, &glsl::UMin)),
+            "SClamp" => Some((&glsl::SMax, &glsl::SMin)),
+            _ => None,
+        };
+        if let (Some((lower, upper)), 1, [a, low, high]) = (clamp, row.words, &operands[..])
+            && let (Some(lower), Some(upper)) = (lower.row(row.width), upper.row(row.width))
+        {
+            let (low, high) = ([*a, *low], *high);
+            let inner = self.regular(lower, 0, &low);
+            return self.regular(upper, 0, &[inner, high]);
+        }
+        // What was shifted to the right by one bit at least is not negative.
+        if let (Some(signed), Some(unsigned)) =
+            (conversion::row(Conversion::SToF, 32, 32), conversion::row(Conversion::UToF, 32, 32))
+            && row == signed
+            && self.is_shifted_right(operands[0])
+        {
+            row = unsigned;
+        }
+        if self.commuting.contains(&address(row)) {
+            operands[..2].sort_unstable();
+        }
+        self.rows.insert(address(row), row);
+        self.number(Expression::Regular { row: address(row), word, operands })
+    }
+
+    fn is_shifted_right(&self, value: Value) -> bool {
+        let Expression::Regular { row, operands, .. } = &self.expressions[value.0 as usize] else {
+            return false;
+        };
+        let shift = bit::ShiftRightLogical.row(32).map(address);
+        shift == Some(*row) && self.word_of(operands[1]).is_some_and(|by| (1..32).contains(&by))
+    }
+
+    fn irregular(&mut self, op: u32, effects: u32, word: u32, operands: &Values) -> Value {
+        self.number(Expression::Irregular { op, effects, word, operands: operands.clone() })
+    }
+
+    /// An expression for messages.
+    pub fn describe(&self, value: Value) -> String {
+        self.describe_to(value, 4)
+    }
+
+    fn describe_to(&self, value: Value, depth: u32) -> String {
+        let list = |operands: &Values| {
+            if depth == 0 {
+                return "...".to_owned();
+            }
+            let each = operands.iter().take(4).map(|&operand| self.describe_to(operand, depth - 1));
+            each.collect::<Vec<_>>().join(", ")
+        };
+        match &self.expressions[value.0 as usize] {
+            Expression::Initial(reg) => format!("r{}", reg.0),
+            Expression::Undefined(reg) => format!("undefined r{}", reg.0),
+            Expression::Constant(word) => format!("{word:#x}"),
+            Expression::Regular { row, operands, .. } => {
+                format!("{:?}({})", self.rows[row], list(operands))
+            }
+            Expression::Irregular { op, effects, word, operands } => {
+                format!("irregular {op} behind {effects} effects, word {word} ({})", list(operands))
+            }
+        }
+    }
+}
+
+/// What identifies a row of the tables.
+fn address(row: &'static Row) -> usize {
+    std::ptr::from_ref(row) as usize
+}
+
+/// An effect: the operation without its registers, and what it reads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Effect {
+    op: u32,
+    /// What it reads.
+    pub operands: Values,
+}
+
+/// Registers whose contents operations reach without naming them.
+#[derive(Clone, Debug, Default)]
+pub struct Reached {
+    /// Of variables with computed indices.
+    pub addressed: Vec<Reg>,
+    /// Of interface variables and builtins, which the pipeline reads and writes where a batch is handed to it.
+    pub interface: Vec<Reg>,
+}
+
+/// What registers hold, and what has been done.
+#[derive(Clone)]
+pub struct State<'a> {
+    registers: FxHashMap<Reg, Value>,
+    /// What a register holds that is not written here.
+    begin: &'a dyn Fn(Reg, &mut Numbering) -> Value,
+    reached: &'a Reached,
+    /// What has been done, in order.
+    pub effects: Vec<Effect>,
+    /// Registers that regular operations and plain moves have written, in all lanes.
+    pub written_in_all_lanes: Vec<Reg>,
+}
+
+impl<'a> State<'a> {
+    /// Before the first operation.
+    pub fn new(begin: &'a dyn Fn(Reg, &mut Numbering) -> Value, reached: &'a Reached) -> Self {
+        Self {
+            registers: FxHashMap::default(),
+            begin,
+            reached,
+            effects: Vec::new(),
+            written_in_all_lanes: Vec::new(),
+        }
+    }
+
+    /// What a register holds.
+    pub fn get(&mut self, reg: Reg, numbering: &mut Numbering) -> Value {
+        *self.registers.entry(reg).or_insert_with(|| (self.begin)(reg, numbering))
+    }
+
+    /// Registers whose contents operations reach without naming them.
+    pub fn reached(&self) -> &'a Reached {
+        self.reached
+    }
+
+    /// Writes a register.
+    pub fn set(&mut self, reg: Reg, value: Value) {
+        self.registers.insert(reg, value);
+    }
+
+    fn read(&mut self, first: Reg, count: u32, numbering: &mut Numbering, to: &mut Values) {
+        for word in 0..count {
+            to.push(self.get(first.plus(word), numbering));
+        }
+    }
+
+    /// Executes an operation.
+    pub fn execute(&mut self, op: &Op, numbering: &mut Numbering) {
+        let mut operands = Values::new();
+        match op {
+            Op::Row { row, to, from } => {
+                for (&reg, &words) in from.iter().zip(&row.operands) {
+                    self.read(reg, words, numbering, &mut operands);
+                }
+                for word in 0..row.words {
+                    let value = numbering.regular(row, word, &operands);
+                    self.set(to.plus(word), value);
+                    self.written_in_all_lanes.push(to.plus(word));
+                }
+            }
+            Op::Memory(memory::Op::Move { to, from }) => {
+                let value = self.get(*from, numbering);
+                self.set(*to, value);
+                if to != from {
+                    self.written_in_all_lanes.push(*to);
+                }
+            }
+            Op::Memory(memory::Op::MoveMasked { to, from }) => {
+                let value = self.get(*from, numbering);
+                self.set(*to, value);
+            }
+            _ => self.execute_irregular(op, numbering),
+        }
+    }
+
+    fn execute_irregular(&mut self, op: &Op, numbering: &mut Numbering) {
+        let reached = self.reached;
+        let key = key(op, numbering);
+        let mut operands = Values::new();
+        let mut writes: SmallVec<[(Reg, u32); 2]> = SmallVec::new();
+        let mut effect = false;
+        let mut reads: SmallVec<[(Reg, u32); 4]> = SmallVec::new();
+        op.accesses(|access| match access {
+            Access::Read(first, count) => reads.push((first, count)),
+            Access::Write(first, count) => writes.push((first, count)),
+            Access::Effect => effect = true,
+        });
+        reads.iter().for_each(|&(first, count)| self.read(first, count, numbering, &mut operands));
+        let addresses =
+            matches!(op, Op::Memory(memory::Op::Gather { .. } | memory::Op::Scatter { .. }) | Op::Atomic(_));
+        if addresses {
+            reached.addressed.iter().for_each(|&reg| self.read(reg, 1, numbering, &mut operands));
+        }
+        let waits = matches!(op, Op::Stop(_) | Op::Barrier);
+        if waits {
+            reached.interface.iter().for_each(|&reg| self.read(reg, 1, numbering, &mut operands));
+        }
+        let effects = self.effects.len() as u32;
+        let mut word = 0;
+        for (first, count) in writes {
+            for reg in first.0..first.0 + count {
+                self.set(Reg(reg), numbering.irregular(key, effects, word, &operands));
+                word += 1;
+            }
+        }
+        let mut changes = |regs: &[Reg], state: &mut Self| {
+            for &reg in regs {
+                state.set(reg, numbering.irregular(key, effects, word, &operands));
+                word += 1;
+            }
+        };
+        if addresses && !matches!(op, Op::Memory(memory::Op::Gather { .. })) {
+            changes(&reached.addressed, self);
+        }
+        if waits {
+            changes(&reached.interface, self);
+        }
+        if effect {
+            self.effects.push(Effect { op: key, operands });
+        }
+    }
+}
+
+/// The number of an irregular operation without the registers that it names by themselves: those may be renamed.
+fn key(op: &Op, numbering: &mut Numbering) -> u32 {
+    const ANY: Reg = Reg(0);
+    let mut plain = op.clone();
+    match &mut plain {
+        Op::Memory(memory::Op::Index { to, base, index, .. }) => {
+            (*to, *index) = (ANY, ANY);
+            base.iter_mut().for_each(|base| *base = ANY);
+        }
+        Op::Memory(
+            memory::Op::BufferLoad { to: reg, chunk } | memory::Op::BufferStore { from: reg, chunk },
+        ) => {
+            chunk.index.iter_mut().for_each(|index| *index = ANY);
+            if chunk.count == 1 {
+                *reg = ANY;
+            }
+        }
+        _ => {}
+    }
+    let next = numbering.irregular.len() as u32;
+    *numbering.irregular.entry(format!("{plain:?}")).or_insert(next)
+}

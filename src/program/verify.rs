@@ -1,0 +1,330 @@
+//! Checks what a pass of the optimizer has done (translation validation).
+//!
+//! Both versions of a program are executed symbolically, superblock by superblock, for a lane that runs through it. They must
+//! have the same effects in the same order, with the same operands, decide the same way at the end, and leave the same
+//! in every register that is live there. Liveness is found here anew, without the passes' own. Registers that hold
+//! something beyond a superblock may be renamed, each to one of its own; nobody else may write those in all lanes, as
+//! lanes that wait elsewhere would lose what they hold.
+//!
+//! Debug builds check every pass of every program, as do the tests.
+
+use std::ops::Range;
+
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use crate::machine::Reg;
+use crate::ops::op::{Access, Op};
+use crate::ops::stretch::Steps;
+use crate::ops::symbolic::{Numbering, Reached, State};
+use crate::program::forward::each_read;
+use crate::program::reuse::is_idle;
+use crate::program::{Block, Program, Run, Terminator};
+
+/// Programs of more operations are not looked at.
+const MOST_OPERATIONS: usize = 20_000;
+
+/// A program between two passes.
+#[derive(Clone, Debug)]
+pub struct Version {
+    /// The operations.
+    pub ops: Vec<Op>,
+    /// The blocks.
+    pub blocks: Vec<Block>,
+    /// Registers that hold constants.
+    pub constants: Vec<(Reg, u32)>,
+}
+
+impl Version {
+    /// A program as observers run it.
+    pub fn of(program: &Program) -> Self {
+        Self {
+            ops: program.ops.clone(),
+            blocks: program.blocks.clone(),
+            constants: program.constants.clone(),
+        }
+    }
+}
+
+/// What a pass is checked with.
+pub struct Verifier {
+    before: Version,
+    /// Blocks that follow one another without a choice, by their first and last.
+    superblocks: Vec<(u32, u32)>,
+    reached: Reached,
+    /// Where the program begins: what has a value there.
+    defined: FxHashSet<Reg>,
+    /// What the caller reads where the program ends.
+    results: Vec<Reg>,
+    /// Registers that are live where a superblock begins or ends.
+    global: Vec<Reg>,
+    /// By superblock: those that are live at its end.
+    live_out: Vec<FxHashSet<Reg>>,
+}
+
+impl Verifier {
+    /// Before a pass; `runs` tells by block which ones make a superblock with it.
+    ///
+    /// `None` where the program is too large to be looked at.
+    pub fn new(program: &Program, addressed: &[(Reg, u32)], runs: Option<&[Run]>) -> Option<Self> {
+        if program.ops.len() > MOST_OPERATIONS {
+            return None;
+        }
+        let before = Version::of(program);
+        let count = before.blocks.len();
+        let mut superblocks = Vec::new();
+        let mut at = 0;
+        while at < count as u32 {
+            let last = runs.map_or(at, |runs| runs[at as usize].last);
+            superblocks.push((at, last));
+            at = last + 1;
+        }
+        let rows = |first: Reg, count: u32| (first.0..first.0 + count).map(Reg);
+        let whole = |&(first, count): &(Reg, u32)| {
+            let holds = |&&(start, rows): &&(Reg, u32)| (start.0..start.0 + rows).contains(&first.0);
+            program.variables.iter().find(holds).copied().unwrap_or((first, count))
+        };
+        let mut reached = Reached::default();
+        reached.addressed.extend(addressed.iter().map(whole).flat_map(|(first, count)| rows(first, count)));
+        reached.addressed.sort_unstable();
+        reached.addressed.dedup();
+        let interface = program.interface.iter().flat_map(|one| rows(one.first, one.count));
+        let inputs = program.inputs.iter().flat_map(|one| rows(one.first, one.count));
+        reached.interface.extend(interface.chain(inputs));
+        reached.interface.sort_unstable();
+        reached.interface.dedup();
+        let variables = program.variables.iter().flat_map(|&(first, count)| rows(first, count));
+        let defined = variables.chain(reached.interface.iter().copied()).collect();
+        let results = program.interface.iter().filter(|one| one.storage_class >= 5328);
+        let results = results.flat_map(|one| rows(one.first, one.count)).collect();
+        let mut all =
+            Self { before, superblocks, reached, defined, results, global: Vec::new(), live_out: Vec::new() };
+        all.find_liveness();
+        Some(all)
+    }
+
+    fn range(blocks: &[Block], (first, last): (u32, u32)) -> Range<usize> {
+        blocks[first as usize].first as usize..blocks[last as usize].end as usize
+    }
+
+    /// Runs backwards over a superblock: what is live at its beginning, given what is live at its end. An operation that
+    /// has no effect and whose results nobody needs reads nothing.
+    fn transfer(&self, superblock: (u32, u32), live: &mut FxHashSet<Reg>) {
+        let terminator = &self.before.blocks[superblock.1 as usize].terminator;
+        each_read(terminator, |reg| {
+            live.insert(reg);
+        });
+        for op in self.before.ops[Self::range(&self.before.blocks, superblock)].iter().rev() {
+            let mut needed = false;
+            op.accesses(|access| match access {
+                Access::Effect => needed = true,
+                Access::Write(first, count) => {
+                    needed |= (first.0..first.0 + count).any(|reg| live.contains(&Reg(reg)));
+                }
+                Access::Read(..) => {}
+            });
+            if !needed {
+                continue;
+            }
+            op.accesses(|access| {
+                if let Access::Write(first, count) = access {
+                    (first.0..first.0 + count).for_each(|reg| {
+                        live.remove(&Reg(reg));
+                    });
+                }
+            });
+            op.accesses(|access| {
+                if let Access::Read(first, count) = access {
+                    live.extend((first.0..first.0 + count).map(Reg));
+                }
+            });
+            if matches!(op, Op::Stop(_) | Op::Barrier) {
+                live.extend(&self.reached.interface);
+            }
+        }
+        self.before.constants.iter().for_each(|(reg, _)| {
+            live.remove(reg);
+        });
+        // What computed indices reach is live everywhere.
+        live.extend(&self.reached.addressed);
+    }
+
+    fn find_liveness(&mut self) {
+        let blocks = &self.before.blocks;
+        let starts: FxHashMap<u32, usize> =
+            self.superblocks.iter().enumerate().map(|(at, &(first, _))| (first, at)).collect();
+        let returns: Vec<usize> = blocks
+            .iter()
+            .filter_map(|block| match block.terminator {
+                Terminator::Call { return_to, .. } => Some(starts[&return_to]),
+                _ => None,
+            })
+            .collect();
+        let followers = |last: u32| match &blocks[last as usize].terminator {
+            Terminator::Branch(to) => vec![starts[to]],
+            Terminator::BranchConditional { then, other, .. } => vec![starts[then], starts[other]],
+            Terminator::Switch { cases, default, .. } => {
+                cases.iter().map(|(_, to)| to).chain([default]).map(|to| starts[to]).collect()
+            }
+            Terminator::Call { function, return_to } => vec![starts[function], starts[return_to]],
+            // Which call it returns to is not followed.
+            Terminator::Return => returns.clone(),
+            Terminator::Exit(_) | Terminator::Unreachable => Vec::new(),
+        };
+        let count = self.superblocks.len();
+        let mut live_in: Vec<FxHashSet<Reg>> = vec![FxHashSet::default(); count];
+        let mut live_out = live_in.clone();
+        let mut changed = true;
+        while std::mem::take(&mut changed) {
+            for at in (0..count).rev() {
+                let superblock = self.superblocks[at];
+                let mut live: FxHashSet<Reg> = self.reached.addressed.iter().copied().collect();
+                if let Terminator::Exit(_) = blocks[superblock.1 as usize].terminator {
+                    live.extend(&self.results);
+                }
+                followers(superblock.1).into_iter().for_each(|follower| live.extend(&live_in[follower]));
+                live_out[at].clone_from(&live);
+                self.transfer(superblock, &mut live);
+                if live != live_in[at] {
+                    (live_in[at], changed) = (live, true);
+                }
+            }
+        }
+        let mut global: Vec<Reg> = live_in.iter().chain(&live_out).flatten().copied().collect();
+        global.sort_unstable();
+        global.dedup();
+        (self.global, self.live_out) = (global, live_out);
+    }
+
+    /// Compares what a pass has made with what was there before. `renamed` tells where a register is now that holds
+    /// something beyond a superblock.
+    ///
+    /// # Errors
+    /// What differs, and where.
+    pub fn compare(&self, after: &Version, renamed: &dyn Fn(Reg) -> Reg) -> Result<(), String> {
+        let constants: FxHashMap<Reg, u32> = self.before.constants.iter().copied().collect();
+        let known: FxHashMap<Reg, u32> = after.constants.iter().copied().collect();
+        // Who owns a register now.
+        let mut owners: FxHashMap<Reg, Reg> = FxHashMap::default();
+        for &reg in self.global.iter().chain(&self.results).chain(&self.reached.interface) {
+            let now = renamed(reg);
+            if let Some(other) = owners.insert(now, reg).filter(|&other| other != reg) {
+                return Err(format!("r{} holds both r{} and r{}", now.0, other.0, reg.0));
+            }
+            if known.contains_key(&now) && !constants.contains_key(&reg) {
+                return Err(format!("r{} holds r{} and a constant", now.0, reg.0));
+            }
+            if now != reg && self.defined.contains(&reg) {
+                return Err(format!("r{} begins with a value and is r{} now", reg.0, now.0));
+            }
+        }
+        let begin = |reg: Reg, numbering: &mut Numbering| match constants.get(&reg) {
+            Some(&word) => numbering.constant(word),
+            None => numbering.initial(reg),
+        };
+        let begin_after = |reg: Reg, numbering: &mut Numbering| match (known.get(&reg), owners.get(&reg)) {
+            (Some(&word), _) => numbering.constant(word),
+            (None, Some(&owner)) => numbering.initial(owner),
+            (None, None) => numbering.undefined(reg),
+        };
+        for (at, &superblock) in self.superblocks.iter().enumerate() {
+            let mut numbering = Numbering::new();
+            let mut old = State::new(&begin, &self.reached);
+            let mut new = State::new(&begin_after, &self.reached);
+            for op in &self.before.ops[Self::range(&self.before.blocks, superblock)] {
+                old.execute(op, &mut numbering);
+            }
+            for op in &after.ops[Self::range(&after.blocks, superblock)] {
+                if let Some(constant) = written_constant(op, &known) {
+                    return Err(format!("{op:?} writes r{}, which holds a constant", constant.0));
+                }
+                new.execute(op, &mut numbering);
+            }
+            let place = |what: &str| format!("blocks {superblock:?}: {what}");
+            if old.effects.len() != new.effects.len() {
+                return Err(place(&format!("{} effects, not {}", new.effects.len(), old.effects.len())));
+            }
+            if let Some(effect) = old.effects.iter().zip(&new.effects).position(|(old, new)| old != new) {
+                let [old, new] = [&old, &new].map(|state| {
+                    let operands = state.effects[effect].operands.iter();
+                    operands.map(|&value| numbering.describe(value)).collect::<Vec<_>>().join(", ")
+                });
+                return Err(place(&format!("effect {effect} reads {new}, not {old}")));
+            }
+            let reads = |block: &Block| {
+                let mut regs = Vec::new();
+                each_read(&block.terminator, |reg| regs.push(reg));
+                regs
+            };
+            let [was, is] =
+                [&self.before.blocks, &after.blocks].map(|blocks| reads(&blocks[superblock.1 as usize]));
+            let mut pairs: Vec<(String, Reg, Reg)> = was
+                .into_iter()
+                .zip(is)
+                .map(|(was, is)| ("the terminator's operand".to_owned(), was, is))
+                .collect();
+            for &reg in &self.live_out[at] {
+                pairs.push((format!("r{} (r{} now)", reg.0, renamed(reg).0), reg, renamed(reg)));
+            }
+            for (what, was, is) in pairs {
+                let (old, new) = (old.get(was, &mut numbering), new.get(is, &mut numbering));
+                if old != new {
+                    let [was, is] = [old, new].map(|value| numbering.describe(value));
+                    return Err(place(&format!("{what} holds {is}, not {was}")));
+                }
+            }
+            let allowed: FxHashSet<Reg> = old.written_in_all_lanes.iter().map(|&reg| renamed(reg)).collect();
+            if let Some(reg) =
+                new.written_in_all_lanes.iter().find(|reg| owners.contains_key(reg) && !allowed.contains(reg))
+            {
+                return Err(place(&format!(
+                    "r{} is written in all lanes, while others may wait with it",
+                    reg.0
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Compares superinstructions with the operations that they stand for; `after` and `renamed` as for
+    /// [`Verifier::compare`].
+    ///
+    /// # Errors
+    /// What differs, and where.
+    pub fn compare_steps(
+        &self,
+        after: &Version,
+        renamed: &dyn Fn(Reg) -> Reg,
+        steps: &Steps,
+    ) -> Result<(), String> {
+        let known: FxHashMap<Reg, u32> = after.constants.iter().copied().collect();
+        let seen: FxHashSet<Reg> = self.global.iter().chain(&self.results).map(|&reg| renamed(reg)).collect();
+        let begin = |reg: Reg, numbering: &mut Numbering| match known.get(&reg) {
+            Some(&word) => numbering.constant(word),
+            None => numbering.initial(reg),
+        };
+        for &superblock in &self.superblocks {
+            let mut numbering = Numbering::new();
+            let state = State::new(&begin, &self.reached);
+            let range = Self::range(&after.blocks, superblock);
+            let is_seen = |reg: Reg| seen.contains(&reg);
+            steps
+                .verify(&after.ops, range, &state, &mut numbering, &is_seen)
+                .map_err(|problem| format!("blocks {superblock:?}: {problem}"))?;
+        }
+        Ok(())
+    }
+}
+
+/// A register among those that an operation writes that holds a constant.
+fn written_constant(op: &Op, constants: &FxHashMap<Reg, u32>) -> Option<Reg> {
+    if is_idle(op) {
+        return None;
+    }
+    let mut found = None;
+    op.accesses(|access| {
+        if let Access::Write(first, count) = access {
+            found = found.or((first.0..first.0 + count).map(Reg).find(|reg| constants.contains_key(reg)));
+        }
+    });
+    found
+}
