@@ -541,14 +541,15 @@ mod tests {
         let after = |kind, old, value| apply(kind, 32, old, value, 7).unwrap_or(old);
         for a in kinds {
             for b in kinds {
-                let differ = samples.iter().flat_map(|&start| {
-                    samples.iter().flat_map(move |&x| samples.iter().map(move |&y| (start, x, y)))
-                });
-                let differ = differ
-                    .filter(|&(start, x, y)| {
-                        after(b, after(a, start, x), y) != after(a, after(b, start, y), x)
-                    })
-                    .count();
+                let mut differ = 0;
+                for start in samples {
+                    for x in samples {
+                        for y in samples {
+                            let first = after(b, after(a, start, x), y);
+                            differ += usize::from(first != after(a, after(b, start, y), x));
+                        }
+                    }
+                }
                 let commutes =
                     |a, b| Update { kind: a, width: 32 }.commutes_with(Update { kind: b, width: 32 });
                 assert_eq!(commutes(a, b), commutes(b, a), "{a:?} {b:?}");
