@@ -8,6 +8,7 @@
 use crate::machine::hit_object::HitObjects;
 use crate::machine::invocation::Invocations;
 use crate::machine::lanes::{Mask, Registers};
+use crate::machine::missed::MissedIndices;
 use crate::machine::ray_query::RayQueries;
 use crate::machine::trap::{Accessed, Exit, Trap, TrapCode};
 
@@ -52,6 +53,8 @@ pub struct Batch<const W: usize> {
     /// The byte offset or device address that a lane asked for, meaningful once the access has
     /// stopped it.
     pub asked: [u64; W],
+    /// The indices that were outside their arrays, whether or not an access follows them.
+    pub missed: MissedIndices<W>,
     /// The ray queries that variables hold.
     pub queries: RayQueries,
     /// The hit objects that variables hold.
@@ -87,6 +90,7 @@ impl<const W: usize> Batch<W> {
             exits: [Exit::Returned; W],
             asked: [0; W],
             accessed: Vec::new(),
+            missed: MissedIndices::default(),
             queries: RayQueries::default(),
             hit_objects: HitObjects::default(),
             reorders: 0,
@@ -108,6 +112,7 @@ impl<const W: usize> Batch<W> {
         self.paused = false;
         self.silent = false;
         self.accessed.clear();
+        self.missed.clear();
         self.exits = [Exit::Returned; W];
         self.budget = [budget; W];
         self.spent = 0;

@@ -75,6 +75,18 @@ impl DeviceMemory {
         }
     }
 
+    /// The buffer that lies nearest to an address, and where it begins.
+    pub fn nearest_buffer(&self, address: u64) -> Option<(u64, &Arc<Buffer>)> {
+        let buffers = self.allocations.iter().filter_map(|(base, allocation)| match allocation {
+            Allocation::Buffer(buffer) => Some((*base, buffer)),
+            Allocation::Structure(_) => None,
+        });
+        buffers.min_by_key(|&(base, buffer)| {
+            let end = base.saturating_add(buffer.size());
+            base.saturating_sub(address).max(address.saturating_sub(end))
+        })
+    }
+
     /// Whether an address is the null pointer, or one that leads a little further.
     pub fn is_null(address: u64) -> bool {
         /// What systems leave free around address 0, for this very purpose.
@@ -122,6 +134,17 @@ mod tests {
         assert_eq!(memory.add_structure(&tlas), 0x3_0000_0000);
         assert_eq!(memory.address_of(&b), Some(0x2_0000_0000));
         assert_eq!(memory.address_of(&Buffer::zeroed(16)), None);
+    }
+
+    #[test]
+    fn the_nearest_buffer_is_found_from_both_sides() {
+        let mut memory = DeviceMemory::default();
+        assert!(memory.nearest_buffer(5).is_none());
+        let (a, b) = (Buffer::zeroed(16), Buffer::zeroed(8));
+        let (first, second) = (memory.add_buffer(&a), memory.add_buffer(&b));
+        let near = |address| memory.nearest_buffer(address).map(|(start, _)| start);
+        assert_eq!([0, first - 1, first, first + 16, first + 100].map(near), [Some(first); 5]);
+        assert_eq!([second - 100, second, u64::MAX].map(near), [Some(second); 3]);
     }
 
     #[test]

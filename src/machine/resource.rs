@@ -43,6 +43,19 @@ pub enum Descriptor {
 }
 
 impl Descriptor {
+    /// What it is, in words; `None` for none.
+    pub fn kind(&self) -> Option<&'static str> {
+        Some(match self {
+            Self::Buffer(_) => "a buffer",
+            Self::Image(_) => "an image",
+            Self::Sampler(_) => "a sampler",
+            Self::ImageSampler(..) => "an image with a sampler",
+            Self::AccelerationStructure(_) => "an acceleration structure",
+            Self::Mutable(_) => "a descriptor of several kinds",
+            Self::Unbound => return None,
+        })
+    }
+
     /// What a variable of the shader finds: the first kind that suits it.
     pub fn find<'a, T>(&'a self, suits: impl Fn(&'a Descriptor) -> Option<T>) -> Option<T> {
         match self {
@@ -199,6 +212,17 @@ pub enum MemoryPolicy {
     Robust,
 }
 
+/// What is bound at a binding, for messages.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bound {
+    /// Where.
+    pub binding: Binding,
+    /// What the first element is.
+    pub kind: &'static str,
+    /// How many elements there are.
+    pub count: usize,
+}
+
 /// All that descriptor sets and push constants give to a launch.
 #[derive(Clone, Debug, Default)]
 pub struct Resources {
@@ -257,10 +281,19 @@ impl Resources {
         }
     }
 
+    fn bound(&self) -> Arc<[Bound]> {
+        let bound = self.descriptors.iter().filter_map(|(&binding, elements)| {
+            let kind = elements.iter().find_map(Descriptor::kind)?;
+            Some(Bound { binding, kind, count: elements.len() })
+        });
+        bound.collect()
+    }
+
     /// The descriptors of a program's slots, in the order of the slots.
     pub fn bindings(&self, slots: impl IntoIterator<Item = Binding>) -> Bindings {
         let descriptors = |binding| self.descriptors.get(&binding).cloned().unwrap_or_default();
         Bindings {
+            bound: self.bound(),
             slots: std::iter::once(Vec::new()).chain(slots.into_iter().map(descriptors)).collect(),
             push_constants: self.push_constants.clone(),
             memory: self.memory.clone(),
@@ -287,6 +320,8 @@ pub const STRUCTURE_HANDLE: u32 = u32::MAX;
 pub struct Bindings {
     /// By what handles begin with; the first is null's and has none.
     slots: Vec<Vec<Descriptor>>,
+    /// All that is bound, used or not.
+    pub bound: Arc<[Bound]>,
     /// The push constants.
     pub push_constants: Option<Arc<Buffer>>,
     /// What device addresses lead to.
@@ -324,6 +359,17 @@ impl Bindings {
     pub fn descriptor(&self, handle: u32) -> Option<&Descriptor> {
         let element = handle & ((1 << ELEMENT_BITS) - 1);
         self.slots.get((handle >> ELEMENT_BITS) as usize)?.get(element as usize)
+    }
+
+    /// The handle of a buffer that a slot holds.
+    pub fn handle_of(&self, buffer: &Arc<Buffer>) -> Option<u32> {
+        let is_it =
+            |kind: &Descriptor| matches!(kind, Descriptor::Buffer(found) if Arc::ptr_eq(found, buffer));
+        self.slots.iter().skip(1).enumerate().find_map(|(slot, elements)| {
+            let element =
+                elements.iter().position(|one| one.find(|kind| is_it(kind).then_some(())).is_some())?;
+            Some(Self::handle(slot as u32, element as u32))
+        })
     }
 
     /// The buffer with a handle.

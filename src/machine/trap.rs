@@ -1,6 +1,9 @@
 //! How an invocation ends.
 
 use std::fmt;
+use std::sync::Arc;
+
+use crate::machine::resource::{Bindings, Bound};
 
 /// Why an invocation was stopped by the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -236,6 +239,17 @@ pub enum Accessed {
     Descriptor {
         /// Slot and array element; see [`Bindings::handle`](crate::machine::Bindings::handle).
         handle: u32,
+        /// What is bound.
+        bound: Arc<[Bound]>,
+    },
+    /// A device address that leads nowhere, or beyond its buffer.
+    Address {
+        /// Where the nearest buffer begins.
+        start: u64,
+        /// That buffer's size.
+        size: u64,
+        /// Slot and array element, where a descriptor leads to it, too.
+        handle: Option<u32>,
     },
     /// Bytes of a buffer.
     Buffer {
@@ -257,6 +271,19 @@ pub enum Accessed {
         /// The sample, and how many a texel has.
         sample: [u32; 2],
     },
+}
+
+impl Accessed {
+    /// A descriptor that was not found.
+    pub fn descriptor(handle: u32, bindings: &Bindings) -> Self {
+        Self::Descriptor { handle, bound: bindings.bound.clone() }
+    }
+
+    /// A device address; `None` where no buffer has one.
+    pub fn near(address: u64, bindings: &Bindings) -> Option<Self> {
+        let (start, buffer) = bindings.memory.nearest_buffer(address)?;
+        Some(Self::Address { start, size: buffer.size(), handle: bindings.handle_of(buffer) })
+    }
 }
 
 /// A trap with the place in the program where it happened.

@@ -51,4 +51,12 @@ impl DebugInfo {
         let after = self.lines.partition_point(|&(start, _)| start <= offset);
         self.lines[..after].last()?.1
     }
+
+    /// The last source line at or before a word offset, but not before another; whether or not it is still
+    /// in force there.
+    pub fn line_before(&self, offset: u32, from: u32) -> Option<Line> {
+        let after = self.lines.partition_point(|&(start, _)| start <= offset);
+        let lines = self.lines[..after].iter().rev().take_while(|&&(start, _)| start >= from);
+        lines.into_iter().find_map(|&(_, line)| line)
+    }
 }

@@ -304,22 +304,31 @@ fn index_lanes<const W: usize>(
         Length::Known(length) => length.min(products),
         Length::Unknown => products,
     };
-    let registers = &mut batch.registers;
-    registers.processor().run_loop(
+    let registers = &batch.registers;
+    let mut row = [0; W];
+    let missed = registers.processor().run_loop(
         #[inline(always)]
         || {
             let zero = Lanes::splat(0);
             let (indices, bases) = (&registers[index], base.map_or(&zero, |base| &registers[base]));
-            let mut row = [0; W];
+            let running = batch.mask.words();
+            let mut missed = 0;
             for lane in 0..W {
                 let (index, base) = (indices.0[lane], bases.0[lane]);
                 let product = index.wrapping_mul(stride);
-                let fits = (index < count) & (base <= MOST.wrapping_sub(product));
+                let inside = index < count;
+                let fits = inside & (base <= MOST.wrapping_sub(product));
                 row[lane] = if fits { product.wrapping_add(base) } else { OUT_OF_BOUNDS };
+                missed |= u32::from(!inside) & running.0[lane];
             }
-            registers[to].0 = row;
+            missed
         },
     );
+    if missed != 0 {
+        let outside = Mask::from_fn(|lane| registers[index].0[lane] >= count);
+        batch.missed.remember(batch.op, batch.mask & outside, &batch.registers[index]);
+    }
+    batch.registers[to].0 = row;
 }
 
 #[cold]
@@ -362,6 +371,7 @@ fn find<'a, const W: usize>(
             SHADER_RECORD_HANDLE => record(),
             WORKGROUP_HANDLE => workgroup(),
             handle => match whole(bindings.buffer(handle)) {
+                Err(_) if handle == OUT_OF_BOUNDS => Err(TrapCode::IndexOutOfBounds),
                 Err(_) if Bindings::slot_of(handle).is_none() => Err(TrapCode::NullPointer),
                 found => found,
             },
@@ -526,11 +536,13 @@ pub fn each_access<const W: usize>(
             BufferRef::Computed(reg) => Some(batch.registers[reg].0[lane]),
             _ => None,
         };
-        match (found, handle) {
-            (Ok((_, _, size)), handle) => batch.remember_access(lane, Accessed::Buffer { handle, size }),
-            (Err(_), Some(handle)) => batch.remember_access(lane, Accessed::Descriptor { handle }),
-            (Err(_), None) => {}
-        }
+        let accessed = match (found, handle) {
+            _ if matches!(chunk.buffer, BufferRef::Address(_)) => Accessed::near(asked, bindings),
+            (Ok((_, _, size)), handle) => Some(Accessed::Buffer { handle, size }),
+            (Err(_), Some(handle)) => Some(Accessed::descriptor(handle, bindings)),
+            (Err(_), None) => None,
+        };
+        accessed.into_iter().for_each(|accessed| batch.remember_access(lane, accessed));
         batch.asked[lane] = asked;
         stop(batch, Mask::lane(lane), code);
     }

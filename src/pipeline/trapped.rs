@@ -132,10 +132,14 @@ pub(crate) fn trap_error<const W: usize>(
     trap: Trap,
 ) -> Error {
     let error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
-    match program.describe_access(trap, batch.asked[lane], batch.accessed(lane)) {
-        Some(access) => error.note(access),
-        None => error,
-    }
+    let (asked, accessed) = (batch.asked[lane], batch.accessed(lane));
+    let index = program.describe_index(trap, asked, accessed, |op| batch.missed.last(op, lane));
+    let access = program.describe_access(trap, asked, accessed);
+    let bound = match trap.code {
+        TrapCode::DescriptorMissing => program.describe_bound(accessed),
+        _ => None,
+    };
+    [index, access, bound].into_iter().flatten().fold(error, Error::note)
 }
 
 /// Adds the place of an operation to an error: its word, its source line, the inlined calls.
@@ -143,13 +147,18 @@ fn located(program: &Program, op: u32, error: Error, label: &str) -> Error {
     let Some(origin) = program.origins.get(op as usize) else { return error };
     let mut error = match program.place_at(origin.offset) {
         Some(line) => error.at_with(line, label).at(Place::Word(origin.offset as usize)),
-        None => error.at_with(Place::Word(origin.offset as usize), label),
+        None => match program.place_near(origin.offset) {
+            Some(line) => {
+                let near = format!("near {}: the instruction has no line of its own", words(&line));
+                error.at_with(line, near).at(Place::Word(origin.offset as usize))
+            }
+            None => error.at_with(Place::Word(origin.offset as usize), label),
+        },
     };
     let mut scope = origin.scope;
     while scope != 0 {
         let inlined = program.scopes[scope as usize];
-        let line =
-            program.place_at(inlined.call).map_or_else(String::new, |place| format!(" at {}", words(&place)));
+        let line = source_line_of(program, inlined.call);
         error =
             error.note(format!("in function {}, called{line}", program.module.describe_id(inlined.function)));
         scope = inlined.parent;
@@ -168,5 +177,14 @@ fn words(place: &Place) -> String {
 }
 
 pub(super) fn source_line(program: &Program, op: u32) -> String {
-    program.place(op).map_or_else(String::new, |place| format!(" at {}", words(&place)))
+    program.origins.get(op as usize).map_or_else(String::new, |origin| source_line_of(program, origin.offset))
+}
+
+/// The source line of the instruction at a word offset, or the one that it is near to, behind its preposition.
+fn source_line_of(program: &Program, offset: u32) -> String {
+    match (program.place_at(offset), program.place_near(offset)) {
+        (Some(place), _) => format!(" at {}", words(&place)),
+        (None, Some(place)) => format!(" near {}", words(&place)),
+        (None, None) => String::new(),
+    }
 }

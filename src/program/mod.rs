@@ -4,6 +4,7 @@ mod call_graph;
 pub mod control_flow;
 mod forward;
 pub mod lower;
+mod missed_index;
 mod obstacles;
 pub mod payload;
 pub mod print;
@@ -20,7 +21,9 @@ use std::sync::Arc;
 use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::resource::STRUCTURE_HANDLE;
-use crate::machine::{Accessed, Batch, Binding, Bindings, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode};
+use crate::machine::{
+    Accessed, Batch, Binding, Bindings, Bound, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode,
+};
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
 use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
@@ -300,11 +303,15 @@ impl Program {
         };
         let (handle, size) = match accessed {
             Some(&Accessed::Buffer { handle, size }) => (handle, format!(", which has {size} bytes")),
-            Some(&Accessed::Descriptor { handle }) => (Some(handle), String::new()),
+            Some(&Accessed::Descriptor { handle, .. }) => (Some(handle), String::new()),
             _ => (None, String::new()),
         };
         let name = match chunk.buffer {
-            BufferRef::Address(_) => return Some(format!("{bytes} bytes at address {asked:#x}")),
+            BufferRef::Address(_) => {
+                let near = accessed.filter(|_| trap.code != TrapCode::NullPointer);
+                let near = near.and_then(|accessed| self.describe_address(asked, accessed));
+                return Some(format!("{bytes} bytes at address {asked:#x}{}", near.unwrap_or_default()));
+            }
             BufferRef::PushConstants => "the push constants".to_owned(),
             BufferRef::ShaderRecord => "the shader record".to_owned(),
             BufferRef::Workgroup => "the workgroup's memory".to_owned(),
@@ -334,11 +341,48 @@ impl Program {
                 }
                 Some(text)
             }
-            Accessed::Descriptor { handle } | Accessed::Buffer { handle: Some(handle), .. } => {
+            Accessed::Descriptor { handle, .. } | Accessed::Buffer { handle: Some(handle), .. } => {
                 self.describe_descriptor(*handle)
             }
-            Accessed::Buffer { handle: None, .. } => None,
+            Accessed::Buffer { handle: None, .. } | Accessed::Address { .. } => None,
         }
+    }
+
+    /// How a device address lies to the buffer that is nearest.
+    fn describe_address(&self, asked: u64, accessed: &Accessed) -> Option<String> {
+        let Accessed::Address { start, size, handle } = *accessed else { return None };
+        let name = handle.and_then(|handle| self.describe_descriptor(handle));
+        let name = name.map_or_else(String::new, |name| format!(" {name}"));
+        let place = match (asked.checked_sub(start), asked.checked_sub(start.saturating_add(size))) {
+            (None, _) => format!("{} bytes before the nearest buffer,", start - asked),
+            (Some(offset), None) => format!("offset {offset} of the buffer"),
+            (Some(_), Some(0)) => "at the end of the buffer".to_owned(),
+            (Some(_), Some(behind)) => format!("{behind} bytes behind the end of the nearest buffer,"),
+        };
+        Some(format!(": {place}{name} at {start:#x}, which has {size} bytes"))
+    }
+
+    /// What is bound, where a descriptor is not.
+    pub fn describe_bound(&self, accessed: Option<&Accessed>) -> Option<String> {
+        /// More would hide the rest of the report.
+        const SHOWN: usize = 16;
+        let Some(Accessed::Descriptor { bound, .. }) = accessed else { return None };
+        if bound.is_empty() {
+            return Some("nothing is bound".to_owned());
+        }
+        let one = |bound: &Bound| {
+            let Binding { set, binding } = bound.binding;
+            let slot = self.slots.iter().find(|slot| slot.binding == bound.binding);
+            let slot = slot.filter(|slot| !slot.name.is_empty());
+            let name = slot.map_or_else(String::new, |slot| format!("`{}`, ", slot.name));
+            let count = if bound.count == 1 { String::new() } else { format!(", {} elements", bound.count) };
+            format!("set {set}, binding {binding} ({name}{}{count})", bound.kind)
+        };
+        let mut text = bound.iter().take(SHOWN).map(one).collect::<Vec<_>>().join("; ");
+        if bound.len() > SHOWN {
+            text += &format!("; and {} more", bound.len() - SHOWN);
+        }
+        Some(format!("bound: {text}"))
     }
 
     /// Name, set, binding and array element of a handle.

@@ -1,6 +1,7 @@
 //! From operations back to the source.
 
 use crate::error::Place;
+use crate::module::debug_info::Line;
 use crate::program::Program;
 
 impl Program {
@@ -13,8 +14,18 @@ impl Program {
     ///
     /// A [`Place::Text`] spans the line without its indent.
     pub fn place_at(&self, offset: u32) -> Option<Place> {
+        self.place_of(self.module.debug_info.line_at(offset)?)
+    }
+
+    /// For an instruction without a source line (`OpNoLine`): the last line before it in its block, else
+    /// in its function.
+    pub fn place_near(&self, offset: u32) -> Option<Place> {
+        let function = self.module.functions.iter().rfind(|function| function.offset <= offset)?;
+        self.place_of(self.module.debug_info.line_before(offset, function.offset)?)
+    }
+
+    fn place_of(&self, line: Line) -> Option<Place> {
         let debug = &self.module.debug_info;
-        let line = debug.line_at(offset)?;
         let file = debug.files.get(line.file as usize)?;
         if let Some(text) = &file.text {
             let start = text

@@ -201,7 +201,8 @@ fn bad_addresses_trap_and_are_named() {
         ),
         (
             "a buffer is accessed beyond its end through a device address".to_owned(),
-            "4 bytes at address 0x100000008".to_owned()
+            "4 bytes at address 0x100000008: at the end of the buffer at 0x100000000, which has 8 bytes"
+                .to_owned()
         )
     );
     assert_eq!(
@@ -213,7 +214,8 @@ fn bad_addresses_trap_and_are_named() {
         ),
         (
             "a device address is not aligned as the instruction promises".to_owned(),
-            "4 bytes at address 0x100000001".to_owned()
+            "4 bytes at address 0x100000001: offset 1 of the buffer at 0x100000000, which has 8 bytes"
+                .to_owned()
         )
     );
     assert_eq!(

@@ -107,7 +107,7 @@ impl TexelPlace {
         let handle = reader.word(self.image);
         let axes = self.view.dimension.axes();
         let accessed = match self.view.image(bindings, handle) {
-            Err(_) => Accessed::Descriptor { handle },
+            Err(_) => Accessed::descriptor(handle, bindings),
             Ok(image) => {
                 let shape = image.shape();
                 let level = self.level.map_or(0, |reg| reader.word(reg));

@@ -150,18 +150,18 @@ impl Op {
         match self {
             Self::Read(op) => op.place.remember(batch, lane, bindings),
             Self::Write(op) => op.place.remember(batch, lane, bindings),
-            Self::Sample(op) => remember_descriptor(batch, lane, op.image),
-            Self::Query(op) => remember_descriptor(batch, lane, op.image),
-            Self::Footprint(op) => remember_descriptor(batch, lane, op.image),
-            Self::Process(op) => remember_descriptor(batch, lane, op.image()),
+            Self::Sample(op) => remember_descriptor(batch, lane, op.image, bindings),
+            Self::Query(op) => remember_descriptor(batch, lane, op.image, bindings),
+            Self::Footprint(op) => remember_descriptor(batch, lane, op.image, bindings),
+            Self::Process(op) => remember_descriptor(batch, lane, op.image(), bindings),
         }
     }
 }
 
 /// Remembers which descriptor a lane meant, for the report of its trap.
-fn remember_descriptor<const W: usize>(batch: &mut Batch<W>, lane: usize, handle: Reg) {
+fn remember_descriptor<const W: usize>(batch: &mut Batch<W>, lane: usize, handle: Reg, bindings: &Bindings) {
     let handle = batch.registers[handle].0[lane];
-    batch.remember_access(lane, Accessed::Descriptor { handle });
+    batch.remember_access(lane, Accessed::descriptor(handle, bindings));
 }
 
 /// Rows that an instruction's texel is written to.

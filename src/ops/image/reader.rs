@@ -4,6 +4,7 @@ use crate::machine::image::Image;
 use crate::machine::sampler::Sampler;
 use crate::machine::{Bindings, Descriptor, Reg, Registers, TrapCode};
 use crate::ops::image::view::View;
+use crate::ops::memory::OUT_OF_BOUNDS;
 
 /// The rows of a lane, and what its handles lead to.
 #[derive(Clone, Copy, Debug)]
@@ -48,13 +49,16 @@ impl<'r, 'b, const W: usize> Reader<'r, 'b, W> {
     /// The sampler whose handle stands in a row.
     ///
     /// # Errors
-    /// `DescriptorMissing`
+    /// `DescriptorMissing`, `IndexOutOfBounds`
     pub fn sampler(&self, handle: Reg) -> Result<&'b Sampler, TrapCode> {
         let sampler = |descriptor| match descriptor {
             &Descriptor::Sampler(ref sampler) | &Descriptor::ImageSampler(_, ref sampler) => Some(&**sampler),
             _ => None,
         };
-        let found = self.bindings.descriptor(self.word(handle));
-        found.and_then(|descriptor| descriptor.find(sampler)).ok_or(TrapCode::DescriptorMissing)
+        let handle = self.word(handle);
+        let found = self.bindings.descriptor(handle);
+        let missing =
+            if handle == OUT_OF_BOUNDS { TrapCode::IndexOutOfBounds } else { TrapCode::DescriptorMissing };
+        found.and_then(|descriptor| descriptor.find(sampler)).ok_or(missing)
     }
 }

@@ -7,6 +7,7 @@ use crate::machine::{Bindings, Descriptor, TrapCode};
 use crate::module::Id;
 use crate::module::ty::{ImageType, Type};
 use crate::ops::decode::Decoder;
+use crate::ops::memory::OUT_OF_BOUNDS;
 
 /// An `OpTypeImage`, as far as running needs it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,10 +29,13 @@ impl View {
     /// both integers; the signedness of integers may differ, the bits are then taken as they are.
     ///
     /// # Errors
-    /// `DescriptorMissing`, or `ImageMismatch` where the image is of another kind than declared.
+    /// `DescriptorMissing`, `IndexOutOfBounds` for an index outside its array of descriptors, or
+    /// `ImageMismatch` where the image is of another kind than declared.
     pub fn image(self, bindings: &Bindings, handle: u32) -> Result<&Image, TrapCode> {
         let missing = TrapCode::DescriptorMissing;
-        let descriptor = bindings.descriptor(handle).ok_or(missing)?;
+        let outside = handle == OUT_OF_BOUNDS;
+        let descriptor =
+            bindings.descriptor(handle).ok_or(if outside { TrapCode::IndexOutOfBounds } else { missing })?;
         let image = |descriptor| match descriptor {
             &Descriptor::Image(ref image) | &Descriptor::ImageSampler(ref image, _) => Some(&**image),
             _ => None,

@@ -1,0 +1,276 @@
+//! The index that an access trapped for: its value, the array and the length of that.
+
+use crate::machine::{Accessed, Reg, Trap, TrapCode};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Id, Instruction};
+use crate::ops::memory::{self, Length};
+use crate::ops::op::{Access, Op};
+use crate::program::Program;
+
+/// Instructions that take indices.
+mod opcode {
+    pub const ACCESS_CHAIN: u16 = 65;
+    pub const IN_BOUNDS_ACCESS_CHAIN: u16 = 66;
+    pub const PTR_ACCESS_CHAIN: u16 = 67;
+    pub const IN_BOUNDS_PTR_ACCESS_CHAIN: u16 = 70;
+    pub const VECTOR_EXTRACT_DYNAMIC: u16 = 77;
+    pub const VECTOR_INSERT_DYNAMIC: u16 = 78;
+}
+
+/// An index of a chain, and what it chooses from.
+struct Step {
+    /// What stands before it: `table`, `block.rows[2]`.
+    path: String,
+    /// The array, vector or matrix.
+    from: TypeId,
+    index: Id,
+    /// The bytes from the beginning of the block on, where they are known.
+    offset: Option<u64>,
+}
+
+impl Program {
+    /// The index that was outside its array, of an access that trapped; `missed` tells when a computed
+    /// index was outside at an operation last, and which it was.
+    pub fn describe_index(
+        &self,
+        trap: Trap,
+        asked: u64,
+        accessed: Option<&Accessed>,
+        missed: impl Fn(u32) -> Option<(u64, u32)>,
+    ) -> Option<String> {
+        match trap.code {
+            TrapCode::IndexOutOfBounds => {
+                let found = self.indices(trap.op).into_iter().filter_map(|at| Some((missed(at)?, at)));
+                // Of those that lead here, the last: others were outside some other time.
+                let ((_, index), at) = found.max()?;
+                self.describe_missed(at, index)
+            }
+            TrapCode::BufferOutOfBounds => self.describe_element(trap.op, asked, accessed?),
+            _ => None,
+        }
+    }
+
+    /// The operations that compute the indices that an operation goes by.
+    fn indices(&self, op: u32) -> Vec<u32> {
+        let mut found = Vec::new();
+        let mut work: Vec<Reg> = Vec::new();
+        let mut seen: Vec<Reg> = Vec::new();
+        let reads = |op: &Op, work: &mut Vec<Reg>| {
+            op.accesses(|access| {
+                if let Access::Read(first, count) = access {
+                    work.extend((0..count).map(|word| first.plus(word)));
+                }
+            });
+        };
+        reads(&self.ops[op as usize], &mut work);
+        while let Some(reg) = work.pop() {
+            if seen.contains(&reg) {
+                continue;
+            }
+            seen.push(reg);
+            for (at, writer) in (0..).zip(&self.ops) {
+                match *writer {
+                    Op::Memory(memory::Op::Index { to, base, .. }) if to == reg => {
+                        found.push(at);
+                        work.extend(base);
+                    }
+                    Op::Memory(memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from })
+                        if to == reg =>
+                    {
+                        work.push(from);
+                    }
+                    _ => {}
+                }
+            }
+        }
+        found
+    }
+
+    fn describe_missed(&self, at: u32, index: u32) -> Option<String> {
+        let Op::Memory(memory::Op::Index { length, .. }) = self.ops[at as usize] else { return None };
+        let steps = self.steps(self.origins[at as usize].offset);
+        let chosen = |step: &&Step| {
+            let constant = self.module.scalar_value(step.index).map(|known| known as u32);
+            constant.is_none_or(|known| known == index)
+                && match length {
+                    Length::Known(length) => {
+                        self.count(step.from).is_none_or(|count| count == u64::from(length))
+                    }
+                    Length::Unknown => self.count(step.from).is_none(),
+                }
+        };
+        let mut chosen = steps.iter().filter(chosen);
+        let (first, others) = (chosen.next()?, chosen.count());
+        let index = self.describe_value(first.index, index);
+        Some(match (others, self.count(first.from)) {
+            (0, Some(_)) => {
+                format!("{index} of {}, which has {}", first.path, self.describe_count(first.from))
+            }
+            (0, None) => format!("{index} of {}", first.path),
+            // Two sides of one length: which of them it is, the value has to tell.
+            (_, Some(_)) => {
+                format!("{index} of a side of {} with {}", first.path, self.describe_count(first.from))
+            }
+            (_, None) => format!("{index} of an array of {}", first.path),
+        })
+    }
+
+    /// The element of a runtime array that an access beyond the end of its buffer asked for.
+    fn describe_element(&self, op: u32, asked: u64, accessed: &Accessed) -> Option<String> {
+        let Accessed::Buffer { size, .. } = *accessed else { return None };
+        let indices = self.indices(op);
+        let [at] = indices[..] else { return None };
+        let Op::Memory(memory::Op::Index { base: None, length: Length::Unknown, stride, .. }) =
+            self.ops[at as usize]
+        else {
+            return None;
+        };
+        let steps = self.steps(self.origins[at as usize].offset);
+        let step = steps.iter().find(|step| self.count(step.from).is_none())?;
+        let (offset, stride) = (step.offset?, u64::from(stride.max(1)));
+        let index = u32::try_from(asked.checked_sub(offset)? / stride).ok()?;
+        let count = size.saturating_sub(offset) / stride;
+        let elements = if count == 1 { "element" } else { "elements" };
+        let index = self.describe_value(step.index, index);
+        Some(format!("{index} of {}, which has {count} {elements} in this buffer", step.path))
+    }
+
+    fn describe_value(&self, index: Id, value: u32) -> String {
+        match self.module.type_of(index).map(|ty| self.module.ty(ty)) {
+            Some(Type::Int { width: 64, .. }) if value == u32::MAX => "an index beyond 32 bits".to_owned(),
+            Some(Type::Int { signed: true, .. }) => format!("index {}", value as i32),
+            _ => format!("index {value}"),
+        }
+    }
+
+    /// How many parts a value of a type has to choose from; `None` where only a buffer or binding tells.
+    fn count(&self, ty: TypeId) -> Option<u64> {
+        match *self.module.ty(ty) {
+            Type::Array { length, .. } => self.module.scalar_value(length),
+            Type::Vector { count, .. } | Type::Matrix { count, .. } => Some(count.into()),
+            _ => None,
+        }
+    }
+
+    fn describe_count(&self, ty: TypeId) -> String {
+        let count = self.count(ty).unwrap_or(0);
+        let part = match self.module.ty(ty) {
+            Type::Vector { .. } => "component",
+            Type::Matrix { .. } => "column",
+            _ => "element",
+        };
+        format!("{count} {part}{}", if count == 1 { "" } else { "s" })
+    }
+
+    fn describe_type(&self, ty: TypeId) -> String {
+        match self.module.ty(ty) {
+            Type::Vector { .. } => "a vector".to_owned(),
+            Type::Matrix { .. } => "a matrix".to_owned(),
+            _ => "an array".to_owned(),
+        }
+    }
+
+    /// The indices of the instruction at a word offset, but for those of members.
+    fn steps(&self, offset: u32) -> Vec<Step> {
+        let words = &self.module.words;
+        let Some(&head) = words.get(offset as usize) else { return Vec::new() };
+        let end = (offset as usize + (head >> 16) as usize).min(words.len());
+        let operands = &words[(offset as usize + 3).min(end)..end];
+        let vector = |vector: u32, index: u32| {
+            let from = self.module.type_of(Id(vector));
+            let path = self.path(Id(vector)).map(|path| format!("`{path}`"));
+            let step = |from| {
+                let path = path.unwrap_or_else(|| self.describe_type(from));
+                Step { path, from, index: Id(index), offset: None }
+            };
+            from.map(step).into_iter().collect()
+        };
+        match (head as u16, operands) {
+            (opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN, [base, indices @ ..])
+            | (opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN, [base, _, indices @ ..]) => {
+                self.walk(Id(*base), indices).0
+            }
+            (opcode::VECTOR_EXTRACT_DYNAMIC, &[from, index]) => vector(from, index),
+            (opcode::VECTOR_INSERT_DYNAMIC, &[from, _, index]) => vector(from, index),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Follows indices from a pointer on: the steps that choose from arrays and the like, and the
+    /// path to where they lead.
+    fn walk(&self, base: Id, indices: &[u32]) -> (Vec<Step>, String) {
+        let module = &self.module;
+        let mut path = self.path(base).unwrap_or_default();
+        let mut steps = Vec::new();
+        let pointee = module.type_of(base).and_then(|ty| match *module.ty(ty) {
+            Type::Pointer { pointee, .. } => pointee,
+            _ => None,
+        });
+        let Some(mut ty) = pointee else { return (steps, path) };
+        let is_variable = matches!(module.definition(base), Some(Definition::Variable(_)));
+        let mut offset = is_variable.then_some(0u64);
+        for &index in indices {
+            let known = module.scalar_value(Id(index));
+            match module.ty(ty) {
+                Type::Struct { members, .. } => {
+                    let Some((at, member)) = known.and_then(|at| Some((at, members.get(at as usize)?)))
+                    else {
+                        break;
+                    };
+                    let id = module.id_of_type(ty);
+                    let name = id.and_then(|id| module.debug_info.member_names.get(&(id, at as u32)));
+                    let name = name.filter(|name| !name.is_empty());
+                    if !path.is_empty() {
+                        path += &name.map_or_else(|| format!(".member{at}"), |name| format!(".{name}"));
+                    }
+                    offset = offset.zip(member.offset).map(|(sum, more)| sum + u64::from(more));
+                    ty = member.ty;
+                    continue;
+                }
+                &(Type::Array { element: part, .. }
+                | Type::RuntimeArray { element: part, .. }
+                | Type::Vector { component: part, .. }
+                | Type::Matrix { column: part, .. }) => {
+                    // An array of blocks has a buffer for each.
+                    let blocks = matches!(module.ty(part), Type::Struct { block: true, .. });
+                    let path = if path.is_empty() { self.describe_type(ty) } else { format!("`{path}`") };
+                    steps.push(Step { path, from: ty, index: Id(index), offset });
+                    offset = offset.filter(|_| blocks);
+                    ty = part;
+                }
+                _ => break,
+            }
+            if !path.is_empty() {
+                path += &known.map_or_else(|| "[]".to_owned(), |at| format!("[{at}]"));
+            }
+        }
+        (steps, path)
+    }
+
+    /// What the source calls a variable, or a part of one.
+    fn path(&self, id: Id) -> Option<String> {
+        let module = &self.module;
+        if let Some(name) = module.name(id) {
+            return Some(name.to_owned());
+        }
+        match module.definition(id)? {
+            Definition::Result(function, block, at) => {
+                let block = &module.functions[function as usize].blocks[block as usize];
+                let instruction: &Instruction = &block.instructions[at as usize];
+                let operands = module.operands(instruction);
+                match (instruction.opcode, operands) {
+                    (opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN, [base, indices @ ..]) => {
+                        Some(self.walk(Id(*base), indices).1).filter(|path| !path.is_empty())
+                    }
+                    _ => None,
+                }
+            }
+            Definition::Variable(_) => {
+                // A block without an instance name goes by its own.
+                let Type::Pointer { pointee, .. } = *module.ty(module.type_of(id)?) else { return None };
+                module.name(module.id_of_type(pointee?)?).map(str::to_owned)
+            }
+            _ => None,
+        }
+    }
+}
