@@ -3,6 +3,7 @@
 use crate::machine::{Accessed, Reg, Trap, TrapCode};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
+use crate::ops::atomic;
 use crate::ops::memory::{self, Length};
 use crate::ops::op::{Access, Op};
 use crate::program::Program;
@@ -29,8 +30,8 @@ struct Step {
 }
 
 impl Program {
-    /// The index that was outside its array, of an access that trapped; `missed` tells when a computed
-    /// index was outside at an operation last, and which it was.
+    /// The index that was outside its array, of an access that trapped; `missed` tells when a
+    /// computed index was outside at an operation last, and which it was.
     pub fn describe_index(
         &self,
         trap: Trap,
@@ -118,15 +119,25 @@ impl Program {
     /// The element of a runtime array that an access beyond the end of its buffer asked for.
     fn describe_element(&self, op: u32, asked: u64, accessed: &Accessed) -> Option<String> {
         let Accessed::Buffer { size, .. } = *accessed else { return None };
-        let indices = self.indices(op);
-        let [at] = indices[..] else { return None };
-        let Op::Memory(memory::Op::Index { base: None, length: Length::Unknown, stride, .. }) =
-            self.ops[at as usize]
-        else {
-            return None;
+        let index = match &self.ops[op as usize] {
+            Op::Memory(memory::Op::BufferLoad { chunk, .. } | memory::Op::BufferStore { chunk, .. }) => {
+                chunk.index?
+            }
+            Op::Atomic(op) => match &op.target {
+                atomic::Target::Buffer(chunk) => chunk.index?,
+                _ => return None,
+            },
+            _ => return None,
         };
-        let steps = self.steps(self.origins[at as usize].offset);
-        let step = steps.iter().find(|step| self.count(step.from).is_none())?;
+        let (at, stride) = self.ops.iter().enumerate().find_map(|(at, op)| match *op {
+            Op::Memory(memory::Op::Index { to, base: None, length: Length::Unknown, stride, .. }) => {
+                (to == index).then_some((at, stride))
+            }
+            _ => None,
+        })?;
+        let steps = self.steps(self.origins[at].offset);
+        // Behind an array of blocks without an end is that of the block.
+        let step = steps.iter().rfind(|step| self.count(step.from).is_none())?;
         let (offset, stride) = (step.offset?, u64::from(stride.max(1)));
         let index = u32::try_from(asked.checked_sub(offset)? / stride).ok()?;
         let count = size.saturating_sub(offset) / stride;
@@ -143,7 +154,8 @@ impl Program {
         }
     }
 
-    /// How many parts a value of a type has to choose from; `None` where only a buffer or binding tells.
+    /// How many parts a value of a type has to choose from; `None` where only a buffer or binding
+    /// tells.
     fn count(&self, ty: TypeId) -> Option<u64> {
         match *self.module.ty(ty) {
             Type::Array { length, .. } => self.module.scalar_value(length),

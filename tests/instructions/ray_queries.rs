@@ -123,3 +123,23 @@ fn a_miss_is_recorded_with_its_time() {
     let found = shader(&declarations, body, "").run();
     assert!(found.iter().all(|words| words[0] == 1f32.to_bits()));
 }
+
+#[test]
+fn an_undefined_structure_is_missed_and_a_null_query_traps() {
+    let declarations = format!("{TYPES}\n%null_query = OpConstantNull %ptr_Private_query");
+    let body = "
+        %none = OpUndef %structure_type
+        OpRayQueryInitializeKHR %shared_query %none %u0 %u1 %zero3 %f0 %ones3 %f1
+        %more = OpRayQueryProceedKHR %bool %shared_query
+        %word = OpSelect %uint %more %u1 %u2
+        out 0 %word";
+    assert!(shader(&declarations, body, "").run().iter().all(|words| words[0] == 2));
+    for body in [
+        "%more = OpRayQueryProceedKHR %bool %null_query",
+        "%tlas = OpConvertUToAccelerationStructureKHR %structure_type %null
+         OpRayQueryInitializeKHR %null_query %tlas %u0 %u1 %zero3 %f0 %ones3 %f1",
+    ] {
+        let error = shader(&declarations, body, "").refused();
+        assert_eq!(error.message(), "an access through a null pointer", "{}", error.render());
+    }
+}
