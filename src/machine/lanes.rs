@@ -24,8 +24,8 @@ impl Reg {
         Self(self.0 + words)
     }
 
-    /// The row a computed number of rows further on, which may be behind the last one. The number is an index, or
-    /// for a row that carries [`ROW_POINTER`] a pointer that does.
+    /// The row a computed number of rows further on, which may be behind the last one. The number
+    /// is an index, or for a row that carries [`ROW_POINTER`] a pointer that does.
     #[inline]
     #[must_use]
     pub fn computed(self, words: u32) -> Self {

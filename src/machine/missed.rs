@@ -1,7 +1,7 @@
 //! Indices outside their arrays, kept for the report of whoever follows them.
 //!
-//! Computing such an index stops nobody: what it gives says only that it is outside. The access that follows it traps,
-//! and its report tells which index that was.
+//! Computing such an index stops nobody: what it gives says only that it is outside. The access
+//! that follows it traps, and its report tells which index that was.
 
 use crate::machine::lanes::Lanes;
 use crate::machine::lanes::Mask;

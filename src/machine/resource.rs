@@ -303,8 +303,8 @@ impl Resources {
     }
 }
 
-/// Bits of a descriptor handle that name the array element; the bits above name the slot, counted from 1:
-/// handles that begin with 0 are null, whatever element they go on to.
+/// Bits of a descriptor handle that name the array element; the bits above name the slot, counted
+/// from 1: handles that begin with 0 are null, whatever element they go on to.
 pub const ELEMENT_BITS: u32 = 20;
 
 /// How many slots a program may have: handles behind theirs stand for what is no descriptor.

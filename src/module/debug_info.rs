@@ -52,8 +52,8 @@ impl DebugInfo {
         self.lines[..after].last()?.1
     }
 
-    /// The last source line at or before a word offset, but not before another; whether or not it is still
-    /// in force there.
+    /// The last source line at or before a word offset, but not before another; whether or not it
+    /// is still in force there.
     pub fn line_before(&self, offset: u32, from: u32) -> Option<Line> {
         let after = self.lines.partition_point(|&(start, _)| start <= offset);
         let lines = self.lines[..after].iter().rev().take_while(|&&(start, _)| start >= from);

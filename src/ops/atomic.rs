@@ -3,8 +3,8 @@
 //! Lanes apply them in ascending order, which is launch order. A program whose results depend on
 //! how invocations interleave (one that uses what an atomic returns, or adds floats) says so by
 //! [`Op::order_dependent`], and a launch then runs it invocation by invocation. Integer additions,
-//! bit operations, minima and maxima whose result nobody reads commute each with its own kind: those
-//! run on all threads, unless others may reach the same memory ([`Update::commutes_with`],
+//! bit operations, minima and maxima whose result nobody reads commute each with its own kind:
+//! those run on all threads, unless others may reach the same memory ([`Update::commutes_with`],
 //! [`crate::program::sharing`]).
 //!
 //! Of a vector of f16 each component is an operation of its own: "atomic operations on vectors only
@@ -94,9 +94,9 @@ pub struct Update {
 }
 
 impl Update {
-    /// Whether memory holds the same in whichever order two of them come, if the places that they reach lie on
-    /// each other at least in part. Differences are sums; bits are changed each by itself, whatever
-    /// the width.
+    /// Whether memory holds the same in whichever order two of them come, if the places that they
+    /// reach lie on each other at least in part. Differences are sums; bits are changed each by
+    /// itself, whatever the width.
     pub fn commutes_with(self, other: Self) -> bool {
         use Kind::{Add, And, Load, Or, SMax, SMin, Sub, UMax, UMin, Xor};
         let same_width = self.width == other.width;

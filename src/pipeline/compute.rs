@@ -228,8 +228,9 @@ impl Compute {
         tasks.run(self.program.order_dependent || shares, worker)
     }
 
-    /// The memory that the invocations of a dispatch share otherwise than by atomic instructions that
-    /// commute, where there is any; they then run on one thread, 64 together in their order, at every width.
+    /// The memory that the invocations of a dispatch share otherwise than by atomic instructions
+    /// that commute, where there is any; they then run on one thread, 64 together in their order,
+    /// at every width.
     pub fn shared_memory(&self, groups: [u32; 3], resources: &Resources) -> Option<Memory> {
         Extent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
     }

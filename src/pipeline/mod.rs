@@ -108,8 +108,9 @@ impl Pipeline {
         self.programs.iter().any(|program| program.order_dependent)
     }
 
-    /// The memory that a launch's invocations share otherwise than by atomic instructions that commute,
-    /// where there is any; they then run on one thread, 64 together in launch order, at every width.
+    /// The memory that a launch's invocations share otherwise than by atomic instructions that
+    /// commute, where there is any; they then run on one thread, 64 together in launch order, at
+    /// every width.
     pub fn shared_memory(&self, size: [u32; 3], resources: &Resources) -> Option<Memory> {
         let programs: Vec<&Program> = self.programs.iter().map(|program| &**program).collect();
         Extent { count: size, local: [1; 3], resources }.shared(&programs)

@@ -180,7 +180,8 @@ pub(super) fn source_line(program: &Program, op: u32) -> String {
     program.origins.get(op as usize).map_or_else(String::new, |origin| source_line_of(program, origin.offset))
 }
 
-/// The source line of the instruction at a word offset, or the one that it is near to, behind its preposition.
+/// The source line of the instruction at a word offset, or the one that it is near to, behind its
+/// preposition.
 fn source_line_of(program: &Program, offset: u32) -> String {
     match (program.place_at(offset), program.place_near(offset)) {
         (Some(place), _) => format!(" at {}", words(&place)),

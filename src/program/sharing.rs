@@ -1,16 +1,18 @@
-//! Which memory the invocations of a launch share otherwise than by atomic instructions that commute.
+//! Which memory the invocations of a launch share otherwise than by atomic instructions that
+//! commute.
 //!
 //! Where one invocation stores plainly what another one loads or stores, the result depends on the
 //! schedule; so it does where both change it by atomic instructions of two kinds, one adding, the
 //! other exchanging bits. (Atomic instructions whose own results are read, or that commute not even
-//! with themselves, are no matter of places: see [`crate::ops::atomic`].) To know it before running, the place of every access is followed back to what tells
-//! invocations apart: the launch index, or workgroup and local index. A place is an invocation's own
-//! where it is a linear function of these that takes no value twice. What this cannot show (an index
-//! that was loaded lane by lane, the neighbour's texel) counts as shared, be it or not.
+//! with themselves, are no matter of places: see [`crate::ops::atomic`].) To know it before
+//! running, the place of every access is followed back to what tells invocations apart: the launch
+//! index, or workgroup and local index. A place is an invocation's own where it is a linear
+//! function of these that takes no value twice. What this cannot show (an index that was loaded
+//! lane by lane, the neighbour's texel) counts as shared, be it or not.
 //!
-//! Bindings that hold one buffer or image count as one, and one whose buffer has a device address counts as
-//! what lies behind addresses. Plain accesses to workgroup memory are left out: it is there to be shared,
-//! between barriers.
+//! Bindings that hold one buffer or image count as one, and one whose buffer has a device address
+//! counts as what lies behind addresses. Plain accesses to workgroup memory are left out: it is
+//! there to be shared, between barriers.
 
 mod rows;
 
@@ -299,8 +301,8 @@ impl Extent<'_> {
         self.sides().all(|(symbol, _)| told.contains(&symbol))
     }
 
-    /// The first memory that invocations share otherwise than by atomic instructions that commute; `None`
-    /// where there is none.
+    /// The first memory that invocations share otherwise than by atomic instructions that commute;
+    /// `None` where there is none.
     pub fn shared(&self, programs: &[&Program]) -> Option<Memory> {
         self.sides().next()?;
         let touches: Vec<&Touch> = programs.iter().flat_map(|program| &program.touches).collect();
@@ -315,7 +317,8 @@ impl Extent<'_> {
     }
 }
 
-/// Whether all of these accesses are atomic and commute with each other, but for those that never meet.
+/// Whether all of these accesses are atomic and commute with each other, but for those that never
+/// meet.
 fn commute(touches: &[&Touch]) -> bool {
     let pairs = touches.iter().enumerate().flat_map(|(at, a)| touches[at..].iter().map(move |b| (a, b)));
     touches.iter().all(|touch| touch.atomic.is_some())
@@ -333,7 +336,8 @@ fn never_meet(a: &Touch, b: &Touch) -> bool {
 
 impl Reach {
     /// Whether no value of one is a value of the other, by what remains when they are divided by a
-    /// power of two that all their terms are multiples of: numbers of 32 bits begin anew behind one.
+    /// power of two that all their terms are multiples of: numbers of 32 bits begin anew behind
+    /// one.
     fn avoids(&self, other: &Self) -> bool {
         let ((own, rest), (others, other_rest)) = (self.from.split(), other.from.split());
         let terms = rest.0.iter().chain(&other_rest.0);
@@ -442,11 +446,11 @@ impl Touch {
     }
 }
 
-/// Whether the invocations of a workgroup change its memory by atomic instructions that do not commute: what
-/// that leaves depends on which of them run together.
+/// Whether the invocations of a workgroup change its memory by atomic instructions that do not
+/// commute: what that leaves depends on which of them run together.
 pub fn mixes_workgroup_atomics(program: &Program) -> bool {
-    let concerned = |op| match op {
-        &Op::Atomic(ref op) => match op.target {
+    let concerned = |op: &Op| match op {
+        Op::Atomic(op) => match op.target {
             AtomicTarget::Buffer(
                 chunk @ Chunk { buffer: BufferRef::Workgroup | BufferRef::Computed(_), .. },
             ) => Some((chunk, op.update())),

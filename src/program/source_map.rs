@@ -17,8 +17,8 @@ impl Program {
         self.place_of(self.module.debug_info.line_at(offset)?)
     }
 
-    /// For an instruction without a source line (`OpNoLine`): the last line before it in its block, else
-    /// in its function.
+    /// For an instruction without a source line (`OpNoLine`): the last line before it in its block,
+    /// else in its function.
     pub fn place_near(&self, offset: u32) -> Option<Place> {
         let function = self.module.functions.iter().rfind(|function| function.offset <= offset)?;
         self.place_of(self.module.debug_info.line_before(offset, function.offset)?)

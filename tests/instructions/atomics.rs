@@ -135,8 +135,8 @@ fn sums_without_a_reader_commute() {
     assert_eq!(left, [count * (count - 1) / 2, 0, count - 1, 1]);
 }
 
-/// Instructions on `%count`, `%wide` and `%id`, of which an order between invocations can be seen; and
-/// some of which it cannot.
+/// Instructions on `%count`, `%wide` and `%id`, of which an order between invocations can be seen;
+/// and some of which it cannot.
 const MIXED: &[&str] = &[
     "%a = OpAtomicIAdd %uint %count %u1 %u0 %id
      %b = OpAtomicXor %uint %count %u1 %u0 %triple",

@@ -1,7 +1,8 @@
-//! The null pointer: no resource and no variable shares its value, and whatever goes through it traps.
+//! The null pointer: no resource and no variable shares its value, and whatever goes through it
+//! traps.
 //!
-//! "Null is no resource": in every module here the first descriptor, and the first row of a variable, is one that a
-//! pointer of zeros would name.
+//! "Null is no resource": in every module here the first descriptor, and the first row of a
+//! variable, is one that a pointer of zeros would name.
 
 use std::sync::Arc;
 
@@ -12,8 +13,9 @@ use anyhit::pipeline::Compute;
 use crate::assembly::assemble;
 use crate::run::Shader;
 
-/// `%cells`, a storage buffer at binding 1 of which every body takes the address first, so that it is the
-/// first descriptor: { uint[2], mat2x3 (row-major), uint[] }. `%blocks`, two of them at binding 2.
+/// `%cells`, a storage buffer at binding 1 of which every body takes the address first, so that it
+/// is the first descriptor: { uint[2], mat2x3 (row-major), uint[] }. `%blocks`, two of them at
+/// binding 2.
 const ANNOTATIONS: &str = "
     OpDecorate %pair ArrayStride 4
     OpDecorate %rest ArrayStride 4

@@ -1,5 +1,5 @@
-//! Memory that invocations share otherwise than by atomic instructions that commute: it is found before
-//! running, and the launch keeps one schedule.
+//! Memory that invocations share otherwise than by atomic instructions that commute: it is found
+//! before running, and the launch keeps one schedule.
 
 use std::sync::Arc;
 
