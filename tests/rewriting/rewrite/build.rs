@@ -124,7 +124,17 @@ impl Index {
     /// Whether values of a type may stand in variables of functions: no opaque types, no pointers
     /// without addresses, no explicit layout, nothing that only memory may hold.
     pub fn is_storable(&self, ty: u32) -> bool {
+        self.may_hold(ty, false)
+    }
+
+    /// Whether values of a type may be taken apart and put together, explicit layout or not.
+    pub fn is_data(&self, ty: u32) -> bool {
+        self.may_hold(ty, true)
+    }
+
+    fn may_hold(&self, ty: u32, laid_out: bool) -> bool {
         let Some(inst) = self.ty(ty) else { return false };
+        let plain = laid_out || !self.is_decorated(ty);
         match inst.op {
             Op::TypeBool => true,
             Op::TypeInt => match inst.rest[0] {
@@ -133,11 +143,9 @@ impl Index {
                 _ => true,
             },
             Op::TypeFloat => inst.rest.len() == 1 && (inst.rest[0] != 16 || self.has(Capability::Float16)),
-            Op::TypeVector | Op::TypeMatrix => self.is_storable(inst.rest[0]),
-            Op::TypeArray => !self.is_decorated(ty) && self.is_storable(inst.rest[0]),
-            Op::TypeStruct => {
-                !self.is_decorated(ty) && inst.rest.iter().all(|member| self.is_storable(*member))
-            }
+            Op::TypeVector | Op::TypeMatrix => self.may_hold(inst.rest[0], laid_out),
+            Op::TypeArray => plain && self.may_hold(inst.rest[0], laid_out),
+            Op::TypeStruct => plain && inst.rest.iter().all(|member| self.may_hold(*member, laid_out)),
             Op::TypePointer => inst.rest[0] == StorageClass::PhysicalStorageBuffer as u32,
             _ => false,
         }

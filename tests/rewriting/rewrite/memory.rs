@@ -7,11 +7,33 @@ use super::places::{choose, in_order, replace};
 use super::values::{load_parts, store_parts};
 use super::words::{Inst, Module};
 
-/// The storage class of a pointer, where only this invocation writes there while a shader runs.
-fn own_class(index: &Index, pointer: u32) -> Option<StorageClass> {
+/// Where only this invocation writes while it does not stop.
+const OWN: [StorageClass; 7] = [
+    StorageClass::Function,
+    StorageClass::Private,
+    StorageClass::RayPayloadKHR,
+    StorageClass::IncomingRayPayloadKHR,
+    StorageClass::CallableDataKHR,
+    StorageClass::IncomingCallableDataKHR,
+    StorageClass::HitAttributeKHR,
+];
+
+/// Where nobody writes.
+const CONSTANT: [StorageClass; 4] = [
+    StorageClass::Input,
+    StorageClass::PushConstant,
+    StorageClass::ShaderRecordBufferKHR,
+    StorageClass::Uniform,
+];
+
+/// The storage class of a pointer, where it is one of these.
+fn class_of(index: &Index, pointer: u32, classes: &[StorageClass]) -> Option<StorageClass> {
     let (class, _) = index.pointer(pointer)?;
-    let own = [StorageClass::Function, StorageClass::Private];
-    own.into_iter().find(|own| *own as u32 == class)
+    classes.iter().copied().find(|one| *one as u32 == class)
+}
+
+fn own_class(index: &Index, pointer: u32) -> Option<StorageClass> {
+    class_of(index, pointer, &OWN)
 }
 
 /// A load that has no memory operands.
@@ -54,10 +76,12 @@ pub fn phi_as_variable(module: &mut Module, rng: &mut Rng) -> Option<()> {
 /// A load made again right behind itself, for some of its uses.
 pub fn repeated_load(module: &mut Module, rng: &mut Rng) -> Option<()> {
     let index = Index::of(module);
+    // A uniform buffer of old modules may be written.
+    let read = [&OWN[..], &CONSTANT[..3]].concat();
     let wanted = |inst: &Inst| {
         is_plain_load(inst)
-            && own_class(&index, inst.rest[0]).is_some()
-            && index.is_storable(inst.ty)
+            && class_of(&index, inst.rest[0], &read).is_some()
+            && index.is_data(inst.ty)
             && !index.is_decorated(inst.id)
     };
     let (function, block, at) = *choose(module, rng, wanted).first()?;
@@ -73,27 +97,34 @@ pub fn repeated_load(module: &mut Module, rng: &mut Rng) -> Option<()> {
 /// A load or store of a composite, part by part.
 pub fn partwise(module: &mut Module, rng: &mut Rng) -> Option<()> {
     let index = Index::of(module);
+    let read = [&OWN[..], &CONSTANT, &[StorageClass::StorageBuffer]].concat();
+    let class = |inst: &Inst| match inst.op {
+        Op::Load if is_plain_load(inst) => Some((class_of(&index, inst.rest[0], &read)?, inst.ty)),
+        Op::Store if is_plain_store(inst) => {
+            Some((own_class(&index, inst.rest[0])?, index.types[&inst.rest[1]]))
+        }
+        _ => None,
+    };
     let wanted = |inst: &Inst| {
-        let ty = match inst.op {
-            Op::Load if is_plain_load(inst) => inst.ty,
-            Op::Store if is_plain_store(inst) => index.types[&inst.rest[1]],
-            _ => return false,
-        };
-        own_class(&index, inst.rest[0]).is_some()
-            && index.is_storable(ty)
-            && index.parts(ty).is_some_and(|parts| !parts.is_empty())
+        class(inst).is_some_and(|(class, ty)| {
+            let own = matches!(class, StorageClass::Function | StorageClass::Private);
+            // What is laid out is so in memory that others see, too.
+            (if own { index.is_storable(ty) } else { index.is_data(ty) })
+                && !index.is_decorated(inst.rest[0])
+                && index.parts(ty).is_some_and(|parts| !parts.is_empty())
+        })
     };
     let (function, block, at) = *choose(module, rng, wanted).first()?;
     let inst = module.functions[function].blocks[block].body[at].clone();
     let mut code = Code::new(module, &inst.place);
-    let class = own_class(&index, inst.rest[0])?;
+    let (class, ty) = class(&inst)?;
     if inst.op == Op::Store {
-        store_parts(&mut code, module, inst.rest[0], class, inst.rest[1], index.types[&inst.rest[1]])?;
+        store_parts(&mut code, module, inst.rest[0], class, inst.rest[1], ty)?;
         module.functions[function].blocks[block].body.remove(at);
     } else {
-        let parts = load_parts(&mut code, module, inst.rest[0], class, inst.ty)?;
+        let parts = load_parts(&mut code, module, inst.rest[0], class, ty)?;
         module.functions[function].blocks[block].body[at] =
-            Inst::new(Op::CompositeConstruct, inst.ty, inst.id, &parts, &inst.place);
+            Inst::new(Op::CompositeConstruct, ty, inst.id, &parts, &inst.place);
     }
     code.insert(module, function, block, at);
     Some(())
