@@ -88,7 +88,7 @@ pub fn repeated_load(module: &mut Module, rng: &mut Rng) -> Option<()> {
     let inst = module.functions[function].blocks[block].body[at].clone();
     let mut code = Code::new(module, &inst.place);
     let again = code.op(module, Op::Load, inst.ty, &inst.rest);
-    let key = rng.next();
+    let key = rng.draw();
     replace(module, function, inst.id, again, |user| Rng(key ^ super::places::name(user)).one_in(2));
     code.insert(module, function, block, at + 1);
     Some(())

@@ -140,11 +140,11 @@ pub fn plan(seed: u64, count: usize) -> Vec<Step> {
     let last = [Family::PermutedFunctions, Family::RenumberedIds];
     let most = Family::ALL.len() - last.len();
     let mut steps: Vec<Step> = (0..count)
-        .map(|slot| Step { family: Family::ALL[rng.below(most)], key: rng.next(), slot: slot as u32 })
+        .map(|slot| Step { family: Family::ALL[rng.below(most)], key: rng.draw(), slot: slot as u32 })
         .collect();
     for (at, family) in last.into_iter().enumerate() {
         if rng.one_in(2) {
-            steps.push(Step { family, key: rng.next(), slot: (count + at) as u32 });
+            steps.push(Step { family, key: rng.draw(), slot: (count + at) as u32 });
         }
     }
     steps

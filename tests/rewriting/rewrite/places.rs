@@ -15,10 +15,10 @@ pub const TRIES: usize = 12;
 
 /// Some sites, in an order that depends on a key and on what each site is, not on how many there are.
 pub fn in_order<T>(rng: &mut Rng, sites: impl IntoIterator<Item = (u64, T)>) -> Vec<T> {
-    let key = rng.next();
+    let key = rng.draw();
     let mut all: Vec<(u64, T)> = sites
         .into_iter()
-        .map(|(site, what)| (Rng(key ^ site.wrapping_mul(0x9E37_79B9)).next(), what))
+        .map(|(site, what)| (Rng(key ^ site.wrapping_mul(0x9E37_79B9)).draw(), what))
         .collect();
     all.sort_by_key(|(hash, _)| *hash);
     all.into_iter().take(TRIES).map(|(_, what)| what).collect()
@@ -78,7 +78,7 @@ fn at_definition(module: &mut Module, rng: &mut Rng, make: Remake) -> Option<()>
             continue;
         }
         let Some(other) = make(&mut code, module, id, ty, rng) else { continue };
-        let (every, key) = (rng.one_in(2), rng.next());
+        let (every, key) = (rng.one_in(2), rng.draw());
         replace(module, function, id, other, |inst| every || Rng(key ^ name(inst)).one_in(2));
         code.insert(module, function, block, position);
         return Some(());

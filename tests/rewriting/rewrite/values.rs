@@ -20,8 +20,8 @@ pub fn through_variable(
         return None;
     }
     let (variable, class) = code.any_variable(module, ty, rng);
-    if rng.one_in(3) && store_parts(code, module, variable, class, value, ty).is_some() {
-    } else {
+    let in_parts = rng.one_in(3) && store_parts(code, module, variable, class, value, ty).is_some();
+    if !in_parts {
         code.run(Op::Store, &[variable, value]);
     }
     let variable = if rng.one_in(4) {
@@ -168,9 +168,9 @@ pub fn there_and_back(
                         _ => (Op::IAdd, Op::ISub),
                     };
                     let words = if width == 64 {
-                        vec![rng.next() as u32 >> 8, 0]
+                        vec![rng.draw() as u32 >> 8, 0]
                     } else {
-                        vec![rng.next() as u32 & 0x7F]
+                        vec![rng.draw() as u32 & 0x7F]
                     };
                     let number = module.global(Op::Constant, component, &words);
                     let number = if count == 1 {

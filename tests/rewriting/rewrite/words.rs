@@ -76,7 +76,7 @@ pub struct Module {
 }
 
 impl Inst {
-    /// An instruction of which nothing but the given words is known; all of `rest` but `literals` are ids.
+    /// An instruction; which words are ids is looked up. A switch has cases of 32 bits.
     pub fn new(op: Op, ty: u32, id: u32, rest: &[u32], place: &Place) -> Self {
         let mut inst = Self { op, ty, id, rest: rest.to_vec(), ids: Vec::new(), place: place.clone() };
         inst.ids = id_positions(op, rest, 1).unwrap_or_else(|| panic!("{op:?} {rest:?} breaks the grammar"));
@@ -191,7 +191,7 @@ impl Module {
     /// # Errors
     /// What cannot be read, most likely an opcode that the grammar tables do not know.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
-        if bytes.len() % 4 != 0 || bytes.len() < 20 {
+        if !bytes.len().is_multiple_of(4) || bytes.len() < 20 {
             return Err("no module".into());
         }
         let words: Vec<u32> =
