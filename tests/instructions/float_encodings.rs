@@ -540,6 +540,12 @@ fn what_the_extensions_do_not_list_is_invalid() {
     // What is valid and does not run is said so.
     let error = refused("%x = OpExtInst %e4 %glsl FAbs %eight");
     assert_eq!(error.kind(), ErrorKind::UnsupportedModule, "{}", error.render());
+    // BFloat16ArithmeticINTEL, which SPV_EXT_bfloat16_arithmetic has taken over.
+    let declarations = format!("{TYPES}\n%one = OpConstant %bf 0x3f80");
+    let capabilities = format!("{CAPABILITIES}\nOpCapability 6226");
+    let arithmetic = shader("%x = OpFAdd %bf %one %one", "", &declarations);
+    let error = Shader { capabilities: &capabilities, ..arithmetic }.refused();
+    assert_eq!(error.kind(), ErrorKind::UnsupportedModule, "{}", error.render());
 }
 
 #[test]
