@@ -10,9 +10,11 @@ use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::decode::{Decoder, Value, Words};
+use crate::ops::integer_operand::Reading;
 use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::op::Op;
 use crate::ops::pointer::{self, Place, Pointer, storage};
+use crate::ops::pointer_stride;
 use crate::ops::relational_logical::{IEqual, LogicalAnd, LogicalNot};
 
 /// Rows of address arithmetic.
@@ -58,7 +60,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     match opcode {
         Opcode::PtrAccessChain | Opcode::InBoundsPtrAccessChain => {
             let (base, index) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
-            let stride = stride(decoder, base)?;
+            let stride = stride(decoder, base, &explicit_stride)?;
             let pointer = decoder.pointer(base)?;
             let pointer = element(decoder, pointer, index, stride)?;
             let indices = &decoder.operands(instruction)[2..];
@@ -91,7 +93,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         }
         Opcode::PtrDiff => {
             let base = decoder.id(instruction, 0)?;
-            let stride = stride(decoder, base)?;
+            let stride = stride(decoder, base, &array_stride)?;
             let mut ends = Words::new();
             for at in 0..2 {
                 let pointer = decoder.id(instruction, at)?;
@@ -143,7 +145,9 @@ fn raw(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Pointer> 
     let base = decoder.id(instruction, 0)?;
     let stride = decoder.id(instruction, 1)?;
     let stride = decoder.constant_integer(stride)? as u32;
-    let [index, offset] = [decoder.operand(instruction, 2)?[0], decoder.operand(instruction, 3)?[0]];
+    let [index, offset] = [decoder.id(instruction, 2)?, decoder.id(instruction, 3)?];
+    let index = decoder.integer(index, Reading::Index)?;
+    let offset = decoder.integer(offset, Reading::Index)?;
     let ty = decoder.result_type(instruction)?;
     let Type::Pointer { pointee: Some(pointee), storage_class, .. } = *decoder.module.ty(ty) else {
         return Err(decoder.invalid("a raw access chain gives a pointer"));
@@ -194,8 +198,12 @@ fn pointer_class(decoder: &Decoder<'_>, id: Id) -> Result<u32> {
 }
 
 /// What lies between the elements that a pointer steps over: bytes in buffers, words in rows,
-/// descriptors in arrays of them.
-fn stride(decoder: &mut Decoder<'_>, base: Id) -> Result<u32> {
+/// descriptors in arrays of them. `untold` gives it for a buffer where the pointer's type does not.
+fn stride(
+    decoder: &mut Decoder<'_>,
+    base: Id,
+    untold: &dyn Fn(&Decoder<'_>, Id, &Pointer) -> Result<u32>,
+) -> Result<u32> {
     let ty = decoder.type_of(base)?;
     let Type::Pointer { pointee: Some(pointee), stride, .. } = *decoder.module.ty(ty) else {
         return Err(decoder.invalid("a pointer is needed here"));
@@ -203,12 +211,39 @@ fn stride(decoder: &mut Decoder<'_>, base: Id) -> Result<u32> {
     let pointer = decoder.pointer(base)?;
     match pointer.place {
         Place::Buffer(_) if pointer.is_packed(decoder) => Ok(decoder.word_count(pointee)? * 4),
-        Place::Buffer(_) => {
-            stride.ok_or_else(|| decoder.invalid("the pointer's type has no ArrayStride decoration"))
-        }
+        Place::Buffer(_) => match stride {
+            Some(stride) => Ok(stride),
+            None => untold(decoder, base, &pointer),
+        },
         Place::Descriptors { .. } => pointer::descriptor_count(decoder, pointee),
         _ => decoder.word_count(pointee),
     }
+}
+
+/// The stride that `OpPtrAccessChain` takes where the pointer's type has none.
+fn explicit_stride(decoder: &Decoder<'_>, base: Id, pointer: &Pointer) -> Result<u32> {
+    let class = pointer.storage_class;
+    if matches!(
+        class,
+        storage::UNIFORM | storage::STORAGE_BUFFER | storage::PUSH_CONSTANT | storage::WORKGROUP
+    ) {
+        let class = crate::module::names::storage_class_name(class);
+        return Err(decoder
+            .invalid(format!("the pointer's type has no ArrayStride decoration, which {class} needs"))
+            .note(
+                "SPIR-V, OpPtrAccessChain: its base is a pointer whose type is decorated with ArrayStride",
+            ));
+    }
+    // "For all other objects, the implementation calculates the element's address" (OpPtrAccessChain).
+    array_stride(decoder, base, pointer)
+}
+
+/// The stride of the array that a pointer leads into, or the size of what it points to where nothing
+/// tells of an array.
+fn array_stride(decoder: &Decoder<'_>, base: Id, pointer: &Pointer) -> Result<u32> {
+    let told = pointer_stride::stride_of_array(decoder.module, base);
+    let size = || decoder.module.size_of(pointer.pointee).and_then(|size| u32::try_from(size).ok());
+    told.or_else(size).ok_or_else(|| decoder.unsupported("a pointer into an array whose stride is not known"))
 }
 
 /// The pointer to another element of the array that a pointer leads into.

@@ -44,10 +44,8 @@ pub mod extended {
     use crate::rows;
 
     rows! {
-        Carry Internal [u32] (a: u32, b: u32) -> u32 { u32::from(a.overflowing_add(b).1) }
-        Carry64 Internal [u64] (a: u64, b: u64) -> u64 { u64::from(a.overflowing_add(b).1) }
-        Borrow Internal [u32] (a: u32, b: u32) -> u32 { u32::from(a < b) }
-        Borrow64 Internal [u64] (a: u64, b: u64) -> u64 { u64::from(a < b) }
+        Carry Internal [u8 u16 u32 u64] (a: T, b: T) -> T { T::from(a.overflowing_add(b).1) }
+        Borrow Internal [u8 u16 u32 u64] (a: T, b: T) -> T { T::from(a < b) }
         UMulHigh Internal [u8 u16 u32 u64] (a: T, b: T) -> T {
             ((u128::from(a) * u128::from(b)) >> T::BITS) as T
         }
@@ -107,9 +105,11 @@ mod tests {
     fn extended_halves() {
         check(&extended::Carry, 32, &[0xFFFF_FFFF, 1], 1);
         check(&extended::Carry, 32, &[0xFFFF_FFFF, 0], 0);
-        check(&extended::Carry64, 64, &[u64::MAX, 1], 1);
+        check(&extended::Carry, 64, &[u64::MAX, 1], 1);
+        check(&extended::Carry, 8, &[0xFF, 1], 1);
+        check(&extended::Borrow, 16, &[0, 1], 1);
         check(&extended::Borrow, 32, &[0, 1], 1);
-        check(&extended::Borrow64, 64, &[1, 1], 0);
+        check(&extended::Borrow, 64, &[1, 1], 0);
         check(&extended::UMulHigh, 32, &[0xFFFF_FFFF, 0xFFFF_FFFF], 0xFFFF_FFFE);
         check(&extended::SMulHigh, 32, &[0xFFFF_FFFF, 0xFFFF_FFFF], 0);
         check(&extended::UMulHigh, 64, &[1 << 63, 4], 2);

@@ -10,19 +10,11 @@ use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::address;
 use crate::ops::decode::{Decoder, Words, rows_from};
+use crate::ops::integer_operand::Reading;
+use crate::ops::linear_algebra;
 use crate::ops::memory::{self, Length};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select::SelectWord;
-
-/// Rows that indices need.
-pub mod index {
-    use crate::rows;
-
-    rows! {
-        /// A 64-bit index as 32 bits; what does not fit becomes the largest.
-        SaturateIndex Internal [u64] (a: u64) -> u32 { u32::try_from(a).unwrap_or(u32::MAX) }
-    }
-}
 
 /// Opcodes decoded here.
 pub const OPCODES: &[Opcode] = &[
@@ -45,6 +37,7 @@ pub const OPCODES: &[Opcode] = &[
 pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
         Opcode::CompositeConstruct => {
+            check_constituents(decoder, instruction)?;
             let mut words = Words::new();
             for &id in decoder.operands(instruction) {
                 words.extend(decoder.words(crate::module::Id(id))?);
@@ -82,6 +75,15 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         Opcode::VectorShuffle => {
             let (a, b) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
             let width = decoder.type_of(a).and_then(|ty| decoder.scalar_width(ty))?;
+            let ty = decoder.result_type(instruction)?;
+            let component = |ty: TypeId| match *decoder.module.ty(ty) {
+                Type::Vector { component, .. } => Some(component),
+                _ => None,
+            };
+            let parts = [decoder.type_of(a)?, decoder.type_of(b)?, ty].map(component);
+            if parts[0].is_none() || parts.iter().any(|&part| part != parts[0]) {
+                return Err(decoder.invalid("a shuffle takes and gives vectors of one component type"));
+            }
             let mut components = decoder.components(a)?;
             components.extend(decoder.components(b)?);
             let undefined = decoder.wide_constant(0)?;
@@ -133,6 +135,10 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let columns = columns(decoder, matrix)?;
             let width = scalar_width_of_matrix(decoder, matrix)?;
             let rows = columns.first().map_or(0, SmallVec::len);
+            linear_algebra::check_shape(decoder, instruction, rows, columns.len())?;
+            if !linear_algebra::have_one_scalar_type(decoder, instruction)? {
+                return Err(decoder.invalid("a transposed matrix has the component type of the matrix"));
+            }
             let transposed: Words =
                 (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
             let words = decoder.spread(&transposed, width);
@@ -268,6 +274,37 @@ fn part(decoder: &mut Decoder<'_>, mut ty: TypeId, indices: &[u32]) -> Result<(u
     Ok((first as usize, decoder.word_count(ty)? as usize))
 }
 
+/// The constituents of `OpCompositeConstruct` are those of its result's type; a vector's may be vectors.
+fn check_constituents(decoder: &Decoder<'_>, instruction: &Instruction) -> Result<()> {
+    let ty = decoder.result_type(instruction)?;
+    let types = decoder.operands(instruction).iter().map(|&id| decoder.module.type_of(crate::module::Id(id)));
+    let is = |found: Option<TypeId>, part: TypeId| found.is_none_or(|found| found == part);
+    let fits = match *decoder.module.ty(ty) {
+        Type::Vector { component, count } => {
+            let parts: Vec<Option<TypeId>> = types.collect();
+            let part = |found: Option<TypeId>| match found.map(|found| decoder.module.ty(found)) {
+                Some(&Type::Vector { component, count }) => (Some(component), count),
+                _ => (found, 1),
+            };
+            parts.len() > 1
+                && parts.iter().all(|&found| is(part(found).0, component))
+                && parts.iter().map(|&found| part(found).1).sum::<u32>() == count
+        }
+        Type::Matrix { column: part, .. } | Type::Array { element: part, .. } => {
+            types.into_iter().all(|found| is(found, part))
+        }
+        Type::Struct { ref members, .. } => {
+            members.len() == types.len() && types.zip(members).all(|(found, member)| is(found, member.ty))
+        }
+        _ => true,
+    };
+    if fits {
+        return Ok(());
+    }
+    let name = decoder.module.describe_type(ty);
+    Err(decoder.invalid(format!("the constituents do not make a {name}")))
+}
+
 fn check_count(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &Words) -> Result<()> {
     let ty = decoder.result_type(instruction)?;
     if decoder.word_count(ty)? as usize != words.len() {
@@ -279,10 +316,10 @@ fn check_count(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &Wor
 
 /// The row offset of a component.
 fn scaled(decoder: &mut Decoder<'_>, index: crate::module::Id, stride: u32, count: u32) -> Result<Reg> {
-    let words = decoder.words(index)?;
+    let index = decoder.integer(index, Reading::Index)?;
     let to = decoder.fresh(1)?;
     let length = Length::Known(count);
-    decoder.emit(Op::Memory(memory::Op::Index { to, base: None, index: words[0], stride, length }));
+    decoder.emit(Op::Memory(memory::Op::Index { to, base: None, index, stride, length }));
     Ok(to)
 }
 
@@ -291,14 +328,25 @@ fn bits(decoder: &Decoder<'_>, ty: TypeId) -> Result<u32> {
     match decoder.module.ty(ty) {
         Type::Pointer { .. } if address::is_physical(decoder, ty) => Ok(64),
         Type::Pointer { .. } => Err(decoder.unsupported("OpBitcast of a logical pointer")),
-        _ => decoder.scalar_width(ty),
+        Type::Int { .. } | Type::Float { .. } => decoder.scalar_width(ty),
+        &Type::Vector { component, .. } => bits(decoder, component),
+        _ => {
+            let name = decoder.module.describe_type(ty);
+            Err(decoder.invalid(format!(
+                "OpBitcast takes and gives numbers, vectors of them and pointers, not {name}"
+            )))
+        }
     }
 }
 
 fn bitcast(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words> {
     let id = decoder.id(instruction, 0)?;
-    let from = bits(decoder, decoder.type_of(id)?)?;
-    let to = bits(decoder, decoder.result_type(instruction)?)?;
+    let (source, target) = (decoder.type_of(id)?, decoder.result_type(instruction)?);
+    let (from, to) = (bits(decoder, source)?, bits(decoder, target)?);
+    if from * decoder.component_count(source) != to * decoder.component_count(target) {
+        let [source, target] = [source, target].map(|ty| decoder.module.describe_type(ty));
+        return Err(decoder.invalid(format!("OpBitcast of {source} to {target}, which has other bits")));
+    }
     let words = decoder.words(id)?;
     if from == to || (from >= 32 && to == 32) {
         return Ok(words);

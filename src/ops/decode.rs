@@ -581,6 +581,14 @@ impl<'m> Decoder<'m> {
     /// The length of an array type.
     pub fn array_length(&mut self, length: Id) -> Result<u32> {
         let bits = self.constant_integer(length)?;
+        let ty = self.type_of(length)?;
+        let Type::Int { width, signed } = *self.module.ty(ty) else {
+            let name = self.module.describe_type(ty);
+            return Err(self.invalid(format!("the length of an array is of type {name}; it is an integer")));
+        };
+        if signed && bits >> (width - 1) & 1 == 1 {
+            return Err(self.invalid("an array of a length below zero"));
+        }
         match u32::try_from(bits) {
             Ok(length) if length > 0 => Ok(length),
             _ => Err(self.invalid(format!("an array of length {bits}"))),

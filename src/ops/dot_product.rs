@@ -43,6 +43,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         Opcode::SUDotAccSat => ([true, false], true),
         _ => return Ok(false),
     };
+    check(decoder, instruction, [left, right], accumulates)?;
     let ty = decoder.result_type(instruction)?;
     let width = decoder.scalar_width(ty)?;
     let (a, b) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
@@ -64,6 +65,59 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     let words = decoder.spread(&[sum], width);
     decoder.result(instruction, words);
     Ok(true)
+}
+
+/// Holds the types against the extension: vectors of integers, or 32 bits packed; of no sign where their
+/// components have none.
+fn check(
+    decoder: &Decoder<'_>,
+    instruction: &Instruction,
+    signs: [bool; 2],
+    accumulates: bool,
+) -> Result<()> {
+    let module = decoder.module;
+    let result = decoder.result_type(instruction)?;
+    let invalid = |what: &str| {
+        let name = crate::module::names::opcode_name(instruction.opcode);
+        Err(decoder.invalid(format!("{name}: {what} (SPV_KHR_integer_dot_product)")))
+    };
+    let Type::Int { width: result_width, signed: result_signed } = *module.ty(result) else {
+        return invalid("the result is an integer");
+    };
+    if signs == [false, false] && result_signed {
+        return invalid("the result is an unsigned integer");
+    }
+    let mut vectors = [None; 2];
+    for (at, signed) in signs.into_iter().enumerate() {
+        let ty = decoder.type_of(decoder.id(instruction, at)?)?;
+        let (scalar, count) = match *module.ty(ty) {
+            Type::Vector { component, count } => (component, count),
+            _ => (ty, 1),
+        };
+        let Type::Int { width, signed: own } = *module.ty(scalar) else {
+            return invalid(
+                "the operands are vectors of integers, or integers of 32 bits with packed components",
+            );
+        };
+        if count == 1 && (width != 32 || decoder.operands(instruction).len() < 3 + usize::from(accumulates)) {
+            return invalid("an operand that is no vector has 32 bits and a packed vector format");
+        }
+        if count > 1 && !signed && own {
+            return invalid("an operand without signs is a vector of unsigned integers");
+        }
+        let component_width = if count == 1 { 8 } else { width };
+        if result_width < component_width {
+            return invalid("the result has at least the bits of the operands' components");
+        }
+        vectors[at] = Some((width, count));
+    }
+    if vectors[0] != vectors[1] {
+        return invalid("the operands have the same bits and components");
+    }
+    if accumulates && decoder.type_of(decoder.id(instruction, 2)?)? != result {
+        return invalid("the accumulator has the type of the result");
+    }
+    Ok(())
 }
 
 /// The components of a vector, or of four bytes packed in a scalar, in the width of the result.

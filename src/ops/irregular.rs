@@ -15,6 +15,7 @@ use crate::ops::bit::{self, field};
 use crate::ops::conversion::{Conversion, encoded};
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::parts;
+use crate::ops::integer_operand::Reading;
 use crate::ops::relational_logical as logical;
 use crate::ops::row::{Family, Set, family};
 use crate::ops::{amd, componentwise, debug_printf, linear_algebra};
@@ -80,22 +81,14 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         return Ok(true);
     }
     match opcode {
-        Opcode::IAddCarry => {
-            pair_of(decoder, instruction, &arithmetic::IAdd, [&extended::Carry, &extended::Carry64])?
-        }
-        Opcode::ISubBorrow => {
-            pair_of(decoder, instruction, &arithmetic::ISub, [&extended::Borrow, &extended::Borrow64])?;
-        }
-        Opcode::UMulExtended => {
-            pair_of(decoder, instruction, &arithmetic::IMul, [&extended::UMulHigh, &extended::UMulHigh])?;
-        }
-        Opcode::SMulExtended => {
-            pair_of(decoder, instruction, &arithmetic::IMul, [&extended::SMulHigh, &extended::SMulHigh])?;
-        }
+        Opcode::IAddCarry => pair_of(decoder, instruction, &arithmetic::IAdd, &extended::Carry)?,
+        Opcode::ISubBorrow => pair_of(decoder, instruction, &arithmetic::ISub, &extended::Borrow)?,
+        Opcode::UMulExtended => pair_of(decoder, instruction, &arithmetic::IMul, &extended::UMulHigh)?,
+        Opcode::SMulExtended => pair_of(decoder, instruction, &arithmetic::IMul, &extended::SMulHigh)?,
         Opcode::BitFieldInsert => {
             let width = width(decoder, instruction, 0)?;
             let (base, insert) = (components(decoder, instruction, 0)?, components(decoder, instruction, 1)?);
-            let (offset, count) = (decoder.operand(instruction, 2)?[0], decoder.operand(instruction, 3)?[0]);
+            let (offset, count) = (bits(decoder, instruction, 2)?, bits(decoder, instruction, 3)?);
             let mask = decoder.family(&field::FieldMask, width, &[offset, count])?;
             let mut result = Words::new();
             for (&base, &insert) in base.iter().zip(&insert) {
@@ -107,7 +100,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         Opcode::BitFieldSExtract | Opcode::BitFieldUExtract => {
             let width = width(decoder, instruction, 0)?;
             let base = components(decoder, instruction, 0)?;
-            let (offset, count) = (decoder.operand(instruction, 1)?[0], decoder.operand(instruction, 2)?[0]);
+            let (offset, count) = (bits(decoder, instruction, 1)?, bits(decoder, instruction, 2)?);
             let signed = opcode == Opcode::BitFieldSExtract;
             let family = if signed { &field::FieldSExtract } else { &field::FieldUExtract };
             let mut result = Words::new();
@@ -151,6 +144,12 @@ fn components(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -
     decoder.components(id)
 }
 
+/// The offset or count of a bit field, an integer of any width.
+fn bits(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Reg> {
+    let id = decoder.id(instruction, at)?;
+    decoder.integer(id, Reading::Unsigned)
+}
+
 fn finish(decoder: &mut Decoder<'_>, instruction: &Instruction, components: &[Reg], width: u32) {
     let words = decoder.spread(components, width);
     decoder.result(instruction, words);
@@ -192,11 +191,13 @@ fn pair_of(
     decoder: &mut Decoder<'_>,
     instruction: &Instruction,
     low: &'static Family,
-    high: [&'static Family; 2],
+    high: &'static Family,
 ) -> Result<()> {
     let width = width(decoder, instruction, 0)?;
     let (a, b) = (components(decoder, instruction, 0)?, components(decoder, instruction, 1)?);
-    let high = high[usize::from(width == 64)];
+    if a.len() != b.len() {
+        return Err(decoder.invalid("the operands of an extended operation differ in size"));
+    }
     let mut members = [Words::new(), Words::new()];
     for (&a, &b) in a.iter().zip(&b) {
         members[0].push(decoder.family(low, width, &[a, b])?);
@@ -288,6 +289,7 @@ fn split(
     to_pointer: bool,
 ) -> Result<()> {
     let width = width(decoder, instruction, 2)?;
+    let operand_type = decoder.type_of(decoder.id(instruction, 2)?)?;
     let operand = components(decoder, instruction, 2)?;
     let mut results = [Words::new(), Words::new()];
     for &component in &operand {
@@ -298,14 +300,33 @@ fn split(
             result.extend((0..row.words).map(|word| first.plus(word)));
         }
     }
-    let [first, second] = results;
-    if to_pointer {
-        let id = decoder.id(instruction, 3)?;
-        let pointer = decoder.pointer(id)?;
-        // The exponent may be stored through a pointer to an integer of another width.
-        if let Type::Int { width: 8 | 16 | 64, .. } = decoder.module.ty(pointer.pointee) {
-            return Err(decoder.unsupported("an exponent of other than 32 bits"));
+    let [first, mut second] = results;
+    let pointer = match to_pointer {
+        true => {
+            let id = decoder.id(instruction, 3)?;
+            Some(decoder.pointer(id)?)
         }
+        false => None,
+    };
+    let ty = match &pointer {
+        Some(pointer) => pointer.pointee,
+        None => {
+            let ty = decoder.result_type(instruction)?;
+            match decoder.module.ty(ty) {
+                Type::Struct { members, .. } if members.len() == 2 => members[1].ty,
+                _ => return Err(decoder.invalid("the result is a struct of two members here")),
+            }
+        }
+    };
+    check_second(decoder, families[0], operand_type, ty)?;
+    // An exponent has 32 bits, or 16 (SPV_AMD_gpu_shader_int16).
+    if std::ptr::eq(families[1], &parts::FrexpExponent)
+        && let Some(row) = conversion::row(Conversion::S, 32, decoder.scalar_width(ty)?)
+    {
+        let exponents = second.iter().map(|&word| decoder.row(row, &[word])).collect::<Result<Words>>()?;
+        second = decoder.spread(&exponents, decoder.scalar_width(ty)?);
+    }
+    if let Some(pointer) = pointer {
         crate::ops::load_store::store(decoder, &pointer, &second)?;
         decoder.result(instruction, first);
     } else {
@@ -314,6 +335,34 @@ fn split(
         decoder.result(instruction, words);
     }
     Ok(())
+}
+
+/// The whole part of `Modf` is of its operand's type, the exponent of `Frexp` an integer of 32 bits, or of 16
+/// with `SPV_AMD_gpu_shader_int16`.
+fn check_second(
+    decoder: &Decoder<'_>,
+    first: &'static Family,
+    operand: crate::module::ty::TypeId,
+    ty: crate::module::ty::TypeId,
+) -> Result<()> {
+    let scalar = match *decoder.module.ty(ty) {
+        Type::Vector { component, .. } => component,
+        _ => ty,
+    };
+    let (fits, needed) = match std::ptr::eq(first, &parts::FrexpMantissa) {
+        true => (
+            matches!(decoder.module.ty(scalar), Type::Int { width: 16 | 32, .. })
+                && decoder.component_count(ty) == decoder.component_count(operand),
+            "an integer of 32 bits for each component (16 with SPV_AMD_gpu_shader_int16)",
+        ),
+        false => (ty == operand, "the type of the operand"),
+    };
+    if fits {
+        return Ok(());
+    }
+    let name = decoder.module.describe_type(ty);
+    Err(decoder
+        .invalid(format!("the second part of Modf or Frexp is of type {name}, where {needed} must be")))
 }
 
 fn pack(

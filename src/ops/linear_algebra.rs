@@ -155,6 +155,18 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         }
         _ => true,
     };
+    // Columns and rows of a result that is a matrix.
+    let shape = match opcode {
+        Opcode::OuterProduct => Some((right.len(), left.len())),
+        Opcode::MatrixTimesMatrix => {
+            Some((columns_of_b.len(), columns_of_a.first().map_or(0, SmallVec::len)))
+        }
+        _ => None,
+    };
+    let agree = agree && have_one_scalar_type(scalars.decoder, instruction)?;
+    if let Some((columns, rows)) = shape {
+        check_shape(scalars.decoder, instruction, columns, rows)?;
+    }
     if !agree || left.is_empty() || right.is_empty() {
         return Err(scalars.decoder.invalid("the operands of a product do not fit together"));
     }
@@ -225,6 +237,47 @@ fn dot_of_bfloat16(
     let result = decoder.family(&encoded::ToBFloat16, 32, &[sum])?;
     decoder.result(instruction, SmallVec::from_slice(&[result]));
     Ok(true)
+}
+
+/// Holds the shape of an instruction's result against what it calculates.
+///
+/// # Errors
+/// `InvalidModule` where the result is no matrix of so many columns and rows.
+pub fn check_shape(
+    decoder: &Decoder<'_>,
+    instruction: &Instruction,
+    columns: usize,
+    rows: usize,
+) -> Result<()> {
+    let ty = decoder.result_type(instruction)?;
+    if let Type::Matrix { column, count } = *decoder.module.ty(ty)
+        && count as usize == columns
+        && decoder.component_count(column) as usize == rows
+    {
+        return Ok(());
+    }
+    let (name, opcode) =
+        (decoder.module.describe_type(ty), crate::module::names::opcode_name(instruction.opcode));
+    Err(decoder.invalid(format!("{opcode} gives {columns} columns of {rows} here, and no {name}")))
+}
+
+/// Whether the result and all operands have scalars of one type, a float.
+pub fn have_one_scalar_type(decoder: &Decoder<'_>, instruction: &Instruction) -> Result<bool> {
+    let scalar = |mut ty| {
+        while let Type::Vector { component: part, .. } | Type::Matrix { column: part, .. } =
+            *decoder.module.ty(ty)
+        {
+            ty = part;
+        }
+        ty
+    };
+    let result = scalar(decoder.result_type(instruction)?);
+    for &id in decoder.operands(instruction) {
+        if scalar(decoder.type_of(Id(id))?) != result {
+            return Ok(false);
+        }
+    }
+    Ok(matches!(decoder.module.ty(result), Type::Float { .. }))
 }
 
 /// Decodes a `GLSL.std.450` instruction; its operands begin after set and number.

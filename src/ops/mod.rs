@@ -25,6 +25,7 @@ pub mod glsl;
 pub mod hit_object;
 pub mod image;
 pub mod integer_functions;
+pub mod integer_operand;
 pub mod interface_check;
 pub mod irregular;
 pub mod linear_algebra;
@@ -32,8 +33,10 @@ pub mod load_store;
 pub mod memory;
 pub mod object;
 pub mod op;
+pub mod operand_types;
 pub mod pointer;
 pub mod pointer_layout;
+pub mod pointer_stride;
 pub mod ray_query;
 pub mod ray_rules;
 pub mod ray_tracing;
@@ -51,7 +54,9 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::Result;
 use crate::machine::Reg;
 use crate::module::{Id, Instruction};
+use crate::ops::conversion::Conversion;
 use crate::ops::decode::{Decoder, Words};
+use crate::ops::integer_operand::Reading;
 use crate::ops::row::{Family, Set};
 
 /// The families of every section.
@@ -82,6 +87,7 @@ pub fn decode_number(decoder: &mut Decoder<'_>, number: u16, instruction: &Instr
 /// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it, or does not
 /// know its opcode, `number`.
 pub fn decode_instruction(decoder: &mut Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
+    operand_types::check(decoder, number, instruction)?;
     if let Some(family) = row::family(Set::Core, number.into()) {
         return componentwise(decoder, family, instruction, 0);
     }
@@ -128,16 +134,17 @@ pub fn componentwise(
     let mut operands: [Words; 3] = Default::default();
     for at in 0..arity {
         let id = Id(ids[at]);
-        // A shift's amount, for one, may have another width: its low word counts.
-        let own;
-        (operands[at], own) = match decoder.type_of(id)? == ty {
-            true => (decoder.components_of(id, width)?, width),
-            false => decoder.components_of_width(id)?,
+        operands[at] = match free_width(family, at) {
+            Some(reading) => decoder.integers(id, reading)?,
+            None if decoder.type_of(id)? == ty => decoder.components_of(id, width)?,
+            None => {
+                let (components, own) = decoder.components_of_width(id)?;
+                if own != width {
+                    return Err(decoder.invalid(format!("operand {at} of {} has {own} bits", family.name)));
+                }
+                components
+            }
         };
-        let wide = own == 64;
-        if row.operands[at] == 2 && !wide {
-            return Err(decoder.invalid(format!("operand {at} of {} has {own} bits", family.name)));
-        }
         if operands[at].len() != operands[0].len() {
             return Err(decoder.invalid(format!("the operands of {} differ in size", family.name)));
         }
@@ -154,7 +161,30 @@ pub fn componentwise(
             words.push(to.plus(1));
         }
     }
+    if std::ptr::eq(family, &bit::BitCount) {
+        words = counts(decoder, instruction, &words)?;
+    }
     // Constants of 64 bits may be shared, but each pair lies together; the rest needs nothing.
     decoder.result(instruction, words);
     Ok(())
+}
+
+/// How an operand is read whose width has nothing to do with that of the others.
+fn free_width(family: &'static Family, at: usize) -> Option<Reading> {
+    let is = |known: &'static Family| std::ptr::eq(family, known);
+    if at != 1 {
+        return None;
+    }
+    if is(&bit::ShiftLeftLogical) || is(&bit::ShiftRightLogical) || is(&bit::ShiftRightArithmetic) {
+        return Some(Reading::Unsigned);
+    }
+    is(&glsl::Ldexp).then_some(Reading::Number)
+}
+
+/// Numbers of one word, unsigned and below 256, in the width of the result.
+fn counts(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &[Reg]) -> Result<Words> {
+    let width = decoder.result_type(instruction).and_then(|ty| decoder.scalar_width(ty))?;
+    let Some(row) = conversion::row(Conversion::U, 32, width) else { return Ok(words.into()) };
+    let counts = words.iter().map(|&word| decoder.row(row, &[word])).collect::<Result<Words>>()?;
+    Ok(decoder.spread(&counts, width))
 }

@@ -9,6 +9,7 @@ use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Instruction};
 use crate::ops::decode::{Decoder, InputRows, InterfaceRows, Slot, Words};
 use crate::ops::image::access::TexelPlace;
+use crate::ops::integer_operand::Reading;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
 use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::object::check_moved;
@@ -452,7 +453,7 @@ fn element_step(
         _ => decoder.word_count(element)?,
     };
     pointer.pointee = element;
-    let index = unsigned_index(decoder, index)?;
+    let index = decoder.integer(index, Reading::Index)?;
     let constant = decoder.constant_word(index);
     // A handle's upper bits name the slot: an array without an end must not reach them.
     let length = match (&pointer.place, length) {
@@ -490,24 +491,6 @@ fn element_step(
         pointer.offset = 0;
     }
     Ok(pointer)
-}
-
-/// An index as one unsigned word: a 64-bit one saturates, a negative one becomes huge.
-fn unsigned_index(decoder: &mut Decoder<'_>, id: crate::module::Id) -> Result<Reg> {
-    let ty = decoder.type_of(id)?;
-    let words = decoder.words(id)?;
-    let Some(&first) = words.first() else { return Err(decoder.invalid("an index without a value")) };
-    match *decoder.module.ty(ty) {
-        Type::Int { width: 64, .. } => {
-            decoder.row(&crate::ops::composite::index::SaturateIndex.rows[0], &[first])
-        }
-        Type::Int { width: width @ (8 | 16), signed: true } => {
-            let row = crate::ops::conversion::row(crate::ops::conversion::Conversion::S, width, 32);
-            decoder.row(row.expect("bug in anyhit: a conversion is missing"), &[first])
-        }
-        Type::Int { .. } => Ok(first),
-        _ => Err(decoder.invalid("an index that is no integer")),
-    }
 }
 
 /// The alignment among memory operands that begin at a position: a mask, then a literal where its

@@ -163,13 +163,14 @@ impl Trace<'_, '_> {
     }
 }
 
-fn instructions(module: &Module) -> impl Iterator<Item = &Instruction> {
+/// Every instruction of every function.
+pub(super) fn instructions(module: &Module) -> impl Iterator<Item = &Instruction> {
     let blocks = module.functions.iter().flat_map(|function| &function.blocks);
     blocks.flat_map(|block| &block.instructions)
 }
 
 /// Opcodes that make pointers of pointers.
-mod opcode {
+pub(super) mod opcode {
     pub const UNDEF: u16 = 1;
     pub const FUNCTION_CALL: u16 = 57;
     pub const ACCESS_CHAIN: u16 = 65;

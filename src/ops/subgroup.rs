@@ -14,7 +14,9 @@ use crate::error::Result;
 use crate::machine::{Batch, Reg, Registers};
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
+use crate::ops::conversion::{self, Conversion};
 use crate::ops::decode::{Decoder, Words, rows_from};
+use crate::ops::integer_operand::Reading;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::row::{Family, Row};
 use crate::ops::{arithmetic, bit, glsl, relational_logical};
@@ -425,14 +427,33 @@ fn emit(
     operand: Option<Id>,
 ) -> Result<()> {
     let mut rows = [(Reg(0), 0); 2];
-    for (rows, id) in rows.iter_mut().zip([value, operand]) {
-        if let Some(id) = id {
-            let words = decoder.words(id)?;
-            *rows = (decoder.consecutive(&words)?, words.len() as u32);
-        }
+    if let Some(id) = value {
+        let words = decoder.words(id)?;
+        rows[0] = (decoder.consecutive(&words)?, words.len() as u32);
+    }
+    if let Some(id) = operand {
+        // An invocation's place, or a bit's, an integer of any width.
+        rows[1] = match kind {
+            Kind::Read(_) | Kind::Extract { .. } => (decoder.integer(id, Reading::Unsigned)?, 1),
+            _ => {
+                let words = decoder.words(id)?;
+                (decoder.consecutive(&words)?, words.len() as u32)
+            }
+        };
     }
     let ty = decoder.result_type(instruction)?;
     let results = decoder.word_count(ty)?;
+    if let Kind::Bits(_) = kind {
+        // Counted in 32 bits, and given in those of the result.
+        let counted = append(decoder, kind, 1, rows)?;
+        let width = decoder.scalar_width(ty)?;
+        let first = match conversion::row(Conversion::U, 32, width) {
+            Some(row) => decoder.row(row, &[counted])?,
+            None => counted,
+        };
+        decoder.result(instruction, rows_from(first, results));
+        return Ok(());
+    }
     let fits = match kind {
         Kind::Read(_) => rows[0].1 == results,
         Kind::Ballot | Kind::Partition => results == 4,

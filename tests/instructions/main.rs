@@ -19,6 +19,7 @@ mod memory;
 mod messages;
 mod motion;
 mod null_pointers;
+mod operand_types;
 mod pointers;
 mod ray_queries;
 mod resources;

@@ -304,3 +304,70 @@ fn inputs_are_builtins_or_have_a_location() {
     assert_eq!(without.notes(), ["VUID-StandaloneSpirv-Location-04916"]);
     assert_eq!(error("OpDecorate %lonely Location 0").kind(), ErrorKind::UnsupportedModule);
 }
+
+#[test]
+fn elements_are_counted_in_the_stride_of_their_array() {
+    // Elements of eight bytes, four of them used; the pointers' type has no ArrayStride.
+    let layout = "
+        OpDecorate %words ArrayStride 8
+        OpDecorate %block Block
+        OpMemberDecorate %block 0 Offset 0
+        OpDecorate %a DescriptorSet 0
+        OpDecorate %a Binding 1";
+    let declarations = "
+        %words = OpTypeArray %uint %u8
+        %block = OpTypeStruct %words
+        %to_block = OpTypePointer StorageBuffer %block
+        %a = OpVariable %to_block StorageBuffer
+        %uint_of_pointer = OpTypeFunction %uint %ptr_StorageBuffer_uint";
+    let functions = "
+        %from_first = OpFunction %uint None %uint_of_pointer
+        %pointer = OpFunctionParameter %ptr_StorageBuffer_uint
+        %start = OpLabel
+        %origin = OpAccessChain %ptr_StorageBuffer_uint %a %u0 %u0
+        %steps = OpPtrDiff %uint %pointer %origin
+        OpReturnValue %steps
+        OpFunctionEnd";
+    let shader = |body: &'static str| Shader {
+        capabilities: CAPABILITIES,
+        annotations: layout,
+        declarations,
+        body,
+        functions,
+        ..Shader::default()
+    };
+    let mut resources = || Resources::default().bind(0, 1, Descriptor::Buffer(Buffer::zeroed(64)));
+    let found = shader(
+        "%at = OpBitwiseAnd %uint %id %u7
+         %p = OpAccessChain %ptr_StorageBuffer_uint %a %u0 %at
+         %q = OpAccessChain %ptr_StorageBuffer_uint %a %u0 %u2
+         %there = OpPtrDiff %int %p %q
+         %there_word = OpBitcast %uint %there
+         out 0 %there_word
+         %wide = OpPtrDiff %long %p %q
+         %wide_word = OpUConvert %uint %wide
+         out 1 %wide_word
+         %odd_word = OpBitwiseAnd %uint %id %u1
+         %odd = OpIEqual %bool %odd_word %u1
+         %either = OpSelect %ptr_StorageBuffer_uint %odd %p %q
+         %steps_on = OpFunctionCall %uint %from_first %either
+         out 2 %steps_on",
+    )
+    .run_with(&mut resources)
+    .unwrap_or_else(|error| panic!("{}", error.render()));
+    for (id, words) in found.iter().enumerate() {
+        let at = id as u32 % 8;
+        let either = if id % 2 == 1 { at } else { 2 };
+        assert_eq!(words[..3], [at.wrapping_sub(2), at.wrapping_sub(2), either], "invocation {id}");
+    }
+    // OpPtrAccessChain needs the decoration in storage buffers.
+    let error = shader(
+        "%p = OpAccessChain %ptr_StorageBuffer_uint %a %u0 %u0
+         %q = OpPtrAccessChain %ptr_StorageBuffer_uint %p %u1
+         %v = OpLoad %uint %q
+         out 0 %v",
+    )
+    .refused();
+    assert_eq!(error.kind(), anyhit::ErrorKind::InvalidModule);
+    assert!(error.message().contains("ArrayStride"), "{}", error.render());
+}

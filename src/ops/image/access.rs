@@ -14,8 +14,9 @@ use crate::module::ty::Type;
 use crate::ops::decode::{Decoder, Value, Words};
 use crate::ops::image::operands::Operands;
 use crate::ops::image::reader::Reader;
-use crate::ops::image::view::{View, view_of};
+use crate::ops::image::view::{View, check_texel, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::integer_operand::Reading;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Place, Pointer};
 
@@ -218,7 +219,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let operands = Operands::read(decoder, instruction, 2, false)?;
             let place = place(decoder, instruction, &operands)?;
             let sparse = matches!(opcode, Opcode::ImageSparseFetch | Opcode::ImageSparseRead);
-            let to = texel_result(decoder, instruction, sparse)?;
+            let to = texel_result(decoder, instruction, sparse, true)?;
             if to.wide != place.view.wide {
                 return Err(decoder.invalid("the texel's type is not the image's Sampled Type"));
             }
@@ -228,7 +229,9 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let operands = Operands::read(decoder, instruction, 3, false)?;
             let place = place(decoder, instruction, &operands)?;
             let id = decoder.id(instruction, 2)?;
-            let wide = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))? == 64;
+            let ty = decoder.type_of(id)?;
+            check_texel(decoder, decoder.id(instruction, 0)?, ty)?;
+            let wide = decoder.scalar_width(ty)? == 64;
             if wide != place.view.wide {
                 return Err(decoder.invalid("the texel's type is not the image's Sampled Type"));
             }
@@ -255,16 +258,7 @@ fn place(decoder: &mut Decoder<'_>, instruction: &Instruction, operands: &Operan
 /// The integer coordinates of operand 1.
 fn integers(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words> {
     let id = decoder.id(instruction, 1)?;
-    let ty = decoder.type_of(id)?;
-    let scalar = match *decoder.module.ty(ty) {
-        Type::Vector { component, .. } => component,
-        _ => ty,
-    };
-    match *decoder.module.ty(scalar) {
-        Type::Int { width: 32, .. } => decoder.words(id),
-        Type::Int { width, .. } => Err(decoder.unsupported(format!("texel coordinates of {width} bits"))),
-        _ => Err(decoder.invalid("texel coordinates that are no integers")),
-    }
+    decoder.integers(id, Reading::Coordinate)
 }
 
 fn texel_pointer(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()> {
@@ -277,7 +271,8 @@ fn texel_pointer(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result
     let variable = decoder.pointer(id)?;
     let image = crate::ops::load_store::load(decoder, &variable)?[0];
     let coordinate = integers(decoder, instruction)?;
-    let sample = decoder.operand(instruction, 2)?[0];
+    let sample = decoder.id(instruction, 2)?;
+    let sample = decoder.integer(sample, Reading::Coordinate)?;
     let sample = Some(sample).filter(|_| view.multisampled);
     let operands = Operands { sample, ..Operands::default() };
     let place = TexelPlace::new(decoder, view, image, coordinate, &operands)?;

@@ -229,8 +229,13 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
 }
 
 /// The rows of an instruction's texel, and its result made of them; a sparse one stands behind its
-/// residency code.
-fn texel_result(decoder: &mut Decoder<'_>, instruction: &Instruction, sparse: bool) -> Result<Texel> {
+/// residency code. `checked` says that it comes from the image of operand 0.
+fn texel_result(
+    decoder: &mut Decoder<'_>,
+    instruction: &Instruction,
+    sparse: bool,
+    checked: bool,
+) -> Result<Texel> {
     let mut ty = decoder.result_type(instruction)?;
     let mut words = Words::new();
     if sparse {
@@ -239,6 +244,9 @@ fn texel_result(decoder: &mut Decoder<'_>, instruction: &Instruction, sparse: bo
             _ => return Err(decoder.invalid("a sparse image instruction gives a struct of code and texel")),
         };
         words.push(decoder.constant(0)?);
+    }
+    if checked {
+        view::check_texel(decoder, decoder.id(instruction, 0)?, ty)?;
     }
     let width = decoder.scalar_width(ty)?;
     let texel = Texel { to: Reg(0), count: decoder.component_count(ty), wide: width == 64 };

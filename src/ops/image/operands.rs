@@ -3,10 +3,13 @@
 use crate::error::Result;
 use crate::machine::Reg;
 use crate::machine::format::Class;
+use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
+use crate::ops::conversion::{self, Conversion};
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::image::filter::Lod;
 use crate::ops::image::reader::Reader;
+use crate::ops::integer_operand::Reading;
 
 const BIAS: u32 = 0x1;
 const LOD: u32 = 0x2;
@@ -67,7 +70,7 @@ impl Operands {
         };
         let mut ids = ids.iter();
         let mut words = |decoder: &mut Decoder<'_>| match ids.next() {
-            Some(&id) => decoder.words(Id(id)),
+            Some(&id) => number(decoder, Id(id)),
             None => Err(decoder.invalid("an image operand is missing")),
         };
         if mask & BIAS != 0 && implicit {
@@ -166,6 +169,27 @@ impl Operands {
         let gradients = self.gradients.iter().flatten().flatten().copied();
         let offsets = [&self.offset, &self.offsets].into_iter().flatten().flatten().copied();
         single.chain(gradients).chain(offsets)
+    }
+}
+
+/// The components of a number of any width: integers as one word each, floats in 32 bits.
+///
+/// # Errors
+/// `UnsupportedModule` for arrays of numbers of other than 32 bits.
+pub fn number(decoder: &mut Decoder<'_>, id: Id) -> Result<Words> {
+    let ty = decoder.type_of(id)?;
+    let scalar = match *decoder.module.ty(ty) {
+        Type::Vector { component, .. } => component,
+        _ => ty,
+    };
+    match *decoder.module.ty(scalar) {
+        Type::Int { .. } => decoder.integers(id, Reading::Coordinate),
+        Type::Float { .. } => {
+            let (components, width) = decoder.components_of_width(id)?;
+            let Some(row) = conversion::row(Conversion::F, width, 32) else { return Ok(components) };
+            components.iter().map(|&component| decoder.row(row, &[component])).collect()
+        }
+        _ => decoder.words(id),
     }
 }
 

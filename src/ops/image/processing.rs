@@ -346,7 +346,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             }
         }
     };
-    let to = texel_result(decoder, instruction, false)?;
+    let to = texel_result(decoder, instruction, false, false)?;
     decoder.emit(Operation::Image(Op::Process(Box::new(Process { to, target, coordinate, kind }))));
     Ok(true)
 }

@@ -10,6 +10,7 @@ use crate::ops::decode::Decoder;
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::integer_operand::Reading;
 use crate::ops::op::{Access, Op as Operation};
 
 /// What is asked.
@@ -79,7 +80,10 @@ impl Query {
 pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     let question = match opcode {
         Opcode::ImageQuerySize => Question::Size(None),
-        Opcode::ImageQuerySizeLod => Question::Size(Some(decoder.operand(instruction, 1)?[0])),
+        Opcode::ImageQuerySizeLod => {
+            let level = decoder.id(instruction, 1)?;
+            Question::Size(Some(decoder.integer(level, Reading::Coordinate)?))
+        }
         Opcode::ImageQueryLevels => Question::Levels,
         Opcode::ImageQuerySamples => Question::Samples,
         _ => return Ok(false),
@@ -87,7 +91,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     let id = decoder.id(instruction, 0)?;
     let view = view_of(decoder, id)?;
     let image = decoder.words(id)?[0];
-    let to = texel_result(decoder, instruction, false)?;
+    let to = texel_result(decoder, instruction, false, false)?;
     decoder.emit(Operation::Image(Op::Query(Query { to, view, image, question })));
     Ok(true)
 }

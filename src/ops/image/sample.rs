@@ -7,11 +7,12 @@ use crate::error::Result;
 use crate::machine::image::Dimension;
 use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
+use crate::module::ty::Type;
 use crate::ops::arithmetic::FDiv;
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::derivative::derivative;
 use crate::ops::image::filter::Lookup;
-use crate::ops::image::operands::Operands;
+use crate::ops::image::operands::{self, Operands};
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
@@ -207,7 +208,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         _ if queries => Kind::Level,
         _ => Kind::Filter,
     };
-    let to = texel_result(decoder, instruction, sparse)?;
+    let to = texel_result(decoder, instruction, sparse, !queries)?;
     let sample = Sample {
         to,
         kind,
@@ -230,9 +231,15 @@ fn divide() -> &'static Row {
 /// The coordinates of operand 1.
 fn floats(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words> {
     let id = decoder.id(instruction, 1)?;
-    let width = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))?;
-    if width != 32 {
-        return Err(decoder.unsupported(format!("coordinates of {width} bits")));
+    let ty = decoder.type_of(id)?;
+    let scalar = match *decoder.module.ty(ty) {
+        Type::Vector { component, .. } => component,
+        _ => ty,
+    };
+    if !matches!(decoder.module.ty(scalar), Type::Float { .. }) {
+        return Err(decoder
+            .invalid("the coordinate of a sample is a float scalar or vector")
+            .note("SPIR-V 3.3.10: unless the Kernel capability is declared, it must be floating point"));
     }
-    decoder.words(id)
+    operands::number(decoder, id)
 }

@@ -5,7 +5,7 @@ use crate::machine::format::Class;
 use crate::machine::image::{Dimension, Image};
 use crate::machine::{Bindings, Descriptor, TrapCode};
 use crate::module::Id;
-use crate::module::ty::{ImageType, Type};
+use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::decode::Decoder;
 use crate::ops::memory::OUT_OF_BOUNDS;
 
@@ -59,6 +59,28 @@ impl View {
 
 /// The view that an image or sampled image has by its type.
 pub fn view_of(decoder: &Decoder<'_>, id: Id) -> Result<View> {
+    view(decoder, &image_type(decoder, id)?)
+}
+
+/// Holds the type of a texel that is read or written against the image's `Sampled Type`.
+///
+/// # Errors
+/// `InvalidModule` where they differ.
+pub fn check_texel(decoder: &Decoder<'_>, image: Id, texel: TypeId) -> Result<()> {
+    let sampled = image_type(decoder, image)?.sampled_type;
+    let component = match *decoder.module.ty(texel) {
+        Type::Vector { component, .. } => component,
+        _ => texel,
+    };
+    if component == sampled || *decoder.module.ty(sampled) == Type::Void {
+        return Ok(());
+    }
+    let [texel, sampled] = [texel, sampled].map(|ty| decoder.module.describe_type(ty));
+    let message = format!("a texel of type {texel} of an image whose Sampled Type is {sampled}");
+    Err(decoder.invalid(message).note("SPIR-V 3.3.10: its components are the same as Sampled Type"))
+}
+
+fn image_type(decoder: &Decoder<'_>, id: Id) -> Result<ImageType> {
     let mut ty = decoder.type_of(id)?;
     if let Type::Pointer { pointee: Some(pointee), .. } = *decoder.module.ty(ty) {
         ty = pointee;
@@ -67,7 +89,7 @@ pub fn view_of(decoder: &Decoder<'_>, id: Id) -> Result<View> {
         ty = image;
     }
     match *decoder.module.ty(ty) {
-        Type::Image(image) => view(decoder, &image),
+        Type::Image(image) => Ok(image),
         _ => Err(decoder.invalid(format!("%{} is no image", id.0))),
     }
 }

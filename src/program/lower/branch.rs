@@ -7,6 +7,7 @@ use crate::machine::{Exit, Reg};
 use crate::module::{Id, Instruction, Module};
 use crate::ops::memory;
 use crate::ops::op::Op;
+use crate::ops::operand_types;
 use crate::program::Terminator;
 use crate::program::control_flow::block_of;
 use crate::program::lower::{Lowering, Return, Site, opcode};
@@ -22,6 +23,7 @@ impl Lowering<'_> {
                 self.end(Terminator::Branch(label));
             }
             opcode::BRANCH_CONDITIONAL => {
+                operand_types::check(&self.decoder, instruction.opcode, instruction)?;
                 let condition = self.decoder.operand(instruction, 0)?[0];
                 let targets = [self.decoder.id(instruction, 1)?, self.decoder.id(instruction, 2)?];
                 if let Some(known) = self.decoder.constant_word(condition).filter(|_| self.decoder.optimizes)
@@ -39,6 +41,7 @@ impl Lowering<'_> {
                 self.edges(place, edges)?;
             }
             opcode::SWITCH => {
+                operand_types::check(&self.decoder, instruction.opcode, instruction)?;
                 let selector = self.decoder.operand(instruction, 0)?;
                 let words = self.module.switch_literal_words(instruction);
                 let operands = self.module.operands(instruction);

@@ -1,0 +1,363 @@
+//! Which types the operands of an instruction may have (SPIR-V 3.3 and `GLSL.std.450`, section 2, as
+//! spirv-val reads them): held against an instruction before it is decoded, so that what decodes it
+//! may rely on them.
+//!
+//! Types that this crate only carries, and floats of another encoding, are left to whoever decodes
+//! the instruction.
+
+mod rules;
+
+use crate::error::Result;
+use crate::module::names::{ext_inst_name, opcode_name};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Id, Instruction, Module};
+use crate::ops::decode::Decoder;
+
+pub use rules::{Rule, core, glsl};
+
+/// Sets of scalar types.
+pub mod kinds {
+    /// `OpTypeBool`
+    pub const BOOL: u32 = 1;
+    /// `OpTypeInt` with a sign.
+    pub const SINT: u32 = 2;
+    /// `OpTypeInt` without a sign.
+    pub const UINT: u32 = 4;
+    /// `OpTypeFloat`
+    pub const FLOAT: u32 = 8;
+    /// `OpTypeInt`
+    pub const INT: u32 = SINT | UINT;
+    /// What one calculates with.
+    pub const NUMBER: u32 = INT | FLOAT;
+    /// Any scalar.
+    pub const SCALAR: u32 = NUMBER | BOOL;
+}
+
+/// What a position must be. Positions count from the result, 0; the first operand is 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Must {
+    /// Anything, or a literal.
+    Any,
+    /// A scalar or vector of these kinds.
+    Be(u32),
+    /// A scalar of these kinds.
+    Scalar(u32),
+    /// A vector of these kinds.
+    Vector(u32),
+    /// A scalar or vector of these kinds and so many bits.
+    Bits(u32, u32),
+    /// A scalar of these kinds and so many bits.
+    ScalarBits(u32, u32),
+    /// A vector of so many components of these kinds and so many bits: kinds, bits, components.
+    VectorBits(u32, u32, u32),
+    /// The type of a position.
+    Same(usize),
+    /// Of these kinds, with the components and bits of a position.
+    Like(u32, usize),
+    /// Of these kinds, with as many components as a position.
+    Count(u32, usize),
+    /// As [`Must::Count`], of other bits.
+    Converted(u32, usize),
+    /// The component type of a position, which is a vector or matrix.
+    ComponentOf(usize),
+    /// A vector with components of the type of a position.
+    VectorOf(usize),
+    /// A scalar or vector with components of the type of a position.
+    PartsOf(usize),
+    /// A struct of two members of one type, of these kinds.
+    Pair(u32),
+    /// The type of the first member of a position, which is a struct.
+    MemberOf(usize),
+    /// A pointer to the type of a position.
+    PointerTo(usize),
+    /// What a position points to.
+    Pointee(usize),
+    /// Scalar conditions for any composite, or one for each component of the position.
+    Condition(usize),
+}
+
+/// A scalar type as rules see it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Scalar {
+    kind: u32,
+    width: u32,
+}
+
+/// A scalar (`vector` is false, `count` 1) or vector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Numeric {
+    scalar: Scalar,
+    component: TypeId,
+    count: u32,
+    vector: bool,
+}
+
+/// Refuses an instruction whose operands have types that it does not exist for.
+///
+/// # Errors
+/// `InvalidModule`
+pub fn check(decoder: &Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
+    const EXT_INST: u16 = rspirv::spirv::Op::ExtInst as u16;
+    let operands = decoder.operands(instruction);
+    let (rule, operands, name) = match (number, operands) {
+        (EXT_INST, &[set, number, ref operands @ ..]) => {
+            let Some(Definition::InstructionSet(at)) = decoder.module.definition(Id(set)) else {
+                return Ok(());
+            };
+            let set = decoder.module.instruction_sets[at as usize].as_str();
+            if set != "GLSL.std.450" {
+                return Ok(());
+            }
+            let Some(rule) = glsl(number) else { return Ok(()) };
+            let name = ext_inst_name(set, number);
+            if operands.len() != rule.operands.len() {
+                let count = rule.operands.len();
+                return Err(decoder.invalid(format!("{name} takes {count} operands, not {}", operands.len())));
+            }
+            (rule, operands, name)
+        }
+        _ => {
+            let Some(rule) = core(number) else { return Ok(()) };
+            (rule, operands, opcode_name(number))
+        }
+    };
+    let mut checked = Checked { decoder, name: &name, types: [None; MOST], count: 0 };
+    if rule.result != Must::Any {
+        let ty = decoder.result_type(instruction)?;
+        checked.position(rule.result, ty)?;
+    } else {
+        checked.types[0] = instruction.result_type.and_then(|id| decoder.module.type_with_id(id));
+        checked.count = 1;
+    }
+    for (&must, &operand) in rule.operands.iter().zip(operands) {
+        match must {
+            Must::Any => {
+                checked.push(decoder.module.type_of(Id(operand)));
+            }
+            _ => {
+                let ty = decoder.type_of(Id(operand))?;
+                checked.position(must, ty)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Positions of a rule at the most.
+const MOST: usize = 12;
+
+/// The positions so far of an instruction that is checked.
+struct Checked<'a, 'm> {
+    decoder: &'a Decoder<'m>,
+    name: &'a str,
+    types: [Option<TypeId>; MOST],
+    count: usize,
+}
+
+impl Checked<'_, '_> {
+    fn push(&mut self, ty: Option<TypeId>) {
+        if let Some(place) = self.types.get_mut(self.count) {
+            *place = ty;
+        }
+        self.count += 1;
+    }
+
+    fn position(&mut self, must: Must, ty: TypeId) -> Result<()> {
+        let at = self.count;
+        self.push(Some(ty));
+        if self.is(must, ty) {
+            return Ok(());
+        }
+        let module = self.decoder.module;
+        let found = module.describe_type(ty);
+        let name = self.name;
+        let needed = self.describe(must);
+        let which = if at == 0 { "the result".to_owned() } else { format!("operand {at}") };
+        let message = format!("{which} of {name} is of type {found}, where {needed} must be");
+        Err(self.decoder.invalid(message).note(format!("the section of {name} in its specification")))
+    }
+
+    /// Whether a type is what a position must be; what rules do not know passes.
+    fn is(&self, must: Must, ty: TypeId) -> bool {
+        let module = self.decoder.module;
+        if is_foreign(module, ty) {
+            return true;
+        }
+        let other = |at: usize| self.types.get(at).copied().flatten();
+        // A position that rules do not know binds nothing.
+        let unknown = |at: usize| other(at).is_none_or(|ty| is_foreign(module, ty));
+        let own = numeric(module, ty);
+        let of = |kinds: u32| own.filter(|own| own.scalar.kind & kinds != 0);
+        match must {
+            Must::Any => true,
+            Must::Be(kinds) => of(kinds).is_some(),
+            Must::Scalar(kinds) => of(kinds).is_some_and(|own| !own.vector),
+            Must::Vector(kinds) => of(kinds).is_some_and(|own| own.vector),
+            Must::Bits(kinds, bits) => of(kinds).is_some_and(|own| own.scalar.width == bits),
+            Must::ScalarBits(kinds, bits) => {
+                of(kinds).is_some_and(|own| !own.vector && own.scalar.width == bits)
+            }
+            Must::VectorBits(kinds, bits, count) => {
+                of(kinds).is_some_and(|own| own.vector && own.scalar.width == bits && own.count == count)
+            }
+            Must::Same(at) => unknown(at) || other(at) == Some(ty),
+            Must::Like(kinds, at) => {
+                unknown(at)
+                    || of(kinds).zip(self.numeric(at)).is_some_and(|(own, like)| {
+                        own.scalar.width == like.scalar.width && own.count == like.count
+                    })
+            }
+            Must::Count(kinds, at) => {
+                unknown(at)
+                    || of(kinds).zip(self.numeric(at)).is_some_and(|(own, like)| own.count == like.count)
+            }
+            Must::Converted(kinds, at) => {
+                unknown(at)
+                    || of(kinds).zip(self.numeric(at)).is_some_and(|(own, like)| {
+                        own.scalar.width != like.scalar.width && own.count == like.count
+                    })
+            }
+            Must::ComponentOf(at) => {
+                unknown(at) || other(at).and_then(|other| component(module, other)) == Some(ty)
+            }
+            Must::VectorOf(at) => {
+                unknown(at) || own.is_some_and(|own| own.vector && Some(own.component) == other(at))
+            }
+            Must::PartsOf(at) => unknown(at) || own.is_some_and(|own| Some(own.component) == other(at)),
+            Must::Pair(kinds) => match module.ty(ty) {
+                Type::Struct { members, .. } => match members[..] {
+                    [ref a, ref b] => {
+                        a.ty == b.ty
+                            && (is_foreign(module, a.ty)
+                                || numeric(module, a.ty).is_some_and(|own| own.scalar.kind & kinds != 0))
+                    }
+                    _ => false,
+                },
+                _ => false,
+            },
+            Must::MemberOf(at) => {
+                unknown(at) || other(at).and_then(|other| member(module, other)) == Some(ty)
+            }
+            Must::PointerTo(at) => match *module.ty(ty) {
+                Type::Pointer { pointee, .. } => {
+                    unknown(at) || pointee.is_none_or(|ty| Some(ty) == other(at))
+                }
+                _ => false,
+            },
+            Must::Pointee(at) => match other(at).map(|pointer| module.ty(pointer)) {
+                Some(&Type::Pointer { pointee: Some(pointee), .. }) => ty == pointee,
+                _ => true,
+            },
+            Must::Condition(at) => of(kinds::BOOL).is_some_and(|own| {
+                let of_each = |like: Numeric| like.vector && like.count == own.count;
+                !own.vector || unknown(at) || self.numeric(at).is_some_and(of_each)
+            }),
+        }
+    }
+
+    fn numeric(&self, at: usize) -> Option<Numeric> {
+        numeric(self.decoder.module, self.types.get(at).copied().flatten()?)
+    }
+
+    /// What a position must be, in words.
+    fn describe(&self, must: Must) -> String {
+        let module = self.decoder.module;
+        let name = |at: usize| {
+            let ty = self.types.get(at).copied().flatten();
+            let ty = ty.map_or_else(|| "unknown".to_owned(), |ty| module.describe_type(ty));
+            match at {
+                0 => format!("the result ({ty})"),
+                _ => format!("operand {at} ({ty})"),
+            }
+        };
+        match must {
+            Must::Any => "anything".to_owned(),
+            Must::Be(kinds) => format!("{} scalar or vector", told(kinds)),
+            Must::Scalar(kinds) => format!("{} scalar", told(kinds)),
+            Must::Vector(kinds) => format!("{} vector", told(kinds)),
+            Must::Bits(kinds, bits) => format!("{} scalar or vector of {bits} bits", told(kinds)),
+            Must::ScalarBits(kinds, bits) => format!("{} scalar of {bits} bits", told(kinds)),
+            Must::VectorBits(kinds, bits, count) => {
+                format!("{} vector of {count} components of {bits} bits", told(kinds))
+            }
+            Must::Same(at) => format!("the type of {}", name(at)),
+            Must::Like(kinds, at) => {
+                format!("{} scalar or vector with the components and bits of {}", told(kinds), name(at))
+            }
+            Must::Count(kinds, at) => {
+                format!("{} scalar or vector with as many components as {}", told(kinds), name(at))
+            }
+            Must::Converted(kinds, at) => {
+                format!(
+                    "{} scalar or vector of other bits than {}, and as many components",
+                    told(kinds),
+                    name(at)
+                )
+            }
+            Must::ComponentOf(at) => format!("the component type of {}", name(at)),
+            Must::VectorOf(at) => format!("a vector of components like {}", name(at)),
+            Must::PartsOf(at) => format!("a scalar or vector of components like {}", name(at)),
+            Must::Pair(kinds) => {
+                format!("a struct of two members of one type, {} scalar or vector", told(kinds))
+            }
+            Must::MemberOf(at) => format!("the type of the members of {}", name(at)),
+            Must::PointerTo(at) => format!("a pointer to the type of {}", name(at)),
+            Must::Pointee(at) => format!("what {} leads to", name(at)),
+            Must::Condition(at) => format!("a bool, or as many as {} has components", name(at)),
+        }
+    }
+}
+
+fn told(set: u32) -> &'static str {
+    match set {
+        kinds::BOOL => "a bool",
+        kinds::SINT => "a signed integer",
+        kinds::UINT => "an unsigned integer",
+        kinds::FLOAT => "a float",
+        kinds::INT => "an integer",
+        kinds::NUMBER => "a number",
+        _ => "any",
+    }
+}
+
+/// What rules leave alone: types that are only carried, floats of another encoding, and what is made of
+/// them.
+fn is_foreign(module: &Module, ty: TypeId) -> bool {
+    match *module.ty(ty) {
+        Type::Other(_) | Type::Float { encoding: Some(_), .. } => true,
+        Type::Vector { component, .. } => is_foreign(module, component),
+        _ => false,
+    }
+}
+
+/// A scalar or vector.
+fn numeric(module: &Module, ty: TypeId) -> Option<Numeric> {
+    let (component, count, vector) = match *module.ty(ty) {
+        Type::Vector { component, count } => (component, count, true),
+        _ => (ty, 1, false),
+    };
+    let scalar = match *module.ty(component) {
+        Type::Bool => Scalar { kind: kinds::BOOL, width: 0 },
+        Type::Int { width, signed } => Scalar { kind: if signed { kinds::SINT } else { kinds::UINT }, width },
+        Type::Float { width, .. } => Scalar { kind: kinds::FLOAT, width },
+        _ => return None,
+    };
+    Some(Numeric { scalar, component, count, vector })
+}
+
+/// The type of the scalars of a vector or matrix.
+fn component(module: &Module, ty: TypeId) -> Option<TypeId> {
+    match *module.ty(ty) {
+        Type::Vector { component, .. } => Some(component),
+        Type::Matrix { column, .. } => self::component(module, column),
+        _ => None,
+    }
+}
+
+/// The type of a struct's first member.
+fn member(module: &Module, ty: TypeId) -> Option<TypeId> {
+    match module.ty(ty) {
+        Type::Struct { members, .. } => members.first().map(|member| member.ty),
+        _ => None,
+    }
+}

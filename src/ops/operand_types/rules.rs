@@ -1,0 +1,478 @@
+//! The rules: one for all instructions with operands of the same types.
+
+use rspirv::spirv::{GlslStd450Op as G, Op};
+
+use crate::ops::operand_types::Must::{
+    self, Any, Be, Bits, ComponentOf, Condition, Converted, Count, Like, MemberOf, Pair, PartsOf, Pointee,
+    PointerTo, Same, Scalar, ScalarBits, Vector, VectorBits, VectorOf,
+};
+use crate::ops::operand_types::kinds::{BOOL, FLOAT, INT, SCALAR, UINT};
+
+/// The types of an instruction's result and operands.
+#[derive(Debug)]
+pub struct Rule {
+    /// What the result must be.
+    pub result: Must,
+    /// What each operand must be; those behind are not told.
+    pub operands: &'static [Must],
+}
+
+const fn rule(result: Must, operands: &'static [Must]) -> Rule {
+    Rule { result, operands }
+}
+
+static FLOAT_UNARY: Rule = rule(Be(FLOAT), &[Same(0)]);
+static FLOAT_BINARY: Rule = rule(Be(FLOAT), &[Same(0), Same(0)]);
+static FLOAT_TERNARY: Rule = rule(Be(FLOAT), &[Same(0), Same(0), Same(0)]);
+static INT_UNARY: Rule = rule(Be(INT), &[Like(INT, 0)]);
+static INT_BINARY: Rule = rule(Be(INT), &[Like(INT, 0), Like(INT, 0)]);
+static INT_TERNARY: Rule = rule(Be(INT), &[Like(INT, 0), Like(INT, 0), Like(INT, 0)]);
+static UINT_BINARY: Rule = rule(Be(UINT), &[Same(0), Same(0)]);
+static BOOL_BINARY: Rule = rule(Be(BOOL), &[Same(0), Same(0)]);
+
+/// The rule of an opcode; `None` where its decoder checks for itself.
+pub fn core(number: u16) -> Option<&'static Rule> {
+    Some(match Op::from_u32(number.into())? {
+        Op::FNegate => &FLOAT_UNARY,
+        Op::FAdd | Op::FSub | Op::FMul | Op::FDiv | Op::FRem | Op::FMod => &FLOAT_BINARY,
+        Op::FmaKHR => &FLOAT_TERNARY,
+        Op::UDiv | Op::UMod => &UINT_BINARY,
+        Op::SNegate | Op::Not => &INT_UNARY,
+        Op::IAdd | Op::ISub | Op::IMul | Op::SDiv | Op::SMod | Op::SRem => &INT_BINARY,
+        Op::BitwiseOr | Op::BitwiseXor | Op::BitwiseAnd => &INT_BINARY,
+        Op::IAddCarry | Op::ISubBorrow | Op::UMulExtended => {
+            static RULE: Rule = rule(Pair(UINT), &[MemberOf(0), MemberOf(0)]);
+            &RULE
+        }
+        Op::SMulExtended => {
+            static RULE: Rule = rule(Pair(INT), &[MemberOf(0), MemberOf(0)]);
+            &RULE
+        }
+        Op::Dot => {
+            static RULE: Rule = rule(Scalar(FLOAT), &[VectorOf(0), Same(1)]);
+            &RULE
+        }
+        Op::VectorTimesScalar => {
+            static RULE: Rule = rule(Vector(FLOAT), &[Same(0), ComponentOf(0)]);
+            &RULE
+        }
+        Op::MatrixTimesScalar => {
+            static RULE: Rule = rule(Any, &[Same(0), ComponentOf(0)]);
+            &RULE
+        }
+        Op::ShiftLeftLogical | Op::ShiftRightLogical | Op::ShiftRightArithmetic => {
+            static RULE: Rule = rule(Be(INT), &[Like(INT, 0), Count(INT, 0)]);
+            &RULE
+        }
+        Op::BitFieldInsert => {
+            static RULE: Rule = rule(Be(INT), &[Same(0), Same(0), Scalar(INT), Scalar(INT)]);
+            &RULE
+        }
+        Op::BitFieldSExtract | Op::BitFieldUExtract => {
+            static RULE: Rule = rule(Be(INT), &[Same(0), Scalar(INT), Scalar(INT)]);
+            &RULE
+        }
+        Op::BitReverse => {
+            static RULE: Rule = rule(Be(INT), &[Same(0)]);
+            &RULE
+        }
+        Op::BitCount => {
+            static RULE: Rule = rule(Be(INT), &[Count(INT, 0)]);
+            &RULE
+        }
+        Op::Any | Op::All => {
+            static RULE: Rule = rule(Scalar(BOOL), &[Vector(BOOL)]);
+            &RULE
+        }
+        Op::IsNan | Op::IsInf => {
+            static RULE: Rule = rule(Be(BOOL), &[Count(FLOAT, 0)]);
+            &RULE
+        }
+        Op::FOrdEqual
+        | Op::FUnordEqual
+        | Op::FOrdNotEqual
+        | Op::FUnordNotEqual
+        | Op::FOrdLessThan
+        | Op::FUnordLessThan
+        | Op::FOrdGreaterThan
+        | Op::FUnordGreaterThan
+        | Op::FOrdLessThanEqual
+        | Op::FUnordLessThanEqual
+        | Op::FOrdGreaterThanEqual
+        | Op::FUnordGreaterThanEqual
+        | Op::LessOrGreater
+        | Op::Ordered
+        | Op::Unordered => {
+            static RULE: Rule = rule(Be(BOOL), &[Count(FLOAT, 0), Same(1)]);
+            &RULE
+        }
+        Op::LogicalEqual | Op::LogicalNotEqual | Op::LogicalOr | Op::LogicalAnd => &BOOL_BINARY,
+        Op::LogicalNot => {
+            static RULE: Rule = rule(Be(BOOL), &[Same(0)]);
+            &RULE
+        }
+        Op::IEqual
+        | Op::INotEqual
+        | Op::UGreaterThan
+        | Op::UGreaterThanEqual
+        | Op::ULessThan
+        | Op::ULessThanEqual
+        | Op::SGreaterThan
+        | Op::SGreaterThanEqual
+        | Op::SLessThan
+        | Op::SLessThanEqual => {
+            static RULE: Rule = rule(Be(BOOL), &[Count(INT, 0), Like(INT, 1)]);
+            &RULE
+        }
+        Op::Select => {
+            static RULE: Rule = rule(Any, &[Condition(0), Same(0), Same(0)]);
+            &RULE
+        }
+        Op::ConvertFToU => {
+            static RULE: Rule = rule(Be(UINT), &[Count(FLOAT, 0)]);
+            &RULE
+        }
+        Op::ConvertFToS => {
+            static RULE: Rule = rule(Be(INT), &[Count(FLOAT, 0)]);
+            &RULE
+        }
+        Op::ConvertSToF | Op::ConvertUToF => {
+            static RULE: Rule = rule(Be(FLOAT), &[Count(INT, 0)]);
+            &RULE
+        }
+        Op::UConvert => {
+            static RULE: Rule = rule(Be(UINT), &[Converted(INT, 0)]);
+            &RULE
+        }
+        Op::SConvert => {
+            static RULE: Rule = rule(Be(INT), &[Converted(INT, 0)]);
+            &RULE
+        }
+        Op::FConvert => {
+            static RULE: Rule = rule(Be(FLOAT), &[Converted(FLOAT, 0)]);
+            &RULE
+        }
+        Op::QuantizeToF16 => {
+            static RULE: Rule = rule(Bits(FLOAT, 32), &[Same(0)]);
+            &RULE
+        }
+        Op::SatConvertSToU => &INT_UNARY,
+        Op::ArrayLength => {
+            static RULE: Rule = rule(ScalarBits(UINT, 32), &[]);
+            &RULE
+        }
+        Op::PtrEqual | Op::PtrNotEqual => {
+            static RULE: Rule = rule(Scalar(BOOL), &[Any, Same(1)]);
+            &RULE
+        }
+        Op::PtrDiff => {
+            static RULE: Rule = rule(Scalar(INT), &[Any, Same(1)]);
+            &RULE
+        }
+        Op::ConvertPtrToU => {
+            static RULE: Rule = rule(Scalar(UINT), &[]);
+            &RULE
+        }
+        Op::ConvertUToPtr => {
+            static RULE: Rule = rule(Any, &[Scalar(INT)]);
+            &RULE
+        }
+        Op::ImageGather | Op::ImageSparseGather => {
+            static RULE: Rule = rule(Any, &[Any, Any, ScalarBits(INT, 32)]);
+            &RULE
+        }
+        Op::ImageSampleDrefImplicitLod
+        | Op::ImageSampleDrefExplicitLod
+        | Op::ImageSampleProjDrefImplicitLod
+        | Op::ImageSampleProjDrefExplicitLod
+        | Op::ImageSparseSampleDrefImplicitLod
+        | Op::ImageSparseSampleDrefExplicitLod
+        | Op::ImageDrefGather
+        | Op::ImageSparseDrefGather => {
+            static RULE: Rule = rule(Any, &[Any, Any, ScalarBits(FLOAT, 32)]);
+            &RULE
+        }
+        Op::CopyObject => {
+            static RULE: Rule = rule(Any, &[Same(0)]);
+            &RULE
+        }
+        Op::VectorExtractDynamic => {
+            static RULE: Rule = rule(Be(SCALAR), &[VectorOf(0), Scalar(INT)]);
+            &RULE
+        }
+        Op::VectorInsertDynamic => {
+            static RULE: Rule = rule(Vector(SCALAR), &[Same(0), ComponentOf(0), Scalar(INT)]);
+            &RULE
+        }
+        Op::ExpectKHR => {
+            static RULE: Rule = rule(Be(INT | BOOL), &[Same(0), Same(0)]);
+            &RULE
+        }
+        Op::Switch => {
+            static RULE: Rule = rule(Any, &[Scalar(INT)]);
+            &RULE
+        }
+        Op::AssumeTrueKHR | Op::BranchConditional => {
+            static RULE: Rule = rule(Any, &[Scalar(BOOL)]);
+            &RULE
+        }
+        Op::UCountLeadingZerosINTEL | Op::UCountTrailingZerosINTEL => &INT_UNARY,
+        Op::AbsISubINTEL
+        | Op::AbsUSubINTEL
+        | Op::IAddSatINTEL
+        | Op::UAddSatINTEL
+        | Op::ISubSatINTEL
+        | Op::USubSatINTEL
+        | Op::IAverageINTEL
+        | Op::UAverageINTEL
+        | Op::IAverageRoundedINTEL
+        | Op::UAverageRoundedINTEL => &INT_BINARY,
+        Op::IMul32x16INTEL | Op::UMul32x16INTEL => {
+            static RULE: Rule = rule(Bits(INT, 32), &[Like(INT, 0), Like(INT, 0)]);
+            &RULE
+        }
+        op => return subgroup(op).or_else(|| ray(op)).or_else(|| atomic(op)),
+    })
+}
+
+/// The rule of a subgroup instruction, whose first operand is a scope.
+fn subgroup(op: Op) -> Option<&'static Rule> {
+    Some(match op {
+        Op::GroupNonUniformAll | Op::GroupNonUniformAny => {
+            static RULE: Rule = rule(Scalar(BOOL), &[Any, Scalar(BOOL)]);
+            &RULE
+        }
+        Op::GroupNonUniformAllEqual => {
+            static RULE: Rule = rule(Scalar(BOOL), &[Any, Be(SCALAR)]);
+            &RULE
+        }
+        Op::GroupNonUniformBroadcastFirst => {
+            static RULE: Rule = rule(Be(SCALAR), &[Any, Same(0)]);
+            &RULE
+        }
+        Op::GroupNonUniformBroadcast
+        | Op::GroupNonUniformShuffle
+        | Op::GroupNonUniformShuffleXor
+        | Op::GroupNonUniformShuffleUp
+        | Op::GroupNonUniformShuffleDown
+        | Op::GroupNonUniformRotateKHR
+        | Op::GroupNonUniformQuadBroadcast
+        | Op::GroupNonUniformQuadSwap => {
+            static RULE: Rule = rule(Be(SCALAR), &[Any, Same(0), Scalar(UINT)]);
+            &RULE
+        }
+        Op::GroupNonUniformBallot => {
+            static RULE: Rule = rule(VectorBits(UINT, 32, 4), &[Any, Scalar(BOOL)]);
+            &RULE
+        }
+        Op::GroupNonUniformInverseBallot => {
+            static RULE: Rule = rule(Scalar(BOOL), &[Any, VectorBits(UINT, 32, 4)]);
+            &RULE
+        }
+        Op::GroupNonUniformBallotBitExtract => {
+            static RULE: Rule = rule(Scalar(BOOL), &[Any, VectorBits(UINT, 32, 4), Scalar(UINT)]);
+            &RULE
+        }
+        Op::GroupNonUniformBallotBitCount => {
+            static RULE: Rule = rule(Scalar(UINT), &[Any, Any, VectorBits(UINT, 32, 4)]);
+            &RULE
+        }
+        Op::GroupNonUniformBallotFindLSB | Op::GroupNonUniformBallotFindMSB => {
+            static RULE: Rule = rule(Scalar(UINT), &[Any, VectorBits(UINT, 32, 4)]);
+            &RULE
+        }
+        Op::GroupNonUniformIAdd
+        | Op::GroupNonUniformIMul
+        | Op::GroupNonUniformSMin
+        | Op::GroupNonUniformSMax
+        | Op::GroupNonUniformBitwiseAnd
+        | Op::GroupNonUniformBitwiseOr
+        | Op::GroupNonUniformBitwiseXor => {
+            static RULE: Rule = rule(Be(INT), &[Any, Any, Same(0)]);
+            &RULE
+        }
+        Op::GroupNonUniformUMin | Op::GroupNonUniformUMax => {
+            static RULE: Rule = rule(Be(UINT), &[Any, Any, Same(0)]);
+            &RULE
+        }
+        Op::GroupNonUniformFAdd
+        | Op::GroupNonUniformFMul
+        | Op::GroupNonUniformFMin
+        | Op::GroupNonUniformFMax => {
+            static RULE: Rule = rule(Be(FLOAT), &[Any, Any, Same(0)]);
+            &RULE
+        }
+        Op::GroupNonUniformLogicalAnd | Op::GroupNonUniformLogicalOr | Op::GroupNonUniformLogicalXor => {
+            static RULE: Rule = rule(Be(BOOL), &[Any, Any, Same(0)]);
+            &RULE
+        }
+        _ => return None,
+    })
+}
+
+/// The rule of an atomic instruction: behind the pointer stand scope and semantics, two of a comparison.
+fn atomic(op: Op) -> Option<&'static Rule> {
+    Some(match op {
+        Op::AtomicLoad | Op::AtomicIIncrement | Op::AtomicIDecrement => {
+            static RULE: Rule = rule(Any, &[PointerTo(0)]);
+            &RULE
+        }
+        Op::AtomicStore => {
+            static RULE: Rule = rule(Any, &[Any, Any, Any, Pointee(1)]);
+            &RULE
+        }
+        Op::AtomicCompareExchange => {
+            static RULE: Rule = rule(Any, &[PointerTo(0), Any, Any, Any, Same(0), Same(0)]);
+            &RULE
+        }
+        Op::AtomicExchange
+        | Op::AtomicIAdd
+        | Op::AtomicISub
+        | Op::AtomicSMin
+        | Op::AtomicUMin
+        | Op::AtomicSMax
+        | Op::AtomicUMax
+        | Op::AtomicAnd
+        | Op::AtomicOr
+        | Op::AtomicXor
+        | Op::AtomicFAddEXT
+        | Op::AtomicFMinEXT
+        | Op::AtomicFMaxEXT => {
+            static RULE: Rule = rule(Any, &[PointerTo(0), Any, Any, Same(0)]);
+            &RULE
+        }
+        _ => return None,
+    })
+}
+
+/// The rule of an instruction that traces, whose operands have 32 bits.
+fn ray(op: Op) -> Option<&'static Rule> {
+    const WORD: Must = ScalarBits(INT, 32);
+    const FLOAT32: Must = ScalarBits(FLOAT, 32);
+    const VECTOR: Must = VectorBits(FLOAT, 32, 3);
+    Some(match op {
+        Op::TraceRayKHR => {
+            static RULE: Rule =
+                rule(Any, &[Any, WORD, WORD, WORD, WORD, WORD, VECTOR, FLOAT32, VECTOR, FLOAT32]);
+            &RULE
+        }
+        Op::ExecuteCallableKHR => {
+            static RULE: Rule = rule(Any, &[WORD]);
+            &RULE
+        }
+        Op::ReportIntersectionKHR => {
+            static RULE: Rule = rule(Scalar(BOOL), &[FLOAT32, ScalarBits(UINT, 32)]);
+            &RULE
+        }
+        Op::RayQueryInitializeKHR => {
+            static RULE: Rule = rule(Any, &[Any, Any, WORD, WORD, VECTOR, FLOAT32, VECTOR, FLOAT32]);
+            &RULE
+        }
+        _ => return None,
+    })
+}
+
+/// The rule of an instruction of `GLSL.std.450`.
+pub fn glsl(number: u32) -> Option<&'static Rule> {
+    Some(match G::from_u32(number)? {
+        G::Round
+        | G::RoundEven
+        | G::Trunc
+        | G::FAbs
+        | G::FSign
+        | G::Floor
+        | G::Ceil
+        | G::Fract
+        | G::Radians
+        | G::Degrees
+        | G::Sin
+        | G::Cos
+        | G::Tan
+        | G::Asin
+        | G::Acos
+        | G::Atan
+        | G::Sinh
+        | G::Cosh
+        | G::Tanh
+        | G::Asinh
+        | G::Acosh
+        | G::Atanh
+        | G::Exp
+        | G::Log
+        | G::Exp2
+        | G::Log2
+        | G::Sqrt
+        | G::InverseSqrt
+        | G::Normalize => &FLOAT_UNARY,
+        G::Atan2 | G::Pow | G::FMin | G::FMax | G::NMin | G::NMax | G::Step | G::Reflect => &FLOAT_BINARY,
+        G::FClamp | G::NClamp | G::FMix | G::SmoothStep | G::Fma | G::FaceForward => &FLOAT_TERNARY,
+        G::SAbs | G::SSign => &INT_UNARY,
+        G::UMin | G::SMin | G::UMax | G::SMax => &INT_BINARY,
+        G::UClamp | G::SClamp => &INT_TERNARY,
+        G::Ldexp => {
+            static RULE: Rule = rule(Be(FLOAT), &[Same(0), Count(INT, 0)]);
+            &RULE
+        }
+        G::FindILsb | G::FindSMsb | G::FindUMsb => {
+            static RULE: Rule = rule(Bits(INT, 32), &[Like(INT, 0)]);
+            &RULE
+        }
+        G::Length => {
+            static RULE: Rule = rule(Scalar(FLOAT), &[PartsOf(0)]);
+            &RULE
+        }
+        G::Distance => {
+            static RULE: Rule = rule(Scalar(FLOAT), &[PartsOf(0), Same(1)]);
+            &RULE
+        }
+        G::Cross => {
+            static RULE: Rule = rule(Vector(FLOAT), &[Same(0), Same(0)]);
+            &RULE
+        }
+        G::Refract => {
+            static RULE: Rule = rule(Be(FLOAT), &[Same(0), Same(0), Scalar(FLOAT)]);
+            &RULE
+        }
+        G::MatrixInverse => {
+            static RULE: Rule = rule(Any, &[Same(0)]);
+            &RULE
+        }
+        G::Modf | G::Frexp => {
+            static RULE: Rule = rule(Be(FLOAT), &[Same(0), Any]);
+            &RULE
+        }
+        G::ModfStruct => {
+            static RULE: Rule = rule(Pair(FLOAT), &[MemberOf(0)]);
+            &RULE
+        }
+        G::FrexpStruct => {
+            static RULE: Rule = rule(Any, &[MemberOf(0)]);
+            &RULE
+        }
+        G::PackSnorm4x8 | G::PackUnorm4x8 => {
+            static RULE: Rule = rule(ScalarBits(INT, 32), &[VectorBits(FLOAT, 32, 4)]);
+            &RULE
+        }
+        G::PackSnorm2x16 | G::PackUnorm2x16 | G::PackHalf2x16 => {
+            static RULE: Rule = rule(ScalarBits(INT, 32), &[VectorBits(FLOAT, 32, 2)]);
+            &RULE
+        }
+        G::PackDouble2x32 => {
+            static RULE: Rule = rule(ScalarBits(FLOAT, 64), &[VectorBits(INT, 32, 2)]);
+            &RULE
+        }
+        G::UnpackSnorm4x8 | G::UnpackUnorm4x8 => {
+            static RULE: Rule = rule(VectorBits(FLOAT, 32, 4), &[ScalarBits(INT, 32)]);
+            &RULE
+        }
+        G::UnpackSnorm2x16 | G::UnpackUnorm2x16 | G::UnpackHalf2x16 => {
+            static RULE: Rule = rule(VectorBits(FLOAT, 32, 2), &[ScalarBits(INT, 32)]);
+            &RULE
+        }
+        G::UnpackDouble2x32 => {
+            static RULE: Rule = rule(VectorBits(INT, 32, 2), &[ScalarBits(FLOAT, 64)]);
+            &RULE
+        }
+        _ => return None,
+    })
+}
