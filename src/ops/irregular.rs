@@ -12,7 +12,7 @@ use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{self, extended};
 use crate::ops::bit::{self, field};
-use crate::ops::conversion::{Conversion, encoded};
+use crate::ops::conversion::{self, Conversion, encoded};
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::parts;
 use crate::ops::integer_operand::Reading;
