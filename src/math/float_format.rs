@@ -103,6 +103,12 @@ pub fn to_bfloat16(value: f32) -> u16 {
     if value.is_nan() { 0x7FC0 } else { rounded as u16 }
 }
 
+/// The bfloat16 that a f32 begins with: rounded towards zero.
+#[inline(always)]
+pub fn to_bfloat16_toward_zero(value: f32) -> u16 {
+    if value.is_nan() { 0x7FC0 } else { (value.to_bits() >> 16) as u16 }
+}
+
 /// The value of an E4M3 number.
 #[inline(always)]
 pub fn from_e4m3(bits: u8) -> f32 {

@@ -10,6 +10,10 @@
 //! remainders and conversions, and what the specification derives from them operation by operation.
 //! Elementary functions, whose rounding no mode fixes, stay rounded to nearest.
 //!
+//! `FPRoundingMode` on a conversion stands before the mode of the entry point. The widths are those of
+//! IEEE 754's formats: conversions from and to bfloat16 and 8-bit floats heed the modes of the f32 and
+//! f64 that they go through.
+//!
 //! Atomic instructions and image filters are as without these modes. `RoundingModeRTZ` is for
 //! "arithmetic and conversion instructions" (SPIR-V 3.6), which they are not: they stand in the
 //! sections 3.3.20 and 3.3.10, and Vulkan leaves the arithmetic of a filter to the sampler. A denormal
@@ -23,6 +27,7 @@ use crate::machine::Reg;
 use crate::math::float::Float;
 use crate::math::toward_zero::{self, Format, Number};
 use crate::module::interface::EntryPoint;
+use crate::ops::conversion::encoded::Rounding;
 use crate::ops::decode::Decoder;
 use crate::ops::row::Row;
 use crate::rows;
@@ -46,6 +51,15 @@ impl FloatControls {
             modes.filter_map(|(_, operands)| operands.first()).fold(0, |mask, width| mask | width)
         };
         Self { flush: widths(DENORM_FLUSH_TO_ZERO), toward_zero: widths(ROUNDING_MODE_RTZ) }
+    }
+
+    /// The modes for one conversion to floats of a width (`FPRoundingMode`).
+    pub fn rounding(self, width: u32, rounding: Rounding) -> Self {
+        match rounding {
+            Rounding::Nearest => Self { toward_zero: self.toward_zero & !width, ..self },
+            Rounding::TowardZero => Self { toward_zero: self.toward_zero | width, ..self },
+            Rounding::Undecorated | Rounding::Saturated => self,
+        }
     }
 
     /// Whether a row's operation is another one under these controls.

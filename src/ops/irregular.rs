@@ -7,12 +7,12 @@ use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::Reg;
-use crate::module::check_encoding::SATURATED;
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{self, extended};
 use crate::ops::bit::{self, field};
-use crate::ops::conversion::{self, Conversion, encoded};
+use crate::ops::conversion::encoded::{self, Rounding};
+use crate::ops::conversion::{self, Conversion};
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::parts;
 use crate::ops::integer_operand::Reading;
@@ -167,8 +167,9 @@ fn convert(decoder: &mut Decoder<'_>, conversion: Conversion, instruction: &Inst
         let [operand, ty] = [operand, ty].map(|ty| decoder.module.describe_type(ty));
         return Err(decoder.invalid(format!("{name} from {operand} to {ty} (SPIR-V 3.3.11)")));
     }
-    let saturated =
-        instruction.result.is_some_and(|id| decoder.module.decorations.find(id, SATURATED).is_some());
+    let rounding = Rounding::of(decoder, instruction.result)?;
+    let modes = decoder.float_controls;
+    decoder.float_controls = modes.rounding(to, rounding);
     let mut result = Words::new();
     for component in components(decoder, instruction, 0)? {
         let (value, from) = match source {
@@ -177,11 +178,12 @@ fn convert(decoder: &mut Decoder<'_>, conversion: Conversion, instruction: &Inst
         };
         result.push(match target {
             Some(target) if source != Some(target) => {
-                encoded::narrowed(decoder, (conversion, from), (target, saturated), value)?
+                encoded::narrowed(decoder, (conversion, from), (target, rounding), value)?
             }
             _ => encoded::between(decoder, conversion, (from, to), value)?,
         });
     }
+    decoder.float_controls = modes;
     finish(decoder, instruction, &result, to);
     Ok(())
 }

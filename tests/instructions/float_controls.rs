@@ -71,3 +71,40 @@ fn results_are_cut_off() {
     let cut = [1, 0, 0x3F80_0000, 0x4F7F_FFFF];
     assert_eq!(results("OpExecutionMode %main RoundingModeRTZ 32"), cut);
 }
+
+#[test]
+fn a_decorated_conversion_rounds_as_it_says() {
+    let run = |mode: &str, decorations: &str| {
+        let annotations = format!("{mode}\n{decorations}");
+        let words = Shader {
+            capabilities: "OpCapability BFloat16TypeKHR",
+            annotations: &annotations,
+            declarations: "
+                %bf = OpTypeFloat 16 0
+                %bits = OpConstant %uint 0x3f80ffff",
+            body: "
+                %zero = OpIMul %uint %id %u0
+                %a = OpIAdd %uint %bits %zero
+                %x = OpBitcast %float %a
+                %h = OpFConvert %half %x
+                %b = OpFConvert %bf %x
+                %h_bits = OpBitcast %ushort %h
+                %b_bits = OpBitcast %ushort %b
+                %h_word = OpUConvert %uint %h_bits
+                %b_word = OpUConvert %uint %b_bits
+                out 0 %h_word
+                out 1 %b_word",
+            ..Shader::default()
+        }
+        .run()[7];
+        [words[0], words[1]]
+    };
+    const MODE: &str = "OpExecutionMode %main RoundingModeRTZ 16";
+    // 1 + 2^-7 - 2^-23 lies above the middle of the f16 1 + 7 * 2^-10 and 1 + 2^-7, and above that of
+    // the bfloat16 1 and 1 + 2^-7.
+    assert_eq!(run("", ""), [0x3C08, 0x3F81]);
+    assert_eq!(run("", "OpDecorate %h FPRoundingMode 1\nOpDecorate %b FPRoundingMode 1"), [0x3C07, 0x3F80]);
+    // A decoration stands before the mode, which is that of f16 alone.
+    assert_eq!(run(MODE, ""), [0x3C07, 0x3F81]);
+    assert_eq!(run(MODE, "OpDecorate %h FPRoundingMode 0"), [0x3C08, 0x3F81]);
+}

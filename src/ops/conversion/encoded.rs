@@ -11,6 +11,8 @@
 use crate::error::Result;
 use crate::machine::Reg;
 use crate::math::float_format::{self, FloatFormat};
+use crate::module::Id;
+use crate::module::check_encoding::SATURATED;
 use crate::ops::conversion::{Conversion, row};
 use crate::ops::decode::Decoder;
 use crate::ops::row::Family;
@@ -25,6 +27,8 @@ rows! {
     FromE5M2 Internal [u8] (a: T) -> f32 { float_format::from_e5m2(a) }
     /// To the nearest bfloat16.
     ToBFloat16 Internal [f32] (a: T) -> u16 { float_format::to_bfloat16(a) }
+    /// To the bfloat16 that a f32 begins with.
+    ToBFloat16TowardZero Internal [f32] (a: T) -> u16 { float_format::to_bfloat16_toward_zero(a) }
     /// To the nearest E4M3 float.
     ToE4M3 Internal [f32 f64] (a: T) -> u8 { float_format::to_e4m3(f64::from(a)) }
     /// To the nearest finite E4M3 float.
@@ -33,6 +37,42 @@ rows! {
     ToE5M2 Internal [f32 f64] (a: T) -> u8 { float_format::to_e5m2(f64::from(a)) }
     /// To the nearest finite E5M2 float.
     ToE5M2Saturated Internal [f32 f64] (a: T) -> u8 { float_format::to_e5m2_saturated(f64::from(a)) }
+}
+
+/// How a conversion rounds, as its decorations say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rounding {
+    /// As the entry point's modes say, or to nearest even.
+    Undecorated,
+    /// `FPRoundingMode RTE`
+    Nearest,
+    /// `FPRoundingMode RTZ`
+    TowardZero,
+    /// `SaturatedToLargestFloat8NormalConversionEXT`
+    Saturated,
+}
+
+impl Rounding {
+    /// What decorates a result.
+    ///
+    /// # Errors
+    /// `InvalidModule` for a mode that Vulkan does not have.
+    pub fn of(decoder: &Decoder<'_>, result: Option<Id>) -> Result<Self> {
+        const FP_ROUNDING_MODE: u32 = 39;
+        let Some(id) = result else { return Ok(Self::Undecorated) };
+        if decoder.module.decorations.find(id, SATURATED).is_some() {
+            return Ok(Self::Saturated);
+        }
+        match decoder.module.decorations.literal(id, FP_ROUNDING_MODE) {
+            None => Ok(Self::Undecorated),
+            Some(0) => Ok(Self::Nearest),
+            Some(1) => Ok(Self::TowardZero),
+            Some(mode) => {
+                let vuid = "VUID-StandaloneSpirv-FPRoundingMode-04675";
+                Err(decoder.invalid(format!("FPRoundingMode {mode}, which is neither RTE nor RTZ ({vuid})")))
+            }
+        }
+    }
 }
 
 /// A value of a format as the IEEE 754 one that its arithmetic is done in, and that one's bits.
@@ -56,16 +96,18 @@ pub fn widened(decoder: &mut Decoder<'_>, format: FloatFormat, value: Reg) -> Re
 pub fn narrowed(
     decoder: &mut Decoder<'_>,
     (conversion, from): (Conversion, u32),
-    (format, saturated): (FloatFormat, bool),
+    (format, rounding): (FloatFormat, Rounding),
     value: Reg,
 ) -> Result<Reg> {
     let float = conversion == Conversion::F;
-    let (family, through): (&Family, u32) = match (format, saturated) {
+    let exact = if float && from < 64 { 32 } else { 64 };
+    let (family, through): (&Family, u32) = match (format, rounding) {
+        (FloatFormat::BFloat16, Rounding::TowardZero) => (&ToBFloat16TowardZero, 32),
         (FloatFormat::BFloat16, _) => (&ToBFloat16, 32),
-        (FloatFormat::E4M3, false) => (&ToE4M3, if float && from < 64 { 32 } else { 64 }),
-        (FloatFormat::E4M3, true) => (&ToE4M3Saturated, if float && from < 64 { 32 } else { 64 }),
-        (FloatFormat::E5M2, false) => (&ToE5M2, if float && from < 64 { 32 } else { 64 }),
-        (FloatFormat::E5M2, true) => (&ToE5M2Saturated, if float && from < 64 { 32 } else { 64 }),
+        (FloatFormat::E4M3, Rounding::Saturated) => (&ToE4M3Saturated, exact),
+        (FloatFormat::E4M3, _) => (&ToE4M3, exact),
+        (FloatFormat::E5M2, Rounding::Saturated) => (&ToE5M2Saturated, exact),
+        (FloatFormat::E5M2, _) => (&ToE5M2, exact),
         _ => return between(decoder, conversion, (from, format.width()), value),
     };
     let value = between(decoder, conversion, (from, through), value)?;
@@ -107,7 +149,10 @@ mod tests {
         check(&FromE5M2, 8, &[0x01], bits(2f32.powi(-16)));
         check(&ToBFloat16, 32, &[bits(f32::MAX)], 0x7F80);
         check(&ToBFloat16, 32, &[0xFF80_0001], 0x7FC0);
-        check(&ToBFloat16, 32, &[bits(-1.003_906_25)], 0xBF80); // 1 + 2^-8, a tie
+        check(&ToBFloat16, 32, &[0xBF80_8000], 0xBF80); // -(1 + 2^-8), a tie
+        check(&ToBFloat16TowardZero, 32, &[0xBF80_FFFF], 0xBF80);
+        check(&ToBFloat16TowardZero, 32, &[bits(f32::MAX)], 0x7F7F);
+        check(&ToBFloat16TowardZero, 32, &[0x7F80_0001], 0x7FC0);
         check(&ToE4M3, 32, &[bits(465.0)], 0x7F);
         check(&ToE4M3Saturated, 32, &[bits(-465.0)], 0xFE);
         check(&ToE4M3, 64, &[(0.5f64 + 2f64.powi(-5) + 2f64.powi(-50)).to_bits()], 0x31);
