@@ -100,7 +100,11 @@ fn indices_of_every_type_lead_to_the_same_element() {
             %distance_word = OpBitcast %uint %distance
             out 8 %distance_word
             %constant = OpVectorExtractDynamic %uint %numbers %one
-            out 9 %constant";
+            out 9 %constant
+            %bare = OpAccessChain %ptr_StorageBuffer_uint %buffer %u0 %at
+            %bare_first = OpAccessChain %ptr_StorageBuffer_uint %buffer %u0 %u0
+            %untold = OpPtrDiff %uint %bare %bare_first
+            out 10 %untold";
         let shader = Shader {
             capabilities: "OpCapability VariablePointers",
             annotations: LAYOUT,
@@ -119,8 +123,8 @@ fn indices_of_every_type_lead_to_the_same_element() {
             let (id, low) = (id as u32, id as u32 % 4);
             // From element 2 one back (to 31), or one on (to 33).
             let stepped = if kind.is_signed() { 31 } else { 33 };
-            let expected = [10 + low, 10 + low, 7, id, id, 30 + low, 30 + low, stepped, low, 11];
-            assert_eq!(words[..10], expected, "{name} in invocation {id}");
+            let expected = [10 + low, 10 + low, 7, id, id, 30 + low, 30 + low, stepped, low, 11, low];
+            assert_eq!(words[..11], expected, "{name} in invocation {id}");
         }
     }
 }

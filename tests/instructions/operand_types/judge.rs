@@ -520,7 +520,7 @@ fn relation(name: &str, a: f64, b: f64) -> Expected {
     let nan = a.is_nan() || b.is_nan();
     let ordered = |name: &str| match name {
         "Equal" => a == b,
-        "NotEqual" => a < b || a > b,
+        "NotEqual" => !nan && a != b,
         "LessThan" => a < b,
         "GreaterThan" => a > b,
         "LessThanEqual" => a <= b,
