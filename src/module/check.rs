@@ -30,6 +30,7 @@ pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec
                 checker.instruction(instruction, (block_index as u32, position as u32), &mut named[index])?;
                 check_access::instruction(module, instruction)?;
                 check_encoding::instruction(module, &encoded, instruction)?;
+                checker.returned(instruction)?;
                 if instruction.opcode == Op::FunctionCall as u16 {
                     let (callee, at) = checker.call(instruction)?;
                     calls[index].extend(callee.map(|callee| (callee, at)));
@@ -122,6 +123,22 @@ impl Checker<'_> {
                 _ => Ok(()),
             }
         })
+    }
+
+    /// Holds a value that is returned against the function's type.
+    fn returned(&self, instruction: &Instruction) -> Result<()> {
+        if instruction.opcode != Op::ReturnValue as u16 {
+            return Ok(());
+        }
+        let said = self.module.functions[self.function as usize].return_type;
+        match self.module.type_of(Id(self.module.operands(instruction)[0])) {
+            Some(found) if found != said => {
+                let at = instruction.operands.start as usize;
+                let what = format!("a value of the function's type, {}", self.module.describe_type(said));
+                Err(self.expected(span_of(instruction), at, &what))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Holds a call's arguments against the function; its index and where the call names it.

@@ -15,7 +15,8 @@ use crate::module::{Id, Instruction, Module};
 ///
 /// # Errors
 /// `InvalidModule` where an index leaves its struct or, as a literal, its vector, matrix or array
-/// of fixed length, indexes a scalar, or arrives at another type than the instruction says.
+/// of fixed length, indexes a scalar, or arrives at another type than the instruction says; where a phi
+/// or a copy of memory gives a value another type.
 pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<()> {
     let Some(known) = opcode(instruction.opcode) else { return Ok(()) };
     let first = instruction.operands.start as usize;
@@ -51,6 +52,17 @@ pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<
         Op::Store => {
             let Some(pointee) = access.pointee(first)? else { return Ok(()) };
             access.agree(Some(pointee), module.type_of(Id(module.operands(instruction)[1])), first + 1)
+        }
+        Op::CopyMemory => {
+            let (to, from) = (access.pointee(first)?, access.pointee(first + 1)?);
+            access.agree(to, from, first + 1)
+        }
+        Op::Phi => {
+            let result = result_type();
+            let values = instruction.operands.clone().step_by(2).map(|at| at as usize);
+            values
+                .into_iter()
+                .try_for_each(|at| access.agree(result, module.type_of(Id(module.words[at])), at))
         }
         _ => Ok(()),
     }

@@ -37,7 +37,8 @@ pub const OPCODES: &[Opcode] = &[
 pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
         Opcode::CompositeConstruct => {
-            check_constituents(decoder, instruction)?;
+            let ty = decoder.result_type(instruction)?;
+            check_constituents(decoder, ty, decoder.operands(instruction), true)?;
             let mut words = Words::new();
             for &id in decoder.operands(instruction) {
                 words.extend(decoder.words(crate::module::Id(id))?);
@@ -152,6 +153,12 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             }
         }
         Opcode::CopyLogical => {
+            let (from, to) = (decoder.id(instruction, 0)?, decoder.result_type(instruction)?);
+            let from = decoder.type_of(from)?;
+            if decoder.scalars(from)? != decoder.scalars(to)? {
+                let [from, to] = [from, to].map(|ty| decoder.module.describe_type(ty));
+                return Err(decoder.invalid(format!("OpCopyLogical of {from} to {to}, which do not match")));
+            }
             let words = decoder.operand(instruction, 0)?;
             check_count(decoder, instruction, &words)?;
             decoder.result(instruction, words);
@@ -211,6 +218,18 @@ impl Decoder<'_> {
 
 /// A composite all of whose constituents are one value.
 pub fn replicate(decoder: &mut Decoder<'_>, ty: TypeId, part: crate::module::Id) -> Result<Words> {
+    let element = match *decoder.module.ty(ty) {
+        Type::Vector { component: element, .. }
+        | Type::Matrix { column: element, .. }
+        | Type::Array { element, .. } => Some(element),
+        _ => None,
+    };
+    if let (Some(element), Some(found)) = (element, decoder.module.type_of(part))
+        && element != found
+    {
+        let [name, found] = [ty, found].map(|ty| decoder.module.describe_type(ty));
+        return Err(decoder.invalid(format!("a {name} is not made of copies of a {found}")));
+    }
     let words = decoder.words(part)?;
     let count = decoder.word_count(ty)? as usize;
     if words.is_empty() || !count.is_multiple_of(words.len()) {
@@ -274,16 +293,19 @@ fn part(decoder: &mut Decoder<'_>, mut ty: TypeId, indices: &[u32]) -> Result<(u
     Ok((first as usize, decoder.word_count(ty)? as usize))
 }
 
-/// The constituents of `OpCompositeConstruct` are those of its result's type; a vector's may be vectors.
-fn check_constituents(decoder: &Decoder<'_>, instruction: &Instruction) -> Result<()> {
-    let ty = decoder.result_type(instruction)?;
-    let types = decoder.operands(instruction).iter().map(|&id| decoder.module.type_of(crate::module::Id(id)));
+/// Holds the constituents of a composite against its type; those of a vector may be vectors where `joined`
+/// says so (`OpCompositeConstruct`).
+///
+/// # Errors
+/// `InvalidModule`
+pub fn check_constituents(decoder: &Decoder<'_>, ty: TypeId, ids: &[u32], joined: bool) -> Result<()> {
+    let types = ids.iter().map(|&id| decoder.module.type_of(crate::module::Id(id)));
     let is = |found: Option<TypeId>, part: TypeId| found.is_none_or(|found| found == part);
     let fits = match *decoder.module.ty(ty) {
         Type::Vector { component, count } => {
             let parts: Vec<Option<TypeId>> = types.collect();
             let part = |found: Option<TypeId>| match found.map(|found| decoder.module.ty(found)) {
-                Some(&Type::Vector { component, count }) => (Some(component), count),
+                Some(&Type::Vector { component, count }) if joined => (Some(component), count),
                 _ => (found, 1),
             };
             parts.len() > 1

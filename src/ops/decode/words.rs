@@ -163,6 +163,8 @@ impl Decoder<'_> {
                 _ => Ok(SmallVec::from_slice(&[self.constant(bits as u32)?])),
             },
             ConstantValue::Composite(parts) => {
+                let ids: Vec<u32> = parts.iter().map(|part| part.0).collect();
+                crate::ops::composite::check_constituents(self, constant.ty, &ids, false)?;
                 let mut words = Words::new();
                 for part in parts {
                     words.extend(self.words(part)?);

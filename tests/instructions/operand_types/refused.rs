@@ -211,3 +211,83 @@ fn a_missing_operand_is_refused() {
     assert!(bodies.len() > 60, "{}", bodies.len());
     assert_eq!(not_refused(&bodies), []);
 }
+
+/// Declarations, body and functions that give a value another type on its way.
+const CHANGED: &[(&str, &str, &str)] = &[
+    (
+        "",
+        "%is = OpIEqual %bool %id %u0
+         OpSelectionMerge %m None
+         OpBranchConditional %is %t %m
+         %t = OpLabel
+         OpBranch %m
+         %m = OpLabel
+         %p = OpPhi %float %u1 %t %u2 %entry
+         %w = OpBitcast %uint %p
+         out 0 %w",
+        "",
+    ),
+    (
+        "%bad = OpConstantComposite %float2 %u1 %u2",
+        "%x = OpCompositeExtract %float %bad 0\n%w = OpBitcast %uint %x\nout 0 %w",
+        "",
+    ),
+    ("%bad = OpConstantComposite %uint2 %u1 %u2 %u3", "%x = OpCompositeExtract %uint %bad 0\nout 0 %x", ""),
+    (
+        "%pair = OpTypeStruct %uint %float\n%bad = OpConstantComposite %pair %u1 %u2",
+        "%x = OpCompositeExtract %uint %bad 0\nout 0 %x",
+        "",
+    ),
+    (
+        "%bad = OpConstantCompositeReplicateEXT %float2 %u1",
+        "%x = OpCompositeExtract %float %bad 0\n%w = OpBitcast %uint %x\nout 0 %w",
+        "",
+    ),
+    ("", "%bad = OpCompositeConstructReplicateEXT %float2 %id\n%v = OpBitcast %uint2 %bad", ""),
+    ("%bad = OpSpecConstantOp %float IAdd %u1 %u2", "%w = OpBitcast %uint %bad\nout 0 %w", ""),
+    (
+        "%to_float = OpTypePointer Private %float
+         %a = OpVariable %to_float Private
+         %b = OpVariable %ptr_Private_uint Private",
+        "OpCopyMemory %b %a\n%w = OpLoad %uint %b\nout 0 %w",
+        "",
+    ),
+    (
+        "%one = OpTypeStruct %uint\n%other = OpTypeStruct %float",
+        "%a = OpCompositeConstruct %one %id\n%b = OpCopyLogical %other %a",
+        "",
+    ),
+    (
+        "%f1 = OpConstant %float 1.0\n%v = OpVariable %ptr_Private_uint Private %f1",
+        "%w = OpLoad %uint %v\nout 0 %w",
+        "",
+    ),
+    (
+        "%gives = OpTypeFunction %float",
+        "%f = OpFunctionCall %float %given",
+        "%given = OpFunction %float None %gives\n%first = OpLabel\nOpReturnValue %u1\nOpFunctionEnd",
+    ),
+    (
+        "%takes = OpTypeFunction %void %float",
+        "%f = OpFunctionCall %void %taken %id",
+        "%taken = OpFunction %void None %takes
+         %parameter = OpFunctionParameter %float
+         %first = OpLabel
+         OpReturn
+         OpFunctionEnd",
+    ),
+];
+
+#[test]
+fn a_value_keeps_its_type() {
+    let mut wrong = Vec::new();
+    for &(declarations, body, functions) in CHANGED {
+        let shader = crate::run::Shader { declarations, body, functions, ..Default::default() };
+        match shader.run_with(&mut Default::default) {
+            Err(error) if error.kind() == ErrorKind::InvalidModule => {}
+            Err(error) => wrong.push(format!("{declarations}\n{body}: {}", error.render())),
+            Ok(_) => wrong.push(format!("{declarations}\n{body} runs")),
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
