@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::harness::smoke::{self, Options, Report, Verdict};
+use anyhit::harness::smoke::{self, EntryReport, Options, Reached, Report, Verdict};
 use anyhit::module;
+use rspirv::spirv::Op;
 
 #[path = "support/assembly.rs"]
 mod assembly;
@@ -175,6 +176,457 @@ fn told(bytes: &[u8]) -> String {
     let report = run(bytes);
     let note = report.entry_points[0].runs.first().and_then(|run| run.note.clone());
     note.unwrap_or_else(|| panic!("no trap: {}", report.text()))
+}
+
+/// The fixtures, each once: name and words.
+fn fixtures() -> Vec<(String, Vec<u32>)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures");
+    let mut all: Vec<(String, Vec<u32>)> = Vec::new();
+    for path in files::with_extension(&root, "spv") {
+        let name = path.strip_prefix(&root).expect("a path below").to_string_lossy().replace('\\', "/");
+        let words = bytemuck::pod_collect_to_vec(&std::fs::read(&path).expect("a readable fixture"));
+        if !all.iter().any(|(_, known)| *known == words) {
+            all.push((name, words));
+        }
+    }
+    all
+}
+
+/// The instructions of a module.
+fn instructions(words: &[u32]) -> impl Iterator<Item = &[u32]> {
+    let mut rest = &words[5..];
+    std::iter::from_fn(move || {
+        let (one, behind) = rest.split_at_checked((rest.first()? >> 16) as usize)?;
+        rest = behind;
+        Some(one)
+    })
+}
+
+fn opcode(instruction: &[u32]) -> Op {
+    Op::from_u32(instruction[0] & 0xffff).expect("an opcode")
+}
+
+fn run_words(words: &[u32]) -> Report {
+    run(&words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<_>>())
+}
+
+/// Where t_min and t_max stand in an instruction, in words.
+fn interval(instruction: &[u32]) -> Option<[usize; 2]> {
+    match opcode(instruction) {
+        Op::TraceRayKHR | Op::TraceNV | Op::TraceRayMotionNV | Op::TraceMotionNV => Some([8, 10]),
+        Op::RayQueryInitializeKHR => Some([6, 8]),
+        Op::HitObjectTraceRayNV
+        | Op::HitObjectTraceRayMotionNV
+        | Op::HitObjectTraceRayEXT
+        | Op::HitObjectTraceRayMotionEXT
+        | Op::HitObjectTraceReorderExecuteEXT
+        | Op::HitObjectTraceMotionReorderExecuteEXT => Some([9, 11]),
+        _ => None,
+    }
+}
+
+fn coverage(entry: &EntryReport) -> &Reached {
+    entry.coverage.as_ref().expect("an entry point that runs")
+}
+
+/// A mutation that every trace must show: t_min and t_max swapped in all traces and ray queries of what is ok as it is.
+/// The entry point traps (`SPV_KHR_ray_tracing`: t_min is at most t_max), or its report says that it traced nothing.
+#[test]
+fn rays_that_end_before_they_begin_trap_or_are_not_reached() {
+    let (mut trapped, mut unreached, mut either, mut mistakes) = (0, Vec::new(), Vec::new(), Vec::new());
+    // Both ends are made up: as it is, the shader breaks the rule as often.
+    let breaks_it = |entry: &EntryReport| {
+        let mut notes = entry.runs.iter().filter_map(|run| run.note.as_ref());
+        notes.any(|note| note.contains("t_min is above t_max"))
+    };
+    for (name, words) in fixtures() {
+        let before = if instructions(&words).any(|one| interval(one).is_some()) {
+            run_words(&words)
+        } else {
+            continue;
+        };
+        let mut mutant = words[..5].to_vec();
+        for instruction in instructions(&words) {
+            let start = mutant.len();
+            mutant.extend(instruction);
+            if let Some([t_min, t_max]) = interval(instruction) {
+                mutant.swap(start + t_min, start + t_max);
+            }
+        }
+        let after = run_words(&mutant);
+        for (before, after) in before.entry_points.iter().zip(&after.entry_points) {
+            if before.result != Verdict::Ok {
+                continue;
+            }
+            let reached = coverage(after);
+            let executed = reached.trace_instructions_reached + reached.query_instructions_reached;
+            match after.result {
+                _ if reached.trace_instructions + reached.query_instructions == 0 => {}
+                Verdict::Trap => trapped += 1,
+                Verdict::Ok if executed == 0 => unreached.push(name.clone()),
+                Verdict::Ok if breaks_it(before) && breaks_it(after) => either.push(name.clone()),
+                _ => mistakes.push(format!("{name}: {}", run_words(&mutant).text())),
+            }
+        }
+    }
+    assert!(mistakes.is_empty(), "{trapped} trap; these do not:\n{}", mistakes.join("\n"));
+    assert!(trapped >= TRAPPING, "only {trapped} trap; not reached: {unreached:?}");
+    assert_eq!((unreached.len(), either.len()), (UNREACHED, 1), "{unreached:?} {either:?}");
+}
+
+/// Entry points of the fixtures with rays that are ok, and trap when rays end before they begin. More fixtures may raise
+/// these counts.
+const TRAPPING: usize = 103;
+/// Those that trace nothing.
+const UNREACHED: usize = 0;
+
+/// What must not change with what means nothing to the machine.
+fn essence(report: &Report) -> Vec<String> {
+    let entry = |entry: &EntryReport| {
+        let runs = entry
+            .runs
+            .iter()
+            .map(|run| (run.with, run.result, run.trap.as_ref().map(|trap| trap.rule.clone())));
+        let reached =
+            entry.coverage.clone().map(|reached| Reached { blocks_not_entered: Vec::new(), ..reached });
+        format!("{} {:?} {reached:?} {:?}", entry.name, entry.result, runs.collect::<Vec<_>>())
+    };
+    report.entry_points.iter().map(entry).collect()
+}
+
+/// Names, lines and debug information are taken out; then decorations and variables stand the other way round.
+#[test]
+fn debug_information_and_the_order_of_declarations_change_nothing() {
+    let mut compared = 0;
+    for (name, words) in fixtures() {
+        let debug: Vec<u32> = instructions(&words)
+            .filter(|one| opcode(one) == Op::ExtInstImport)
+            .filter(|one| {
+                let name: Vec<u8> = one[2..].iter().flat_map(|word| word.to_le_bytes()).collect();
+                name.windows(9).any(|window| window == b"DebugInfo")
+            })
+            .map(|one| one[1])
+            .collect();
+        let keeps = |one: &&[u32]| match opcode(one) {
+            Op::Source | Op::SourceContinued | Op::SourceExtension | Op::ModuleProcessed => false,
+            Op::Name | Op::MemberName | Op::Line | Op::NoLine => false,
+            Op::ExtInstImport => !debug.contains(&one[1]),
+            Op::ExtInst => !debug.contains(&one[3]),
+            _ => true,
+        };
+        let kept: Vec<&[u32]> = instructions(&words).filter(keeps).collect();
+        let assemble = |kept: &[&[u32]]| [&words[..5], &kept.concat()].concat();
+        let is_decoration = |one: &&[u32]| matches!(opcode(one), Op::Decorate | Op::MemberDecorate);
+        let first = kept.iter().position(|one| opcode(one) == Op::Function).unwrap_or(kept.len());
+        let is_variable = |one: &&[u32]| opcode(one) == Op::Variable;
+        let mut reordered: Vec<&[u32]> = Vec::new();
+        let head = &kept[..first];
+        let mut decorations: Vec<&[u32]> = head.iter().copied().filter(is_decoration).collect();
+        for one in head {
+            match one {
+                one if is_decoration(one) => reordered.extend(decorations.pop()),
+                one if is_variable(one) => {}
+                one => reordered.push(one),
+            }
+        }
+        reordered.extend(head.iter().copied().filter(is_variable).rev());
+        reordered.extend(&kept[first..]);
+        let [original, stripped] = [run_words(&words), run_words(&assemble(&kept))];
+        assert_eq!(essence(&original), essence(&stripped), "{name}, stripped");
+        // A variable that another one is initialised with stands before it.
+        if !head.iter().any(|one| is_variable(one) && one.len() > 4) {
+            assert_eq!(essence(&original), essence(&run_words(&assemble(&reordered))), "{name}, reordered");
+            compared += 1;
+        }
+    }
+    assert!(compared > 100, "only {compared} modules");
+}
+
+/// A ray generation shader around a body, with a structure, a buffer of numbers and a payload.
+fn ray_generation(declarations: &str, body: &str) -> Vec<u8> {
+    assembly::assemble(&format!(
+        "
+    OpCapability RayTracingKHR
+    OpExtension \"SPV_KHR_ray_tracing\"
+    OpMemoryModel Logical GLSL450
+    OpEntryPoint RayGenerationKHR %main \"main\" %structure %numbers
+    OpDecorate %structure DescriptorSet 0
+    OpDecorate %structure Binding 0
+    OpDecorate %numbers DescriptorSet 0
+    OpDecorate %numbers Binding 1
+    OpDecorate %Numbers Block
+    OpMemberDecorate %Numbers 0 Offset 0
+    OpDecorate %array ArrayStride 4
+    OpDecorate %choice SpecId 7
+    %void = OpTypeVoid
+    %function = OpTypeFunction %void
+    %bool = OpTypeBool
+    %uint = OpTypeInt 32 0
+    %float = OpTypeFloat 32
+    %vec3 = OpTypeVector %float 3
+    %0 = OpConstant %uint 0
+    %1 = OpConstant %uint 1
+    %77 = OpConstant %uint 77
+    %100 = OpConstant %uint 100
+    %5000 = OpConstant %uint 5000
+    %zero = OpConstant %float 0
+    %one = OpConstant %float 1
+    %up = OpConstantComposite %vec3 %zero %one %zero
+    %choice = OpSpecConstantFalse %bool
+    %acceleration = OpTypeAccelerationStructureKHR
+    %structure_pointer = OpTypePointer UniformConstant %acceleration
+    %structure = OpVariable %structure_pointer UniformConstant
+    %array = OpTypeRuntimeArray %uint
+    %Numbers = OpTypeStruct %array
+    %Numbers_pointer = OpTypePointer StorageBuffer %Numbers
+    %numbers = OpVariable %Numbers_pointer StorageBuffer
+    %uint_pointer = OpTypePointer StorageBuffer %uint
+    {declarations}
+    %main = OpFunction %void None %function
+    %begin = OpLabel
+    {body}
+    OpReturn
+    OpFunctionEnd
+    "
+    ))
+}
+
+/// A trace whose t_min is 1 and t_max 0, by NV's instruction: its payload's variable is not there.
+const BACKWARDS: &str = "
+    %s = OpLoad %acceleration %structure
+    OpTraceNV %s %0 %100 %0 %0 %0 %up %one %up %zero %0
+";
+const FORWARDS: &str = "
+    %s = OpLoad %acceleration %structure
+    OpTraceNV %s %0 %100 %0 %0 %0 %up %zero %up %one %0
+";
+
+fn guarded(condition: &str, body: &str) -> String {
+    format!(
+        "
+    {condition}
+    OpSelectionMerge %behind None
+    OpBranchConditional %holds %then %behind
+    %then = OpLabel
+    {body}
+    OpBranch %behind
+    %behind = OpLabel
+    "
+    )
+}
+
+/// The number at an index of the buffer, compared.
+fn number(index: &str, comparison: &str) -> String {
+    format!(
+        "%p = OpAccessChain %uint_pointer %numbers %0 {index}
+         %n = OpLoad %uint %p
+         %holds = {comparison}"
+    )
+}
+
+#[test]
+fn an_optimised_away_payload_is_no_obstacle() {
+    let report = run(&ray_generation("", FORWARDS));
+    assert!(report.is_ok(), "{}", report.text());
+    assert_eq!(coverage(&report.entry_points[0]).rays_traced, 32);
+    let report = run(&ray_generation("", BACKWARDS));
+    assert_eq!(report.entry_points[0].result, Verdict::Trap, "{}", report.text());
+}
+
+/// No number is 77: the trace is never reached, and the report says so.
+#[test]
+fn what_is_not_reached_is_told() {
+    let report = run(&ray_generation("", &guarded(&number("%0", "OpIEqual %bool %n %77"), BACKWARDS)));
+    let reached = coverage(&report.entry_points[0]);
+    assert_eq!((reached.blocks_entered, reached.blocks), (2, 3));
+    assert_eq!((reached.trace_instructions_reached, reached.trace_instructions), (0, 1));
+    assert_eq!((reached.rays_traced, reached.cut_short), (0, None));
+    assert!(reached.sets > 10, "{reached:?}");
+    let text = report.text();
+    assert!(text.starts_with("RayGenerationKHR `main`: ok, reached 2 of 3 blocks\n"), "{text}");
+    assert!(text.contains("0 rays traced by 0 of 1 trace"), "{text}");
+}
+
+/// A number above 100, a 0, a 1, zeros as floats and another value of a specialization constant are all found, and so is the
+/// trap behind them; no value of the shader's own is made up there, so that all sets that come there trap.
+#[test]
+fn values_of_every_kind_are_tried() {
+    let float = "%p = OpAccessChain %uint_pointer %numbers %0 %0
+         %n = OpLoad %uint %p
+         %holds = OpIEqual %bool %n %0";
+    for condition in [
+        number("%0", "OpUGreaterThan %bool %n %100"),
+        number("%0", "OpIEqual %bool %n %1"),
+        float.to_owned(),
+        "%holds = OpCopyObject %bool %choice".to_owned(),
+    ] {
+        let report = run(&ray_generation("", &guarded(&condition, BACKWARDS)));
+        let entry = &report.entry_points[0];
+        assert_eq!(entry.result, Verdict::Trap, "{condition}: {}", report.text());
+        let trap = entry.runs[0].trap.as_ref().expect("a trap");
+        let note = trap.notes.last().expect("a note");
+        assert!(note.starts_with("on made-up inputs; ") && note.contains(", 0 got past"), "{note}");
+        let report = run(&ray_generation("", &guarded(&condition, FORWARDS)));
+        let reached = coverage(&report.entry_points[0]);
+        assert!(
+            report.is_ok() && reached.blocks_entered == 3 && reached.rays_traced > 0,
+            "{}",
+            report.text()
+        );
+        assert!(report.text().starts_with("RayGenerationKHR `main`: ok\n"), "{}", report.text());
+    }
+}
+
+/// The buffer has 1024 numbers at first.
+#[test]
+fn what_is_too_small_is_made_larger() {
+    let report = run(&ray_generation("", &guarded(&number("%5000", "OpIEqual %bool %n %0"), FORWARDS)));
+    let note = report.entry_points[0].runs[0].note.clone().unwrap_or_else(|| panic!("{}", report.text()));
+    assert!(report.is_ok() && note.contains("ran with larger resources"), "{note}");
+}
+
+#[test]
+fn fuel_ends_the_search_and_says_so() {
+    let bytes = ray_generation("", &guarded(&number("%0", "OpIEqual %bool %n %77"), BACKWARDS));
+    let module = Arc::new(module::load(&bytes).expect("a module"));
+    let of = |options: Options| {
+        let report = smoke::run(&module, options);
+        let reached = coverage(&report.entry_points[0]);
+        (reached.sets, reached.cut_short)
+    };
+    let little = Options { total_fuel: 1, ..Options::default() };
+    assert_eq!(of(little), (1, Some("fuel")));
+    let no_time = Options { time_limit: Some(std::time::Duration::ZERO), ..Options::default() };
+    assert_eq!(of(no_time), (1, Some("time")));
+}
+
+/// Hit kinds of triangles are 254 and 255: what another kind of geometry does is no fault of a shader for triangles. Each
+/// trap is told once.
+#[test]
+fn a_kind_of_geometry_that_passes_makes_the_others_notes() {
+    let shader = |base: &str| {
+        assembly::assemble(&format!(
+            "
+    OpCapability RayTracingKHR
+    OpExtension \"SPV_KHR_ray_tracing\"
+    OpMemoryModel Logical GLSL450
+    OpEntryPoint ClosestHitKHR %main \"main\" %kind %payload %table
+    OpDecorate %kind BuiltIn HitKindKHR
+    %void = OpTypeVoid
+    %function = OpTypeFunction %void
+    %uint = OpTypeInt 32 0
+    %2 = OpConstant %uint 2
+    %base = OpConstant %uint {base}
+    %array = OpTypeArray %uint %2
+    %input = OpTypePointer Input %uint
+    %kind = OpVariable %input Input
+    %incoming = OpTypePointer IncomingRayPayloadKHR %uint
+    %payload = OpVariable %incoming IncomingRayPayloadKHR
+    %private = OpTypePointer Private %array
+    %table = OpVariable %private Private
+    %element = OpTypePointer Private %uint
+    %main = OpFunction %void None %function
+    %begin = OpLabel
+    %a = OpLoad %uint %kind
+    %b = OpISub %uint %a %base
+    %c = OpAccessChain %element %table %b
+    %d = OpLoad %uint %c
+    OpStore %payload %d
+    OpReturn
+    OpFunctionEnd
+    "
+        ))
+    };
+    let report = run(&shader("254"));
+    assert!(report.is_ok(), "{}", report.text());
+    let entry = &report.entry_points[0];
+    let results: Vec<_> = entry.runs.iter().map(|run| (run.with, run.result, run.is_note())).collect();
+    assert_eq!(results[0], ("triangle", Verdict::Ok, false));
+    assert_eq!(results[1], ("aabb", Verdict::Trap, true));
+    // No hit kind is 1000 or 1001.
+    let report = run(&shader("1000"));
+    assert_eq!(report.entry_points[0].result, Verdict::Trap);
+    assert_eq!(report.text().matches(RULE).count(), 1, "{}", report.text());
+    assert!(report.text().contains("triangle, aabb, sphere, lss: trap"), "{}", report.text());
+}
+
+/// Each invocation stores to a texel of its own: 32 x 32 of them.
+#[test]
+fn images_are_as_large_as_the_dispatch() {
+    let shader = |dimension: &str, multisampled: u32| {
+        assembly::assemble(
+            &format!(
+                "
+    OpCapability Shader
+    OpCapability StorageImageMultisample
+    OpCapability ImageQuery
+    OpMemoryModel Logical GLSL450
+    OpEntryPoint GLCompute %main \"main\" %id %image
+    OpExecutionMode %main LocalSize 16 16 1
+    OpDecorate %id BuiltIn GlobalInvocationId
+    OpDecorate %image DescriptorSet 0
+    OpDecorate %image Binding 0
+    %void = OpTypeVoid
+    %function = OpTypeFunction %void
+    %uint = OpTypeInt 32 0
+    %float = OpTypeFloat 32
+    %uvec3 = OpTypeVector %uint 3
+    %uvec2 = OpTypeVector %uint 2
+    %vec4 = OpTypeVector %float 4
+    %one = OpConstant %float 1
+    %0 = OpConstant %uint 0
+    %ones = OpConstantComposite %vec4 %one %one %one %one
+    %input = OpTypePointer Input %uvec3
+    %id = OpVariable %input Input
+    %image_type = OpTypeImage %float {dimension} 0 0 {multisampled} 2 Rgba32f
+    %pointer = OpTypePointer UniformConstant %image_type
+    %image = OpVariable %pointer UniformConstant
+    %main = OpFunction %void None %function
+    %begin = OpLabel
+    %a = OpLoad %uvec3 %id
+    %b = OpVectorShuffle %uvec2 %a %a 0 1
+    %c = OpLoad %image_type %image
+    STORE
+    OpReturn
+    OpFunctionEnd
+    "
+            )
+            .replace(
+                "STORE",
+                match (dimension, multisampled) {
+                    (_, 0) => "OpImageWrite %c %b %ones",
+                    ("2D", _) => "%d = OpImageQuerySize %uvec2 %c",
+                    _ => "%d = OpImageQuerySize %uvec3 %c",
+                },
+            ),
+        )
+    };
+    for multisampled in [0, 1] {
+        let report = run(&shader("2D", multisampled));
+        assert!(report.is_ok() && report.entry_points[0].runs[0].note.is_none(), "{}", report.text());
+    }
+    // No image has several samples and three axes: whose fault that is, it is not this program's.
+    let report = run(&shader("3D", 1));
+    assert_ne!(report.entry_points[0].result, Verdict::Bug, "{}", report.text());
+}
+
+#[test]
+fn too_little_coverage_fails_where_it_is_asked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("part.spv");
+    std::fs::write(&path, ray_generation("", &guarded(&number("%0", "OpIEqual %bool %n %77"), BACKWARDS)))
+        .expect("a file");
+    let ends = |percent: &str| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
+        let output = command.arg("smoke").arg(&path).args(["--json", "--min-coverage", percent]).output();
+        let output = output.expect("the command");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    // 2 of 3 blocks.
+    assert_eq!(ends("66").0, Some(0));
+    let (code, told) = ends("67");
+    assert!(code == Some(1) && told.contains("RayGenerationKHR `main` reached 2 of 3 blocks"), "{told}");
+    assert_eq!(ends("101").0, Some(2));
 }
 
 const RULE: &str = "an index is outside its array";

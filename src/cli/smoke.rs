@@ -1,7 +1,8 @@
-//! `anyhit smoke`: runs every entry point of a module once, on made-up inputs.
+//! `anyhit smoke`: runs every entry point of a module on made-up inputs.
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 use clap::Args;
 
@@ -9,12 +10,13 @@ use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::smoke::{self, Options, Report, Verdict};
 
-/// Runs every ray-tracing and compute entry point of a module once, on made-up inputs.
+/// Runs every ray-tracing and compute entry point of a module on made-up inputs.
 ///
 /// Buffers, images, samplers, push constants, shader records, payloads, device addresses and
 /// acceleration structures are made up from what the module declares: integers 0 to 3, floats in
-/// [0, 1), identity matrices. Exit codes: 0 all ran to their end, 1 one trapped, 2 one is not
-/// supported or the module is invalid.
+/// [0, 1), identity matrices. One set of values follows the other until every block was entered or
+/// new ones lead nowhere new. Exit codes: 0 all ran to their end, 1 one trapped or reached less than
+/// `--min-coverage`, 2 one is not supported or the module is invalid.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
     /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang)
@@ -29,6 +31,26 @@ pub struct SmokeArgs {
     /// How many operations an invocation may spend at back edges and calls
     #[arg(long, value_name = "N", default_value_t = Options::default().budget)]
     budget: u64,
+    /// How many operations all runs of an entry point may spend, counted once for all lanes of a batch,
+    /// before no further set of values is tried
+    #[arg(long, value_name = "N", default_value_t = Options::default().total_fuel)]
+    total_fuel: u64,
+    /// Try no further sets of values after this time; the report then depends on the machine
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    seconds: Option<Duration>,
+    /// Fail where an entry point entered less than this many percent of its blocks
+    #[arg(long, value_name = "PERCENT", value_parser = percent)]
+    min_coverage: Option<f64>,
+}
+
+fn seconds(text: &str) -> std::result::Result<Duration, String> {
+    let number: f64 = text.parse().map_err(|_| "a number of seconds is needed".to_owned())?;
+    Duration::try_from_secs_f64(number).map_err(|error| error.to_string())
+}
+
+fn percent(text: &str) -> std::result::Result<f64, String> {
+    let number = text.trim_end_matches('%').parse().ok();
+    number.filter(|number| (0.0..=100.0).contains(number)).ok_or_else(|| "0 to 100 is needed".to_owned())
 }
 
 /// Runs the command.
@@ -38,7 +60,13 @@ pub struct SmokeArgs {
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run.
 pub fn run(args: SmokeArgs) -> Result<()> {
     let module = Arc::new(module_file::read_or_compile(&args.module)?);
-    let report = smoke::run(&module, Options { seed: args.seed, budget: args.budget });
+    let options = Options {
+        seed: args.seed,
+        budget: args.budget,
+        total_fuel: args.total_fuel,
+        time_limit: args.seconds,
+    };
+    let report = smoke::run(&module, options);
     if args.json {
         let json = serde_json::to_string_pretty(&report)
             .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", args.module.display())))?;
@@ -46,14 +74,14 @@ pub fn run(args: SmokeArgs) -> Result<()> {
     } else {
         output::print(report.text())?;
     }
-    ended(&report)
+    ended(&report, args.min_coverage.unwrap_or(0.0))
 }
 
 /// The worst verdict as an error, for the exit code.
-fn ended(report: &Report) -> Result<()> {
+fn ended(report: &Report, min_coverage: f64) -> Result<()> {
     let worst = report.worst();
     let kind = match worst {
-        Verdict::Ok | Verdict::OutOfScope => return Ok(()),
+        Verdict::Ok | Verdict::OutOfScope => return covered(report, min_coverage),
         Verdict::Trap => ErrorKind::Expectation,
         Verdict::Unsupported | Verdict::Bug => ErrorKind::UnsupportedModule,
         Verdict::Invalid => ErrorKind::InvalidModule,
@@ -73,4 +101,21 @@ fn ended(report: &Report) -> Result<()> {
         .map(|(count, word)| format!("{count} {word}"))
         .collect();
     Err(Error::new(kind, format!("of {} entry points, {}", entries.len(), told.join(", "))))
+}
+
+/// Whether every entry point entered enough of its blocks.
+fn covered(report: &Report, percent: f64) -> Result<()> {
+    let reached = report.entry_points.iter().filter_map(|entry| Some((entry, entry.coverage.as_ref()?)));
+    let few: Vec<_> = reached.filter(|(_, reached)| !reached.is_at_least(percent)).collect();
+    if few.is_empty() {
+        return Ok(());
+    }
+    let count = report.entry_points.len();
+    let message =
+        format!("of {count} entry points, {} reached less than {percent} % of its blocks", few.len());
+    let error = Error::new(ErrorKind::Expectation, message);
+    Err(few.iter().fold(error, |error, (entry, reached)| {
+        let share = format!("{} of {} blocks", reached.blocks_entered, reached.blocks);
+        error.note(format!("{} `{}` reached {share}", entry.stage, entry.name))
+    }))
 }

@@ -124,6 +124,15 @@ impl Instance {
         self
     }
 
+    /// `ClusterIDNV` of the geometries that it has so far; -1 unless set.
+    #[must_use]
+    pub fn cluster_id(mut self, cluster_id: u32) -> Self {
+        for geometry in &mut self.geometries {
+            geometry.cluster_id = Some(cluster_id);
+        }
+        self
+    }
+
     /// Object to world, row-major 3x4 (`VkTransformMatrixKHR`).
     #[must_use]
     pub fn transform(self, transform: [[f32; 4]; 3]) -> Self {

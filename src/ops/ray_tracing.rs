@@ -200,8 +200,9 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     Ok(true)
 }
 
-/// The variable that `SPV_NV_ray_tracing` names by its `Location`.
-fn variable_at(decoder: &mut Decoder<'_>, location: Id, classes: &[u32]) -> Result<Id> {
+/// The variable that `SPV_NV_ray_tracing` names by its `Location`. There is none where nothing reads
+/// or writes the payload: optimizers remove a variable that no instruction names by its id.
+fn variable_at(decoder: &mut Decoder<'_>, location: Id, classes: &[u32]) -> Result<Option<Id>> {
     const LOCATION: u32 = 30;
     let location = decoder.constant_integer(location)?;
     let module = decoder.module;
@@ -209,8 +210,7 @@ fn variable_at(decoder: &mut Decoder<'_>, location: Id, classes: &[u32]) -> Resu
         let own = module.decorations.literal(variable.id, LOCATION).map(u64::from);
         classes.contains(&variable.storage_class) && own == Some(location)
     });
-    let found = found.map(|variable| variable.id);
-    found.ok_or_else(|| decoder.invalid(format!("no payload variable has location {location}")))
+    Ok(found.map(|variable| variable.id))
 }
 
 /// The rows of the payload or callable data variable that an operand names.
@@ -223,7 +223,11 @@ fn named_variable(
 ) -> Result<Rows> {
     let mut id = decoder.id(instruction, at)?;
     if matches!(opcode, Opcode::TraceNV | Opcode::TraceMotionNV | Opcode::ExecuteCallableNV) {
-        id = variable_at(decoder, id, classes)?;
+        match variable_at(decoder, id, classes)? {
+            Some(variable) => id = variable,
+            // A row of its own, so that no variable of the interface begins there.
+            None => return Ok(Rows { first: decoder.fresh(1)?, count: 0 }),
+        }
     }
     variable_rows(decoder, id, classes)
 }

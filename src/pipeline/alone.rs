@@ -1,9 +1,9 @@
-//! One shader by itself, on one thread, with a trap told in full.
+//! One shader by itself, on one thread, observed, with a trap told in full.
 
 use std::sync::Arc;
 
 use crate::accel::Tlas;
-use crate::machine::Invocation;
+use crate::machine::{Invocation, Observer};
 use crate::ops::row::{Row, Width};
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{Launch, RayOperands, Stats};
@@ -17,18 +17,17 @@ impl Launch<'_> {
     ///
     /// # Errors
     /// The trap of the lowest launch index.
-    pub fn run_alone<const W: usize, T: Witness>(
+    pub fn run_alone<const W: usize, T: Witness, O: Observer<W>>(
         &self,
         size: [u32; 3],
-        witness: &mut T,
+        (witness, observer): (&mut T, &mut O),
     ) -> Result<Stats, Box<Trapped>>
     where
         Row: Width<W>,
     {
         let Some(record) = &self.pipeline.sbt.ray_generation else { return Ok(Stats::default()) };
         let bindings = bindings(self.pipeline, self.resources);
-        let mut observer = ();
-        let mut stack = Stack::<W, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, witness, observer);
         let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
         for start in (0..count).step_by(W) {
             let end = count.min(start + W as u64);
@@ -43,20 +42,19 @@ impl Launch<'_> {
     ///
     /// # Errors
     /// The trap.
-    pub fn invoke<const W: usize, T: Witness>(
+    pub fn invoke<const W: usize, T: Witness, O: Observer<W>>(
         &self,
         shader: Shader,
         invocation: Invocation,
         payload: &[u32],
         attributes: &[u32],
-        witness: &mut T,
+        (witness, observer): (&mut T, &mut O),
     ) -> Result<Stats, Box<Trapped>>
     where
         Row: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
-        let mut observer = ();
-        let mut stack = Stack::<W, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, witness, observer);
         stack.invoke(shader, invocation, payload.into(), attributes.into());
         answer(stack.trapped, stack.stats)
     }
@@ -65,18 +63,17 @@ impl Launch<'_> {
     ///
     /// # Errors
     /// The trap.
-    pub fn trace_alone<const W: usize, T: Witness>(
+    pub fn trace_alone<const W: usize, T: Witness, O: Observer<W>>(
         &self,
         tlas: &Arc<Tlas>,
         operands: RayOperands,
-        witness: &mut T,
+        (witness, observer): (&mut T, &mut O),
     ) -> Result<Stats, Box<Trapped>>
     where
         Row: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
-        let mut observer = ();
-        let mut stack = Stack::<W, T, _>::new(self.pipeline, &bindings, witness, &mut observer);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, witness, observer);
         stack.trace(tlas, operands);
         answer(stack.trapped, stack.stats)
     }

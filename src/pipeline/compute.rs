@@ -137,10 +137,25 @@ impl Compute {
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats> {
         self.check(groups)?;
-        let whole = self.program.uses_subgroups.then_some(self.subgroup_size);
-        if whole.is_some_and(|size| size > 64) {
+        if self.program.uses_subgroups && self.subgroup_size > 64 {
             return self.run::<64>(resources, groups, &|_| ());
         }
+        self.run_alone_observed(resources, groups, witness, observer).map_err(|trapped| trapped.error)
+    }
+
+    /// The same with a trap told in full, for sizes that [`Compute::run`] would take and subgroups of
+    /// at most 64.
+    ///
+    /// # Errors
+    /// The trap; its shader is 0.
+    pub fn run_alone_observed(
+        &self,
+        resources: &Resources,
+        groups: [u32; 3],
+        witness: &mut dyn FnMut(Event),
+        observer: &mut (impl Observer<1> + Observer<64>),
+    ) -> Result<Stats, Box<Trapped>> {
+        let whole = self.program.uses_subgroups;
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let mut stats = Stats::default();
@@ -148,7 +163,7 @@ impl Compute {
         let per_task = self.per_task();
         for first in (0..count).step_by(per_task as usize) {
             let groups = (first..count.min(first + per_task)).map(|index| self.group(index, groups));
-            let (done, trapped) = if whole.is_none() && self.program.order_dependent {
+            let (done, trapped) = if !whole && self.program.order_dependent {
                 let observer: &mut dyn Observer<1> = &mut *observer;
                 let mut watch = Watch::new(observer, &mut *witness);
                 Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut watch)
@@ -158,7 +173,7 @@ impl Compute {
                 Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut watch)
             };
             if let Some(trapped) = trapped {
-                return Err(trapped.error);
+                return Err(Box::new(trapped));
             }
             stats = stats.plus(&done);
         }

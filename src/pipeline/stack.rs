@@ -402,6 +402,7 @@ where
                         Caller { shader: running.shader, op: running.batch.op - 1, payload: data.first };
                     let registers = &mut running.batch.registers;
                     let mut words: Data = registers.lane_words(data.first, data.count, lane).collect();
+                    self.witness.invocation(running.batch.invocations.launch_id(lane));
                     self.witness.absent(caller, &mut words);
                     registers.set_lane_words(data.first, lane, words);
                 }

@@ -26,8 +26,9 @@ pub trait Witness {
     /// Something happened.
     fn event(&mut self, event: Event);
 
-    /// A null record was chosen, so no shader runs: may write what one would have left in the
-    /// payload or callable data of the instruction that traces or calls.
+    /// A null record was chosen by the invocation that was named last, so no shader runs: may write
+    /// what one would have left in the payload or callable data of the instruction that traces or
+    /// calls.
     fn absent(&mut self, _caller: Caller, _words: &mut [u32]) {}
 }
 

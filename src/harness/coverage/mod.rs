@@ -6,12 +6,14 @@
 //! ([`Program::stretches`](crate::program::Program)), and its lines from debug information. A line
 //! that only a dropped instruction stands on has run where its block has.
 
+mod blocks;
 mod lcov;
 mod rays;
 mod recorder;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+pub use blocks::Blocks;
 pub use rays::{RayCounts, Use};
 pub use recorder::{Counts, Recorder};
 

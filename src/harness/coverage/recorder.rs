@@ -84,6 +84,11 @@ impl Counts {
         Ran { blocks, edges: self.edges.get(shader) }
     }
 
+    /// How many lanes entered a block of a shader.
+    pub fn entered(&self, shader: usize, block: u32) -> u64 {
+        self.ran(shader).block(block)
+    }
+
     fn count(&mut self, block: u32, lanes: u32) {
         if self.blocks.len() <= self.shader {
             self.blocks.resize(self.shader + 1, Vec::new());

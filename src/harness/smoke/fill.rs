@@ -11,22 +11,39 @@ use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::scene::random::Random;
 
-/// Elements that a runtime array, or memory behind an address, is given.
+/// Elements that a runtime array, or memory behind an address, is given at least.
 const ELEMENTS: usize = 1024;
-/// Bytes that one filled buffer may have at most beyond what its type fixes.
-const MOST_BYTES: usize = 1 << 20;
-/// Scalars of one buffer that are given values; those beyond are zero.
-const MOST_SCALARS: u32 = 1 << 15;
+/// Bytes that one filled buffer may have beyond what its type fixes, at scale 1 and at any.
+const MOST_BYTES: [usize; 2] = [1 << 20, 1 << 24];
+/// Bytes of one buffer that are given values; those beyond are zero.
+const MOST_FILLED: usize = 1 << 17;
 /// How many addresses may lead from one to the next.
 const MOST_STEPS: usize = 6;
+/// Large enough to end loops over bounces, small enough to lie in a runtime array.
+const LARGE: u64 = 1000;
 
 /// What integers are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Integers {
-    /// 0, 1, 2 or 3.
+    /// 0, 1, 2 or 3; three in a row differ, so that no triangle has an index twice.
     Small,
+    /// The same, but one in eight is 0, and another one 1000.
+    Mixed,
     /// All this number.
     All(u64),
+}
+
+/// What floats are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Floats {
+    /// Uniform in [0, 1).
+    Unit,
+    /// Uniform in [-4, 4).
+    Signed,
+    /// All 0: indices that are kept as the bits of floats are 0, too.
+    Zero,
+    /// All 1.
+    One,
 }
 
 /// What integers of 64 bits, and pairs of 32, are.
@@ -36,36 +53,81 @@ pub enum Wide {
     Numbers,
     /// Addresses.
     Addresses,
+    /// As with [`Wide::Numbers`], after addresses were tried.
+    Known,
 }
 
-/// Numbers for everything that is no address.
-#[derive(Clone, Debug)]
+/// How much memory there is where the shader's types leave it open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    /// Invocations along each axis: images have a texel for each.
+    pub invocations: [u32; 3],
+    /// 1, or more where that was too little.
+    pub scale: u32,
+}
+
+impl Extent {
+    /// Elements of this many bytes that runtime arrays have.
+    pub fn elements(&self, stride: usize) -> usize {
+        let invocations: u64 = self.invocations.iter().map(|&side| u64::from(side)).product();
+        let scale = self.scale as usize;
+        let wanted = ELEMENTS.max(invocations.min(1 << 20) as usize).saturating_mul(scale);
+        let most = MOST_BYTES[0].saturating_mul(scale).min(MOST_BYTES[1]);
+        (most / stride.max(1)).clamp(1, wanted)
+    }
+}
+
+/// Numbers for everything that is no address: each follows from the seed, from where it stands (its
+/// root: a binding's element, say) and from its place there alone, whatever else is there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Numbers {
-    random: Random,
-    integers: Integers,
+    /// The seed.
+    pub seed: u64,
+    /// What integers are.
+    pub integers: Integers,
+    /// What floats are.
+    pub floats: Floats,
 }
 
 impl Numbers {
-    /// The sequence of a seed.
-    pub fn new(seed: u64, integers: Integers) -> Self {
-        Self { random: Random::new(seed), integers }
+    /// A random number of a place.
+    fn bits(&self, root: u64, at: u64) -> u64 {
+        mix(mix(self.seed, root), at)
     }
 
-    /// A small integer.
-    pub fn integer(&mut self) -> u64 {
+    /// The integer at a place, counted in integers of its size.
+    pub fn integer(&self, root: u64, at: u64) -> u64 {
+        // Steps of 1 and 2 modulo 4, never two of 2 one behind the other: three in a row differ.
+        let small = || {
+            let random = self.bits(root, u64::MAX);
+            let (phase, slope) = (random & 3, random >> 48);
+            at.wrapping_add(phase).wrapping_add((at / 3).wrapping_mul(slope) >> 16) & 3
+        };
         match self.integers {
-            Integers::Small => self.random.bits() >> 62,
+            Integers::Small => small(),
+            Integers::Mixed => match self.bits(root, at) >> 61 {
+                0 => 0,
+                1 => LARGE,
+                _ => small(),
+            },
             Integers::All(value) => value,
         }
     }
 
-    /// Uniform in [0, 1).
-    pub fn unit(&mut self) -> f32 {
-        self.random.unit()
+    /// The float at a place.
+    pub fn float(&self, root: u64, at: u64) -> f32 {
+        // A multiple of 2^-24 in [0, 1).
+        let unit = (self.bits(root, at) >> 40) as f32 / (1 << 24) as f32;
+        match self.floats {
+            Floats::Unit => unit,
+            Floats::Signed => unit * 8.0 - 4.0,
+            Floats::Zero => 0.0,
+            Floats::One => 1.0,
+        }
     }
 
     /// A number as bits of a float type.
-    pub fn float(ty: &Type, value: f32) -> u64 {
+    pub fn float_bits(ty: &Type, value: f32) -> u64 {
         ty.float_format().map_or(0, |format| format.round(value.into()))
     }
 }
@@ -81,8 +143,8 @@ pub enum Content {
     Structure,
 }
 
-/// A place that addresses are taken from: a member of a block, whatever the array elements on the
-/// way.
+/// A place that addresses are taken from: a member of a block by its offset, whatever the array
+/// elements on the way.
 pub type Place = u64;
 
 /// A stretch of device memory.
@@ -99,11 +161,12 @@ pub struct Filler<'a> {
     module: &'a Module,
     numbers: Numbers,
     wide: Wide,
+    extent: Extent,
     known: &'a BTreeMap<Place, Content>,
     regions: Vec<Region>,
     by_place: HashMap<Place, usize>,
     steps: Vec<TypeId>,
-    scalars: u32,
+    root: u64,
 }
 
 impl<'a> Filler<'a> {
@@ -112,22 +175,18 @@ impl<'a> Filler<'a> {
         module: &'a Module,
         numbers: Numbers,
         wide: Wide,
+        extent: Extent,
         known: &'a BTreeMap<Place, Content>,
     ) -> Self {
         let (regions, by_place, steps) = (Vec::new(), HashMap::new(), Vec::new());
-        Self { module, numbers, wide, known, regions, by_place, steps, scalars: 0 }
-    }
-
-    /// The numbers, for what has no type of the module.
-    pub fn numbers(&mut self) -> &mut Numbers {
-        &mut self.numbers
+        Self { module, numbers, wide, extent, known, regions, by_place, steps, root: 0 }
     }
 
     /// The bytes of a block; `root` tells it from others.
     pub fn block(&mut self, ty: TypeId, root: u64) -> Vec<u8> {
         let layout = Layout::new(self.module, ty, Rules::Explicit);
         let size = match layout.runtime_stride() {
-            Some((offset, stride)) => offset + elements(stride) * stride,
+            Some((offset, stride)) => offset + self.extent.elements(stride) * stride,
             None => layout.size(),
         };
         self.filled(layout, size, root)
@@ -142,7 +201,7 @@ impl<'a> Filler<'a> {
 
     fn filled(&mut self, layout: Layout<'_>, size: usize, root: u64) -> Vec<u8> {
         let mut bytes = vec![0; size.min(1 << 28)];
-        self.scalars = 0;
+        self.root = root;
         self.fill(layout, 0, mix(0, root), &mut bytes);
         bytes
     }
@@ -185,9 +244,9 @@ impl<'a> Filler<'a> {
         }
         let size = layout.size();
         let stride = stride.map_or(size, |stride| stride as usize).max(1);
-        let count = elements(stride);
+        let count = self.extent.elements(stride);
         let mut bytes = vec![0; (count - 1) * stride + size.min(1 << 28)];
-        self.scalars = 0;
+        self.root = place;
         for index in 0..count {
             self.fill(layout, index * stride, mix(0, place), &mut bytes);
         }
@@ -195,32 +254,35 @@ impl<'a> Filler<'a> {
     }
 
     fn fill(&mut self, layout: Layout<'_>, offset: usize, place: Place, out: &mut [u8]) {
-        if self.scalars >= MOST_SCALARS || offset >= out.len() {
+        if offset >= out.len().min(MOST_FILLED) {
             return;
         }
         let module = self.module;
         match module.ty(layout.ty) {
             Type::Bool => {
-                let value = self.numbers.integer() & 1;
-                self.put(out, offset, 4, value);
+                let value = self.numbers.integer(self.root, offset as u64 / 4) & 1;
+                put(out, offset, 4, value);
             }
             Type::Int { width, .. } => {
                 let address = if *width == 64 { self.address_if_wanted(place) } else { None };
-                let value = address.unwrap_or_else(|| self.numbers.integer());
-                self.put(out, offset, layout.size(), value);
+                let at = (offset / (*width as usize / 8).max(1)) as u64;
+                let value = address.unwrap_or_else(|| self.numbers.integer(self.root, at));
+                put(out, offset, layout.size(), value);
             }
             ty @ Type::Float { .. } => {
-                let value = Numbers::float(ty, self.numbers.unit());
-                self.put(out, offset, layout.size(), value);
+                let value = self.numbers.float(self.root, offset as u64);
+                let value = Numbers::float_bits(ty, value);
+                put(out, offset, layout.size(), value);
             }
             Type::Vector { component, count } => {
                 let pair = *count == 2 && matches!(module.ty(*component), Type::Int { width: 32, .. });
                 if pair && let Some(address) = self.address_if_wanted(place) {
-                    return self.put(out, offset, 8, address);
+                    return put(out, offset, 8, address);
                 }
                 let part = layout.part(*component);
                 for index in 0..*count as usize {
-                    self.fill(part, offset + index * part.size(), mix(place, index as u64), out);
+                    let at = index * part.size();
+                    self.fill(part, offset + at, mix(place, at as u64), out);
                 }
             }
             Type::Matrix { column, count } => self.identity(layout, (*column, *count as usize), offset, out),
@@ -236,12 +298,12 @@ impl<'a> Filler<'a> {
             Type::Struct { members, .. } => {
                 for index in 0..members.len() {
                     let (at, part) = layout.member(index);
-                    self.fill(part, offset + at, mix(place, index as u64), out);
+                    self.fill(part, offset + at, mix(place, at as u64), out);
                 }
             }
             Type::Pointer { .. } => {
                 let address = self.pointer(layout.ty, place);
-                self.put(out, offset, 8, address);
+                put(out, offset, 8, address);
             }
             _ => {}
         }
@@ -258,7 +320,7 @@ impl<'a> Filler<'a> {
     ) {
         for index in 0..length {
             let at = offset + index * stride;
-            if self.scalars >= MOST_SCALARS || at >= out.len() {
+            if at >= out.len().min(MOST_FILLED) {
                 break;
             }
             // All elements lead to the same memory: one place.
@@ -284,23 +346,16 @@ impl<'a> Filler<'a> {
                     Some(matrix) => at * matrix.stride as usize + row * scalar,
                     None => (at * count as usize + row) * scalar,
                 };
-                let value = Numbers::float(float, f32::from(u8::from(at == row)));
-                self.put(out, offset + place, scalar, value);
+                let value = Numbers::float_bits(float, f32::from(u8::from(at == row)));
+                put(out, offset + place, scalar, value);
             }
-        }
-    }
-
-    fn put(&mut self, out: &mut [u8], offset: usize, size: usize, value: u64) {
-        self.scalars += 1;
-        if let Some(to) = out.get_mut(offset..offset + size.min(8)) {
-            to.copy_from_slice(&value.to_le_bytes()[..size.min(8)]);
         }
     }
 
     /// The address for a number that may be meant as one.
     fn address_if_wanted(&mut self, place: Place) -> Option<u64> {
         let known = self.known.get(&place).copied();
-        if self.steps.len() >= MOST_STEPS || known.is_none() && self.wide == Wide::Numbers {
+        if self.steps.len() >= MOST_STEPS || known.is_none() && self.wide != Wide::Addresses {
             return None;
         }
         let content = known.unwrap_or(Content::Unknown);
@@ -343,11 +398,47 @@ pub fn region_of(address: u64) -> Option<usize> {
     usize::try_from(address >> 32).ok()?.checked_sub(1)
 }
 
-fn elements(stride: usize) -> usize {
-    (MOST_BYTES / stride.max(1)).clamp(1, ELEMENTS)
+fn put(out: &mut [u8], offset: usize, size: usize, value: u64) {
+    if let Some(to) = out.get_mut(offset..offset + size.min(8)) {
+        to.copy_from_slice(&value.to_le_bytes()[..size.min(8)]);
+    }
 }
 
 /// A number for a part of a place.
-fn mix(place: Place, part: u64) -> Place {
+pub fn mix(place: Place, part: u64) -> Place {
     Random::new(place ^ part.wrapping_mul(0xD6E8_FEB8_6659_FD93).wrapping_add(1)).bits()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_small_integers_in_a_row_differ() {
+        let mut seen = [0; 4];
+        for root in 0..200 {
+            let numbers = Numbers { seed: root / 7, integers: Integers::Small, floats: Floats::Unit };
+            let row: Vec<u64> = (0..300).map(|at| numbers.integer(root, at)).collect();
+            for three in row.windows(3) {
+                assert!(three[0] != three[1] && three[1] != three[2] && three[0] != three[2], "{row:?}");
+            }
+            // One member of a struct of four integers is not the same in each element of an array.
+            let member: Vec<u64> = row.iter().copied().step_by(4).collect();
+            seen[(0..4).filter(|value| member.contains(value)).count() - 1] += 1;
+        }
+        // A slope below 2^-7 or so, one in a hundred, leaves a member the same.
+        assert!(seen[0] < 10 && seen[3] > 150, "{seen:?}");
+    }
+
+    #[test]
+    fn large_integers_and_zeros_stand_among_small_ones() {
+        let numbers = Numbers { seed: 1, integers: Integers::Mixed, floats: Floats::Signed };
+        let row: Vec<u64> = (0..8000).map(|at| numbers.integer(5, at)).collect();
+        let count = |wanted: u64| row.iter().filter(|value| **value == wanted).count();
+        // 1/8 are 1000; 1/8 and a quarter of the other 6/8 are 0. Four standard deviations are 120 and 165.
+        assert!(count(1000).abs_diff(1000) < 120 && count(0).abs_diff(2500) < 175, "{}", count(0));
+        let floats: Vec<f32> = (0..1000).map(|at| numbers.float(5, at)).collect();
+        assert!(floats.iter().all(|float| (-4.0..4.0).contains(float)));
+        assert!(floats.iter().any(|float| *float < -2.0) && floats.iter().any(|float| *float > 2.0));
+    }
 }

@@ -1,6 +1,6 @@
 //! What rays meet: one hit of each kind of geometry, and a small scene with all of them.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::accel::{Tlas, TraceRay};
 use crate::error::Result;
@@ -52,18 +52,18 @@ impl Kind {
         }
     }
 
-    /// A hit: what, by which ray, at which t.
+    /// A hit: what, by which ray, at which t. From behind, a triangle shows its back.
     ///
     /// # Errors
     /// None: the geometry is known.
-    pub fn hit(self) -> Result<(machine::Hit, TraceRay, f32)> {
-        let hit = match self {
-            Self::Triangle => Hit::triangle([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]),
-            Self::Aabb => Hit::aabb([-1.0; 3], [1.0; 3]),
-            Self::Sphere => Hit::sphere([0.0; 3], 1.0),
-            Self::Lss => Hit::lss([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [1.0, 0.75]),
+    pub fn hit(self, behind: bool) -> Result<(machine::Hit, TraceRay, f32)> {
+        let instance = match self {
+            Self::Triangle => Instance::triangle([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]),
+            Self::Aabb => Instance::aabb([-1.0; 3], [1.0; 3]),
+            Self::Sphere => Instance::sphere([0.0; 3], 1.0),
+            Self::Lss => Instance::lss([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [1.0, 0.75]),
         };
-        let resolved = hit.ray(ray()).resolve()?;
+        let resolved = Hit::of(instance.cluster_id(0)).ray(ray(behind)).resolve()?;
         // What the box's intersection shader would have reported: its entry.
         let t = if self == Self::Aabb { 2.0 } else { resolved.t };
         Ok((resolved.hit, resolved.trace, t))
@@ -71,8 +71,9 @@ impl Kind {
 }
 
 /// A ray that meets each of the hits.
-pub fn ray() -> Ray {
-    Ray::new([0.25, 0.5, 3.0], [0.0, 0.0, -1.0])
+pub fn ray(behind: bool) -> Ray {
+    let side = if behind { -1.0 } else { 1.0 };
+    Ray::new([0.25, 0.5, 3.0 * side], [0.0, 0.0, -side])
 }
 
 /// A structure with one box, for intersection shaders.
@@ -80,26 +81,46 @@ pub fn ray() -> Ray {
 /// # Errors
 /// None: the geometry is known.
 pub fn one_box() -> Result<Arc<Tlas>> {
-    Ok(Scene::new([Instance::aabbs([[[-1.0; 3], [1.0; 3]]])])?.tlas().clone())
+    static BOX: OnceLock<Arc<Tlas>> = OnceLock::new();
+    cached(&BOX, || vec![Instance::aabbs([[[-1.0; 3], [1.0; 3]]])])
 }
 
-/// A structure with every kind of primitive, which shaders trace: walls in front of and behind the
-/// origin, a floor, and a box, a sphere and a linear swept sphere beside it.
+/// A structure with every kind of primitive, or with one alone, which shaders trace: walls in front of
+/// and behind the origin, a floor, and a box, a sphere and a linear swept sphere beside it. All are of
+/// cluster 0.
 ///
 /// # Errors
 /// None: the geometry is known.
-pub fn scene() -> Result<Arc<Tlas>> {
-    let wall = |z: f32| {
-        let corners = [[-8.0, -8.0, z], [8.0, -8.0, z], [8.0, 8.0, z], [-8.0, 8.0, z]];
-        [0, 1, 2, 0, 2, 3].map(|at: usize| corners[at])
+pub fn scene(only: Option<Kind>) -> Result<Arc<Tlas>> {
+    static SCENES: [OnceLock<Arc<Tlas>>; 5] = [const { OnceLock::new() }; 5];
+    let all = || {
+        let wall = |z: f32| {
+            let corners = [[-8.0, -8.0, z], [8.0, -8.0, z], [8.0, 8.0, z], [-8.0, 8.0, z]];
+            [0, 1, 2, 0, 2, 3].map(|at: usize| corners[at])
+        };
+        let floor = [[-8.0, -2.0, -8.0], [8.0, -2.0, -8.0], [0.0, -2.0, 8.0]];
+        let instances = [
+            (Kind::Triangle, Instance::triangles(wall(4.0))),
+            (
+                Kind::Triangle,
+                Instance::triangles([wall(-4.0).as_slice(), floor.as_slice()].concat()).custom_index(1),
+            ),
+            (Kind::Aabb, Instance::aabbs([[[-4.0, -1.0, -1.0], [-2.0, 1.0, 1.0]]]).custom_index(2)),
+            (Kind::Sphere, Instance::sphere([3.0, 0.0, 0.0], 1.0).custom_index(3)),
+            (Kind::Lss, Instance::lss([[-1.0, 3.0, 0.0], [1.0, 3.0, 0.0]], [1.0, 0.5]).opaque()),
+        ];
+        let wanted = instances.into_iter().filter(|(kind, _)| only.is_none_or(|only| only == *kind));
+        wanted.map(|(_, instance)| instance).collect()
     };
-    let floor = [[-8.0, -2.0, -8.0], [8.0, -2.0, -8.0], [0.0, -2.0, 8.0]];
-    let scene = Scene::new([
-        Instance::triangles(wall(4.0)),
-        Instance::triangles([wall(-4.0).as_slice(), floor.as_slice()].concat()).custom_index(1),
-        Instance::aabbs([[[-4.0, -1.0, -1.0], [-2.0, 1.0, 1.0]]]).custom_index(2),
-        Instance::sphere([3.0, 0.0, 0.0], 1.0).custom_index(3),
-        Instance::lss([[-1.0, 3.0, 0.0], [1.0, 3.0, 0.0]], [1.0, 0.5]).opaque(),
-    ])?;
-    Ok(scene.tlas().clone())
+    cached(&SCENES[only.map_or(0, |kind| kind as usize + 1)], all)
+}
+
+/// What is always the same is built once.
+fn cached(kept: &OnceLock<Arc<Tlas>>, instances: impl FnOnce() -> Vec<Instance>) -> Result<Arc<Tlas>> {
+    if let Some(tlas) = kept.get() {
+        return Ok(tlas.clone());
+    }
+    let instances = instances().into_iter().map(|instance| instance.cluster_id(0));
+    let tlas = Scene::new(instances)?.tlas().clone();
+    Ok(kept.get_or_init(|| tlas).clone())
 }

@@ -1,10 +1,13 @@
-//! Smoke tests: every entry point of a module, run once on made-up inputs.
+//! Smoke tests: every entry point of a module, run on made-up inputs until that leads nowhere new.
 //!
-//! What a shader would find bound is made up from what it declares, from one seed: integers are 0 to
+//! What a shader would find bound is made up from what it declares, from a seed: integers are 0 to
 //! 3, floats lie in [0, 1), matrices are the identity; runtime arrays have 1024 elements, arrays of
-//! descriptors 16, images 16 texels a side and all their levels. Pointers lead to memory of what
-//! they point to. A 64-bit integer or a pair of 32-bit ones becomes an address where the shader is
-//! seen to go to memory through it: the run is repeated until every address leads somewhere.
+//! descriptors 16, images 16 texels a side or one for each invocation, and all their levels. Each
+//! number follows from its set, binding, array element and byte offset alone, so that neither the
+//! order of declarations nor what an optimizer removes changes the others. Pointers lead to memory
+//! of what they point to. A 64-bit integer or a pair of 32-bit ones becomes an address where the
+//! shader is seen to go to memory through it: the run is repeated until every address leads
+//! somewhere. Where it goes beyond a buffer or image, these become larger.
 //!
 //! A ray generation shader is launched over 8 x 4 invocations, a compute shader dispatched in 2 x 2
 //! workgroups. Closest-hit and any-hit shaders see a
@@ -13,50 +16,37 @@
 //! primitives; in the place of the shaders that are not there, the payload is filled like all else,
 //! one time in four as by a miss (floats -1, integers 0). So are callable data.
 //!
-//! Where these values make a shader trap, it is given others: another seed, then a launch of one
-//! invocation, at last also all integers 0 or all 1. If one of these runs to its end, the result is
-//! ok with a note.
+//! One such set of values shows little of a shader: others follow until every block of it was
+//! entered, or new seeds enter no new one. The report says how many blocks that were, and how many
+//! rays were traced. A trap that other values get past is a note; one that no values get past is
+//! told, and that the values were made up.
 
 mod fill;
 mod hits;
+mod judge;
 mod report;
 mod resources;
+mod sets;
+mod specialized;
+mod subject;
+mod watch;
 
-use std::collections::BTreeMap;
+use std::cell::OnceCell;
+use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
-use crate::accel::{RayFlags, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
-use crate::geometry::Ray;
-use crate::harness::smoke::fill::{Content, Integers, Numbers, Wide, region_of};
-use crate::harness::smoke::hits::Kind;
-use crate::harness::smoke::resources::{Given, Values};
-use crate::machine::{Invocation, TrapCode};
-use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
-use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Module};
-use crate::ops::pointer::storage;
-use crate::pipeline::group::{Group, HitGroup};
-use crate::pipeline::{
-    Caller, Compute, Event, Launch, Pipeline, RayOperands, Record, Shader, Trapped, Witness,
-};
+use crate::harness::coverage::Blocks;
+use crate::harness::smoke::judge::Try;
+use crate::harness::smoke::subject::{Progress, Subject, Way};
+use crate::harness::smoke::watch::{Happened, tracing};
+use crate::module::Module;
+use crate::module::interface::{EntryPoint, Stage};
 use crate::program::{self, Program, obstacles};
 
-pub use report::{EntryReport, Report, Run, TrapReport, Verdict};
-
-/// Invocations of a ray generation shader.
-const LAUNCH: [u32; 3] = [8, 4, 1];
-/// Workgroups of a compute shader.
-const GROUPS: [u32; 3] = [2, 2, 1];
-/// Invocations of a workgroup that is dispatched once only.
-const LARGE: u64 = 1024;
-/// Lanes of a batch.
-const LANES: usize = 64;
-/// Null records of each shader binding table.
-const RECORDS: usize = 1024;
-/// Addresses that one shader may be taught.
-const MOST_ADDRESSES: usize = 256;
+pub use report::{EntryReport, Reached, Report, Run, TrapReport, Verdict};
 
 /// How to run a smoke test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,15 +55,21 @@ pub struct Options {
     pub seed: u64,
     /// Operations that an invocation may spend at back edges and calls.
     pub budget: u64,
+    /// Operations, counted once for all lanes of a batch, after which no further set of values is
+    /// tried on an entry point. The first is always tried.
+    pub total_fuel: u64,
+    /// Time after which no further set of values is tried. What is reported then depends on the
+    /// machine, and says so.
+    pub time_limit: Option<Duration>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { seed: 1, budget: 1 << 18 }
+        Self { seed: 1, budget: 1 << 18, total_fuel: 1 << 27, time_limit: None }
     }
 }
 
-/// Runs every entry point of a module once.
+/// Runs every entry point of a module.
 ///
 /// ```
 /// use anyhit::Module;
@@ -83,24 +79,35 @@ impl Default for Options {
 /// let module = Module::open("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv")?;
 /// let report = smoke::run(&module, Options::default());
 /// assert!(report.is_ok(), "{}", report.text());
-/// assert_eq!(report.entry_points[0].runs[0].with, "sphere");
+/// let entry = &report.entry_points[0];
+/// assert_eq!(entry.runs[0].with, "sphere");
+/// // It has no branches: one block.
+/// let reached = entry.coverage.as_ref().expect("an entry point that runs");
+/// assert_eq!((reached.blocks_entered, reached.blocks), (1, 1));
 /// # Ok(())
 /// # }
 /// ```
 pub fn run(module: &Arc<Module>, options: Options) -> Report {
+    let deadline = options.time_limit.and_then(|limit| Instant::now().checked_add(limit));
     let entries = module.entry_points.iter();
     Report {
         seed: options.seed,
-        entry_points: entries.map(|entry| entry_point(module, entry, options)).collect(),
+        entry_points: entries.map(|entry| entry_point(module, entry, options, deadline)).collect(),
     }
 }
 
-fn entry_point(module: &Arc<Module>, entry: &EntryPoint, options: Options) -> EntryReport {
+fn entry_point(
+    module: &Arc<Module>,
+    entry: &EntryPoint,
+    options: Options,
+    deadline: Option<Instant>,
+) -> EntryReport {
     let mut report = EntryReport {
         name: entry.name.clone(),
         stage: entry.stage.name(),
         result: Verdict::Ok,
         reasons: Vec::new(),
+        coverage: None,
         runs: Vec::new(),
     };
     let lowered = guarded(|| program::lower(module, entry));
@@ -121,10 +128,25 @@ fn entry_point(module: &Arc<Module>, entry: &EntryPoint, options: Options) -> En
             return report;
         }
     };
-    let shader = Subject { variables: module.interface_of(entry), program, options };
-    for way in shader.ways() {
-        let run = match guarded(|| shader.run(way)) {
-            Ok(Ok(run)) => run,
+    let variables = module.interface_of(entry);
+    let subject = Subject { module, entry, program, specialized: OnceCell::new(), variables, options };
+    let mut progress = Progress {
+        blocks: Blocks::of(module, entry),
+        executed: BTreeSet::new(),
+        happened: Happened::default(),
+        sets: 0,
+        fuel: options.total_fuel,
+        deadline,
+        cut_short: None,
+    };
+    let mut explored: Vec<(Way, Vec<Try>)> = Vec::new();
+    for way in subject.ways() {
+        let run = match guarded(|| subject.explore(way, &mut progress)) {
+            Ok(Ok(tries)) => {
+                let run = ended(&subject, way, &tries);
+                explored.push((way, tries));
+                run
+            }
             Ok(Err(error)) => {
                 report.reasons.push(error.to_string());
                 Run { with: way.name(), result: verdict(&error), trap: None, note: None }
@@ -134,10 +156,99 @@ fn entry_point(module: &Arc<Module>, entry: &EntryPoint, options: Options) -> En
                 Run { with: way.name(), result: Verdict::Bug, trap: None, note: None }
             }
         };
-        report.result = report.result.max(run.result);
         report.runs.push(run);
     }
+    excuse_kinds(&mut report.runs, &explored);
+    let counted = report.runs.iter().filter(|run| !run.is_note());
+    report.result = counted.map(|run| run.result).max().unwrap_or(Verdict::Ok);
+    report.coverage = Some(reached(&subject.program, &progress));
     report
+}
+
+/// What the runs for one way of being called come to.
+fn ended(subject: &Subject<'_>, way: Way, tries: &[Try]) -> Run {
+    let describe = |one: &Try| match one.set.specialization.checked_sub(1) {
+        Some(other) => format!("{}, {}", one.set.words(), subject.specialized()[other].0),
+        None => one.set.words(),
+    };
+    let many = |count: usize| format!("{count} set{} of values", if count == 1 { "" } else { "s" });
+    if let Some(trap) = Try::verdict(tries) {
+        let here = tries.iter().filter(|one| one.traps_at(trap)).count();
+        let past = tries.iter().filter(|one| one.passes(trap.offset)).count();
+        let mut note =
+            format!("on made-up inputs; {} tried: {here} trapped here, {past} got past", many(tries.len()));
+        if let Some(first) = tries.iter().find(|one| one.traps_at(trap)) {
+            note += &format!("; the first: {}", describe(first));
+        }
+        let error = trap.error.clone().note(note);
+        let trap = Some(TrapReport::of(&error, trap.offset));
+        return Run { with: way.name(), result: Verdict::Trap, trap, note: None };
+    }
+    let mut notes: Vec<String> = Vec::new();
+    for trap in Try::excused(tries) {
+        let mut here = tries.iter().filter(|one| one.traps_at(trap));
+        let count = here.clone().count();
+        let first = here.next().map(describe).unwrap_or_default();
+        let of = many(tries.len());
+        notes.push(format!("on made-up inputs, {count} of {of} trapped ({first}): {}", trap.error));
+    }
+    let mut needed = tries.iter().filter_map(|one| one.mended.as_ref());
+    notes.extend(needed.next().map(|(what, trap)| format!("ran with {what}; else: {}", trap.error)));
+    let note = (!notes.is_empty()).then(|| notes.join("\n"));
+    Run { with: way.name(), result: Verdict::Ok, trap: None, note }
+}
+
+/// Where one kind of geometry passes, another kind's trap is a note: a shader need not be meant for all.
+/// But where the operands of a trace break a rule, another kind must get past that trace.
+fn excuse_kinds(runs: &mut [Run], explored: &[(Way, Vec<Try>)]) {
+    let passing: Vec<&str> =
+        runs.iter().filter(|run| run.result == Verdict::Ok).map(|run| run.with).collect();
+    let Some(other) = passing.first() else { return };
+    for run in runs.iter_mut().filter(|run| run.result == Verdict::Trap) {
+        let Some((_, own)) = explored.iter().find(|(way, _)| way.name() == run.with) else { continue };
+        let Some(trap) = Try::verdict(own) else { continue };
+        let mut others = explored.iter().flat_map(|(_, tries)| tries);
+        let past = |one: &Try| one.set.has_different_floats() && one.passes(trap.offset);
+        if !judge::is_of_rays(trap) || others.any(past) {
+            run.note = Some(format!("{other} passes: this shader may never see {}", run.with));
+        }
+    }
+}
+
+/// What all runs of an entry point reached.
+fn reached(program: &Program, progress: &Progress) -> Reached {
+    let module = &*program.module;
+    let [traces, queries] = tracing(program);
+    let executed = |all: &BTreeSet<u32>| all.intersection(&progress.executed).count();
+    let Happened { traces: traced, ray_queries, any_hits, reports } = progress.happened;
+    let mut missing: Vec<String> = Vec::new();
+    for offset in progress.blocks.missing() {
+        let place = match module.debug_info.line_at(offset) {
+            Some(line) => {
+                let file = module.debug_info.files.get(line.file as usize).map_or("", |file| &file.name);
+                format!("{file}:{}", line.line)
+            }
+            None => format!("word {offset}"),
+        };
+        if !missing.contains(&place) {
+            missing.push(place);
+        }
+    }
+    Reached {
+        blocks_entered: progress.blocks.entered(),
+        blocks: progress.blocks.all(),
+        blocks_not_entered: missing,
+        trace_instructions_reached: executed(&traces),
+        trace_instructions: traces.len(),
+        query_instructions_reached: executed(&queries),
+        query_instructions: queries.len(),
+        rays_traced: traced,
+        ray_queries,
+        any_hits,
+        reports,
+        sets: progress.sets,
+        cut_short: progress.cut_short,
+    }
 }
 
 fn verdict(error: &Error) -> Verdict {
@@ -155,261 +266,4 @@ fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
         let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("a panic");
         format!("bug in anyhit: {}", text.trim_start_matches("bug in anyhit: "))
     })
-}
-
-/// What a shader is run for.
-#[derive(Clone, Copy, Debug)]
-enum Way {
-    /// A launch of a ray generation shader.
-    Launch,
-    /// A hit of geometry.
-    Hit(Kind),
-    /// A box, for an intersection shader.
-    Box,
-    /// A ray that hit nothing.
-    Miss,
-    /// A call.
-    Call,
-    /// A dispatch of a compute shader.
-    Dispatch,
-}
-
-impl Way {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Launch => "launch",
-            Self::Hit(kind) => kind.name(),
-            Self::Box => Kind::Aabb.name(),
-            Self::Miss => "ray",
-            Self::Call => "call",
-            Self::Dispatch => "dispatch",
-        }
-    }
-}
-
-/// The shader that is tested.
-struct Subject {
-    program: Arc<Program>,
-    variables: Vec<InterfaceVariable>,
-    options: Options,
-}
-
-/// How a run ended.
-enum End {
-    Done,
-    Trapped(Box<Trapped>),
-}
-
-impl Subject {
-    fn ways(&self) -> Vec<Way> {
-        match self.program.stage {
-            Stage::ClosestHit | Stage::AnyHit => {
-                Kind::of_program(&self.program).into_iter().map(Way::Hit).collect()
-            }
-            Stage::Intersection => vec![Way::Box],
-            Stage::Miss => vec![Way::Miss],
-            Stage::Callable => vec![Way::Call],
-            Stage::Compute => vec![Way::Dispatch],
-            _ => vec![Way::Launch],
-        }
-    }
-
-    /// Runs it with one choice of values after the other, until it runs to its end.
-    fn run(&self, way: Way) -> Result<Run> {
-        let seed = self.options.seed;
-        let next = seed.wrapping_add(1);
-        let choices = [
-            (LAUNCH, seed, Integers::Small, String::new()),
-            (LAUNCH, next, Integers::Small, format!("with the values of seed {next}")),
-            ([1; 3], seed, Integers::Small, "as a launch of one invocation".to_owned()),
-            ([1; 3], seed, Integers::All(0), "as a launch of one invocation with all integers 0".to_owned()),
-            ([1; 3], seed, Integers::All(1), "as a launch of one invocation with all integers 1".to_owned()),
-        ];
-        let mut first: Option<Trapped> = None;
-        for (launch_size, seed, integers, words) in choices {
-            match (self.settle(way, launch_size, seed, integers)?, &first) {
-                (End::Done, None) => return Ok(self.ended(way, Verdict::Ok, None, None)),
-                (End::Done, Some(trapped)) => {
-                    let note =
-                        format!("ran to its end {words}; seed {}: {}", self.options.seed, trapped.error);
-                    return Ok(self.ended(way, Verdict::Ok, None, Some(note)));
-                }
-                (End::Trapped(trapped), None) => first = Some(*trapped),
-                (End::Trapped(_), Some(_)) => {}
-            }
-        }
-        let trap = first.map(|trapped| TrapReport::of(&trapped.error, trapped.offset));
-        Ok(self.ended(way, Verdict::Trap, trap, None))
-    }
-
-    fn ended(&self, way: Way, result: Verdict, trap: Option<TrapReport>, note: Option<String>) -> Run {
-        Run { with: way.name(), result, trap, note }
-    }
-
-    /// Runs it until every address that it goes to leads somewhere.
-    fn settle(&self, way: Way, launch_size: [u32; 3], seed: u64, integers: Integers) -> Result<End> {
-        let mut known = BTreeMap::new();
-        let mut wide = Wide::Numbers;
-        loop {
-            let values = Values { launch_size, seed, integers, wide };
-            let given = resources::given(&self.program, &self.variables, values, &known, &hits::scene)?;
-            let End::Trapped(trapped) = self.once(way, &given, values)? else { return Ok(End::Done) };
-            let lost = match trapped.code {
-                TrapCode::NullPointer
-                | TrapCode::AddressInvalid
-                | TrapCode::AddressMisaligned
-                | TrapCode::AddressOutOfBounds => true,
-                TrapCode::AccelerationStructureMissing => self.addresses_structures(),
-                _ => false,
-            };
-            let content = lost.then(|| self.content(&trapped)).flatten();
-            let place = region_of(trapped.asked).and_then(|region| *given.places.get(region)?);
-            match (content, place) {
-                (Some(content), Some(place)) if known.len() < MOST_ADDRESSES => {
-                    known.insert(place, content);
-                }
-                (Some(_), None) if wide == Wide::Numbers => wide = Wide::Addresses,
-                // What is no address must not be as large as one: a count, say.
-                _ if wide == Wide::Addresses && !known.is_empty() && !lost => {
-                    let values = Values { wide: Wide::Numbers, ..values };
-                    let given =
-                        resources::given(&self.program, &self.variables, values, &known, &hits::scene)?;
-                    return self.once(way, &given, values);
-                }
-                _ => return Ok(End::Trapped(trapped)),
-            }
-        }
-    }
-
-    /// Whether the module makes acceleration structures of addresses.
-    fn addresses_structures(&self) -> bool {
-        const CONVERT: u16 = 4447;
-        let functions = self.program.module.functions.iter();
-        let blocks = functions.flat_map(|function| &function.blocks);
-        blocks.flat_map(|block| &block.instructions).any(|instruction| instruction.opcode == CONVERT)
-    }
-
-    /// What the instruction that trapped expects behind its address.
-    fn content(&self, trapped: &Trapped) -> Option<Content> {
-        if trapped.code == TrapCode::AccelerationStructureMissing {
-            return Some(Content::Structure);
-        }
-        let module = &*self.program.module;
-        let functions = module.functions.iter().flat_map(|function| &function.blocks);
-        let mut instructions = functions.flat_map(|block| &block.instructions);
-        let instruction = instructions.find(|instruction| instruction.offset == trapped.offset)?;
-        let pointers = module.operand_ids(instruction).into_iter();
-        let mut found = pointers.filter_map(|id| physical_pointer(module, base(module, id)));
-        found.next().map(Content::Pointer)
-    }
-
-    fn once(&self, way: Way, given: &Given, values: Values) -> Result<End> {
-        if let Way::Dispatch = way {
-            let compute = Compute::new(self.program.clone())?.budget(self.options.budget);
-            let each = compute.workgroup_size().iter().map(|&side| u64::from(side)).product::<u64>();
-            let several = values.launch_size == LAUNCH && each <= LARGE;
-            let groups = if several { GROUPS } else { [1; 3] };
-            let ended = compute.run_alone::<LANES>(&given.resources, groups, &|_| ());
-            return Ok(ended.map_or_else(End::Trapped, |_| End::Done));
-        }
-        let mut builder = Pipeline::builder();
-        builder.budget(self.options.budget);
-        let shader = builder.shader(self.program.clone());
-        let data = |group| Record::with_data(group, &given.record);
-        match way {
-            Way::Launch => {
-                let group = builder.group(Group::General(shader))?;
-                builder.sbt().ray_generation = Some(data(group));
-            }
-            Way::Box => {
-                let group = HitGroup { intersection: Some(shader), ..HitGroup::default() };
-                let group = builder.group(Group::Hit(group))?;
-                builder.sbt().hit.push(Some(data(group)));
-            }
-            _ => {}
-        }
-        let sbt = builder.sbt();
-        sbt.hit.resize_with(RECORDS, || None);
-        sbt.miss.resize_with(RECORDS, || None);
-        sbt.callable.resize_with(RECORDS, || None);
-        let pipeline = builder.build()?;
-        let launch = Launch { pipeline: &pipeline, resources: &given.resources };
-        let mut stand_in = StandIn {
-            program: &self.program,
-            numbers: Numbers::new(values.seed.wrapping_add(1 << 32), values.integers),
-        };
-        let mut invocation = Invocation {
-            launch_size: values.launch_size,
-            record: Record::with_data(0, &given.record).shader_record(),
-            depth: 1,
-            ..Invocation::default()
-        };
-        let ended = match way {
-            Way::Launch => launch.run_alone::<LANES, _>(values.launch_size, &mut stand_in),
-            Way::Box => {
-                let operands = RayOperands::from(hits::ray());
-                launch.trace_alone::<LANES, _>(&hits::one_box()?, operands, &mut stand_in)
-            }
-            Way::Hit(kind) => {
-                let (hit, trace, t) = kind.hit()?;
-                (invocation.hit, invocation.trace, invocation.t_max) = (Some(hit), Some(trace), t);
-                let attributes = match (&invocation.hit, kind) {
-                    (_, Kind::Aabb) | (None, _) => given.attributes.clone(),
-                    (Some(hit), _) => hit.candidate.intersection.attributes.map(f32::to_bits).to_vec(),
-                };
-                launch.invoke::<LANES, _>(shader, invocation, &given.payload, &attributes, &mut stand_in)
-            }
-            Way::Miss => {
-                let ray = Ray::new([0.25, 0.5, 3.0], [0.6, 0.0, 0.8]).with_interval(0.0, 1000.0);
-                let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 };
-                (invocation.trace, invocation.t_max) = (Some(trace), ray.t_max);
-                launch.invoke::<LANES, _>(shader, invocation, &given.payload, &[], &mut stand_in)
-            }
-            Way::Call | Way::Dispatch => {
-                launch.invoke::<LANES, _>(shader, invocation, &given.payload, &[], &mut stand_in)
-            }
-        };
-        Ok(ended.map_or_else(End::Trapped, |_| End::Done))
-    }
-}
-
-/// The pointer that a chain of access chains begins with.
-fn base(module: &Module, mut id: Id) -> Id {
-    // OpAccessChain, OpInBoundsAccessChain, OpPtrAccessChain, OpInBoundsPtrAccessChain
-    const CHAINS: [u16; 4] = [65, 66, 67, 70];
-    while let Some(Definition::Result(function, block, at)) = module.definition(id) {
-        let block = &module.functions[function as usize].blocks[block as usize];
-        let instruction = &block.instructions[at as usize];
-        match module.operands(instruction).first() {
-            Some(&from) if CHAINS.contains(&instruction.opcode) => id = Id(from),
-            _ => break,
-        }
-    }
-    id
-}
-
-/// The type of an id that is a pointer to device memory.
-fn physical_pointer(module: &Module, id: Id) -> Option<TypeId> {
-    let ty = module.type_of(id)?;
-    let physical = storage::PHYSICAL_STORAGE_BUFFER;
-    matches!(module.ty(ty), Type::Pointer { storage_class, .. } if *storage_class == physical).then_some(ty)
-}
-
-/// Answers in the place of the shaders that are not there.
-struct StandIn<'a> {
-    program: &'a Program,
-    numbers: Numbers,
-}
-
-impl Witness for StandIn<'_> {
-    const ACTIVE: bool = true;
-
-    fn event(&mut self, _event: Event) {}
-
-    fn absent(&mut self, caller: Caller, words: &mut [u32]) {
-        let rows = self.program.interface.iter().find(|rows| rows.first == caller.payload);
-        let Some(rows) = rows.filter(|_| caller.shader == Shader(0)) else { return };
-        let answer = resources::answer(&self.program.module, rows, &mut self.numbers);
-        words.iter_mut().zip(answer).for_each(|(to, word)| *to = word);
-    }
 }

@@ -1,10 +1,14 @@
 //! What a smoke test found, as text and as JSON.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use serde::Serialize;
 
 use crate::error::{Error, Place};
+
+/// Places of blocks that the text shows.
+const SHOWN: usize = 8;
 
 /// What became of an entry point, or of one of its runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -40,15 +44,106 @@ pub struct EntryReport {
     pub name: String,
     /// SPIR-V's name of its execution model.
     pub stage: &'static str,
-    /// The worst of its runs.
+    /// The worst of its runs, but for traps of one kind of geometry that are notes as another passes.
     pub result: Verdict,
     /// What is unsupported or invalid, where something is.
     pub reasons: Vec<String>,
+    /// What its runs reached.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<Reached>,
     /// Its runs; none where it cannot run.
     pub runs: Vec<Run>,
 }
 
-/// One run of an entry point.
+/// What all runs of an entry point reached.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Reached {
+    /// Blocks of the module that were entered.
+    pub blocks_entered: usize,
+    /// Blocks of the module that its branches and calls lead to.
+    pub blocks: usize,
+    /// Where the others begin: source lines, or words of the module where it tells no lines.
+    pub blocks_not_entered: Vec<String>,
+    /// Instructions that trace rays and were executed.
+    pub trace_instructions_reached: usize,
+    /// Instructions that trace rays.
+    pub trace_instructions: usize,
+    /// `OpRayQueryInitializeKHR` that were executed.
+    pub query_instructions_reached: usize,
+    /// All `OpRayQueryInitializeKHR`.
+    pub query_instructions: usize,
+    /// Rays that were traced.
+    pub rays_traced: u64,
+    /// Ray queries that began.
+    pub ray_queries: u64,
+    /// Any-hit shaders that ran.
+    pub any_hits: u64,
+    /// Hits that intersection shaders reported.
+    pub reports: u64,
+    /// Sets of values that were tried, for all kinds of geometry together.
+    pub sets: u32,
+    /// What ended the search for more: `fuel` or `time`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cut_short: Option<&'static str>,
+}
+
+impl Reached {
+    /// Whether every block was entered.
+    pub fn is_whole(&self) -> bool {
+        self.blocks_entered == self.blocks
+    }
+
+    /// Whether at least so many percent of the blocks were entered.
+    pub fn is_at_least(&self, percent: f64) -> bool {
+        self.blocks_entered as f64 * 100.0 >= self.blocks as f64 * percent
+    }
+
+    /// Writing to a string does not fail.
+    fn write(&self, out: &mut String) {
+        let many = |count: u64, one: &str, several: &str| match count {
+            1 => format!("1 {one}"),
+            _ => format!("{count} {several}"),
+        };
+        let mut parts = Vec::new();
+        if self.trace_instructions > 0 {
+            let rays = many(self.rays_traced, "ray", "rays");
+            let (reached, all) = (self.trace_instructions_reached, self.trace_instructions);
+            parts.push(format!("{rays} traced by {reached} of {}", many(all as u64, "trace", "traces")));
+        }
+        if self.query_instructions > 0 {
+            let queries = many(self.ray_queries, "ray query", "ray queries");
+            let (reached, all) = (self.query_instructions_reached, self.query_instructions);
+            let all = many(all as u64, "OpRayQueryInitializeKHR", "OpRayQueryInitializeKHR");
+            parts.push(format!("{queries} begun by {reached} of {all}"));
+        }
+        if self.any_hits > 0 {
+            parts.push(many(self.any_hits, "any-hit shader run", "any-hit shaders run"));
+        }
+        if self.reports > 0 {
+            parts.push(many(self.reports, "hit reported", "hits reported"));
+        }
+        let sets = many(self.sets.into(), "set of values", "sets of values");
+        let _ = writeln!(
+            out,
+            "  reached {} of {}{} with {sets}",
+            self.blocks_entered,
+            many(self.blocks as u64, "block", "blocks"),
+            parts.iter().fold(String::new(), |text, part| text + ", " + part),
+        );
+        if let Some(what) = self.cut_short {
+            let _ = writeln!(out, "  no more sets of values were tried: the {what} is spent");
+        }
+        let missing = &self.blocks_not_entered;
+        if !missing.is_empty() {
+            let shown = &missing[..missing.len().min(SHOWN)];
+            let more = missing.len() - shown.len();
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let _ = writeln!(out, "  not reached: {}{more}", shown.join(", "));
+        }
+    }
+}
+
+/// One way in which an entry point was run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Run {
     /// What it was called for: `launch`, `dispatch`, `ray`, `call`, or the kind of geometry.
@@ -58,7 +153,8 @@ pub struct Run {
     /// Where it trapped.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trap: Option<TrapReport>,
-    /// Which values it needed to run to its end, where the first did not do.
+    /// Which values made it trap where others did not, a line for each trap; for a trap that does not
+    /// count, why.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
@@ -117,8 +213,9 @@ impl Report {
     /// The report for people.
     pub fn text(&self) -> String {
         let mut out = String::new();
+        let mut told = BTreeSet::new();
         for entry in &self.entry_points {
-            entry.write(&mut out);
+            entry.write(&mut out, &mut told);
         }
         if self.entry_points.is_empty() {
             out.push_str("no entry points\n");
@@ -128,23 +225,57 @@ impl Report {
 }
 
 impl EntryReport {
-    /// Writing to a string does not fail.
-    fn write(&self, out: &mut String) {
-        let _ = writeln!(out, "{} `{}`: {}", self.stage, self.name, self.result.words());
+    /// Writing to a string does not fail. A trap that was told is named only.
+    fn write(&self, out: &mut String, told: &mut BTreeSet<(u32, String)>) {
+        let reached = self.coverage.as_ref().filter(|reached| !reached.is_whole());
+        let part = reached.filter(|_| self.result == Verdict::Ok).map_or_else(String::new, |reached| {
+            format!(", reached {} of {} blocks", reached.blocks_entered, reached.blocks)
+        });
+        let _ = writeln!(out, "{} `{}`: {}{part}", self.stage, self.name, self.result.words());
         for reason in &self.reasons {
             let _ = writeln!(out, "  - {reason}");
         }
-        for run in &self.runs {
-            if run.result != Verdict::Ok || run.note.is_some() {
-                let _ = writeln!(out, "  {}: {}", run.with, run.result.words());
+        if let Some(reached) = &self.coverage {
+            reached.write(out);
+        }
+        let mut written = vec![false; self.runs.len()];
+        for (at, run) in self.runs.iter().enumerate() {
+            let is_told = run.result != Verdict::Ok || run.note.is_some();
+            if !is_told || std::mem::replace(&mut written[at], true) {
+                continue;
             }
-            for line in run.trap.iter().flat_map(|trap| trap.text.lines()) {
+            // Kinds of geometry that end alike stand together.
+            let mut with = vec![run.with];
+            for (other, written) in self.runs.iter().zip(&mut written).skip(at + 1) {
+                let same = |run: &Run| run.trap.as_ref().map(|trap| (trap.word, trap.rule.clone()));
+                if (other.result, same(other)) == (run.result, same(run))
+                    && (run.trap.is_some() || other.note == run.note)
+                {
+                    *written = true;
+                    with.push(other.with);
+                }
+            }
+            let words = if run.is_note() { "a note" } else { run.result.words() };
+            let _ = writeln!(out, "  {}: {words}", with.join(", "));
+            for line in run.note.iter().flat_map(|note| note.lines()) {
                 let _ = writeln!(out, "    {line}");
             }
-            if let Some(note) = &run.note {
-                let _ = writeln!(out, "    {note}");
+            let Some(trap) = &run.trap else { continue };
+            if !told.insert((trap.word, trap.rule.clone())) {
+                let _ = writeln!(out, "    the trap at word {} that is told above: {}", trap.word, trap.rule);
+                continue;
+            }
+            for line in trap.text.lines() {
+                let _ = writeln!(out, "    {line}");
             }
         }
+    }
+}
+
+impl Run {
+    /// Whether it trapped, but that does not count.
+    pub fn is_note(&self) -> bool {
+        self.result == Verdict::Trap && self.note.is_some()
     }
 }
 

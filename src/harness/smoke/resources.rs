@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::error::Result;
 use crate::harness::layout::array_length;
-use crate::harness::smoke::fill::{Content, Filler, Integers, Numbers, Place, Wide};
+use crate::harness::smoke::fill::{Content, Extent, Filler, Numbers, Place, Wide, mix};
 use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::{Dimension, Image, Shape};
 use crate::machine::sampler::{CompareOp, Filter, Sampler};
@@ -23,20 +23,20 @@ use crate::scene::image::declared_format;
 const DESCRIPTORS: u32 = 16;
 /// Descriptors of an array that differ; the rest repeat them.
 const DISTINCT: u32 = 4;
-/// Width, height and depth of images, as far as they have them.
+/// Width, height and depth of images at least, as far as they have them.
 const SIDE: u32 = 16;
+/// Texels of an image at most, whatever there are invocations.
+const MOST_TEXELS: u64 = 1 << 20;
 
 /// Which values memory is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Values {
-    /// `LaunchSizeKHR`
-    pub launch_size: [u32; 3],
-    /// The seed.
-    pub seed: u64,
-    /// What integers are.
-    pub integers: Integers,
+    /// What numbers are.
+    pub numbers: Numbers,
     /// What could be an address.
     pub wide: Wide,
+    /// How large things are.
+    pub extent: Extent,
 }
 
 /// Everything that one invocation is given.
@@ -65,11 +65,14 @@ pub fn given(
     tlas: &dyn Fn() -> Result<Arc<Tlas>>,
 ) -> Result<Given> {
     let module = &*program.module;
-    let numbers = Numbers::new(values.seed, values.integers);
-    let mut filler = Filler::new(module, numbers, values.wide, known);
+    let (numbers, extent) = (values.numbers, values.extent);
+    let mut filler = Filler::new(module, numbers, values.wide, extent, known);
     let mut resources = Resources::default();
     let mut record = Vec::new();
     let mut structure = None;
+    // The order in which a module declares them changes nothing.
+    let mut variables: Vec<_> = variables.iter().collect();
+    variables.sort_by_key(|variable| root(variable));
     for variable in variables {
         let (Some(ty), root) = (variable.ty, root(variable)) else { continue };
         match variable.storage_class {
@@ -81,7 +84,7 @@ pub fn given(
         }
         let Some((set, binding)) = variable.descriptor_set.zip(variable.binding) else { continue };
         let place = Binding { set, binding };
-        let (element, count) = descriptor_array(module, ty);
+        let (element, count) = descriptor_array(module, ty, extent.scale);
         let mut descriptors = Vec::new();
         for at in 0..count.min(DISTINCT) {
             let root = root.wrapping_add(u64::from(at) << 32);
@@ -92,13 +95,13 @@ pub fn given(
                     Descriptor::AccelerationStructure(tlas)
                 }
                 Type::Sampler => Descriptor::Sampler(Arc::new(sampler(false))),
-                Type::Image(image) => match made_up(module, image, filler.numbers())? {
+                Type::Image(image) => match made_up(module, image, (numbers, root), extent)? {
                     Some(image) => Descriptor::Image(image),
                     None => continue,
                 },
                 Type::SampledImage(image) => {
                     let Type::Image(image) = module.ty(*image) else { continue };
-                    let Some(texels) = made_up(module, image, filler.numbers())? else { continue };
+                    let Some(texels) = made_up(module, image, (numbers, root), extent)? else { continue };
                     let linear = texels.format().class() == Class::Float && !image.multisampled;
                     Descriptor::ImageSampler(texels, Arc::new(sampler(linear)))
                 }
@@ -147,55 +150,102 @@ fn share(held: &mut Descriptor, new: &Descriptor) {
         (held, new) => std::mem::discriminant(held) == std::mem::discriminant(new),
     };
     match (kinds.iter_mut().find(same), new) {
-        (Some(Descriptor::Buffer(held)), Descriptor::Buffer(new)) if new.size() > held.size() => {
-            held.clone_from(new);
+        // Of equal ones the order in which they were declared must not decide.
+        (Some(Descriptor::Buffer(held)), Descriptor::Buffer(new)) => {
+            let key = |buffer: &Buffer| (buffer.size(), buffer.bytes());
+            if new.size() >= held.size() && key(new) > key(held) {
+                held.clone_from(new);
+            }
         }
         (Some(_), _) => {}
         (None, _) => kinds.push(new.clone()),
     }
+    kinds.sort_by_cached_key(|kind| match kind {
+        Descriptor::Image(image) => format!("image {:?} {:?}", image.shape(), image.format()),
+        Descriptor::ImageSampler(image, _) => format!("sampled {:?} {:?}", image.shape(), image.format()),
+        other => format!("{:?}", std::mem::discriminant(other)),
+    });
     *held = match <[Descriptor; 1]>::try_from(kinds) {
         Ok([one]) => one,
         Err(several) => Descriptor::Mutable(several.into()),
     };
 }
 
-/// An answer to a trace or call that no shader gives: the words of the payload.
-pub fn answer(module: &Module, rows: &InterfaceRows, numbers: &mut Numbers) -> Vec<u32> {
-    // One answer in four looks like that of a miss shader, so that loops over bounces end.
-    let missed = numbers.unit() < 0.25;
-    let mut words = Vec::new();
-    answer_words(module, rows.ty, missed, numbers, &mut words);
-    words
+/// An answer to a trace or call that no shader gives: the words of the payload. `root` tells it from
+/// others.
+pub fn answer(module: &Module, rows: &InterfaceRows, (numbers, root): (Numbers, u64), far: u32) -> Vec<u32> {
+    // One answer in four looks like that of a miss shader, and one has large integers, so that loops
+    // over bounces end.
+    let like = match mix(mix(numbers.seed, root), u64::MAX - 1) >> 61 {
+        0 | 1 => Like::Missed,
+        2 => Like::Far(far),
+        _ => Like::Hit,
+    };
+    let mut answer = Answer { module, numbers, root, like, words: Vec::new() };
+    answer.append(rows.ty);
+    answer.words
 }
 
-fn answer_words(module: &Module, ty: TypeId, missed: bool, numbers: &mut Numbers, words: &mut Vec<u32>) {
-    match module.ty(ty) {
-        ty @ Type::Float { width, .. } => {
-            let value = if missed { -1.0 } else { numbers.unit() };
-            let bits = Numbers::float(ty, value);
-            words.push(bits as u32);
-            if *width == 64 {
-                words.push((bits >> 32) as u32);
+/// What an answer looks like.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Like {
+    /// Floats are -1, integers 0.
+    Missed,
+    /// Integers are this number.
+    Far(u32),
+    /// Like all else.
+    Hit,
+}
+
+struct Answer<'a> {
+    module: &'a Module,
+    numbers: Numbers,
+    root: u64,
+    like: Like,
+    words: Vec<u32>,
+}
+
+impl Answer<'_> {
+    fn append(&mut self, ty: TypeId) {
+        let at = self.words.len() as u64;
+        match self.module.ty(ty) {
+            ty @ Type::Float { width, .. } => {
+                let value = if self.like == Like::Missed { -1.0 } else { self.numbers.float(self.root, at) };
+                let bits = Numbers::float_bits(ty, value);
+                self.words.push(bits as u32);
+                if *width == 64 {
+                    self.words.push((bits >> 32) as u32);
+                }
             }
-        }
-        Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
-            (0..*count).for_each(|_| answer_words(module, *part, missed, numbers, words));
-        }
-        Type::Array { element, length, .. } => {
-            let length = array_length(module, *length);
-            (0..length).for_each(|_| answer_words(module, *element, missed, numbers, words));
-        }
-        Type::Struct { members, .. } => {
-            members.iter().for_each(|member| answer_words(module, member.ty, missed, numbers, words));
-        }
-        Type::Bool => words.push(if missed { 0 } else { numbers.integer() as u32 & 1 }),
-        Type::Int { width, .. } => {
-            words.push(if missed { 0 } else { numbers.integer() as u32 });
-            if *width == 64 {
-                words.push(0);
+            Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
+                (0..*count).for_each(|_| self.append(*part));
             }
+            Type::Array { element, length, .. } => {
+                let length = array_length(self.module, *length);
+                (0..length).for_each(|_| self.append(*element));
+            }
+            Type::Struct { members, .. } => members.iter().for_each(|member| self.append(member.ty)),
+            Type::Bool => {
+                let value = self.integer(at) & 1;
+                self.words.push(value);
+            }
+            Type::Int { width, .. } => {
+                let value = self.integer(at);
+                self.words.push(value);
+                if *width == 64 {
+                    self.words.push(0);
+                }
+            }
+            _ => self.words.extend([0, 0]),
         }
-        _ => words.extend([0, 0]),
+    }
+
+    fn integer(&self, at: u64) -> u32 {
+        match self.like {
+            Like::Missed => 0,
+            Like::Far(far) => far,
+            Like::Hit => self.numbers.integer(self.root, at) as u32,
+        }
     }
 }
 
@@ -207,7 +257,7 @@ fn root(variable: &InterfaceVariable) -> u64 {
 }
 
 /// The type of a binding's descriptors, and how many there are.
-fn descriptor_array(module: &Module, ty: TypeId) -> (TypeId, u32) {
+fn descriptor_array(module: &Module, ty: TypeId, scale: u32) -> (TypeId, u32) {
     let (mut ty, mut count) = (ty, 1u32);
     loop {
         match *module.ty(ty) {
@@ -217,7 +267,7 @@ fn descriptor_array(module: &Module, ty: TypeId) -> (TypeId, u32) {
                 ty = element;
             }
             Type::RuntimeArray { element, .. } => {
-                count = count.saturating_mul(DESCRIPTORS);
+                count = count.saturating_mul(DESCRIPTORS).saturating_mul(scale);
                 ty = element;
             }
             _ => return (ty, count.min(1 << 20)),
@@ -238,22 +288,29 @@ fn sampler(linear: bool) -> Sampler {
 }
 
 /// An image of a type with random texels; `None` for a type that no descriptor has.
-fn made_up(module: &Module, image: &ImageType, numbers: &mut Numbers) -> Result<Option<Arc<Image>>> {
-    let Some(shape) = shape(image) else { return Ok(None) };
+fn made_up(
+    module: &Module,
+    image: &ImageType,
+    (numbers, root): (Numbers, u64),
+    extent: Extent,
+) -> Result<Option<Arc<Image>>> {
+    let Some(shape) = shape(image, extent) else { return Ok(None) };
     let format = format(module, image);
     let size = format.texel_size() as usize;
     let mut bytes = Vec::with_capacity(shape.texels() as usize * size);
-    for _ in 0..shape.texels() {
+    for at in 0..shape.texels() {
+        let places = [0, 1, 2, 3].map(|channel| 4 * at + channel);
         let texel = match format.class() {
-            Class::Float => format.encode_numbers([0; 4].map(|_| f64::from(numbers.unit()))),
-            Class::Sint | Class::Uint => format.encode([0; 4].map(|_| numbers.integer()), false),
+            Class::Float => format.encode_numbers(places.map(|at| f64::from(numbers.float(root, at)))),
+            Class::Sint | Class::Uint => format.encode(places.map(|at| numbers.integer(root, at)), false),
         };
         bytes.extend_from_slice(&texel.to_le_bytes()[..size]);
     }
     Image::new(format, shape, &bytes).map(Some)
 }
 
-fn shape(image: &ImageType) -> Option<Shape> {
+/// A shape with a texel for every invocation, as far as its dimension has axes for them.
+fn shape(image: &ImageType, extent: Extent) -> Option<Shape> {
     let (dimension, axes, layers) = match (image.dim, image.arrayed) {
         (0, false) => (Dimension::D1, 1, 1),
         (0, true) => (Dimension::D1Array, 1, 4),
@@ -265,15 +322,43 @@ fn shape(image: &ImageType) -> Option<Shape> {
         (5, false) => (Dimension::Buffer, 1, 1),
         _ => return None,
     };
-    let mut extent = [1; 3];
-    extent[..axes].fill(SIDE);
+    // Vulkan has several samples for planes only (VUID-VkImageCreateInfo-samples-02257).
+    if image.multisampled && !matches!(dimension, Dimension::D2 | Dimension::D2Array) {
+        return None;
+    }
+    let invocations = extent.invocations;
+    // Retries with larger resources: 4 and 16 times the side.
+    let side = SIDE << (extent.scale.ilog2() / 3 * 2);
+    let mut sides = [1; 3];
+    for axis in 0..axes {
+        sides[axis] = side.max(invocations[axis]);
+    }
+    let layers = match dimension {
+        Dimension::D1Array => layers.max(invocations[1]),
+        Dimension::D2Array => layers.max(invocations[2]),
+        _ => layers,
+    };
     if dimension == Dimension::Buffer {
-        extent[0] = SIDE * SIDE;
+        sides[0] = extent.elements(1024) as u32;
+    }
+    if matches!(dimension, Dimension::Cube | Dimension::CubeArray) {
+        sides = [sides[0].max(sides[1]), sides[0].max(sides[1]), 1];
+    }
+    // The longest side gives way.
+    let texels = |sides: [u32; 3]| sides.iter().map(|&side| u64::from(side)).product::<u64>();
+    while texels(sides) * u64::from(layers) > MOST_TEXELS
+        && let Some(longest) = sides.iter_mut().max()
+        && *longest > SIDE
+    {
+        *longest /= 2;
+        if matches!(dimension, Dimension::Cube | Dimension::CubeArray) {
+            sides = [sides[0].min(sides[1]), sides[0].min(sides[1]), 1];
+        }
     }
     let samples = if image.multisampled { 4 } else { 1 };
     let one_level = image.sampled == 2 || image.multisampled || dimension == Dimension::Buffer;
-    let levels = if one_level { 1 } else { SIDE.ilog2() + 1 };
-    Some(Shape { dimension, extent, layers, levels, samples })
+    let levels = if one_level { 1 } else { sides.iter().max().map_or(1, |side| side.ilog2() + 1) };
+    Some(Shape { dimension, extent: sides, layers, levels, samples })
 }
 
 /// The format that an image type declares, or one that suits its component type.

@@ -81,6 +81,7 @@ impl<const W: usize> Trace<W> {
                     };
                     for lane in called.lanes() {
                         let mut words: Data = registers.lane_words(rows.first, rows.count, lane).collect();
+                        witness.invocation(self.launch_id(lane));
                         witness.absent(caller, &mut words);
                         registers.set_lane_words(rows.first, lane, words);
                     }

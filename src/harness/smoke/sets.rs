@@ -1,0 +1,108 @@
+//! The sets of values that a shader is tried on, one after the other.
+
+use crate::harness::smoke::fill::{Floats, Integers, Numbers};
+
+/// Invocations of a ray generation shader.
+pub const LAUNCH: [u32; 3] = [8, 4, 1];
+
+/// What a shader is tried on.
+#[derive(Clone, Copy, Debug)]
+pub struct Set {
+    /// `LaunchSizeKHR`, or where it is one a dispatch of one workgroup.
+    pub launch_size: [u32; 3],
+    /// What memory holds.
+    pub numbers: Numbers,
+    /// Whether geometry is hit from behind.
+    pub behind: bool,
+    /// Which of the specialized programs runs; 0 has the defaults.
+    pub specialization: usize,
+}
+
+/// Those that are tried first: whether of one invocation, what is added to the seed, what numbers are,
+/// whether geometry is hit from behind.
+const FIXED: [(bool, u64, Integers, Floats, bool); 11] = [
+    (false, 0, Integers::Small, Floats::Unit, false),
+    (false, 1, Integers::Small, Floats::Unit, true),
+    (false, 2, Integers::Mixed, Floats::Signed, false),
+    (false, 0, Integers::All(0), Floats::Unit, false),
+    (false, 0, Integers::Small, Floats::Zero, false),
+    (false, 0, Integers::Small, Floats::One, true),
+    (false, 0, Integers::All(1000), Floats::Unit, false),
+    (true, 0, Integers::Small, Floats::Unit, false),
+    (true, 0, Integers::All(0), Floats::Unit, false),
+    (true, 0, Integers::All(1), Floats::Unit, false),
+    (true, 0, Integers::All(0), Floats::Zero, false),
+];
+
+impl Set {
+    /// How many are tried before only new seeds follow, given how many specialized programs there are
+    /// beside the first.
+    pub fn fixed(specialized: usize) -> usize {
+        FIXED.len() + specialized
+    }
+
+    /// The one at a place of the order: always the same for a seed.
+    pub fn nth(at: usize, seed: u64, specialized: usize) -> Self {
+        let (numbers, specialization) = match at.checked_sub(FIXED.len()) {
+            None => (FIXED[at], 0),
+            Some(other) if other < specialized => (FIXED[0], other + 1),
+            Some(other) => {
+                let fresh = other - specialized;
+                let integers = if fresh.is_multiple_of(2) { Integers::Small } else { Integers::Mixed };
+                let floats = if (fresh / 2).is_multiple_of(2) { Floats::Unit } else { Floats::Signed };
+                let numbers = (fresh % 3 == 2, 3 + fresh as u64, integers, floats, fresh.is_multiple_of(2));
+                (numbers, fresh % (specialized + 1))
+            }
+        };
+        let (one, next, integers, floats, behind) = numbers;
+        Self {
+            launch_size: if one { [1; 3] } else { LAUNCH },
+            numbers: Numbers { seed: seed.wrapping_add(next), integers, floats },
+            behind,
+            specialization,
+        }
+    }
+
+    /// Whether nothing of it is an exception: not numbers that are all the same or far apart, and
+    /// specialization constants have their defaults.
+    pub fn is_plain(&self) -> bool {
+        let Numbers { integers, floats, .. } = self.numbers;
+        integers == Integers::Small && floats == Floats::Unit && self.specialization == 0
+    }
+
+    /// Whether floats differ, as those of a ray do.
+    pub fn has_different_floats(&self) -> bool {
+        matches!(self.numbers.floats, Floats::Unit | Floats::Signed)
+    }
+
+    /// In words, without its specialization.
+    pub fn words(&self) -> String {
+        let Numbers { seed, integers, floats } = self.numbers;
+        let integers = match integers {
+            Integers::Small => String::new(),
+            Integers::Mixed => ", some integers 0 or 1000".to_owned(),
+            Integers::All(value) => format!(", all integers {value}"),
+        };
+        let floats = match floats {
+            Floats::Unit => "",
+            Floats::Signed => ", floats from -4 to 4",
+            Floats::Zero => ", all floats 0",
+            Floats::One => ", all floats 1",
+        };
+        let launch = if self.launch_size == LAUNCH { "" } else { ", a launch of one invocation" };
+        format!("seed {seed}{integers}{floats}{launch}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_specialization_is_tried_before_new_seeds_and_with_them() {
+        assert!(Set::nth(0, 7, 2).is_plain());
+        let order: Vec<_> = (Set::fixed(0)..Set::fixed(2) + 3).map(|at| Set::nth(at, 7, 2)).collect();
+        assert_eq!(order.iter().map(|set| set.specialization).collect::<Vec<_>>(), [1, 2, 0, 1, 2]);
+        assert_eq!(order.iter().map(|set| set.numbers.seed).collect::<Vec<_>>(), [7, 7, 10, 11, 12]);
+    }
+}

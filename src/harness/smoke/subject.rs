@@ -1,0 +1,506 @@
+//! One entry point, run on one set of values after the other.
+
+use std::cell::OnceCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::accel::{RayFlags, TraceRay};
+use crate::error::Result;
+use crate::geometry::Ray;
+use crate::harness::coverage::Blocks;
+use crate::harness::smoke::fill::{Content, Extent, Place, Wide, region_of};
+use crate::harness::smoke::hits::{self, Kind};
+use crate::harness::smoke::judge::Try;
+use crate::harness::smoke::resources::{self, Given, Values};
+use crate::harness::smoke::sets::{LAUNCH, Set};
+use crate::harness::smoke::watch::{Happened, StandIn, Watch};
+use crate::harness::smoke::{Options, specialized};
+use crate::machine::{Invocation, Observer, TrapCode};
+use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Id, Module};
+use crate::ops::pointer::storage;
+use crate::pipeline::group::{Group, HitGroup};
+use crate::pipeline::{Compute, Launch, Pipeline, RayOperands, Record, Trapped, Witness};
+use crate::program::Program;
+
+/// Workgroups of a compute shader.
+const GROUPS: [u32; 3] = [2, 2, 1];
+/// Invocations of a workgroup that is dispatched once only.
+const LARGE: u64 = 1024;
+/// Lanes of a batch.
+const LANES: usize = 64;
+/// Null records of each shader binding table.
+const RECORDS: usize = 1024;
+/// Bytes of a hit record whose address a shader takes.
+const RECORD_SIZE: usize = 256;
+/// Addresses that one shader may be taught.
+const MOST_ADDRESSES: usize = 256;
+/// How many times as large resources may become where an access goes beyond them, and in which steps.
+const MOST_SCALE: u32 = 64;
+const SCALE_STEP: u32 = 8;
+/// Bytes beyond which an offset is not made good by a larger buffer.
+const MOST_OFFSET: u64 = 1 << 24;
+/// Sets of values that one shader is tried on at most, for one kind of geometry.
+const MOST_SETS: usize = 48;
+/// New seeds without a new block after which no more are tried.
+const PATIENCE: u32 = 4;
+/// The same while there is a trap that nothing got past.
+const LONG_PATIENCE: u32 = 12;
+/// Halvings of the budget of a shader that has once spent it.
+const LESS_BUDGET: u32 = 4;
+/// What a run counts beside its operations: making up its values takes time, too.
+const FUEL_OF_A_RUN: u64 = 1 << 14;
+/// What a ray counts beside its operations.
+const FUEL_OF_A_RAY: u64 = 1 << 7;
+
+/// What a shader is run for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// A launch of a ray generation shader.
+    Launch,
+    /// A hit of geometry.
+    Hit(Kind),
+    /// A box, for an intersection shader.
+    Box,
+    /// A ray that hit nothing.
+    Miss,
+    /// A call.
+    Call,
+    /// A dispatch of a compute shader.
+    Dispatch,
+}
+
+impl Way {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Launch => "launch",
+            Self::Hit(kind) => kind.name(),
+            Self::Box => Kind::Aabb.name(),
+            Self::Miss => "ray",
+            Self::Call => "call",
+            Self::Dispatch => "dispatch",
+        }
+    }
+}
+
+/// What the runs of an entry point have come to so far.
+pub struct Progress {
+    /// The blocks that were entered.
+    pub blocks: Blocks,
+    /// The instructions that were executed, by their word offset.
+    pub executed: BTreeSet<u32>,
+    /// What happened, how often.
+    pub happened: Happened,
+    /// Sets of values that were tried.
+    pub sets: u32,
+    /// Operations that may still run.
+    pub fuel: u64,
+    /// When to stop whatever is still to be tried.
+    pub deadline: Option<Instant>,
+    /// What kept further sets from being tried.
+    pub cut_short: Option<&'static str>,
+}
+
+impl Progress {
+    fn may_go_on(&mut self) -> bool {
+        if self.fuel == 0 {
+            self.cut_short = Some("fuel");
+        } else if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            self.cut_short = Some("time");
+        }
+        self.cut_short.is_none()
+    }
+
+    fn is_whole(&self) -> bool {
+        self.blocks.entered() == self.blocks.all()
+    }
+}
+
+/// The shader that is tested.
+pub struct Subject<'a> {
+    /// Its module.
+    pub module: &'a Arc<Module>,
+    /// Its entry point.
+    pub entry: &'a EntryPoint,
+    /// With the defaults of its specialization constants.
+    pub program: Arc<Program>,
+    /// With other values of them, made when they are needed; each with its constant in words.
+    pub specialized: OnceCell<Vec<(String, Arc<Program>)>>,
+    /// What it uses.
+    pub variables: Vec<InterfaceVariable>,
+    /// How to run it.
+    pub options: Options,
+}
+
+/// What was learned of a shader's memory while it ran.
+#[derive(Default)]
+struct Learned {
+    known: BTreeMap<Place, Content>,
+    /// Factors of 8.
+    scale_steps: u32,
+    /// What was changed for which trap, in the run that goes on.
+    mended: Option<(String, Box<Trapped>)>,
+    /// The one kind of geometry that there is, where a shader needs it.
+    geometry: Option<Kind>,
+    /// Whether it spent its budget: then it has less of it from there on.
+    is_spent: bool,
+    /// Instructions, by their word offset, for which no resource is large enough.
+    hopeless: BTreeSet<u32>,
+}
+
+impl Subject<'_> {
+    /// What it is run for.
+    pub fn ways(&self) -> Vec<Way> {
+        match self.program.stage {
+            Stage::ClosestHit | Stage::AnyHit => {
+                Kind::of_program(&self.program).into_iter().map(Way::Hit).collect()
+            }
+            Stage::Intersection => vec![Way::Box],
+            Stage::Miss => vec![Way::Miss],
+            Stage::Callable => vec![Way::Call],
+            Stage::Compute => vec![Way::Dispatch],
+            _ => vec![Way::Launch],
+        }
+    }
+
+    /// Runs it on sets of values until every block was entered and it ran to its end, or new ones lead
+    /// nowhere new; the first one at least.
+    ///
+    /// # Errors
+    /// What making up its values reports.
+    pub fn explore(&self, way: Way, progress: &mut Progress) -> Result<Vec<Try>> {
+        let mut tries: Vec<Try> = Vec::new();
+        let mut learned = Learned::default();
+        let mut dry = 0;
+        for at in 0..MOST_SETS {
+            let is_settled = Try::verdict(&tries).is_none();
+            if at > 0 && (progress.is_whole() && is_settled || !progress.may_go_on()) {
+                break;
+            }
+            let specialized = if at < Set::fixed(0) { &[][..] } else { self.specialized() };
+            let patience = if is_settled { PATIENCE } else { LONG_PATIENCE };
+            if at >= Set::fixed(specialized.len()) && dry >= patience {
+                break;
+            }
+            let set = Set::nth(at, self.options.seed, specialized.len());
+            let program = match set.specialization.checked_sub(1) {
+                Some(other) => &specialized[other].1,
+                None => &self.program,
+            };
+            let reached = |progress: &Progress| (progress.blocks.entered(), progress.executed.len());
+            let before = reached(progress);
+            let (one, values) = self.settle(way, program, set, &mut learned, progress)?;
+            if at == 0 {
+                self.check_unwatched(way, &one, values, &learned)?;
+            }
+            dry = if reached(progress) > before || at < Set::fixed(specialized.len()) { 0 } else { dry + 1 };
+            progress.sets += 1;
+            tries.push(one);
+        }
+        Ok(tries)
+    }
+
+    /// The programs with other values of specialization constants.
+    pub fn specialized(&self) -> &[(String, Arc<Program>)] {
+        self.specialized.get_or_init(|| specialized::programs(self.module, self.entry, &self.program))
+    }
+
+    /// Runs it until every address that it goes to leads somewhere, and no resource is too small that a
+    /// larger one would do for.
+    fn settle(
+        &self,
+        way: Way,
+        program: &Arc<Program>,
+        set: Set,
+        learned: &mut Learned,
+        progress: &mut Progress,
+    ) -> Result<(Try, Values)> {
+        let mut wide = Wide::Numbers;
+        learned.geometry = None;
+        loop {
+            let extent = Extent {
+                invocations: self.invocations(way, program)?,
+                scale: SCALE_STEP.pow(learned.scale_steps),
+            };
+            let values = Values { numbers: set.numbers, wide, extent };
+            let scene = || hits::scene(learned.geometry);
+            let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
+            let mut watch = Watch::new(program);
+            let mut stand_in = StandIn::new(program, set.numbers);
+            let budget = self.options.budget >> if learned.is_spent { LESS_BUDGET } else { 0 };
+            let run = Once { way, program, given: &given, set, budget };
+            let trapped = run.run(&mut stand_in, &mut watch)?;
+            learned.is_spent |= trapped.as_ref().is_some_and(|trap| trap.code == TrapCode::BudgetSpent);
+            let happened = stand_in.happened;
+            let rays = (happened.traces + happened.ray_queries).saturating_mul(FUEL_OF_A_RAY);
+            progress.fuel = progress.fuel.saturating_sub(watch.spent + rays + FUEL_OF_A_RUN);
+            let is_last = match &trapped {
+                None => true,
+                Some(trapped) => !self.learn(trapped, &given, learned, &mut wide, &mut progress.fuel),
+            };
+            if is_last {
+                watch.add_to(&mut progress.blocks, &mut progress.executed);
+                let sum = &mut progress.happened;
+                sum.traces += happened.traces;
+                sum.ray_queries += happened.ray_queries;
+                sum.any_hits += happened.any_hits;
+                sum.reports += happened.reports;
+                let mended = learned.mended.take().filter(|_| trapped.is_none());
+                return Ok((Try { set, trapped, passed: watch.passed(), mended }, values));
+            }
+        }
+    }
+
+    /// Learns from a trap what memory lacks; whether that was anything new.
+    fn learn(
+        &self,
+        trapped: &Trapped,
+        given: &Given,
+        learned: &mut Learned,
+        wide: &mut Wide,
+        fuel: &mut u64,
+    ) -> bool {
+        if *fuel == 0 {
+            return false;
+        }
+        let lost = match trapped.code {
+            TrapCode::NullPointer
+            | TrapCode::AddressInvalid
+            | TrapCode::AddressMisaligned
+            | TrapCode::AddressOutOfBounds => true,
+            TrapCode::AccelerationStructureMissing => self.addresses_structures(),
+            _ => false,
+        };
+        let content = lost.then(|| self.content(trapped)).flatten();
+        let place = region_of(trapped.asked).and_then(|region| *given.places.get(region)?);
+        if let (Some(content), Some(place)) = (content, place)
+            && learned.known.len() < MOST_ADDRESSES
+        {
+            return learned.known.insert(place, content).is_none();
+        }
+        let beyond = match trapped.code {
+            TrapCode::BufferOutOfBounds | TrapCode::AddressOutOfBounds => {
+                trapped.asked & u64::from(u32::MAX) < MOST_OFFSET
+            }
+            TrapCode::ImageOutOfBounds => true,
+            TrapCode::DescriptorMissing | TrapCode::IndexOutOfBounds => self.has_runtime_descriptors(),
+            _ => false,
+        };
+        if beyond && !learned.hopeless.contains(&trapped.offset) {
+            if SCALE_STEP.pow(learned.scale_steps + 1) <= MOST_SCALE {
+                learned.scale_steps += 1;
+                let mended = || ("larger resources".to_owned(), Box::new(trapped.clone()));
+                learned.mended.get_or_insert_with(mended);
+                return true;
+            }
+            learned.scale_steps = 0;
+            learned.hopeless.insert(trapped.offset);
+        }
+        let kind = match trapped.code {
+            TrapCode::NotTriangle | TrapCode::RayQueryNotTriangle => Some(Kind::Triangle),
+            TrapCode::RayQueryNotAabb => Some(Kind::Aabb),
+            TrapCode::NotSphere => Some(Kind::Sphere),
+            TrapCode::NotLinearSweptSphere => Some(Kind::Lss),
+            _ => None,
+        };
+        if let (Some(kind), None) = (kind, learned.geometry) {
+            learned.geometry = Some(kind);
+            let mended = || (format!("no geometry but {}", kind.name()), Box::new(trapped.clone()));
+            learned.mended.get_or_insert_with(mended);
+            return true;
+        }
+        match (content, place) {
+            (Some(_), None) if *wide == Wide::Numbers => {
+                *wide = Wide::Addresses;
+                true
+            }
+            // What is no address must not be as large as one: a count, say.
+            _ if *wide == Wide::Addresses && !learned.known.is_empty() && !lost => {
+                *wide = Wide::Known;
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether the module makes acceleration structures of addresses.
+    fn addresses_structures(&self) -> bool {
+        const CONVERT: u16 = 4447;
+        let functions = self.module.functions.iter();
+        let blocks = functions.flat_map(|function| &function.blocks);
+        blocks.flat_map(|block| &block.instructions).any(|instruction| instruction.opcode == CONVERT)
+    }
+
+    /// What the instruction that trapped expects behind its address.
+    fn content(&self, trapped: &Trapped) -> Option<Content> {
+        if trapped.code == TrapCode::AccelerationStructureMissing {
+            return Some(Content::Structure);
+        }
+        let module = &**self.module;
+        let functions = module.functions.iter().flat_map(|function| &function.blocks);
+        let mut instructions = functions.flat_map(|block| &block.instructions);
+        let instruction = instructions.find(|instruction| instruction.offset == trapped.offset)?;
+        let pointers = module.operand_ids(instruction).into_iter();
+        let mut found = pointers.filter_map(|id| physical_pointer(module, base(module, id)));
+        found.next().map(Content::Pointer)
+    }
+
+    /// Whether there are arrays of descriptors without a length.
+    fn has_runtime_descriptors(&self) -> bool {
+        let arrays = self.variables.iter().filter(|variable| variable.binding.is_some());
+        let mut types = arrays.filter_map(|variable| variable.ty);
+        types.any(|ty| matches!(self.module.ty(ty), Type::RuntimeArray { .. }))
+    }
+
+    /// Invocations along each axis.
+    fn invocations(&self, way: Way, program: &Arc<Program>) -> Result<[u32; 3]> {
+        if way != Way::Dispatch {
+            return Ok(LAUNCH);
+        }
+        let size = Compute::new(program.clone())?.workgroup_size();
+        let groups = groups(size, true);
+        Ok([0, 1, 2].map(|axis| size[axis].saturating_mul(groups[axis])))
+    }
+
+    /// Runs it once more where nobody watches, in its optimised form, which must end alike.
+    fn check_unwatched(&self, way: Way, watched: &Try, values: Values, learned: &Learned) -> Result<()> {
+        // What only the budget ends takes long enough.
+        if learned.is_spent {
+            return Ok(());
+        }
+        let (program, scene) = (&self.program, || hits::scene(learned.geometry));
+        let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
+        let mut stand_in = StandIn::new(program, watched.set.numbers);
+        let run = Once { way, program, given: &given, set: watched.set, budget: self.options.budget };
+        let trapped = run.run(&mut stand_in, &mut ())?;
+        let end = |trapped: &Option<Box<Trapped>>| trapped.as_ref().map(|trap| (trap.code, trap.offset));
+        let (watched, unwatched) = (end(&watched.trapped), end(&trapped));
+        assert_eq!(
+            watched, unwatched,
+            "bug in anyhit: optimised, the shader does not end as it does otherwise"
+        );
+        Ok(())
+    }
+}
+
+/// One run.
+struct Once<'a> {
+    way: Way,
+    program: &'a Arc<Program>,
+    given: &'a Given,
+    set: Set,
+    budget: u64,
+}
+
+impl Once<'_> {
+    /// Where it trapped.
+    fn run<O: Observer<1> + Observer<LANES>>(
+        &self,
+        stand_in: &mut StandIn<'_>,
+        observer: &mut O,
+    ) -> Result<Option<Box<Trapped>>> {
+        let &Self { way, program, given, set, budget } = self;
+        if let Way::Dispatch = way {
+            let compute = Compute::new(program.clone())?.budget(budget);
+            let groups = groups(compute.workgroup_size(), set.launch_size == LAUNCH);
+            if !<O as Observer<LANES>>::active() {
+                return Ok(compute.run_alone::<LANES>(&given.resources, groups, &|_| ()).err());
+            }
+            let mut event = |event| stand_in.event(event);
+            return Ok(compute.run_alone_observed(&given.resources, groups, &mut event, observer).err());
+        }
+        let mut builder = Pipeline::builder();
+        builder.budget(budget);
+        let shader = builder.shader(program.clone());
+        let data = |group| Record::with_data(group, &given.record);
+        match way {
+            Way::Launch => {
+                let group = builder.group(Group::General(shader))?;
+                builder.sbt().ray_generation = Some(data(group));
+            }
+            Way::Box => {
+                let group = HitGroup { intersection: Some(shader), ..HitGroup::default() };
+                let group = builder.group(Group::Hit(group))?;
+                builder.sbt().hit.push(Some(data(group)));
+            }
+            _ => {}
+        }
+        // A handle of a record needs one: of a group without shaders, so that the stand-in answers.
+        let hit = match program.addresses_records {
+            true => {
+                Some(Record::with_data(builder.group(Group::Hit(HitGroup::default()))?, &[0; RECORD_SIZE]))
+            }
+            false => None,
+        };
+        let sbt = builder.sbt();
+        sbt.hit.resize_with(RECORDS, || hit.clone());
+        sbt.miss.resize_with(RECORDS, || None);
+        sbt.callable.resize_with(RECORDS, || None);
+        let pipeline = builder.build()?;
+        let launch = Launch { pipeline: &pipeline, resources: &given.resources };
+        let mut invocation = Invocation {
+            launch_size: set.launch_size,
+            record: Record::with_data(0, &given.record).shader_record(),
+            depth: 1,
+            ..Invocation::default()
+        };
+        let watch = (stand_in, observer);
+        let ended = match way {
+            Way::Launch => launch.run_alone::<LANES, _, _>(set.launch_size, watch),
+            Way::Box => {
+                let operands = RayOperands::from(hits::ray(set.behind));
+                launch.trace_alone::<LANES, _, _>(&hits::one_box()?, operands, watch)
+            }
+            Way::Hit(kind) => {
+                let (hit, trace, t) = kind.hit(set.behind)?;
+                (invocation.hit, invocation.trace, invocation.t_max) = (Some(hit), Some(trace), t);
+                let attributes = match (&invocation.hit, kind) {
+                    (_, Kind::Aabb) | (None, _) => given.attributes.clone(),
+                    (Some(hit), _) => hit.candidate.intersection.attributes.map(f32::to_bits).to_vec(),
+                };
+                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &attributes, watch)
+            }
+            Way::Miss => {
+                let ray = Ray::new([0.25, 0.5, 3.0], [0.6, 0.0, 0.8]).with_interval(0.0, 1000.0);
+                let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 };
+                (invocation.trace, invocation.t_max) = (Some(trace), ray.t_max);
+                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &[], watch)
+            }
+            Way::Call | Way::Dispatch => {
+                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &[], watch)
+            }
+        };
+        Ok(ended.err())
+    }
+}
+
+/// The workgroups of a dispatch: several of small ones, where several are wanted.
+fn groups(size: [u32; 3], several: bool) -> [u32; 3] {
+    let each = size.iter().map(|&side| u64::from(side)).product::<u64>();
+    if several && each <= LARGE { GROUPS } else { [1; 3] }
+}
+
+/// The pointer that a chain of access chains begins with.
+fn base(module: &Module, mut id: Id) -> Id {
+    // OpAccessChain, OpInBoundsAccessChain, OpPtrAccessChain, OpInBoundsPtrAccessChain
+    const CHAINS: [u16; 4] = [65, 66, 67, 70];
+    while let Some(Definition::Result(function, block, at)) = module.definition(id) {
+        let block = &module.functions[function as usize].blocks[block as usize];
+        let instruction = &block.instructions[at as usize];
+        match module.operands(instruction).first() {
+            Some(&from) if CHAINS.contains(&instruction.opcode) => id = Id(from),
+            _ => break,
+        }
+    }
+    id
+}
+
+/// The type of an id that is a pointer to device memory.
+fn physical_pointer(module: &Module, id: Id) -> Option<TypeId> {
+    let ty = module.type_of(id)?;
+    let physical = storage::PHYSICAL_STORAGE_BUFFER;
+    matches!(module.ty(ty), Type::Pointer { storage_class, .. } if *storage_class == physical).then_some(ty)
+}

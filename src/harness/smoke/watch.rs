@@ -1,0 +1,165 @@
+//! What is seen of a run, and answers in the place of the shaders that are not there.
+
+use std::collections::{BTreeSet, HashMap};
+
+use crate::harness::coverage::{Blocks, Counts};
+use crate::harness::smoke::fill::{Numbers, mix};
+use crate::harness::smoke::resources;
+use crate::machine::{Batch, Bindings, Observer, RayQueryStep};
+use crate::module::interface::Stage;
+use crate::ops::op::Op;
+use crate::ops::{ray_query, ray_tracing};
+use crate::pipeline::{Caller, Event, Shader, Witness};
+use crate::program::Program;
+
+/// Sees which blocks and operations of one program run.
+pub struct Watch<'a> {
+    program: &'a Program,
+    counts: Counts,
+    executed: Vec<bool>,
+    passed: Vec<bool>,
+    /// Operations, counted once for all lanes of a batch.
+    pub spent: u64,
+}
+
+impl<'a> Watch<'a> {
+    /// One that has seen nothing.
+    pub fn new(program: &'a Program) -> Self {
+        let none = vec![false; program.ops.len()];
+        Self { program, counts: Counts::default(), executed: none.clone(), passed: none, spent: 0 }
+    }
+
+    /// The instructions that some lane executed and went on from, by their word offset.
+    pub fn passed(&self) -> BTreeSet<u32> {
+        self.offsets(&self.passed)
+    }
+
+    /// Adds what was run to what has run before.
+    pub fn add_to(&self, blocks: &mut Blocks, executed: &mut BTreeSet<u32>) {
+        blocks.enter(self.program, &self.counts, 0);
+        executed.extend(self.offsets(&self.executed));
+    }
+
+    fn offsets(&self, ops: &[bool]) -> BTreeSet<u32> {
+        let marked = ops.iter().zip(&self.program.origins).filter(|(marked, _)| **marked);
+        marked.map(|(_, origin)| origin.offset).collect()
+    }
+}
+
+impl<const W: usize> Observer<W> for Watch<'_> {
+    fn resumed(&mut self, shader: u32, batch: &mut Batch<W>) {
+        self.counts.resumed(shader, batch);
+        // Behind a trace or call of which some lane came back.
+        if let Some(last) = batch.op.checked_sub(1)
+            && !batch.mask.is_empty()
+            && matches!(self.program.ops.get(last as usize), Some(Op::Stop(_) | Op::Barrier))
+            && self.executed[last as usize]
+        {
+            self.passed[last as usize] = true;
+        }
+    }
+
+    fn block(&mut self, batch: &Batch<W>) {
+        self.counts.block(batch);
+    }
+
+    fn before(&mut self, batch: &Batch<W>, op: u32) -> bool {
+        if !batch.mask.is_empty() {
+            self.executed[op as usize] = true;
+        }
+        self.spent += 1;
+        false
+    }
+
+    fn after(&mut self, _: &mut Batch<W>, _: &Bindings, op: u32) {
+        self.passed[op as usize] = true;
+    }
+}
+
+/// The instructions of a program that trace, and those that begin ray queries, by their word offsets.
+pub fn tracing(program: &Program) -> [BTreeSet<u32>; 2] {
+    let mut found = [BTreeSet::new(), BTreeSet::new()];
+    for (op, origin) in program.ops.iter().zip(&program.origins) {
+        let kind = match op {
+            Op::Stop(ray_tracing::Op::TraceRay { .. } | ray_tracing::Op::HitObjectTrace { .. }) => 0,
+            Op::RayQuery(ray_query::Op::Initialize { .. }) => 1,
+            _ => continue,
+        };
+        found[kind].insert(origin.offset);
+    }
+    found
+}
+
+/// What integers of an answer are that is far from others.
+const FAR: u32 = 1000;
+
+/// How often what happened.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Happened {
+    /// Rays that the shader traced.
+    pub traces: u64,
+    /// Ray queries that it began.
+    pub ray_queries: u64,
+    /// Any-hit shaders that ran.
+    pub any_hits: u64,
+    /// Hits that intersection shaders reported.
+    pub reports: u64,
+}
+
+/// Answers in the place of the shaders that are not there, and counts what happens.
+pub struct StandIn<'a> {
+    program: &'a Program,
+    numbers: Numbers,
+    launch_id: [u32; 3],
+    /// How many answers each invocation was given.
+    answers: HashMap<[u32; 3], u64>,
+    /// What happened so far.
+    pub happened: Happened,
+}
+
+impl<'a> StandIn<'a> {
+    /// One whose answers are made of these numbers.
+    pub fn new(program: &'a Program, numbers: Numbers) -> Self {
+        let (launch_id, answers) = ([0; 3], HashMap::new());
+        Self { program, numbers, launch_id, answers, happened: Happened::default() }
+    }
+}
+
+impl Witness for StandIn<'_> {
+    const ACTIVE: bool = true;
+    const QUERIES: bool = true;
+    const TRAVERSAL: bool = false;
+
+    fn invocation(&mut self, launch_id: [u32; 3]) {
+        self.launch_id = launch_id;
+    }
+
+    fn event(&mut self, event: Event) {
+        let happened = &mut self.happened;
+        let count = match event {
+            Event::Trace { caller: Some(_), .. } => &mut happened.traces,
+            Event::RayQuery(event) if matches!(event.what, RayQueryStep::Initialize(..)) => {
+                &mut happened.ray_queries
+            }
+            Event::Enter { stage: Stage::AnyHit, .. } => &mut happened.any_hits,
+            Event::Report { .. } => &mut happened.reports,
+            _ => return,
+        };
+        *count += 1;
+    }
+
+    /// The answer depends on the invocation and on how many it was given before: not on the order in
+    /// which invocations run.
+    fn absent(&mut self, caller: Caller, words: &mut [u32]) {
+        let before = self.answers.entry(self.launch_id).or_default();
+        let [x, y, z] = self.launch_id.map(u64::from);
+        let before = std::mem::replace(before, *before + 1);
+        let root = mix(mix(x | y << 32, z), before);
+        let rows = self.program.interface.iter().find(|rows| rows.first == caller.payload);
+        let Some(rows) = rows.filter(|_| caller.shader == Shader(0)) else { return };
+        // Loops that wait for a sum end, too.
+        let far = FAR.saturating_mul(1 + (before / 16) as u32);
+        let answer = resources::answer(&self.program.module, rows, (self.numbers, root), far);
+        words.iter_mut().zip(answer).for_each(|(to, word)| *to = word);
+    }
+}
