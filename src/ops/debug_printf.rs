@@ -108,11 +108,12 @@ impl Scalar {
 /// Decodes a call of the instruction set; operands begin behind set and number.
 ///
 /// # Errors
-/// `InvalidModule` where the format is no string or an argument cannot be printed.
+/// `InvalidModule` where the format is no string, `UnsupportedModule` where an argument cannot be printed.
 pub fn decode(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()> {
     let format = decoder.id(instruction, 2)?;
     let Some(format) = decoder.module.debug_info.strings.get(&format).cloned() else {
-        return Err(decoder.invalid("the format of a DebugPrintf is no OpString"));
+        let error = decoder.invalid("the format of a DebugPrintf is no OpString");
+        return Err(error.note("NonSemantic.DebugPrintf, Format"));
     };
     let mut arguments = Vec::new();
     for &id in &decoder.operands(instruction)[3..] {
@@ -152,7 +153,7 @@ fn scalar(decoder: &Decoder<'_>, ty: TypeId) -> Result<Scalar> {
         Type::Vector { component, .. } => scalar(decoder, component),
         _ => {
             let name = decoder.module.describe_type(ty);
-            Err(decoder.invalid(format!(
+            Err(decoder.unsupported(format!(
                 "DebugPrintf prints scalars, vectors, strings and device addresses, not {name}"
             )))
         }

@@ -242,6 +242,22 @@ impl<'m> Decoder<'m> {
         self.error(ErrorKind::InvalidModule, message)
     }
 
+    /// Something in a buffer lacks a decoration of its layout.
+    ///
+    /// The validator asks for them in four storage classes; of the others, as shader records, no rule says it.
+    pub fn not_laid_out(&self, storage_class: u32, message: impl Into<String>) -> Error {
+        use crate::ops::pointer::storage;
+        match storage_class {
+            storage::UNIFORM
+            | storage::STORAGE_BUFFER
+            | storage::PHYSICAL_STORAGE_BUFFER
+            | storage::PUSH_CONSTANT => {
+                self.invalid(message).note("SPIR-V, 2.16.2: buffers must be explicitly laid out")
+            }
+            _ => self.unsupported(message),
+        }
+    }
+
     /// This crate does not run the current instruction.
     pub fn unsupported(&self, message: impl Into<String>) -> Error {
         self.error(ErrorKind::UnsupportedModule, message)

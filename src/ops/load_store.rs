@@ -168,12 +168,13 @@ fn scalars(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Scalars> {
     }
     let mut scalars = Scalars::new();
     let layout = (pointer.matrix, pointer.component_stride);
-    collect(decoder, pointer.pointee, pointer.offset, layout, &mut scalars)?;
+    collect(decoder, pointer.storage_class, pointer.pointee, pointer.offset, layout, &mut scalars)?;
     Ok(scalars)
 }
 
 fn collect(
     decoder: &mut Decoder<'_>,
+    class: u32,
     ty: TypeId,
     offset: u32,
     (matrix, component_stride): (Option<MatrixLayout>, Option<u32>),
@@ -194,34 +195,35 @@ fn collect(
         Type::Vector { component, count } => {
             let stride = component_stride.unwrap_or(decoder.scalar_width(component)? / 8);
             for index in 0..count {
-                collect(decoder, component, at(decoder, index, stride)?, (None, None), scalars)?;
+                collect(decoder, class, component, at(decoder, index, stride)?, (None, None), scalars)?;
             }
         }
         Type::Matrix { column, count } => {
             let Some(layout) = matrix else {
-                return Err(decoder.invalid("a buffer's matrix has no MatrixStride decoration"));
+                return Err(decoder.not_laid_out(class, "a buffer's matrix has no MatrixStride decoration"));
             };
             let width = decoder.scalar_width(column)? / 8;
             let (stride, inner) =
                 if layout.row_major { (width, Some(layout.stride)) } else { (layout.stride, None) };
             for index in 0..count {
-                collect(decoder, column, at(decoder, index, stride)?, (None, inner), scalars)?;
+                collect(decoder, class, column, at(decoder, index, stride)?, (None, inner), scalars)?;
             }
         }
         Type::Array { element, length, stride } => {
             let length = decoder.array_length(length)?;
-            let stride =
-                stride.ok_or_else(|| decoder.invalid("a buffer's array has no ArrayStride decoration"))?;
+            let stride = stride.ok_or_else(|| {
+                decoder.not_laid_out(class, "a buffer's array has no ArrayStride decoration")
+            })?;
             for index in 0..length {
-                collect(decoder, element, at(decoder, index, stride)?, (matrix, None), scalars)?;
+                collect(decoder, class, element, at(decoder, index, stride)?, (matrix, None), scalars)?;
             }
         }
         Type::Struct { ref members, .. } => {
             for member in members {
-                let inside = member
-                    .offset
-                    .ok_or_else(|| decoder.invalid("a buffer's struct has no Offset decoration"))?;
-                collect(decoder, member.ty, at(decoder, 1, inside)?, (member.matrix, None), scalars)?;
+                let inside = member.offset.ok_or_else(|| {
+                    decoder.not_laid_out(class, "a buffer's struct has no Offset decoration")
+                })?;
+                collect(decoder, class, member.ty, at(decoder, 1, inside)?, (member.matrix, None), scalars)?;
             }
         }
         _ => {

@@ -52,9 +52,9 @@ pub fn object(decoder: &mut Decoder<'_>, id: Id, is_wanted: impl Fn(&Type) -> bo
     if !matches!(pointer.storage_class, storage::FUNCTION | storage::PRIVATE) {
         let class = crate::module::names::storage_class_name(pointer.storage_class);
         let found = decoder.module.describe_type(pointer.pointee);
-        return Err(
-            decoder.invalid(format!("{found} in storage class {class}: it must be Function or Private"))
-        );
+        let error =
+            decoder.invalid(format!("{found} in storage class {class}: it must be Function or Private"));
+        return Err(error.note(extension(decoder.module.ty(pointer.pointee))));
     }
     match (&pointer.place, pointer.index) {
         (&Place::Rows { first, .. }, None) => Ok(ObjectRef::Row(first.plus(pointer.offset))),
@@ -69,6 +69,15 @@ pub fn object(decoder: &mut Decoder<'_>, id: Id, is_wanted: impl Fn(&Type) -> bo
     }
 }
 
+/// The extension that says where an object may be kept.
+fn extension(ty: &Type) -> &'static str {
+    match ty {
+        Type::RayQuery => "SPV_KHR_ray_query",
+        Type::HitObject { ext: false } => "SPV_NV_shader_invocation_reorder",
+        _ => "SPV_EXT_shader_invocation_reorder",
+    }
+}
+
 /// Refuses to load, store or copy what can only be used through a pointer.
 ///
 /// # Errors
@@ -78,8 +87,9 @@ pub fn check_moved(decoder: &Decoder<'_>, ty: TypeId) -> Result<()> {
         return Ok(());
     }
     let found = decoder.module.describe_type(ty);
-    Err(decoder
-        .invalid(format!("{found} cannot be loaded, stored or copied: only pointers to it can be used")))
+    let error = decoder
+        .invalid(format!("{found} cannot be loaded, stored or copied: only pointers to it can be used"));
+    Err(error.note("SPV_KHR_ray_query, SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"))
 }
 
 /// Checks the result type of an instruction and gives its result rows.
@@ -91,9 +101,14 @@ pub fn result(decoder: &mut Decoder<'_>, instruction: &Instruction, shape: Shape
     if !builtin::matches(decoder, shape, ty) {
         let name = crate::module::names::opcode_name(instruction.opcode);
         let found = decoder.module.describe_type(ty);
-        return Err(
-            decoder.invalid(format!("the result of {name} must be {}, not {found}", shape.describe()))
-        );
+        // The validator lets the lengths of arrays pass, and knows fewer of these instructions.
+        let rule = if name.starts_with("OpRayQuery") {
+            "SPV_KHR_ray_query, SPV_KHR_ray_tracing_position_fetch, SPV_NV_linear_swept_spheres"
+        } else {
+            "SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"
+        };
+        let message = format!("the result of {name} must be {}, not {found}", shape.describe());
+        return Err(decoder.invalid(message).note(rule));
     }
     let to = decoder.fresh(shape.words())?;
     decoder.result(instruction, rows_from(to, shape.words()));

@@ -389,7 +389,10 @@ fn step(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: crate::module::I
             };
             if in_buffer {
                 let offset = member.offset.ok_or_else(|| {
-                    decoder.invalid(format!("member {at} of a buffer's struct has no Offset decoration"))
+                    decoder.not_laid_out(
+                        pointer.storage_class,
+                        format!("member {at} of a buffer's struct has no Offset decoration"),
+                    )
                 })?;
                 pointer.offset = pointer.offset.saturating_add(offset);
                 pointer.matrix = member.matrix;
@@ -418,7 +421,10 @@ fn step(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: crate::module::I
                 }
                 (true, Some(layout)) => Some(layout.stride),
                 (true, None) => {
-                    return Err(decoder.invalid("a buffer's matrix has no MatrixStride decoration"));
+                    return Err(decoder.not_laid_out(
+                        pointer.storage_class,
+                        "a buffer's matrix has no MatrixStride decoration",
+                    ));
                 }
             };
             element_step(decoder, pointer, index, column, stride, Length::Known(count))
@@ -446,9 +452,9 @@ fn element_step(
 ) -> Result<Pointer> {
     let stride = match pointer.place {
         Place::Buffer(_) if pointer.is_packed(decoder) => decoder.word_count(element)? * 4,
-        Place::Buffer(_) => {
-            stride.ok_or_else(|| decoder.invalid("a buffer's array has no ArrayStride decoration"))?
-        }
+        Place::Buffer(_) => stride.ok_or_else(|| {
+            decoder.not_laid_out(pointer.storage_class, "a buffer's array has no ArrayStride decoration")
+        })?,
         Place::Descriptors { .. } => descriptor_count(decoder, element)?,
         _ => decoder.word_count(element)?,
     };

@@ -75,6 +75,7 @@ impl WorkgroupLayout {
             .iter()
             .find(|constant| module.decorations.literal(constant.id, BUILT_IN) == Some(WORKGROUP_SIZE));
         let mode = |number| entry.modes.iter().find(|(mode, _)| *mode == number).map(|(_, words)| words);
+        let literal = decorated.is_none() && mode(LOCAL_SIZE_ID).is_none();
         let sides: Vec<u64> = if let Some(constant) = decorated {
             let words = decoder.words(constant.id)?;
             words.iter().filter_map(|&reg| decoder.constant_word(reg)).map(u64::from).collect()
@@ -91,10 +92,12 @@ impl WorkgroupLayout {
         };
         let count = x.checked_mul(y).and_then(|area| area.checked_mul(z));
         match count {
-            Some(0) => Err(decoder.invalid(format!(
-                "entry point `{}`: a workgroup of {x} x {y} x {z} invocations",
-                entry.name
-            ))),
+            Some(0) => {
+                let message =
+                    format!("entry point `{}`: a workgroup of {x} x {y} x {z} invocations", entry.name);
+                // Of constants only the validator asks it: specialization may make them others.
+                Err(if literal { decoder.invalid(message) } else { decoder.unsupported(message) })
+            }
             Some(1..=MAX_INVOCATIONS) => {
                 if let Some(rule) = derivatives.and_then(|group| group.broken_rule([x, y, z])) {
                     let message = format!(

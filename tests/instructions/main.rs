@@ -26,3 +26,4 @@ mod resources;
 mod run;
 mod sharing;
 mod subgroups;
+mod verdicts;

@@ -1,0 +1,74 @@
+//! Whose mistake a refused module is: a broken rule is cited, where the validator of SPIRV-Tools does not check it;
+//! what no rule forbids is this crate's gap.
+
+use anyhit::error::ErrorKind;
+
+use crate::run::Shader;
+
+/// Kind and first note of the error of a shader that is refused.
+fn verdict(shader: &Shader<'_>) -> (ErrorKind, Option<String>) {
+    let error = shader.refused();
+    (error.kind(), error.notes().first().cloned())
+}
+
+#[test]
+fn a_cluster_that_is_no_power_of_two_breaks_no_rule() {
+    // "Behavior is undefined unless ClusterSize is at least 1 and a power of 2."
+    let shader = Shader {
+        capabilities: "OpCapability GroupNonUniformArithmetic\nOpCapability GroupNonUniformClustered",
+        body: "%sum = OpGroupNonUniformIAdd %uint %u3 ClusteredReduce %id %u3\nout 0 %sum",
+        ..Shader::default()
+    };
+    assert_eq!(verdict(&shader).0, ErrorKind::UnsupportedModule);
+}
+
+#[test]
+fn ray_queries_are_not_loaded() {
+    let shader = Shader {
+        capabilities: "OpCapability RayQueryKHR",
+        declarations: "%query_type = OpTypeRayQueryKHR
+            %ptr_query = OpTypePointer Private %query_type
+            %query = OpVariable %ptr_query Private",
+        body: "%value = OpLoad %query_type %query",
+        ..Shader::default()
+    };
+    let (kind, note) = verdict(&shader);
+    assert_eq!(kind, ErrorKind::InvalidModule);
+    // Its change of OpLoad: "Pointer must not be OpTypeRayQueryKHR".
+    assert!(note.is_some_and(|note| note.starts_with("SPV_KHR_ray_query")));
+}
+
+#[test]
+fn buffers_must_be_laid_out_and_shader_records_should() {
+    let of_class = |class: &str| {
+        let declarations = format!(
+            "%bare = OpTypeStruct %uint
+             %ptr_bare = OpTypePointer {class} %bare
+             %ptr_member = OpTypePointer {class} %uint
+             %buffer = OpVariable %ptr_bare {class}"
+        );
+        let shader = Shader {
+            annotations: "OpDecorate %bare Block
+                OpDecorate %buffer DescriptorSet 0
+                OpDecorate %buffer Binding 1",
+            declarations: &declarations,
+            body: "%member = OpAccessChain %ptr_member %buffer %u0\n%value = OpLoad %uint %member",
+            ..Shader::default()
+        };
+        verdict(&shader)
+    };
+    // Section 2.16.2 names the storage classes; no rule was found for the records.
+    for class in ["StorageBuffer", "Uniform", "PushConstant"] {
+        let (kind, note) = of_class(class);
+        assert_eq!(kind, ErrorKind::InvalidModule, "{class}");
+        assert!(note.is_some_and(|note| note.starts_with("SPIR-V, 2.16.2")), "{class}");
+    }
+    assert_eq!(of_class("ShaderRecordBufferKHR"), (ErrorKind::UnsupportedModule, None));
+}
+
+#[test]
+fn a_print_without_a_string_names_its_instruction_set() {
+    let shader = Shader { body: "%a = OpExtInst %void %printf 1 %u0", ..Shader::default() };
+    let wanted = Some("NonSemantic.DebugPrintf, Format".to_owned());
+    assert_eq!(verdict(&shader), (ErrorKind::InvalidModule, wanted));
+}
