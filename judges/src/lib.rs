@@ -1,7 +1,14 @@
 //! Independent judges of the interpreter: what SPIRV-Tools makes of a module must mean the same.
 //!
 //! `tests/folding.rs` lets it fold instructions on constants, `tests/optimised.rs` lets it optimise
-//! every fixture. `.ci/judges` runs them.
+//! every fixture, `tests/verdict.rs` lets it validate mutants of them. `.ci/judges` runs them.
+
+pub mod list;
+#[path = "../../tests/support/mutate.rs"]
+pub mod mutate;
+#[path = "../../tests/support/recorded.rs"]
+pub mod recorded;
+pub mod verdict;
 
 use spirv_tools::TargetEnv;
 use spirv_tools::opt::compiled::CompiledOptimizer;
