@@ -184,7 +184,9 @@ impl Numbering {
                 format!("{:?}({})", self.rows[row], list(operands))
             }
             Expression::Irregular { op, effects, word, operands } => {
-                format!("irregular {op} behind {effects} effects, word {word} ({})", list(operands))
+                let name = self.irregular.iter().find(|(_, number)| *number == op);
+                let name = name.map_or("?", |(name, _)| name);
+                format!("word {word} of {name} behind {effects} effects ({})", list(operands))
             }
         }
     }
@@ -208,7 +210,9 @@ pub struct Effect {
 pub struct Reached {
     /// Of variables with computed indices.
     pub addressed: Vec<Reg>,
-    /// Of interface variables and builtins, which the pipeline reads and writes where a batch is handed to it.
+    /// Of payloads, callable data and hit attributes, which the pipeline reads where a batch is handed to it.
+    pub handed: Vec<Reg>,
+    /// Of those, other interface variables and builtins, which the pipeline may write there.
     pub interface: Vec<Reg>,
 }
 
@@ -307,7 +311,7 @@ impl<'a> State<'a> {
         }
         let waits = matches!(op, Op::Stop(_) | Op::Barrier);
         if waits {
-            reached.interface.iter().for_each(|&reg| self.read(reg, 1, numbering, &mut operands));
+            reached.handed.iter().for_each(|&reg| self.read(reg, 1, numbering, &mut operands));
         }
         let effects = self.effects.len() as u32;
         let mut word = 0;

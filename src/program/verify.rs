@@ -85,6 +85,8 @@ impl Verifier {
         };
         let mut reached = Reached::default();
         reached.addressed.extend(addressed.iter().map(whole).flat_map(|(first, count)| rows(first, count)));
+        // Nobody writes a table of constants.
+        reached.addressed.retain(|reg| !program.constants.iter().any(|(constant, _)| constant == reg));
         reached.addressed.sort_unstable();
         reached.addressed.dedup();
         let interface = program.interface.iter().flat_map(|one| rows(one.first, one.count));
@@ -95,7 +97,8 @@ impl Verifier {
         let variables = program.variables.iter().flat_map(|&(first, count)| rows(first, count));
         let defined = variables.chain(reached.interface.iter().copied()).collect();
         let results = program.interface.iter().filter(|one| one.storage_class >= 5328);
-        let results = results.flat_map(|one| rows(one.first, one.count)).collect();
+        let results: Vec<Reg> = results.flat_map(|one| rows(one.first, one.count)).collect();
+        reached.handed.clone_from(&results);
         let mut all =
             Self { before, superblocks, reached, defined, results, global: Vec::new(), live_out: Vec::new() };
         all.find_liveness();
@@ -138,7 +141,7 @@ impl Verifier {
                 }
             });
             if matches!(op, Op::Stop(_) | Op::Barrier) {
-                live.extend(&self.reached.interface);
+                live.extend(&self.reached.handed);
             }
         }
         self.before.constants.iter().for_each(|(reg, _)| {
@@ -244,11 +247,14 @@ impl Verifier {
                 return Err(place(&format!("{} effects, not {}", new.effects.len(), old.effects.len())));
             }
             if let Some(effect) = old.effects.iter().zip(&new.effects).position(|(old, new)| old != new) {
-                let [old, new] = [&old, &new].map(|state| {
-                    let operands = state.effects[effect].operands.iter();
-                    operands.map(|&value| numbering.describe(value)).collect::<Vec<_>>().join(", ")
+                let [old, new] = [&old, &new].map(|state| &state.effects[effect].operands);
+                let operand = old.iter().zip(new).position(|(old, new)| old != new);
+                let [old, new] = [old, new].map(|operands| {
+                    operand.map_or("another number of operands".to_owned(), |at| {
+                        numbering.describe(operands[at])
+                    })
                 });
-                return Err(place(&format!("effect {effect} reads {new}, not {old}")));
+                return Err(place(&format!("effect {effect}, operand {operand:?}: {new}, not {old}")));
             }
             let reads = |block: &Block| {
                 let mut regs = Vec::new();

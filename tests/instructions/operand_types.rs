@@ -391,7 +391,7 @@ fn run(cases: &[Case], mode: Mode, seed: u64) -> Vec<String> {
     let counts = builder.results.clone();
     let mut wrong = Vec::new();
     let runs = builder.run();
-    assert_eq!(runs.len(), 3, "one run for each width");
+    assert_eq!(runs.len(), 6, "one run for each width, with the optimizer and without");
     for (case, &place) in cases.iter().zip(&places) {
         let kind = case.types[0].kind;
         let mut told = false;

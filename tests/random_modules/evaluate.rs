@@ -21,23 +21,62 @@ const FUEL: u32 = 60_000;
 
 /// Runs a module; what it leaves in memory, or what it does that means nothing.
 pub fn run(words: &[u32], memory: &Memory, groups: u32, subgroup: u32) -> Result<Memory, String> {
+    run_watched(words, memory, groups, subgroup).map(|(memory, _)| memory)
+}
+
+/// The same, and whether a division was met whose result Vulkan leaves open.
+pub fn run_watched(
+    words: &[u32],
+    memory: &Memory,
+    groups: u32,
+    subgroup: u32,
+) -> Result<(Memory, bool), String> {
     let read = crate::reader::read(words);
-    let mut machine =
-        Machine { read: &read, memory: memory.clone(), workgroup: Vec::new(), groups, subgroup, steps: 0 };
+    let mut machine = Machine {
+        read: &read,
+        memory: memory.clone(),
+        owners: memory.buffers.iter().map(|buffer| vec![0; buffer.len()]).collect(),
+        workgroup: Vec::new(),
+        claims: Vec::new(),
+        epoch: 0,
+        groups,
+        subgroup,
+        open: std::cell::Cell::new(false),
+    };
     for group in 0..groups {
         machine.group(group)?;
     }
-    Ok(machine.memory)
+    let open = machine.open.get();
+    Ok((machine.memory, open))
 }
 
 struct Machine<'a> {
     read: &'a Read,
     memory: Memory,
+    /// By buffer and byte: the invocation that it belongs to, from 1 on.
+    owners: Vec<Vec<u32>>,
     workgroup: Vec<Cell>,
+    claims: Vec<Claim>,
+    /// Barriers so far.
+    epoch: u32,
     groups: u32,
     subgroup: u32,
-    steps: u64,
+    open: std::cell::Cell<bool>,
 }
+
+/// Who has read and written a cell of a workgroup's memory since the last barrier, from 1 on.
+#[derive(Clone, Copy, Default)]
+struct Claim {
+    epoch: u32,
+    writer: u32,
+    reader: u32,
+}
+
+/// More than one invocation.
+const MANY: u32 = u32::MAX;
+
+/// What all invocations read, and what they change by atomic instructions.
+const COMMON: [usize; 2] = [0, 3];
 
 struct Invocation {
     values: Vec<Cell>,
@@ -79,6 +118,8 @@ impl Machine<'_> {
     fn group(&mut self, group: u32) -> Outcome<()> {
         let read = self.read;
         self.workgroup = vec![Cell::default(); read.workgroup_cells as usize];
+        self.claims = vec![Claim::default(); self.workgroup.len()];
+        self.epoch += 1;
         let mut all: Vec<Invocation> = (0..read.local_size)
             .map(|local| Invocation {
                 values: vec![Cell::default(); read.value_cells as usize],
@@ -125,7 +166,9 @@ impl Machine<'_> {
                 return Err("undefined: invocations do not meet".into());
             }
             let code = read.code[at];
-            if code.op != Op::ControlBarrier {
+            if code.op == Op::ControlBarrier {
+                self.epoch += 1;
+            } else {
                 let size = self.subgroup as usize;
                 for members in all.chunks_mut(size) {
                     self.together(code, members)?;
@@ -203,7 +246,6 @@ impl Machine<'_> {
         let mut result: Vec<Cell> = Vec::new();
         loop {
             one.fuel = one.fuel.checked_sub(1).ok_or("costly: no end in sight")?;
-            self.steps += 1;
             let code = read.code[one.at];
             let w = &read.words[code.start as usize..(code.start + code.count) as usize];
             match code.op {
@@ -306,18 +348,26 @@ impl Machine<'_> {
         })
     }
 
-    fn load(&self, one: &Invocation, pointer: Id, out: &mut Vec<Cell>) -> Outcome<()> {
+    fn load(&mut self, one: &Invocation, pointer: Id, out: &mut Vec<Cell>) -> Outcome<()> {
         let bits = self.number(one, pointer)?;
         let Type::Pointer(_, pointee) = *self.type_of(pointer) else { return Err("no pointer".into()) };
         let size = self.size(pointee);
         match self.spot(pointer, bits)? {
             Spot::Own(at) => out.extend(&one.own[at..at + size]),
-            Spot::Workgroup(at) => out.extend(&self.workgroup[at..at + size]),
+            Spot::Workgroup(at) => {
+                self.claim(one, at..at + size, false)?;
+                out.extend(&self.workgroup[at..at + size]);
+            }
             Spot::Buffer(buffer, at) => {
                 let layout = self.read.pointer_layout.get(&pointer).copied().flatten();
                 let mut failed = None;
+                let me = one.group * self.read.local_size + one.local + 1;
+                let mut owners = std::mem::take(&mut self.owners[buffer]);
                 self.places(pointee, at, layout, &mut |at, width| {
                     let bytes = width as usize / 8;
+                    if !owns(&mut owners, at..at + bytes, me, buffer) {
+                        failed = Some(RACE);
+                    }
                     match self.memory.buffers[buffer].get(at..at + bytes) {
                         Some(found) => {
                             let bits =
@@ -327,6 +377,7 @@ impl Machine<'_> {
                         None => failed = Some("undefined: a load outside of a buffer"),
                     }
                 });
+                self.owners[buffer] = owners;
                 if let Some(problem) = failed {
                     return Err(problem.into());
                 }
@@ -355,13 +406,20 @@ impl Machine<'_> {
         let Type::Pointer(_, pointee) = *self.type_of(pointer) else { return Err("no pointer".into()) };
         match self.spot(pointer, bits)? {
             Spot::Own(at) => one.own[at..at + cells.len()].copy_from_slice(cells),
-            Spot::Workgroup(at) => self.workgroup[at..at + cells.len()].copy_from_slice(cells),
+            Spot::Workgroup(at) => {
+                self.claim(one, at..at + cells.len(), true)?;
+                self.workgroup[at..at + cells.len()].copy_from_slice(cells);
+            }
             Spot::Buffer(buffer, at) => {
                 let layout = self.read.pointer_layout.get(&pointer).copied().flatten();
                 let mut spots = Vec::new();
                 self.places(pointee, at, layout, &mut |at, width| spots.push((at, width as usize / 8)));
+                let me = one.group * self.read.local_size + one.local + 1;
                 for ((at, bytes), cell) in spots.into_iter().zip(cells) {
                     let bits = known(*cell)?;
+                    if !owns(&mut self.owners[buffer], at..at + bytes, me, buffer) {
+                        return Err(RACE.into());
+                    }
                     let Some(to) = self.memory.buffers[buffer].get_mut(at..at + bytes) else {
                         return Err("undefined: a store outside of a buffer".into());
                     };
@@ -369,6 +427,26 @@ impl Machine<'_> {
                 }
             }
             Spot::Builtin(_) => return Err("a store to an input".into()),
+        }
+        Ok(())
+    }
+
+    /// Notes who reads or writes workgroup memory between two barriers.
+    fn claim(&mut self, one: &Invocation, cells: std::ops::Range<usize>, writes: bool) -> Outcome<()> {
+        let me = one.local + 1;
+        for claim in &mut self.claims[cells] {
+            if claim.epoch != self.epoch {
+                *claim = Claim { epoch: self.epoch, writer: 0, reader: 0 };
+            }
+            let others = |who: u32| who != 0 && who != me;
+            if others(claim.writer) || writes && others(claim.reader) {
+                return Err(RACE.into());
+            }
+            match writes {
+                true => claim.writer = me,
+                false if others(claim.reader) => claim.reader = MANY,
+                false => claim.reader = me,
+            }
         }
         Ok(())
     }
@@ -737,6 +815,16 @@ impl Machine<'_> {
                 }
                 (_, _, Type::Float(_)) => {
                     let b = number(1, at)?;
+                    if op == Op::FDiv {
+                        // The range in which the precision of `OpFDiv` is given.
+                        let most = match width {
+                            16 => 2f64.powi(14),
+                            32 => 2f64.powi(126),
+                            _ => 2f64.powi(1022),
+                        };
+                        let fixed = (1.0 / most..=most).contains(&exact::float(b, width).abs());
+                        self.open.set(self.open.get() || !fixed);
+                    }
                     match exact::compares_floats(op, exact::float(a, width), exact::float(b, width)) {
                         Some(holds) => truth(holds),
                         None => defined(exact::floats(op, a, b, width).ok_or_else(undefined)?),
@@ -893,6 +981,21 @@ impl Machine<'_> {
         }
         Ok(())
     }
+}
+
+const RACE: &str = "undefined: two invocations meet in memory";
+
+/// Whether bytes of a buffer belong to an invocation, which takes those that belong to nobody yet.
+fn owns(owners: &mut [u32], bytes: std::ops::Range<usize>, me: u32, buffer: usize) -> bool {
+    COMMON.contains(&buffer)
+        || owners.get_mut(bytes).is_none_or(|owners| {
+            owners.iter_mut().all(|owner| {
+                if *owner == 0 {
+                    *owner = me;
+                }
+                *owner == me
+            })
+        })
 }
 
 fn read_type(read: &Read, id: Id) -> Id {

@@ -1,7 +1,11 @@
 //! Modules at random: the module's types, variables and functions.
 
+// With their paths, as another crate's tests name this file by its own.
+#[path = "generate/expression.rs"]
 mod expression;
+#[path = "generate/loops.rs"]
 mod loops;
+#[path = "generate/statement.rs"]
 mod statement;
 
 use std::collections::BTreeMap;
@@ -36,6 +40,9 @@ pub struct Generated {
     /// Where floats lie in them, with their widths.
     pub floats: [Vec<(u32, u32)>; 2],
     pub counts: BTreeMap<&'static str, usize>,
+    /// Whether it may hold what Vulkan drivers have only lately: fused products, bit instructions of
+    /// all widths.
+    pub recent: bool,
 }
 
 impl Generated {
@@ -105,6 +112,8 @@ struct Generator {
     depth: usize,
     wide_bits: bool,
     fused: bool,
+    /// Whether few branches stand between the statements.
+    straight: bool,
     input: Id,
     output: Id,
     shared: Id,
@@ -117,7 +126,6 @@ struct Generator {
     lane_id: Id,
     own_index: Id,
     local_index: Id,
-    groups: u32,
     subgroup: u32,
 }
 
@@ -129,10 +137,16 @@ const COST: u64 = 2500;
 
 /// The module of a seed and a number.
 pub fn generate(seed: u64, index: u64) -> Generated {
+    generate_for(seed, index, None)
+}
+
+/// The same for subgroups of one size.
+pub fn generate_for(seed: u64, index: u64, subgroup: Option<u32>) -> Generated {
     let mut random = Random::new(seed, index);
     let local = random.pick(&[4, 8, 8, 16, 16, 32]);
     let groups = if local == 32 { 1 } else { 1 + random.below(2) as u32 };
-    let subgroup = random.pick(&[4, 8, 32]);
+    let drawn = random.pick(&[4, 8, 32]);
+    let subgroup = subgroup.unwrap_or(drawn);
     let physical = random.chance(1, 3);
     let mut generator = Generator {
         module: Module::new(local, physical),
@@ -155,6 +169,7 @@ pub fn generate(seed: u64, index: u64) -> Generated {
         depth: 0,
         wide_bits: false,
         fused: false,
+        straight: false,
         input: 0,
         output: 0,
         shared: 0,
@@ -167,7 +182,6 @@ pub fn generate(seed: u64, index: u64) -> Generated {
         lane_id: 0,
         own_index: 0,
         local_index: 0,
-        groups,
         subgroup,
     };
     generator.types();
@@ -177,7 +191,8 @@ pub fn generate(seed: u64, index: u64) -> Generated {
         generator.helper();
     }
     generator.main();
-    let Generator { module, counts, own, physical, .. } = generator;
+    let Generator { module, counts, own, physical, fused, wide_bits, .. } = generator;
+    let recent = fused || wide_bits;
     let mut element_sizes = [0; 2];
     let mut floats = [Vec::new(), Vec::new()];
     for (at, ty) in [own.map(|it| it.1), physical.map(|it| it.0)].into_iter().enumerate() {
@@ -186,7 +201,7 @@ pub fn generate(seed: u64, index: u64) -> Generated {
         element_sizes[at] = layout.size;
         module.float_places(ty, 0, None, &mut floats[at]);
     }
-    Generated { module, groups, subgroup, element_sizes, floats, counts }
+    Generated { module, groups, subgroup, element_sizes, floats, counts, recent }
 }
 
 impl Generator {
@@ -201,14 +216,17 @@ impl Generator {
         let s32 = self.module.int(32, true);
         let f32 = self.module.ty(Type::Float { width: 32 });
         self.scalars = vec![Ty(1), Ty(1), s32, f32, Ty(2)];
+        self.straight = self.random.chance(1, 2);
+        // Half of the straight ones have 32 bits only, as most shaders do.
+        let narrow = self.straight && self.random.chance(1, 2);
         for width in [8, 16, 64] {
-            if self.random.chance(1, 2) {
+            if !narrow && self.random.chance(1, 2) {
                 let pair = [false, true].map(|signed| self.module.int(width, signed));
                 self.scalars.extend(pair);
             }
         }
         for width in [16, 64] {
-            if self.random.chance(1, 3) {
+            if !narrow && self.random.chance(1, 3) {
                 let float = self.module.ty(Type::Float { width });
                 self.scalars.push(float);
             }
@@ -504,7 +522,8 @@ impl Generator {
                 let pointer = self.module.pointer(StorageClass::Workgroup, element);
                 let id = self.inst(Op::AccessChain, pointer, &[variable, local_index]);
                 if self.entry {
-                    let value = self.value(element, 1);
+                    // Without a call: functions may read the others.
+                    let value = self.value(element, 0);
                     self.effect(Op::Store, vec![Operand::Id(id), Operand::Id(value)]);
                 }
                 self.places.push(Place { id, class: StorageClass::Workgroup, to: element, object: variable });

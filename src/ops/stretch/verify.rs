@@ -257,7 +257,10 @@ impl Check<'_, '_> {
             let reg = Reg(step.from[operand].into());
             if uniform && has(function.uniform(), operand) {
                 let value = self.get(reg).value;
-                let word = self.numbering.word_of(value).ok_or(format!("r{} is no constant", reg.0))?;
+                let word = self.numbering.word_of(value);
+                let word = word.ok_or_else(|| {
+                    format!("r{} is no constant but {}", reg.0, self.numbering.describe(value))
+                })?;
                 if has(function.amounts(), operand) && word > 31 {
                     return Err(format!("{word} is no amount to shift by"));
                 }

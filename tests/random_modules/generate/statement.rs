@@ -20,7 +20,9 @@ impl Generator {
     }
 
     fn statement(&mut self) -> Option<End> {
-        match self.random.below(40) {
+        let roll = self.random.below(40);
+        let branches = self.depth < 3 && (!self.straight || self.random.chance(1, 8));
+        match roll {
             0..5 => {
                 let ty = self.any_type();
                 self.make(ty, 2);
@@ -29,9 +31,9 @@ impl Generator {
             10..12 => self.update(),
             12..14 => self.copy_memory(),
             14..20 => self.call(),
-            20..24 if self.depth < 3 => return self.branch(),
-            24..27 if self.depth < 3 => return self.switch(),
-            27..31 if self.depth < 3 && self.times < 30 => return self.repeat(),
+            20..24 if branches => return self.branch(),
+            24..27 if branches => return self.switch(),
+            27..31 if branches && self.times < 30 => return self.repeat(),
             31 => {
                 let slot = self.random.below(2) as u32;
                 let value = self.value(Ty(1), 2);
@@ -42,6 +44,8 @@ impl Generator {
             35 | 36 if self.uniform => self.subgroup_instruction(),
             37 | 38 if self.uniform => self.exchange(),
             38 => self.pointers(),
+            20..24 => self.call(),
+            24..31 => self.update(),
             _ => {
                 let ty = self.any_type();
                 if self.times == 1 && self.depth == 0 && self.random.chance(1, 2) {
