@@ -1,7 +1,8 @@
 //! Independent judges of the interpreter: what SPIRV-Tools makes of a module must mean the same.
 //!
 //! `tests/folding.rs` lets it fold instructions on constants, `tests/optimised.rs` lets it optimise
-//! every fixture, `tests/verdict.rs` lets it validate mutants of them. `.ci/judges` runs them.
+//! every fixture, `tests/random_modules.rs` runs each of its passes alone on random modules, `tests/verdict.rs` lets it
+//! validate mutants of the fixtures. `.ci/judges` runs them.
 
 pub mod list;
 #[path = "../../tests/support/mutate.rs"]
@@ -37,6 +38,18 @@ pub fn optimise(words: &[u32], recipe: Recipe) -> Result<Vec<u32>, String> {
             optimizer.register_performance_passes();
         }
     }
+    let mut complaints = Vec::new();
+    let mut listen = |message: spirv_tools::error::Message| complaints.push(message.message.clone());
+    match optimizer.optimize(words, &mut listen, None) {
+        Ok(binary) => Ok(AsRef::<[u32]>::as_ref(&binary).to_vec()),
+        Err(error) => Err(complaints.first().cloned().unwrap_or_else(|| format!("{error:?}"))),
+    }
+}
+
+/// Runs one pass of the optimizer on the words of a module; its complaint where it does not take the module.
+pub fn optimise_by(words: &[u32], pass: Passes) -> Result<Vec<u32>, String> {
+    let mut optimizer = CompiledOptimizer::with_env(TargetEnv::Universal_1_6);
+    optimizer.register_pass(pass);
     let mut complaints = Vec::new();
     let mut listen = |message: spirv_tools::error::Message| complaints.push(message.message.clone());
     match optimizer.optimize(words, &mut listen, None) {

@@ -163,6 +163,27 @@ impl Numbering {
         self.number(Expression::Irregular { op, effects, word, operands: operands.clone() })
     }
 
+    /// The first place in which two expressions differ, for messages.
+    pub fn difference(&self, one: Value, other: Value) -> [String; 2] {
+        let [a, b] = [one, other].map(|value| &self.expressions[value.0 as usize]);
+        let operands = match (a, b) {
+            (
+                Expression::Regular { row, word, operands },
+                Expression::Regular { row: row2, word: word2, operands: operands2 },
+            ) if (row, word) == (row2, word2) => Some((operands, operands2)),
+            (
+                Expression::Irregular { op, effects, word, operands },
+                Expression::Irregular { op: op2, effects: effects2, word: word2, operands: operands2 },
+            ) if (op, effects, word) == (op2, effects2, word2) => Some((operands, operands2)),
+            _ => None,
+        };
+        let parts = operands.and_then(|(a, b)| a.iter().zip(b).find(|(a, b)| a != b));
+        match parts {
+            Some((&a, &b)) => self.difference(a, b),
+            None => [one, other].map(|value| self.describe(value)),
+        }
+    }
+
     /// An expression for messages.
     pub fn describe(&self, value: Value) -> String {
         self.describe_to(value, 4)

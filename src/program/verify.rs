@@ -249,11 +249,10 @@ impl Verifier {
             if let Some(effect) = old.effects.iter().zip(&new.effects).position(|(old, new)| old != new) {
                 let [old, new] = [&old, &new].map(|state| &state.effects[effect].operands);
                 let operand = old.iter().zip(new).position(|(old, new)| old != new);
-                let [old, new] = [old, new].map(|operands| {
-                    operand.map_or("another number of operands".to_owned(), |at| {
-                        numbering.describe(operands[at])
-                    })
-                });
+                let [old, new] = match operand {
+                    Some(at) => numbering.difference(old[at], new[at]),
+                    None => [old.len(), new.len()].map(|count| format!("{count} operands")),
+                };
                 return Err(place(&format!("effect {effect}, operand {operand:?}: {new}, not {old}")));
             }
             let reads = |block: &Block| {
@@ -274,7 +273,7 @@ impl Verifier {
             for (what, was, is) in pairs {
                 let (old, new) = (old.get(was, &mut numbering), new.get(is, &mut numbering));
                 if old != new {
-                    let [was, is] = [old, new].map(|value| numbering.describe(value));
+                    let [was, is] = numbering.difference(old, new);
                     return Err(place(&format!("{what} holds {is}, not {was}")));
                 }
             }

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use rspirv::spirv::{
     AddressingModel, BuiltIn, Capability, Decoration, ExecutionMode, ExecutionModel, MemoryModel, Op,
+    StorageClass,
 };
 
 use crate::module::{
@@ -192,6 +193,14 @@ impl Emitter<'_> {
         order
     }
 
+    /// Whether pointers of a class are chosen, or handed to functions.
+    fn passes_pointers(&self, class: StorageClass) -> bool {
+        let is_such = |ty: Ty| matches!(self.module.at(ty), Type::Pointer(of, _) if *of == class);
+        let live = self.module.functions.iter().filter(|function| self.used.contains(&function.id));
+        live.flat_map(|function| &function.parameters).any(|parameter| is_such(parameter.1))
+            || self.uses(|inst| inst.op == Op::Select && inst.ty.is_some_and(is_such))
+    }
+
     fn capabilities(&self) -> Vec<Capability> {
         let module = self.module;
         let mut found = vec![Capability::Shader];
@@ -223,8 +232,14 @@ impl Emitter<'_> {
         if module.physical {
             found.push(Capability::PhysicalStorageBufferAddresses);
         }
-        found.push(Capability::VariablePointersStorageBuffer);
-        found.push(Capability::VariablePointers);
+        // Only where they are needed: many an optimizer leaves modules alone that declare them.
+        if self.passes_pointers(StorageClass::StorageBuffer) {
+            found.push(Capability::VariablePointersStorageBuffer);
+        }
+        if self.passes_pointers(StorageClass::Workgroup) {
+            found.push(Capability::VariablePointersStorageBuffer);
+            found.push(Capability::VariablePointers);
+        }
         if self.uses(|inst| inst.op == Op::FmaKHR) {
             found.push(Capability::FMAKHR);
         }

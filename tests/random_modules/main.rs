@@ -223,7 +223,7 @@ fn modules_give_what_a_vulkan_driver_gives() {
             (start..(first + count).min(start + 500)).into_par_iter().filter_map(expected).collect();
         let modules: Vec<_> =
             all.iter().map(|(_, generated, words, before, _)| (generated, words.clone(), before)).collect();
-        let left = vulkan::run(&line, &modules);
+        let left = vulkan::run(&line, &modules).unwrap_or_else(|problem| panic!("{problem}"));
         judged += left.len();
         for ((index, generated, words, _, after), found) in all.iter().zip(&left) {
             if let Some(difference) = run::difference(generated, after, found) {
@@ -258,7 +258,8 @@ fn vulkan_differs(line: &str, generated: &Generated, seed: u64) -> Option<String
     if open {
         return None;
     }
-    let left = vulkan::run(line, &[(generated, words, &before)]);
+    // Where a smaller module breaks the driver, it shows something else.
+    let left = vulkan::run(line, &[(generated, words, &before)]).ok()?;
     run::difference(generated, &after, &left[0])
 }
 

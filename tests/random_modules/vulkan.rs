@@ -26,8 +26,8 @@ pub fn subgroup_size(line: &str) -> u32 {
     String::from_utf8_lossy(&output.stdout).trim().parse().expect("the size of a subgroup")
 }
 
-/// What each module leaves in its buffers.
-pub fn run(line: &str, modules: &[(&Generated, Vec<u32>, &Memory)]) -> Vec<Memory> {
+/// What each module leaves in its buffers, or how the driver failed.
+pub fn run(line: &str, modules: &[(&Generated, Vec<u32>, &Memory)]) -> Result<Vec<Memory>, String> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: String| folder.path().join(name);
     for (at, (generated, words, before)) in modules.iter().enumerate() {
@@ -43,7 +43,9 @@ pub fn run(line: &str, modules: &[(&Generated, Vec<u32>, &Memory)]) -> Vec<Memor
     }
     let status = command(line).arg(folder.path() as &Path).arg(modules.len().to_string()).status();
     let status = status.unwrap_or_else(|error| panic!("{line}: {error}"));
-    assert!(status.success(), "{line}: {status}");
+    if !status.success() {
+        return Err(format!("{line}: {status}"));
+    }
     let left = |at: usize, before: &Memory| {
         let mut buffers: Vec<Vec<u8>> = (0..BUFFERS)
             .map(|binding| std::fs::read(path(format!("{at}.{binding}.out"))).expect("a buffer"))
@@ -53,5 +55,5 @@ pub fn run(line: &str, modules: &[(&Generated, Vec<u32>, &Memory)]) -> Vec<Memor
         buffers.iter_mut().zip(&before.buffers).for_each(|(left, before)| left.truncate(before.len()));
         Memory { buffers, address: before.address }
     };
-    modules.iter().enumerate().map(|(at, (_, _, before))| left(at, before)).collect()
+    Ok(modules.iter().enumerate().map(|(at, (_, _, before))| left(at, before)).collect())
 }

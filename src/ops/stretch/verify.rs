@@ -175,7 +175,7 @@ impl Check<'_, '_> {
         let expected = self.expected.get(reg, self.numbering);
         let found = self.get(reg);
         if expected != found.value {
-            let [expected, found] = [expected, found.value].map(|value| self.numbering.describe(value));
+            let [expected, found] = self.numbering.difference(expected, found.value);
             return Err(format!("r{} holds {found}, not {expected}", reg.0));
         }
         match found.settled || !bits_seen {

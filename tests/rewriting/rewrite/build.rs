@@ -230,6 +230,20 @@ impl Module {
         self.global(Op::TypeVoid, 0, &[])
     }
 
+    /// Decorates an id as another one is: how it is rounded and saturated, too.
+    pub fn copy_decorations(&mut self, from: u32, to: u32) {
+        let same: Vec<Inst> = self
+            .head
+            .iter()
+            .filter(|inst| inst.op == Op::Decorate && inst.rest[0] == from)
+            .cloned()
+            .collect();
+        for mut inst in same {
+            inst.rest[0] = to;
+            self.head.push(inst);
+        }
+    }
+
     /// Decorates an id.
     pub fn decorate(&mut self, id: u32, decoration: Decoration) {
         self.head.push(Inst::new(Op::Decorate, 0, 0, &[id, decoration as u32], &Place::default()));

@@ -107,6 +107,7 @@ pub fn inlined(module: &mut Module, rng: &mut Rng) -> Option<()> {
             let mut inst = inst.clone();
             if inst.id != 0 {
                 let new = module.fresh();
+                module.copy_decorations(inst.id, new);
                 ids.insert(inst.id, new);
                 inst.id = new;
             }
