@@ -15,7 +15,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use crate::machine::Reg;
 use crate::ops::op::{Access, Op};
 use crate::ops::stretch::Steps;
-use crate::ops::symbolic::{Numbering, Reached, State};
+use crate::ops::symbolic::{Numbering, Reached, State, reaches_addressed};
 use crate::program::forward::each_read;
 use crate::program::reuse::is_idle;
 use crate::program::{Block, Program, Run, Terminator};
@@ -142,6 +142,9 @@ impl Verifier {
             });
             if matches!(op, Op::Stop(_) | Op::Barrier) {
                 live.extend(&self.reached.handed);
+            }
+            if reaches_addressed(op) {
+                live.extend(&self.reached.addressed);
             }
         }
         self.before.constants.iter().for_each(|(reg, _)| {
