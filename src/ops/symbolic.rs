@@ -325,8 +325,7 @@ impl<'a> State<'a> {
             Access::Effect => effect = true,
         });
         reads.iter().for_each(|&(first, count)| self.read(first, count, numbering, &mut operands));
-        let addresses =
-            matches!(op, Op::Memory(memory::Op::Gather { .. } | memory::Op::Scatter { .. }) | Op::Atomic(_));
+        let addresses = reaches_addressed(op);
         if addresses {
             reached.addressed.iter().for_each(|&reg| self.read(reg, 1, numbering, &mut operands));
         }
@@ -358,6 +357,11 @@ impl<'a> State<'a> {
             self.effects.push(Effect { op: key, operands });
         }
     }
+}
+
+/// Whether an operation may reach every variable with computed indices.
+pub fn reaches_addressed(op: &Op) -> bool {
+    matches!(op, Op::Memory(memory::Op::Gather { .. } | memory::Op::Scatter { .. }) | Op::Atomic(_))
 }
 
 /// The number of an irregular operation without the registers that it names by themselves: those may be renamed.
