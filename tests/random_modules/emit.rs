@@ -257,14 +257,14 @@ impl Emitter<'_> {
         }
         let wide_atomic = self.uses(|inst| {
             let atomic = (Op::AtomicLoad as u32..=Op::AtomicXor as u32).contains(&(inst.op as u32));
+            let is_wide = |ty: Ty| matches!(self.module.at(ty), Type::Int { width: 64, .. });
+            let mut operands = inst.operands.iter();
             atomic
-                && inst.operands.iter().any(|operand| match operand {
-                    Operand::Id(id) => self.module.type_of[*id as usize]
-                        .is_some_and(|ty| matches!(self.module.at(ty), Type::Int { width: 64, .. })),
-                    Operand::Literal(_) => false,
-                })
-                || atomic
-                    && inst.ty.is_some_and(|ty| matches!(self.module.at(ty), Type::Int { width: 64, .. }))
+                && (inst.ty.is_some_and(is_wide)
+                    || operands.any(|operand| match operand {
+                        Operand::Id(id) => self.module.type_of[*id as usize].is_some_and(is_wide),
+                        Operand::Literal(_) => false,
+                    }))
         });
         if wide_atomic {
             found.push(Capability::Int64Atomics);
@@ -413,7 +413,7 @@ impl Emitter<'_> {
                     let direct = |arm: &Body| {
                         arm.nodes.is_empty() && matches!(arm.end, End::Fall(_)) && condition % 2 == 0
                     };
-                    let skips = arms.iter().position(|arm| direct(arm));
+                    let skips = arms.iter().position(direct);
                     let labels: Vec<Id> =
                         (0..2).map(|at| if skips == Some(at) { merge } else { self.label() }).collect();
                     self.op(Op::SelectionMerge, &[merge, 0]);

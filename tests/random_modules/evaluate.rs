@@ -721,7 +721,7 @@ impl Machine<'_> {
                         }
                         Op::ISubBorrow => (a.wrapping_sub(b), u64::from(a < b)),
                         Op::UMulExtended => {
-                            (a.wrapping_mul(b), (u128::from(a) * u128::from(b) >> width) as u64)
+                            (a.wrapping_mul(b), ((u128::from(a) * u128::from(b)) >> width) as u64)
                         }
                         _ => {
                             let product = exact::signed(a, width) * exact::signed(b, width);

@@ -265,11 +265,11 @@ impl Changer<'_> {
     /// The n-th operand with the result's type.
     fn same(&self, inst: &Inst, which: usize) -> Option<Id> {
         let ty = inst.ty?;
-        let ids = inst.operands.iter().filter_map(|operand| match operand {
+        let mut ids = inst.operands.iter().filter_map(|operand| match operand {
             Operand::Id(id) if self.module.type_of[*id as usize] == Some(ty) => Some(*id),
             _ => None,
         });
-        ids.skip(which).next()
+        ids.nth(which)
     }
 }
 

@@ -505,7 +505,7 @@ impl Generator {
                 let count = self.value(counts, depth);
                 let most = self.splat(counts, u64::from(width) + 1);
                 let count = self.inst(Op::UMod, counts, &[count, most]);
-                let same = self.to_unsigned(offsets, offset, unsigned_width);
+                let same = self.unsigned_of(offsets, offset, unsigned_width);
                 let all = self.splat(counts, width.into());
                 let room = self.inst(Op::ISub, counts, &[all, same]);
                 let count = self.extended(GLOp::UMin, counts, &[count, room]);
@@ -522,7 +522,7 @@ impl Generator {
     }
 
     /// An integer as an unsigned one of a width.
-    pub(super) fn to_unsigned(&mut self, ty: Ty, value: Id, width: u32) -> Id {
+    pub(super) fn unsigned_of(&mut self, ty: Ty, value: Id, width: u32) -> Id {
         let to = self.module.int(width, false);
         if to == ty {
             value

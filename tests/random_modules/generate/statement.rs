@@ -2,7 +2,7 @@
 
 use rspirv::spirv::{GroupOperation, Op, StorageClass};
 
-use crate::generate::{Around, COST, Generator, Parameter, Place, SHARED, Signature};
+use crate::generate::{COST, Generator, Parameter, Place, SHARED, Signature};
 use crate::module::{Body, Case, End, Id, Node, Operand, Phi, Ty, Type};
 
 impl Generator {
@@ -500,7 +500,7 @@ impl Generator {
 
     /// Draws what may not leave.
     pub(super) fn without_around<T>(&mut self, draw: impl FnOnce(&mut Self) -> T) -> T {
-        let around = std::mem::replace(&mut self.around, Around::default());
+        let around = std::mem::take(&mut self.around);
         let result = draw(self);
         self.around = around;
         result

@@ -114,7 +114,7 @@ pub fn takes_any(inst: &Inst, position: usize) -> bool {
         Store => position == 1,
         BranchConditional | Switch | ReturnValue => position == 0,
         FunctionCall => position > 0,
-        Phi => position % 2 == 0,
+        Phi => position.is_multiple_of(2),
         ExtInst => false,
         _ => is_pure(inst, None),
     }
