@@ -59,7 +59,7 @@ impl Assembled {
     /// The same scene with programs that are not optimised; see [`Program::unoptimized`].
     ///
     /// # Errors
-    /// As [`lower`].
+    /// As [`lower()`].
     pub fn unoptimized(&self) -> Result<Self> {
         let mut reference = Self { pipeline: self.pipeline.unoptimized()?, ..self.clone() };
         for dispatch in &mut reference.dispatches {
