@@ -113,13 +113,20 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
             }
         }
     }
+    let goes_back = |from: usize| {
+        let terminator = function.blocks[order[from]].instructions.last();
+        let targets = terminator.map(|terminator| module.branch_targets(terminator)).into_iter().flatten();
+        targets.filter_map(position_of).any(|to| to <= from)
+    };
     for &block in order {
         let phis = function.blocks[block].instructions.iter();
         for phi in phis.take_while(|instruction| instruction.opcode == PHI) {
-            // A phi reads at the end of the block that its value comes from.
+            // A phi reads at the end of the block that its value comes from. Where that one goes back, too, lanes that leave
+            // wait on their edge while others go round again: then it reads behind the loop.
             for pair in module.operands(phi).chunks_exact(2) {
                 let from = position_of(Id(pair[1])).filter(|&from| from != usize::MAX);
-                if from.is_some_and(|from| escapes(Id(pair[0]), from)) {
+                let read = from.map(|from| if goes_back(from) { place[block].max(from) } else { from });
+                if read.is_some_and(|read| escapes(Id(pair[0]), read)) {
                     escaping.insert(Id(pair[0]));
                 }
             }

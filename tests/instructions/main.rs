@@ -15,6 +15,7 @@ mod formulas;
 mod half_vector_atomics;
 mod images;
 mod integers;
+mod loops;
 mod memory;
 mod messages;
 mod motion;

@@ -1,0 +1,36 @@
+//! Loops whose invocations turn differently often.
+
+use crate::run::Shader;
+
+/// The value that a phi behind a loop takes from the block that goes back: each invocation keeps that of its own
+/// last turn, while others go round again.
+#[test]
+fn a_phi_behind_a_loop_has_the_value_of_the_last_turn() {
+    let found = Shader {
+        body: "
+            %tripled = OpVariable %ptr_Function_uint Function
+            OpStore %tripled %u1
+            %bound = OpBitwiseAnd %uint %id %u3
+            OpBranch %header
+            %header = OpLabel
+            %turn = OpPhi %uint %u0 %entry %next %latch
+            OpLoopMerge %merge %latch None
+            OpBranch %latch
+            %latch = OpLabel
+            %before = OpLoad %uint %tripled
+            %after = OpIMul %uint %before %u3
+            OpStore %tripled %after
+            %next = OpIAdd %uint %turn %u1
+            %more = OpULessThan %bool %next %bound
+            OpBranchConditional %more %header %merge
+            %merge = OpLabel
+            %last = OpPhi %uint %before %latch
+            out 0 %last",
+        ..Shader::default()
+    }
+    .run();
+    for (id, words) in found.iter().enumerate() {
+        // 1 is tripled as often as the bound says, but once at least; the phi has what it was before the last time.
+        assert_eq!(words[0], 3u32.pow((id as u32 & 3).max(1) - 1), "invocation {id}");
+    }
+}
