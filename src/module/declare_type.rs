@@ -99,10 +99,9 @@ impl Loader<'_> {
             Op::TypeInt => {
                 let (width, signed) = (words[at], words[at + 1]);
                 if width == 0 || signed > 1 {
-                    return Err(invalid(
-                        at,
-                        format!("OpTypeInt: width {width}, signedness {signed} (0 or 1 is expected)"),
-                    ));
+                    let message =
+                        format!("OpTypeInt: width {width}, signedness {signed} (0 or 1 is expected)");
+                    return Err(invalid(at, message).note("SPIR-V, 3.3.6, OpTypeInt"));
                 }
                 match width {
                     8 | 16 | 32 | 64 => Type::Int { width, signed: signed == 1 },

@@ -471,7 +471,7 @@ fn components(
         let component = component as u32;
         let mut part = pointer.clone();
         let offset = component.checked_mul(stride).and_then(|bytes| part.offset.checked_add(bytes));
-        part.offset = offset.ok_or_else(|| decoder.invalid("an offset beyond 4 GiB"))?;
+        part.offset = offset.ok_or_else(|| decoder.unsupported("an offset beyond 4 GiB"))?;
         let target = target(decoder, &part, 16, count)?;
         words.push(emit(decoder, (kind, 16, (component, count)), target, (value, none))?);
     }

@@ -112,6 +112,13 @@ pub(super) fn store_aligned(
     words: &[Reg],
     alignment: u32,
 ) -> Result<()> {
+    if matches!(
+        pointer.storage_class,
+        storage::INPUT | storage::PUSH_CONSTANT | storage::SHADER_RECORD_BUFFER | storage::UNIFORM_CONSTANT
+    ) {
+        let class = crate::module::names::storage_class_name(pointer.storage_class);
+        return Err(decoder.invalid(format!("a store to {class}, which is read-only")));
+    }
     match pointer.place {
         Place::Rows { constant: true, .. } => Err(decoder.invalid("a store to an input variable")),
         Place::Rows { first: variable, count: rows, .. } => {
@@ -182,7 +189,7 @@ fn collect(
 ) -> Result<()> {
     let at = |decoder: &Decoder<'_>, index: u32, stride: u32| {
         let sum = index.checked_mul(stride).and_then(|bytes| offset.checked_add(bytes));
-        sum.ok_or_else(|| decoder.invalid("an offset beyond 4 GiB"))
+        sum.ok_or_else(|| decoder.unsupported("an offset beyond 4 GiB"))
     };
     match *decoder.module.ty(ty) {
         Type::Int { width: 64, .. } | Type::Float { width: 64, .. } => {

@@ -44,10 +44,16 @@ pub fn holds_object(module: &Module, ty: TypeId) -> bool {
 /// `InvalidModule` where it is no pointer to such an object in Function or Private storage
 /// (SPIR-V, "Universal Validation Rules"; SPV_KHR_ray_query, SPV_EXT_shader_invocation_reorder).
 pub fn object(decoder: &mut Decoder<'_>, id: Id, is_wanted: impl Fn(&Type) -> bool) -> Result<ObjectRef> {
+    const RULES: &str =
+        "SPV_KHR_ray_query, SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder";
+    if !matches!(decoder.module.ty(decoder.type_of(id)?), Type::Pointer { .. }) {
+        return Err(decoder.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES));
+    }
     let pointer = decoder.pointer(id)?;
     if !is_wanted(decoder.module.ty(pointer.pointee)) {
         let found = decoder.module.describe_type(pointer.pointee);
-        return Err(decoder.invalid(format!("%{} points to {found}, which is not what is used here", id.0)));
+        let message = format!("%{} points to {found}, which is not what is used here", id.0);
+        return Err(decoder.invalid(message).note(RULES));
     }
     if !matches!(pointer.storage_class, storage::FUNCTION | storage::PRIVATE) {
         let class = crate::module::names::storage_class_name(pointer.storage_class);
@@ -65,7 +71,7 @@ pub fn object(decoder: &mut Decoder<'_>, id: Id, is_wanted: impl Fn(&Type) -> bo
         (Place::ComputedRows, Some(index)) => {
             Ok(ObjectRef::Computed { first: pointer.pointed_rows(), index })
         }
-        _ => Err(decoder.invalid(format!("%{} is no pointer to a variable", id.0))),
+        _ => Err(decoder.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES)),
     }
 }
 

@@ -144,6 +144,9 @@ impl Timed {
     }
 }
 
+/// Where the operands of these instructions are described. The validator knows no rules for those of NVIDIA.
+const RULES: &str = "SPV_KHR_ray_tracing, SPV_NV_ray_tracing, SPV_NV_ray_tracing_motion_blur";
+
 /// Decodes ray-tracing instructions; `false` for an instruction of another section.
 pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
@@ -159,7 +162,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             }
             if words.len() != TRACE_OPERANDS as usize {
                 let name = crate::module::names::opcode_name(instruction.opcode);
-                return Err(decoder.invalid(format!("the operands of {name} have wrong types")));
+                return Err(decoder.invalid(format!("the operands of {name} have wrong types")).note(RULES));
             }
             let operands = decoder.consecutive(&words)?;
             let classes = &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD];
@@ -172,7 +175,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let classes = &[storage::CALLABLE_DATA, storage::INCOMING_CALLABLE_DATA];
             let data = named_variable(decoder, opcode, instruction, 1, classes)?;
             let Some(&index) = index.first() else {
-                return Err(decoder.invalid("an SBT index without a value"));
+                return Err(decoder.invalid("an SBT index without a value").note(RULES));
             };
             decoder.emit(Operation::Stop(Op::ExecuteCallable { index, data }));
             decoder.forget();
@@ -240,7 +243,8 @@ pub(super) fn variable_rows(decoder: &mut Decoder<'_>, id: Id, classes: &[u32]) 
         let wanted: Vec<_> = classes.iter().map(|&class| name(class)).collect();
         let found = name(pointer.storage_class);
         let wanted = wanted.join(" or ");
-        return Err(decoder.invalid(format!("a variable in storage class {found}: {wanted} is needed here")));
+        let message = format!("a variable in storage class {found}: {wanted} is needed here");
+        return Err(decoder.invalid(message).note(RULES));
     }
     match pointer {
         memory::Pointer { place: Place::Rows { first, .. }, index: None, offset, pointee, .. } => {

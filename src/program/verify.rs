@@ -22,6 +22,9 @@ use crate::program::{Block, Program, Run, Terminator};
 
 /// Programs of more operations are not looked at.
 const MOST_OPERATIONS: usize = 20_000;
+/// Nor are those whose operations, each with all registers that somebody else may reach, are more: each effect
+/// remembers what they hold.
+const MOST_REACHED: usize = 1 << 24;
 
 /// A program between two passes.
 #[derive(Clone, Debug)]
@@ -99,6 +102,10 @@ impl Verifier {
         let results = program.interface.iter().filter(|one| one.storage_class >= 5328);
         let results: Vec<Reg> = results.flat_map(|one| rows(one.first, one.count)).collect();
         reached.handed.clone_from(&results);
+        let registers = reached.handed.len() + reached.addressed.len() + reached.interface.len();
+        if registers.saturating_mul(before.ops.len()) > MOST_REACHED {
+            return None;
+        }
         let mut all =
             Self { before, superblocks, reached, defined, results, global: Vec::new(), live_out: Vec::new() };
         all.find_liveness();

@@ -72,3 +72,23 @@ fn a_print_without_a_string_names_its_instruction_set() {
     let wanted = Some("NonSemantic.DebugPrintf, Format".to_owned());
     assert_eq!(verdict(&shader), (ErrorKind::InvalidModule, wanted));
 }
+
+#[test]
+fn nothing_is_stored_to_shader_records_and_push_constants() {
+    // spirv-val: "ShaderRecordBufferKHR Storage Class variables are read only", "storage class is read-only".
+    for class in ["ShaderRecordBufferKHR", "PushConstant"] {
+        let declarations = format!(
+            "%bare = OpTypeStruct %uint
+             %ptr_bare = OpTypePointer {class} %bare
+             %ptr_member = OpTypePointer {class} %uint
+             %buffer = OpVariable %ptr_bare {class}"
+        );
+        let shader = Shader {
+            annotations: "OpDecorate %bare Block\nOpMemberDecorate %bare 0 Offset 0",
+            declarations: &declarations,
+            body: "%member = OpAccessChain %ptr_member %buffer %u0\nOpStore %member %u1",
+            ..Shader::default()
+        };
+        assert_eq!(verdict(&shader).0, ErrorKind::InvalidModule, "{class}");
+    }
+}

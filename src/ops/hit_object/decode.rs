@@ -275,7 +275,8 @@ fn timed(
 fn whole(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &[Reg], count: u32) -> Result<Reg> {
     if words.len() != count as usize {
         let name = crate::module::names::opcode_name(instruction.opcode);
-        return Err(decoder.invalid(format!("the operands of {name} have wrong types")));
+        let error = decoder.invalid(format!("the operands of {name} have wrong types"));
+        return Err(error.note("SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"));
     }
     decoder.consecutive(words)
 }
