@@ -22,9 +22,9 @@ use crate::program::{Block, Program, Run, Terminator};
 
 /// Programs of more operations are not looked at.
 const MOST_OPERATIONS: usize = 20_000;
-/// Nor are those whose operations, each with all registers that somebody else may reach, are more: each effect
-/// remembers what they hold.
-const MOST_REACHED: usize = 1 << 24;
+/// Nor are those that make more of pairs of registers: of an operation with what somebody else may reach,
+/// which each effect remembers, and of what an operation reads with what it writes.
+const MOST_PAIRS: usize = 1 << 24;
 
 /// A program between two passes.
 #[derive(Clone, Debug)]
@@ -103,7 +103,8 @@ impl Verifier {
         let results: Vec<Reg> = results.flat_map(|one| rows(one.first, one.count)).collect();
         reached.handed.clone_from(&results);
         let registers = reached.handed.len() + reached.addressed.len() + reached.interface.len();
-        if registers.saturating_mul(before.ops.len()) > MOST_REACHED {
+        let pairs = before.ops.iter().map(pairs).fold(0, usize::saturating_add);
+        if registers.saturating_mul(before.ops.len()).saturating_add(pairs) > MOST_PAIRS {
             return None;
         }
         let mut all =
@@ -328,6 +329,17 @@ impl Verifier {
         }
         Ok(())
     }
+}
+
+/// How many registers an operation reads, for each that it writes.
+fn pairs(op: &Op) -> usize {
+    let (mut reads, mut writes) = (0usize, 0usize);
+    op.accesses(|access| match access {
+        Access::Read(_, count) => reads += count as usize,
+        Access::Write(_, count) => writes += count as usize,
+        Access::Effect => {}
+    });
+    reads.saturating_mul(writes)
 }
 
 /// A register among those that an operation writes that holds a constant.
