@@ -60,6 +60,8 @@ where
             }
             batch.silent = program.silent.get(batch.op as usize) == Some(&true);
             op.eval(batch, bindings);
+            // What is trapped at the block's end, or by the pipeline, is no such operation's.
+            batch.silent = false;
             if batch.mask.is_empty() {
                 break;
             }
