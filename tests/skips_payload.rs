@@ -120,7 +120,7 @@ fn launch(ray_generation: Program, called: Program, radius: f32, watched: bool) 
     let launch = Launch { pipeline: &pipeline, resources: &resources };
     let stats = match watched {
         false => launch.run::<64>([3, 1, 1], &|_| ())?,
-        true => launch.run_watched([3, 1, 1], &mut |_: Event| (), &mut ())?,
+        true => launch.run_observed([3, 1, 1], &mut |_: Event| (), &mut ())?,
     };
     Ok((stats, [buffer.load(0, 32).unwrap_or(0), buffer.load(4, 32).unwrap_or(0)]))
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhit::accel::{
     Blas, Candidate, Counters, Cursor, Geometry, GeometryData, GeometryFlags, HitKind, Instance,
     InstanceFlags, InstanceVerdict, Motion, Packet, Place, Primitive, PrimitiveVerdict, RayFlags, Srt, Tlas,
-    TraceRay, Visit,
+    TraceRay, TraversalObserver,
 };
 use anyhit::error::ErrorKind;
 use anyhit::geometry::Ray;
@@ -234,7 +234,7 @@ struct Notes {
     ends: Vec<bool>,
 }
 
-impl Visit for Notes {
+impl TraversalObserver for Notes {
     const REASONS: bool = true;
 
     fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {

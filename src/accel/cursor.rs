@@ -24,10 +24,10 @@
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
+use crate::accel::observer::{ErasedObserver, ObserverAdapter, Place, TraversalObserver};
 use crate::accel::primitive::Primitive;
 pub use crate::accel::rules::{RayFlags, RayRule};
 use crate::accel::tlas::{Instance, Tlas};
-use crate::accel::visit::{Onlooker, Place, Told, Visit};
 use crate::accel::walk::Walk;
 use crate::geometry::{Intersection, Ray, Surface};
 
@@ -268,8 +268,8 @@ pub(super) struct Hits {
     presented: Option<Candidate>,
     /// The key of the last one that was: all later ones lie behind it.
     last: Option<Key>,
-    /// What an onlooker was told of, where a ray may come to one primitive several times.
-    told: Vec<Place>,
+    /// The primitives that an observer has seen, where a ray may come to one several times.
+    reported: Vec<Place>,
     any_opaque_hit_ends: bool,
 }
 
@@ -293,7 +293,7 @@ impl Cursor {
             committed: None,
             presented: None,
             last: None,
-            told: Vec::new(),
+            reported: Vec::new(),
             any_opaque_hit_ends: false,
         };
         Self { trace, walk: Walk::IDLE, hits, state: State::Fresh }
@@ -336,22 +336,22 @@ impl Cursor {
             self.hits.committed = self.hits.opaque;
             return None;
         }
-        self.proceed_told(tlas, &mut ())
+        self.proceed_observed(tlas, &mut ())
     }
 
-    /// The same under the eyes of an onlooker.
+    /// Continues as [`Cursor::proceed`] does, and reports the steps to an observer.
     #[inline]
-    pub fn proceed_with<V: Visit>(&mut self, tlas: &Tlas, visit: &mut V) -> Option<Candidate> {
+    pub fn proceed_with<V: TraversalObserver>(&mut self, tlas: &Tlas, observer: &mut V) -> Option<Candidate> {
         if V::QUIET {
             self.proceed(tlas)
         } else if V::REASONS {
-            self.proceed_told(tlas, &mut Onlooker::<true>::new(&mut Told(visit)))
+            self.proceed_observed(tlas, &mut ErasedObserver::<true>::new(&mut ObserverAdapter(observer)))
         } else {
-            self.proceed_told(tlas, &mut Onlooker::<false>::new(&mut Told(visit)))
+            self.proceed_observed(tlas, &mut ErasedObserver::<false>::new(&mut ObserverAdapter(observer)))
         }
     }
 
-    fn proceed_told<V: Visit>(&mut self, tlas: &Tlas, visit: &mut V) -> Option<Candidate> {
+    fn proceed_observed<V: TraversalObserver>(&mut self, tlas: &Tlas, observer: &mut V) -> Option<Candidate> {
         let start = match self.state {
             State::Fresh => true,
             State::Underway => false,
@@ -362,15 +362,20 @@ impl Cursor {
         };
         self.state = State::Underway;
         self.hits.presented = None;
-        let next = self.next(tlas, start, visit);
+        let next = self.next(tlas, start, observer);
         if next.is_none() {
-            self.finish(visit);
+            self.finish(observer);
         }
         next
     }
 
     /// The next candidate; `None` where the turn of the closest opaque hit has come.
-    fn next<V: Visit>(&mut self, tlas: &Tlas, mut start: bool, visit: &mut V) -> Option<Candidate> {
+    fn next<V: TraversalObserver>(
+        &mut self,
+        tlas: &Tlas,
+        mut start: bool,
+        observer: &mut V,
+    ) -> Option<Candidate> {
         loop {
             if let Some(&Reverse(first)) = self.hits.waiting.peek()
                 && self.walk.is_past(first.0.intersection.t)
@@ -384,10 +389,10 @@ impl Cursor {
                 }
                 self.hits.last = Some(first.key());
                 self.hits.presented = Some(first.0);
-                visit.present(&first.0);
+                observer.present(&first.0);
                 return Some(first.0);
             }
-            if !self.advance::<V, false>(tlas, start, visit) {
+            if !self.advance::<V, false>(tlas, start, observer) {
                 return None;
             }
             start = false;
@@ -452,14 +457,14 @@ impl Cursor {
     }
 
     /// The turn of the closest opaque hit: every candidate before it had its own.
-    fn finish(&mut self, visit: &mut impl Visit) {
+    fn finish(&mut self, observer: &mut impl TraversalObserver) {
         if let Some(hit) = self.hits.opaque.take()
             && self.hits.committed.is_none_or(|committed| hit.key() < committed.key())
         {
             self.hits.committed = Some(hit);
-            visit.commit(&hit);
+            observer.commit(&hit);
         }
-        visit.end(self.walk.is_over());
+        observer.end(self.walk.is_over());
         self.terminate();
     }
 }
@@ -473,8 +478,8 @@ impl Hits {
         self.committed = None;
         self.presented = None;
         self.last = None;
-        if !self.told.is_empty() {
-            self.told.clear();
+        if !self.reported.is_empty() {
+            self.reported.clear();
         }
         self.any_opaque_hit_ends = false;
     }
@@ -484,12 +489,12 @@ impl Hits {
         self.last.is_some_and(|last| waiting.key() <= last)
     }
 
-    /// Whether an onlooker hears of a primitive for the first time.
+    /// Whether a primitive is reported to the observer for the first time; it is noted.
     #[cold]
-    pub fn tell_once(&mut self, place: Place) -> bool {
-        let first = !self.told.contains(&place);
+    pub fn is_first_report(&mut self, place: Place) -> bool {
+        let first = !self.reported.contains(&place);
         if first {
-            self.told.push(place);
+            self.reported.push(place);
         }
         first
     }

@@ -16,6 +16,7 @@ pub mod motion;
 mod motion_bounds;
 mod node;
 mod node_ray;
+pub mod observer;
 pub mod packet;
 pub mod primitive;
 pub mod rules;
@@ -24,7 +25,6 @@ pub mod tlas;
 mod transform;
 mod tree;
 mod validate;
-pub mod visit;
 mod walk;
 
 pub use blas::{Blas, Geometry, GeometryFlags};
@@ -32,7 +32,7 @@ pub use cursor::{Candidate, Committed, Cursor, HitKind, RayFlags, RayRule, Trace
 pub use geometry_data::{EndCaps, GeometryData, GeometryKind, Indexing};
 pub use micromap::OpacityMicromap;
 pub use motion::{Motion, Srt};
+pub use observer::{Counters, InstanceVerdict, Place, PrimitiveVerdict, TraversalObserver};
 pub use packet::Packet;
 pub use primitive::Primitive;
 pub use tlas::{Instance, InstanceFlags, Tlas, hit_record_index};
-pub use visit::{Counters, InstanceVerdict, Place, PrimitiveVerdict, Visit};

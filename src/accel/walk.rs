@@ -7,11 +7,11 @@ use crate::accel::level::Level;
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Child, Node, WIDTH};
 use crate::accel::node_ray::{NodeLimit, NodeRay, Slabs};
+use crate::accel::observer::{InstanceVerdict, Place, PrimitiveVerdict, TraversalObserver};
 use crate::accel::rules::{
     is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible, presented,
 };
 use crate::accel::tlas::{InstanceFlags, Tlas};
-use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict, Visit};
 use crate::geometry::{FourTested, Intersection, ObjectRay, Precision};
 use crate::math::eight::{Eights, TwoFours};
 use crate::math::vectors::{Task, Vectors};
@@ -119,15 +119,15 @@ impl Walk {
 impl Cursor {
     /// Goes on (from the `start`, where that is said) until a candidate's turn has come; `false` where
     /// nothing is left to visit. `PLAIN`: no candidate is possible.
-    pub(super) fn advance<V: Visit, const PLAIN: bool>(
+    pub(super) fn advance<V: TraversalObserver, const PLAIN: bool>(
         &mut self,
         tlas: &Tlas,
         start: bool,
-        visit: &mut V,
+        observer: &mut V,
     ) -> bool {
         let trace = &self.trace;
         let (walk, hits) = (&mut self.walk, &mut self.hits);
-        let step = Step::<V, PLAIN> { walk, hits, trace, tlas, visit, start };
+        let step = Step::<V, PLAIN> { walk, hits, trace, tlas, observer, start };
         if V::REASONS { TwoFours.apart(step) } else { tlas.processor().run(step) }
     }
 }
@@ -139,17 +139,17 @@ struct Step<'a, V, const PLAIN: bool> {
     hits: &'a mut Hits,
     trace: &'a TraceRay,
     tlas: &'a Tlas,
-    visit: &'a mut V,
+    observer: &'a mut V,
     start: bool,
 }
 
-impl<V: Visit, const PLAIN: bool> Task for Step<'_, V, PLAIN> {
+impl<V: TraversalObserver, const PLAIN: bool> Task for Step<'_, V, PLAIN> {
     type Output = bool;
 
     #[inline(always)]
     fn run<E: Vectors>(self, eights: E) -> bool {
-        let Self { walk, hits, trace, tlas, visit, start } = self;
-        Advance::<V, PLAIN> { walk, hits, trace, tlas, visit, tested: FourTested::MISSED }
+        let Self { walk, hits, trace, tlas, observer, start } = self;
+        Advance::<V, PLAIN> { walk, hits, trace, tlas, observer, tested: FourTested::MISSED }
             .go_on(eights, start)
     }
 }
@@ -160,12 +160,12 @@ struct Advance<'a, V, const PLAIN: bool> {
     hits: &'a mut Hits,
     trace: &'a TraceRay,
     tlas: &'a Tlas,
-    visit: &'a mut V,
+    observer: &'a mut V,
     /// Of the leaf that is tested, where all its primitives are tested at once.
     tested: FourTested,
 }
 
-impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
+impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
     #[inline(always)]
     fn go_on<E: Vectors>(mut self, eights: E, start: bool) -> bool {
         if start {
@@ -242,7 +242,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
         let child = open.child();
         match (child.count(), self.tlas.tree()) {
             (0, Some((tree, _))) => {
-                self.visit.node(None);
+                self.observer.node(None);
                 let (limit, slabs) = (world.limit(self.hits.cull_t), world.slabs(eights));
                 let ray = (&*world, &slabs);
                 if let Some(nearest) = push_children::<_, PLAIN>(stack, limit, tree.node(child), ray) {
@@ -264,7 +264,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
     #[inline(always)]
     fn reach<E: Vectors>(&mut self, eights: E, number: u32) {
         let verdict = self.enter(eights, number);
-        self.visit.instance(number, verdict);
+        self.observer.instance(number, verdict);
     }
 
     /// Goes into an instance: its primitives are tested at once where they are few, otherwise the
@@ -316,7 +316,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             let mut child = open.child();
             // Down to a leaf; what is farther waits on the stack.
             while !child.is_leaf() {
-                self.visit.node(Some(number));
+                self.observer.node(Some(number));
                 body.fetch_leaves(tree, child);
                 let Walk { stack, level, .. } = &mut *self.walk;
                 let (ray, before) = ((&level.node_ray, &slabs), stack.len());
@@ -378,7 +378,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
         } else {
             level.met::<E, true>(eights, self.tlas, body, leaf, self.trace)
         };
-        self.visit.missed(leaf.count() - met.count_ones());
+        self.observer.missed(leaf.count() - met.count_ones());
         met
     }
 
@@ -412,7 +412,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
                 let name = body.name(leaf, lane);
                 Place { instance: number, geometry: name.geometry, primitive: name.primitive }
             };
-            if !V::QUIET && body.has_pieces() && !self.hits.tell_once(place()) {
+            if !V::QUIET && body.has_pieces() && !self.hits.is_first_report(place()) {
                 continue;
             }
             let tested = self.tested.hit(lane).filter(|_| !V::REASONS && body.tests_leaves(precision));
@@ -430,7 +430,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
                 } else {
                     PrimitiveVerdict::Missed
                 };
-                self.visit.primitive(place(), verdict);
+                self.observer.primitive(place(), verdict);
                 continue;
             };
             let place = place();
@@ -438,7 +438,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
             if let Some(micromap) = micromap {
                 let opacity = micromap.opacity(place.primitive, found.attributes);
                 let Some(of_part) = opacity.is_opaque(is_two_state(flags, instance.flags)) else {
-                    self.visit.primitive(place, PrimitiveVerdict::Transparent(found));
+                    self.observer.primitive(place, PrimitiveVerdict::Transparent(found));
                     continue;
                 };
                 let of_part = if of_part { GeometryFlags::OPAQUE } else { GeometryFlags::default() };
@@ -453,7 +453,7 @@ impl<V: Visit, const PLAIN: bool> Advance<'_, V, PLAIN> {
                 let Place { instance, geometry, primitive } = place;
                 self.take(Candidate { instance, geometry, primitive, intersection: found, opaque })
             };
-            self.visit.primitive(place, verdict);
+            self.observer.primitive(place, verdict);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Why a ray went as it did.
 //!
-//! A [`session`] runs one invocation or one ray under a witness and reads what the pipeline told
+//! A [`session`] runs one invocation or one ray under an observer and reads what the pipeline told
 //! into a [`story`]: a tree of plain data, with names instead of indices and typed values instead
 //! of words. [`render`] makes text of it, and its JSON is the tree itself. Nothing here reads or
 //! writes a file or a terminal.

@@ -64,9 +64,9 @@ pub fn writer(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Option<
     if let Some(ray) = ray {
         let mut observer: &mut dyn Observer<1> = &mut watcher;
         let mut ignore = |_| ();
-        let mut witness: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
+        let mut on_event: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
         let ray = &loaded.scene.rays[ray];
-        let _ = trace(&loaded.scene, &launch, loaded.assembled.size, ray, &mut witness, &mut observer);
+        let _ = trace(&loaded.scene, &launch, loaded.assembled.size, ray, &mut on_event, &mut observer);
         return Some(Writer { launch_id: None, line: watcher.line() });
     }
     let [width, height, depth] = loaded.assembled.size;
@@ -80,8 +80,8 @@ pub fn writer(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Option<
         let before = watcher.writes;
         let mut observer: &mut dyn Observer<1> = &mut watcher;
         let mut ignore = |_| ();
-        let mut witness: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
-        let run = launch.run_one(id, loaded.assembled.size, &mut witness, &mut observer);
+        let mut on_event: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
+        let run = launch.run_one(id, loaded.assembled.size, &mut on_event, &mut observer);
         if watcher.writes > before {
             launch_id = Some(id);
         }

@@ -18,7 +18,7 @@ use crate::harness::value::Value;
 use crate::machine::{Batch, Binding, Descriptor, Observer, Printed, Resources};
 use crate::ops::pointer::storage;
 use crate::ops::row::{Row, Width};
-use crate::pipeline::{Event, Launch, Pipeline, Shader, Stats, Witness};
+use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver, Shader, Stats};
 use crate::program::Program;
 use crate::scene::file::RayEntry;
 use crate::scene::resources::Output;
@@ -61,14 +61,14 @@ pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &m
         if launches {
             let (mut sink, counts) = recorder.parts();
             let launch = Launch { pipeline: &assembled.pipeline, resources };
-            stats = launch.run_watched(assembled.size, &mut |event| sink.event(&event), counts)?;
+            stats = launch.run_observed(assembled.size, &mut |event| sink.event(&event), counts)?;
         }
         for (at, dispatch) in assembled.dispatches.iter().enumerate() {
             let (mut sink, counts) = recorder.dispatch(at);
             let resources = dispatch.resources(resources);
-            let witness = &mut |event: Event| sink.event(&event);
+            let on_event = &mut |event: Event| sink.event(&event);
             stats =
-                stats.plus(&dispatch.compute.run_witnessed(&resources, dispatch.groups, witness, counts)?);
+                stats.plus(&dispatch.compute.run_observed(&resources, dispatch.groups, on_event, counts)?);
         }
         Ok(stats)
     })
@@ -252,25 +252,25 @@ impl Observer<1> for Both<'_> {
 }
 
 /// Runs one ray, or one invocation of ray generation.
-pub(super) fn trace<T: Witness, O: Observer<1>>(
+pub(super) fn trace<T: PipelineObserver, O: Observer<1>>(
     scene: &ResolvedScene,
     launch: &Launch<'_>,
     size: [u32; 3],
     ray: &RayEntry,
-    witness: &mut T,
+    pipeline_observer: &mut T,
     observer: &mut O,
 ) -> Result<Stats> {
     match ray {
         RayEntry::Pixel { pixel, .. } => {
             let [x, y] = pixel.value;
-            launch.run_one([x, y, 0], size, witness, observer)
+            launch.run_one([x, y, 0], size, pipeline_observer, observer)
         }
         RayEntry::Given(given) => {
             let tlas = if let Some((_, tlas)) = scene.tlas.first() { tlas } else { Tlas::empty() };
             let operands = session::check(given)?
                 .operands(launch.pipeline)
                 .map_err(|error| declared(launch.pipeline).into_iter().fold(error, Error::note))?;
-            launch.trace_observed(tlas, operands, witness, observer).map(|outcome| outcome.stats)
+            launch.trace_observed(tlas, operands, pipeline_observer, observer).map(|outcome| outcome.stats)
         }
     }
 }

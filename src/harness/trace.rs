@@ -18,7 +18,7 @@ use crate::harness::value::Value;
 use crate::machine::printed::Line;
 use crate::ops::decode::InterfaceRows;
 use crate::ops::pointer::storage;
-use crate::pipeline::{Band, Bands, Event, Launch, Pipeline, RayOperands, Stats, Streamed, Witness};
+use crate::pipeline::{Band, Bands, Event, Launch, Pipeline, PipelineObserver, RayOperands, Stats, Streamed};
 use crate::program::Program;
 
 /// A ray without flags, seen by all masks, with SBT offset 0, SBT stride 1 and miss index 0; its
@@ -244,7 +244,7 @@ impl Pipeline {
     /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload or a buffer whose size fits no
     /// shader, with both layouts.
     pub fn trace(&self, scene: &Scene, ray: impl Into<RayOperands>) -> Result<Traced> {
-        self.trace_watched(scene, ray, &mut ())
+        self.trace_observed(scene, ray, &mut ())
     }
 
     /// The same, with the events that explain it.
@@ -257,15 +257,15 @@ impl Pipeline {
         ray: impl Into<RayOperands>,
     ) -> Result<(Traced, Vec<Event>)> {
         let mut events = Vec::new();
-        let traced = self.trace_watched(scene, ray, &mut events)?;
+        let traced = self.trace_observed(scene, ray, &mut events)?;
         Ok((traced, events))
     }
 
-    fn trace_watched(
+    fn trace_observed(
         &self,
         scene: &Scene,
         ray: impl Into<RayOperands>,
-        witness: &mut impl Witness,
+        pipeline_observer: &mut impl PipelineObserver,
     ) -> Result<Traced> {
         let mut operands = ray.into();
         let payload = self
@@ -285,7 +285,7 @@ impl Pipeline {
         self.check(scene)?;
         let resources = scene.resources();
         let launch = Launch { pipeline: self, resources };
-        let outcome = launch.trace(scene.tlas(), operands.clone(), witness)?;
+        let outcome = launch.trace(scene.tlas(), operands.clone(), pipeline_observer)?;
         let data = largest.map(|(program, rows)| {
             let words = outcome.payload.iter().copied();
             Data::new(&program.module, rows.ty, "the payload", words)

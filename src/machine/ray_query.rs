@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::accel::{
     Candidate, Committed, Cursor, HitKind, InstanceVerdict, Place, PrimitiveVerdict, RayFlags, Tlas,
-    TraceRay, Visit,
+    TraceRay, TraversalObserver,
 };
 use crate::geometry::Ray;
 use crate::machine::object::Objects;
@@ -64,9 +64,9 @@ impl RayQuery {
     ///
     /// # Errors
     /// `RayQueryComplete` after it returned false.
-    pub fn proceed(&mut self, visit: &mut impl Visit) -> Result<bool, TrapCode> {
+    pub fn proceed(&mut self, observer: &mut impl TraversalObserver) -> Result<bool, TrapCode> {
         self.candidate = match self.phase {
-            Phase::Underway => self.cursor.proceed_with(&self.tlas, visit),
+            Phase::Underway => self.cursor.proceed_with(&self.tlas, observer),
             Phase::Terminated => None,
             Phase::Complete => return Err(TrapCode::RayQueryComplete),
             Phase::Uninitialized => return Err(TrapCode::RayQueryUninitialized),
@@ -145,18 +145,18 @@ impl RayQuery {
     }
 }
 
-/// What a ray query did: which one, by which operation, and what.
+/// A step of a ray query, with the query and the operation that made it.
 #[derive(Clone, Debug)]
 pub struct RayQueryEvent {
     /// The query's handle.
     pub query: u32,
     /// The operation of the program.
     pub op: u32,
-    /// What it did.
+    /// The step.
     pub what: RayQueryStep,
 }
 
-/// See [`RayQueryEvent`]. What traversal tells comes before what it led to.
+/// A step of a ray query. The steps of its traversal come before the instruction's result.
 #[derive(Clone, Debug)]
 pub enum RayQueryStep {
     /// `OpRayQueryInitializeKHR`
@@ -179,43 +179,43 @@ pub enum RayQueryStep {
     Commit(Committed),
 }
 
-/// Writes down what traversal tells.
-struct Told<'a> {
+/// Records the steps of a traversal as events of a ray query.
+struct QueryRecorder<'a> {
     query: u32,
     op: u32,
     traversal: bool,
     events: &'a mut Vec<RayQueryEvent>,
 }
 
-impl Told<'_> {
-    fn tell(&mut self, what: RayQueryStep) {
+impl QueryRecorder<'_> {
+    fn record(&mut self, what: RayQueryStep) {
         self.events.push(RayQueryEvent { query: self.query, op: self.op, what });
     }
 }
 
-impl Visit for Told<'_> {
+impl TraversalObserver for QueryRecorder<'_> {
     const REASONS: bool = true;
 
     fn node(&mut self, instance: Option<u32>) {
         if self.traversal {
-            self.tell(RayQueryStep::Node(instance));
+            self.record(RayQueryStep::Node(instance));
         }
     }
 
     fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
         if self.traversal {
-            self.tell(RayQueryStep::Instance(instance, verdict));
+            self.record(RayQueryStep::Instance(instance, verdict));
         }
     }
 
     fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {
         if self.traversal {
-            self.tell(RayQueryStep::Primitive(place, verdict));
+            self.record(RayQueryStep::Primitive(place, verdict));
         }
     }
 
     fn commit(&mut self, committed: &Committed) {
-        self.tell(RayQueryStep::Commit(*committed));
+        self.record(RayQueryStep::Commit(*committed));
     }
 }
 
@@ -225,10 +225,10 @@ pub struct RayQueries {
     all: Objects<RayQuery>,
     /// How many `OpRayQueryInitializeKHR` were executed, counted by lanes.
     pub initialized: u64,
-    /// Where it is written down what the queries do, if somebody wants to know.
-    pub told: Option<Vec<RayQueryEvent>>,
-    /// Whether nodes, instances and primitives are written down, too.
-    pub traversal: bool,
+    /// The events of the queries, where they are recorded.
+    pub events: Option<Vec<RayQueryEvent>>,
+    /// Whether nodes, instances and primitives are recorded, too.
+    pub records_traversal: bool,
 }
 
 impl RayQueries {
@@ -243,7 +243,7 @@ impl RayQueries {
         self.initialized += 1;
         let (query, object) = self.all.claim(handle);
         object.initialize(tlas, trace);
-        if let Some(events) = &mut self.told {
+        if let Some(events) = &mut self.events {
             events.push(RayQueryEvent { query, op, what: RayQueryStep::Initialize(tlas.clone(), trace) });
         }
         query
@@ -272,14 +272,15 @@ impl RayQueries {
     /// As there.
     #[inline]
     pub fn proceed(&mut self, handle: u32, op: u32) -> Result<bool, TrapCode> {
-        let Some(mut events) = self.told.take() else { return self.query(handle)?.proceed(&mut ()) };
-        let mut told = Told { query: handle, op, traversal: self.traversal, events: &mut events };
+        let Some(mut events) = self.events.take() else { return self.query(handle)?.proceed(&mut ()) };
+        let mut recorder =
+            QueryRecorder { query: handle, op, traversal: self.records_traversal, events: &mut events };
         let done = self.query(handle).and_then(|query| {
-            let more = query.proceed(&mut told)?;
-            told.tell(RayQueryStep::Proceed(query.candidate));
+            let more = query.proceed(&mut recorder)?;
+            recorder.record(RayQueryStep::Proceed(query.candidate));
             Ok(more)
         });
-        self.told = Some(events);
+        self.events = Some(events);
         done
     }
 
@@ -289,7 +290,7 @@ impl RayQueries {
     /// `RayQueryUninitialized`
     pub fn terminate(&mut self, handle: u32, op: u32) -> Result<(), TrapCode> {
         self.query(handle)?.terminate();
-        self.tell(handle, op, RayQueryStep::Terminate);
+        self.record(handle, op, RayQueryStep::Terminate);
         Ok(())
     }
 
@@ -299,7 +300,7 @@ impl RayQueries {
     /// As there.
     pub fn confirm(&mut self, handle: u32, op: u32) -> Result<(), TrapCode> {
         self.query(handle)?.confirm()?;
-        self.tell(handle, op, RayQueryStep::Confirm);
+        self.record(handle, op, RayQueryStep::Confirm);
         Ok(())
     }
 
@@ -309,14 +310,14 @@ impl RayQueries {
     /// As there.
     pub fn generate(&mut self, handle: u32, op: u32, t: f32) -> Result<(), TrapCode> {
         self.query(handle)?.generate(t)?;
-        self.tell(handle, op, RayQueryStep::Generate(t));
+        self.record(handle, op, RayQueryStep::Generate(t));
         Ok(())
     }
 
-    /// Writes down a decision, and what is committed after it.
-    fn tell(&mut self, query: u32, op: u32, what: RayQueryStep) {
+    /// Records a decision, and the hit that is committed after it.
+    fn record(&mut self, query: u32, op: u32, what: RayQueryStep) {
         let committed = self.all.get(query).and_then(|query| query.committed().copied());
-        if let Some(events) = &mut self.told {
+        if let Some(events) = &mut self.events {
             events.push(RayQueryEvent { query, op, what });
             events.extend(committed.map(|hit| RayQueryEvent { query, op, what: RayQueryStep::Commit(hit) }));
         }

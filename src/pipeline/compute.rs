@@ -8,7 +8,7 @@ use crate::ops::row::{Row, Width};
 use crate::pipeline::launch::Stats;
 use crate::pipeline::tasks::{Done, Tasks};
 use crate::pipeline::trapped::Trapped;
-use crate::pipeline::workgroup::{Gang, Watch};
+use crate::pipeline::workgroup::{Gang, Observers};
 use crate::pipeline::{DEFAULT_BUDGET, Event, check_subgroup_size};
 use crate::program::sharing::{self, Extent, Memory};
 use crate::program::{Program, WorkgroupLayout};
@@ -65,7 +65,7 @@ impl Compute {
         Ok(Self { program, budget: DEFAULT_BUDGET, subgroup_size, layout, mixes_atomics })
     }
 
-    /// The same shader without any optimisation; see [`Program::unoptimized`].
+    /// Returns the shader without any optimisation; see [`Program::unoptimized`].
     ///
     /// # Errors
     /// As [`crate::program::lower()`].
@@ -121,38 +121,38 @@ impl Compute {
         Row: Width<W>,
     {
         self.check(groups)?;
-        self.run_alone::<W>(resources, groups, done).map_err(|trapped| trapped.error)
+        self.run_to_trap::<W>(resources, groups, done).map_err(|trapped| trapped.error)
     }
 
-    /// The same, watched: in the order of the workgroups, on one thread. Events are those of ray
-    /// queries. A dispatch that needs subgroups of more than 64 is not watched.
+    /// Runs as [`Compute::run`] does under observers: in the order of the workgroups, on one thread.
+    /// Events are those of ray queries. A dispatch that needs subgroups of more than 64 is not observed.
     ///
     /// # Errors
     /// As [`Compute::run`].
-    pub fn run_witnessed(
+    pub fn run_observed(
         &self,
         resources: &Resources,
         groups: [u32; 3],
-        witness: &mut dyn FnMut(Event),
+        on_event: &mut dyn FnMut(Event),
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats> {
         self.check(groups)?;
         if self.program.uses_subgroups && self.subgroup_size > 64 {
             return self.run::<64>(resources, groups, &|_| ());
         }
-        self.run_alone_observed(resources, groups, witness, observer).map_err(|trapped| trapped.error)
+        self.run_to_trap_observed(resources, groups, on_event, observer).map_err(|trapped| trapped.error)
     }
 
-    /// The same with a trap told in full, for sizes that [`Compute::run`] would take and subgroups of
-    /// at most 64.
+    /// Runs as [`Compute::run_observed`] does and returns the whole [`Trapped`], for sizes that
+    /// [`Compute::run`] accepts and subgroups of at most 64.
     ///
     /// # Errors
     /// The trap; its shader is 0.
-    pub fn run_alone_observed(
+    pub fn run_to_trap_observed(
         &self,
         resources: &Resources,
         groups: [u32; 3],
-        witness: &mut dyn FnMut(Event),
+        on_event: &mut dyn FnMut(Event),
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats, Box<Trapped>> {
         let whole = self.program.uses_subgroups;
@@ -165,12 +165,12 @@ impl Compute {
             let groups = (first..count.min(first + per_task)).map(|index| self.group(index, groups));
             let (done, trapped) = if !whole && self.program.order_dependent {
                 let observer: &mut dyn Observer<1> = &mut *observer;
-                let mut watch = Watch::new(observer, &mut *witness);
-                Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut watch)
+                let mut observers = Observers::new(observer, &mut *on_event);
+                Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut observers)
             } else {
                 let observer: &mut dyn Observer<64> = &mut *observer;
-                let mut watch = Watch::new(observer, &mut *witness);
-                Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut watch)
+                let mut observers = Observers::new(observer, &mut *on_event);
+                Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut observers)
             };
             if let Some(trapped) = trapped {
                 return Err(Box::new(trapped));
@@ -186,11 +186,11 @@ impl Compute {
         (TASK / each).max(1)
     }
 
-    /// The same with a trap told in full, for sizes that [`Compute::run`] would take.
+    /// Runs as [`Compute::run`] does and returns the whole [`Trapped`], for sizes that it accepts.
     ///
     /// # Errors
     /// The trap, as there; its shader is 0.
-    pub fn run_alone<const W: usize>(
+    pub fn run_to_trap<const W: usize>(
         &self,
         resources: &Resources,
         groups: [u32; 3],
@@ -214,17 +214,17 @@ impl Compute {
             let result = match whole {
                 // A batch must hold whole subgroups, and their size divides the batch's.
                 Some(..=64) => {
-                    Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
+                    Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Observers::none())
                 }
-                Some(_) => Gang::<128>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody()),
+                Some(_) => Gang::<128>::new(self, &bindings, self.layout).run(groups, &mut Observers::none()),
                 // One invocation after the other, so that every width gives the same.
                 None if self.program.order_dependent => {
-                    Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
+                    Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut Observers::none())
                 }
                 None if shares || self.mixes_atomics => {
-                    Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody())
+                    Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Observers::none())
                 }
-                None => Gang::<W>::new(self, &bindings, self.layout).run(groups, &mut Watch::nobody()),
+                None => Gang::<W>::new(self, &bindings, self.layout).run(groups, &mut Observers::none()),
             };
             done(invocations);
             result
@@ -250,12 +250,12 @@ impl Compute {
         Extent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
     }
 
-    /// The same watched, one invocation beside the other: in the order of the workgroups, on one thread.
-    /// The observer knows the shader as 0.
+    /// Runs one invocation after the other under an observer, in the order of the workgroups, on one
+    /// thread. The observer knows the shader as 0.
     ///
     /// # Errors
     /// As [`Compute::run`]; `UnsupportedModule` where a shader needs its subgroup.
-    pub fn run_watched(
+    pub fn run_one_lane_observed(
         &self,
         resources: &Resources,
         groups: [u32; 3],
@@ -270,8 +270,8 @@ impl Compute {
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let groups = (0..count).map(|index| self.group(index, groups));
-        let mut watch = Watch::only(observer);
-        let (stats, trapped) = Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut watch);
+        let mut observers = Observers::of_operations(observer);
+        let (stats, trapped) = Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut observers);
         trapped.map_or(Ok(stats), |trapped| Err(trapped.error))
     }
 

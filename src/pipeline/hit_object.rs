@@ -6,11 +6,11 @@ use crate::machine::object::ObjectRef;
 use crate::machine::stop::Rows;
 use crate::machine::{Mask, Observer, Reg, TrapCode};
 use crate::ops::row::{Row, Width};
+use crate::pipeline::observer::{Caller, PipelineObserver};
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Level, Stack};
 use crate::pipeline::trace::{Trace, at};
-use crate::pipeline::witness::{Caller, Witness};
 
 impl<const W: usize> Trace<W> {
     /// What a lane's ray found.
@@ -28,7 +28,7 @@ impl<const W: usize> Trace<W> {
     }
 }
 
-impl<const W: usize, T: Witness, O: Observer<W>> Stack<'_, W, T, O>
+impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
 where
     Row: Width<W>,
 {

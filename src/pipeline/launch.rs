@@ -10,12 +10,12 @@ use crate::machine::{Bindings, Observer, Reg, Registers, Resources};
 use crate::module::interface::Stage;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::Pipeline;
+use crate::pipeline::observer::{Event, OnlyInvocation, PipelineObserver};
 use crate::pipeline::order::Order;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::tasks::{Done, Tasks};
 use crate::pipeline::trapped::{Trapped, missing_record};
-use crate::pipeline::witness::{Event, Only, Witness};
 
 /// What a launch did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -196,8 +196,9 @@ impl Launch<'_> {
     where
         Row: Width<W>,
     {
-        let (mut witness, mut observer) = ((), ());
-        let mut stack = Stack::<W, _, _>::new(self.pipeline, work.bindings, &mut witness, &mut observer);
+        let (mut pipeline_observer, mut observer) = ((), ());
+        let mut stack =
+            Stack::<W, _, _>::new(self.pipeline, work.bindings, &mut pipeline_observer, &mut observer);
         for range in work.tasks.iter().map(&work.range) {
             if work.tasks.is_beyond_trap(work.order.least_number(&range)) {
                 continue;
@@ -212,17 +213,17 @@ impl Launch<'_> {
         Done { stats: stack.stats, trapped }
     }
 
-    fn watched_task<const W: usize, T: Witness, O: Observer<W>>(
+    fn observed_task<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         bindings: &[Bindings],
         record: &Record,
         (range, order): (Range<u64>, &Order),
-        (witness, observer): (&mut T, &mut O),
+        (pipeline_observer, observer): (&mut T, &mut O),
     ) -> (Stats, Option<Trapped>)
     where
         Row: Width<W>,
     {
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, witness, observer);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, pipeline_observer, observer);
         stack.launch_all(record, order, range);
         (stack.stats, stack.trapped)
     }
@@ -251,16 +252,16 @@ impl Launch<'_> {
         })
     }
 
-    /// Runs the ray generation shader over a grid, watched: in launch order, on one thread, with the
-    /// same results as [`Launch::run`]. Events of the lanes of a batch are mixed. A launch that needs
-    /// subgroups of more than 64 is not watched.
+    /// Runs the ray generation shader over a grid under observers: in launch order, on one thread, with
+    /// the same results as [`Launch::run`]. Events of the lanes of a batch are mixed. A launch that needs
+    /// subgroups of more than 64 is not observed.
     ///
     /// # Errors
     /// As [`Launch::run`].
-    pub fn run_watched(
+    pub fn run_observed(
         &self,
         size: [u32; 3],
-        mut witness: &mut dyn FnMut(Event),
+        mut on_event: &mut dyn FnMut(Event),
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
@@ -279,11 +280,11 @@ impl Launch<'_> {
             let (done, trapped) = match one {
                 true => {
                     let mut observer: &mut dyn Observer<1> = &mut *observer;
-                    self.watched_task(&bindings, record, (range, &order), (&mut witness, &mut observer))
+                    self.observed_task(&bindings, record, (range, &order), (&mut on_event, &mut observer))
                 }
                 false => {
                     let mut observer: &mut dyn Observer<64> = &mut *observer;
-                    self.watched_task(&bindings, record, (range, &order), (&mut witness, &mut observer))
+                    self.observed_task(&bindings, record, (range, &order), (&mut on_event, &mut observer))
                 }
             };
             if let Some(trapped) = trapped {
@@ -294,28 +295,28 @@ impl Launch<'_> {
         Ok(stats)
     }
 
-    /// Runs the ray generation shader for one launch index at one lane, watched; with all of its
-    /// subgroup, of which the witness sees that index alone, where a shader has subgroup instructions
-    /// (nothing is observed then).
+    /// Runs the ray generation shader for one launch index at one lane, under observers. Where a shader
+    /// has subgroup instructions, its whole subgroup runs: the pipeline observer sees that index alone,
+    /// and operations are not observed.
     ///
     /// # Errors
     /// The trap, if there is one.
-    pub fn run_one<T: Witness, O: Observer<1>>(
+    pub fn run_one<T: PipelineObserver, O: Observer<1>>(
         &self,
         id: [u32; 3],
         size: [u32; 3],
-        witness: &mut T,
+        pipeline_observer: &mut T,
         observer: &mut O,
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
         if self.pipeline.uses_subgroups() && self.pipeline.subgroup_size > 1 {
             return match self.pipeline.subgroup_size {
-                ..=64 => self.run_subgroup::<64, T>(record, id, size, witness),
-                _ => self.run_subgroup::<128, T>(record, id, size, witness),
+                ..=64 => self.run_subgroup::<64, T>(record, id, size, pipeline_observer),
+                _ => self.run_subgroup::<128, T>(record, id, size, pipeline_observer),
             };
         }
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, witness, observer);
+        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
         let order = Order::by_index(size);
         let position = order.number(id);
         stack.launch(record, &order, position..position + 1);
@@ -325,19 +326,19 @@ impl Launch<'_> {
         }
     }
 
-    /// Runs the subgroup of a launch index, and shows a witness that index alone.
-    fn run_subgroup<const W: usize, T: Witness>(
+    /// Runs the subgroup of a launch index; the observer sees the events of that index alone.
+    fn run_subgroup<const W: usize, T: PipelineObserver>(
         &self,
         record: &Record,
         id: [u32; 3],
         size: [u32; 3],
-        witness: &mut T,
+        pipeline_observer: &mut T,
     ) -> Result<Stats>
     where
         Row: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
-        let (mut only, mut observer) = (Only::new(id, witness), ());
+        let (mut only, mut observer) = (OnlyInvocation::new(id, pipeline_observer), ());
         let mut stack = Stack::<W, _, _>::new(self.pipeline, &bindings, &mut only, &mut observer);
         let [x, y, z] = id.map(u64::from);
         let [width, height, depth] = size.map(u64::from);
@@ -355,28 +356,28 @@ impl Launch<'_> {
     ///
     /// # Errors
     /// The trap, if there is one.
-    pub fn trace<T: Witness>(
+    pub fn trace<T: PipelineObserver>(
         &self,
         tlas: &Arc<Tlas>,
         operands: RayOperands,
-        witness: &mut T,
+        pipeline_observer: &mut T,
     ) -> Result<RayOutcome> {
-        self.trace_observed(tlas, operands, witness, &mut ())
+        self.trace_observed(tlas, operands, pipeline_observer, &mut ())
     }
 
-    /// The same with an observer of the shaders' operations.
+    /// Traces one ray as [`Launch::trace`] does, with an observer of the shaders' operations.
     ///
     /// # Errors
     /// As [`Launch::trace`].
-    pub fn trace_observed<T: Witness, O: Observer<1>>(
+    pub fn trace_observed<T: PipelineObserver, O: Observer<1>>(
         &self,
         tlas: &Arc<Tlas>,
         operands: RayOperands,
-        witness: &mut T,
+        pipeline_observer: &mut T,
         observer: &mut O,
     ) -> Result<RayOutcome> {
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, witness, observer);
+        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
         let trace = stack.trace(tlas, operands);
         let words = |payload: &Registers<1>| payload.lane_words(Reg(0), payload.len() as u32, 0).collect();
         match (stack.trapped, trace) {

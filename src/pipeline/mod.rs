@@ -5,7 +5,6 @@
 //! recursion limit, the call stack of an error and the answer to "what is this ray doing" are one
 //! data structure, and nothing recurses natively.
 
-mod alone;
 pub mod bands;
 pub mod compute;
 pub mod device;
@@ -13,17 +12,18 @@ mod flags;
 pub mod group;
 mod hit_object;
 pub mod launch;
+pub mod observer;
 mod order;
 mod payload;
 mod plain;
 mod report;
 pub mod sbt;
+mod single_shader;
 pub mod stack;
 mod tasks;
 mod trace;
 mod tracing;
 mod trapped;
-pub mod witness;
 mod workgroup;
 
 use std::sync::Arc;
@@ -42,11 +42,11 @@ pub use device::{DeviceProfile, Features, Limits};
 pub use flags::PipelineFlags;
 pub use group::{Group, HitGroup, Shader};
 pub use launch::{Launch, RayOperands, RayOutcome, ShaderStats, Spared, Stats};
+pub use observer::{Caller, Event, PipelineObserver};
 pub use sbt::{Record, Sbt};
 pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
 pub(crate) use trapped::trap_error;
-pub use witness::{Caller, Event, Witness};
 
 /// Operations that an invocation may spend at back edges and calls, unless set otherwise.
 pub const DEFAULT_BUDGET: u64 = 1 << 28;

@@ -7,8 +7,8 @@ use crate::machine::{Batch, Exit, Lanes, Mask, Reg, TrapCode};
 use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
+use crate::pipeline::observer::{Event, PipelineObserver};
 use crate::pipeline::trace::{Data, Trace, hit_group_at};
-use crate::pipeline::witness::{Event, Witness};
 use crate::program::Program;
 
 /// Reports of the lanes of an intersection shader's batch.
@@ -29,13 +29,13 @@ struct Reported {
 
 impl<const W: usize> Report<W> {
     /// Takes the reports of an intersection batch.
-    pub fn new<T: Witness>(
+    pub fn new<T: PipelineObserver>(
         pipeline: &Pipeline,
         trace: &mut Trace<W>,
         program: &Program,
         batch: &mut Batch<W>,
         (mask, t, hit_kind, accepted): (Mask<W>, Reg, Reg, Reg),
-        witness: &mut T,
+        observer: &mut T,
     ) -> Self {
         let mut report = Self { accepted, waiting: SmallVec::new(), reports: SmallVec::from_elem(None, W) };
         for lane in mask.lanes() {
@@ -54,7 +54,7 @@ impl<const W: usize> Report<W> {
             let cursor = trace.cursor(lane);
             let candidate = cursor.candidate().copied();
             let Some(candidate) = candidate.filter(|_| cursor.accepts(t)) else {
-                report.answer(batch, lane, &reported, false, witness);
+                report.answer(batch, lane, &reported, false, observer);
                 continue;
             };
             let any_hit = hit_group_at(pipeline, trace.hit_index(lane, &candidate)).1.any_hit;
@@ -67,7 +67,7 @@ impl<const W: usize> Report<W> {
                 None => {
                     trace.cursor_mut(lane).generate(t, kind);
                     trace.commit_attributes(lane, reported.attributes.clone());
-                    report.answer(batch, lane, &reported, true, witness);
+                    report.answer(batch, lane, &reported, true, observer);
                 }
                 Some(shader) => {
                     report.reports[lane] = Some(reported);
@@ -106,12 +106,12 @@ impl<const W: usize> Report<W> {
     }
 
     /// Takes the decisions of an any-hit shader on lanes of the intersection batch.
-    pub fn deliver<T: Witness>(
+    pub fn deliver<T: PipelineObserver>(
         &mut self,
         trace: &mut Trace<W>,
         intersection: &mut Batch<W>,
         (any_hit, lanes): (&Batch<W>, Mask<W>),
-        witness: &mut T,
+        observer: &mut T,
     ) {
         for lane in lanes.lanes() {
             let Some(reported) = self.reports[lane].take() else { continue };
@@ -133,25 +133,25 @@ impl<const W: usize> Report<W> {
                 trace.cursor_mut(lane).terminate();
                 intersection.exit(Mask::lane(lane), Exit::Terminated);
             }
-            self.answer(intersection, lane, &reported, accepted, witness);
+            self.answer(intersection, lane, &reported, accepted, observer);
         }
     }
 
-    fn answer<T: Witness>(
+    fn answer<T: PipelineObserver>(
         &self,
         batch: &mut Batch<W>,
         lane: usize,
         reported: &Reported,
         accepted: bool,
-        witness: &mut T,
+        observer: &mut T,
     ) {
         batch.registers[self.accepted].0[lane] = u32::from(accepted);
         if accepted {
             batch.invocations.set_t_max(lane, reported.t);
         }
         if T::ACTIVE {
-            witness.invocation(batch.invocations.launch_id(lane));
-            witness.event(Event::Report { t: reported.t, hit_kind: reported.kind, accepted });
+            observer.invocation(batch.invocations.launch_id(lane));
+            observer.event(Event::Report { t: reported.t, hit_kind: reported.kind, accepted });
         }
     }
 }

@@ -17,13 +17,13 @@ use crate::ops::row::{Row, Width};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{RayOperands, Stats};
+use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::order::Order;
 use crate::pipeline::payload;
 use crate::pipeline::report::Report;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::trace::{Data, Trace, Waiting, at, general};
 use crate::pipeline::trapped::Trapped;
-use crate::pipeline::witness::{Caller, Event, Witness};
 use crate::program::Program;
 
 /// Why a shader runs.
@@ -102,7 +102,7 @@ pub(super) enum Level<const W: usize> {
 pub(super) struct Stack<'a, const W: usize, T, O> {
     pub pipeline: &'a Pipeline,
     pub bindings: &'a [Bindings],
-    pub witness: &'a mut T,
+    pub pipeline_observer: &'a mut T,
     pub observer: &'a mut O,
     pub stats: Stats,
     /// The trap of the lowest launch index.
@@ -132,21 +132,21 @@ pub(super) fn bindings(pipeline: &Pipeline, resources: &Resources) -> Vec<Bindin
     pipeline.programs.iter().map(of).collect()
 }
 
-impl<'a, const W: usize, T: Witness, O: Observer<W>> Stack<'a, W, T, O>
+impl<'a, const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'a, W, T, O>
 where
     Row: Width<W>,
 {
     pub fn new(
         pipeline: &'a Pipeline,
         bindings: &'a [Bindings],
-        witness: &'a mut T,
+        pipeline_observer: &'a mut T,
         observer: &'a mut O,
     ) -> Self {
         let spare = pipeline.programs.iter().map(|_| Vec::new()).collect();
         Self {
             pipeline,
             bindings,
-            witness,
+            pipeline_observer,
             observer,
             stats: Stats::default(),
             trapped: None,
@@ -227,9 +227,11 @@ where
                         self.observer.stopped(running.shader.0, &running.batch);
                     }
                     if T::QUERIES
-                        && let Some(told) = &mut running.batch.queries.told
+                        && let Some(events) = &mut running.batch.queries.events
                     {
-                        told.drain(..).for_each(|event| self.witness.event(Event::RayQuery(event)));
+                        events
+                            .drain(..)
+                            .for_each(|event| self.pipeline_observer.event(Event::RayQuery(event)));
                     }
                     match stop {
                         Stop::Done => self.leave(),
@@ -310,15 +312,15 @@ where
         let mask = running.lanes;
         self.stats.count(program.stage, mask.count());
         if T::ACTIVE {
-            running.batch.queries.told = T::QUERIES.then(Vec::new);
-            running.batch.queries.traversal = T::TRAVERSAL;
+            running.batch.queries.events = T::QUERIES.then(Vec::new);
+            running.batch.queries.records_traversal = T::TRAVERSAL;
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
                 let rows =
                     |rows: Option<Rows>| rows.map_or_else(Vec::new, |rows| read(rows.first, rows.count));
-                self.witness.invocation(running.batch.invocations.launch_id(lane));
-                self.witness.event(Event::Enter {
+                self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
+                self.pipeline_observer.event(Event::Enter {
                     shader: running.shader,
                     stage: program.stage,
                     builtins: program
@@ -353,8 +355,8 @@ where
                     running.batch.registers.lane_words(rows.first, rows.count, lane).collect()
                 });
                 let (shader, stage) = (running.shader, program.stage);
-                self.witness.invocation(running.batch.invocations.launch_id(lane));
-                self.witness.event(Event::Leave { shader, stage, exit, payload });
+                self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
+                self.pipeline_observer.event(Event::Leave { shader, stage, exit, payload });
             }
         }
         let (lanes, batch) = (running.lanes, &running.batch);
@@ -378,7 +380,7 @@ where
                 Level::Report(report),
             ] => {
                 running.leave_data(trace.payload(below), *payload);
-                report.deliver(trace, &mut intersection.batch, (batch, lanes), self.witness);
+                report.deliver(trace, &mut intersection.batch, (batch, lanes), self.pipeline_observer);
             }
             _ => unreachable!("bug in anyhit: a shader without a caller"),
         }
@@ -402,8 +404,8 @@ where
                         Caller { shader: running.shader, op: running.batch.op - 1, payload: data.first };
                     let registers = &mut running.batch.registers;
                     let mut words: Data = registers.lane_words(data.first, data.count, lane).collect();
-                    self.witness.invocation(running.batch.invocations.launch_id(lane));
-                    self.witness.absent(caller, &mut words);
+                    self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
+                    self.pipeline_observer.absent(caller, &mut words);
                     registers.set_lane_words(data.first, lane, words);
                 }
                 continue;
@@ -460,7 +462,8 @@ where
             unreachable!("bug in anyhit: a report outside a trace");
         };
         let program = &self.pipeline.programs[running.shader.0 as usize];
-        let report = Report::new(self.pipeline, trace, program, &mut running.batch, operands, self.witness);
+        let report =
+            Report::new(self.pipeline, trace, program, &mut running.batch, operands, self.pipeline_observer);
         self.levels.push(Level::Report(Box::new(report)));
     }
 

@@ -18,11 +18,11 @@ use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
 use crate::pipeline::launch::Stats;
+use crate::pipeline::observer::{Caller, Event, PipelineObserver, Traversal};
 use crate::pipeline::payload;
 use crate::pipeline::plain::PlainRays;
 use crate::pipeline::sbt::{Record, ends_before};
 use crate::pipeline::stack::Role;
-use crate::pipeline::witness::{Caller, Event, Traversal, Witness};
 
 /// Words of a payload or of hit attributes.
 pub(super) type Data = SmallVec<[u32; 16]>;
@@ -79,8 +79,8 @@ pub(super) struct Trace<const W: usize> {
     payload_scalars: Option<u64>,
     /// Whether closest-hit and miss shaders run at the end.
     shades: bool,
-    /// Whether somebody watches shaders run.
-    pub watched: bool,
+    /// Whether an observer sees shaders run.
+    pub observed: bool,
     /// Ray flags that every ray has besides its own, and no shader sees.
     pub pipeline_flags: u32,
     /// What its rays did not need.
@@ -116,7 +116,7 @@ impl<const W: usize> Default for Trace<W> {
             caller: None,
             payload_scalars: None,
             shades: false,
-            watched: false,
+            observed: false,
             pipeline_flags: 0,
             stats: Stats::default(),
         }
@@ -237,11 +237,11 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Goes on until a shader must run; `None` when every ray is done. The payload is that of the rays.
-    pub fn advance<T: Witness>(
+    pub fn advance<T: PipelineObserver>(
         &mut self,
         pipeline: &Pipeline,
         payload: Option<(&mut Registers<W>, Rows)>,
-        witness: &mut T,
+        observer: &mut T,
     ) -> Option<Waiting<W>> {
         loop {
             if let Some(waiting) = self.waiting.pop() {
@@ -253,10 +253,10 @@ impl<const W: usize> Trace<W> {
             if !std::mem::replace(&mut self.begun, true) {
                 self.set_out::<T>();
             }
-            self.traverse(pipeline, witness);
+            self.traverse(pipeline, observer);
             if self.waiting.is_empty() {
                 self.finished = true;
-                self.finish(pipeline, payload, witness);
+                self.finish(pipeline, payload, observer);
                 self.waiting.reverse();
                 return self.waiting.pop();
             }
@@ -266,7 +266,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Traces all rays that no shader is asked about; the others get a traversal that can be resumed.
-    fn set_out<T: Witness>(&mut self) {
+    fn set_out<T: PipelineObserver>(&mut self) {
         if !T::ACTIVE {
             for number in 0..self.structures.all().len() {
                 self.trace_plain(number);
@@ -331,13 +331,13 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Lets each ray go on to its next candidate that a shader decides.
-    fn traverse<T: Witness>(&mut self, pipeline: &Pipeline, witness: &mut T) {
+    fn traverse<T: PipelineObserver>(&mut self, pipeline: &Pipeline, observer: &mut T) {
         for lane in self.traversing.lanes() {
-            witness.invocation(self.launch_id(lane));
+            observer.invocation(self.launch_id(lane));
             loop {
                 let tlas = self.structures.get(lane).expect("bug in anyhit: a ray without a structure");
                 let cursor = self.cursors[lane].as_mut().expect("bug in anyhit: a ray without a traversal");
-                let Some(candidate) = cursor.proceed_with(tlas, &mut Traversal(witness)) else {
+                let Some(candidate) = cursor.proceed_with(tlas, &mut Traversal(observer)) else {
                     self.committed[lane] = cursor.committed().copied();
                     self.traversing = self.traversing.without(Mask::lane(lane));
                     break;
@@ -353,14 +353,14 @@ impl<const W: usize> Trace<W> {
                         self.sbt_stride.0[lane] & 0xF,
                         self.sbt_offset.0[lane] & 0xF,
                     ];
-                    witness.event(Event::Candidate { candidate, record: index, arithmetic, shader });
+                    observer.event(Event::Candidate { candidate, record: index, arithmetic, shader });
                 }
                 if let Some(shader) = shader.filter(|shader| !self.suits(pipeline, *shader)) {
                     self.end_by_mismatch(lane, shader);
                     self.cursor_mut(lane).terminate();
                     continue;
                 }
-                // A witness sees every shader run.
+                // An observer sees every shader run.
                 if !T::ACTIVE && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
                     // An empty intersection shader reports nothing, an empty any-hit shader accepts.
                     self.stats.spare(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit }, 1);

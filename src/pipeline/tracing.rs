@@ -12,10 +12,10 @@ use crate::ops::ray_tracing::TRACE_OPERANDS;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::PipelineFlags;
 use crate::pipeline::launch::RayOperands;
+use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::payload;
 use crate::pipeline::stack::{Level, Stack};
 use crate::pipeline::trace::{Data, Trace};
-use crate::pipeline::witness::{Caller, Event, Witness};
 
 impl<const W: usize> Trace<W> {
     /// Takes the operands of an instruction, for the lanes of a mask; gives those whose structure exists.
@@ -68,7 +68,7 @@ impl<const W: usize> Trace<W> {
     }
 }
 
-impl<const W: usize, T: Witness, O: Observer<W>> Stack<'_, W, T, O>
+impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
 where
     Row: Width<W>,
 {
@@ -129,8 +129,8 @@ where
                 let registers = trace.payload(&mut self.levels);
                 let words = registers.lane_words(payload.first, payload.count, lane).collect();
                 let launch_id = trace.launch_id(lane);
-                self.witness.invocation(launch_id);
-                self.witness.event(Event::Trace {
+                self.pipeline_observer.invocation(launch_id);
+                self.pipeline_observer.event(Event::Trace {
                     caller: trace.caller(),
                     tlas: trace.tlas(lane).clone(),
                     launch_id,
@@ -154,7 +154,7 @@ where
             Some(Level::Shader(caller)) => Some((&mut caller.batch.registers, *payload)),
             _ => None,
         };
-        match trace.advance(self.pipeline, registers, self.witness) {
+        match trace.advance(self.pipeline, registers, self.pipeline_observer) {
             Some(waiting) => {
                 self.enter_traced(waiting);
                 None
@@ -171,8 +171,8 @@ where
             for lane in trace.lanes().lanes() {
                 let registers = trace.payload(&mut self.levels);
                 let payload: Data = registers.lane_words(payload.first, payload.count, lane).collect();
-                self.witness.invocation(trace.launch_id(lane));
-                self.witness.event(Event::Traced { payload: payload.to_vec() });
+                self.pipeline_observer.invocation(trace.launch_id(lane));
+                self.pipeline_observer.event(Event::Traced { payload: payload.to_vec() });
             }
         }
         let Some(Level::Shader(below)) = self.levels.last_mut() else { return Some(trace) };
@@ -198,7 +198,7 @@ where
     pub(super) fn spare_trace(&mut self, shades: bool) -> Box<Trace<W>> {
         let mut trace = self.spare_traces.pop().unwrap_or_default();
         trace.clear(shades);
-        trace.watched = T::ACTIVE || O::active();
+        trace.observed = T::ACTIVE || O::active();
         trace.pipeline_flags = self.pipeline.flags.ray_flags();
         trace
     }

@@ -6,10 +6,10 @@ use crate::module::interface::Stage;
 use crate::ops::op::Op;
 use crate::ops::row::{Row, Width};
 use crate::pipeline::group::Shader;
+use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Sbt;
 use crate::pipeline::stack::{Level, Running, Stack};
-use crate::pipeline::witness::Witness;
 use crate::program::Program;
 
 /// A trap with all that is known of it.
@@ -32,7 +32,7 @@ pub struct Trapped {
 /// How many callers a report names from each end of the stack.
 const SHOWN_CALLERS: usize = 8;
 
-impl<const W: usize, T: Witness, O: Observer<W>> Stack<'_, W, T, O>
+impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
 where
     Row: Width<W>,
 {
@@ -86,7 +86,7 @@ where
     }
 }
 
-impl<const W: usize, T: Witness, O: Observer<W>> Stack<'_, W, T, O> {
+impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
     /// What two shaders make of a payload, and the rule that it breaks.
     fn mismatch(&self, running: &Running<W>, op: u32, called: u64) -> Option<Vec<String>> {
         let program = |shader: Shader| &*self.pipeline.programs[shader.0 as usize];

@@ -18,8 +18,8 @@ use crate::ops::row::{Row, Width};
 use crate::pipeline::compute::Compute;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::Stats;
+use crate::pipeline::observer::Event;
 use crate::pipeline::trapped::{Trapped, source_line, trap_error};
-use crate::pipeline::witness::Event;
 use crate::program::{Program, Terminator, WorkgroupLayout};
 
 /// Lanes of a batch that wait behind a barrier.
@@ -38,25 +38,25 @@ struct Member<const W: usize> {
     waiting: SmallVec<[Waiting<W>; 1]>,
 }
 
-/// Who watches workgroups run.
-pub(super) struct Watch<'a, O> {
+/// The observers of running workgroups.
+pub(super) struct Observers<'a, O> {
     observer: O,
-    witness: Option<&'a mut dyn FnMut(Event)>,
+    on_event: Option<&'a mut dyn FnMut(Event)>,
 }
 
-impl Watch<'_, ()> {
-    pub fn nobody() -> Self {
-        Self { observer: (), witness: None }
+impl Observers<'_, ()> {
+    pub fn none() -> Self {
+        Self { observer: (), on_event: None }
     }
 }
 
-impl<'a, O> Watch<'a, O> {
-    pub fn only(observer: O) -> Self {
-        Self { observer, witness: None }
+impl<'a, O> Observers<'a, O> {
+    pub fn of_operations(observer: O) -> Self {
+        Self { observer, on_event: None }
     }
 
-    pub fn new(observer: O, witness: &'a mut dyn FnMut(Event)) -> Self {
-        Self { observer, witness: Some(witness) }
+    pub fn new(observer: O, on_event: &'a mut dyn FnMut(Event)) -> Self {
+        Self { observer, on_event: Some(on_event) }
     }
 }
 
@@ -97,16 +97,16 @@ where
     pub fn run<O: Observer<W>>(
         mut self,
         groups: impl Iterator<Item = Workgroup>,
-        watch: &mut Watch<'_, O>,
+        observers: &mut Observers<'_, O>,
     ) -> (Stats, Option<Trapped>) {
         for member in &mut self.members {
-            member.batch.queries.told = watch.witness.is_some().then(Vec::new);
+            member.batch.queries.events = observers.on_event.is_some().then(Vec::new);
         }
         let mut groups = groups.map(Arc::new).peekable();
         while groups.peek().is_some() {
             let together: Vec<_> = groups.by_ref().take(self.together).collect();
             self.begin(&together);
-            while self.advance(&together, watch) {}
+            while self.advance(&together, observers) {}
             let used = (together.len() * self.each).div_ceil(W);
             let queries = self.members[..used].iter().map(|member| member.batch.queries.initialized);
             self.stats.ray_queries += queries.sum::<u64>();
@@ -151,10 +151,14 @@ where
     }
 
     /// Runs every lane that waits until it ends or comes to a barrier; `false` when all have ended.
-    fn advance<O: Observer<W>>(&mut self, groups: &[Arc<Workgroup>], watch: &mut Watch<'_, O>) -> bool {
+    fn advance<O: Observer<W>>(
+        &mut self,
+        groups: &[Arc<Workgroup>],
+        observers: &mut Observers<'_, O>,
+    ) -> bool {
         for member in &mut self.members {
             for start in std::mem::take(&mut member.waiting) {
-                member.run(start, self.program, self.bindings, watch);
+                member.run(start, self.program, self.bindings, observers);
             }
         }
         for (group, workgroup) in groups.iter().enumerate() {
@@ -239,21 +243,21 @@ where
         start: Waiting<W>,
         program: &Program,
         bindings: &Bindings,
-        watch: &mut Watch<'_, O>,
+        observers: &mut Observers<'_, O>,
     ) {
         let batch = &mut self.batch;
         (batch.block, batch.op, batch.mask) = (start.block, start.op, start.mask);
         let mut running = start.mask;
         loop {
             if O::active() {
-                watch.observer.resumed(0, batch);
+                observers.observer.resumed(0, batch);
             }
-            let stop = interp::run(batch, program, bindings, &mut watch.observer);
+            let stop = interp::run(batch, program, bindings, &mut observers.observer);
             if O::active() {
-                watch.observer.stopped(0, batch);
+                observers.observer.stopped(0, batch);
             }
-            if let (Some(witness), Some(told)) = (&mut watch.witness, &mut batch.queries.told) {
-                told.drain(..).for_each(|event| witness(Event::RayQuery(event)));
+            if let (Some(on_event), Some(events)) = (&mut observers.on_event, &mut batch.queries.events) {
+                events.drain(..).for_each(|event| on_event(Event::RayQuery(event)));
             }
             match stop {
                 Stop::Done => return,

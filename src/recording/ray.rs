@@ -1,7 +1,7 @@
 //! `ray.*`, and each ray traced with the shaders that the recordings were made with.
 
 use crate::accel::{
-    Candidate, Committed, Cursor, HitKind, Place, PrimitiveVerdict, RayFlags, TraceRay, Visit,
+    Candidate, Committed, Cursor, HitKind, Place, PrimitiveVerdict, RayFlags, TraceRay, TraversalObserver,
 };
 use crate::error::Result;
 use crate::geometry::{Intersection, Ray};
@@ -123,7 +123,7 @@ impl Recording {
 #[derive(Default)]
 struct Met(Vec<(Place, Intersection)>);
 
-impl Visit for Met {
+impl TraversalObserver for Met {
     const REASONS: bool = false;
 
     fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {

@@ -22,7 +22,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::pointer::storage;
 use crate::pipeline::group::{Group, HitGroup};
-use crate::pipeline::{Compute, Launch, Pipeline, RayOperands, Record, Trapped, Witness};
+use crate::pipeline::{Compute, Launch, Pipeline, PipelineObserver, RayOperands, Record, Trapped};
 use crate::program::Program;
 
 /// Workgroups of a compute shader.
@@ -407,10 +407,10 @@ impl Once<'_> {
             let compute = Compute::new(program.clone())?.budget(budget);
             let groups = groups(compute.workgroup_size(), set.launch_size == LAUNCH);
             if !<O as Observer<LANES>>::active() {
-                return Ok(compute.run_alone::<LANES>(&given.resources, groups, &|_| ()).err());
+                return Ok(compute.run_to_trap::<LANES>(&given.resources, groups, &|_| ()).err());
             }
             let mut event = |event| stand_in.event(event);
-            return Ok(compute.run_alone_observed(&given.resources, groups, &mut event, observer).err());
+            return Ok(compute.run_to_trap_observed(&given.resources, groups, &mut event, observer).err());
         }
         let mut builder = Pipeline::builder();
         builder.budget(budget);
@@ -449,10 +449,10 @@ impl Once<'_> {
         };
         let watch = (stand_in, observer);
         let ended = match way {
-            Way::Launch => launch.run_alone::<LANES, _, _>(set.launch_size, watch),
+            Way::Launch => launch.run_single_threaded::<LANES, _, _>(set.launch_size, watch),
             Way::Box => {
                 let operands = RayOperands::from(hits::ray(set.behind));
-                launch.trace_alone::<LANES, _, _>(&hits::one_box()?, operands, watch)
+                launch.trace_single::<LANES, _, _>(&hits::one_box()?, operands, watch)
             }
             Way::Hit(kind) => {
                 let (hit, trace, t) = kind.hit(set.behind)?;

@@ -9,7 +9,7 @@ use crate::machine::{Batch, Bindings, Observer, RayQueryStep};
 use crate::module::interface::Stage;
 use crate::ops::op::Op;
 use crate::ops::{ray_query, ray_tracing};
-use crate::pipeline::{Caller, Event, Shader, Witness};
+use crate::pipeline::{Caller, Event, PipelineObserver, Shader};
 use crate::program::Program;
 
 /// Sees which blocks and operations of one program run.
@@ -125,7 +125,7 @@ impl<'a> StandIn<'a> {
     }
 }
 
-impl Witness for StandIn<'_> {
+impl PipelineObserver for StandIn<'_> {
     const ACTIVE: bool = true;
     const QUERIES: bool = true;
     const TRAVERSAL: bool = false;

@@ -114,8 +114,11 @@ pub(super) fn run<P: Probe>(
         let own = dispatch.push_constants.clone();
         let own = own.map(|constants| Resources { push_constants: Some(constants), ..resources.clone() });
         let resources = own.as_ref().unwrap_or(resources);
-        let outcome =
-            dispatch.compute.run_watched(resources, dispatch.groups, &mut Eyes { probe: &probe, first });
+        let outcome = dispatch.compute.run_one_lane_observed(
+            resources,
+            dispatch.groups,
+            &mut Eyes { probe: &probe, first },
+        );
         take(probe.into_inner());
         outcome?;
     }

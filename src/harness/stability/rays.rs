@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use crate::accel::visit::Place;
+use crate::accel::observer::Place;
 use crate::accel::{Candidate, Committed, Cursor, RayFlags, Tlas, TraceRay};
 use crate::geometry::Ray;
 use crate::harness::stability::shadows::Entry;

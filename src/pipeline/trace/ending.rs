@@ -7,18 +7,18 @@ use crate::machine::stop::Rows;
 use crate::machine::{Mask, Registers, TrapCode};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
+use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::sbt::ends_before;
 use crate::pipeline::stack::Role;
 use crate::pipeline::trace::{Data, Trace, at, general, hit_group_at};
-use crate::pipeline::witness::{Caller, Event, Witness};
 
 impl<const W: usize> Trace<W> {
     /// Chooses closest-hit or miss for each ray.
-    pub(super) fn finish<T: Witness>(
+    pub(super) fn finish<T: PipelineObserver>(
         &mut self,
         pipeline: &Pipeline,
         mut payload: Option<(&mut Registers<W>, Rows)>,
-        witness: &mut T,
+        observer: &mut T,
     ) {
         let mut ends: SmallVec<[(Role, u64, Mask<W>); 4]> = SmallVec::new();
         for lane in self.lanes.without(self.trapping).lanes() {
@@ -53,8 +53,8 @@ impl<const W: usize> Trace<W> {
                 for lane in lanes.lanes() {
                     let shader = shader.filter(|_| called.contains(lane));
                     let (committed, kept) = (self.committed[lane], !self.shades);
-                    witness.invocation(self.launch_id(lane));
-                    witness.event(Event::Traversed { committed, record: index, shader, kept });
+                    observer.invocation(self.launch_id(lane));
+                    observer.event(Event::Traversed { committed, record: index, shader, kept });
                 }
             }
             let promised = match role {
@@ -70,7 +70,7 @@ impl<const W: usize> Trace<W> {
                 (Some(shader), _) if !T::ACTIVE && is_empty => {
                     self.stats.spare(pipeline.programs[shader.0 as usize].stage, called.count());
                 }
-                (Some(shader), _) if !self.watched && leaves_unread => {
+                (Some(shader), _) if !self.observed && leaves_unread => {
                     self.stats.spare_unread(pipeline.programs[shader.0 as usize].stage, called.count());
                 }
                 (Some(shader), _) => self.wait(shader, role, called),
@@ -81,8 +81,8 @@ impl<const W: usize> Trace<W> {
                     };
                     for lane in called.lanes() {
                         let mut words: Data = registers.lane_words(rows.first, rows.count, lane).collect();
-                        witness.invocation(self.launch_id(lane));
-                        witness.absent(caller, &mut words);
+                        observer.invocation(self.launch_id(lane));
+                        observer.absent(caller, &mut words);
                         registers.set_lane_words(rows.first, lane, words);
                     }
                 }

@@ -8,7 +8,8 @@
 use std::sync::Arc;
 
 use crate::accel::{
-    Blas, Candidate, Cursor, HitKind, Instance, InstanceFlags, Packet, Place, RayFlags, Tlas, TraceRay, Visit,
+    Blas, Candidate, Cursor, HitKind, Instance, InstanceFlags, Packet, Place, RayFlags, Tlas, TraceRay,
+    TraversalObserver,
 };
 use crate::geometry::{Intersection, Precision, Ray, Surface};
 use crate::math::vectors::Processor;
@@ -237,7 +238,7 @@ fn hit_kind(surface: Surface) -> HitKind {
 /// Whether nodes of a BLAS were opened.
 struct Nodes(bool);
 
-impl Visit for Nodes {
+impl TraversalObserver for Nodes {
     const REASONS: bool = false;
 
     fn node(&mut self, instance: Option<u32>) {

@@ -1,4 +1,4 @@
-//! One shader by itself, on one thread, observed, with a trap told in full.
+//! One shader or one ray on one thread, under observers; a trap is returned as [`Trapped`].
 
 use std::sync::Arc;
 
@@ -7,27 +7,27 @@ use crate::machine::{Invocation, Observer};
 use crate::ops::row::{Row, Width};
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{Launch, RayOperands, Stats};
+use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::order::Order;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::trapped::Trapped;
-use crate::pipeline::witness::Witness;
 
 impl Launch<'_> {
     /// Runs the ray generation shader of the pipeline's table over a small grid, W lanes at a time.
     ///
     /// # Errors
     /// The trap of the lowest launch index.
-    pub fn run_alone<const W: usize, T: Witness, O: Observer<W>>(
+    pub fn run_single_threaded<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         size: [u32; 3],
-        (witness, observer): (&mut T, &mut O),
+        (pipeline_observer, observer): (&mut T, &mut O),
     ) -> Result<Stats, Box<Trapped>>
     where
         Row: Width<W>,
     {
         let Some(record) = &self.pipeline.sbt.ray_generation else { return Ok(Stats::default()) };
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, witness, observer);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
         let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
         for start in (0..count).step_by(W) {
             let end = count.min(start + W as u64);
@@ -42,19 +42,19 @@ impl Launch<'_> {
     ///
     /// # Errors
     /// The trap.
-    pub fn invoke<const W: usize, T: Witness, O: Observer<W>>(
+    pub fn invoke<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         shader: Shader,
         invocation: Invocation,
         payload: &[u32],
         attributes: &[u32],
-        (witness, observer): (&mut T, &mut O),
+        (pipeline_observer, observer): (&mut T, &mut O),
     ) -> Result<Stats, Box<Trapped>>
     where
         Row: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, witness, observer);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
         stack.invoke(shader, invocation, payload.into(), attributes.into());
         answer(stack.trapped, stack.stats)
     }
@@ -63,17 +63,17 @@ impl Launch<'_> {
     ///
     /// # Errors
     /// The trap.
-    pub fn trace_alone<const W: usize, T: Witness, O: Observer<W>>(
+    pub fn trace_single<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         tlas: &Arc<Tlas>,
         operands: RayOperands,
-        (witness, observer): (&mut T, &mut O),
+        (pipeline_observer, observer): (&mut T, &mut O),
     ) -> Result<Stats, Box<Trapped>>
     where
         Row: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, witness, observer);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
         stack.trace(tlas, operands);
         answer(stack.trapped, stack.stats)
     }

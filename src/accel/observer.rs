@@ -1,17 +1,17 @@
-//! What an onlooker of a traversal is told: for counters and for explaining a ray.
+//! Observers of a traversal, for counters and for the explanation of a ray.
 
 use crate::accel::cursor::{Candidate, Committed};
 use crate::geometry::Intersection;
 
-/// An onlooker. `()` looks away and costs nothing.
+/// Receives the steps of a traversal. `()` receives none and costs nothing.
 ///
-/// What a tree leaves out is not told: boxes that the ray misses, and what lies behind a hit that
+/// What the tree culls is not reported: boxes that the ray misses, and what lies behind a hit that
 /// is known already.
-pub trait Visit {
+pub trait TraversalObserver {
     /// Whether reasons are wanted. They cost a second test of each primitive that is not hit.
     const REASONS: bool;
 
-    /// Whether it looks away: then nothing is told, and traversal takes the shortest way.
+    /// Whether nothing is reported: traversal then takes the shortest way.
     const QUIET: bool = false;
 
     /// A node was opened: of an instance's tree, or (`None`) of the tree over the instances.
@@ -23,7 +23,7 @@ pub trait Visit {
     /// A primitive was tested.
     fn primitive(&mut self, _place: Place, _verdict: PrimitiveVerdict) {}
 
-    /// So many primitives were tested together and missed; told only where no reasons are wanted.
+    /// `count` primitives were tested together and missed; reported only without `REASONS`.
     fn missed(&mut self, _count: u32) {}
 
     /// A candidate is handed to the shaders.
@@ -36,7 +36,7 @@ pub trait Visit {
     fn end(&mut self, _complete: bool) {}
 }
 
-impl Visit for () {
+impl TraversalObserver for () {
     const REASONS: bool = false;
     const QUIET: bool = true;
 }
@@ -99,7 +99,7 @@ pub struct Counters {
     pub candidates: u64,
 }
 
-impl Visit for Counters {
+impl TraversalObserver for Counters {
     const REASONS: bool = false;
 
     fn node(&mut self, _: Option<u32>) {
@@ -123,8 +123,8 @@ impl Visit for Counters {
     }
 }
 
-/// What can be told to an onlooker of any kind.
-trait Listener {
+/// The methods of [`TraversalObserver`] as an object-safe trait.
+trait DynObserver {
     fn node(&mut self, instance: Option<u32>);
     fn instance(&mut self, instance: u32, verdict: InstanceVerdict);
     fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict);
@@ -134,27 +134,27 @@ trait Listener {
     fn end(&mut self, complete: bool);
 }
 
-/// An onlooker of any kind, so that traversal is compiled for two of them and not for each.
-pub(super) struct Onlooker<'a, const REASONS: bool>(&'a mut dyn Listener);
+/// An observer of any type, so that traversal is compiled for two types and not for each.
+pub(super) struct ErasedObserver<'a, const REASONS: bool>(&'a mut dyn DynObserver);
 
-impl<'a, const REASONS: bool> Onlooker<'a, REASONS> {
-    pub fn new<V: Visit>(visit: &'a mut Told<V>) -> Self {
-        Self(visit)
+impl<'a, const REASONS: bool> ErasedObserver<'a, REASONS> {
+    pub fn new<V: TraversalObserver>(observer: &'a mut ObserverAdapter<V>) -> Self {
+        Self(observer)
     }
 }
 
-/// An onlooker as a listener.
-pub(super) struct Told<'a, V>(pub &'a mut V);
+/// Makes an observer a [`DynObserver`].
+pub(super) struct ObserverAdapter<'a, V>(pub &'a mut V);
 
-macro_rules! tell {
+macro_rules! forward {
     ($($method:ident($($argument:ident: $type:ty),*))*) => {
-        impl<V: Visit> Listener for Told<'_, V> {
+        impl<V: TraversalObserver> DynObserver for ObserverAdapter<'_, V> {
             $(fn $method(&mut self, $($argument: $type),*) {
                 self.0.$method($($argument),*);
             })*
         }
 
-        impl<const REASONS: bool> Visit for Onlooker<'_, REASONS> {
+        impl<const REASONS: bool> TraversalObserver for ErasedObserver<'_, REASONS> {
             const REASONS: bool = REASONS;
 
             $(fn $method(&mut self, $($argument: $type),*) {
@@ -163,7 +163,7 @@ macro_rules! tell {
         }
     };
 }
-tell! {
+forward! {
     node(instance: Option<u32>)
     instance(instance: u32, verdict: InstanceVerdict)
     primitive(place: Place, verdict: PrimitiveVerdict)

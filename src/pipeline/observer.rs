@@ -1,45 +1,44 @@
-//! Watching a pipeline at work: what a trace did and why.
+//! Observers of a pipeline: the events of traces and shaders, and who receives them.
 
 use std::sync::Arc;
 
-use crate::accel::visit::{InstanceVerdict, Place, PrimitiveVerdict};
-use crate::accel::{Candidate, Committed, HitKind, Tlas, TraceRay, Visit};
+use crate::accel::observer::{InstanceVerdict, Place, PrimitiveVerdict};
+use crate::accel::{Candidate, Committed, HitKind, Tlas, TraceRay, TraversalObserver};
 use crate::machine::{Exit, RayQueryEvent, Reg};
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
 use crate::pipeline::group::Shader;
 
-/// Is told what a pipeline does; the unit type looks away and costs nothing.
-pub trait Witness {
+/// Receives the events of a pipeline. The unit type receives none and costs nothing.
+pub trait PipelineObserver {
     /// Whether events are made at all.
     const ACTIVE: bool;
 
-    /// Whether ray queries are to be told, too.
+    /// Whether ray queries make events, too.
     const QUERIES: bool = false;
 
-    /// Whether they are told with every node and primitive that they look at.
+    /// Whether ray queries report every node, instance and primitive that they test.
     const TRAVERSAL: bool = Self::QUERIES;
 
     /// The events that follow are about the invocation with this launch index.
     fn invocation(&mut self, _launch_id: [u32; 3]) {}
 
-    /// Something happened.
+    /// Receives an event.
     fn event(&mut self, event: Event);
 
-    /// A null record was chosen by the invocation that was named last, so no shader runs: may write
-    /// what one would have left in the payload or callable data of the instruction that traces or
-    /// calls.
+    /// The invocation that was named last chose a null record, so no shader runs. The observer may
+    /// write the words that a shader would have left in the payload or callable data of `caller`.
     fn absent(&mut self, _caller: Caller, _words: &mut [u32]) {}
 }
 
-impl Witness for () {
+impl PipelineObserver for () {
     const ACTIVE: bool = false;
 
     fn event(&mut self, _event: Event) {}
 }
 
-/// Collects events.
-impl Witness for Vec<Event> {
+/// Collects all events, those of ray queries included.
+impl PipelineObserver for Vec<Event> {
     const ACTIVE: bool = true;
     const QUERIES: bool = true;
 
@@ -48,20 +47,20 @@ impl Witness for Vec<Event> {
     }
 }
 
-/// Lets another witness see the events of one invocation among several.
-pub(super) struct Only<'a, T> {
-    pub witness: &'a mut T,
+/// Passes on the events of one invocation among several.
+pub(super) struct OnlyInvocation<'a, T> {
+    pub pipeline_observer: &'a mut T,
     pub launch_id: [u32; 3],
     seen: bool,
 }
 
-impl<'a, T: Witness> Only<'a, T> {
-    pub fn new(launch_id: [u32; 3], witness: &'a mut T) -> Self {
-        Self { witness, launch_id, seen: true }
+impl<'a, T: PipelineObserver> OnlyInvocation<'a, T> {
+    pub fn new(launch_id: [u32; 3], pipeline_observer: &'a mut T) -> Self {
+        Self { pipeline_observer, launch_id, seen: true }
     }
 }
 
-impl<T: Witness> Witness for Only<'_, T> {
+impl<T: PipelineObserver> PipelineObserver for OnlyInvocation<'_, T> {
     const ACTIVE: bool = T::ACTIVE;
 
     fn invocation(&mut self, launch_id: [u32; 3]) {
@@ -70,28 +69,28 @@ impl<T: Witness> Witness for Only<'_, T> {
 
     fn event(&mut self, event: Event) {
         if self.seen {
-            self.witness.event(event);
+            self.pipeline_observer.event(event);
         }
     }
 
     fn absent(&mut self, caller: Caller, words: &mut [u32]) {
-        self.witness.absent(caller, words);
+        self.pipeline_observer.absent(caller, words);
     }
 }
 
-/// The instruction that traces or calls.
+/// An instruction that traces a ray or calls a shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Caller {
-    /// The shader that it stands in.
+    /// The shader that holds the instruction.
     pub shader: Shader,
-    /// Its operation.
+    /// The index of the operation in its program.
     pub op: u32,
-    /// The first row of the payload variable, or of the callable data.
+    /// The first register of the payload variable, or of the callable data.
     pub payload: Reg,
 }
 
-/// Hands events to a closure; of ray queries what they are asked and what they commit.
-impl Witness for &mut dyn FnMut(Event) {
+/// Passes events to a closure. Of ray queries it sees instructions and commits, not the traversal.
+impl PipelineObserver for &mut dyn FnMut(Event) {
     const ACTIVE: bool = true;
     const QUERIES: bool = true;
     const TRAVERSAL: bool = false;
@@ -101,16 +100,16 @@ impl Witness for &mut dyn FnMut(Event) {
     }
 }
 
-/// Something that happened. Words are 32-bit words in the order of a value's scalars.
+/// An event of a pipeline. Words are 32-bit words in the order of a value's scalars.
 ///
-/// At one lane events nest: between `Enter` and its `Leave` stands what the shader did, between
-/// `Trace` and its `Traced` what the ray did, its shaders included.
+/// At one lane events nest: between `Enter` and its `Leave` stand the events of the shader, between
+/// `Trace` and its `Traced` those of the ray and of its shaders.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Event {
     /// A trace begins.
     Trace {
-        /// Who traces; `None` for a ray that no shader traced.
+        /// The instruction that traces; `None` for a ray from the host.
         caller: Option<Caller>,
         /// The acceleration structure.
         tlas: Arc<Tlas>,
@@ -118,7 +117,7 @@ pub enum Event {
         launch_id: [u32; 3],
         /// How deep in the tree of traces: 1 for a trace by ray generation.
         depth: u32,
-        /// Ray, flags, cull mask.
+        /// The ray, its flags and its cull mask.
         trace: TraceRay,
         /// SBT offset, SBT stride and miss index, as given.
         sbt: [u32; 3],
@@ -134,11 +133,11 @@ pub enum Event {
     /// A candidate needs a shader's decision, or has no shader to decide: `None` accepts it (a
     /// triangle, sphere or linear swept sphere) or drops it (a box).
     Candidate {
-        /// What was met.
+        /// The candidate.
         candidate: Candidate,
         /// The hit record's index.
         record: u64,
-        /// Instance offset, geometry index, SBT stride and SBT offset that make it.
+        /// The terms of `record`: instance offset, geometry index, SBT stride and SBT offset.
         arithmetic: [u32; 4],
         /// The shader that decides.
         shader: Option<Shader>,
@@ -147,40 +146,40 @@ pub enum Event {
     Opaque(Committed),
     /// A shader begins.
     Enter {
-        /// Which.
+        /// The shader that begins.
         shader: Shader,
-        /// Its stage.
+        /// The shader's stage.
         stage: Stage,
-        /// The builtins that it reads, with their words.
+        /// The builtins that the shader reads, with their words.
         builtins: Vec<(&'static Builtin, Vec<u32>)>,
-        /// The payload that it sees, where it declares one.
+        /// The payload that the shader is given, where it declares one.
         payload: Vec<u32>,
-        /// The hit attributes that it sees, where it declares them.
+        /// The hit attributes that the shader is given, where it declares them.
         attributes: Vec<u32>,
     },
     /// A shader ended.
     Leave {
-        /// Which.
+        /// The shader that ended.
         shader: Shader,
-        /// Its stage.
+        /// The shader's stage.
         stage: Stage,
-        /// How.
+        /// How the shader ended.
         exit: Exit,
-        /// The payload that it leaves.
+        /// The payload that the shader leaves.
         payload: Vec<u32>,
     },
-    /// `OpReportIntersectionKHR` was answered.
+    /// `OpReportIntersectionKHR` returned.
     Report {
         /// The hit distance.
         t: f32,
         /// The hit kind.
         hit_kind: HitKind,
-        /// The answer.
+        /// Whether the hit was accepted.
         accepted: bool,
     },
-    /// A ray query of the shader that runs did something.
+    /// A ray query of the running shader changed its state or tested something.
     RayQuery(RayQueryEvent),
-    /// A trace is over, but for its closest-hit or miss shader.
+    /// Traversal is over; the closest-hit or miss shader has not run yet.
     Traversed {
         /// The closest hit.
         committed: Option<Committed>,
@@ -199,10 +198,10 @@ pub enum Event {
     },
 }
 
-/// Passes what traversal tells on to a witness.
+/// Turns the events of a traversal into events of the pipeline.
 pub(super) struct Traversal<'a, T>(pub &'a mut T);
 
-impl<T: Witness> Visit for Traversal<'_, T> {
+impl<T: PipelineObserver> TraversalObserver for Traversal<'_, T> {
     const REASONS: bool = T::ACTIVE;
     const QUIET: bool = !T::ACTIVE;
 
