@@ -11,7 +11,7 @@
 //!
 //! **A program** is one entry point, made ready by [`program::lower()`]. A register is one scalar
 //! component for all lanes of a batch, so a `vec3` is three registers and composites vanish here:
-//! extracting and shuffling only rearrange lists of registers. What remains are [rows](ops::row),
+//! extracting and shuffling only rearrange lists of registers. What remains are [lane kernels](ops::lane_kernel),
 //! one scalar function each, and blocks in structured order, which is what lets lanes that part at
 //! a branch meet again. What nothing reads is dropped, builtins included.
 //!

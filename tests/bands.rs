@@ -45,7 +45,7 @@ fn small(format: Format) -> Streamed {
 /// The bytes of all bands, and what was counted, at a width of batches.
 fn in_bands<const W: usize>(pipeline: &Pipeline, size: [u32; 2], image: &Streamed) -> (Vec<u8>, Stats)
 where
-    anyhit::ops::row::Row: anyhit::ops::row::Width<W>,
+    anyhit::ops::lane_kernel::LaneKernel: anyhit::ops::lane_kernel::Width<W>,
 {
     let scene = scene();
     let launch = Launch { pipeline, resources: scene.resources() };

@@ -173,7 +173,7 @@ fn contains_word(text: &str, word: &str, after: &str) -> bool {
 
 #[test]
 fn all_forms_of_an_import_are_read() {
-    let text = "use crate::ops::row;\nuse crate::{math::ulp, geometry::{Ray, Hit}, error};\n\
+    let text = "use crate::ops::lane_kernel;\nuse crate::{math::ulp, geometry::{Ray, Hit}, error};\n\
         let a = crate::accel::build(); // crate::cli\n$crate::machine::Reg";
     assert_eq!(imported_modules(text), ["ops", "math", "geometry", "error", "accel"]);
     assert!(contains_word("println!(\"\")", "println!", ""));

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use anyhit::machine::image::Image;
-use anyhit::ops::row::{Row, Width};
+use anyhit::ops::lane_kernel::{LaneKernel, Width};
 use anyhit::scene::{self, DiskFiles, Options};
 
 /// The picture of a scene as 8-bit channels, as they are saved.
 fn picture<const W: usize>(name: &str) -> Vec<[u8; 3]>
 where
-    Row: Width<W>,
+    LaneKernel: Width<W>,
 {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     let options = Options { size: Some([192, 108]), ..Options::default() };

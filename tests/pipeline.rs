@@ -21,7 +21,7 @@ fn program(name: &str) -> Program {
 /// Runs the case over a square of `size` rays and gives the words of its output.
 fn outputs<const W: usize>(size: u32) -> Vec<f32>
 where
-    anyhit::ops::row::Row: anyhit::ops::row::Width<W>,
+    anyhit::ops::lane_kernel::LaneKernel: anyhit::ops::lane_kernel::Width<W>,
 {
     let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![0.5], indices: None };
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("a valid geometry");

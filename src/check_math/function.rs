@@ -5,7 +5,7 @@ use dashu_float::round::mode::HalfEven;
 
 use crate::check_math::judge::{Big, Format, big};
 use crate::ops::conversion::Conversion;
-use crate::ops::row::{Family, Row};
+use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::{arithmetic, conversion, glsl};
 
 /// An evaluation in f64.
@@ -49,17 +49,19 @@ pub struct Function {
 #[derive(Debug)]
 enum Rows {
     /// One for every width.
-    Of(&'static Family),
+    Of(&'static OpFamily),
     /// Those to an integer.
     To(Conversion, u32),
 }
 
 impl Function {
     /// The row for floats of this format.
-    pub fn row(&self, format: Format) -> Option<&'static Row> {
+    pub fn row(&self, format: Format) -> Option<&'static LaneKernel> {
         match self.rows {
-            Rows::Of(family) => family.row(format.width()).filter(|row| row.float_result == format.width()),
-            Rows::To(conversion, bits) => conversion::row(conversion, format.width(), bits),
+            Rows::Of(family) => {
+                family.kernel(format.width()).filter(|row| row.float_result == format.width())
+            }
+            Rows::To(conversion, bits) => conversion::kernel(conversion, format.width(), bits),
         }
     }
 
@@ -77,20 +79,20 @@ impl Function {
     }
 }
 
-const fn rounded(family: &'static Family, value: Estimate) -> Function {
+const fn rounded(family: &'static OpFamily, value: Estimate) -> Function {
     Function { name: family.name, rows: Rows::Of(family), how: How::Rounded(value) }
 }
 
-const fn rounded_pair(family: &'static Family, value: EstimateOfTwo) -> Function {
+const fn rounded_pair(family: &'static OpFamily, value: EstimateOfTwo) -> Function {
     Function { name: family.name, rows: Rows::Of(family), how: How::RoundedPair(value) }
 }
 
-const fn elementary(family: &'static Family, estimate: Estimate, precise: fn(&Big) -> Big) -> Function {
+const fn elementary(family: &'static OpFamily, estimate: Estimate, precise: fn(&Big) -> Big) -> Function {
     Function { name: family.name, rows: Rows::Of(family), how: How::Elementary(estimate, precise) }
 }
 
 const fn elementary_pair(
-    family: &'static Family,
+    family: &'static OpFamily,
     estimate: EstimateOfTwo,
     precise: fn(&Big, &Big) -> Big,
 ) -> Function {

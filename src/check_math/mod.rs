@@ -18,7 +18,7 @@ use crate::check_math::function::{Function, How};
 use crate::check_math::inputs::Inputs;
 use crate::check_math::judge::{Format, Judgement};
 use crate::machine::{Reg, Registers};
-use crate::ops::row::{Row, Width};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 
 /// Inputs that run between two words of progress.
 const BLOCK: u64 = 1 << 16;
@@ -138,7 +138,7 @@ impl Found {
 fn run_block(
     function: &Function,
     format: Format,
-    row: &Row,
+    row: &LaneKernel,
     inputs: &Inputs,
     range: std::ops::Range<u64>,
 ) -> Found {

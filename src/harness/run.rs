@@ -16,8 +16,8 @@ use crate::harness::stability::StableExpectation;
 use crate::harness::stability::perturb::perturb_one;
 use crate::harness::value::Value;
 use crate::machine::{Batch, Binding, Descriptor, Observer, Printed, Resources};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
-use crate::ops::row::{Row, Width};
 use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver, Shader, Stats};
 use crate::program::Program;
 use crate::scene::file::RayEntry;
@@ -27,7 +27,7 @@ use crate::scene::{Assembled, ResolvedScene};
 /// Runs a scene's launch and dispatches at a width, and traces its rays.
 pub fn run<const W: usize>(scene: &ResolvedScene, assembled: &Assembled) -> Observed
 where
-    Row: Width<W>,
+    LaneKernel: Width<W>,
 {
     let mut observed = launch(scene, assembled, |resources| assembled.run::<W>(resources, &|_| ()));
     observed.rays = rays(scene, assembled, &mut Watch::default());

@@ -3,8 +3,8 @@
 use smallvec::SmallVec;
 
 use crate::machine::{Batch, Bindings, Lanes, Mask, Observer, Stop, TrapCode};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
-use crate::ops::row::{Row, Width};
 use crate::program::{Program, Run, Terminator, Unwatched};
 
 /// Runs a batch until it stops.
@@ -15,11 +15,11 @@ pub fn run<const W: usize, O: Observer<W>>(
     observer: &mut O,
 ) -> Stop<W>
 where
-    Row: Width<W>,
+    LaneKernel: Width<W>,
 {
     let Unwatched { ops, steps, runs } = &program.unwatched;
     let ops = if O::active() { &program.ops } else { ops };
-    let steps = steps.as_ref().filter(|_| Row::STRETCHES && !O::active());
+    let steps = steps.as_ref().filter(|_| LaneKernel::STRETCHES && !O::active());
     loop {
         let block = &program.blocks[batch.block as usize];
         // Behind a stop a block goes on, it is not entered.
@@ -35,15 +35,16 @@ where
                 return Stop::Paused;
             }
             if let Some(steps) = steps {
-                batch.op = Row::stretch(&mut batch.registers, steps, ops, batch.op..run.end, batch.mask);
+                batch.op =
+                    LaneKernel::stretch(&mut batch.registers, steps, ops, batch.op..run.end, batch.mask);
                 if batch.op == run.end {
                     break;
                 }
             }
             let op = &ops[batch.op as usize];
-            if let Op::Row { row, to, from } = op {
-                // Most operations are rows, and those stop nothing.
-                Width::<W>::run(*row, &mut batch.registers, *to, from);
+            if let Op::LaneKernel { kernel, to, from } = op {
+                // Most operations are kernels, and those stop nothing.
+                Width::<W>::run(*kernel, &mut batch.registers, *to, from);
                 if O::active() {
                     observer.after(batch, bindings, batch.op);
                 }

@@ -17,12 +17,12 @@ use crate::ops::pointer::{self, Place, Pointer, storage};
 use crate::ops::pointer_stride;
 use crate::ops::relational_logical::{IEqual, LogicalAnd, LogicalNot};
 
-/// Rows of address arithmetic.
-pub mod row {
+/// Kernels of address arithmetic.
+pub mod kernels {
+    use crate::lane_kernels;
     use crate::ops::memory::OUT_OF_BOUNDS;
-    use crate::rows;
 
-    rows! {
+    lane_kernels! {
         /// An address and a checked offset; an offset out of bounds leads to where nothing lies.
         AddressPlus Internal [u64] (base: u64, offset: u32) -> u64 {
             if offset == OUT_OF_BOUNDS { u64::MAX } else { base.wrapping_add(offset.into()) }
@@ -83,11 +83,11 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             }
             let mut result = decoder.constant(1)?;
             for (&a, &b) in a.iter().zip(&b) {
-                let equal = decoder.family(&IEqual, 32, &[a, b])?;
-                result = decoder.family(&LogicalAnd, 0, &[result, equal])?;
+                let equal = decoder.emit_family(&IEqual, 32, &[a, b])?;
+                result = decoder.emit_family(&LogicalAnd, 0, &[result, equal])?;
             }
             if opcode == Opcode::PtrNotEqual {
-                result = decoder.family(&LogicalNot, 0, &[result])?;
+                result = decoder.emit_family(&LogicalNot, 0, &[result])?;
             }
             decoder.result(instruction, SmallVec::from_slice(&[result]));
         }
@@ -106,7 +106,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 });
             }
             let stride = decoder.constant(stride)?;
-            let distance = decoder.row(&row::Distance.rows[0], &[ends[0], ends[1], stride])?;
+            let distance = decoder.emit_kernel(&kernels::Distance.kernels[0], &[ends[0], ends[1], stride])?;
             let ty = decoder.result_type(instruction)?;
             let width = decoder.scalar_width(ty)?;
             let first = convert(decoder, Conversion::S, 64, width, distance)?;
@@ -173,7 +173,7 @@ pub fn address(decoder: &mut Decoder<'_>, pointer: &Pointer, base: Reg) -> Resul
     }
     let constant = decoder.constant(pointer.offset)?;
     let offset = pointer::shifted(decoder, pointer.index, constant)?;
-    decoder.row(&row::AddressPlus.rows[0], &[base, offset])
+    decoder.emit_kernel(&kernels::AddressPlus.kernels[0], &[base, offset])
 }
 
 /// Whether a type is a pointer that is a device address.
@@ -257,29 +257,30 @@ fn element(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: Id, stride: u
     let stride = decoder.constant(stride)?;
     if let Place::Buffer(BufferRef::Address(base)) = pointer.place {
         let base = address(decoder, &pointer, base)?;
-        let base = decoder.row(&row::AddressElement.rows[0], &[base, index, stride])?;
+        let base = decoder.emit_kernel(&kernels::AddressElement.kernels[0], &[base, index, stride])?;
         pointer.place = Place::Buffer(BufferRef::Address(base));
         pointer.index = None;
     } else {
         let constant = decoder.constant(pointer.offset)?;
         let base = pointer::shifted(decoder, pointer.index, constant)?;
-        pointer.index = Some(decoder.row(&row::OffsetElement.rows[0], &[base, index, stride])?);
+        pointer.index =
+            Some(decoder.emit_kernel(&kernels::OffsetElement.kernels[0], &[base, index, stride])?);
     }
     pointer.offset = 0;
     Ok(pointer)
 }
 
 fn convert(decoder: &mut Decoder<'_>, kind: Conversion, from: u32, to: u32, first: Reg) -> Result<Reg> {
-    match conversion::row(kind, from, to) {
-        Some(row) => decoder.row(row, &[first]),
+    match conversion::kernel(kind, from, to) {
+        Some(kernel) => decoder.emit_kernel(kernel, &[first]),
         None => Ok(first),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::row::{AddressElement, AddressPlus, Distance, OffsetElement};
-    use crate::ops::row::tests::check;
+    use super::kernels::{AddressElement, AddressPlus, Distance, OffsetElement};
+    use crate::ops::lane_kernel::tests::check;
 
     #[test]
     fn address_arithmetic() {

@@ -14,8 +14,8 @@ use crate::ops::bit::{BitCount, BitwiseAnd, BitwiseOr, BitwiseXor};
 use crate::ops::builtin;
 use crate::ops::decode::{Decoder, InputRows, Words, rows_from};
 use crate::ops::glsl::{FMax, FMin, SMax, SMin, UMax, UMin};
+use crate::ops::lane_kernel::OpFamily;
 use crate::ops::relational_logical::{IEqual, select::SelectWord};
-use crate::ops::row::Family;
 use crate::ops::subgroup::{self, From};
 
 /// `SPV_AMD_shader_trinary_minmax`
@@ -37,7 +37,7 @@ pub fn decode(decoder: &mut Decoder<'_>, set: &str, number: u32, instruction: &I
 }
 
 fn trinary(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> Result<bool> {
-    let (least, greatest): (&'static Family, &'static Family) = match number {
+    let (least, greatest): (&'static OpFamily, &'static OpFamily) = match number {
         1 | 4 | 7 => (&FMin, &FMax),
         2 | 5 | 8 => (&UMin, &UMax),
         3 | 6 | 9 => (&SMin, &SMax),
@@ -59,18 +59,18 @@ fn trinary(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) ->
     for ((&x, &y), &z) in first.iter().zip(&second).zip(&third) {
         found.push(match number {
             1..=3 => {
-                let others = decoder.family(least, width, &[y, z])?;
-                decoder.family(least, width, &[x, others])?
+                let others = decoder.emit_family(least, width, &[y, z])?;
+                decoder.emit_family(least, width, &[x, others])?
             }
             4..=6 => {
-                let others = decoder.family(greatest, width, &[y, z])?;
-                decoder.family(greatest, width, &[x, others])?
+                let others = decoder.emit_family(greatest, width, &[y, z])?;
+                decoder.emit_family(greatest, width, &[x, others])?
             }
             _ => {
-                let low = decoder.family(least, width, &[x, y])?;
-                let high = decoder.family(greatest, width, &[x, y])?;
-                let inner = decoder.family(least, width, &[high, z])?;
-                decoder.family(greatest, width, &[low, inner])?
+                let low = decoder.emit_family(least, width, &[x, y])?;
+                let high = decoder.emit_family(greatest, width, &[x, y])?;
+                let inner = decoder.emit_family(least, width, &[high, z])?;
+                decoder.emit_family(greatest, width, &[low, inner])?
             }
         });
     }
@@ -92,17 +92,17 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
             let offsets = operand(decoder, instruction, 3, 4)?;
             let own = place(decoder)?;
             let three = decoder.constant(3)?;
-            let within = decoder.family(&BitwiseAnd, 32, &[own, three])?;
+            let within = decoder.emit_family(&BitwiseAnd, 32, &[own, three])?;
             let mut offset = offsets[0];
             for (at, &one) in offsets.iter().enumerate().skip(1) {
                 let at = decoder.constant(at as u32)?;
-                let here = decoder.family(&IEqual, 32, &[within, at])?;
-                offset = decoder.row(&SelectWord.rows[0], &[here, one, offset])?;
+                let here = decoder.emit_family(&IEqual, 32, &[within, at])?;
+                offset = decoder.emit_kernel(&SelectWord.kernels[0], &[here, one, offset])?;
             }
             let keep = decoder.constant(!3)?;
-            let quad = decoder.family(&BitwiseAnd, 32, &[own, keep])?;
-            let offset = decoder.family(&BitwiseAnd, 32, &[offset, three])?;
-            let source = decoder.family(&IAdd, 32, &[quad, offset])?;
+            let quad = decoder.emit_family(&BitwiseAnd, 32, &[own, keep])?;
+            let offset = decoder.emit_family(&BitwiseAnd, 32, &[offset, three])?;
+            let source = decoder.emit_family(&IAdd, 32, &[quad, offset])?;
             let to = subgroup::read_at(decoder, From::At, first, count, source)?;
             decoder.result(instruction, rows_from(to, count));
         }
@@ -112,14 +112,14 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
             let mask = operand(decoder, instruction, 3, 3)?;
             let own = place(decoder)?;
             let low = decoder.constant(31)?;
-            let within = decoder.family(&BitwiseAnd, 32, &[own, low])?;
-            let and = decoder.family(&BitwiseAnd, 32, &[within, mask[0]])?;
-            let or = decoder.family(&BitwiseOr, 32, &[and, mask[1]])?;
-            let xor = decoder.family(&BitwiseXor, 32, &[or, mask[2]])?;
-            let xor = decoder.family(&BitwiseAnd, 32, &[xor, low])?;
+            let within = decoder.emit_family(&BitwiseAnd, 32, &[own, low])?;
+            let and = decoder.emit_family(&BitwiseAnd, 32, &[within, mask[0]])?;
+            let or = decoder.emit_family(&BitwiseOr, 32, &[and, mask[1]])?;
+            let xor = decoder.emit_family(&BitwiseXor, 32, &[or, mask[2]])?;
+            let xor = decoder.emit_family(&BitwiseAnd, 32, &[xor, low])?;
             let high = decoder.constant(!31)?;
-            let group = decoder.family(&BitwiseAnd, 32, &[own, high])?;
-            let source = decoder.family(&IAdd, 32, &[group, xor])?;
+            let group = decoder.emit_family(&BitwiseAnd, 32, &[own, high])?;
+            let source = decoder.emit_family(&IAdd, 32, &[group, xor])?;
             let to = subgroup::read_at(decoder, From::At, first, count, source)?;
             decoder.result(instruction, rows_from(to, count));
         }
@@ -132,10 +132,10 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
                 return Err(decoder.invalid("the values of WriteInvocationAMD differ in type"));
             }
             let own = place(decoder)?;
-            let here = decoder.family(&IEqual, 32, &[own, index])?;
+            let here = decoder.emit_family(&IEqual, 32, &[own, index])?;
             let mut words = Words::new();
             for (&before, &after) in input.iter().zip(&write) {
-                words.push(decoder.row(&SelectWord.rows[0], &[here, after, before])?);
+                words.push(decoder.emit_kernel(&SelectWord.kernels[0], &[here, after, before])?);
             }
             let first = decoder.consecutive(&words)?;
             decoder.result(instruction, rows_from(first, words.len() as u32));
@@ -146,10 +146,10 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
             let below = input(decoder, "SubgroupLtMask", 4)?;
             let mut counts = SmallVec::<[Reg; 2]>::new();
             for (at, &word) in mask.iter().enumerate() {
-                let bits = decoder.family(&BitwiseAnd, 32, &[word, below.plus(at as u32)])?;
-                counts.push(decoder.family(&BitCount, 32, &[bits])?);
+                let bits = decoder.emit_family(&BitwiseAnd, 32, &[word, below.plus(at as u32)])?;
+                counts.push(decoder.emit_family(&BitCount, 32, &[bits])?);
             }
-            let sum = decoder.family(&IAdd, 32, &counts)?;
+            let sum = decoder.emit_family(&IAdd, 32, &counts)?;
             decoder.result(instruction, SmallVec::from_slice(&[sum]));
         }
         _ => return Ok(false),

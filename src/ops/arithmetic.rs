@@ -5,10 +5,10 @@
 
 use half::f16;
 
+use crate::lane_kernels;
 use crate::math::float::Float;
-use crate::rows;
 
-rows! {
+lane_kernels! {
     SNegate Core [i8 i16 i32 i64] (a: T) -> T { a.wrapping_neg() }
     IAdd Core [u8 u16 u32 u64] (a: T, b: T) -> T { a.wrapping_add(b) }
     ISub Core [u8 u16 u32 u64] (a: T, b: T) -> T { a.wrapping_sub(b) }
@@ -41,9 +41,9 @@ rows! {
 
 /// The halves of the extended operations, which give a struct of two.
 pub mod extended {
-    use crate::rows;
+    use crate::lane_kernels;
 
-    rows! {
+    lane_kernels! {
         Carry Internal [u8 u16 u32 u64] (a: T, b: T) -> T { T::from(a.overflowing_add(b).1) }
         Borrow Internal [u8 u16 u32 u64] (a: T, b: T) -> T { T::from(a < b) }
         UMulHigh Internal [u8 u16 u32 u64] (a: T, b: T) -> T {
@@ -58,7 +58,7 @@ pub mod extended {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ops::row::tests::check;
+    use crate::ops::lane_kernel::tests::check;
 
     #[test]
     fn vectors() {

@@ -2,9 +2,9 @@
 //!
 //! A shift by the width or more, which the specification leaves undefined, shifts everything out.
 
-use crate::rows;
+use crate::lane_kernels;
 
-rows! {
+lane_kernels! {
     ShiftRightLogical Core [u8 u16 u32 u64] (a: T, by: u32) -> T { a.checked_shr(by).unwrap_or(0) }
     ShiftRightArithmetic Core [i8 i16 i32 i64] (a: T, by: u32) -> T { a >> by.min(T::BITS - 1) }
     ShiftLeftLogical Core [u8 u16 u32 u64] (a: T, by: u32) -> T { a.checked_shl(by).unwrap_or(0) }
@@ -18,9 +18,9 @@ rows! {
 
 /// Bit-field instructions take four operands: they are decoded to these.
 pub mod field {
-    use crate::rows;
+    use crate::lane_kernels;
 
-    rows! {
+    lane_kernels! {
         /// A mask of `count` ones, shifted left by `offset`.
         FieldMask Internal [u8 u16 u32 u64] (offset: u32, count: u32) -> T {
             let ones = if count >= T::BITS { T::MAX } else { ((1 as T) << count) - 1 };
@@ -46,7 +46,7 @@ pub mod field {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ops::row::tests::check;
+    use crate::ops::lane_kernel::tests::check;
 
     #[test]
     fn vectors() {

@@ -188,7 +188,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 }
                 folded = false;
                 let to = first.plus(at as u32);
-                decoder.emit(Op::Row { row: &SelectWord.rows[0], to, from });
+                decoder.emit(Op::LaneKernel { kernel: &SelectWord.kernels[0], to, from });
                 words.push(to);
             }
             if !folded && condition.len() > 1 {
@@ -390,8 +390,9 @@ fn bitcast(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words
                     let mut sum = decoder.constant(0)?;
                     for (at, &part) in group.iter().enumerate() {
                         let by = decoder.constant(from * at as u32)?;
-                        let moved = decoder.family(&crate::ops::bit::ShiftLeftLogical, 32, &[part, by])?;
-                        sum = decoder.family(&crate::ops::bit::BitwiseOr, 32, &[sum, moved])?;
+                        let moved =
+                            decoder.emit_family(&crate::ops::bit::ShiftLeftLogical, 32, &[part, by])?;
+                        sum = decoder.emit_family(&crate::ops::bit::BitwiseOr, 32, &[sum, moved])?;
                     }
                     packed.push(sum);
                 }
@@ -417,8 +418,12 @@ fn bitcast(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words
                             }
                             let by = decoder.constant(to * at)?;
                             let moved =
-                                decoder.family(&crate::ops::bit::ShiftRightLogical, 32, &[word, by])?;
-                            result.push(decoder.family(&crate::ops::bit::BitwiseAnd, 32, &[moved, mask])?);
+                                decoder.emit_family(&crate::ops::bit::ShiftRightLogical, 32, &[word, by])?;
+                            result.push(decoder.emit_family(
+                                &crate::ops::bit::BitwiseAnd,
+                                32,
+                                &[moved, mask],
+                            )?);
                         }
                     }
                 }

@@ -1,4 +1,4 @@
-//! `OpSpecConstantOp`: an instruction on constants, folded by running its own row.
+//! `OpSpecConstantOp`: an instruction on constants, folded by running its own kernel.
 
 use rspirv::spirv::Op as Opcode;
 

@@ -1,4 +1,4 @@
-//! Conversion instructions (SPIR-V 3.3.11): a row for each pair of widths.
+//! Conversion instructions (SPIR-V 3.3.11): a kernel for each pair of widths.
 //!
 //! A float outside the range of the integer type, which the specification leaves undefined,
 //! saturates; a NaN gives 0.
@@ -14,30 +14,30 @@ use crate::machine::{Reg, Registers, Scalar};
 use crate::math::float;
 #[cfg(target_arch = "x86_64")]
 use crate::math::vectors::{Task, Vectors};
-use crate::ops::row::{Bits, LaneLoop, Row, Unary};
+use crate::ops::lane_kernel::{Bits, LaneKernel, LaneLoop, Unary};
 
 macro_rules! conversions {
     ($($name:ident: $($from:ty => $to:ty),+;)+) => {$(
         mod $name {
             use super::*;
-            pub(super) static ROWS: &[(u32, Row)] = &[$((
+            pub(super) static KERNELS: &[(u32, LaneKernel)] = &[$((
                 <$to as Bits>::BITS,
                 if <$from as Bits>::FLOAT == 32 && <$to as Bits>::BITS == 32 && <$to as Bits>::SIGNED {
-                    truncating(crate::row!(Convert, $from, (a: $from), $to, Between<$from, $to>))
+                    truncating(crate::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>))
                 } else {
-                    crate::row!(Convert, $from, (a: $from), $to, Between<$from, $to>)
+                    crate::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>)
                 },
             )),+];
         }
     )+};
 }
 
-/// The row from f32 to i32, with the processor's own conversion for 64 lanes.
-const fn truncating(row: Row) -> Row {
-    Row {
+/// The kernel from f32 to i32, with the processor's own conversion for 64 lanes.
+const fn truncating(kernel: LaneKernel) -> LaneKernel {
+    LaneKernel {
         #[cfg(target_arch = "x86_64")]
         full_v3: |simd, registers, to, from| simd.apart(Truncate { registers, to, from: from[0] }),
-        ..row
+        ..kernel
     }
 }
 
@@ -196,31 +196,31 @@ pub enum Conversion {
     F,
 }
 
-/// The row that converts between two widths; `None` where they are equal and nothing is to be done,
+/// The kernel that converts between two widths; `None` where they are equal and nothing is to be done,
 /// or no such types exist.
-pub fn row(conversion: Conversion, from: u32, to: u32) -> Option<&'static Row> {
-    let rows = match conversion {
-        Conversion::FToU => from_float_to_unsigned::ROWS,
-        Conversion::FToS => from_float_to_signed::ROWS,
-        Conversion::SToF => from_signed_to_float::ROWS,
-        Conversion::UToF => from_unsigned_to_float::ROWS,
-        Conversion::U => between_unsigned::ROWS,
-        Conversion::S => between_signed::ROWS,
-        Conversion::F => between_floats::ROWS,
+pub fn kernel(conversion: Conversion, from: u32, to: u32) -> Option<&'static LaneKernel> {
+    let kernels = match conversion {
+        Conversion::FToU => from_float_to_unsigned::KERNELS,
+        Conversion::FToS => from_float_to_signed::KERNELS,
+        Conversion::SToF => from_signed_to_float::KERNELS,
+        Conversion::UToF => from_unsigned_to_float::KERNELS,
+        Conversion::U => between_unsigned::KERNELS,
+        Conversion::S => between_signed::KERNELS,
+        Conversion::F => between_floats::KERNELS,
     };
-    rows.iter().find(|(width, row)| *width == to && row.width == from).map(|(_, row)| row)
+    kernels.iter().find(|(width, kernel)| *width == to && kernel.width == from).map(|(_, kernel)| kernel)
 }
 
-/// The row that makes of a f64 what this one makes of a narrower float.
-pub fn from_f64_like(row: &'static Row) -> Option<&'static Row> {
-    let lists = [from_float_to_signed::ROWS, from_float_to_unsigned::ROWS];
-    lists.into_iter().find_map(|rows| {
-        let (to, _) = rows.iter().find(|(_, known)| known == row)?;
-        rows.iter().find(|(width, known)| width == to && known.width == 64).map(|(_, row)| row)
+/// The kernel that makes of a f64 what this one makes of a narrower float.
+pub fn from_f64_like(kernel: &'static LaneKernel) -> Option<&'static LaneKernel> {
+    let lists = [from_float_to_signed::KERNELS, from_float_to_unsigned::KERNELS];
+    lists.into_iter().find_map(|kernels| {
+        let (to, _) = kernels.iter().find(|(_, known)| known == kernel)?;
+        kernels.iter().find(|(width, known)| width == to && known.width == 64).map(|(_, kernel)| kernel)
     })
 }
 
-crate::rows! {
+crate::lane_kernels! {
     /// To the nearest f16 and back.
     QuantizeToF16 Core [f32] (a: f32) -> f32 {
         // A result that would be a denormal of f16 is a zero of the same sign.
@@ -233,10 +233,10 @@ crate::rows! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ops::row::tests::{check, check_row};
+    use crate::ops::lane_kernel::tests::{check, check_kernel};
 
     fn convert(conversion: Conversion, from: u32, to: u32, value: u64, expected: u64) {
-        check_row(row(conversion, from, to).expect("a row"), &[value], expected);
+        check_kernel(kernel(conversion, from, to).expect("a kernel"), &[value], expected);
     }
 
     #[test]
@@ -269,6 +269,6 @@ mod tests {
         convert(F, 64, 32, 0.1f64.to_bits(), 0x3DCC_CCCD);
         check(&QuantizeToF16, 32, &[0x3DCC_CCCD], 0x3DCC_C000);
         check(&QuantizeToF16, 32, &[0x8000_0001], 0x8000_0000);
-        assert!(row(U, 32, 32).is_none());
+        assert!(kernel(U, 32, 32).is_none());
     }
 }

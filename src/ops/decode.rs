@@ -16,10 +16,10 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::builtin::Builtin;
 use crate::ops::float_controls::{self, FloatControls};
+use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::memory::{self, Pointer};
 use crate::ops::op::Op;
 use crate::ops::pointer_layout::{self, ends_in_matrix};
-use crate::ops::row::{Family, Row};
 pub use values::{Value, Words, rows_from};
 use values::{Values, words_from};
 
@@ -203,7 +203,7 @@ impl<'m> Decoder<'m> {
             }
         };
         let more = self.wide_constant(ticks.into())?;
-        let sum = self.family(&crate::ops::arithmetic::IAdd, 64, &[clock, more])?;
+        let sum = self.emit_family(&crate::ops::arithmetic::IAdd, 64, &[clock, more])?;
         for word in 0..2 {
             let (to, from) = (clock.plus(word), sum.plus(word));
             self.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
@@ -320,48 +320,49 @@ impl<'m> Decoder<'m> {
         self.words.get(reg.0 as usize).copied().flatten()
     }
 
-    /// Appends a row's operation and gives its result's first row; folds constants.
-    pub fn row(&mut self, row: &'static Row, from: &[Reg]) -> Result<Reg> {
-        if self.float_controls.concern(row) {
-            return float_controls::controlled(self, row, from);
+    /// Appends a kernel on the given operands, or folds it where all of them are constants. Gives the
+    /// first register of the result.
+    pub fn emit_kernel(&mut self, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
+        if self.float_controls.concern(kernel) {
+            return float_controls::controlled(self, kernel, from);
         }
-        self.plain_row(row, from)
+        self.emit_uncontrolled(kernel, from)
     }
 
-    /// As [`Decoder::row`], whatever the float controls.
-    pub fn plain_row(&mut self, row: &'static Row, from: &[Reg]) -> Result<Reg> {
+    /// As [`Decoder::emit_kernel`], without regard to the float controls.
+    pub fn emit_uncontrolled(&mut self, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
         let first = from.first().copied().unwrap_or(Reg(0));
         let operands = std::array::from_fn(|at| from.get(at).copied().unwrap_or(first));
         if (self.optimizes || self.in_constant)
-            && let Some(bits) = self.fold(row, from)
+            && let Some(bits) = self.fold(kernel, from)
         {
-            return match row.words {
+            return match kernel.words {
                 2 => self.wide_constant(bits),
                 _ => self.constant(bits as u32),
             };
         }
-        let to = self.fresh(row.words)?;
-        self.emit(Op::Row { row, to, from: operands });
+        let to = self.fresh(kernel.words)?;
+        self.emit(Op::LaneKernel { kernel, to, from: operands });
         Ok(to)
     }
 
-    /// Appends the operation of a family's row.
-    pub fn family(&mut self, family: &'static Family, width: u32, from: &[Reg]) -> Result<Reg> {
-        match family.row(width) {
-            Some(row) => self.row(row, from),
+    /// As [`Decoder::emit_kernel`], for the kernel of a family for operands of `width` bits.
+    pub fn emit_family(&mut self, family: &'static OpFamily, width: u32, from: &[Reg]) -> Result<Reg> {
+        match family.kernel(width) {
+            Some(kernel) => self.emit_kernel(kernel, from),
             None => Err(self.unsupported(format!("Op{} on {width}-bit operands", family.name))),
         }
     }
 
-    fn fold(&mut self, row: &Row, from: &[Reg]) -> Option<u64> {
+    fn fold(&mut self, kernel: &LaneKernel, from: &[Reg]) -> Option<u64> {
         let mut operands = [Reg(2); 3];
         for (at, &reg) in from.iter().enumerate() {
             operands[at] = Reg(2 + 2 * at as u32);
-            for word in 0..row.operands[at] {
+            for word in 0..kernel.operands[at] {
                 self.folding[operands[at].plus(word)].0[0] = self.constant_word(reg.plus(word))?;
             }
         }
-        (row.one)(&mut self.folding, Reg(0), &operands);
+        (kernel.one)(&mut self.folding, Reg(0), &operands);
         let [low, high] = [Reg(0), Reg(1)].map(|reg| u64::from(self.folding[reg].0[0]));
         Some(low | high << 32)
     }

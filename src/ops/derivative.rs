@@ -53,9 +53,9 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             Opcode::DPdy | Opcode::DPdyFine | Opcode::DPdyCoarse => derivative(decoder, value, width, 1)?,
             _ => {
                 let sides = [derivative(decoder, value, width, 0)?, derivative(decoder, value, width, 1)?];
-                let x = decoder.family(&FAbs, width, &sides[..1])?;
-                let y = decoder.family(&FAbs, width, &sides[1..])?;
-                decoder.family(&FAdd, width, &[x, y])?
+                let x = decoder.emit_family(&FAbs, width, &sides[..1])?;
+                let y = decoder.emit_family(&FAbs, width, &sides[1..])?;
+                decoder.emit_family(&FAdd, width, &[x, y])?
             }
         };
         result.push(first);
@@ -70,5 +70,5 @@ pub fn derivative(decoder: &mut Decoder<'_>, value: Reg, width: u32, axis: u32) 
     let words = width.div_ceil(32);
     let above = subgroup::read(decoder, From::QuadSet(1 << axis), value, words)?;
     let below = subgroup::read(decoder, From::QuadClear(1 << axis), value, words)?;
-    decoder.family(&FSub, width, &[above, below])
+    decoder.emit_family(&FSub, width, &[above, below])
 }

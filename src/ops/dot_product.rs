@@ -11,11 +11,11 @@ use crate::ops::arithmetic::{IAdd, IMul};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::decode::{Decoder, Words};
 
-/// Rows of packed components and of saturating sums.
-pub mod row {
-    use crate::rows;
+/// Kernels of packed components and of saturating sums.
+pub mod kernels {
+    use crate::lane_kernels;
 
-    rows! {
+    lane_kernels! {
         /// The byte at a bit offset, with its sign.
         SByte Internal [u32] (a: u32, shift: u32) -> i32 { i32::from((a >> shift) as i8) }
         /// The byte at a bit offset.
@@ -52,15 +52,15 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     if a.len() != b.len() || a.is_empty() {
         return Err(decoder.invalid("the vectors of a dot product differ in size"));
     }
-    let mut sum = decoder.family(&IMul, width, &[a[0], b[0]])?;
+    let mut sum = decoder.emit_family(&IMul, width, &[a[0], b[0]])?;
     for (&a, &b) in a.iter().zip(&b).skip(1) {
-        let product = decoder.family(&IMul, width, &[a, b])?;
-        sum = decoder.family(&IAdd, width, &[sum, product])?;
+        let product = decoder.emit_family(&IMul, width, &[a, b])?;
+        sum = decoder.emit_family(&IAdd, width, &[sum, product])?;
     }
     if accumulates {
         let accumulator = decoder.operand(instruction, 2)?[0];
-        let family = if left { &row::SSaturatingAdd } else { &row::USaturatingAdd };
-        sum = decoder.family(family, width, &[sum, accumulator])?;
+        let family = if left { &kernels::SSaturatingAdd } else { &kernels::USaturatingAdd };
+        sum = decoder.emit_family(family, width, &[sum, accumulator])?;
     }
     let words = decoder.spread(&[sum], width);
     decoder.result(instruction, words);
@@ -126,20 +126,20 @@ fn components(decoder: &mut Decoder<'_>, id: Id, signed: bool, width: u32) -> Re
     let mut parts = decoder.components(id)?;
     let mut from = decoder.scalar_width(ty)?;
     if let Type::Int { width: 32, .. } = decoder.module.ty(ty) {
-        let family = if signed { &row::SByte } else { &row::UByte };
+        let family = if signed { &kernels::SByte } else { &kernels::UByte };
         let packed = parts[0];
         parts.clear();
         for at in 0..4 {
             let shift = decoder.constant(8 * at)?;
-            parts.push(decoder.family(family, 32, &[packed, shift])?);
+            parts.push(decoder.emit_family(family, 32, &[packed, shift])?);
         }
         from = 32;
     }
     let kind = if signed { Conversion::S } else { Conversion::U };
     let mut widened = Words::new();
     for part in parts {
-        let component: Reg = match conversion::row(kind, from, width) {
-            Some(row) => decoder.row(row, &[part])?,
+        let component: Reg = match conversion::kernel(kind, from, width) {
+            Some(kernel) => decoder.emit_kernel(kernel, &[part])?,
             None => part,
         };
         widened.push(component);
@@ -149,8 +149,8 @@ fn components(decoder: &mut Decoder<'_>, id: Id, signed: bool, width: u32) -> Re
 
 #[cfg(test)]
 mod tests {
-    use super::row::{SByte, SSaturatingAdd, UByte, USaturatingAdd};
-    use crate::ops::row::tests::check;
+    use super::kernels::{SByte, SSaturatingAdd, UByte, USaturatingAdd};
+    use crate::ops::lane_kernel::tests::check;
 
     #[test]
     fn vectors() {

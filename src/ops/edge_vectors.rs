@@ -1,10 +1,10 @@
-//! Every row at its edges: signed zeros, denormals, infinities and NaN, the least and the greatest
+//! Every kernel at its edges: signed zeros, denormals, infinities and NaN, the least and the greatest
 //! integers, shifts by one less than the width. By hand, from IEEE 754-2019 (9.2.1 for elementary
 //! functions), the words of SPIR-V, and what this project declares where those leave a result open.
 
 use crate::ops::SECTIONS;
-use crate::ops::row::Family;
-use crate::ops::row::tests::{check, results};
+use crate::ops::lane_kernel::OpFamily;
+use crate::ops::lane_kernel::tests::{check, results};
 
 /// -0
 const NO: u64 = 0x8000_0000;
@@ -37,7 +37,7 @@ const PI_3_4: u64 = 0x4016_CBE4;
 
 type Vector = (&'static str, u32, &'static [u64], u64);
 
-/// Row, width, operands, result.
+/// LaneKernel, width, operands, result.
 const INTEGERS: &[Vector] = &[
     ("SNegate", 8, &[0x80], 0x80),
     ("SNegate", 64, &[1 << 63], 1 << 63),
@@ -372,7 +372,7 @@ const FUNCTIONS: &[Vector] = &[
     ("Ldexp", 32, &[TINY, 277], INF),
 ];
 
-/// Rows whose result is a NaN.
+/// Kernels whose result is a NaN.
 const NANS: &[(&str, u32, &[u64])] = &[
     ("FAdd", 32, &[INF, M_INF]),
     ("FSub", 32, &[INF, INF]),
@@ -418,9 +418,9 @@ const NANS: &[(&str, u32, &[u64])] = &[
     ("Ldexp", 32, &[NAN, 0]),
 ];
 
-fn family(name: &str) -> &'static Family {
+fn family(name: &str) -> &'static OpFamily {
     let mut families = SECTIONS.iter().flat_map(|section| section.iter().copied());
-    families.find(|family| family.name == name).unwrap_or_else(|| panic!("no row {name}"))
+    families.find(|family| family.name == name).unwrap_or_else(|| panic!("no kernel {name}"))
 }
 
 #[test]
@@ -433,17 +433,17 @@ fn rows_hold_at_their_edges() {
 #[test]
 fn what_is_no_number_is_a_nan() {
     for &(name, width, operands) in NANS {
-        let row = family(name).row(width).expect("a row of this width");
+        let kernel = family(name).kernel(width).expect("a kernel of this width");
         let nan = if width == 64 { 0x7FF8 << 48 } else { NAN };
-        for bits in results(row, operands) {
-            assert_eq!(bits, nan, "{row:?} of {operands:x?}: {bits:#x}");
+        for bits in results(kernel, operands) {
+            assert_eq!(bits, nan, "{kernel:?} of {operands:x?}: {bits:#x}");
         }
     }
 }
 
 #[test]
 fn every_row_has_its_edges() {
-    let named = |family: &Family| {
+    let named = |family: &OpFamily| {
         let vectors = [INTEGERS, ARITHMETIC, FUNCTIONS].into_iter().flatten().map(|vector| vector.0);
         vectors.chain(NANS.iter().map(|vector| vector.0)).any(|name| name == family.name)
     };

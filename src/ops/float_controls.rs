@@ -18,19 +18,19 @@
 //! "arithmetic and conversion instructions" (SPIR-V 3.6), which they are not: they stand in the
 //! sections 3.3.20 and 3.3.10, and Vulkan leaves the arithmetic of a filter to the sampler. A denormal
 //! that one of them gives is flushed by the first instruction that calculates with it.
-#![allow(clippy::useless_conversion, reason = "a row's one formula stands for all its types")]
+#![allow(clippy::useless_conversion, reason = "a kernel's one formula stands for all its types")]
 
 use half::f16;
 
 use crate::error::Result;
+use crate::lane_kernels;
 use crate::machine::Reg;
 use crate::math::float::Float;
 use crate::math::toward_zero::{self, Format, Number};
 use crate::module::interface::EntryPoint;
 use crate::ops::conversion::encoded::Rounding;
 use crate::ops::decode::Decoder;
-use crate::ops::row::Row;
-use crate::rows;
+use crate::ops::lane_kernel::LaneKernel;
 
 /// The widths that an entry point's modes name, as a mask of 16, 32 and 64.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -62,61 +62,61 @@ impl FloatControls {
         }
     }
 
-    /// Whether a row's operation is another one under these controls.
+    /// Whether a kernel's operation is another one under these controls.
     #[inline]
-    pub fn concern(self, row: &Row) -> bool {
-        self != Self::default() && (self.flushes(row) || self.toward_zero & row.float_result != 0)
+    pub fn concern(self, kernel: &LaneKernel) -> bool {
+        self != Self::default() && (self.flushes(kernel) || self.toward_zero & kernel.float_result != 0)
     }
 
-    fn flushes(self, row: &Row) -> bool {
-        let floats = row.float_operands.iter().fold(row.float_result, |mask, width| mask | width);
+    fn flushes(self, kernel: &LaneKernel) -> bool {
+        let floats = kernel.float_operands.iter().fold(kernel.float_result, |mask, width| mask | width);
         self.flush & floats != 0
     }
 }
 
-/// A row's operation under the decoder's float controls.
+/// A kernel's operation under the decoder's float controls.
 ///
 /// # Errors
 /// Where there is no room for its result.
-pub fn controlled(decoder: &mut Decoder<'_>, row: &'static Row, from: &[Reg]) -> Result<Reg> {
+pub fn controlled(decoder: &mut Decoder<'_>, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
     let FloatControls { flush, toward_zero } = decoder.float_controls;
     let mut operands: [Reg; 3] = [from.first().copied().unwrap_or(Reg(0)); 3];
     for (at, &reg) in from.iter().enumerate() {
-        let width = row.float_operands[at];
+        let width = kernel.float_operands[at];
         operands[at] = if flush & width != 0 { flushed(decoder, width, reg)? } else { reg };
     }
-    let cut = (toward_zero & row.float_result != 0).then(|| counterpart(row)).flatten();
-    let result = decoder.plain_row(cut.unwrap_or(row), &operands[..from.len()])?;
-    match flush & row.float_result {
+    let cut = (toward_zero & kernel.float_result != 0).then(|| counterpart(kernel)).flatten();
+    let result = decoder.emit_uncontrolled(cut.unwrap_or(kernel), &operands[..from.len()])?;
+    match flush & kernel.float_result {
         0 => Ok(result),
         width => flushed(decoder, width, result),
     }
 }
 
 fn flushed(decoder: &mut Decoder<'_>, width: u32, reg: Reg) -> Result<Reg> {
-    match Flushed.row(width) {
-        Some(row) => decoder.plain_row(row, &[reg]),
+    match Flushed.kernel(width) {
+        Some(kernel) => decoder.emit_uncontrolled(kernel, &[reg]),
         None => Ok(reg),
     }
 }
 
-/// The row that rounds towards zero in the place of one that rounds to nearest.
-fn counterpart(row: &Row) -> Option<&'static Row> {
-    let (sections, name) = match row.name {
-        "Convert" => (CONVERSIONS, conversion(row)),
+/// The kernel that rounds towards zero in the place of one that rounds to nearest.
+fn counterpart(kernel: &LaneKernel) -> Option<&'static LaneKernel> {
+    let (sections, name) = match kernel.name {
+        "Convert" => (CONVERSIONS, conversion(kernel)),
         name => (&[FAMILIES][..], name),
     };
     let families = sections.iter().copied().flatten();
-    families.flat_map(|family| family.rows).find(|cut| {
+    families.flat_map(|family| family.kernels).find(|cut| {
         cut.name.strip_suffix("TowardZero") == Some(name)
-            && cut.width == row.width
-            && cut.float_result == row.float_result
+            && cut.width == kernel.width
+            && cut.float_result == kernel.float_result
     })
 }
 
 /// What a conversion to a float is from.
-fn conversion(row: &Row) -> &'static str {
-    match (row.float_operands[0], row.signed) {
+fn conversion(kernel: &LaneKernel) -> &'static str {
+    match (kernel.float_operands[0], kernel.signed) {
         (0, true) => "ConvertSToF",
         (0, false) => "ConvertUToF",
         _ => "FConvert",
@@ -139,7 +139,7 @@ fn cut_quotient<T: Format + std::ops::Div<Output = T>>(a: T, b: T) -> T {
     toward_zero::div(a, b, a / b)
 }
 
-rows! {
+lane_kernels! {
     /// Denormals become zeros of their sign.
     Flushed Internal [f16 f32 f64] (a: T) -> T {
         if a.is_denormal() { Float::copysign(T::ZERO, a) } else { a }
@@ -177,10 +177,10 @@ macro_rules! conversions {
     ($($module:ident $name:ident $to:ty: [$($from:ty)*] |$a:ident| $body:expr;)*) => {
         $(mod $module {
             use super::*;
-            rows! { $name Internal [$($from)*] ($a: T) -> $to { $body } }
+            lane_kernels! { $name Internal [$($from)*] ($a: T) -> $to { $body } }
         })*
         /// Conversions to floats.
-        static CONVERSIONS: &[&[&crate::ops::row::Family]] = &[$($module::FAMILIES),*];
+        static CONVERSIONS: &[&[&crate::ops::lane_kernel::OpFamily]] = &[$($module::FAMILIES),*];
     };
 }
 
@@ -198,7 +198,7 @@ conversions! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ops::row::tests::check;
+    use crate::ops::lane_kernel::tests::check;
 
     #[test]
     fn vectors() {

@@ -1,14 +1,14 @@
-//! `GLSL.std.450`: the componentwise instructions as rows.
+//! `GLSL.std.450`: the componentwise instructions as kernels.
 //!
 //! Elementary functions are correctly rounded in f32; instructions that the specification defines
 //! by a formula follow it operation by operation, each rounded.
 
 use half::f16;
 
+use crate::lane_kernels;
 use crate::math::float::Float;
-use crate::rows;
 
-rows! {
+lane_kernels! {
     Round Glsl [f16 f32 f64] (a: T) -> T { Float::round(a) }
     RoundEven Glsl [f16 f32 f64] (a: T) -> T { Float::round_even(a) }
     Trunc Glsl [f16 f32 f64] (a: T) -> T { Float::trunc(a) }
@@ -81,10 +81,10 @@ rows! {
 pub mod parts {
     use half::f16;
 
+    use crate::lane_kernels;
     use crate::math::float::Float;
-    use crate::rows;
 
-    rows! {
+    lane_kernels! {
         ModfFraction Internal [f16 f32 f64] (a: T) -> T {
             if Float::is_infinite(a) { Float::copysign(T::ZERO, a) } else { Float::copysign(a - Float::trunc(a), a) }
         }
@@ -119,14 +119,14 @@ pub mod parts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ops::row::Family;
-    use crate::ops::row::tests::check;
+    use crate::ops::lane_kernel::OpFamily;
+    use crate::ops::lane_kernel::tests::check;
 
-    fn unary(family: &'static Family, input: f32, expected: f32) {
+    fn unary(family: &'static OpFamily, input: f32, expected: f32) {
         check(family, 32, &[input.to_bits().into()], expected.to_bits().into());
     }
 
-    fn binary(family: &'static Family, a: f32, b: f32, expected: f32) {
+    fn binary(family: &'static OpFamily, a: f32, b: f32, expected: f32) {
         check(family, 32, &[a.to_bits().into(), b.to_bits().into()], expected.to_bits().into());
     }
 

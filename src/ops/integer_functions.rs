@@ -1,8 +1,8 @@
 //! Integer functions of `SPV_INTEL_shader_integer_functions2`.
 
-use crate::rows;
+use crate::lane_kernels;
 
-rows! {
+lane_kernels! {
     /// All bits where the operand is 0.
     UCountLeadingZerosINTEL Core [u8 u16 u32 u64] (a: T) -> T { a.leading_zeros() as T }
     /// All bits where the operand is 0.
@@ -33,7 +33,7 @@ rows! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ops::row::tests::check;
+    use crate::ops::lane_kernel::tests::check;
 
     #[test]
     fn vectors() {

@@ -10,13 +10,13 @@ use crate::module::Id;
 use crate::module::ty::Type;
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::decode::{Decoder, Words};
-use crate::ops::row::Row;
+use crate::ops::lane_kernel::LaneKernel;
 
-/// Rows that bring an integer to one word.
+/// Kernels that bring an integer to one word.
 pub mod saturate {
-    use crate::rows;
+    use crate::lane_kernels;
 
-    rows! {
+    lane_kernels! {
         /// The nearest unsigned number of 32 bits.
         ToUnsigned Internal [u64] (a: u64) -> u32 { u32::try_from(a).unwrap_or(u32::MAX) }
         /// The nearest signed number of 32 bits.
@@ -58,8 +58,8 @@ impl Decoder<'_> {
             return Err(self.invalid(format!("%{} is of type {name} where an integer must be", id.0)));
         };
         let components = self.components_of(id, width)?;
-        let Some(row) = row(reading, width, signed) else { return Ok(components) };
-        components.iter().map(|&component| self.row(row, &[component])).collect()
+        let Some(kernel) = kernel(reading, width, signed) else { return Ok(components) };
+        components.iter().map(|&component| self.emit_kernel(kernel, &[component])).collect()
     }
 
     /// The one word of an integer scalar.
@@ -74,17 +74,17 @@ impl Decoder<'_> {
     }
 }
 
-/// The row that reads an integer of a type so; `None` where its word is right already.
-fn row(reading: Reading, width: u32, signed: bool) -> Option<&'static Row> {
+/// The kernel that reads an integer of a type so; `None` where its word is right already.
+fn kernel(reading: Reading, width: u32, signed: bool) -> Option<&'static LaneKernel> {
     use saturate::{ToSigned, ToUnsigned, UnsignedToSigned};
     match (reading, width, signed) {
         (Reading::Index, 8 | 16, _) | (Reading::Number | Reading::Coordinate, 8 | 16, true) => {
-            conversion::row(Conversion::S, width, 32)
+            conversion::kernel(Conversion::S, width, 32)
         }
-        (Reading::Unsigned | Reading::Index, 64, _) => Some(&ToUnsigned.rows[0]),
-        (Reading::Number | Reading::Coordinate, 64, true) => Some(&ToSigned.rows[0]),
+        (Reading::Unsigned | Reading::Index, 64, _) => Some(&ToUnsigned.kernels[0]),
+        (Reading::Number | Reading::Coordinate, 64, true) => Some(&ToSigned.kernels[0]),
         (Reading::Number | Reading::Coordinate, 64, false) | (Reading::Number, 32, false) => {
-            UnsignedToSigned.row(width)
+            UnsignedToSigned.kernel(width)
         }
         _ => None,
     }
@@ -93,7 +93,7 @@ fn row(reading: Reading, width: u32, signed: bool) -> Option<&'static Row> {
 #[cfg(test)]
 mod tests {
     use super::saturate::{ToSigned, ToUnsigned, UnsignedToSigned};
-    use crate::ops::row::tests::check;
+    use crate::ops::lane_kernel::tests::check;
 
     #[test]
     fn what_does_not_fit_becomes_the_nearest_number() {

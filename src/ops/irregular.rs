@@ -1,4 +1,4 @@
-//! Instructions that are made of rows but not componentwise: conversions (a row for each pair of
+//! Instructions that are made of kernels but not componentwise: conversions (a kernel for each pair of
 //! widths), extended arithmetic, bit fields, `OpAny`/`OpAll`, and the packing half of
 //! `GLSL.std.450`.
 
@@ -16,8 +16,8 @@ use crate::ops::conversion::{self, Conversion};
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::parts;
 use crate::ops::integer_operand::Reading;
+use crate::ops::lane_kernel::{InstructionSet, OpFamily, family};
 use crate::ops::relational_logical as logical;
-use crate::ops::row::{Family, Set, family};
 use crate::ops::{amd, componentwise, debug_printf, linear_algebra};
 
 /// Opcodes decoded here.
@@ -89,11 +89,11 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let width = width(decoder, instruction, 0)?;
             let (base, insert) = (components(decoder, instruction, 0)?, components(decoder, instruction, 1)?);
             let (offset, count) = (bits(decoder, instruction, 2)?, bits(decoder, instruction, 3)?);
-            let mask = decoder.family(&field::FieldMask, width, &[offset, count])?;
+            let mask = decoder.emit_family(&field::FieldMask, width, &[offset, count])?;
             let mut result = Words::new();
             for (&base, &insert) in base.iter().zip(&insert) {
-                let moved = decoder.family(&bit::ShiftLeftLogical, width, &[insert, offset])?;
-                result.push(decoder.family(&field::FieldMerge, width, &[mask, moved, base])?);
+                let moved = decoder.emit_family(&bit::ShiftLeftLogical, width, &[insert, offset])?;
+                result.push(decoder.emit_family(&field::FieldMerge, width, &[mask, moved, base])?);
             }
             finish(decoder, instruction, &result, width);
         }
@@ -105,7 +105,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let family = if signed { &field::FieldSExtract } else { &field::FieldUExtract };
             let mut result = Words::new();
             for &base in &base {
-                result.push(decoder.family(family, width, &[base, offset, count])?);
+                result.push(decoder.emit_family(family, width, &[base, offset, count])?);
             }
             finish(decoder, instruction, &result, width);
         }
@@ -114,7 +114,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let family = if opcode == Opcode::Any { &logical::LogicalOr } else { &logical::LogicalAnd };
             let mut result = words[0];
             for &word in &words[1..] {
-                result = decoder.family(family, 0, &[result, word])?;
+                result = decoder.emit_family(family, 0, &[result, word])?;
             }
             decoder.result(instruction, SmallVec::from_slice(&[result]));
         }
@@ -192,8 +192,8 @@ fn convert(decoder: &mut Decoder<'_>, conversion: Conversion, instruction: &Inst
 fn pair_of(
     decoder: &mut Decoder<'_>,
     instruction: &Instruction,
-    low: &'static Family,
-    high: &'static Family,
+    low: &'static OpFamily,
+    high: &'static OpFamily,
 ) -> Result<()> {
     let width = width(decoder, instruction, 0)?;
     let (a, b) = (components(decoder, instruction, 0)?, components(decoder, instruction, 1)?);
@@ -202,8 +202,8 @@ fn pair_of(
     }
     let mut members = [Words::new(), Words::new()];
     for (&a, &b) in a.iter().zip(&b) {
-        members[0].push(decoder.family(low, width, &[a, b])?);
-        members[1].push(decoder.family(high, width, &[a, b])?);
+        members[0].push(decoder.emit_family(low, width, &[a, b])?);
+        members[1].push(decoder.emit_family(high, width, &[a, b])?);
     }
     let members = members.concat();
     finish(decoder, instruction, &members, width);
@@ -230,7 +230,7 @@ fn extended_instruction(decoder: &mut Decoder<'_>, instruction: &Instruction) ->
     if name != "GLSL.std.450" {
         return Err(decoder.unsupported(format!("the instruction set {name}")));
     }
-    if let Some(family) = family(Set::Glsl, number) {
+    if let Some(family) = family(InstructionSet::Glsl, number) {
         return componentwise(decoder, family, instruction, 2);
     }
     let known = GlslStd450Op::from_u32(number);
@@ -287,7 +287,7 @@ fn decode_glsl(decoder: &mut Decoder<'_>, number: GlslStd450Op, instruction: &In
 fn split(
     decoder: &mut Decoder<'_>,
     instruction: &Instruction,
-    families: [&'static Family; 2],
+    families: [&'static OpFamily; 2],
     to_pointer: bool,
 ) -> Result<()> {
     let width = width(decoder, instruction, 2)?;
@@ -296,10 +296,10 @@ fn split(
     let mut results = [Words::new(), Words::new()];
     for &component in &operand {
         for (result, family) in results.iter_mut().zip(families) {
-            let row = family.row(width);
-            let row = row.ok_or_else(|| decoder.unsupported(format!("{width}-bit {}", family.name)))?;
-            let first = decoder.row(row, &[component])?;
-            result.extend((0..row.words).map(|word| first.plus(word)));
+            let kernel = family.kernel(width);
+            let kernel = kernel.ok_or_else(|| decoder.unsupported(format!("{width}-bit {}", family.name)))?;
+            let first = decoder.emit_kernel(kernel, &[component])?;
+            result.extend((0..kernel.words).map(|word| first.plus(word)));
         }
     }
     let [first, mut second] = results;
@@ -323,9 +323,10 @@ fn split(
     check_second(decoder, families[0], operand_type, ty)?;
     // An exponent has 32 bits, or 16 (SPV_AMD_gpu_shader_int16).
     if std::ptr::eq(families[1], &parts::FrexpExponent)
-        && let Some(row) = conversion::row(Conversion::S, 32, decoder.scalar_width(ty)?)
+        && let Some(kernel) = conversion::kernel(Conversion::S, 32, decoder.scalar_width(ty)?)
     {
-        let exponents = second.iter().map(|&word| decoder.row(row, &[word])).collect::<Result<Words>>()?;
+        let exponents =
+            second.iter().map(|&word| decoder.emit_kernel(kernel, &[word])).collect::<Result<Words>>()?;
         second = decoder.spread(&exponents, decoder.scalar_width(ty)?);
     }
     if let Some(pointer) = pointer {
@@ -343,7 +344,7 @@ fn split(
 /// with `SPV_AMD_gpu_shader_int16`.
 fn check_second(
     decoder: &Decoder<'_>,
-    first: &'static Family,
+    first: &'static OpFamily,
     operand: crate::module::ty::TypeId,
     ty: crate::module::ty::TypeId,
 ) -> Result<()> {
@@ -370,14 +371,14 @@ fn check_second(
 fn pack(
     decoder: &mut Decoder<'_>,
     instruction: &Instruction,
-    family: &'static Family,
+    family: &'static OpFamily,
     bits: u32,
 ) -> Result<()> {
     let mut sum = decoder.constant(0)?;
     for (at, component) in components(decoder, instruction, 2)?.into_iter().enumerate() {
         let by = decoder.constant(bits * at as u32)?;
-        let part = decoder.family(family, 32, &[component, by])?;
-        sum = decoder.family(&bit::BitwiseOr, 32, &[sum, part])?;
+        let part = decoder.emit_family(family, 32, &[component, by])?;
+        sum = decoder.emit_family(&bit::BitwiseOr, 32, &[sum, part])?;
     }
     decoder.result(instruction, SmallVec::from_slice(&[sum]));
     Ok(())
@@ -386,7 +387,7 @@ fn pack(
 fn unpack(
     decoder: &mut Decoder<'_>,
     instruction: &Instruction,
-    family: &'static Family,
+    family: &'static OpFamily,
     bits: u32,
 ) -> Result<()> {
     let id: Id = decoder.id(instruction, 2)?;
@@ -394,7 +395,7 @@ fn unpack(
     let mut words = Words::new();
     for at in 0..32 / bits {
         let by = decoder.constant(bits * at)?;
-        words.push(decoder.family(family, 32, &[word, by])?);
+        words.push(decoder.emit_family(family, 32, &[word, by])?);
     }
     decoder.result(instruction, words);
     Ok(())

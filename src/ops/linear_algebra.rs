@@ -49,13 +49,13 @@ struct Scalars<'a, 'm> {
 
 impl Scalars<'_, '_> {
     fn add(&mut self, a: Reg, b: Reg) -> Result<Reg> {
-        self.decoder.family(&FAdd, self.width, &[a, b])
+        self.decoder.emit_family(&FAdd, self.width, &[a, b])
     }
     fn sub(&mut self, a: Reg, b: Reg) -> Result<Reg> {
-        self.decoder.family(&FSub, self.width, &[a, b])
+        self.decoder.emit_family(&FSub, self.width, &[a, b])
     }
     fn mul(&mut self, a: Reg, b: Reg) -> Result<Reg> {
-        self.decoder.family(&FMul, self.width, &[a, b])
+        self.decoder.emit_family(&FMul, self.width, &[a, b])
     }
     fn dot(&mut self, a: &[Reg], b: &[Reg]) -> Result<Reg> {
         let mut sum = self.mul(a[0], b[0])?;
@@ -75,12 +75,12 @@ impl Scalars<'_, '_> {
     }
     /// Chooses between two scalars.
     fn select(&mut self, condition: Reg, a: Reg, b: Reg) -> Result<Reg> {
-        let row = &SelectWord.rows[0];
-        let low = self.decoder.row(row, &[condition, a, b])?;
+        let kernel = &SelectWord.kernels[0];
+        let low = self.decoder.emit_kernel(kernel, &[condition, a, b])?;
         if self.width < 64 {
             return Ok(low);
         }
-        let high = self.decoder.row(row, &[condition, a.plus(1), b.plus(1)])?;
+        let high = self.decoder.emit_kernel(kernel, &[condition, a.plus(1), b.plus(1)])?;
         self.decoder.pair(low, high)
     }
     /// The determinant by expansion along the first column.
@@ -234,7 +234,7 @@ fn dot_of_bfloat16(
         }
     }
     let sum = Scalars { decoder, width: 32 }.dot(&wide[0], &wide[1])?;
-    let result = decoder.family(&encoded::ToBFloat16, 32, &[sum])?;
+    let result = decoder.emit_family(&encoded::ToBFloat16, 32, &[sum])?;
     decoder.result(instruction, SmallVec::from_slice(&[result]));
     Ok(true)
 }
@@ -304,7 +304,8 @@ pub fn decode_glsl(
         } else {
             // The adjugate over the determinant: element (row i, column j) is the cofactor (j, i).
             let one = scalars.number(1.0)?;
-            let scale = scalars.decoder.family(&crate::ops::arithmetic::FDiv, width, &[one, determinant])?;
+            let scale =
+                scalars.decoder.emit_family(&crate::ops::arithmetic::FDiv, width, &[one, determinant])?;
             for column in 0..columns.len() {
                 for row in 0..columns.len() {
                     let minor = match columns.len() {
@@ -313,7 +314,7 @@ pub fn decode_glsl(
                     };
                     let cofactor = match (row + column) % 2 {
                         0 => minor,
-                        _ => scalars.decoder.family(&FNegate, width, &[minor])?,
+                        _ => scalars.decoder.emit_family(&FNegate, width, &[minor])?,
                     };
                     result.push(scalars.mul(cofactor, scale)?);
                 }
@@ -353,15 +354,15 @@ pub fn decode_glsl(
             }
             // The length of a scalar is its magnitude, which the square root of its square is not.
             if size == 1 {
-                result.push(s.decoder.family(&crate::ops::glsl::FAbs, width, &[v[0]])?);
+                result.push(s.decoder.emit_family(&crate::ops::glsl::FAbs, width, &[v[0]])?);
             } else {
                 let dot = s.dot(&v, &v)?;
-                result.push(s.decoder.family(&Sqrt, width, &[dot])?);
+                result.push(s.decoder.emit_family(&Sqrt, width, &[dot])?);
             }
         }
         GlslStd450Op::Normalize => {
             let dot = s.dot(&a, &a)?;
-            let scale = s.decoder.family(&InverseSqrt, width, &[dot])?;
+            let scale = s.decoder.emit_family(&InverseSqrt, width, &[dot])?;
             for &component in &a {
                 result.push(s.mul(component, scale)?);
             }
@@ -380,9 +381,9 @@ pub fn decode_glsl(
         GlslStd450Op::FaceForward => {
             let dot = s.dot(&c, &b)?;
             let zero = s.number(0.0)?;
-            let facing = s.decoder.family(&FOrdLessThan, width, &[dot, zero])?;
+            let facing = s.decoder.emit_family(&FOrdLessThan, width, &[dot, zero])?;
             for &component in &a {
-                let flipped = s.decoder.family(&FNegate, width, &[component])?;
+                let flipped = s.decoder.emit_family(&FNegate, width, &[component])?;
                 result.push(s.select(facing, component, flipped)?);
             }
         }
@@ -407,8 +408,8 @@ pub fn decode_glsl(
             let squared_eta = s.mul(eta, eta)?;
             let product = s.mul(squared_eta, rest)?;
             let k = s.sub(one, product)?;
-            let total = s.decoder.family(&FOrdLessThan, width, &[k, zero])?;
-            let root = s.decoder.family(&Sqrt, width, &[k])?;
+            let total = s.decoder.emit_family(&FOrdLessThan, width, &[k, zero])?;
+            let root = s.decoder.emit_family(&Sqrt, width, &[k])?;
             let along = s.mul(eta, dot)?;
             let scale = s.add(along, root)?;
             for at in 0..size {
@@ -426,11 +427,11 @@ pub fn decode_glsl(
 
 /// The ratio of `Refract`, which may be of another width than the vectors.
 fn eta(s: &mut Scalars<'_, '_>, instruction: &Instruction, reg: Reg) -> Result<Reg> {
-    use crate::ops::conversion::{Conversion, row};
+    use crate::ops::conversion::{Conversion, kernel};
     let id = s.decoder.id(instruction, 4)?;
     let from = s.decoder.type_of(id).and_then(|ty| s.decoder.scalar_width(ty))?;
-    match row(Conversion::F, from, s.width) {
-        Some(row) => s.decoder.row(row, &[reg]),
+    match kernel(Conversion::F, from, s.width) {
+        Some(kernel) => s.decoder.emit_kernel(kernel, &[reg]),
         None => Ok(reg),
     }
 }

@@ -1,7 +1,7 @@
 //! The instruction set: one file per section of the SPIR-V specification.
 //!
-//! Regular instructions are rows ([`row`]): a scalar closure each. Irregular ones are a variant of
-//! their section's `Op` with an arm in its `decode` and its `eval`. [`decode`] turns ids into rows
+//! Regular instructions are kernels ([`kernel`]): a scalar closure each. Irregular ones are a variant of
+//! their section's `Op` with an arm in its `decode` and its `eval`. [`decode`] turns ids into kernels
 //! of registers, so that composites cost nothing when the program runs.
 
 pub mod address;
@@ -28,6 +28,7 @@ pub mod integer_functions;
 pub mod integer_operand;
 pub mod interface_check;
 pub mod irregular;
+pub mod lane_kernel;
 pub mod linear_algebra;
 pub mod load_store;
 pub mod memory;
@@ -41,7 +42,6 @@ pub mod ray_query;
 pub mod ray_rules;
 pub mod ray_tracing;
 pub mod relational_logical;
-pub mod row;
 pub mod seen;
 pub mod stretch;
 pub mod subgroup;
@@ -57,10 +57,10 @@ use crate::module::{Id, Instruction};
 use crate::ops::conversion::Conversion;
 use crate::ops::decode::{Decoder, Words};
 use crate::ops::integer_operand::Reading;
-use crate::ops::row::{Family, Set};
+use crate::ops::lane_kernel::{InstructionSet, OpFamily};
 
 /// The families of every section.
-pub static SECTIONS: &[&[&Family]] = &[
+pub static SECTIONS: &[&[&OpFamily]] = &[
     arithmetic::FAMILIES,
     bit::FAMILIES,
     conversion::FAMILIES,
@@ -88,7 +88,7 @@ pub fn decode_number(decoder: &mut Decoder<'_>, number: u16, instruction: &Instr
 /// know its opcode, `number`.
 pub fn decode_instruction(decoder: &mut Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
     operand_types::check(decoder, number, instruction)?;
-    if let Some(family) = row::family(Set::Core, number.into()) {
+    if let Some(family) = lane_kernel::family(InstructionSet::Core, number.into()) {
         return componentwise(decoder, family, instruction, 0);
     }
     let Some(opcode) = Opcode::from_u32(number.into()) else {
@@ -115,22 +115,23 @@ pub fn decode_instruction(decoder: &mut Decoder<'_>, number: u16, instruction: &
     Err(decoder.unsupported(format!("{name} is not supported")))
 }
 
-/// Applies a family's row to each component of the operands from `first` on.
+/// Applies a family's kernel to each component of the operands from `first` on.
 pub fn componentwise(
     decoder: &mut Decoder<'_>,
-    family: &'static Family,
+    family: &'static OpFamily,
     instruction: &Instruction,
     first: usize,
 ) -> Result<()> {
     let ids = &decoder.operands(instruction)[first..];
-    let arity = family.rows[0].operands.iter().filter(|&&words| words > 0).count();
+    let arity = family.kernels[0].operands.iter().filter(|&&words| words > 0).count();
     if ids.len() < arity {
         return Err(decoder.invalid(format!("{} takes {arity} operands", family.name)));
     }
     let ty = decoder.type_of(Id(ids[0]))?;
     let width = decoder.scalar_width(ty)?;
-    let row = family.row(width);
-    let row = row.ok_or_else(|| decoder.unsupported(format!("{} on {width}-bit operands", family.name)))?;
+    let kernel = family.kernel(width);
+    let kernel =
+        kernel.ok_or_else(|| decoder.unsupported(format!("{} on {width}-bit operands", family.name)))?;
     let mut operands: [Words; 3] = Default::default();
     for at in 0..arity {
         let id = Id(ids[at]);
@@ -155,9 +156,9 @@ pub fn componentwise(
         for (from, operand) in from.iter_mut().zip(&operands[..arity]) {
             *from = operand[component];
         }
-        let to = decoder.row(row, &from[..arity])?;
+        let to = decoder.emit_kernel(kernel, &from[..arity])?;
         words.push(to);
-        if row.words == 2 {
+        if kernel.words == 2 {
             words.push(to.plus(1));
         }
     }
@@ -170,8 +171,8 @@ pub fn componentwise(
 }
 
 /// How an operand is read whose width has nothing to do with that of the others.
-fn free_width(family: &'static Family, at: usize) -> Option<Reading> {
-    let is = |known: &'static Family| std::ptr::eq(family, known);
+fn free_width(family: &'static OpFamily, at: usize) -> Option<Reading> {
+    let is = |known: &'static OpFamily| std::ptr::eq(family, known);
     if at != 1 {
         return None;
     }
@@ -184,7 +185,7 @@ fn free_width(family: &'static Family, at: usize) -> Option<Reading> {
 /// Numbers of one word, unsigned and below 256, in the width of the result.
 fn counts(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &[Reg]) -> Result<Words> {
     let width = decoder.result_type(instruction).and_then(|ty| decoder.scalar_width(ty))?;
-    let Some(row) = conversion::row(Conversion::U, 32, width) else { return Ok(words.into()) };
-    let counts = words.iter().map(|&word| decoder.row(row, &[word])).collect::<Result<Words>>()?;
+    let Some(kernel) = conversion::kernel(Conversion::U, 32, width) else { return Ok(words.into()) };
+    let counts = words.iter().map(|&word| decoder.emit_kernel(kernel, &[word])).collect::<Result<Words>>()?;
     Ok(decoder.spread(&counts, width))
 }

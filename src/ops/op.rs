@@ -1,16 +1,16 @@
 //! An operation: what is left of an instruction when types and composites are gone.
 
 use crate::machine::{Batch, Bindings, Reg};
-use crate::ops::row::{Row, Width};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::{atomic, debug_printf, hit_object, image, memory, ray_query, ray_tracing, subgroup};
 
 /// One operation on rows.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Op {
     /// A regular instruction: the same scalar function in every lane.
-    Row {
+    LaneKernel {
         /// Which.
-        row: &'static Row,
+        kernel: &'static LaneKernel,
         /// The first row of the result.
         to: Reg,
         /// The first row of each operand.
@@ -54,11 +54,11 @@ impl Op {
     /// Reports the rows that the operation reads and writes, and whether it has an effect beside.
     pub fn accesses(&self, mut visit: impl FnMut(Access)) {
         match self {
-            Self::Row { row, to, from } => {
-                for (&reg, &words) in from.iter().zip(&row.operands).take_while(|(_, words)| **words > 0) {
+            Self::LaneKernel { kernel, to, from } => {
+                for (&reg, &words) in from.iter().zip(&kernel.operands).take_while(|(_, words)| **words > 0) {
                     visit(Access::Read(reg, words));
                 }
-                visit(Access::Write(*to, row.words));
+                visit(Access::Write(*to, kernel.words));
             }
             Self::Memory(op) => op.accesses(&mut visit),
             Self::Atomic(op) => op.accesses(&mut visit),
@@ -77,10 +77,12 @@ impl Op {
     #[inline(always)]
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings)
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         match self {
-            Self::Row { row, to, from } => Width::<W>::run(*row, &mut batch.registers, *to, from),
+            Self::LaneKernel { kernel, to, from } => {
+                Width::<W>::run(*kernel, &mut batch.registers, *to, from)
+            }
             Self::Memory(op) => op.eval(batch, bindings),
             Self::Atomic(op) => op.eval(batch, bindings),
             Self::Subgroup(op) => op.eval(batch),

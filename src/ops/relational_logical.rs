@@ -4,10 +4,10 @@
 
 use half::f16;
 
+use crate::lane_kernels;
 use crate::math::float::Float;
-use crate::rows;
 
-rows! {
+lane_kernels! {
     IsNan Core [f16 f32 f64] (a: T) -> bool { Float::is_nan(a) }
     IsInf Core [f16 f32 f64] (a: T) -> bool { Float::is_infinite(a) }
     LogicalEqual Core [bool] (a: bool, b: bool) -> bool { a == b }
@@ -44,9 +44,9 @@ rows! {
 
 /// `OpSelect` on one word; wider values are selected word by word.
 pub mod select {
-    use crate::rows;
+    use crate::lane_kernels;
 
-    rows! {
+    lane_kernels! {
         SelectWord Internal [bool] (condition: bool, a: u32, b: u32) -> u32 { if condition { a } else { b } }
     }
 }
@@ -54,7 +54,7 @@ pub mod select {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ops::row::tests::check;
+    use crate::ops::lane_kernel::tests::check;
 
     #[test]
     fn vectors() {

@@ -31,9 +31,9 @@ use crate::machine::lanes::Lanes;
 use crate::machine::{Mask, Registers};
 use crate::math::vectors::{Task, Vectors};
 use crate::ops::conversion::{self, Between, Conversion};
+use crate::ops::lane_kernel::{Binary, Bits, LaneKernel, Width};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select;
-use crate::ops::row::{Binary, Bits, Row, Width};
 use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
 use pairs::{After, Shape, Then, ThenWith, WithItself};
 pub use plan::{Fate, takes_float};
@@ -243,21 +243,21 @@ macro_rules! functions {
 
         impl Function {
             /// The rows that have a code.
-            fn rows() -> Vec<(&'static Row, Self)> {
+            fn kernels() -> Vec<(&'static LaneKernel, Self)> {
                 let families = [
-                    $(($unary_section::$unary.row(<$unary_type as Bits>::BITS), Self::$unary),)*
-                    $(($commuting_section::$commuting.row(<$commuting_type as Bits>::BITS), Self::$commuting),)*
-                    $(($binary_section::$binary.row(<$binary_type as Bits>::BITS), Self::$binary),)*
-                    $(($shift_section::$shift.row(<$shift_type as Bits>::BITS), Self::$shift),)*
-                    $(($ternary_section::$ternary.row(<$ternary_type as Bits>::BITS), Self::$ternary),)*
+                    $(($unary_section::$unary.kernel(<$unary_type as Bits>::BITS), Self::$unary),)*
+                    $(($commuting_section::$commuting.kernel(<$commuting_type as Bits>::BITS), Self::$commuting),)*
+                    $(($binary_section::$binary.kernel(<$binary_type as Bits>::BITS), Self::$binary),)*
+                    $(($shift_section::$shift.kernel(<$shift_type as Bits>::BITS), Self::$shift),)*
+                    $(($ternary_section::$ternary.kernel(<$ternary_type as Bits>::BITS), Self::$ternary),)*
                 ];
                 let conversions = [$((
-                    conversion::row(Conversion::$conversion, <$from as Bits>::BITS, <$into as Bits>::BITS),
+                    conversion::kernel(Conversion::$conversion, <$from as Bits>::BITS, <$into as Bits>::BITS),
                     Self::$conversion,
                 )),*];
-                let truncation = (conversion::row(Conversion::FToS, 32, 32), Self::FToS);
+                let truncation = (conversion::kernel(Conversion::FToS, 32, 32), Self::FToS);
                 let all = families.into_iter().chain(conversions).chain([truncation]);
-                all.filter_map(|(row, function)| Some((row?, function))).collect()
+                all.filter_map(|(kernel, function)| Some((kernel?, function))).collect()
             }
 
             /// Whether the first two operands may change places.
@@ -552,7 +552,7 @@ impl Steps {
         mask: Mask<W>,
     ) -> u32
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let [mut first, end] = [range.start, range.end].map(|op| self.first[op as usize] as usize);
         let running = (!mask.is_all()).then(|| mask.words());
@@ -560,9 +560,9 @@ impl Steps {
             let steps = &self.steps[first..end];
             first += self.run_some(registers, steps, running.as_ref());
             let Some(&op) = self.ops[..end].get(first) else { return range.end };
-            // Rows without a code.
-            let Op::Row { row, to, from } = &ops[op as usize] else { return op };
-            row.run(registers, *to, from);
+            // A lane kernel without a superinstruction.
+            let Op::LaneKernel { kernel, to, from } = &ops[op as usize] else { return op };
+            kernel.run(registers, *to, from);
             first += 1;
         }
     }

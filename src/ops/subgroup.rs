@@ -17,8 +17,8 @@ use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::decode::{Decoder, Words, rows_from};
 use crate::ops::integer_operand::Reading;
+use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::op::{Access, Op as Operation};
-use crate::ops::row::{Family, Row};
 use crate::ops::{arithmetic, bit, glsl, relational_logical};
 
 /// Opcodes decoded here.
@@ -127,7 +127,7 @@ pub enum Over {
     Cluster(u32),
     /// Those up to the own one.
     Inclusive,
-    /// Those below the own one; the second row is what none give.
+    /// Those below the own one; the second register is what none give.
     Exclusive(Reg),
 }
 
@@ -155,10 +155,10 @@ pub enum Kind {
         /// Whether the own place is meant.
         own: bool,
     },
-    /// Values combined by a row.
+    /// Values combined by a kernel.
     Combine {
-        /// The row that combines two.
-        row: &'static Row,
+        /// The kernel that combines two.
+        kernel: &'static LaneKernel,
         /// Over which.
         over: Over,
         /// Whether the operand is a ballot that says which invocations belong together.
@@ -171,15 +171,15 @@ pub enum Kind {
 pub struct Op {
     /// What it does.
     pub kind: Kind,
-    /// The first row of the result.
+    /// The first register of the result.
     pub to: Reg,
     /// Rows of the result.
     pub results: u32,
-    /// The first row of the value.
+    /// The first register of the value.
     pub value: Reg,
     /// Rows of the value.
     pub values: u32,
-    /// The first row of a second operand.
+    /// The first register of a second operand.
     pub operand: Reg,
     /// Rows of the second operand.
     pub operands: u32,
@@ -190,8 +190,8 @@ impl Op {
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         visit(Access::Read(self.value, self.values));
         visit(Access::Read(self.operand, self.operands));
-        if let Kind::Combine { row, over: Over::Exclusive(identity), .. } = self.kind {
-            visit(Access::Read(identity, row.words));
+        if let Kind::Combine { kernel, over: Over::Exclusive(identity), .. } = self.kind {
+            visit(Access::Read(identity, kernel.words));
         }
         visit(Access::Write(self.to, self.results));
     }
@@ -258,7 +258,7 @@ impl Op {
                     let word = value(lane).get(at as usize / 32).copied().unwrap_or(0);
                     one(word >> (at % 32) & 1 != 0)
                 }
-                Kind::Combine { row, over, partitioned } => {
+                Kind::Combine { kernel, over, partitioned } => {
                     let belongs = |peer: &(usize, u32)| {
                         if !partitioned {
                             return true;
@@ -272,10 +272,10 @@ impl Op {
                         Over::Exclusive(_) => peer.1 < place,
                     };
                     let chosen = members.iter().filter(|peer| belongs(peer) && taken(peer));
-                    let combined = combine(row, chosen.map(|peer| value(peer.0)));
+                    let combined = combine(kernel, chosen.map(|peer| value(peer.0)));
                     combined.unwrap_or_else(|| match over {
                         Over::Exclusive(identity) => {
-                            registers.lane_words(identity, row.words, lane).collect()
+                            registers.lane_words(identity, kernel.words, lane).collect()
                         }
                         _ => value(lane),
                     })
@@ -331,14 +331,17 @@ fn count(bits: Bits, ballot: &[u32], place: u32, size: u32) -> u32 {
 }
 
 /// Combines values from left to right; `None` where there are none.
-fn combine(row: &Row, mut values: impl Iterator<Item = SmallVec<[u32; 4]>>) -> Option<SmallVec<[u32; 4]>> {
+fn combine(
+    kernel: &LaneKernel,
+    mut values: impl Iterator<Item = SmallVec<[u32; 4]>>,
+) -> Option<SmallVec<[u32; 4]>> {
     let mut sum = values.next()?;
     let mut registers = Registers::<1>::new(6);
     for value in values {
         registers.set_lane_words(Reg(0), 0, sum.iter().copied());
         registers.set_lane_words(Reg(2), 0, value);
-        (row.one)(&mut registers, Reg(4), &[Reg(0), Reg(2), Reg(0)]);
-        sum = registers.lane_words(Reg(4), row.words, 0).collect();
+        (kernel.one)(&mut registers, Reg(4), &[Reg(0), Reg(2), Reg(0)]);
+        sum = registers.lane_words(Reg(4), kernel.words, 0).collect();
     }
     Some(sum)
 }
@@ -448,8 +451,8 @@ fn emit(
         // Counted in 32 bits, and given in those of the result.
         let counted = append(decoder, kind, 1, rows)?;
         let width = decoder.scalar_width(ty)?;
-        let first = match conversion::row(Conversion::U, 32, width) {
-            Some(row) => decoder.row(row, &[counted])?,
+        let first = match conversion::kernel(Conversion::U, 32, width) {
+            Some(kernel) => decoder.emit_kernel(kernel, &[counted])?,
             None => counted,
         };
         decoder.result(instruction, rows_from(first, results));
@@ -468,8 +471,8 @@ fn emit(
     Ok(())
 }
 
-/// Appends an operation on a value and a second operand, each its first row and how many there are, and gives the
-/// first row of the result.
+/// Appends an operation on a value and a second operand, each its first register and how many there are, and gives the
+/// first register of the result.
 fn append(decoder: &mut Decoder<'_>, kind: Kind, results: u32, from: [(Reg, u32); 2]) -> Result<Reg> {
     let to = decoder.fresh(results)?;
     let [(value, values), (operand, operands)] = from;
@@ -490,7 +493,7 @@ pub fn read_at(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32, op
 /// Reductions and scans, component by component.
 fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
     use Opcode as O;
-    let (family, identity): (&'static Family, fn(u32) -> u64) = match opcode {
+    let (family, identity): (&'static OpFamily, fn(u32) -> u64) = match opcode {
         O::GroupNonUniformIAdd | O::GroupIAddNonUniformAMD => (&arithmetic::IAdd, |_| 0),
         O::GroupNonUniformFAdd | O::GroupFAddNonUniformAMD => (&arithmetic::FAdd, |_| 0),
         O::GroupNonUniformIMul => (&arithmetic::IMul, |_| 1),
@@ -514,12 +517,13 @@ fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     };
     let ty = decoder.result_type(instruction)?;
     let width = decoder.scalar_width(ty)?;
-    let row = family.row(width);
-    let row = row.ok_or_else(|| decoder.unsupported(format!("{} on {width}-bit operands", family.name)))?;
+    let kernel = family.kernel(width);
+    let kernel =
+        kernel.ok_or_else(|| decoder.unsupported(format!("{} on {width}-bit operands", family.name)))?;
     let operation = decoder.literal(instruction, 1)?;
     let identity = {
         let bits = identity(width);
-        if row.words == 2 { decoder.wide_constant(bits)? } else { decoder.constant(bits as u32)? }
+        if kernel.words == 2 { decoder.wide_constant(bits)? } else { decoder.constant(bits as u32)? }
     };
     let (over, partitioned) = match GroupOperation::from_u32(operation) {
         Some(GroupOperation::Reduce) => (Over::Cluster(0), false),
@@ -531,7 +535,7 @@ fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         Some(GroupOperation::PartitionedExclusiveScanEXT) => (Over::Exclusive(identity), true),
         _ => return Err(decoder.invalid(format!("group operation {operation}"))),
     };
-    let kind = Kind::Combine { row, over, partitioned };
+    let kind = Kind::Combine { kernel, over, partitioned };
     let partition = if partitioned {
         let words = decoder.operand(instruction, 3)?;
         if words.len() != 4 {
@@ -550,8 +554,8 @@ fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     }
     let mut words = Words::new();
     for value in decoder.components(id)? {
-        let to = append(decoder, kind, row.words, [(value, row.words), partition])?;
-        words.extend((0..row.words).map(|word| to.plus(word)));
+        let to = append(decoder, kind, kernel.words, [(value, kernel.words), partition])?;
+        words.extend((0..kernel.words).map(|word| to.plus(word)));
     }
     decoder.result(instruction, words);
     Ok(())

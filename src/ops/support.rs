@@ -1,6 +1,6 @@
 //! What runs, what does not yet, and what this crate will not run.
 //!
-//! Computed from the instruction set itself: an instruction runs where a family of rows has its
+//! Computed from the instruction set itself: an instruction runs where a family of kernels has its
 //! number, or a section lists it among the opcodes that it decodes. The rest is classed by hand in
 //! `lists`, mostly by the capability that an instruction needs; a test walks rspirv's grammar and
 //! fails where one is classed nowhere.
@@ -14,7 +14,7 @@ use rspirv::spirv::{self, Capability, GlslStd450Op, Op as Opcode};
 use crate::module::interface::EntryPoint;
 use crate::module::names::{builtin_name, ext_inst_name, opcode_name, storage_class_name};
 use crate::module::{Definition, Id, Instruction, Module};
-use crate::ops::row::{Set, family};
+use crate::ops::lane_kernel::{InstructionSet, family};
 use crate::ops::{
     address, amd, atomic, barrier, builtin, composite, derivative, dot_product, hit_object, image, irregular,
     linear_algebra, pointer, ray_query, ray_tracing, subgroup,
@@ -73,7 +73,7 @@ pub fn opcode(number: u16) -> Option<Support> {
 /// The class of an instruction of `GLSL.std.450`; `None` where no list knows it.
 pub fn glsl(number: u32) -> Option<Support> {
     let op = GlslStd450Op::from_u32(number)?;
-    if family(Set::Glsl, number).is_some()
+    if family(InstructionSet::Glsl, number).is_some()
         || irregular::GLSL.contains(&op)
         || linear_algebra::GLSL.contains(&op)
     {
@@ -191,10 +191,10 @@ fn extended(module: &Module, instruction: &Instruction) -> Option<(String, Optio
     Some((format!("{set} {}", ext_inst_name(set, number)), support))
 }
 
-/// The section whose rows or list hold an opcode.
+/// The section whose kernels or list hold an opcode.
 fn section_of(op: Opcode) -> Option<&'static str> {
     for (group, families) in lists::SECTIONS {
-        if families.iter().any(|family| family.set == Set::Core && family.number == op as u32) {
+        if families.iter().any(|family| family.set == InstructionSet::Core && family.number == op as u32) {
             return Some(group);
         }
     }

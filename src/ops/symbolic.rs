@@ -9,9 +9,9 @@ use smallvec::SmallVec;
 
 use crate::machine::Reg;
 use crate::ops::conversion::{self, Conversion};
+use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory;
 use crate::ops::op::{Access, Op};
-use crate::ops::row::Row;
 use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
 
 /// The number of an expression.
@@ -28,9 +28,9 @@ enum Expression {
     /// What nobody has written.
     Undefined(Reg),
     Constant(u32),
-    /// A word of what a regular operation gives; its row by its address.
+    /// A word of what a regular operation gives; its kernel by its address.
     Regular {
-        row: usize,
+        kernel: usize,
         word: u32,
         operands: Values,
     },
@@ -53,13 +53,13 @@ pub struct Numbering {
     /// By address: regular operations whose two operands may change places.
     commuting: Vec<usize>,
     /// By address: those that expressions name.
-    rows: FxHashMap<usize, &'static Row>,
+    kernels: FxHashMap<usize, &'static LaneKernel>,
 }
 
 impl Numbering {
     /// No expressions.
     pub fn new() -> Self {
-        let families: [&'static crate::ops::row::Family; 18] = [
+        let families: [&'static crate::ops::lane_kernel::OpFamily; 18] = [
             &arithmetic::IAdd,
             &arithmetic::IMul,
             &arithmetic::FAdd,
@@ -80,8 +80,8 @@ impl Numbering {
             &glsl::UMax,
         ];
         let more = [&glsl::SMax, &logical::FOrdNotEqual];
-        let rows = families.into_iter().chain(more).flat_map(|family| family.rows);
-        let words = rows.filter(|row| row.operands == [1, 1, 0] && row.words == 1);
+        let kernels = families.into_iter().chain(more).flat_map(|family| family.kernels);
+        let words = kernels.filter(|kernel| kernel.operands == [1, 1, 0] && kernel.words == 1);
         Self { commuting: words.map(address).collect(), ..Self::default() }
     }
 
@@ -119,18 +119,18 @@ impl Numbering {
     }
 
     /// A word of what a regular operation gives.
-    pub fn regular(&mut self, row: &'static Row, word: u32, operands: &[Value]) -> Value {
-        let (mut row, mut operands) = (row, Values::from_slice(operands));
+    pub fn regular(&mut self, kernel: &'static LaneKernel, word: u32, operands: &[Value]) -> Value {
+        let (mut kernel, mut operands) = (kernel, Values::from_slice(operands));
         // A clamp is a minimum of a maximum.
-        let clamp = match row.name {
+        let clamp = match kernel.name {
             "FClamp" => Some((&glsl::FMax, &glsl::FMin)),
             "NClamp" => Some((&glsl::NMax, &glsl::NMin)),
             "UClamp" => Some((&glsl::UMax, &glsl::UMin)),
             "SClamp" => Some((&glsl::SMax, &glsl::SMin)),
             _ => None,
         };
-        if let (Some((lower, upper)), 1, [a, low, high]) = (clamp, row.words, &operands[..])
-            && let (Some(lower), Some(upper)) = (lower.row(row.width), upper.row(row.width))
+        if let (Some((lower, upper)), 1, [a, low, high]) = (clamp, kernel.words, &operands[..])
+            && let (Some(lower), Some(upper)) = (lower.kernel(kernel.width), upper.kernel(kernel.width))
         {
             let (low, high) = ([*a, *low], *high);
             let inner = self.regular(lower, 0, &low);
@@ -138,25 +138,25 @@ impl Numbering {
         }
         // What was shifted to the right by one bit at least is not negative.
         if let (Some(signed), Some(unsigned)) =
-            (conversion::row(Conversion::SToF, 32, 32), conversion::row(Conversion::UToF, 32, 32))
-            && row == signed
+            (conversion::kernel(Conversion::SToF, 32, 32), conversion::kernel(Conversion::UToF, 32, 32))
+            && kernel == signed
             && self.is_shifted_right(operands[0])
         {
-            row = unsigned;
+            kernel = unsigned;
         }
-        if self.commuting.contains(&address(row)) {
+        if self.commuting.contains(&address(kernel)) {
             operands[..2].sort_unstable();
         }
-        self.rows.insert(address(row), row);
-        self.number(Expression::Regular { row: address(row), word, operands })
+        self.kernels.insert(address(kernel), kernel);
+        self.number(Expression::Regular { kernel: address(kernel), word, operands })
     }
 
     fn is_shifted_right(&self, value: Value) -> bool {
-        let Expression::Regular { row, operands, .. } = &self.expressions[value.0 as usize] else {
+        let Expression::Regular { kernel, operands, .. } = &self.expressions[value.0 as usize] else {
             return false;
         };
-        let shift = bit::ShiftRightLogical.row(32).map(address);
-        shift == Some(*row) && self.word_of(operands[1]).is_some_and(|by| (1..32).contains(&by))
+        let shift = bit::ShiftRightLogical.kernel(32).map(address);
+        shift == Some(*kernel) && self.word_of(operands[1]).is_some_and(|by| (1..32).contains(&by))
     }
 
     fn irregular(&mut self, op: u32, effects: u32, word: u32, operands: &Values) -> Value {
@@ -168,9 +168,9 @@ impl Numbering {
         let [a, b] = [one, other].map(|value| &self.expressions[value.0 as usize]);
         let operands = match (a, b) {
             (
-                Expression::Regular { row, word, operands },
-                Expression::Regular { row: row2, word: word2, operands: operands2 },
-            ) if (row, word) == (row2, word2) => Some((operands, operands2)),
+                Expression::Regular { kernel, word, operands },
+                Expression::Regular { kernel: row2, word: word2, operands: operands2 },
+            ) if (kernel, word) == (row2, word2) => Some((operands, operands2)),
             (
                 Expression::Irregular { op, effects, word, operands },
                 Expression::Irregular { op: op2, effects: effects2, word: word2, operands: operands2 },
@@ -201,8 +201,8 @@ impl Numbering {
             Expression::Initial(reg) => format!("r{}", reg.0),
             Expression::Undefined(reg) => format!("undefined r{}", reg.0),
             Expression::Constant(word) => format!("{word:#x}"),
-            Expression::Regular { row, operands, .. } => {
-                format!("{:?}({})", self.rows[row], list(operands))
+            Expression::Regular { kernel, operands, .. } => {
+                format!("{:?}({})", self.kernels[kernel], list(operands))
             }
             Expression::Irregular { op, effects, word, operands } => {
                 let name = self.irregular.iter().find(|(_, number)| *number == op);
@@ -213,9 +213,9 @@ impl Numbering {
     }
 }
 
-/// What identifies a row of the tables.
-fn address(row: &'static Row) -> usize {
-    std::ptr::from_ref(row) as usize
+/// What identifies a kernel of the tables.
+fn address(kernel: &'static LaneKernel) -> usize {
+    std::ptr::from_ref(kernel) as usize
 }
 
 /// An effect: the operation without its registers, and what it reads.
@@ -287,12 +287,12 @@ impl<'a> State<'a> {
     pub fn execute(&mut self, op: &Op, numbering: &mut Numbering) {
         let mut operands = Values::new();
         match op {
-            Op::Row { row, to, from } => {
-                for (&reg, &words) in from.iter().zip(&row.operands) {
+            Op::LaneKernel { kernel, to, from } => {
+                for (&reg, &words) in from.iter().zip(&kernel.operands) {
                     self.read(reg, words, numbering, &mut operands);
                 }
-                for word in 0..row.words {
-                    let value = numbering.regular(row, word, &operands);
+                for word in 0..kernel.words {
+                    let value = numbering.regular(kernel, word, &operands);
                     self.set(to.plus(word), value);
                     self.written_in_all_lanes.push(to.plus(word));
                 }

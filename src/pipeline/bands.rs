@@ -15,7 +15,7 @@ use crate::machine::format::Format;
 use crate::machine::image::{Image, Position};
 use crate::machine::{Binding, Descriptor};
 use crate::module::interface::Stage;
-use crate::ops::row::{Row, Width};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::{Launch, Stats};
 use crate::pipeline::order;
 use crate::program::Program;
@@ -193,7 +193,7 @@ impl Bands<'_> {
         mut take: impl FnMut(Band<'_>) -> Result<()> + Send,
     ) -> Result<Stats>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let [width, height] = self.size;
         self.launch.count([width, height, 1])?;

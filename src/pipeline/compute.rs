@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Observer, Resources, Workgroup};
-use crate::ops::row::{Row, Width};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::Stats;
 use crate::pipeline::tasks::{Done, Tasks};
 use crate::pipeline::trapped::Trapped;
@@ -118,7 +118,7 @@ impl Compute {
         done: &(impl Fn(u64) + Sync),
     ) -> Result<Stats>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         self.check(groups)?;
         self.run_to_trap::<W>(resources, groups, done).map_err(|trapped| trapped.error)
@@ -197,7 +197,7 @@ impl Compute {
         done: &(impl Fn(u64) + Sync),
     ) -> Result<Stats, Box<Trapped>>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let bindings = resources.bindings(self.program.bindings());

@@ -5,7 +5,7 @@ use crate::machine::hit_object::{Encoded, HitEncoded, HitObject};
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::Rows;
 use crate::machine::{Mask, Observer, Reg, TrapCode};
-use crate::ops::row::{Row, Width};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::observer::{Caller, PipelineObserver};
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Record;
@@ -30,7 +30,7 @@ impl<const W: usize> Trace<W> {
 
 impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
 where
-    Row: Width<W>,
+    LaneKernel: Width<W>,
 {
     /// `OpHitObjectExecuteShaderEXT`: closest-hit or miss shaders as for a ray that is over.
     pub(super) fn begin_execute(&mut self, mask: Mask<W>, object: ObjectRef, payload: Rows) {

@@ -8,7 +8,7 @@ use crate::accel::{Committed, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Bindings, Observer, Reg, Registers, Resources};
 use crate::module::interface::Stage;
-use crate::ops::row::{Row, Width};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::Pipeline;
 use crate::pipeline::observer::{Event, OnlyInvocation, PipelineObserver};
 use crate::pipeline::order::Order;
@@ -145,7 +145,7 @@ impl Launch<'_> {
     /// The trap of the lowest launch index; all other invocations have run nevertheless.
     pub fn run<const W: usize>(&self, size: [u32; 3], done: &(impl Fn(u64) + Sync)) -> Result<Stats>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let count = self.count(size)?;
         self.run_positions::<W>(size, 0..count, done)
@@ -160,7 +160,7 @@ impl Launch<'_> {
         done: &(impl Fn(u64) + Sync),
     ) -> Result<Stats>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let record = self.ray_generation()?;
         let bindings = bindings(self.pipeline, self.resources);
@@ -194,7 +194,7 @@ impl Launch<'_> {
         work: &Work<'_, impl Fn(u64) -> Range<u64> + Sync, impl Fn(u64) + Sync>,
     ) -> Done
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let (mut pipeline_observer, mut observer) = ((), ());
         let mut stack =
@@ -221,7 +221,7 @@ impl Launch<'_> {
         (pipeline_observer, observer): (&mut T, &mut O),
     ) -> (Stats, Option<Trapped>)
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, pipeline_observer, observer);
         stack.launch_all(record, order, range);
@@ -335,7 +335,7 @@ impl Launch<'_> {
         pipeline_observer: &mut T,
     ) -> Result<Stats>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
         let (mut only, mut observer) = (OnlyInvocation::new(id, pipeline_observer), ());

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::machine::{Invocation, Observer};
-use crate::ops::row::{Row, Width};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{Launch, RayOperands, Stats};
 use crate::pipeline::observer::PipelineObserver;
@@ -23,7 +23,7 @@ impl Launch<'_> {
         (pipeline_observer, observer): (&mut T, &mut O),
     ) -> Result<Stats, Box<Trapped>>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let Some(record) = &self.pipeline.sbt.ray_generation else { return Ok(Stats::default()) };
         let bindings = bindings(self.pipeline, self.resources);
@@ -51,7 +51,7 @@ impl Launch<'_> {
         (pipeline_observer, observer): (&mut T, &mut O),
     ) -> Result<Stats, Box<Trapped>>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
@@ -70,7 +70,7 @@ impl Launch<'_> {
         (pipeline_observer, observer): (&mut T, &mut O),
     ) -> Result<Stats, Box<Trapped>>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);

@@ -12,8 +12,8 @@ use crate::machine::{
 };
 use crate::module::interface::Stage;
 use crate::ops::decode::InterfaceRows;
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
-use crate::ops::row::{Row, Width};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{RayOperands, Stats};
@@ -134,7 +134,7 @@ pub(super) fn bindings(pipeline: &Pipeline, resources: &Resources) -> Vec<Bindin
 
 impl<'a, const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'a, W, T, O>
 where
-    Row: Width<W>,
+    LaneKernel: Width<W>,
 {
     pub fn new(
         pipeline: &'a Pipeline,

@@ -8,8 +8,8 @@ use crate::machine::object::ObjectRef;
 use crate::machine::stop::Rows;
 use crate::machine::{Bindings, Mask, Observer, Reg, Registers, TrapCode};
 use crate::ops::hit_object;
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_tracing::TRACE_OPERANDS;
-use crate::ops::row::{Row, Width};
 use crate::pipeline::PipelineFlags;
 use crate::pipeline::launch::RayOperands;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
@@ -70,7 +70,7 @@ impl<const W: usize> Trace<W> {
 
 impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
 where
-    Row: Width<W>,
+    LaneKernel: Width<W>,
 {
     pub(super) fn begin_trace(
         &mut self,

@@ -3,8 +3,8 @@
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::{Batch, Observer, Trap, TrapCode};
 use crate::module::interface::Stage;
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
-use crate::ops::row::{Row, Width};
 use crate::pipeline::group::Shader;
 use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::payload;
@@ -34,7 +34,7 @@ const SHOWN_CALLERS: usize = 8;
 
 impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
 where
-    Row: Width<W>,
+    LaneKernel: Width<W>,
 {
     /// Keeps the report of a trap, if it is that of the lowest launch index so far.
     pub(super) fn trap(&mut self, running: &Running<W>, lane: usize, trap: Trap) {

@@ -13,8 +13,8 @@ use smallvec::SmallVec;
 use crate::error::Error;
 use crate::interp;
 use crate::machine::{Batch, Bindings, Exit, Invocation, Mask, Observer, Stop, Trap, TrapCode, Workgroup};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
-use crate::ops::row::{Row, Width};
 use crate::pipeline::compute::Compute;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::Stats;
@@ -76,7 +76,7 @@ pub(super) struct Gang<'a, const W: usize> {
 
 impl<'a, const W: usize> Gang<'a, W>
 where
-    Row: Width<W>,
+    LaneKernel: Width<W>,
 {
     pub fn new(compute: &'a Compute, bindings: &'a Bindings, layout: WorkgroupLayout) -> Self {
         let program = &*compute.program;
@@ -235,7 +235,7 @@ where
 
 impl<const W: usize> Member<W>
 where
-    Row: Width<W>,
+    LaneKernel: Width<W>,
 {
     /// Runs lanes until each has ended or waits.
     fn run<O: Observer<W>>(

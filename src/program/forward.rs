@@ -118,8 +118,8 @@ pub(super) fn each_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
 /// The operands of an operation that are one row each, wherever it lies.
 fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
     match op {
-        Op::Row { row, from, .. } => {
-            for (reg, &words) in from.iter_mut().zip(&row.operands) {
+        Op::LaneKernel { kernel, from, .. } => {
+            for (reg, &words) in from.iter_mut().zip(&kernel.operands) {
                 if words == 1 {
                     visit(reg);
                 }

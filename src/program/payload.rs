@@ -105,7 +105,7 @@ fn writes_only(program: &Program) -> Option<Words> {
     };
     // What is computed from rows and goes to known rows. A load may trap.
     let harmless = |op: &Op| match op {
-        Op::Row { .. } => true,
+        Op::LaneKernel { .. } => true,
         Op::Memory(op) => {
             matches!(op, memory::Op::Move { .. } | memory::Op::MoveMasked { .. } | memory::Op::Index { .. })
         }

@@ -115,7 +115,7 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
                 }
             });
             // A regular operation reads all lanes before it writes one: it may write where it read.
-            if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. }) = op {
+            if let Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. }) = op {
                 places.free.extend(left.drain(..));
             }
             each_single(op, |reg, single| {
@@ -145,22 +145,22 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
 /// Lets casts of unsigned numbers to floats that are less than 2^31, as they were shifted to the right, be casts of signed
 /// ones: processors have those, and the floats are the same.
 fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
-    let cast = |from| conversion::row(from, 32, 32);
+    let cast = |from| conversion::kernel(from, 32, 32);
     let (Some(unsigned), Some(signed)) = (cast(Conversion::UToF), cast(Conversion::SToF)) else { return };
-    if !ops.iter().any(|op| matches!(op, Op::Row { row, .. } if std::ptr::eq(*row, unsigned))) {
+    if !ops.iter().any(|op| matches!(op, Op::LaneKernel { kernel, .. } if std::ptr::eq(*kernel, unsigned))) {
         return;
     }
     let mut written: FxHashMap<Reg, usize> = FxHashMap::default();
     for at in 0..ops.len() {
-        if let Op::Row { row, from: [from, ..], .. } = ops[at]
-            && std::ptr::eq(row, unsigned)
-            && let Some(&Op::Row { row: shift, from: [_, by, _], .. }) =
+        if let Op::LaneKernel { kernel, from: [from, ..], .. } = ops[at]
+            && std::ptr::eq(kernel, unsigned)
+            && let Some(&Op::LaneKernel { kernel: shift, from: [_, by, _], .. }) =
                 written.get(&from).map(|&by| &ops[by])
-            && bit::ShiftRightLogical.row(32).is_some_and(|known| std::ptr::eq(known, shift))
+            && bit::ShiftRightLogical.kernel(32).is_some_and(|known| std::ptr::eq(known, shift))
             && constants.iter().any(|&(reg, word)| reg == by && (1..32).contains(&word))
-            && let Op::Row { row, .. } = &mut ops[at]
+            && let Op::LaneKernel { kernel, .. } = &mut ops[at]
         {
-            *row = signed;
+            *kernel = signed;
         }
         ops[at].accesses(|access| {
             if let Access::Write(first, count) = access {
@@ -188,8 +188,8 @@ fn fates(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], places: &Plac
             if is_idle(op) {
                 continue;
             }
-            let row = match op {
-                Op::Row { row, .. } => Some(*row),
+            let kernel = match op {
+                Op::LaneKernel { kernel, .. } => Some(*kernel),
                 _ => None,
             };
             let mut operand = 0;
@@ -197,12 +197,12 @@ fn fates(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], places: &Plac
                 if single == Single::Read {
                     if let Some(fate) = fates.get_mut(definition[reg.0 as usize] as usize) {
                         fate.reads = fate.reads.map(|reads| reads + 1);
-                        fate.bits_seen |= !row.is_some_and(|row| takes_float(row, operand));
+                        fate.bits_seen |= !kernel.is_some_and(|kernel| takes_float(kernel, operand));
                     }
                     operand += 1;
                 }
             });
-            let defines = matches!(op, Op::Row { .. } | Op::Memory(memory::Op::Move { .. }));
+            let defines = matches!(op, Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. }));
             each_single(op, |reg, single| {
                 if single == Single::Write && places.shares(*reg) {
                     definition[reg.0 as usize] = if defines { at as u32 } else { NOBODY };
@@ -473,13 +473,13 @@ impl Values {
 /// least. An operation that is not known here names none.
 fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg, Single)) {
     match op {
-        Op::Row { row, to, from } => {
-            for (reg, &words) in from.iter_mut().zip(&row.operands) {
+        Op::LaneKernel { kernel, to, from } => {
+            for (reg, &words) in from.iter_mut().zip(&kernel.operands) {
                 if words == 1 {
                     visit(reg, Single::Read);
                 }
             }
-            if row.words == 1 {
+            if kernel.words == 1 {
                 visit(to, Single::Write);
             }
         }
@@ -543,15 +543,16 @@ mod tests {
 
     #[test]
     fn what_was_shifted_to_the_right_is_cast_as_signed() {
-        let shift = bit::ShiftRightLogical.row(32).expect("a row of 32 bits");
+        let shift = bit::ShiftRightLogical.kernel(32).expect("a kernel of 32 bits");
         let [unsigned, signed] = [Conversion::UToF, Conversion::SToF]
-            .map(|cast| conversion::row(cast, 32, 32).expect("a row of 32 bits"));
-        let row = |row, to, from| Op::Row { row, to: Reg(to), from: [Reg(from), Reg(9), Reg(9)] };
+            .map(|cast| conversion::kernel(cast, 32, 32).expect("a kernel of 32 bits"));
+        let kernel =
+            |kernel, to, from| Op::LaneKernel { kernel, to: Reg(to), from: [Reg(from), Reg(9), Reg(9)] };
         // By one bit at least; by nothing; and what was written again behind the shift.
         for (by, between, expected) in [(1, 5, signed), (31, 5, signed), (0, 5, unsigned), (8, 1, unsigned)] {
-            let mut ops = [row(shift, 1, 0), row(unsigned, between, 3), row(unsigned, 2, 1)];
+            let mut ops = [kernel(shift, 1, 0), kernel(unsigned, between, 3), kernel(unsigned, 2, 1)];
             sign_casts(&mut ops, &[(Reg(9), by)]);
-            assert_eq!(ops[2], row(expected, 2, 1), "by {by}, with {between} written between");
+            assert_eq!(ops[2], kernel(expected, 2, 1), "by {by}, with {between} written between");
         }
     }
 

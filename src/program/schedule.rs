@@ -17,7 +17,7 @@ const NONE: u32 = u32::MAX;
 pub(super) struct Schedule {
     /// By row: the operation of this stretch that wrote it last, and the last of those that have read it
     /// since.
-    rows: Vec<Row>,
+    rows: Vec<RegisterUse>,
     touched: Vec<u32>,
     /// Operations that read a row, each with the one that read it before.
     readers: Vec<(u32, u32)>,
@@ -30,13 +30,13 @@ pub(super) struct Schedule {
 }
 
 #[derive(Clone, Copy)]
-struct Row {
+struct RegisterUse {
     written: u32,
     /// Among the readers.
     read: u32,
 }
 
-impl Row {
+impl RegisterUse {
     const UNTOUCHED: Self = Self { written: NONE, read: NONE };
 }
 
@@ -57,7 +57,7 @@ impl Schedule {
     /// For a program of so many rows.
     pub fn new(rows: u32) -> Self {
         Self {
-            rows: vec![Row::UNTOUCHED; rows as usize],
+            rows: vec![RegisterUse::UNTOUCHED; rows as usize],
             touched: Vec::new(),
             readers: Vec::new(),
             edges: Vec::new(),
@@ -70,7 +70,10 @@ impl Schedule {
     /// Orders the operations of a run.
     pub fn order(&mut self, ops: &mut [Op]) {
         let regular = |op: &Op| {
-            matches!(op, Op::Row { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }))
+            matches!(
+                op,
+                Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. })
+            )
         };
         for stretch in ops.chunk_by_mut(|a, b| regular(a) == regular(b)) {
             if stretch.len() > 2 && regular(&stretch[0]) {
@@ -169,7 +172,7 @@ impl Schedule {
                 Access::Effect => {}
             });
         }
-        touched.drain(..).for_each(|row| rows[row as usize] = Row::UNTOUCHED);
+        touched.drain(..).for_each(|row| rows[row as usize] = RegisterUse::UNTOUCHED);
     }
 
     /// Sorts those that wait by what they wait for.
@@ -195,7 +198,7 @@ impl Schedule {
 /// The row of an operation's result, where it is one.
 fn result(op: &Op) -> Option<Reg> {
     match *op {
-        Op::Row { row, to, .. } => (row.words == 1).then_some(to),
+        Op::LaneKernel { kernel, to, .. } => (kernel.words == 1).then_some(to),
         Op::Memory(memory::Op::Move { to, .. }) => Some(to),
         // The lanes that do not run keep what the row has.
         Op::Memory(memory::Op::MoveMasked { from, .. }) => Some(from),
@@ -215,9 +218,9 @@ mod tests {
     use super::*;
     use crate::ops::arithmetic::{FAdd, FMul};
 
-    fn row(family: &'static crate::ops::row::Family, to: u32, a: u32, b: u32) -> Op {
-        let row = family.row(32).expect("a row of 32 bits");
-        Op::Row { row, to: Reg(to), from: [Reg(a), Reg(b), Reg(a)] }
+    fn kernel(family: &'static crate::ops::lane_kernel::OpFamily, to: u32, a: u32, b: u32) -> Op {
+        let kernel = family.kernel(32).expect("a kernel of 32 bits");
+        Op::LaneKernel { kernel, to: Reg(to), from: [Reg(a), Reg(b), Reg(a)] }
     }
 
     fn store(to: u32, from: u32) -> Op {
@@ -227,8 +230,12 @@ mod tests {
     #[test]
     fn an_operation_follows_the_one_whose_result_it_reads() {
         // x * x + z and y * y + z, as a compiler writes them that goes by components.
-        let mut ops =
-            [row(&FMul, 10, 0, 0), row(&FMul, 11, 1, 1), row(&FAdd, 12, 10, 2), row(&FAdd, 13, 11, 2)];
+        let mut ops = [
+            kernel(&FMul, 10, 0, 0),
+            kernel(&FMul, 11, 1, 1),
+            kernel(&FAdd, 12, 10, 2),
+            kernel(&FAdd, 13, 11, 2),
+        ];
         let expected = [ops[0].clone(), ops[2].clone(), ops[1].clone(), ops[3].clone()];
         Schedule::new(20).order(&mut ops);
         assert_eq!(ops, expected);
@@ -237,7 +244,8 @@ mod tests {
     #[test]
     fn reads_and_writes_of_a_row_keep_their_order() {
         // Row 1 is a variable: what is read of it before the store stays before.
-        let mut ops = [row(&FMul, 10, 0, 0), row(&FAdd, 11, 1, 1), store(1, 10), row(&FAdd, 12, 1, 11)];
+        let mut ops =
+            [kernel(&FMul, 10, 0, 0), kernel(&FAdd, 11, 1, 1), store(1, 10), kernel(&FAdd, 12, 1, 11)];
         let expected = [ops[0].clone(), ops[1].clone(), ops[2].clone(), ops[3].clone()];
         Schedule::new(20).order(&mut ops);
         assert_eq!(ops, expected);
@@ -246,11 +254,11 @@ mod tests {
     #[test]
     fn irregular_operations_stay_where_they_are() {
         let mut ops = [
-            row(&FMul, 10, 0, 0),
-            row(&FMul, 11, 1, 1),
+            kernel(&FMul, 10, 0, 0),
+            kernel(&FMul, 11, 1, 1),
             Op::Barrier,
-            row(&FAdd, 12, 10, 2),
-            row(&FAdd, 13, 11, 2),
+            kernel(&FAdd, 12, 10, 2),
+            kernel(&FAdd, 13, 11, 2),
         ];
         let expected = ops.clone();
         Schedule::new(20).order(&mut ops);

@@ -28,11 +28,11 @@ use crate::ops::atomic::{Kind, Target as AtomicTarget, Update};
 use crate::ops::bit::ShiftLeftLogical;
 use crate::ops::image::Op as ImageOp;
 use crate::ops::image::access::TexelPlace;
+use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{
     BufferRef, Chunk, Length, Op as MemoryOp, PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE,
 };
 use crate::ops::op::{Access, Op};
-use crate::ops::row::Row;
 use crate::program::Program;
 
 pub use rows::OwnRow;
@@ -619,24 +619,24 @@ impl<'a> Trace<'a> {
                 };
                 exactly(Sum::symbol(Symbol::Word(place, offset))).filter(|_| chunk.width == 32)
             }
-            Op::Row { row, from: [a, b, _], .. } => {
-                if is(row, IAdd.row(32)) || is(row, IAdd.row(64)) || is_address(row) {
+            Op::LaneKernel { kernel, from: [a, b, _], .. } => {
+                if is(kernel, IAdd.kernel(32)) || is(kernel, IAdd.kernel(64)) || is_address(kernel) {
                     return plus(self.value(a), self.value(b));
                 }
-                if is(row, IMul.row(32)) {
+                if is(kernel, IMul.kernel(32)) {
                     let (a, b) = (self.value(a)?, self.value(b)?);
                     return match (a.count, b.count) {
                         (1, 1) => exactly(a.from.times(&b.from)?),
                         _ => None,
                     };
                 }
-                if is(row, ISub.row(32)) {
+                if is(kernel, ISub.kernel(32)) {
                     return minus(self.value(a), self.value(b));
                 }
-                if is(row, SNegate.row(32)) {
+                if is(kernel, SNegate.kernel(32)) {
                     return minus(exactly(Sum::default()), self.value(a));
                 }
-                if is(row, ShiftLeftLogical.row(32)) {
+                if is(kernel, ShiftLeftLogical.kernel(32)) {
                     let by = *self.constants.get(&b)?;
                     return scaled(self.value(a)?, 1u64.checked_shl(by)?);
                 }
@@ -665,12 +665,12 @@ impl<'a> Trace<'a> {
     }
 }
 
-fn is(row: &Row, known: Option<&Row>) -> bool {
-    known.is_some_and(|known| std::ptr::eq(row, known))
+fn is(kernel: &LaneKernel, known: Option<&LaneKernel>) -> bool {
+    known.is_some_and(|known| std::ptr::eq(kernel, known))
 }
 
-fn is_address(row: &Row) -> bool {
-    std::ptr::eq(row, &crate::ops::address::row::AddressPlus.rows[0])
+fn is_address(kernel: &LaneKernel) -> bool {
+    std::ptr::eq(kernel, &crate::ops::address::kernels::AddressPlus.kernels[0])
 }
 
 fn plus(a: Option<Reach>, b: Option<Reach>) -> Option<Reach> {

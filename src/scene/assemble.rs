@@ -12,7 +12,7 @@ use crate::machine::image as machine;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::interface::Stage;
 use crate::module::{self, Module};
-use crate::ops::row::{Row, Width};
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
 use crate::program::{Program, lower};
 use crate::scene::descriptors;
@@ -88,7 +88,7 @@ impl Assembled {
     /// The first trap, as [`Launch::run`] and [`Compute::run`] report it.
     pub fn run<const W: usize>(&self, resources: &Resources, done: &(impl Fn(u64) + Sync)) -> Result<Stats>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let mut stats = Stats::default();
         if self.pipeline.sbt.ray_generation.is_some() {
@@ -108,7 +108,7 @@ impl Assembled {
         done: &(impl Fn(u64) + Sync),
     ) -> Result<Stats>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let mut stats = Stats::default();
         for dispatch in &self.dispatches {

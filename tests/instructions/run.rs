@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhit::error::{Error, Result};
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::module::interface::Stage;
-use anyhit::ops::row::{Row, Width};
+use anyhit::ops::lane_kernel::{LaneKernel, Width};
 use anyhit::pipeline::{Launch, Pipeline};
 
 use crate::assembly::assemble;
@@ -185,7 +185,7 @@ fn launch<const W: usize>(
     count: usize,
 ) -> Result<Vec<[u32; WORDS]>>
 where
-    Row: Width<W>,
+    LaneKernel: Width<W>,
 {
     let out = Buffer::zeroed(count * WORDS * 4);
     let resources = resources.bind(0, 0, Descriptor::Buffer(out.clone()));

@@ -16,10 +16,10 @@ use crate::harness::stability::shadow::branch_offsets;
 use crate::harness::stability::shadows::{bits, float};
 use crate::machine::{Batch, Bindings, Reg};
 use crate::module::Module;
+use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::ray_query;
-use crate::ops::row::Row;
 use crate::pipeline::Event;
 use crate::program::{Program, Terminator};
 use crate::scene::{Assembled, ResolvedScene};
@@ -296,19 +296,24 @@ impl<'a> Mover<'a> {
         }
     }
 
-    /// Moves the result of a row.
-    fn row(&mut self, batch: &mut Batch<1>, offset: u32, (row, to, from): (&Row, Reg, &[Reg; 3])) {
-        let width = row.float_result;
+    /// Moves the result of a kernel.
+    fn kernel(
+        &mut self,
+        batch: &mut Batch<1>,
+        offset: u32,
+        (kernel, to, from): (&LaneKernel, Reg, &[Reg; 3]),
+    ) {
+        let width = kernel.float_result;
         if !matches!(width, 16 | 32) {
             return;
         }
         let shader = &self.plan.shaders[self.shader];
         let mut operands = [0.0; 3];
         for at in 0..3 {
-            if row.operands[at] > 0 {
-                let bits = bits(batch, from[at], row.operands[at]);
-                operands[at] = match row.float_operands[at] {
-                    0 if row.signed => signed(bits, row.width),
+            if kernel.operands[at] > 0 {
+                let bits = bits(batch, from[at], kernel.operands[at]);
+                operands[at] = match kernel.float_operands[at] {
+                    0 if kernel.signed => signed(bits, kernel.width),
                     0 => bits as f64,
                     width => float(bits, width),
                 };
@@ -323,7 +328,7 @@ impl<'a> Mover<'a> {
         let mut draw = Draw { random, envelope, width, nearest, contracts: free };
         // What is infinite or NaN stays so.
         if own.is_finite() {
-            let fused = match row.name {
+            let fused = match kernel.name {
                 "FAdd" | "FSub" if free => {
                     let product = |at: usize| {
                         let product = self.products.get(&from[at])?;
@@ -335,14 +340,14 @@ impl<'a> Mover<'a> {
             };
             let drawn = match fused {
                 Some((at, Product { factors: [a, b], .. })) if draw.coin() => {
-                    let sign = if row.name == "FSub" { -1.0 } else { 1.0 };
+                    let sign = if kernel.name == "FSub" { -1.0 } else { 1.0 };
                     let (a, c) = match at {
                         0 => (a, sign * operands[1]),
                         _ => (sign * a, operands[0]),
                     };
                     Some(draw.fused(a, b, c))
                 }
-                _ => allowed::drawn(row.name, operands, &mut draw),
+                _ => allowed::drawn(kernel.name, operands, &mut draw),
             };
             if let Some(mut value) = drawn {
                 let least = if width == 16 { 2f64.powi(-14) } else { f64::from(f32::MIN_POSITIVE) };
@@ -358,7 +363,7 @@ impl<'a> Mover<'a> {
                 batch.registers[to].0[0] = word;
             }
         }
-        if row.name == "FMul" && free {
+        if kernel.name == "FMul" && free {
             let product = Product { bits: bits(batch, to, 1), factors: [operands[0], operands[1]] };
             self.products.insert(to, product);
         }
@@ -439,9 +444,9 @@ impl Probe for Mover<'_> {
                 }
             }
             _ if self.run == 0 => {}
-            Op::Row { row, to, from } => {
+            Op::LaneKernel { kernel, to, from } => {
                 let offset = program.origins[op as usize].offset;
-                self.row(batch, offset, (row, *to, from));
+                self.kernel(batch, offset, (kernel, *to, from));
             }
             Op::Memory(memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from }) => {
                 match self.products.get(from).copied() {

@@ -78,7 +78,7 @@ impl Plan {
     fn new(scene: &ResolvedScene, assembled: &Assembled) -> Self {
         let programs = Programs::of(scene, assembled);
         let twins = |program: &Arc<Program>| {
-            let of = |op: &Op| if let Op::Row { row, .. } = op { twin(row) } else { Twin::None };
+            let of = |op: &Op| if let Op::LaneKernel { kernel, .. } = op { twin(kernel) } else { Twin::None };
             program.ops.iter().map(of).collect()
         };
         let twins = programs.all.iter().map(twins).collect();

@@ -11,10 +11,10 @@ use crate::harness::stability::shadows::{Entry, Frame, Waits, bits, float};
 use crate::machine::object::ObjectRef;
 use crate::machine::{Batch, Bindings, Exit, Reg};
 use crate::module::interface::Stage;
+use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{self, Chunk};
 use crate::ops::op::{Access, Op};
 use crate::ops::pointer::storage;
-use crate::ops::row::Row;
 use crate::ops::twin::{Scratch, Twin};
 use crate::ops::{ray_query, ray_tracing};
 use crate::pipeline::Event;
@@ -86,24 +86,30 @@ impl<'a> Watcher<'a> {
         Some(self.found.entry((shader, offset)).or_default())
     }
 
-    /// Runs the twin of a row and compares.
-    fn row(&mut self, batch: &Batch<1>, offset: u32, twin: Twin, (row, to, from): (&Row, Reg, &[Reg; 3])) {
+    /// Runs the twin of a kernel and compares.
+    fn kernel(
+        &mut self,
+        batch: &Batch<1>,
+        offset: u32,
+        twin: Twin,
+        (kernel, to, from): (&LaneKernel, Reg, &[Reg; 3]),
+    ) {
         let Some(frame) = self.frames.last_mut() else { return };
-        let read = |at: usize| bits(batch, from[at], row.operands[at].max(1));
-        let result = bits(batch, to, row.words);
+        let read = |at: usize| bits(batch, from[at], kernel.operands[at].max(1));
+        let result = bits(batch, to, kernel.words);
         match twin {
-            Twin::None => frame.forget(to, row.words),
+            Twin::None => frame.forget(to, kernel.words),
             Twin::Select => {
                 let chosen = if read(0) != 0 { from[1] } else { from[2] };
                 let entry = frame.entry(chosen);
                 frame.set(to, entry);
             }
             Twin::Same => {
-                let width = row.float_operands[0];
+                let width = kernel.float_operands[0];
                 let value = frame.value(from[0], read(0)).unwrap_or_else(|| float(read(0), width));
                 frame.set(to, Some(Entry { bits: result, value }));
                 let error = relative(float(read(0), width), value);
-                self.compare(offset, row, result, to, (value, error, ""));
+                self.compare(offset, kernel, result, to, (value, error, ""));
             }
             Twin::Logical => {
                 let known = [0, 1].map(|at| frame.value(from[at], read(at)));
@@ -111,16 +117,16 @@ impl<'a> Watcher<'a> {
                     return frame.forget(to, 1);
                 }
                 let operands = [0, 1].map(|at| known[at].map_or(read(at), |value| value as u64));
-                let value = self.scratch.run(row, [operands[0], operands[1], 0]) as f64;
+                let value = self.scratch.run(kernel, [operands[0], operands[1], 0]) as f64;
                 frame.set(to, Some(Entry { bits: result, value }));
             }
             Twin::Number(wide) | Twin::Comparison(wide) | Twin::Integer(wide) => {
                 let mut operands = [0; 3];
                 let (mut worst, mut known) = (0.0_f64, false);
                 for at in 0..3 {
-                    let bits = if row.operands[at] > 0 { read(at) } else { 0 };
+                    let bits = if kernel.operands[at] > 0 { read(at) } else { 0 };
                     operands[at] = bits;
-                    let width = row.float_operands[at];
+                    let width = kernel.float_operands[at];
                     if width > 0 {
                         let own = float(bits, width);
                         let value = frame.value(from[at], bits);
@@ -132,11 +138,17 @@ impl<'a> Watcher<'a> {
                 }
                 let decides = !matches!(twin, Twin::Number(_));
                 if decides && !known {
-                    return frame.forget(to, row.words);
+                    return frame.forget(to, kernel.words);
                 }
                 let value = self.scratch.run(wide, operands);
                 if !decides {
-                    return self.compare(offset, row, result, to, (f64::from_bits(value), worst, wide.name));
+                    return self.compare(
+                        offset,
+                        kernel,
+                        result,
+                        to,
+                        (f64::from_bits(value), worst, wide.name),
+                    );
                 }
                 frame.set(to, Some(Entry { bits: result, value: value as f64 }));
                 if value != result
@@ -155,12 +167,12 @@ impl<'a> Watcher<'a> {
     fn compare(
         &mut self,
         offset: u32,
-        row: &Row,
+        kernel: &LaneKernel,
         result: u64,
         to: Reg,
         (value, worst, name): (f64, f64, &str),
     ) {
-        let own = float(result, row.float_result);
+        let own = float(result, kernel.float_result);
         let launch_id = self.launch_id;
         let comparable = own.is_finite() && value.is_finite();
         let entry = comparable.then_some(Entry { bits: result, value });
@@ -176,7 +188,7 @@ impl<'a> Watcher<'a> {
         if error > found.error {
             (found.error, found.launch_id) = (error, launch_id);
         }
-        let unit = unit(row.float_result);
+        let unit = unit(kernel.float_result);
         if error > unit {
             let lost = (error / worst.max(unit)).log2();
             found.bits_lost = found.bits_lost.max(lost);
@@ -466,9 +478,9 @@ impl Probe for Watcher<'_> {
         let (shader, at) = (frame.shader, op as usize);
         let program = &plan.programs.all[shader];
         match &program.ops[at] {
-            Op::Row { row, to, from } => {
+            Op::LaneKernel { kernel, to, from } => {
                 let offset = program.origins[at].offset;
-                self.row(batch, offset, plan.twins[shader][at], (row, *to, from));
+                self.kernel(batch, offset, plan.twins[shader][at], (kernel, *to, from));
             }
             Op::Memory(op) => self.moves(batch, bindings, op),
             Op::RayQuery(op) => self.query(batch, program.origins[at].offset, op),

@@ -6,19 +6,19 @@
 //!
 //! 8-bit floats are exact in f32. What becomes one is rounded once: f64 holds every integer that
 //! lies within their range, and so near to it that rounding could bring it inside.
-#![allow(clippy::useless_conversion, reason = "a row's one formula stands for all its types")]
+#![allow(clippy::useless_conversion, reason = "a kernel's one formula stands for all its types")]
 
 use crate::error::Result;
+use crate::lane_kernels;
 use crate::machine::Reg;
 use crate::math::float_format::{self, FloatFormat};
 use crate::module::Id;
 use crate::module::check_encoding::SATURATED;
-use crate::ops::conversion::{Conversion, row};
+use crate::ops::conversion::{Conversion, kernel};
 use crate::ops::decode::Decoder;
-use crate::ops::row::Family;
-use crate::rows;
+use crate::ops::lane_kernel::OpFamily;
 
-rows! {
+lane_kernels! {
     /// A bfloat16 as f32.
     FromBFloat16 Internal [u16] (a: T) -> f32 { float_format::from_bfloat16(a) }
     /// An E4M3 float as f32.
@@ -80,13 +80,13 @@ impl Rounding {
 /// # Errors
 /// Where there is no room for the result.
 pub fn widened(decoder: &mut Decoder<'_>, format: FloatFormat, value: Reg) -> Result<(Reg, u32)> {
-    let (family, width): (&Family, u32) = match format {
+    let (family, width): (&OpFamily, u32) = match format {
         FloatFormat::BFloat16 => (&FromBFloat16, 16),
         FloatFormat::E4M3 => (&FromE4M3, 8),
         FloatFormat::E5M2 => (&FromE5M2, 8),
         _ => return Ok((value, format.width())),
     };
-    Ok((decoder.family(family, width, &[value])?, 32))
+    Ok((decoder.emit_family(family, width, &[value])?, 32))
 }
 
 /// A number of a type, on its way into a format by a conversion from that type.
@@ -101,7 +101,7 @@ pub fn narrowed(
 ) -> Result<Reg> {
     let float = conversion == Conversion::F;
     let exact = if float && from < 64 { 32 } else { 64 };
-    let (family, through): (&Family, u32) = match (format, rounding) {
+    let (family, through): (&OpFamily, u32) = match (format, rounding) {
         (FloatFormat::BFloat16, Rounding::TowardZero) => (&ToBFloat16TowardZero, 32),
         (FloatFormat::BFloat16, _) => (&ToBFloat16, 32),
         (FloatFormat::E4M3, Rounding::Saturated) => (&ToE4M3Saturated, exact),
@@ -111,7 +111,7 @@ pub fn narrowed(
         _ => return between(decoder, conversion, (from, format.width()), value),
     };
     let value = between(decoder, conversion, (from, through), value)?;
-    decoder.family(family, through, &[value])
+    decoder.emit_family(family, through, &[value])
 }
 
 /// A conversion between two widths.
@@ -124,8 +124,8 @@ pub fn between(
     (from, to): (u32, u32),
     value: Reg,
 ) -> Result<Reg> {
-    match row(conversion, from, to) {
-        Some(row) => decoder.row(row, &[value]),
+    match kernel(conversion, from, to) {
+        Some(kernel) => decoder.emit_kernel(kernel, &[value]),
         None if from == to => Ok(value),
         None => Err(decoder.unsupported(format!("a conversion from {from} to {to} bits"))),
     }
@@ -134,7 +134,7 @@ pub fn between(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ops::row::tests::check;
+    use crate::ops::lane_kernel::tests::check;
 
     #[test]
     fn vectors() {

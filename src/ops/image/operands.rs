@@ -163,7 +163,7 @@ impl Operands {
         std::array::from_fn(|axis| part(axis).map_or(0, |&reg| reader.integer(reg)))
     }
 
-    /// Every row that is read.
+    /// Every kernel that is read.
     pub fn rows(&self) -> impl Iterator<Item = Reg> {
         let single = [self.bias, self.lod, self.sample, self.min_lod].into_iter().flatten();
         let gradients = self.gradients.iter().flatten().flatten().copied();
@@ -186,8 +186,8 @@ pub fn number(decoder: &mut Decoder<'_>, id: Id) -> Result<Words> {
         Type::Int { .. } => decoder.integers(id, Reading::Coordinate),
         Type::Float { .. } => {
             let (components, width) = decoder.components_of_width(id)?;
-            let Some(row) = conversion::row(Conversion::F, width, 32) else { return Ok(components) };
-            components.iter().map(|&component| decoder.row(row, &[component])).collect()
+            let Some(kernel) = conversion::kernel(Conversion::F, width, 32) else { return Ok(components) };
+            components.iter().map(|&component| decoder.emit_kernel(kernel, &[component])).collect()
         }
         _ => decoder.words(id),
     }

@@ -16,8 +16,8 @@ use crate::ops::image::operands::{self, Operands};
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::{Access, Op as Operation};
-use crate::ops::row::Row;
 
 /// What is made of the texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -180,7 +180,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         // The derivatives are those of the coordinates after the division.
         let divisor = coordinate[count];
         for value in coordinate[..count].iter_mut().chain(third.as_mut()) {
-            *value = decoder.plain_row(divide(), &[*value, divisor])?;
+            *value = decoder.emit_uncontrolled(divide(), &[*value, divisor])?;
         }
     }
     if implicit {
@@ -224,8 +224,8 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     Ok(true)
 }
 
-fn divide() -> &'static Row {
-    FDiv.row(32).expect("bug in anyhit: FDiv has no row for 32 bits")
+fn divide() -> &'static LaneKernel {
+    FDiv.kernel(32).expect("bug in anyhit: FDiv has no kernel for 32 bits")
 }
 
 /// The coordinates of operand 1.

@@ -3,7 +3,7 @@
 
 use std::marker::PhantomData;
 
-use crate::ops::row::{Binary, Ternary, Unary};
+use crate::ops::lane_kernel::{Binary, Ternary, Unary};
 
 /// How the functions of a pair hang together: see the types of these names, here and above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

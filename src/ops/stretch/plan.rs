@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 use rustc_hash::FxHashMap;
 
 use crate::machine::Reg;
+use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::row::Row;
 use crate::ops::stretch::pairs::Shape;
 use crate::ops::stretch::{Function, Operands, Step, Steps, WINDOW, code, has};
 
@@ -28,15 +28,15 @@ impl Fate {
 }
 
 /// Whether an operation takes an operand for a float of 32 bits, so that all NaNs are the same to it.
-pub fn takes_float(row: &'static Row, operand: usize) -> bool {
+pub fn takes_float(kernel: &'static LaneKernel, operand: usize) -> bool {
     // Packing keeps what it can of a NaN.
-    row.float_operands[operand] == 32 && row.name != "Half"
+    kernel.float_operands[operand] == 32 && kernel.name != "Half"
 }
 
 /// The two functions that a clamp is: the first of the value and the lower bound, the second of that and
 /// the upper one.
-fn clamp(row: &'static Row) -> Option<[Function; 2]> {
-    Some(match (row.name, row.width) {
+fn clamp(kernel: &'static LaneKernel) -> Option<[Function; 2]> {
+    Some(match (kernel.name, kernel.width) {
         ("FClamp", 32) => [Function::FMax, Function::FMin],
         ("NClamp", 32) => [Function::NMax, Function::NMin],
         ("UClamp", 32) => [Function::UMax, Function::UMin],
@@ -52,19 +52,19 @@ enum Known {
     Clamp([Function; 2]),
 }
 
-fn known(row: &'static Row) -> Option<Known> {
+fn known(kernel: &'static LaneKernel) -> Option<Known> {
     static KNOWN: LazyLock<FxHashMap<usize, Known>> = LazyLock::new(|| {
-        let clamps = crate::ops::glsl::FAMILIES.iter().flat_map(|family| family.rows);
-        let clamps = clamps.filter_map(|row| Some((address(row), Known::Clamp(clamp(row)?))));
-        let rows = Function::rows().into_iter();
-        rows.map(|(row, function)| (address(row), Known::One(function))).chain(clamps).collect()
+        let clamps = crate::ops::glsl::FAMILIES.iter().flat_map(|family| family.kernels);
+        let clamps = clamps.filter_map(|kernel| Some((address(kernel), Known::Clamp(clamp(kernel)?))));
+        let kernels = Function::kernels().into_iter();
+        kernels.map(|(kernel, function)| (address(kernel), Known::One(function))).chain(clamps).collect()
     });
-    KNOWN.get(&address(row)).copied()
+    KNOWN.get(&address(kernel)).copied()
 }
 
 /// What identifies a row of the tables.
-fn address(row: &'static Row) -> usize {
-    std::ptr::from_ref(row) as usize
+fn address(kernel: &'static LaneKernel) -> usize {
+    std::ptr::from_ref(kernel) as usize
 }
 
 /// An operation, or a pair, on its way to a step.
@@ -124,8 +124,8 @@ impl Constants {
 fn is_far(op: &Op) -> bool {
     let far = |reg: &Reg| reg.0 as usize >= WINDOW;
     match op {
-        Op::Row { row, to, from } => {
-            let operands = row.operands.iter().zip(from).filter(|(words, _)| **words > 0);
+        Op::LaneKernel { kernel, to, from } => {
+            let operands = kernel.operands.iter().zip(from).filter(|(words, _)| **words > 0);
             far(to) || operands.into_iter().any(|(_, reg)| far(reg))
         }
         Op::Memory(memory::Op::Move { to, from }) => to != from && (far(to) || far(from)),
@@ -274,7 +274,7 @@ impl Steps {
 fn plan(at: usize, op: &Op, fate: Fate, constants: &Constants, planned: &mut Vec<Planned>) {
     let known = match op {
         Op::Memory(memory::Op::Move { to, from }) if to == from => return,
-        Op::Row { row, .. } => known(row),
+        Op::LaneKernel { kernel, .. } => known(kernel),
         Op::Memory(memory::Op::Move { .. }) => Some(Known::One(Function::Move)),
         Op::Memory(memory::Op::MoveMasked { .. }) => Some(Known::One(Function::MoveMasked)),
         _ => None,
@@ -297,13 +297,13 @@ fn word(reg: Reg) -> Option<u16> {
 }
 
 fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], fate: Fate) -> Option<[Planned; 2]> {
-    let Op::Row { row, to, from } = op else { return None };
+    let Op::LaneKernel { kernel, to, from } = op else { return None };
     let (to, [a, low, high]) = (word(*to)?, from.map(word));
     let (a, low, high) = (a?, low?, high?);
     if to == high {
         return None;
     }
-    let float = row.float_result == 32;
+    let float = kernel.float_result == 32;
     let half = |function, from, fate| Planned {
         function,
         to,
@@ -320,10 +320,10 @@ fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], fate: Fate) -> Opt
 
 fn single(at: usize, op: &Op, function: Function, fate: Fate, constants: &Constants) -> Option<Planned> {
     let (to, from, operands, float) = match op {
-        Op::Row { row, to, from } => {
-            let operands = row.operands.iter().take_while(|&&words| words > 0).count();
+        Op::LaneKernel { kernel, to, from } => {
+            let operands = kernel.operands.iter().take_while(|&&words| words > 0).count();
             let [a, b, c] = [from[0], from[1.min(operands - 1)], from[2.min(operands - 1)]].map(word);
-            (word(*to)?, [a?, b?, c?], operands, row.float_result == 32)
+            (word(*to)?, [a?, b?, c?], operands, kernel.float_result == 32)
         }
         Op::Memory(memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from }) => {
             (word(*to)?, [word(*from)?; 3], 1, false)

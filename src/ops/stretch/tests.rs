@@ -1,9 +1,9 @@
 use super::*;
 use crate::machine::Reg;
 use crate::math::vectors::Processor;
+use crate::ops::lane_kernel::Width;
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::row::Width;
 
 /// Zeros, ordinary numbers, the least and the greatest, infinity, and three NaNs with different bits.
 const SPECIAL: [u32; 16] = [
@@ -27,7 +27,7 @@ const SPECIAL: [u32; 16] = [
 
 const ROUNDS: u32 = 64;
 
-/// Rows 0 to 2 hold special numbers, in every combination over the lanes of all rounds.
+/// Registers 0 to 2 hold special numbers, in every combination over the lanes of all rounds.
 fn registers(round: u32) -> Registers<64> {
     let mut registers = Registers::new(16);
     for operand in 0..3u32 {
@@ -39,8 +39,8 @@ fn registers(round: u32) -> Registers<64> {
     registers
 }
 
-fn row(row: &'static Row, to: u32, from: [u32; 3]) -> Op {
-    Op::Row { row, to: Reg(to), from: from.map(Reg) }
+fn kernel(kernel: &'static LaneKernel, to: u32, from: [u32; 3]) -> Op {
+    Op::LaneKernel { kernel, to: Reg(to), from: from.map(Reg) }
 }
 
 fn copy(to: u32, from: u32) -> Op {
@@ -82,7 +82,7 @@ fn one_by_one(ops: &[Op], round: u32) -> Registers<64> {
     let mut registers = registers(round);
     for op in ops {
         match op {
-            Op::Row { row, to, from } => Width::<64>::run(*row, &mut registers, *to, from),
+            Op::LaneKernel { kernel, to, from } => Width::<64>::run(*kernel, &mut registers, *to, from),
             Op::Memory(memory::Op::Move { to, from }) => registers.copy(*to, *from, Mask::ALL),
             _ => unreachable!("a regular operation"),
         }
@@ -95,13 +95,13 @@ const fn once(bits_seen: bool) -> Fate {
     Fate { reads: Some(1), bits_seen }
 }
 
-fn operands(row: &Row) -> usize {
-    row.operands.iter().take_while(|&&words| words > 0).count()
+fn operands(kernel: &LaneKernel) -> usize {
+    kernel.operands.iter().take_while(|&&words| words > 0).count()
 }
 
 /// Booleans are 0 or 1.
-fn make_boolean(row: &Row, registers: &mut Registers<64>) {
-    let boolean = match row.name {
+fn make_boolean(kernel: &LaneKernel, registers: &mut Registers<64>) {
+    let boolean = match kernel.name {
         "SelectWord" => 0..1,
         name if name.starts_with("Logical") => 0..2,
         _ => return,
@@ -113,9 +113,9 @@ fn make_boolean(row: &Row, registers: &mut Registers<64>) {
 
 #[test]
 fn every_function_gives_what_its_row_gives_from_rows_and_from_the_accumulator() {
-    let rows = Function::rows();
-    assert!(rows.len() > 60, "{}", rows.len());
-    for (function, _) in rows {
+    let kernels = Function::kernels();
+    assert!(kernels.len() > 60, "{}", kernels.len());
+    for (function, _) in kernels {
         for at in 0..=operands(function) {
             // A copy before it, which it reads as its operand `at`; stored, and not.
             let mut from = [0, 1, 2];
@@ -124,7 +124,7 @@ fn every_function_gives_what_its_row_gives_from_rows_and_from_the_accumulator() 
                 ops.push(copy(4, at as u32 - 1));
                 from[at - 1] = 4;
             }
-            ops.push(row(function, 5, from));
+            ops.push(kernel(function, 5, from));
             for fate in [Fate::UNKNOWN, once(true)] {
                 let steps = steps(&ops, &[vec![fate; ops.len() - 1], vec![Fate::UNKNOWN]].concat());
                 for round in 0..ROUNDS {
@@ -141,51 +141,53 @@ fn every_function_gives_what_its_row_gives_from_rows_and_from_the_accumulator() 
     }
 }
 
-/// A row's function, by which the functions of pairs are told from those of rows.
-type Known = (&'static Row, Function);
+/// A kernel's function, by which the functions of pairs are told from those of kernels.
+type Known = (&'static LaneKernel, Function);
 
 /// Both functions of a pair, and how they hang together.
 fn halves(pair: Function) -> (Function, Function, Shape) {
     let &(first, second, shape, _) =
-        Function::PAIRS.iter().find(|known| known.3 == pair).expect("a pair, as it is no row");
+        Function::PAIRS.iter().find(|known| known.3 == pair).expect("a pair, as it is no kernel");
     (first, second, shape)
 }
 
 /// How many operands a function has.
-fn count(function: Function, rows: &[Known]) -> usize {
-    if let Some(&(single, _)) = rows.iter().find(|known| known.1 == function) {
+fn count(function: Function, kernels: &[Known]) -> usize {
+    if let Some(&(single, _)) = kernels.iter().find(|known| known.1 == function) {
         return operands(single);
     }
     let (first, second, shape) = halves(function);
     match shape {
-        Shape::WithItself => count(first, rows),
-        _ => count(first, rows) + count(second, rows) - 1,
+        Shape::WithItself => count(first, kernels),
+        _ => count(first, kernels) + count(second, kernels) - 1,
     }
 }
 
-/// Appends the operations that a function is made of, by what its shapes say; the row of the result.
-fn parts(function: Function, from: &[u32], rows: &[Known], ops: &mut Vec<Op>) -> u32 {
-    if let Some(&(single, _)) = rows.iter().find(|known| known.1 == function) {
+/// Appends the operations that a function is made of, by what its shapes say; the register of the result.
+fn parts(function: Function, from: &[u32], kernels: &[Known], ops: &mut Vec<Op>) -> u32 {
+    if let Some(&(single, _)) = kernels.iter().find(|known| known.1 == function) {
         let to = ops.len() as u32 + 3;
-        ops.push(row(single, to, [0, 1, 2].map(|at| from[at.min(from.len() - 1)])));
+        ops.push(kernel(single, to, [0, 1, 2].map(|at| from[at.min(from.len() - 1)])));
         return to;
     }
     let (first, second, shape) = halves(function);
-    let (before, rest) = from.split_at(count(first, rows));
-    let that = parts(first, before, rows, ops);
+    let (before, rest) = from.split_at(count(first, kernels));
+    let that = parts(first, before, kernels, ops);
     let operands = match shape {
         Shape::Then | Shape::ThenWith | Shape::Chain => [&[that], rest].concat(),
         Shape::After | Shape::Last => [rest, &[that]].concat(),
         Shape::WithItself => vec![from[0], that],
     };
-    parts(second, &operands, rows, ops)
+    parts(second, &operands, kernels, ops)
 }
 
 /// What becomes of the results of operations that [`parts`] appended, where nobody sees but the last one's.
 fn fates(ops: &[Op]) -> Vec<Fate> {
     let reads = |of: Reg| {
         let named = ops.iter().map(|op| match op {
-            Op::Row { row, from, .. } => from[..operands(row)].iter().filter(|&&from| from == of).count(),
+            Op::LaneKernel { kernel, from, .. } => {
+                from[..operands(kernel)].iter().filter(|&&from| from == of).count()
+            }
             _ => 0,
         });
         named.sum::<usize>() as u32
@@ -198,11 +200,11 @@ fn fates(ops: &[Op]) -> Vec<Fate> {
 
 #[test]
 fn a_pair_is_its_operations() {
-    let rows = Function::rows();
+    let kernels = Function::kernels();
     for &(.., pair) in Function::PAIRS {
         let mut ops = Vec::new();
-        let from: Vec<u32> = (0..count(pair, &rows) as u32).map(|at| at % 3).collect();
-        let last = Reg(parts(pair, &from, &rows, &mut ops));
+        let from: Vec<u32> = (0..count(pair, &kernels) as u32).map(|at| at % 3).collect();
+        let last = Reg(parts(pair, &from, &kernels, &mut ops));
         let steps = steps(&ops, &fates(&ops));
         assert_eq!((steps.steps[0].code >> 4, steps.steps.len() <= 2), (pair as u16, true), "{ops:?}");
         for round in 0..ROUNDS {
@@ -217,14 +219,15 @@ fn a_pair_is_its_operations() {
 fn constants_read_as_one_word_give_what_their_rows_give() {
     const AMOUNT: Reg = Reg(14);
     const OTHER: Reg = Reg(15);
-    let rows = Function::rows();
+    let kernels = Function::kernels();
     let pairs = Function::PAIRS.iter().map(|pair| pair.3);
-    let functions = rows.iter().map(|&(_, function)| function).chain(pairs);
+    let functions = kernels.iter().map(|&(_, function)| function).chain(pairs);
     let mut count_uniform = 0;
     for function in functions.filter(|function| function.uniform() != 0) {
-        let boolean = rows.iter().any(|&(row, of)| of == function && row.name.starts_with("Logical"));
+        let boolean =
+            kernels.iter().any(|&(kernel, of)| of == function && kernel.name.starts_with("Logical"));
         for (at, special) in SPECIAL.into_iter().enumerate() {
-            // Shifts by nothing, by one bit and by all but one; by 32 bits they read the row.
+            // Shifts by nothing, by one bit and by all but one; by 32 bits they read the register.
             let amount = [0, 1, 31, 32][at % 4];
             let constants = [(AMOUNT, amount), (OTHER, if boolean { special & 1 } else { special })];
             let of =
@@ -233,14 +236,14 @@ fn constants_read_as_one_word_give_what_their_rows_give() {
                     (_, true) => OTHER.0,
                     _ => operand as u32 % 3,
                 };
-            let mut from: Vec<u32> = (0..count(function, &rows)).map(of).collect();
+            let mut from: Vec<u32> = (0..count(function, &kernels)).map(of).collect();
             for at_hand in [false, true] {
                 let mut ops = Vec::new();
                 if at_hand {
                     ops.push(copy(3, 0));
                     from[0] = 3;
                 }
-                let last = Reg(parts(function, &from, &rows, &mut ops));
+                let last = Reg(parts(function, &from, &kernels, &mut ops));
                 let steps = with_constants(&ops, &fates(&ops), &constants);
                 let code = steps.steps[usize::from(at_hand)].code;
                 let uniform = amount < 32 || function.amounts() == 0;
@@ -251,12 +254,15 @@ fn constants_read_as_one_word_give_what_their_rows_give() {
                     let mut ran = registers(round);
                     constants.iter().for_each(|&(reg, word)| ran[reg].0 = [word; 64]);
                     if boolean {
-                        (0..3).for_each(|row| ran[Reg(row)].0.iter_mut().for_each(|word| *word &= 1));
+                        (0..3)
+                            .for_each(|register| ran[Reg(register)].0.iter_mut().for_each(|word| *word &= 1));
                     }
                     let mut one_by_one = ran.clone();
                     for op in &ops {
                         match op {
-                            Op::Row { row, to, from } => Width::<64>::run(*row, &mut one_by_one, *to, from),
+                            Op::LaneKernel { kernel, to, from } => {
+                                Width::<64>::run(*kernel, &mut one_by_one, *to, from)
+                            }
                             _ => one_by_one.copy(Reg(3), Reg(0), Mask::ALL),
                         }
                     }
@@ -271,9 +277,9 @@ fn constants_read_as_one_word_give_what_their_rows_give() {
 
 #[test]
 fn a_constant_factor_stands_behind_the_other_one() {
-    // 2.5 x, with x = 3, and what a row of constants holds beside the first lane is not looked at.
-    let times = arithmetic::FMul.row(32).expect("a row");
-    let ops = [row(times, 3, [4, 0, 4])];
+    // 2.5 x, with x = 3, and what a register of constants holds beside the first lane is not looked at.
+    let times = arithmetic::FMul.kernel(32).expect("a kernel");
+    let ops = [kernel(times, 3, [4, 0, 4])];
     let steps = with_constants(&ops, &[Fate::UNKNOWN], &[(Reg(4), 2.5f32.to_bits())]);
     assert_eq!(steps.steps[0].code, code(Function::FMul, true, 0, false));
     assert_eq!(steps.steps[0].from[..2], [0, 4]);
@@ -288,8 +294,9 @@ fn a_constant_factor_stands_behind_the_other_one() {
 #[test]
 fn a_square_reads_no_row() {
     // (x - y)^2 with x = 3 and y = 5; nobody stores the difference.
-    let [minus, times] = [&arithmetic::FSub, &arithmetic::FMul].map(|family| family.row(32).expect("a row"));
-    let ops = [row(minus, 3, [0, 1, 0]), row(times, 4, [3, 3, 3])];
+    let [minus, times] =
+        [&arithmetic::FSub, &arithmetic::FMul].map(|family| family.kernel(32).expect("a kernel"));
+    let ops = [kernel(minus, 3, [0, 1, 0]), kernel(times, 4, [3, 3, 3])];
     let twice = Fate { reads: Some(2), bits_seen: false };
     let steps = steps(&ops, &[twice, Fate::UNKNOWN]);
     let codes: Vec<u16> = steps.steps.iter().map(|step| step.code).collect();
@@ -305,8 +312,8 @@ fn a_square_reads_no_row() {
 #[test]
 fn a_clamp_is_a_greater_and_a_lesser_of_two() {
     let families = [&glsl::FClamp, &glsl::NClamp, &glsl::UClamp, &glsl::SClamp];
-    for clamp in families.map(|family| family.row(32).expect("a row")) {
-        let ops = [row(clamp, 3, [0, 1, 2])];
+    for clamp in families.map(|family| family.kernel(32).expect("a kernel")) {
+        let ops = [kernel(clamp, 3, [0, 1, 2])];
         let steps = steps(&ops, &[Fate::UNKNOWN]);
         assert!(steps.steps.iter().all(|step| step.code >> 4 != Function::Other as u16));
         for round in 0..ROUNDS {
@@ -319,8 +326,9 @@ fn a_clamp_is_a_greater_and_a_lesser_of_two() {
 
 #[test]
 fn what_the_next_step_alone_needs_is_not_stored() {
-    let [add, times] = [&arithmetic::FSub, &arithmetic::FDiv].map(|family| family.row(32).expect("a row"));
-    let ops = [row(add, 3, [0, 1, 0]), row(times, 4, [3, 2, 3]), row(add, 5, [2, 4, 2])];
+    let [add, times] =
+        [&arithmetic::FSub, &arithmetic::FDiv].map(|family| family.kernel(32).expect("a kernel"));
+    let ops = [kernel(add, 3, [0, 1, 0]), kernel(times, 4, [3, 2, 3]), kernel(add, 5, [2, 4, 2])];
     let steps = steps(&ops, &[once(false), once(false), Fate::UNKNOWN]);
     for round in 0..ROUNDS {
         let mut ran = registers(round);
@@ -333,8 +341,8 @@ fn what_the_next_step_alone_needs_is_not_stored() {
 #[test]
 fn a_nan_whose_bits_are_seen_has_the_bits_of_all() {
     // Infinity minus itself, to be stored and to be read as a float: quiet, positive, no payload.
-    let subtract = arithmetic::FSub.row(32).expect("a row");
-    let ops = [row(subtract, 3, [0, 0, 0]), row(subtract, 4, [3, 1, 3])];
+    let subtract = arithmetic::FSub.kernel(32).expect("a kernel");
+    let ops = [kernel(subtract, 3, [0, 0, 0]), kernel(subtract, 4, [3, 1, 3])];
     for bits_seen in [true, false] {
         let steps = steps(&ops, &[Fate { reads: None, bits_seen }, Fate::UNKNOWN]);
         let mut ran = registers(0);
@@ -352,7 +360,7 @@ fn a_store_leaves_the_lanes_alone_that_do_not_run() {
     let ops = [
         copy(4, 0),
         Op::Memory(memory::Op::MoveMasked { to: Reg(5), from: Reg(4) }),
-        row(arithmetic::IAdd.row(32).expect("a row"), 6, [5, 4, 5]),
+        kernel(arithmetic::IAdd.kernel(32).expect("a kernel"), 6, [5, 4, 5]),
     ];
     let steps = steps(&ops, &[Fate { reads: Some(2), bits_seen: true }, Fate::UNKNOWN, Fate::UNKNOWN]);
     let mut ran = registers(1);
@@ -368,11 +376,11 @@ fn a_store_leaves_the_lanes_alone_that_do_not_run() {
 #[test]
 fn a_float_is_settled_and_stored_at_once() {
     // Infinity minus itself goes to a variable alone, of the lanes that run: no payload, positive.
-    let subtract = arithmetic::FSub.row(32).expect("a row");
+    let subtract = arithmetic::FSub.kernel(32).expect("a kernel");
     let ops = [
-        row(subtract, 3, [0, 0, 0]),
+        kernel(subtract, 3, [0, 0, 0]),
         Op::Memory(memory::Op::MoveMasked { to: Reg(4), from: Reg(3) }),
-        row(arithmetic::IAdd.row(32).expect("a row"), 5, [4, 4, 4]),
+        kernel(arithmetic::IAdd.kernel(32).expect("a kernel"), 5, [4, 4, 4]),
     ];
     let steps = steps(&ops, &[once(true), Fate::UNKNOWN, Fate::UNKNOWN]);
     assert_eq!(steps.steps.len(), 3);
@@ -405,21 +413,21 @@ fn what_takes_a_float_takes_every_nan_for_the_same() {
     let families = crate::ops::SECTIONS.iter().flat_map(|section| section.iter().copied());
     let conversions = [Conversion::FToS, Conversion::FToU, Conversion::F]
         .into_iter()
-        .flat_map(|kind| [8, 16, 32, 64].into_iter().filter_map(move |to| conversion::row(kind, 32, to)));
+        .flat_map(|kind| [8, 16, 32, 64].into_iter().filter_map(move |to| conversion::kernel(kind, 32, to)));
     let mut count = 0;
-    for row in families.flat_map(|family| family.rows).chain(conversions) {
-        for operand in (0..operands(row)).filter(|&operand| takes_float(row, operand)) {
+    for kernel in families.flat_map(|family| family.kernels).chain(conversions) {
+        for operand in (0..operands(kernel)).filter(|&operand| takes_float(kernel, operand)) {
             count += 1;
             for round in 0..ROUNDS {
                 // Operands of two words stand behind each other.
-                let from = [Reg(0), Reg(row.operands[0]), Reg(row.operands[0] + row.operands[1])];
+                let from = [Reg(0), Reg(kernel.operands[0]), Reg(kernel.operands[0] + kernel.operands[1])];
                 let results = NANS.map(|nan| {
                     let mut ran = registers(round);
                     ran[from[operand]].0 = [nan; 64];
-                    Width::<64>::run(row, &mut ran, Reg(8), &from);
+                    Width::<64>::run(kernel, &mut ran, Reg(8), &from);
                     [ran[Reg(8)], ran[Reg(9)]]
                 });
-                assert!(results.iter().all(|result| *result == results[0]), "{row:?}, operand {operand}");
+                assert!(results.iter().all(|result| *result == results[0]), "{kernel:?}, operand {operand}");
             }
         }
     }

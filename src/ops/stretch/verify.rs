@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 use rustc_hash::FxHashMap;
 
 use crate::machine::Reg;
+use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::{Access, Op};
-use crate::ops::row::Row;
 use crate::ops::stretch::pairs::Shape;
 use crate::ops::stretch::{Function, Step, Steps, has, takes_float};
 use crate::ops::symbolic::{Numbering, State, Value};
@@ -36,15 +36,15 @@ fn functions() -> impl Iterator<Item = Function> {
         Function::Square,
         Function::Other,
     ];
-    let rows = Function::rows().into_iter().map(|(_, function)| function);
+    let kernels = Function::kernels().into_iter().map(|(_, function)| function);
     let pairs = Function::PAIRS.iter().map(|pair| pair.3);
-    special.into_iter().chain(rows).chain(pairs)
+    special.into_iter().chain(kernels).chain(pairs)
 }
 
 /// How many operands a function has.
 fn operand_count(function: Function) -> usize {
-    if let Some(row) = row(function) {
-        return row.operands.iter().take_while(|&&words| words > 0).count();
+    if let Some(kernel) = kernel(function) {
+        return kernel.operands.iter().take_while(|&&words| words > 0).count();
     }
     match Function::PAIRS.iter().find(|pair| pair.3 == function) {
         Some(&(first, second, shape, _)) => match shape {
@@ -56,23 +56,23 @@ fn operand_count(function: Function) -> usize {
     }
 }
 
-fn row(function: Function) -> Option<&'static Row> {
-    static ROWS: LazyLock<Vec<(&'static Row, Function)>> = LazyLock::new(Function::rows);
-    ROWS.iter().find(|&&(_, known)| known == function).map(|&(row, _)| row)
+fn kernel(function: Function) -> Option<&'static LaneKernel> {
+    static KERNELS: LazyLock<Vec<(&'static LaneKernel, Function)>> = LazyLock::new(Function::kernels);
+    KERNELS.iter().find(|&&(_, known)| known == function).map(|&(kernel, _)| kernel)
 }
 
 /// What a function gives of operands.
 fn calculate(function: Function, from: &[Held], numbering: &mut Numbering) -> Result<Held, String> {
-    if let Some(row) = row(function) {
+    if let Some(kernel) = kernel(function) {
         for (at, held) in from.iter().enumerate() {
-            if !held.settled && !takes_float(row, at) {
-                return Err(format!("{row:?} sees the bits of a NaN"));
+            if !held.settled && !takes_float(kernel, at) {
+                return Err(format!("{kernel:?} sees the bits of a NaN"));
             }
         }
         let values: Vec<Value> = from.iter().map(|held| held.value).collect();
         let is_number = matches!(function, Function::UToF | Function::SToF | Function::Step);
-        let settled = row.float_result != 32 || is_number;
-        return Ok(Held { value: numbering.regular(row, 0, &values), settled });
+        let settled = kernel.float_result != 32 || is_number;
+        return Ok(Held { value: numbering.regular(kernel, 0, &values), settled });
     }
     if function == Function::Square {
         return calculate(Function::FMul, &[from[0], from[0]], numbering);
@@ -189,9 +189,9 @@ impl Check<'_, '_> {
         self.expect_up_to(at);
         let op = &self.ops[at];
         let mut reads: Vec<(Reg, bool)> = Vec::new();
-        if let Op::Row { row, from, .. } = op {
-            for (operand, (&reg, &words)) in from.iter().zip(&row.operands).enumerate() {
-                reads.extend((0..words).map(|word| (reg.plus(word), !takes_float(row, operand))));
+        if let Op::LaneKernel { kernel, from, .. } = op {
+            for (operand, (&reg, &words)) in from.iter().zip(&kernel.operands).enumerate() {
+                reads.extend((0..words).map(|word| (reg.plus(word), !takes_float(kernel, operand))));
             }
         } else {
             op.accesses(|access| {
@@ -200,7 +200,7 @@ impl Check<'_, '_> {
                 }
             });
         }
-        if !matches!(op, Op::Row { .. }) {
+        if !matches!(op, Op::LaneKernel { .. }) {
             // It may reach more than it names.
             let is_seen = self.is_seen;
             reads.extend(self.found.keys().filter(|&&reg| is_seen(reg)).map(|&reg| (reg, true)));
@@ -213,7 +213,7 @@ impl Check<'_, '_> {
                 written.extend((first.0..first.0 + count).map(Reg));
             }
         });
-        if !matches!(op, Op::Row { .. }) {
+        if !matches!(op, Op::LaneKernel { .. }) {
             let reached = self.expected.reached();
             written.extend(reached.addressed.iter().chain(&reached.interface));
         }

@@ -1,7 +1,7 @@
 //! Functions as steps apply them: from the words of a lane to a word.
 
 use crate::machine::Scalar;
-use crate::ops::row::{Binary, Ternary, Unary};
+use crate::ops::lane_kernel::{Binary, Ternary, Unary};
 use crate::ops::stretch::Operands;
 
 /// A function of words, of which the first [`Words::OPERANDS`] count.

@@ -2,7 +2,7 @@
 
 use rspirv::spirv::{BuiltIn, Capability, Op, StorageClass};
 
-use crate::ops::row::Family;
+use crate::ops::lane_kernel::OpFamily;
 use crate::ops::{arithmetic, bit, conversion, integer_functions, relational_logical};
 
 /// Reasons to be out of scope.
@@ -31,8 +31,8 @@ pub(super) fn group_of<T: PartialEq>(
     groups.iter().find(|(_, members)| members.contains(&sought)).map(|&(group, _)| group)
 }
 
-/// Sections that are families of rows.
-pub(super) static SECTIONS: &[(&str, &[&Family])] = &[
+/// Sections that are families of kernels.
+pub(super) static SECTIONS: &[(&str, &[&OpFamily])] = &[
     ("arithmetic", arithmetic::FAMILIES),
     ("arithmetic", integer_functions::FAMILIES),
     ("bits", bit::FAMILIES),

@@ -51,7 +51,8 @@ fn may_trap(op: &Op) -> bool {
     use memory::Op as Memory;
     !matches!(
         op,
-        Op::Row { .. } | Op::Memory(Memory::Move { .. } | Memory::MoveMasked { .. } | Memory::Index { .. })
+        Op::LaneKernel { .. }
+            | Op::Memory(Memory::Move { .. } | Memory::MoveMasked { .. } | Memory::Index { .. })
     )
 }
 

@@ -80,7 +80,9 @@ pub(super) fn near_constants(program: &mut Program, ops: &mut [Op], places: &Pla
     }
     // A copy that is gone stays so.
     for op in ops.iter_mut().filter(|op| !is_idle(op)) {
-        if let Op::Row { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }) = op {
+        if let Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }) =
+            op
+        {
             each_single(op, |reg, single| {
                 if single != Single::Read || !far(*reg) {
                     return;
@@ -124,10 +126,10 @@ mod tests {
         let far = Reg(WINDOW as u32 + 40);
         program.variables = vec![(Reg(10), 1)];
         program.constants = vec![(far, 7)];
-        let row = crate::ops::arithmetic::IAdd.row(32).expect("a row of 32 bits");
-        let mut ops = [Op::Row { row, to: Reg(0), from: [Reg(1), far, Reg(1)] }];
+        let kernel = crate::ops::arithmetic::IAdd.kernel(32).expect("a kernel of 32 bits");
+        let mut ops = [Op::LaneKernel { kernel, to: Reg(0), from: [Reg(1), far, Reg(1)] }];
         near_constants(&mut program, &mut ops, &Places::new(400, vec![Reg(10), Reg(11)]), &[]);
-        assert_eq!(ops, [Op::Row { row, to: Reg(0), from: [Reg(1), Reg(11), Reg(1)] }]);
+        assert_eq!(ops, [Op::LaneKernel { kernel, to: Reg(0), from: [Reg(1), Reg(11), Reg(1)] }]);
         assert_eq!(program.constants, [(far, 7), (Reg(11), 7)]);
     }
 }

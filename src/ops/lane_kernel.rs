@@ -1,6 +1,6 @@
 //! Rows: the regular instructions, each a scalar function applied to every component and lane.
 //!
-//! A row is one instruction at one width. The [`rows!`](crate::rows) macro writes a family (the
+//! A kernel is one instruction at one width. The [`lane_kernels!`](crate::lane_kernels) macro writes a family (the
 //! same instruction at all its widths) from one closure.
 
 use std::fmt;
@@ -14,12 +14,12 @@ use crate::machine::{Mask, Reg, Registers, Scalar};
 use crate::ops::op::Op;
 use crate::ops::stretch::Steps;
 
-/// Runs a row over all lanes of a batch.
+/// Runs a kernel over all lanes of a batch.
 pub type Eval<const W: usize> = fn(&mut Registers<W>, Reg, &[Reg; 3]);
 
 /// Which table an instruction's number belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Set {
+pub enum InstructionSet {
     /// SPIR-V's own opcodes.
     Core,
     /// `GLSL.std.450`.
@@ -29,10 +29,10 @@ pub enum Set {
 }
 
 /// One instruction at one width.
-pub struct Row {
+pub struct LaneKernel {
     /// The specification's name, without `Op`.
     pub name: &'static str,
-    /// Bits of the operand that chooses the row (0 where there is only one).
+    /// Bits of the operand that chooses the kernel (0 where there is only one).
     pub width: u32,
     /// Words of the result.
     pub words: u32,
@@ -42,7 +42,7 @@ pub struct Row {
     pub float_operands: [u32; 3],
     /// Bits of the result where it is a float; else 0.
     pub float_result: u32,
-    /// Whether the operand that chooses the row is a signed integer.
+    /// Whether the operand that chooses the kernel is a signed integer.
     pub signed: bool,
     /// For batches of one lane.
     pub one: Eval<1>,
@@ -55,21 +55,21 @@ pub struct Row {
     pub full_v3: fn(V3, &mut Registers<64>, Reg, &[Reg; 3]),
 }
 
-impl fmt::Debug for Row {
+impl fmt::Debug for LaneKernel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}.{}", self.name, self.width)
     }
 }
 
-impl PartialEq for Row {
+impl PartialEq for LaneKernel {
     fn eq(&self, other: &Self) -> bool {
         std::ptr::eq(self, other)
     }
 }
 
-/// Runs a row in batches of a width, with what the processor has.
+/// Runs a kernel in batches of a width, with what the processor has.
 pub trait Width<const W: usize> {
-    /// Writes the result's rows for every lane.
+    /// Writes the result's kernels for every lane.
     fn run(&self, registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
 
     /// Whether batches of this width run stretches.
@@ -81,21 +81,21 @@ pub trait Width<const W: usize> {
     }
 }
 
-impl Width<1> for Row {
+impl Width<1> for LaneKernel {
     #[inline]
     fn run(&self, registers: &mut Registers<1>, to: Reg, from: &[Reg; 3]) {
         (self.one)(registers, to, from);
     }
 }
 
-impl Width<8> for Row {
+impl Width<8> for LaneKernel {
     #[inline]
     fn run(&self, registers: &mut Registers<8>, to: Reg, from: &[Reg; 3]) {
         (self.eight)(registers, to, from);
     }
 }
 
-impl Width<64> for Row {
+impl Width<64> for LaneKernel {
     #[inline]
     fn run(&self, registers: &mut Registers<64>, to: Reg, from: &[Reg; 3]) {
         #[cfg(target_arch = "x86_64")]
@@ -119,8 +119,8 @@ impl Width<64> for Row {
     }
 }
 
-/// For subgroups of 128, which are rare: twice 64 lanes, so that no row is compiled once more.
-impl Width<128> for Row {
+/// For subgroups of 128, which are rare: twice 64 lanes, so that no kernel is compiled once more.
+impl Width<128> for LaneKernel {
     fn run(&self, registers: &mut Registers<128>, to: Reg, from: &[Reg; 3]) {
         const OPERANDS: [Reg; 3] = [Reg(2), Reg(4), Reg(6)];
         let mut part = Registers::<64>::new(8);
@@ -133,8 +133,8 @@ impl Width<128> for Row {
                 }
             }
             Width::<64>::run(self, &mut part, Reg(0), &OPERANDS);
-            for (word, row) in results.iter_mut().enumerate() {
-                row[lanes.clone()].copy_from_slice(&part[Reg(word as u32)].0);
+            for (word, register) in results.iter_mut().enumerate() {
+                register[lanes.clone()].copy_from_slice(&part[Reg(word as u32)].0);
             }
         }
         for word in 0..self.words {
@@ -143,7 +143,7 @@ impl Width<128> for Row {
     }
 }
 
-/// A row's function with its arguments, to be compiled for AVX2: the same lane loop, and the same
+/// A kernel's function with its arguments, to be compiled for AVX2: the same lane loop, and the same
 /// results, as nothing is fused or reordered.
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
@@ -166,30 +166,30 @@ impl<F: Fn(&mut Registers<64>, Reg, &[Reg; 3])> pulp::NullaryFnOnce for Wide<'_,
 
 /// An instruction at all its widths.
 #[derive(Debug)]
-pub struct Family {
+pub struct OpFamily {
     /// The specification's name, without `Op`.
     pub name: &'static str,
     /// Whose number it is.
-    pub set: Set,
+    pub set: InstructionSet,
     /// The opcode or extended instruction number.
     pub number: u32,
-    /// One row a width.
-    pub rows: &'static [Row],
+    /// One kernel a width.
+    pub kernels: &'static [LaneKernel],
 }
 
-impl Family {
-    /// The row for operands of a width.
-    pub fn row(&'static self, width: u32) -> Option<&'static Row> {
-        self.rows.iter().find(|row| row.width == width || row.width == 0)
+impl OpFamily {
+    /// The kernel for operands of a width.
+    pub fn kernel(&'static self, width: u32) -> Option<&'static LaneKernel> {
+        self.kernels.iter().find(|kernel| kernel.width == width || kernel.width == 0)
     }
 }
 
 /// The family of an instruction's number.
-pub fn family(set: Set, number: u32) -> Option<&'static Family> {
+pub fn family(set: InstructionSet, number: u32) -> Option<&'static OpFamily> {
     /// By number.
-    type Table = Vec<Option<&'static Family>>;
+    type Table = Vec<Option<&'static OpFamily>>;
     static TABLES: LazyLock<[Table; 2]> = LazyLock::new(|| {
-        [Set::Core, Set::Glsl].map(|set| {
+        [InstructionSet::Core, InstructionSet::Glsl].map(|set| {
             let sections = crate::ops::SECTIONS.iter().flat_map(|section| section.iter().copied());
             let mut table = Table::new();
             for family in sections.filter(|family| family.set == set) {
@@ -202,31 +202,31 @@ pub fn family(set: Set, number: u32) -> Option<&'static Family> {
     });
     let [core, glsl] = &*TABLES;
     match set {
-        Set::Core => core.get(number as usize).copied().flatten(),
-        Set::Glsl => glsl.get(number as usize).copied().flatten(),
-        Set::Internal => None,
+        InstructionSet::Core => core.get(number as usize).copied().flatten(),
+        InstructionSet::Glsl => glsl.get(number as usize).copied().flatten(),
+        InstructionSet::Internal => None,
     }
 }
 
-/// Writes families of rows.
+/// Writes families of kernels.
 ///
 /// ```text
-/// rows! { FAdd Core [f16 f32 f64] (a: T, b: T) -> T { a + b } }
+/// lane_kernels! { FAdd Core [f16 f32 f64] (a: T, b: T) -> T { a + b } }
 /// ```
-/// Inside, `T` is the type of the row; the result is a `static FAdd: Family` each, and the list
+/// Inside, `T` is the type of the kernel; the result is a `static FAdd: OpFamily` each, and the list
 /// `FAMILIES`.
 #[macro_export]
-macro_rules! rows {
+macro_rules! lane_kernels {
     ($($(#[$doc:meta])* $name:ident $set:ident [$($ty:ty)*] $args:tt -> $result:ty $body:block)*) => {
         $(
             $(#[$doc])*
             #[allow(non_upper_case_globals)]
             #[doc = concat!("`", stringify!($name), "` at all its widths.")]
-            pub static $name: $crate::ops::row::Family = $crate::ops::row::Family {
+            pub static $name: $crate::ops::lane_kernel::OpFamily = $crate::ops::lane_kernel::OpFamily {
                 name: stringify!($name),
-                set: $crate::ops::row::Set::$set,
+                set: $crate::ops::lane_kernel::InstructionSet::$set,
                 number: $crate::number!($set, $name),
-                rows: &[$($crate::row!($name, $ty, $args, $result, $name<$ty>)),*],
+                kernels: &[$($crate::lane_kernel!($name, $ty, $args, $result, $name<$ty>)),*],
             };
             #[doc = concat!("The lane loop of `", stringify!($name), "` on a type.")]
             pub struct $name<T> {
@@ -235,7 +235,7 @@ macro_rules! rows {
             $($crate::lane_loop!($name, $ty, $args, $result, $body);)*
         )*
         /// The families of this section.
-        pub static FAMILIES: &[&$crate::ops::row::Family] = &[$(&$name),*];
+        pub static FAMILIES: &[&$crate::ops::lane_kernel::OpFamily] = &[$(&$name),*];
     };
 }
 
@@ -254,13 +254,13 @@ macro_rules! number {
     };
 }
 
-/// The lane loop of a row, by the type that names its family.
+/// The lane loop of a kernel, by the type that names its family.
 pub trait LaneLoop {
-    /// Writes the result's rows for every lane.
+    /// Writes the result's kernels for every lane.
     fn run<const W: usize>(registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
 }
 
-/// The scalar function of a row of one operand.
+/// The scalar function of a kernel of one operand.
 pub trait Unary {
     /// The operand.
     type A: Scalar;
@@ -270,7 +270,7 @@ pub trait Unary {
     fn apply(a: Self::A) -> Self::R;
 }
 
-/// The scalar function of a row of two operands.
+/// The scalar function of a kernel of two operands.
 pub trait Binary {
     /// The first operand.
     type A: Scalar;
@@ -282,7 +282,7 @@ pub trait Binary {
     fn apply(a: Self::A, b: Self::B) -> Self::R;
 }
 
-/// The scalar function of a row of three operands.
+/// The scalar function of a kernel of three operands.
 pub trait Ternary {
     /// The first operand.
     type A: Scalar;
@@ -296,7 +296,7 @@ pub trait Ternary {
     fn apply(a: Self::A, b: Self::B, c: Self::C) -> Self::R;
 }
 
-/// The lane loop of one row of [`rows!`](crate::rows).
+/// The lane loop of one kernel of [`lane_kernels!`](crate::lane_kernels).
 #[doc(hidden)]
 #[macro_export]
 macro_rules! lane_loop {
@@ -308,7 +308,7 @@ macro_rules! lane_loop {
         };
     };
     (@ $name:ty, ($a:ident: $at:ty), $result:ty, $body:block) => {
-        impl $crate::ops::row::Unary for $name {
+        impl $crate::ops::lane_kernel::Unary for $name {
             type A = $at;
             type R = $result;
 
@@ -317,10 +317,10 @@ macro_rules! lane_loop {
                 $body
             }
         }
-        $crate::lane_loop!(@ $name, [$at, $result], map1, <$name as $crate::ops::row::Unary>::apply);
+        $crate::lane_loop!(@ $name, [$at, $result], map1, <$name as $crate::ops::lane_kernel::Unary>::apply);
     };
     (@ $name:ty, ($a:ident: $at:ty, $b:ident: $bt:ty), $result:ty, $body:block) => {
-        impl $crate::ops::row::Binary for $name {
+        impl $crate::ops::lane_kernel::Binary for $name {
             type A = $at;
             type B = $bt;
             type R = $result;
@@ -330,10 +330,10 @@ macro_rules! lane_loop {
                 $body
             }
         }
-        $crate::lane_loop!(@ $name, [$at, $bt, $result], map2, <$name as $crate::ops::row::Binary>::apply);
+        $crate::lane_loop!(@ $name, [$at, $bt, $result], map2, <$name as $crate::ops::lane_kernel::Binary>::apply);
     };
     (@ $name:ty, ($a:ident: $at:ty, $b:ident: $bt:ty, $c:ident: $ct:ty), $result:ty, $body:block) => {
-        impl $crate::ops::row::Ternary for $name {
+        impl $crate::ops::lane_kernel::Ternary for $name {
             type A = $at;
             type B = $bt;
             type C = $ct;
@@ -344,10 +344,10 @@ macro_rules! lane_loop {
                 $body
             }
         }
-        $crate::lane_loop!(@ $name, [$at, $bt, $ct, $result], map3, <$name as $crate::ops::row::Ternary>::apply);
+        $crate::lane_loop!(@ $name, [$at, $bt, $ct, $result], map3, <$name as $crate::ops::lane_kernel::Ternary>::apply);
     };
     (@ $name:ty, [$($ty:ty),*], $map:ident, $function:expr) => {
-        impl $crate::ops::row::LaneLoop for $name {
+        impl $crate::ops::lane_kernel::LaneLoop for $name {
             #[inline(always)]
             fn run<const W: usize>(
                 registers: &mut $crate::machine::Registers<W>,
@@ -360,10 +360,10 @@ macro_rules! lane_loop {
     };
 }
 
-/// One row of [`rows!`](crate::rows), with its [`LaneLoop`](crate::ops::row::LaneLoop).
+/// One kernel of [`lane_kernels!`](crate::lane_kernels), with its [`LaneLoop`](crate::ops::lane_kernel::LaneLoop).
 #[doc(hidden)]
 #[macro_export]
-macro_rules! row {
+macro_rules! lane_kernel {
     ($name:ident, $ty:ty, ($($a:ident: $at:ty),*), $result:ty, $lanes:ty) => {{
         #[allow(dead_code)]
         type T = $ty;
@@ -372,7 +372,7 @@ macro_rules! row {
             to: $crate::machine::Reg,
             from: &[$crate::machine::Reg; 3],
         ) {
-            <$lanes as $crate::ops::row::LaneLoop>::run(registers, to, from);
+            <$lanes as $crate::ops::lane_kernel::LaneLoop>::run(registers, to, from);
         }
         #[cfg(target_arch = "x86_64")]
         fn eval_v3(
@@ -381,17 +381,17 @@ macro_rules! row {
             to: $crate::machine::Reg,
             from: &[$crate::machine::Reg; 3],
         ) {
-            let function = <$lanes as $crate::ops::row::LaneLoop>::run::<64>;
-            simd.vectorize($crate::ops::row::Wide { registers, to, from, function });
+            let function = <$lanes as $crate::ops::lane_kernel::LaneLoop>::run::<64>;
+            simd.vectorize($crate::ops::lane_kernel::Wide { registers, to, from, function });
         }
-        $crate::ops::row::Row {
+        $crate::ops::lane_kernel::LaneKernel {
             name: stringify!($name),
-            width: <$ty as $crate::ops::row::Bits>::BITS,
+            width: <$ty as $crate::ops::lane_kernel::Bits>::BITS,
             words: <$result as $crate::machine::Scalar>::WORDS,
-            operands: $crate::ops::row::operands(&[$(<$at as $crate::machine::Scalar>::WORDS),*]),
-            float_operands: $crate::ops::row::operands(&[$(<$at as $crate::ops::row::Bits>::FLOAT),*]),
-            float_result: <$result as $crate::ops::row::Bits>::FLOAT,
-            signed: <$ty as $crate::ops::row::Bits>::SIGNED,
+            operands: $crate::ops::lane_kernel::operands(&[$(<$at as $crate::machine::Scalar>::WORDS),*]),
+            float_operands: $crate::ops::lane_kernel::operands(&[$(<$at as $crate::ops::lane_kernel::Bits>::FLOAT),*]),
+            float_result: <$result as $crate::ops::lane_kernel::Bits>::FLOAT,
+            signed: <$ty as $crate::ops::lane_kernel::Bits>::SIGNED,
             one: eval::<1>,
             eight: eval::<8>,
             full: eval::<64>,
@@ -401,7 +401,7 @@ macro_rules! row {
     }};
 }
 
-/// The width that chooses a row; `bool` has none.
+/// The width that chooses a kernel; `bool` has none.
 pub trait Bits {
     /// Bits, 0 for a bool.
     const BITS: u32;
@@ -442,43 +442,48 @@ pub const fn operands(words: &[u32]) -> [u32; 3] {
 pub(crate) mod tests {
     use super::*;
 
-    fn run<const W: usize>(row: &Row, inputs: &[u64]) -> Vec<u64>
+    fn run<const W: usize>(kernel: &LaneKernel, inputs: &[u64]) -> Vec<u64>
     where
-        Row: Width<W>,
+        LaneKernel: Width<W>,
     {
         let mut registers = Registers::<W>::new(8);
         let mut from = [Reg(0); 3];
         let mut next = 2;
-        for (at, (&input, &words)) in inputs.iter().zip(&row.operands).enumerate() {
+        for (at, (&input, &words)) in inputs.iter().zip(&kernel.operands).enumerate() {
             from[at] = Reg(next);
             for word in 0..words {
                 registers[Reg(next + word)].0 = [(input >> (32 * word)) as u32; W];
             }
             next += words;
         }
-        row.run(&mut registers, Reg(0), &from);
+        kernel.run(&mut registers, Reg(0), &from);
         let value = |lane: usize| {
-            let high = if row.words == 2 { u64::from(registers[Reg(1)].0[lane]) << 32 } else { 0 };
+            let high = if kernel.words == 2 { u64::from(registers[Reg(1)].0[lane]) << 32 } else { 0 };
             u64::from(registers[Reg(0)].0[lane]) | high
         };
         (0..W).map(value).collect()
     }
 
-    /// What a row gives in every lane of every width of a batch.
-    pub(crate) fn results(row: &Row, inputs: &[u64]) -> Vec<u64> {
-        [run::<1>(row, inputs), run::<8>(row, inputs), run::<64>(row, inputs), run::<128>(row, inputs)]
-            .concat()
+    /// What a kernel gives in every lane of every width of a batch.
+    pub(crate) fn results(kernel: &LaneKernel, inputs: &[u64]) -> Vec<u64> {
+        [
+            run::<1>(kernel, inputs),
+            run::<8>(kernel, inputs),
+            run::<64>(kernel, inputs),
+            run::<128>(kernel, inputs),
+        ]
+        .concat()
     }
 
-    /// Runs a row at every width of a batch and compares every lane.
-    pub(crate) fn check_row(row: &Row, inputs: &[u64], expected: u64) {
-        for value in results(row, inputs) {
-            assert_eq!(value, expected, "{row:?} of {inputs:x?}: {value:#x}, expected {expected:#x}");
+    /// Runs a kernel at every width of a batch and compares every lane.
+    pub(crate) fn check_kernel(kernel: &LaneKernel, inputs: &[u64], expected: u64) {
+        for value in results(kernel, inputs) {
+            assert_eq!(value, expected, "{kernel:?} of {inputs:x?}: {value:#x}, expected {expected:#x}");
         }
     }
 
-    /// Runs a family's row of a width on inputs given as bits.
-    pub(crate) fn check(family: &'static Family, width: u32, inputs: &[u64], expected: u64) {
-        check_row(family.row(width).expect("a row of this width"), inputs, expected);
+    /// Runs a family's kernel of a width on inputs given as bits.
+    pub(crate) fn check(family: &'static OpFamily, width: u32, inputs: &[u64], expected: u64) {
+        check_kernel(family.kernel(width).expect("a kernel of this width"), inputs, expected);
     }
 }
