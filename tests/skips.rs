@@ -154,15 +154,15 @@ const PRIMITIVE: &str = "OpDecorate %seen BuiltIn PrimitiveId
 #[test]
 fn what_no_output_reads_is_neither_loaded_nor_computed() {
     // A builtin is loaded and added to, and the sum goes nowhere: two operations at most, and the
-    // builtin, are dropped. (A load of a builtin may be no operation at all.)
+    // builtin, are eliminated. (A load of a builtin may be no operation at all.)
     let body = "%value = OpLoad %uint %seen
          %sum = OpIAdd %uint %value %one";
     let idle = shader("ClosestHitKHR", PRIMITIVE, body);
-    assert!((1..=2).contains(&idle.dropped.operations), "{:?}", idle.dropped);
-    assert_eq!(idle.dropped.builtins, 1);
+    assert!((1..=2).contains(&idle.eliminated.operations), "{:?}", idle.eliminated);
+    assert_eq!(idle.eliminated.builtins, 1);
     assert!(idle.ops.is_empty() && idle.inputs.is_empty() && idle.is_empty());
     let nothing = shader("ClosestHitKHR", "", "");
-    assert_eq!((nothing.dropped.operations, nothing.dropped.builtins), (0, 0));
+    assert_eq!((nothing.eliminated.operations, nothing.eliminated.builtins), (0, 0));
     assert!(nothing.is_empty());
 }
 
@@ -199,11 +199,11 @@ fn ignoring() -> Program {
 fn opaque_geometry_never_asks_any_hit() -> Result<()> {
     let opaque = trace([ignoring()], GeometryFlags::OPAQUE, 0.0)?;
     assert!(!opaque.shaders.contains_key(&Stage::AnyHit), "{opaque:?}");
-    assert_eq!(opaque.spared.any_hit, 1);
+    assert_eq!(opaque.elided.any_hit, 1);
     let asked = trace([ignoring()], GeometryFlags::default(), 0.0)?;
     assert_eq!(asked.shaders[&Stage::AnyHit].invocations, 1);
     // The hit was ignored: the ray goes on to the miss shader.
-    assert_eq!((asked.spared.any_hit, asked.shaders[&Stage::Miss].invocations), (0, 1));
+    assert_eq!((asked.elided.any_hit, asked.shaders[&Stage::Miss].invocations), (0, 1));
     Ok(())
 }
 
@@ -212,19 +212,19 @@ fn shaders_that_leave_nothing_behind_are_counted_and_not_run() -> Result<()> {
     // A closest-hit shader without a payload, effects or traps cannot be observed.
     let hit = trace([shader("ClosestHitKHR", "", "")], GeometryFlags::OPAQUE, 0.0)?;
     let ran = hit.shaders[&Stage::ClosestHit];
-    assert_eq!((ran.invocations, ran.batches, hit.spared.empty), (1, 0, 1));
+    assert_eq!((ran.invocations, ran.batches, hit.elided.empty), (1, 0, 1));
     let miss = trace([shader("ClosestHitKHR", "", "")], GeometryFlags::OPAQUE, 0.5)?;
-    assert_eq!((miss.shaders[&Stage::Miss].batches, miss.spared.empty), (0, 1));
+    assert_eq!((miss.shaders[&Stage::Miss].batches, miss.elided.empty), (0, 1));
     // An empty any-hit shader accepts; the closest-hit shader is not run either.
     let group = [shader("AnyHitKHR", "", ""), shader("ClosestHitKHR", "", "")];
     let both = trace(group, GeometryFlags::default(), 0.0)?;
-    assert_eq!((both.shaders[&Stage::AnyHit].invocations, both.spared.empty), (1, 2));
+    assert_eq!((both.shaders[&Stage::AnyHit].invocations, both.elided.empty), (1, 2));
     assert_eq!(both.shaders[&Stage::ClosestHit].invocations, 1);
     Ok(())
 }
 
 #[test]
-fn the_command_tells_what_was_spared() {
+fn the_command_tells_what_was_elided() {
     let picture = std::env::temp_dir().join(format!("anyhit-skips-{}.png", std::process::id()));
     let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
         .args(["render", "scenes/swept-spheres.toml", "--size", "32x18", "--stats", "-o"])
@@ -238,7 +238,7 @@ fn the_command_tells_what_was_spared() {
         // Grass and chains, spheres, the ground; the scene has no box.
         "(linear swept spheres, spheres, triangles)",
         "instances",
-        "rays end at any hit, as they only ask whether there is one",
+        "occlusion rays that ended at whatever hit came first",
         "which no output reads",
     ] {
         assert!(text.contains(words), "{words}: {text}");

@@ -125,10 +125,10 @@ fn launch(ray_generation: Program, called: Program, radius: f32, watched: bool) 
     Ok((stats, [buffer.load(0, 32).unwrap_or(0), buffer.load(4, 32).unwrap_or(0)]))
 }
 
-/// Invocations and batches of a stage, and how many were spared as nobody reads what they leave.
+/// Invocations and batches of a stage, and how many were elided as nobody reads what they leave.
 fn counts(stats: &Stats, stage: Stage) -> (u64, u64, u64) {
     let counted = stats.shaders[&stage];
-    (counted.invocations, counted.batches, stats.spared.unread)
+    (counted.invocations, counted.batches, stats.elided.unread)
 }
 
 #[test]
@@ -195,8 +195,8 @@ fn it_runs_where_its_payload_is_read() -> Result<()> {
     ];
     for body in reads {
         let (stats, words) = launch(ray_generation(&body), writes(), 1.0, false)?;
-        let (_, batches, spared) = counts(&stats, Stage::ClosestHit);
-        assert!(batches > 0 && spared == 0, "{body}: {stats:?}");
+        let (_, batches, elided) = counts(&stats, Stage::ClosestHit);
+        assert!(batches > 0 && elided == 0, "{body}: {stats:?}");
         assert_eq!(words[0], 2, "{body}");
     }
     // A second trace hands the payload to shaders that may read it; behind the second, nobody does.
@@ -235,8 +235,8 @@ fn it_runs_where_it_leaves_anything_else() -> Result<()> {
     let adds = "OpStore %low %2\n %old = OpAtomicIAdd %uint %second %1 %0 %1";
     for (body, left) in [(stores, 1), (adds, 3)] {
         let (stats, words) = launch(ray_generation(TRACE), closest_hit(body), 1.0, false)?;
-        let (invocations, batches, spared) = counts(&stats, Stage::ClosestHit);
-        assert!(invocations == 3 && batches > 0 && spared == 0, "{stats:?}");
+        let (invocations, batches, elided) = counts(&stats, Stage::ClosestHit);
+        assert!(invocations == 3 && batches > 0 && elided == 0, "{stats:?}");
         assert_eq!(words[1], left, "{body}");
     }
     let nothing_but = |body: &str| closest_hit(body).payloads.writes_only.is_some();

@@ -73,14 +73,14 @@ fn candidates_ascend_and_stop_at_the_opaque_hit() {
 #[test]
 fn only_opaque_primitives_that_are_no_boxes_leave_nothing_to_shaders() {
     let decided = |geometries: Vec<Geometry>, flags: u32| {
-        tlas(vec![instance(geometries)]).is_decided_without_shaders(RayFlags(flags))
+        tlas(vec![instance(geometries)]).is_fully_opaque(RayFlags(flags))
     };
     let opaque = || triangles(&[1.0], OPAQUE);
     assert!(decided(vec![opaque()], 0) && decided(vec![opaque()], 1));
     assert!(!decided(vec![opaque()], 2), "the ray makes it non-opaque");
     assert!(!decided(vec![opaque(), triangles(&[2.0], NON_OPAQUE)], 0));
     assert!(!decided(vec![boxes(&[(1.0, 2.0)], OPAQUE)], 0));
-    assert!(tlas(vec![]).is_decided_without_shaders(RayFlags(0)));
+    assert!(tlas(vec![]).is_fully_opaque(RayFlags(0)));
 }
 
 #[test]

@@ -330,7 +330,7 @@ impl Cursor {
     /// Goes on to the next candidate; `None` at the end. What was handed out before and not
     /// confirmed is passed over.
     pub fn proceed(&mut self, tlas: &Tlas) -> Option<Candidate> {
-        if self.state == State::Fresh && tlas.is_decided_without_shaders(self.trace.flags) {
+        if self.state == State::Fresh && tlas.is_fully_opaque(self.trace.flags) {
             self.state = State::Ended;
             self.advance::<(), true>(tlas, true, &mut ());
             self.hits.committed = self.hits.opaque;

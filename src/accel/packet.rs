@@ -167,7 +167,7 @@ impl Packet {
     /// Finds the closest hits of rays; the hit of each is what a [`Cursor`] finds for it. With
     /// `any_opaque_hit` whether there is one is right and which one is left open, as for
     /// [`Cursor::end_at_any_opaque_hit`]. Returns `false`, and does nothing, where a shader may have to
-    /// decide about a candidate ([`Tlas::is_decided_without_shaders`]).
+    /// decide about a candidate ([`Tlas::is_fully_opaque`]).
     pub fn trace(
         &mut self,
         tlas: &Tlas,
@@ -175,7 +175,7 @@ impl Packet {
         any_opaque_hit: bool,
         hits: &mut Vec<Option<Committed>>,
     ) -> bool {
-        if !traces.iter().all(|trace| tlas.is_decided_without_shaders(trace.flags)) {
+        if !traces.iter().all(|trace| tlas.is_fully_opaque(trace.flags)) {
             return false;
         }
         hits.clear();

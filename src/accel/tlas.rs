@@ -114,7 +114,7 @@ pub struct Tlas {
     moves: bool,
     has_micromaps: bool,
     /// Whether all is opaque, without micromaps that say otherwise, and nothing a box.
-    plain: OnceLock<bool>,
+    opaque: OnceLock<bool>,
     precision: Precision,
     processor: Processor,
 }
@@ -164,7 +164,7 @@ impl Tlas {
         let has_micromaps = instances.iter().any(has_micromap);
         let moves = instances.iter().any(|instance| instance.motion.is_some() || instance.blas.moves());
         let world_to_object = instances.iter().map(|_| OnceLock::new()).collect();
-        let (tree, plain) = (OnceLock::new(), OnceLock::new());
+        let (tree, opaque) = (OnceLock::new(), OnceLock::new());
         Ok(Arc::new(Self {
             instances,
             placed,
@@ -172,7 +172,7 @@ impl Tlas {
             tree,
             moves,
             has_micromaps,
-            plain,
+            opaque,
             precision,
             processor,
         }))
@@ -211,8 +211,8 @@ impl Tlas {
     }
 
     /// Whether no ray with these flags ever has a candidate for a shader to decide on.
-    pub fn is_decided_without_shaders(&self, flags: RayFlags) -> bool {
-        let plain = self.plain.get_or_init(|| {
+    pub fn is_fully_opaque(&self, flags: RayFlags) -> bool {
+        let opaque = self.opaque.get_or_init(|| {
             self.instances.iter().all(|instance| {
                 instance.blas.geometries().iter().all(|geometry| {
                     geometry.data.kind() != GeometryKind::Aabbs
@@ -221,7 +221,7 @@ impl Tlas {
                 })
             })
         });
-        *plain && !flags.contains(RayFlags::NO_OPAQUE)
+        *opaque && !flags.contains(RayFlags::NO_OPAQUE)
     }
 
     /// World to object of an instance at a time within 0 and 1, row-major 3x4, each entry correctly

@@ -129,7 +129,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     }
     if args.stats {
         output::print(stats::table(&counted, ready, traced))?;
-        output::print(stats::spared(&counted, &assembled))?;
+        output::print(stats::elided(&counted, &assembled))?;
         output::print(stats::order(&assembled))?;
         output::print(bands.as_ref().map_or_else(String::new, |bands| stats::bands(bands, image)))?;
     }

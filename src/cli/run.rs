@@ -122,7 +122,7 @@ pub fn run(args: RunArgs) -> Result<()> {
     let counted = outcome?;
     if args.stats {
         output::print(stats::table(&counted, ready, took))?;
-        output::print(stats::spared(&counted, &assembled))?;
+        output::print(stats::elided(&counted, &assembled))?;
         output::print(stats::order(&assembled))?;
     }
     Ok(())

@@ -89,8 +89,8 @@ fn sharing(whose: &str, memory: Memory) -> String {
     )
 }
 
-/// What was not done because nothing needed it.
-pub fn spared(stats: &Stats, assembled: &Assembled) -> String {
+/// The lines of `--stats` about elided work: what was not done because nothing needed it.
+pub fn elided(stats: &Stats, assembled: &Assembled) -> String {
     let descriptors = assembled.resources.descriptors.values().flatten();
     let mut structures: Vec<&Arc<Tlas>> = Vec::new();
     for descriptor in descriptors {
@@ -127,26 +127,26 @@ pub fn spared(stats: &Stats, assembled: &Assembled) -> String {
         let still = instances.iter().filter(|instance| instance.is_identity()).count();
         text += &format!("not transformed   {still:>9} of {} instances\n", instances.len());
     }
-    let spared = stats.spared;
+    let elided = stats.elided;
     let rows = [
-        (spared.any_hit, "any-hit questions, of hits on opaque geometry"),
-        (spared.occlusion, "rays end at any hit, as they only ask whether there is one"),
-        (spared.empty, "invocations of shaders that leave nothing behind"),
-        (spared.unread, "invocations of shaders that leave only what nobody reads of a payload"),
+        (elided.any_hit, "any-hit invocations for closest hits on opaque geometry"),
+        (elided.occlusion, "occlusion rays that ended at whatever hit came first"),
+        (elided.empty, "invocations of shaders without effect"),
+        (elided.unread, "invocations of shaders that write only payload words that are never read"),
     ];
     for (count, what) in rows.iter().filter(|(count, _)| *count > 0) {
-        text += &format!("spared            {count:>9} {what}\n");
+        text += &format!("elided            {count:>9} {what}\n");
     }
     let programs = assembled.pipeline.programs.iter();
     let dispatched = assembled.dispatches.iter().map(|dispatch| &dispatch.compute.program);
     let (mut operations, mut builtins, mut kept) = (0, 0, 0);
     for program in programs.chain(dispatched) {
-        operations += program.dropped.operations;
-        builtins += program.dropped.builtins;
+        operations += program.eliminated.operations;
+        builtins += program.eliminated.builtins;
         kept += program.ops.len();
     }
     text + &format!(
-        "dropped           {operations:>9} of {} operations and {builtins} builtins, which no output reads\n",
+        "eliminated        {operations:>9} of {} operations and {builtins} builtins, which no output reads\n",
         operations as usize + kept
     )
 }

@@ -9,7 +9,7 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::observer::{Caller, PipelineObserver};
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Record;
-use crate::pipeline::stack::{Level, Stack};
+use crate::pipeline::stack::{ShaderCallFrame, Stack};
 use crate::pipeline::trace::{Trace, at};
 
 impl<const W: usize> Trace<W> {
@@ -35,10 +35,14 @@ where
     /// `OpHitObjectExecuteShaderEXT`: closest-hit or miss shaders as for a ray that is over.
     pub(super) fn begin_execute(&mut self, mask: Mask<W>, object: ObjectRef, payload: Rows) {
         let mut trace = self.spare_trace(true);
-        let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
+        let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
         let program = &self.pipeline.programs[running.shader.0 as usize];
-        trace.traced_by(caller, payload::scalars_given(program, payload), &running.batch.invocations);
+        trace.called_from_shader(
+            caller,
+            payload::scalars_given(program, payload),
+            &running.batch.invocations,
+        );
         trace.settled = true;
         let mut lanes = Mask::NONE;
         for lane in mask.lanes() {
@@ -70,13 +74,13 @@ where
             }
         }
         trace.begin(lanes);
-        self.levels.push(Level::Trace { trace, payload, object: None });
+        self.frames.push(ShaderCallFrame::Trace { trace, payload, object: None });
     }
 
     /// `OpHitObjectGetShaderRecordBufferHandleEXT`: the device address of a record's data; 0 where
     /// it has none.
     pub(super) fn record_handle(&mut self, mask: Mask<W>, object: ObjectRef, to: Reg) {
-        let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
+        let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let memory = &self.bindings[running.shader.0 as usize].memory;
         for lane in mask.lanes() {
             let batch = &mut running.batch;

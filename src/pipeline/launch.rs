@@ -28,20 +28,21 @@ pub struct Stats {
     pub reorders: u64,
     /// Invocations and batches by stage.
     pub shaders: BTreeMap<Stage, ShaderStats>,
-    /// What was not needed, and not done.
-    pub spared: Spared,
+    /// Work that was elided.
+    pub elided: Elided,
 }
 
-/// Work of rays that was not needed.
+/// Work of rays that was elided because nothing depends on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Spared {
-    /// Closest hits on opaque geometry, whose group's any-hit shader was not asked.
+pub struct Elided {
+    /// Closest hits on opaque geometry whose hit group has an any-hit shader, which did not run.
     pub any_hit: u64,
-    /// Rays that ask only whether something is hit, and end at whatever hit they come upon.
+    /// Occlusion rays: they ask only whether there is a hit, and end at whatever hit comes first.
     pub occlusion: u64,
-    /// Invocations of shaders that leave nothing behind: they are counted, and not run.
+    /// Invocations of shaders without effect: they are counted, and not run.
     pub empty: u64,
-    /// The same of closest-hit and miss shaders that leave only words of a payload that nobody reads.
+    /// Invocations of closest-hit and miss shaders that write only payload words that are never read:
+    /// they are counted, and not run.
     pub unread: u64,
 }
 
@@ -55,15 +56,15 @@ pub struct ShaderStats {
 }
 
 impl Stats {
-    /// Counts invocations of a shader that leaves nothing behind.
-    pub(super) fn spare(&mut self, stage: Stage, count: u32) {
-        self.spared.empty += u64::from(count);
+    /// Counts invocations of a shader without effect.
+    pub(super) fn elide(&mut self, stage: Stage, count: u32) {
+        self.elided.empty += u64::from(count);
         self.count_without_batch(stage, count);
     }
 
-    /// Counts invocations of a shader that leaves nothing but what nobody reads.
-    pub(super) fn spare_unread(&mut self, stage: Stage, count: u32) {
-        self.spared.unread += u64::from(count);
+    /// Counts invocations of a shader that writes only payload words that are never read.
+    pub(super) fn elide_unread(&mut self, stage: Stage, count: u32) {
+        self.elided.unread += u64::from(count);
         self.count_without_batch(stage, count);
     }
 
@@ -79,10 +80,10 @@ impl Stats {
         self.rays += other.rays;
         self.ray_queries += other.ray_queries;
         self.reorders += other.reorders;
-        self.spared.any_hit += other.spared.any_hit;
-        self.spared.occlusion += other.spared.occlusion;
-        self.spared.empty += other.spared.empty;
-        self.spared.unread += other.spared.unread;
+        self.elided.any_hit += other.elided.any_hit;
+        self.elided.occlusion += other.elided.occlusion;
+        self.elided.empty += other.elided.empty;
+        self.elided.unread += other.elided.unread;
         for (&stage, stats) in &other.shaders {
             let sum = self.shaders.entry(stage).or_default();
             sum.invocations += stats.invocations;
@@ -389,7 +390,7 @@ impl Launch<'_> {
                 }
                 None => Ok(RayOutcome {
                     committed: trace.committed[0],
-                    payload: trace.own_payload.as_ref().map_or_else(Vec::new, words),
+                    payload: trace.host_payload.as_ref().map_or_else(Vec::new, words),
                     stats: stack.stats,
                 }),
             },

@@ -1,4 +1,4 @@
-//! `OpReportIntersectionKHR` in progress: any-hit shaders that decide on reported hits.
+//! `OpReportIntersectionKHR` in progress: any-hit shaders decide on reported hits.
 
 use smallvec::SmallVec;
 
@@ -13,7 +13,7 @@ use crate::program::Program;
 
 /// Reports of the lanes of an intersection shader's batch.
 #[derive(Clone, Debug)]
-pub(super) struct Report<const W: usize> {
+pub(super) struct IntersectionReport<const W: usize> {
     accepted: Reg,
     /// By any-hit shader.
     waiting: SmallVec<[(Shader, Mask<W>); 1]>,
@@ -27,7 +27,7 @@ struct Reported {
     attributes: Data,
 }
 
-impl<const W: usize> Report<W> {
+impl<const W: usize> IntersectionReport<W> {
     /// Takes the reports of an intersection batch.
     pub fn new<T: PipelineObserver>(
         pipeline: &Pipeline,
@@ -87,8 +87,8 @@ impl<const W: usize> Report<W> {
         self.waiting.pop()
     }
 
-    /// Shows an any-hit shader's lanes the hits that are reported.
-    pub fn show(&self, lanes: Mask<W>, batch: &mut Batch<W>) {
+    /// Writes the reported hits into the builtins of an any-hit shader.
+    pub fn write_builtins(&self, lanes: Mask<W>, batch: &mut Batch<W>) {
         for lane in lanes.lanes() {
             if let Some(reported) = &self.reports[lane] {
                 batch.invocations.set_t_max(lane, reported.t);
@@ -97,8 +97,8 @@ impl<const W: usize> Report<W> {
         }
     }
 
-    /// Sets the attributes that an any-hit shader begins with.
-    pub fn show_attributes(&self, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
+    /// Writes the hit attributes that an any-hit shader begins with.
+    pub fn write_hit_attributes(&self, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
         for lane in lanes.lanes() {
             let attributes = self.reports[lane].iter().flat_map(|reported| &reported.attributes);
             rows.iter_mut().zip(attributes).for_each(|(row, &word)| row.0[lane] = word);

@@ -20,7 +20,7 @@ use crate::pipeline::launch::{RayOperands, Stats};
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::order::Order;
 use crate::pipeline::payload;
-use crate::pipeline::report::Report;
+use crate::pipeline::report::IntersectionReport;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::trace::{Data, Trace, Waiting, at, general};
 use crate::pipeline::trapped::Trapped;
@@ -85,8 +85,9 @@ pub(super) struct Call<const W: usize> {
     waiting: Vec<(Shader, Mask<W>)>,
 }
 
+/// One frame of the stack of shader calls: a shader that runs, or what it waits for.
 #[derive(Clone, Debug)]
-pub(super) enum Level<const W: usize> {
+pub(super) enum ShaderCallFrame<const W: usize> {
     Shader(Box<Running<W>>),
     /// `object` where the hit objects there take what is found.
     Trace {
@@ -95,7 +96,7 @@ pub(super) enum Level<const W: usize> {
         object: Option<ObjectRef>,
     },
     Call(Call<W>),
-    Report(Box<Report<W>>),
+    Report(Box<IntersectionReport<W>>),
 }
 
 /// Runs the shaders of one batch of a launch, or of one ray.
@@ -107,12 +108,12 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
     pub stats: Stats,
     /// The trap of the lowest launch index.
     pub trapped: Option<Trapped>,
-    pub levels: Vec<Level<W>>,
-    /// Batches that can be used again, by shader.
-    spare: Vec<Vec<Box<Running<W>>>>,
+    pub frames: Vec<ShaderCallFrame<W>>,
+    /// Batches whose memory can be used again, by shader.
+    free_batches: Vec<Vec<Box<Running<W>>>>,
     /// Traces whose memory can be used again.
     #[allow(clippy::vec_box, reason = "the boxes are what is used again")]
-    pub spare_traces: Vec<Box<Trace<W>>>,
+    pub free_traces: Vec<Box<Trace<W>>>,
 }
 
 /// The bindings of each program of a pipeline.
@@ -142,7 +143,7 @@ where
         pipeline_observer: &'a mut T,
         observer: &'a mut O,
     ) -> Self {
-        let spare = pipeline.programs.iter().map(|_| Vec::new()).collect();
+        let free_batches = pipeline.programs.iter().map(|_| Vec::new()).collect();
         Self {
             pipeline,
             bindings,
@@ -150,9 +151,9 @@ where
             observer,
             stats: Stats::default(),
             trapped: None,
-            levels: Vec::new(),
-            spare,
-            spare_traces: Vec::new(),
+            frames: Vec::new(),
+            free_batches,
+            free_traces: Vec::new(),
         }
     }
 
@@ -207,7 +208,7 @@ where
     /// Traces one ray without a ray generation shader, in the first lane; the trace when it is over.
     pub fn trace(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Option<Box<Trace<W>>> {
         let mut trace = self.spare_trace(true);
-        let payload = trace.take_operands_of_nobody(tlas, operands);
+        let payload = trace.take_host_operands(tlas, operands);
         self.push_trace(trace, payload, None);
         self.run()
     }
@@ -215,8 +216,8 @@ where
     /// Runs until the stack is empty; the trace that nothing called.
     fn run(&mut self) -> Option<Box<Trace<W>>> {
         loop {
-            match self.levels.last_mut()? {
-                Level::Shader(running) => {
+            match self.frames.last_mut()? {
+                ShaderCallFrame::Shader(running) => {
                     let program = &self.pipeline.programs[running.shader.0 as usize];
                     let bindings = &self.bindings[running.shader.0 as usize];
                     if O::active() {
@@ -257,13 +258,13 @@ where
                         }
                     }
                 }
-                Level::Trace { .. } => {
+                ShaderCallFrame::Trace { .. } => {
                     if let Some(trace) = self.advance_trace() {
                         return Some(trace);
                     }
                 }
-                Level::Call(_) => self.advance_call(),
-                Level::Report(_) => self.advance_report(),
+                ShaderCallFrame::Call(_) => self.advance_call(),
+                ShaderCallFrame::Report(_) => self.advance_report(),
             }
         }
     }
@@ -272,21 +273,21 @@ where
     pub(super) fn enter_traced(&mut self, waiting: Waiting<W>) {
         let Waiting { shader, role, lanes } = waiting;
         let mut running = self.ready(shader, role);
-        let [below @ .., Level::Trace { trace, payload, .. }] = &mut self.levels[..] else {
+        let [below @ .., ShaderCallFrame::Trace { trace, payload, .. }] = &mut self.frames[..] else {
             unreachable!("bug in anyhit: a shader outside a trace");
         };
-        trace.show(self.pipeline, role, lanes, &mut running.batch.invocations);
+        trace.write_builtins(self.pipeline, role, lanes, &mut running.batch.invocations);
         begin(self.pipeline, &mut running, lanes);
         running.take_data(trace.payload(below), *payload);
         if let Some(rows) = running.attributes() {
-            trace.show_attributes(role, lanes, rows);
+            trace.write_hit_attributes(role, lanes, rows);
         }
         self.push(running);
     }
 
     /// A batch of a shader without lanes.
     fn ready(&mut self, shader: Shader, role: Role) -> Box<Running<W>> {
-        let mut running = self.spare[shader.0 as usize].pop().unwrap_or_else(|| {
+        let mut running = self.free_batches[shader.0 as usize].pop().unwrap_or_else(|| {
             let program = &*self.pipeline.programs[shader.0 as usize];
             let data = match role {
                 Role::Callable => program.interface_rows(storage::INCOMING_CALLABLE_DATA),
@@ -333,13 +334,13 @@ where
                 });
             }
         }
-        self.levels.push(Level::Shader(running));
+        self.frames.push(ShaderCallFrame::Shader(running));
     }
 
     /// Takes a shader that is done from the stack and gives its results to whoever called it.
     fn leave(&mut self) {
         let pipeline = self.pipeline;
-        let Some(Level::Shader(running)) = self.levels.pop() else {
+        let Some(ShaderCallFrame::Shader(running)) = self.frames.pop() else {
             unreachable!("bug in anyhit: what ends is no shader");
         };
         let program = &*pipeline.programs[running.shader.0 as usize];
@@ -360,13 +361,13 @@ where
             }
         }
         let (lanes, batch) = (running.lanes, &running.batch);
-        match &mut self.levels[..] {
+        match &mut self.frames[..] {
             [] => {}
-            [below @ .., Level::Trace { trace, payload, .. }] => {
+            [below @ .., ShaderCallFrame::Trace { trace, payload, .. }] => {
                 running.leave_data(trace.payload(below), *payload);
                 trace.deliver(running.role, lanes, batch);
             }
-            [.., Level::Shader(below), Level::Call(call)] => {
+            [.., ShaderCallFrame::Shader(below), ShaderCallFrame::Call(call)] => {
                 running.leave_data(&mut below.batch.registers, call.data);
                 for lane in lanes.lanes().filter(|&lane| matches!(batch.exits[lane], Exit::Trapped(_))) {
                     let op = below.batch.op - 1;
@@ -375,20 +376,20 @@ where
             }
             [
                 below @ ..,
-                Level::Trace { trace, payload, .. },
-                Level::Shader(intersection),
-                Level::Report(report),
+                ShaderCallFrame::Trace { trace, payload, .. },
+                ShaderCallFrame::Shader(intersection),
+                ShaderCallFrame::Report(report),
             ] => {
                 running.leave_data(trace.payload(below), *payload);
                 report.deliver(trace, &mut intersection.batch, (batch, lanes), self.pipeline_observer);
             }
             _ => unreachable!("bug in anyhit: a shader without a caller"),
         }
-        self.spare[running.shader.0 as usize].push(running);
+        self.free_batches[running.shader.0 as usize].push(running);
     }
 
     fn begin_call(&mut self, mask: Mask<W>, index: Reg, data: Rows) {
-        let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
+        let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let mut waiting: Vec<(Shader, Mask<W>)> = Vec::new();
         for lane in mask.lanes() {
             let Some(record) =
@@ -416,16 +417,16 @@ where
             }
         }
         waiting.reverse();
-        self.levels.push(Level::Call(Call { index, data, waiting }));
+        self.frames.push(ShaderCallFrame::Call(Call { index, data, waiting }));
     }
 
     fn advance_call(&mut self) {
-        let deep = self.levels.len() as u64 > 2 * CALL_LIMIT;
-        let [.., Level::Shader(below), Level::Call(call)] = &mut self.levels[..] else {
+        let deep = self.frames.len() as u64 > 2 * CALL_LIMIT;
+        let [.., ShaderCallFrame::Shader(below), ShaderCallFrame::Call(call)] = &mut self.frames[..] else {
             unreachable!("bug in anyhit: a call without a caller");
         };
         let Some((shader, lanes)) = call.waiting.pop() else {
-            self.levels.pop();
+            self.frames.pop();
             return;
         };
         if deep {
@@ -442,7 +443,7 @@ where
             return;
         }
         let mut running = self.ready(shader, Role::Callable);
-        let [.., Level::Shader(below), Level::Call(_)] = &self.levels[..] else { return };
+        let [.., ShaderCallFrame::Shader(below), ShaderCallFrame::Call(_)] = &self.frames[..] else { return };
         let (from, to) = (&below.batch.invocations, &mut running.batch.invocations);
         to.take_places(from);
         to.depth = from.depth;
@@ -458,17 +459,26 @@ where
     }
 
     fn begin_report(&mut self, operands: (Mask<W>, Reg, Reg, Reg)) {
-        let [.., Level::Trace { trace, .. }, Level::Shader(running)] = &mut self.levels[..] else {
+        let [.., ShaderCallFrame::Trace { trace, .. }, ShaderCallFrame::Shader(running)] =
+            &mut self.frames[..]
+        else {
             unreachable!("bug in anyhit: a report outside a trace");
         };
         let program = &self.pipeline.programs[running.shader.0 as usize];
-        let report =
-            Report::new(self.pipeline, trace, program, &mut running.batch, operands, self.pipeline_observer);
-        self.levels.push(Level::Report(Box::new(report)));
+        let report = IntersectionReport::new(
+            self.pipeline,
+            trace,
+            program,
+            &mut running.batch,
+            operands,
+            self.pipeline_observer,
+        );
+        self.frames.push(ShaderCallFrame::Report(Box::new(report)));
     }
 
     fn advance_report(&mut self) {
-        let [.., Level::Shader(running), Level::Report(report)] = &mut self.levels[..] else {
+        let [.., ShaderCallFrame::Shader(running), ShaderCallFrame::Report(report)] = &mut self.frames[..]
+        else {
             unreachable!("bug in anyhit: a report outside a trace");
         };
         match report.advance() {
@@ -477,7 +487,7 @@ where
                 // RayTmaxKHR may have shrunk.
                 let program = &self.pipeline.programs[running.shader.0 as usize];
                 program.refresh_inputs(&mut running.batch, Mask::ALL, true);
-                self.levels.pop();
+                self.frames.pop();
             }
         }
     }
@@ -486,17 +496,21 @@ where
     fn enter_reported(&mut self, shader: Shader, lanes: Mask<W>) {
         let role = Role::ReportedAnyHit;
         let mut running = self.ready(shader, role);
-        let [below @ .., Level::Trace { trace, payload, .. }, Level::Shader(_), Level::Report(report)] =
-            &mut self.levels[..]
+        let [
+            below @ ..,
+            ShaderCallFrame::Trace { trace, payload, .. },
+            ShaderCallFrame::Shader(_),
+            ShaderCallFrame::Report(report),
+        ] = &mut self.frames[..]
         else {
             unreachable!("bug in anyhit: a report outside a trace");
         };
-        trace.show(self.pipeline, role, lanes, &mut running.batch.invocations);
-        report.show(lanes, &mut running.batch);
+        trace.write_builtins(self.pipeline, role, lanes, &mut running.batch.invocations);
+        report.write_builtins(lanes, &mut running.batch);
         begin(self.pipeline, &mut running, lanes);
         running.take_data(trace.payload(below), *payload);
         if let Some(rows) = running.attributes() {
-            report.show_attributes(lanes, rows);
+            report.write_hit_attributes(lanes, rows);
         }
         self.push(running);
     }

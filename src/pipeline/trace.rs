@@ -19,8 +19,8 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Shader};
 use crate::pipeline::launch::Stats;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver, Traversal};
+use crate::pipeline::opaque_batch::OpaqueBatch;
 use crate::pipeline::payload;
-use crate::pipeline::plain::PlainRays;
 use crate::pipeline::sbt::{Record, ends_before};
 use crate::pipeline::stack::Role;
 
@@ -50,9 +50,9 @@ pub(super) struct Trace<const W: usize> {
     launch_size: [u32; 3],
     /// 1 for a trace by ray generation.
     pub depth: u32,
-    /// The payload of a ray that no shader traces.
-    pub own_payload: Option<Registers<W>>,
-    /// Rays that shaders are asked about on the way, by lane; the memory of others may lie idle.
+    /// The payload of a ray from the host.
+    pub host_payload: Option<Registers<W>>,
+    /// The traversals of rays that may call shaders on the way, by lane; those of other lanes are unused.
     cursors: Vec<Option<Cursor>>,
     /// The closest hits, where traversal is over.
     pub committed: [Option<Committed>; W],
@@ -67,7 +67,7 @@ pub(super) struct Trace<const W: usize> {
     trapped: SmallVec<[(usize, TrapCode); 0]>,
     /// The lanes of the list.
     trapping: Mask<W>,
-    plain: PlainRays,
+    opaque: OpaqueBatch,
     waiting: SmallVec<[Waiting<W>; 2]>,
     /// The rays that are on their way.
     traversing: Mask<W>,
@@ -83,7 +83,7 @@ pub(super) struct Trace<const W: usize> {
     pub observed: bool,
     /// Ray flags that every ray has besides its own, and no shader sees.
     pub pipeline_flags: u32,
-    /// What its rays did not need.
+    /// Counts of what its rays did, and of what was elided.
     pub stats: Stats,
 }
 
@@ -100,7 +100,7 @@ impl<const W: usize> Default for Trace<W> {
             launch_id: [zero; 3],
             launch_size: [0; 3],
             depth: 0,
-            own_payload: None,
+            host_payload: None,
             cursors: Vec::new(),
             committed: [None; W],
             attributes: Vec::new(),
@@ -108,7 +108,7 @@ impl<const W: usize> Default for Trace<W> {
             settled: false,
             trapped: SmallVec::new(),
             trapping: Mask::NONE,
-            plain: PlainRays::default(),
+            opaque: OpaqueBatch::default(),
             waiting: SmallVec::new(),
             traversing: Mask::NONE,
             begun: false,
@@ -124,14 +124,14 @@ impl<const W: usize> Default for Trace<W> {
 }
 
 impl<const W: usize> Trace<W> {
-    /// Makes it ready for the rays of another instruction, which runs closest-hit and miss shaders or
-    /// does not.
+    /// Resets the trace for the rays of another instruction. `shades`: whether closest-hit and miss
+    /// shaders run at the end.
     pub fn clear(&mut self, shades: bool) {
         self.shades = shades;
         self.lanes = Mask::NONE;
         self.traversing = Mask::NONE;
         self.structures.clear();
-        self.own_payload = None;
+        self.host_payload = None;
         self.settled = false;
         self.trapped.clear();
         self.trapping = Mask::NONE;
@@ -141,8 +141,13 @@ impl<const W: usize> Trace<W> {
         self.stats = Stats::default();
     }
 
-    /// Takes the places in the launch of the invocations that trace.
-    pub fn traced_by(&mut self, caller: Caller, payload_scalars: Option<u64>, invocations: &Invocations<W>) {
+    /// Copies the places in the launch of the invocations that trace.
+    pub fn called_from_shader(
+        &mut self,
+        caller: Caller,
+        payload_scalars: Option<u64>,
+        invocations: &Invocations<W>,
+    ) {
         (self.caller, self.payload_scalars) = (Some(caller), payload_scalars);
         (self.launch_id, self.launch_size) = (invocations.launch_id, invocations.launch_size);
         self.depth = invocations.depth + 1;
@@ -159,8 +164,8 @@ impl<const W: usize> Trace<W> {
         self.trap(lane, TrapCode::PayloadMismatch);
     }
 
-    /// Takes a place in the launch for a ray that no shader traces.
-    pub fn traced_by_nobody(&mut self) {
+    /// Gives a ray from the host a place in the launch: index 0 of a launch of one invocation.
+    pub fn called_from_host(&mut self) {
         (self.launch_id, self.launch_size, self.depth) = ([Lanes::splat(0); 3], [1; 3], 1);
     }
 
@@ -206,13 +211,13 @@ impl<const W: usize> Trace<W> {
         self.launch_id.each_ref().map(|row| row.0[lane])
     }
 
-    /// The traversal of a lane's ray that shaders are asked about.
+    /// The traversal of a lane's ray that may call shaders.
     pub fn cursor(&self, lane: usize) -> &Cursor {
         let cursor = self.cursors.get(lane).and_then(Option::as_ref);
         cursor.expect("bug in anyhit: a lane without a ray called a shader")
     }
 
-    /// The traversal of a lane's ray that shaders are asked about.
+    /// The traversal of a lane's ray that may call shaders.
     pub fn cursor_mut(&mut self, lane: usize) -> &mut Cursor {
         let cursor = self.cursors.get_mut(lane).and_then(Option::as_mut);
         cursor.expect("bug in anyhit: a lane without a ray called a shader")
@@ -265,11 +270,11 @@ impl<const W: usize> Trace<W> {
         }
     }
 
-    /// Traces all rays that no shader is asked about; the others get a traversal that can be resumed.
+    /// Traces all rays that can meet only opaque geometry; the others get a traversal that can be resumed.
     fn set_out<T: PipelineObserver>(&mut self) {
         if !T::ACTIVE {
             for number in 0..self.structures.all().len() {
-                self.trace_plain(number);
+                self.trace_opaque(number);
             }
         }
         for lane in self.traversing.lanes() {
@@ -292,38 +297,38 @@ impl<const W: usize> Trace<W> {
         TraceRay { flags: trace.flags | RayFlags(self.pipeline_flags), ..trace }
     }
 
-    /// Traces the rays through one structure that no shader is asked about.
-    fn trace_plain(&mut self, number: usize) {
+    /// Traces the rays through one structure that can meet only opaque geometry.
+    fn trace_opaque(&mut self, number: usize) {
         let through = match self.structures.all().len() {
             1 => self.traversing,
             _ => self.traversing & Mask::equal(self.structures.numbers(), number as u32),
         };
-        // Nobody sees which hit a shadow ray commits, where no hit object keeps it.
-        let only_whether = RayFlags::TERMINATE_ON_FIRST_HIT | RayFlags::SKIP_CLOSEST_HIT_SHADER;
-        let unseen = self.shades && self.caller.is_some();
+        // Nothing reads which hit an occlusion ray commits, where no hit object keeps it.
+        let occlusion = RayFlags::TERMINATE_ON_FIRST_HIT | RayFlags::SKIP_CLOSEST_HIT_SHADER;
+        let unread = self.shades && self.caller.is_some();
         let tlas = &self.structures.all()[number];
         let mut rest = through;
         while let Some(first) = rest.lanes().next() {
             let flags = self.traversal(first).flags;
             let mut alike = Mask::NONE;
-            self.plain.rays.clear();
+            self.opaque.rays.clear();
             for lane in rest.lanes() {
                 let ray = self.traversal(lane);
                 if ray.flags == flags {
-                    self.plain.rays.push(ray);
+                    self.opaque.rays.push(ray);
                     alike = alike | Mask::lane(lane);
                 }
             }
             rest = rest.without(alike);
-            if !tlas.is_decided_without_shaders(flags) {
+            if !tlas.is_fully_opaque(flags) {
                 continue;
             }
-            let any_will_do = unseen && flags.contains(only_whether);
-            if any_will_do {
-                self.stats.spared.occlusion += self.plain.rays.len() as u64;
+            let occlusion_only = unread && flags.contains(occlusion);
+            if occlusion_only {
+                self.stats.elided.occlusion += self.opaque.rays.len() as u64;
             }
-            self.plain.trace(tlas, any_will_do);
-            for (lane, hit) in alike.lanes().zip(&self.plain.hits) {
+            self.opaque.trace(tlas, occlusion_only);
+            for (lane, hit) in alike.lanes().zip(&self.opaque.hits) {
                 self.committed[lane] = *hit;
             }
             self.traversing = self.traversing.without(alike);
@@ -363,7 +368,7 @@ impl<const W: usize> Trace<W> {
                 // An observer sees every shader run.
                 if !T::ACTIVE && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
                     // An empty intersection shader reports nothing, an empty any-hit shader accepts.
-                    self.stats.spare(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit }, 1);
+                    self.stats.elide(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit }, 1);
                     self.cursor_mut(lane).confirm();
                     continue;
                 }
@@ -465,8 +470,8 @@ impl<const W: usize> Trace<W> {
         }
     }
 
-    /// Shows the lanes of a shader that plays a role what its builtins read.
-    pub fn show(&self, pipeline: &Pipeline, role: Role, lanes: Mask<W>, to: &mut Invocations<W>) {
+    /// Writes what the builtins of a shader in a role read.
+    pub fn write_builtins(&self, pipeline: &Pipeline, role: Role, lanes: Mask<W>, to: &mut Invocations<W>) {
         (to.launch_id, to.launch_size, to.depth) = (self.launch_id, self.launch_size, self.depth);
         to.rays = self.rays;
         to.structures.copy(&self.structures);
@@ -504,8 +509,8 @@ impl<const W: usize> Trace<W> {
         }
     }
 
-    /// Sets the attributes that a shader in a role begins with.
-    pub fn show_attributes(&self, role: Role, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
+    /// Writes the hit attributes that a shader in a role begins with.
+    pub fn write_hit_attributes(&self, role: Role, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
         for lane in lanes.lanes() {
             let candidate = match role {
                 Role::AnyHit => self.cursor(lane).candidate(),

@@ -14,7 +14,7 @@ use crate::pipeline::PipelineFlags;
 use crate::pipeline::launch::RayOperands;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::payload;
-use crate::pipeline::stack::{Level, Stack};
+use crate::pipeline::stack::{ShaderCallFrame, Stack};
 use crate::pipeline::trace::{Data, Trace};
 
 impl<const W: usize> Trace<W> {
@@ -42,10 +42,10 @@ impl<const W: usize> Trace<W> {
         found
     }
 
-    /// Takes the operands of a ray that no shader traces, in the first lane; gives the rows of its payload.
-    pub fn take_operands_of_nobody(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Rows {
+    /// Takes the operands of a ray from the host into the first lane; returns the registers of its payload.
+    pub fn take_host_operands(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Rows {
         let RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload } = operands;
-        self.traced_by_nobody();
+        self.called_from_host();
         self.structures.set(Mask::lane(0), tlas);
         self.rays.set(0, &trace);
         (self.sbt_offset.0[0], self.sbt_stride.0[0], self.miss_index.0[0]) =
@@ -53,16 +53,16 @@ impl<const W: usize> Trace<W> {
         let mut registers = Registers::new(payload.len());
         let rows = Rows { first: Reg(0), count: payload.len() as u32 };
         registers.set_lane_words(rows.first, 0, payload);
-        self.own_payload = Some(registers);
+        self.host_payload = Some(registers);
         self.begin(Mask::lane(0));
         rows
     }
 
-    /// The registers that hold the payload; `below` are the levels under the trace.
-    pub fn payload<'a>(&'a mut self, below: &'a mut [Level<W>]) -> &'a mut Registers<W> {
-        match (&mut self.own_payload, below) {
+    /// The registers that hold the payload; `below` are the frames under the trace.
+    pub fn payload<'a>(&'a mut self, below: &'a mut [ShaderCallFrame<W>]) -> &'a mut Registers<W> {
+        match (&mut self.host_payload, below) {
             (Some(own), _) => own,
-            (None, [.., Level::Shader(caller)]) => &mut caller.batch.registers,
+            (None, [.., ShaderCallFrame::Shader(caller)]) => &mut caller.batch.registers,
             _ => unreachable!("bug in anyhit: a trace without a caller"),
         }
     }
@@ -80,12 +80,12 @@ where
         object: Option<ObjectRef>,
     ) {
         let mut trace = self.spare_trace(object.is_none());
-        let Some(Level::Shader(running)) = self.levels.last_mut() else { return };
+        let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let bindings = &self.bindings[running.shader.0 as usize];
         let batch = &mut running.batch;
         let caller = Caller { shader: running.shader, op: batch.op - 1, payload: payload.first };
         let program = &self.pipeline.programs[running.shader.0 as usize];
-        trace.traced_by(caller, payload::scalars_given(program, payload), &batch.invocations);
+        trace.called_from_shader(caller, payload::scalars_given(program, payload), &batch.invocations);
         let found = trace.take_operands(&batch.registers, operands, bindings, mask);
         let flags = self.pipeline.flags;
         let mut lanes = found & trace.rays.within_rules(flags.ray_flags());
@@ -126,7 +126,7 @@ where
         self.stats.rays += u64::from(trace.lanes().count());
         if T::ACTIVE {
             for lane in trace.lanes().lanes() {
-                let registers = trace.payload(&mut self.levels);
+                let registers = trace.payload(&mut self.frames);
                 let words = registers.lane_words(payload.first, payload.count, lane).collect();
                 let launch_id = trace.launch_id(lane);
                 self.pipeline_observer.invocation(launch_id);
@@ -141,17 +141,17 @@ where
                 });
             }
         }
-        self.levels.push(Level::Trace { trace, payload, object });
+        self.frames.push(ShaderCallFrame::Trace { trace, payload, object });
     }
 
     /// Goes on with the trace on top of the stack: the next shader that its rays call is put there, or it
     /// ends. What remains of it where nothing called it.
     pub(super) fn advance_trace(&mut self) -> Option<Box<Trace<W>>> {
-        let [below @ .., Level::Trace { trace, payload, .. }] = &mut self.levels[..] else {
+        let [below @ .., ShaderCallFrame::Trace { trace, payload, .. }] = &mut self.frames[..] else {
             unreachable!("bug in anyhit: what goes on is no trace");
         };
         let registers = match below.last_mut() {
-            Some(Level::Shader(caller)) => Some((&mut caller.batch.registers, *payload)),
+            Some(ShaderCallFrame::Shader(caller)) => Some((&mut caller.batch.registers, *payload)),
             _ => None,
         };
         match trace.advance(self.pipeline, registers, self.pipeline_observer) {
@@ -165,17 +165,19 @@ where
 
     /// Takes a trace whose rays are done from the stack.
     fn end_trace(&mut self) -> Option<Box<Trace<W>>> {
-        let Some(Level::Trace { mut trace, payload, object }) = self.levels.pop() else { return None };
+        let Some(ShaderCallFrame::Trace { mut trace, payload, object }) = self.frames.pop() else {
+            return None;
+        };
         self.stats = std::mem::take(&mut self.stats).plus(&trace.stats);
         if T::ACTIVE && !trace.settled {
             for lane in trace.lanes().lanes() {
-                let registers = trace.payload(&mut self.levels);
+                let registers = trace.payload(&mut self.frames);
                 let payload: Data = registers.lane_words(payload.first, payload.count, lane).collect();
                 self.pipeline_observer.invocation(trace.launch_id(lane));
                 self.pipeline_observer.event(Event::Traced { payload: payload.to_vec() });
             }
         }
-        let Some(Level::Shader(below)) = self.levels.last_mut() else { return Some(trace) };
+        let Some(ShaderCallFrame::Shader(below)) = self.frames.last_mut() else { return Some(trace) };
         for lane in trace.trapping().lanes() {
             let op = below.batch.op - 1;
             let code = trace.trapped(lane).unwrap_or(TrapCode::Callee);
@@ -191,12 +193,12 @@ where
                     .expect("bug in anyhit: a hit object has moved");
             }
         }
-        self.spare_traces.push(trace);
+        self.free_traces.push(trace);
         None
     }
 
     pub(super) fn spare_trace(&mut self, shades: bool) -> Box<Trace<W>> {
-        let mut trace = self.spare_traces.pop().unwrap_or_default();
+        let mut trace = self.free_traces.pop().unwrap_or_default();
         trace.clear(shades);
         trace.observed = T::ACTIVE || O::active();
         trace.pipeline_flags = self.pipeline.flags.ray_flags();

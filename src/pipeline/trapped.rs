@@ -9,7 +9,7 @@ use crate::pipeline::group::Shader;
 use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Sbt;
-use crate::pipeline::stack::{Level, Running, Stack};
+use crate::pipeline::stack::{Running, ShaderCallFrame, Stack};
 use crate::program::Program;
 
 /// A trap with all that is known of it.
@@ -60,8 +60,8 @@ where
         if trap.code == TrapCode::PayloadMismatch {
             error = self.mismatch(running, trap.op, asked).into_iter().flatten().fold(error, Error::note);
         }
-        let callers = self.levels.iter().rev().filter_map(|level| match level {
-            Level::Shader(caller) => Some(caller),
+        let callers = self.frames.iter().rev().filter_map(|frame| match frame {
+            ShaderCallFrame::Shader(caller) => Some(caller),
             _ => None,
         });
         let callers: Vec<String> = callers
@@ -96,8 +96,10 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
         };
         // A reported hit's any-hit shader has the payload of whoever traces.
         let traces = || {
-            self.levels.iter().rev().find_map(|level| match level {
-                Level::Trace { trace, payload, .. } => Some((trace.caller()?.shader, payload.first)),
+            self.frames.iter().rev().find_map(|frame| match frame {
+                ShaderCallFrame::Trace { trace, payload, .. } => {
+                    Some((trace.caller()?.shader, payload.first))
+                }
                 _ => None,
             })
         };

@@ -37,7 +37,7 @@ use crate::program::reuse::{reuse_rows, superblocks};
 use crate::program::sharing::touches;
 use crate::program::verify::{Verifier, Version};
 use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
-use crate::program::{Block, Dropped, Program, Scope, Stretch, Terminator, Unwatched};
+use crate::program::{Block, Eliminated, Program, Scope, Stretch, Terminator, Unwatched};
 
 /// `OpacityMicromapIdKHR`
 const OPACITY_MICROMAP_ID: u32 = 6031;
@@ -200,7 +200,7 @@ fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
         prune(program, addressed, stores.as_deref());
     });
     program.touches = touches(program);
-    program.dropped = Dropped {
+    program.eliminated = Eliminated {
         operations: (operations - program.ops.len()) as u32,
         builtins: (builtins - program.inputs.len()) as u32,
     };
@@ -546,7 +546,7 @@ impl<'m> Lowering<'m> {
             uses_subgroups: false,
             workgroup,
             addresses_records: false,
-            dropped: Dropped::default(),
+            eliminated: Eliminated::default(),
             payloads: Payloads::default(),
         };
         (program, self.decoder.addressed)

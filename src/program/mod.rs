@@ -166,18 +166,18 @@ pub struct Program {
     pub workgroup: Option<WorkgroupLayout>,
     /// Whether it asks for device addresses of shader records.
     pub addresses_records: bool,
-    /// What lowering dropped, as nothing reads it.
-    pub dropped: Dropped,
+    /// What lowering eliminated, as no output depends on it.
+    pub eliminated: Eliminated,
     /// What it does with payloads.
     pub payloads: Payloads,
 }
 
-/// What no output of a program depends on.
+/// How much dead code lowering eliminated: no output of the program depends on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Dropped {
-    /// Operations.
+pub struct Eliminated {
+    /// The number of operations.
     pub operations: u32,
-    /// Builtins that the shader loads and that nobody computes.
+    /// The number of builtins that the shader loads and that are not computed.
     pub builtins: u32,
 }
 

@@ -47,7 +47,7 @@ impl<const W: usize> Trace<W> {
             if has_any_hit {
                 let is_opaque = |hit: &Committed| hit.candidate.opaque;
                 let opaque = |lane: &usize| self.committed[*lane].as_ref().is_some_and(is_opaque);
-                self.stats.spared.any_hit += lanes.lanes().filter(opaque).count() as u64;
+                self.stats.elided.any_hit += lanes.lanes().filter(opaque).count() as u64;
             }
             if T::ACTIVE && !self.settled {
                 for lane in lanes.lanes() {
@@ -68,10 +68,10 @@ impl<const W: usize> Trace<W> {
                     called.lanes().for_each(|lane| self.end_by_mismatch(lane, shader));
                 }
                 (Some(shader), _) if !T::ACTIVE && is_empty => {
-                    self.stats.spare(pipeline.programs[shader.0 as usize].stage, called.count());
+                    self.stats.elide(pipeline.programs[shader.0 as usize].stage, called.count());
                 }
                 (Some(shader), _) if !self.observed && leaves_unread => {
-                    self.stats.spare_unread(pipeline.programs[shader.0 as usize].stage, called.count());
+                    self.stats.elide_unread(pipeline.programs[shader.0 as usize].stage, called.count());
                 }
                 (Some(shader), _) => self.wait(shader, role, called),
                 (None, Some(code)) => called.lanes().for_each(|lane| self.trap(lane, code)),
