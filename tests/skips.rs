@@ -50,7 +50,7 @@ fn a_few_primitives_have_no_tree() -> Result<()> {
         assert!(!blas.is_built(), "nothing is built before the first ray");
         let counters = walk(&tlas, ray(0.0, 0.0));
         assert!(blas.is_built());
-        assert_eq!(blas.has_tree(), has_tree, "{count} primitives");
+        assert_eq!(blas.has_bvh(), has_tree, "{count} primitives");
         assert_eq!(counters.nodes > 0, has_tree, "{count} primitives");
     }
     Ok(())
@@ -62,11 +62,11 @@ fn a_few_rays_have_no_tree() -> Result<()> {
     let tlas = Tlas::new(vec![instance(&blas, 0.0)])?;
     assert!(!blas.is_built(), "nothing is built before the first ray");
     let of_first = walk(&tlas, ray(999.0, 0.0));
-    assert!(blas.is_built() && blas.is_listed() && !blas.has_tree());
+    assert!(blas.is_built() && blas.is_listed() && !blas.has_bvh());
     // All are looked through.
     assert_eq!((of_first.nodes, of_first.primitives), (0, 1000));
     let mut rays = 1;
-    while !blas.has_tree() {
+    while !blas.has_bvh() {
         rays += 1;
         assert!(rays < 100, "no tree comes after {rays} rays");
         walk(&tlas, ray(0.0, 0.0));

@@ -243,7 +243,7 @@ impl Scene {
         let trace = |ray| TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
         let traces: Vec<_> = self.camera.rays([8, 8]).into_iter().map(trace).collect();
         assert!(Packet::default().trace(&tlas, &traces, false, &mut Vec::new()), "no shader decides");
-        assert!(blas.has_tree(), "no ray came to it");
+        assert!(blas.has_bvh(), "no ray came to it");
         blas
     }
 

@@ -157,8 +157,8 @@ impl Blas {
 
     /// Whether rays have reached it, and it has a tree: a few primitives have none, and neither have
     /// many that only a few rays reached.
-    pub fn has_tree(&self) -> bool {
-        self.body.get().is_some_and(|body| body.tree().is_some())
+    pub fn has_bvh(&self) -> bool {
+        self.body.get().is_some_and(|body| body.bvh().is_some())
     }
 
     /// Whether the few rays that have reached it looked through a list of its many primitives; that goes
@@ -203,7 +203,7 @@ impl Blas {
         if may_list && count > MANY_PRIMITIVES && self.rays.fetch_add(1, Ordering::Relaxed) < FEW_RAYS {
             let mut list = self.list();
             if self.body.get().is_none() {
-                let make = || Arc::new(Body::without_tree(&self.geometries));
+                let make = || Arc::new(Body::without_bvh(&self.geometries));
                 return Reached::Listed(list.get_or_insert_with(make).clone());
             }
         }

@@ -4,7 +4,7 @@ mod collect;
 
 use crate::accel::blas::{GeometryFlags, between};
 use crate::accel::node::Child;
-use crate::accel::tree::Tree;
+use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, BlockRay, LANES, ShearedRay};
 use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, triangle};
 use crate::math::ahead::fetch;
@@ -19,7 +19,7 @@ pub struct Body {
     names: Vec<Name>,
     /// Whether some primitives stand in several leaves.
     has_pieces: bool,
-    tree: Option<Tree>,
+    bvh: Option<WideBvh>,
     bounds: Bounds,
     common_flags: Option<GeometryFlags>,
 }
@@ -81,8 +81,8 @@ impl Body {
 
     /// The tree; without one, all primitives are tested.
     #[inline]
-    pub fn tree(&self) -> Option<&Tree> {
-        self.tree.as_ref()
+    pub fn bvh(&self) -> Option<&WideBvh> {
+        self.bvh.as_ref()
     }
 
     /// All primitives, for a body without a tree.
@@ -100,8 +100,8 @@ impl Body {
     /// Has the processor bring the triangles in a node's leaves into its caches, where a ray that comes to the node
     /// mostly reaches one: they come while the node does.
     #[inline(always)]
-    pub fn fetch_leaves(&self, tree: &Tree, node: Child) {
-        let leaves = tree.leaves(node);
+    pub fn fetch_leaves(&self, bvh: &WideBvh, node: Child) {
+        let leaves = bvh.leaves(node);
         if leaves.is_empty() {
             return;
         }
@@ -114,7 +114,7 @@ impl Body {
     #[inline(always)]
     pub fn fetch(&self, part: Child) {
         if !part.is_leaf() {
-            return self.tree.iter().for_each(|tree| tree.node(part).fetch());
+            return self.bvh.iter().for_each(|bvh| bvh.node(part).fetch());
         }
         let at = part.index();
         match &self.shapes {

@@ -6,7 +6,7 @@ use crate::accel::cursor::TraceRay;
 use crate::accel::node::Child;
 use crate::accel::node_ray::NodeRay;
 use crate::accel::tlas::{Placed, Tlas};
-use crate::accel::tree::Tree;
+use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{BlockRay, ShearedRay};
 use crate::geometry::{DoubleRay, ObjectRay, Ray, RoughRay, Transform};
 use crate::math::doubles::Doubles;
@@ -57,7 +57,7 @@ impl Level {
         &mut self,
         tlas: &Tlas,
         instance: u32,
-        tree: Option<&Tree>,
+        bvh: Option<&WideBvh>,
         trace: &TraceRay,
         cull_t: f32,
     ) -> bool {
@@ -65,42 +65,42 @@ impl Level {
         self.has_object_ray = false;
         self.has_block_ray = false;
         self.is_ordinary = false;
-        let entered = match (tree, tlas.transform(instance)) {
-            (Some(tree), Placed::InWorld) => {
+        let entered = match (bvh, tlas.transform(instance)) {
+            (Some(bvh), Placed::InWorld) => {
                 self.approach = Approach::Simple;
-                self.is_ordinary = self.node_ray.set_simple(&trace.ray, tree.scale());
+                self.is_ordinary = self.node_ray.set_simple(&trace.ray, bvh.scale());
                 self.is_ordinary
             }
-            (Some(tree), Placed::Still(transform)) => self.enter_roughly(transform, tree, &trace.ray),
+            (Some(bvh), Placed::Still(transform)) => self.enter_roughly(transform, bvh, &trace.ray),
             _ => false,
         };
-        entered || self.enter_prepared(tlas, tree, trace, cull_t)
+        entered || self.enter_prepared(tlas, bvh, trace, cull_t)
     }
 
     /// The same in f32 with bounds; `false` where that is not enough.
     #[inline(never)]
-    fn enter_roughly(&mut self, transform: &Transform, tree: &Tree, ray: &Ray) -> bool {
+    fn enter_roughly(&mut self, transform: &Transform, bvh: &WideBvh, ray: &Ray) -> bool {
         let Some(rough_ray) = transform.rough(ray) else { return false };
         self.approach = Approach::Rough;
         self.rough_ray = rough_ray;
-        self.node_ray.set_rough(&rough_ray, ray.t_min, tree.scale())
+        self.node_ray.set_rough(&rough_ray, ray.t_min, bvh.scale())
     }
 
     /// The same where the ray in object space must be known.
     #[inline(never)]
-    fn enter_prepared(&mut self, tlas: &Tlas, tree: Option<&Tree>, trace: &TraceRay, cull_t: f32) -> bool {
+    fn enter_prepared(&mut self, tlas: &Tlas, bvh: Option<&WideBvh>, trace: &TraceRay, cull_t: f32) -> bool {
         self.approach = Approach::Prepared;
         self.has_object_ray =
             tlas.set_object_ray(self.instance, &trace.ray, trace.time, &mut self.object_ray);
         if !self.has_object_ray {
             return false;
         }
-        let Some(tree) = tree else {
+        let Some(bvh) = bvh else {
             // Blocks are dropped all the same.
             self.approach_blocks(tlas, trace);
             return true;
         };
-        let node_ray = NodeRay::new(&self.object_ray, cull_t, tree.bounds(), tree.scale());
+        let node_ray = NodeRay::new(&self.object_ray, cull_t, bvh.bounds(), bvh.scale());
         node_ray.map(|node_ray| self.node_ray = node_ray).is_some()
     }
 

@@ -23,7 +23,7 @@ pub mod rules;
 mod split;
 pub mod tlas;
 mod transform;
-mod tree;
+mod wide_bvh;
 mod validate;
 mod walk;
 

@@ -28,7 +28,7 @@ impl Child {
     }
 
     fn of(index: usize, count: usize) -> Self {
-        assert!(index < 1 << (u32::BITS - COUNT_BITS), "bug in anyhit: a tree of too many nodes");
+        assert!(index < 1 << (u32::BITS - COUNT_BITS), "bug in anyhit: a BVH of too many nodes");
         Self((index << COUNT_BITS | count) as u32)
     }
 

@@ -367,7 +367,7 @@ mod tests {
     use super::*;
     use crate::accel::node::{Node, WIDTH};
     use crate::accel::split::LeafCost;
-    use crate::accel::tree::Tree;
+    use crate::accel::wide_bvh::WideBvh;
     use crate::geometry::Transform;
     use crate::math::eight::TwoFours;
 
@@ -441,14 +441,14 @@ mod tests {
     /// Nothing that the ray meets exactly may be lost, and no entry may lie above the rounded t.
     fn check(boxes: &[Bounds], matrix: Option<[[f32; 4]; 3]>, ray: Ray) -> Result<bool, TestCaseError> {
         let Some(object_ray) = ObjectRay::new(&ray, matrix.as_ref()) else { return Ok(false) };
-        let (tree, order) =
-            Tree::build(boxes, LeafCost { most: 1, visit: 1.0, primitive: 1.0, divided: 1.0 })
+        let (bvh, order) =
+            WideBvh::build(boxes, LeafCost { most: 1, visit: 1.0, primitive: 1.0, divided: 1.0 })
                 .expect("boxes");
-        let prepared = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale());
+        let prepared = NodeRay::new(&object_ray, ray.t_max, bvh.bounds(), bvh.scale());
         let transform = matrix.as_ref().and_then(Transform::new);
         let rough = transform.and_then(|transform| transform.rough(&ray)).and_then(|rough| {
             let mut node_ray = NodeRay::IDLE;
-            node_ray.set_rough(&rough, ray.t_min, tree.scale()).then_some(node_ray)
+            node_ray.set_rough(&rough, ray.t_min, bvh.scale()).then_some(node_ray)
         });
         let (mut o, mut d) = (ray.origin.map(exact), ray.direction.map(exact));
         if let Some(m) = matrix {
@@ -467,16 +467,16 @@ mod tests {
                 // From the root down to the box, each step must let the ray through.
                 let rounded = t.to_f32().value();
                 let limit = node_ray.limit(rounded);
-                let mut at = tree.root();
+                let mut at = bvh.root();
                 prop_assert!(node_ray.absolute(node_ray.near_floor) <= rounded);
                 while !at.is_leaf() {
-                    let node: &Node = tree.node(at);
+                    let node: &Node = bvh.node(at);
                     let (near, met) = node.entries(&node_ray.slabs(TwoFours), limit);
                     let entries: [f32; WIDTH] = std::array::from_fn(|slot| {
                         if met >> slot & 1 != 0 { node_ray.absolute(near[slot]) } else { f32::INFINITY }
                     });
-                    let slot = (0..entries.len()).find(|&slot| holds(&tree, node, slot, place));
-                    let slot = slot.expect("every box is in the tree");
+                    let slot = (0..entries.len()).find(|&slot| holds(&bvh, node, slot, place));
+                    let slot = slot.expect("every box is in the BVH");
                     prop_assert!(
                         entries[slot] <= rounded,
                         "{bounds:?} is entered at {rounded:e}, the node test says {:e}",
@@ -490,13 +490,13 @@ mod tests {
     }
 
     /// Whether a place in tree order lies below a node's slot.
-    fn holds(tree: &Tree, node: &Node, slot: usize, place: u32) -> bool {
+    fn holds(bvh: &WideBvh, node: &Node, slot: usize, place: u32) -> bool {
         let Some((child, _)) = node.children().nth(slot) else { return false };
         if child.is_leaf() {
             return child.index() == place as usize;
         }
-        let below = tree.node(child);
-        (0..WIDTH).any(|slot| holds(tree, below, slot, place))
+        let below = bvh.node(child);
+        (0..WIDTH).any(|slot| holds(bvh, below, slot, place))
     }
 
     /// Boxes and a ray towards a corner, edge or face of one, from far or near; its components are

@@ -9,7 +9,7 @@ use crate::accel::motion_bounds;
 use crate::accel::rules::{RayFlags, is_opaque};
 use crate::accel::split::{LeafCost, Reference};
 use crate::accel::transform::IDENTITY;
-use crate::accel::tree::Tree;
+use crate::accel::wide_bvh::WideBvh;
 use crate::accel::validate;
 use crate::error::{Error, Result};
 use crate::geometry::{Bounds, ObjectRay, Precision, Ray, Transform, world_to_object};
@@ -110,7 +110,7 @@ pub struct Tlas {
     placed: Vec<Placed>,
     /// Parallel to the instances, made when a shader asks.
     world_to_object: Vec<OnceLock<[[f32; 4]; 3]>>,
-    tree: OnceLock<Option<(Tree, Vec<u32>)>>,
+    bvh: OnceLock<Option<(WideBvh, Vec<u32>)>>,
     moves: bool,
     has_micromaps: bool,
     /// Whether all is opaque, without micromaps that say otherwise, and nothing a box.
@@ -164,12 +164,12 @@ impl Tlas {
         let has_micromaps = instances.iter().any(has_micromap);
         let moves = instances.iter().any(|instance| instance.motion.is_some() || instance.blas.moves());
         let world_to_object = instances.iter().map(|_| OnceLock::new()).collect();
-        let (tree, opaque) = (OnceLock::new(), OnceLock::new());
+        let (bvh, opaque) = (OnceLock::new(), OnceLock::new());
         Ok(Arc::new(Self {
             instances,
             placed,
             world_to_object,
-            tree,
+            bvh,
             moves,
             has_micromaps,
             opaque,
@@ -296,14 +296,14 @@ impl Tlas {
 
     /// The tree over the instances' world boxes, with its order (place -> instance); `None` for a
     /// [list](Tlas::is_list), and where nothing in any of them can be hit. Builds on first use; of a BLAS it needs the box around all alone.
-    pub(super) fn tree(&self) -> Option<&(Tree, Vec<u32>)> {
+    pub(super) fn bvh(&self) -> Option<&(WideBvh, Vec<u32>)> {
         if self.is_list() {
             return None;
         }
-        self.tree.get_or_init(|| self.build()).as_ref()
+        self.bvh.get_or_init(|| self.build()).as_ref()
     }
 
-    fn build(&self) -> Option<(Tree, Vec<u32>)> {
+    fn build(&self) -> Option<(WideBvh, Vec<u32>)> {
         let mut boxes = Vec::new();
         for (number, instance) in self.instances.iter().enumerate() {
             let bounds = instance.blas.bounds();
@@ -318,7 +318,7 @@ impl Tlas {
             };
             boxes.push(Reference::new(&placed, number as u32));
         }
-        Tree::over(boxes, LeafCost { most: 1, visit: 4.0, primitive: 0.0, divided: 1.0 })
+        WideBvh::over(boxes, LeafCost { most: 1, visit: 4.0, primitive: 0.0, divided: 1.0 })
     }
 }
 

@@ -216,21 +216,21 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
     fn begin_in_world(&mut self, count: usize) {
         let ray = &self.trace.ray;
         let Walk { stack, world, .. } = &mut *self.walk;
-        let root = match self.tlas.tree() {
+        let root = match self.tlas.bvh() {
             None if self.tlas.is_list() => {
                 *world = NodeRay::from(ray.t_min);
                 Child::leaf(0, count)
             }
             // Nothing in them can be hit.
             None => return,
-            Some((tree, _)) => {
-                if !world.set_simple(ray, tree.scale()) {
+            Some((bvh, _)) => {
+                if !world.set_simple(ray, bvh.scale()) {
                     let Some(object_ray) = ObjectRay::in_world(ray) else { return };
-                    let node_ray = NodeRay::new(&object_ray, ray.t_max, tree.bounds(), tree.scale());
+                    let node_ray = NodeRay::new(&object_ray, ray.t_max, bvh.bounds(), bvh.scale());
                     let Some(node_ray) = node_ray else { return };
                     *world = node_ray;
                 }
-                tree.root()
+                bvh.root()
             }
         };
         stack.push::<PLAIN>(Open::new(root, world.near_floor), world);
@@ -240,17 +240,17 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
     fn step_in_world<E: Vectors>(&mut self, eights: E, open: Open) {
         let Walk { stack, world, .. } = &mut *self.walk;
         let child = open.child();
-        match (child.count(), self.tlas.tree()) {
-            (0, Some((tree, _))) => {
+        match (child.count(), self.tlas.bvh()) {
+            (0, Some((bvh, _))) => {
                 self.observer.node(None);
                 let (limit, slabs) = (world.limit(self.hits.cull_t), world.slabs(eights));
                 let ray = (&*world, &slabs);
-                if let Some(nearest) = push_children::<_, PLAIN>(stack, limit, tree.node(child), ray) {
+                if let Some(nearest) = push_children::<_, PLAIN>(stack, limit, bvh.node(child), ray) {
                     stack.push::<PLAIN>(nearest, world);
                 }
             }
-            (1, tree) => {
-                self.reach(eights, tree.map_or(child.index() as u32, |(_, order)| order[child.index()]));
+            (1, bvh) => {
+                self.reach(eights, bvh.map_or(child.index() as u32, |(_, order)| order[child.index()]));
             }
             _ => {
                 // The lowest place is looked at first.
@@ -281,20 +281,20 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
         // Who asks for reasons sees the way through a tree.
         let body = &*instance.blas.reached(self.tlas.precision() == Precision::Exact && !V::REASONS);
         let Walk { stack, level, in_level, .. } = &mut *self.walk;
-        if !level.enter(self.tlas, number, body.tree(), self.trace, self.hits.cull_t) {
+        if !level.enter(self.tlas, number, body.bvh(), self.trace, self.hits.cull_t) {
             return InstanceVerdict::Missed;
         }
-        let Some(tree) = body.tree() else {
+        let Some(bvh) = body.bvh() else {
             self.test_all(eights, body);
             return InstanceVerdict::Entered;
         };
         if V::REASONS
-            && NodeRay::misses(level.object_ray(self.tlas, self.trace), self.hits.cull_t, tree.bounds())
+            && NodeRay::misses(level.object_ray(self.tlas, self.trace), self.hits.cull_t, bvh.bounds())
         {
             return InstanceVerdict::Missed;
         }
         level.base = stack.len();
-        stack.push::<PLAIN>(Open::new(tree.root(), level.node_ray.near_floor), &level.node_ray);
+        stack.push::<PLAIN>(Open::new(bvh.root(), level.node_ray.near_floor), &level.node_ray);
         *in_level = true;
         InstanceVerdict::Entered
     }
@@ -305,7 +305,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
         let number = self.walk.level.instance;
         let base = self.walk.level.base;
         let body = self.tlas.instances()[number as usize].blas.body();
-        let Some(tree) = body.tree() else { return };
+        let Some(bvh) = body.bvh() else { return };
         let slabs = self.walk.level.node_ray.slabs(eights);
         let mut limit = self.walk.level.node_ray.limit(self.hits.cull_t);
         while self.walk.stack.len() > base {
@@ -317,10 +317,10 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
             // Down to a leaf; what is farther waits on the stack.
             while !child.is_leaf() {
                 self.observer.node(Some(number));
-                body.fetch_leaves(tree, child);
+                body.fetch_leaves(bvh, child);
                 let Walk { stack, level, .. } = &mut *self.walk;
                 let (ray, before) = ((&level.node_ray, &slabs), stack.len());
-                match push_children::<E, PLAIN>(stack, limit, tree.node(child), ray) {
+                match push_children::<E, PLAIN>(stack, limit, bvh.node(child), ray) {
                     Some(nearest) => child = nearest.child(),
                     None => break,
                 }

@@ -114,7 +114,7 @@ pub fn elided(stats: &Stats, assembled: &Assembled) -> String {
         }
         kinds.sort_unstable();
         let number = |which: fn(&Blas) -> bool| parts.iter().filter(|blas| which(blas)).count();
-        let (built, trees) = (number(Blas::is_built), number(Blas::has_tree));
+        let (built, trees) = (number(Blas::is_built), number(Blas::has_bvh));
         let listed = match number(Blas::is_listed) {
             0 => String::new(),
             listed => format!(" and {listed} as a list for a few rays"),

@@ -6,7 +6,7 @@ use crate::accel::body::{Body, Name, Shapes};
 use crate::accel::geometry_data::{GeometryData, GeometryKind};
 use crate::accel::primitive::{self, Primitive, TakePrimitive};
 use crate::accel::split::{LeafCost, Reference};
-use crate::accel::tree::Tree;
+use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, LANES};
 use crate::geometry::{Bounds, aabb, linear_swept_sphere, sphere, triangle};
 use crate::math::four::Four;
@@ -45,7 +45,7 @@ impl Body {
     }
 
     /// Collects the active primitives, and builds no tree however many there are.
-    pub fn without_tree(geometries: &[Geometry]) -> Self {
+    pub fn without_bvh(geometries: &[Geometry]) -> Self {
         Self::collect(geometries, false)
     }
 
@@ -54,9 +54,9 @@ impl Body {
             return Self::collect_moving(geometries, may_build);
         }
         let count: usize = geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
-        let has_tree = may_build && count > LINEAR;
+        let has_bvh = may_build && count > LINEAR;
         let collected =
-            if has_tree { Collected::boxed(geometries, count) } else { Collected::listed(geometries, count) };
+            if has_bvh { Collected::boxed(geometries, count) } else { Collected::listed(geometries, count) };
         let cost = match geometries.first().map(|geometry| geometry.data.kind()) {
             Some(GeometryKind::Aabbs) => SINGLY,
             Some(GeometryKind::Spheres) => AT_ONCE,
@@ -104,19 +104,19 @@ impl Body {
         shapes: impl FnOnce(&[u32], &[Name]) -> Shapes,
     ) -> Self {
         let Collected { boxes, mut names, bounds, has_pieces } = collected;
-        let (tree, order) = match Tree::over(boxes, cost) {
+        let (bvh, order) = match WideBvh::over(boxes, cost) {
             None => (None, (0..names.len() as u32).collect()),
-            Some((tree, order)) => {
+            Some((bvh, order)) => {
                 let at = |&number: &u32| names.get(number as usize).copied().unwrap_or(Name::NONE);
                 names = order.iter().map(at).collect();
-                (Some(tree), order)
+                (Some(bvh), order)
             }
         };
-        let bounds = tree.as_ref().map(|tree| *tree.bounds()).or(bounds).unwrap_or(Bounds::EMPTY);
+        let bounds = bvh.as_ref().map(|bvh| *bvh.bounds()).or(bounds).unwrap_or(Bounds::EMPTY);
         let common_flags = geometries.first().map(|first| first.flags).filter(|&flags: &GeometryFlags| {
             geometries.iter().all(|one| one.flags == flags && one.opacity_micromap.is_none())
         });
-        Self { shapes: shapes(&order, &names), names, has_pieces, tree, bounds, common_flags }
+        Self { shapes: shapes(&order, &names), names, has_pieces, bvh, bounds, common_flags }
     }
 
     /// The box around all active primitives, without building anything.

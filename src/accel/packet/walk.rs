@@ -8,7 +8,7 @@ use crate::accel::packet::rows::{Group, Row, Rows};
 use crate::accel::packet::{Found, MOST, Packet};
 use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible, presented};
 use crate::accel::tlas::{Placed, Tlas};
-use crate::accel::tree::Tree;
+use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::{DoubleRay, FourTested, Intersection, ObjectRay};
 use crate::math::doubles::Doubles;
 use crate::math::vectors::{Task, Vectors};
@@ -87,13 +87,13 @@ impl Walk<'_> {
         if rays == 0 || instances == 0 {
             return self.alone;
         }
-        match self.tlas.tree() {
+        match self.tlas.bvh() {
             None => {
                 for number in 0..instances {
                     eights.apart(Enter { walk: &mut self, instance: number as u32, rays });
                 }
             }
-            Some((tree, order)) => self.through_world(eights, tree, order, rays),
+            Some((bvh, order)) => self.through_world(eights, bvh, order, rays),
         }
         if self.packet.steps == 0 { u64::MAX } else { self.alone }
     }
@@ -109,37 +109,37 @@ impl Walk<'_> {
 
     /// Visits the tree over the instances.
     #[inline(always)]
-    fn through_world<E: Vectors>(&mut self, eights: E, tree: &Tree, order: &[u32], rays: u64) {
-        let fit = self.packet.world.take_simple(eights, &self.packet.rays, tree.scale(), rays);
+    fn through_world<E: Vectors>(&mut self, eights: E, bvh: &WideBvh, order: &[u32], rays: u64) {
+        let fit = self.packet.world.take_simple(eights, &self.packet.rays, bvh.scale(), rays);
         self.leave_alone(rays & !fit);
         let mut rest = fit;
         while rest != 0 {
             let group = self.packet.world.first_group(rest);
             rest &= !group.rays;
-            let root = tree.root();
+            let root = bvh.root();
             if root.is_leaf() {
                 eights.apart(Enter { walk: self, instance: order[root.index()], rays: group.rays });
                 continue;
             }
-            self.visit(eights, &group, tree, &Instances(order));
+            self.visit(eights, &group, bvh, &Instances(order));
         }
     }
 
     /// Visits the parts of a tree that rays meet, the nearest first: all of them together, and a few by
     /// themselves.
     #[inline(always)]
-    fn visit<E: Vectors>(&mut self, eights: E, group: &Group, tree: &Tree, leaves: &impl Leaves) {
+    fn visit<E: Vectors>(&mut self, eights: E, group: &Group, bvh: &WideBvh, leaves: &impl Leaves) {
         if group.rays.count_ones() <= FEW {
-            return self.visit_singly(eights, group, tree, tree.root(), leaves);
+            return self.visit_singly(eights, group, bvh, bvh.root(), leaves);
         }
         let base = self.packet.stack.len();
         let around = leaves.rows(self.packet).around(eights, &self.packet.rays, group);
         let slabs = around.slabs(eights);
         let mut limit = self.packet.limits.greatest(eights, group.rays);
-        let mut inner = Some(tree.root());
+        let mut inner = Some(bvh.root());
         loop {
             if let Some(at) = inner.take() {
-                let (near, met) = tree.node(at).entries(&slabs, around.limit(limit));
+                let (near, met) = bvh.node(at).entries(&slabs, around.limit(limit));
                 self.packet.push(near, met, at);
             }
             if self.packet.stack.len() <= base {
@@ -155,14 +155,14 @@ impl Walk<'_> {
             }
             self.packet.steps -= 1;
             let (at, slot) = open.place();
-            let node = tree.node(at);
+            let node = bvh.node(at);
             let child = node.child(slot);
             let Packet { rays, limits, .. } = &*self.packet;
             let met = leaves.rows(self.packet).met(eights, rays, group, (node, slot), limits);
             if child.is_leaf() {
                 leaves.reach(self, eights, child, met);
             } else if met.count_ones() <= FEW {
-                self.visit_singly(eights, &Group { rays: met, ..*group }, tree, child, leaves);
+                self.visit_singly(eights, &Group { rays: met, ..*group }, bvh, child, leaves);
             } else {
                 inner = Some(child);
                 continue;
@@ -177,7 +177,7 @@ impl Walk<'_> {
         &mut self,
         eights: E,
         group: &Group,
-        tree: &Tree,
+        bvh: &WideBvh,
         root: Child,
         leaves: &impl Leaves,
     ) {
@@ -191,7 +191,7 @@ impl Walk<'_> {
             let mut inner = Some(root);
             loop {
                 if let Some(at) = inner.take() {
-                    let (near, met) = tree.node(at).entries(&slabs, single.limit(self.packet.limits.0[ray]));
+                    let (near, met) = bvh.node(at).entries(&slabs, single.limit(self.packet.limits.0[ray]));
                     self.packet.push(near, met, at);
                 }
                 if self.packet.stack.len() <= base {
@@ -208,7 +208,7 @@ impl Walk<'_> {
                 }
                 self.packet.single_steps -= 1;
                 let (at, slot) = open.place();
-                let child = tree.node(at).child(slot);
+                let child = bvh.node(at).child(slot);
                 if child.is_leaf() {
                     leaves.reach(self, eights, child, 1 << ray);
                 } else {
@@ -232,18 +232,18 @@ impl Walk<'_> {
         let body = instance.blas.body();
         let placed = self.tlas.transform(number);
         let Packet { rays: all, rows, .. } = &mut *self.packet;
-        let fit = match (body.tree(), placed) {
+        let fit = match (body.bvh(), placed) {
             (None, _) => rays,
-            (Some(tree), Placed::InWorld) => rows.take_simple(eights, all, tree.scale(), rays),
-            (Some(tree), Placed::Still(transform)) => {
-                rows.take_rough(eights, all, transform, tree.scale(), rays)
+            (Some(bvh), Placed::InWorld) => rows.take_simple(eights, all, bvh.scale(), rays),
+            (Some(bvh), Placed::Still(transform)) => {
+                rows.take_rough(eights, all, transform, bvh.scale(), rays)
             }
             (Some(_), Placed::Moving) => 0,
         };
         self.leave_alone(rays & !fit);
         self.packet.stale = fit;
         let inside = Inside { instance: number, body, in_world: matches!(placed, Placed::InWorld) };
-        let Some(tree) = body.tree().filter(|tree| !tree.root().is_leaf()) else {
+        let Some(bvh) = body.bvh().filter(|bvh| !bvh.root().is_leaf()) else {
             for leaf in body.leaves() {
                 eights.apart(Reach { walk: self, inside: &inside, leaf, rays: fit });
             }
@@ -253,7 +253,7 @@ impl Walk<'_> {
         while rest != 0 {
             let group = self.packet.rows.first_group(rest);
             rest &= !group.rays;
-            self.visit(eights, &group, tree, &inside);
+            self.visit(eights, &group, bvh, &inside);
         }
     }
 

@@ -1,8 +1,9 @@
-//! A tree over boxes: wide nodes, built from the root down by the surface area heuristic.
+//! A wide BVH: nodes of up to eight children, built from the root down by the surface area heuristic
+//! (SAH).
 //!
 //! Boxes are brought into the unit cube by a power of two: f32 areas overflow or vanish where
 //! coordinates lie near 1e19 or 1e-19. Every box of a node is the union of given ones; how they are
-//! divided (`split`) changes time alone.
+//! divided (`binned_sah`) changes time alone.
 
 use std::ops::Range;
 use std::sync::Mutex;
@@ -26,9 +27,9 @@ pub const EMPTY_PLACE: u32 = u32::MAX;
 /// A subtree over more boxes is built by several threads.
 const MANY: usize = 16_384;
 
-/// A tree over boxes that were given by number.
+/// A bounding volume hierarchy over numbered boxes, with nodes of up to [`WIDTH`] children.
 #[derive(Debug)]
-pub struct Tree {
+pub struct WideBvh {
     nodes: Vec<Node>,
     /// Of each node, which leaves it has that are worth fetching: the number of the first, in units of [`RUN`],
     /// and how many there are.
@@ -44,8 +45,8 @@ const RUN: usize = 2 * WIDTH;
 /// Of the leaves of a node a ray must reach as many, on average, that it pays to fetch all of them.
 const WORTH_FETCHING: f32 = 0.8;
 
-impl Tree {
-    /// [`Tree::over`] boxes that are numbered by place.
+impl WideBvh {
+    /// [`WideBvh::over`] boxes that are numbered by place.
     #[cfg(test)]
     pub fn build(boxes: &[Bounds], cost: LeafCost) -> Option<(Self, Vec<u32>)> {
         Self::over(numbered(boxes), cost)
@@ -359,31 +360,31 @@ mod tests {
             .collect()
     }
 
-    fn build(boxes: &[Bounds]) -> (Tree, Vec<u32>) {
-        Tree::build(boxes, FOURS).expect("not empty")
+    fn build(boxes: &[Bounds]) -> (WideBvh, Vec<u32>) {
+        WideBvh::build(boxes, FOURS).expect("not empty")
     }
 
     /// The nodes on the longest way from the root to a leaf.
-    fn depth(tree: &Tree) -> usize {
+    fn depth(bvh: &WideBvh) -> usize {
         let mut deepest = 0;
-        let mut open = vec![(tree.root(), 0)];
+        let mut open = vec![(bvh.root(), 0)];
         while let Some((child, depth)) = open.pop() {
             deepest = deepest.max(depth);
             if !child.is_leaf() {
-                open.extend(tree.node(child).children().map(|(child, _)| (child, depth + 1)));
+                open.extend(bvh.node(child).children().map(|(child, _)| (child, depth + 1)));
             }
         }
         deepest
     }
 
     /// Every box stands in exactly one leaf and lies within each node on the way to it.
-    fn check(tree: &Tree, order: &[u32], boxes: &[Bounds]) {
+    fn check(bvh: &WideBvh, order: &[u32], boxes: &[Bounds]) {
         let leaf_size = 4;
         let mut seen = vec![0u32; boxes.len()];
-        let mut open = vec![(tree.root(), Vec::<[[f32; 3]; 2]>::new())];
+        let mut open = vec![(bvh.root(), Vec::<[[f32; 3]; 2]>::new())];
         while let Some((child, around)) = open.pop() {
             if !child.is_leaf() {
-                for (child, corners) in tree.node(child).children() {
+                for (child, corners) in bvh.node(child).children() {
                     let mut around = around.clone();
                     around.push(corners);
                     open.push((child, around));
@@ -397,8 +398,8 @@ mod tests {
                 for corners in &around {
                     let below = |a: f32, b: f32, scale: f64| f64::from(a) <= f64::from(b) * scale;
                     let Bounds { min, max } = boxes[number];
-                    assert!(corners[0].iter().zip(min).all(|(&side, x)| below(side, x, tree.scale())));
-                    assert!(corners[1].iter().zip(max).all(|(&side, x)| below(-side, -x, tree.scale())));
+                    assert!(corners[0].iter().zip(min).all(|(&side, x)| below(side, x, bvh.scale())));
+                    assert!(corners[1].iter().zip(max).all(|(&side, x)| below(-side, -x, bvh.scale())));
                 }
             }
         }
@@ -409,10 +410,10 @@ mod tests {
     fn every_box_is_found_at_any_scale_and_the_tree_stays_flat() {
         for size in [1.0, 1e30, 1e-30, 1e38, 1e-41] {
             let boxes = boxes(20_000, size);
-            let (tree, order) = build(&boxes);
-            check(&tree, &order, &boxes);
+            let (bvh, order) = build(&boxes);
+            check(&bvh, &order, &boxes);
             // 20,000 boxes in leaves of at most 4 need 5 levels of eight children at least.
-            assert!((5..40).contains(&depth(&tree)), "depth {} at {size:e}", depth(&tree));
+            assert!((5..40).contains(&depth(&bvh)), "depth {} at {size:e}", depth(&bvh));
         }
     }
 
@@ -424,8 +425,8 @@ mod tests {
     }
 
     /// How many boxes each leaf of a tree of one node has.
-    fn leaves_of_root(tree: &Tree) -> Vec<u32> {
-        tree.node(tree.root()).children().map(|(child, _)| child.count()).collect()
+    fn leaves_of_root(bvh: &WideBvh) -> Vec<u32> {
+        bvh.node(bvh.root()).children().map(|(child, _)| child.count()).collect()
     }
 
     #[test]
@@ -434,8 +435,8 @@ mod tests {
         // is 0.9 of one leaf of four; two leaves of one 17/18 of that.
         let cost = |divided| LeafCost { most: 4, visit: 1.0, primitive: 0.0625, divided };
         for (divided, wanted) in [(1.0, vec![1; 8]), (0.92, vec![2; 4]), (0.8, vec![4; 2])] {
-            let (tree, _) = Tree::build(&squares(2, 64.0), cost(divided)).expect("not empty");
-            assert_eq!(leaves_of_root(&tree), wanted, "{divided}");
+            let (bvh, _) = WideBvh::build(&squares(2, 64.0), cost(divided)).expect("not empty");
+            assert_eq!(leaves_of_root(&bvh), wanted, "{divided}");
         }
     }
 
@@ -444,18 +445,18 @@ mod tests {
         let cost = LeafCost { divided: 0.8, primitive: 0.0625, ..FOURS };
         // Eight units of surface, of 8 and of 12 around all.
         for (away, wanted) in [(2.0, 0..2), (4.0, 0..0)] {
-            let (tree, _) = Tree::build(&squares(2, away), cost).expect("not empty");
-            assert_eq!(leaves_of_root(&tree), [4; 2]);
-            assert_eq!(tree.leaves(tree.root()), wanted, "{away}");
+            let (bvh, _) = WideBvh::build(&squares(2, away), cost).expect("not empty");
+            assert_eq!(leaves_of_root(&bvh), [4; 2]);
+            assert_eq!(bvh.leaves(bvh.root()), wanted, "{away}");
         }
         // Of every node in a large tree they are its own leaves, or none.
         let boxes = boxes(20_000, 1.0);
-        let (tree, _) = build(&boxes);
-        let mut open = vec![tree.root()];
+        let (bvh, _) = build(&boxes);
+        let mut open = vec![bvh.root()];
         while let Some(node) = open.pop() {
             let (leaves, inner): (Vec<_>, Vec<_>) =
-                tree.node(node).children().map(|(child, _)| child).partition(|child| child.is_leaf());
-            let run = tree.leaves(node);
+                bvh.node(node).children().map(|(child, _)| child).partition(|child| child.is_leaf());
+            let run = bvh.leaves(node);
             assert!(run.is_empty() || run.eq(leaves.iter().map(|leaf| leaf.index())));
             open.extend(inner);
         }
@@ -464,14 +465,14 @@ mod tests {
     #[test]
     fn several_threads_build_what_one_builds() {
         let boxes = boxes(3 * MANY, 1.0);
-        let (tree, order) = build(&boxes);
-        check(&tree, &order, &boxes);
+        let (bvh, order) = build(&boxes);
+        check(&bvh, &order, &boxes);
         let mut references = numbered(&boxes);
-        references.iter_mut().for_each(|reference| *reference = scaled(reference, tree.scale()));
+        references.iter_mut().for_each(|reference| *reference = scaled(reference, bvh.scale()));
         let mut alone = Build::new(FOURS, DEEPEST, true);
-        assert_eq!(alone.subtree(&mut references, 0), tree.root());
+        assert_eq!(alone.subtree(&mut references, 0), bvh.root());
         assert_eq!(alone.order, order);
-        assert_eq!(format!("{:?}", alone.nodes), format!("{:?}", tree.nodes));
+        assert_eq!(format!("{:?}", alone.nodes), format!("{:?}", bvh.nodes));
     }
 
     #[test]
@@ -482,30 +483,30 @@ mod tests {
             max: [1.0f32, 0.75, -0.5].map(|x| x * 0.5f32.powi(k as i32)),
         };
         let boxes: Vec<_> = (0..2000).map(|k| at(k % 149)).collect();
-        let (tree, order) = build(&boxes);
-        check(&tree, &order, &boxes);
-        assert!(depth(&tree) < 40, "{}", depth(&tree));
+        let (bvh, order) = build(&boxes);
+        check(&bvh, &order, &boxes);
+        assert!(depth(&bvh) < 40, "{}", depth(&bvh));
     }
 
     #[test]
     fn a_tree_that_is_too_deep_is_balanced_below() {
         let boxes = boxes(5_000, 1.0);
-        let (tree, order) = Tree::build_within(numbered(&boxes), FOURS, 2).expect("not empty");
-        check(&tree, &order, &boxes);
+        let (bvh, order) = WideBvh::build_within(numbered(&boxes), FOURS, 2).expect("not empty");
+        check(&bvh, &order, &boxes);
         // Two levels of clustering, then quarters of at most 5,000 down to 4: six levels at most.
-        assert!(depth(&tree) <= 8, "{}", depth(&tree));
+        assert!(depth(&bvh) <= 8, "{}", depth(&bvh));
     }
 
     #[test]
     fn equal_and_infinite_boxes_make_a_tree_too() {
         let mut many = vec![Bounds { min: [1.0; 3], max: [1.0; 3] }; 20_000];
         many.push(Bounds { min: [f32::NEG_INFINITY, 0.0, 0.0], max: [0.0, f32::INFINITY, 0.0] });
-        let (tree, order) = build(&many);
-        check(&tree, &order, &many);
-        assert!(depth(&tree) < 40, "{}", depth(&tree));
+        let (bvh, order) = build(&many);
+        check(&bvh, &order, &many);
+        assert!(depth(&bvh) < 40, "{}", depth(&bvh));
         let one = [Bounds { min: [0.0; 3], max: [0.0; 3] }];
-        let (tree, order) = build(&one);
-        check(&tree, &order, &one);
-        assert!(Tree::build(&[], FOURS).is_none());
+        let (bvh, order) = build(&one);
+        check(&bvh, &order, &one);
+        assert!(WideBvh::build(&[], FOURS).is_none());
     }
 }
