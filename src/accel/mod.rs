@@ -5,6 +5,7 @@
 //! first ray arrives; they save work and change nothing: what a cursor reports is what a linear
 //! scan would (`cursor` states the order, `node_ray` proves that no hit is lost).
 
+mod binned_sah;
 pub mod blas;
 mod body;
 pub mod build_input;
@@ -20,12 +21,11 @@ pub mod observer;
 pub mod packet;
 pub mod primitive;
 pub mod rules;
-mod split;
 pub mod tlas;
 mod transform;
-mod wide_bvh;
 mod validate;
 mod walk;
+mod wide_bvh;
 
 pub use blas::{Blas, Geometry, GeometryFlags};
 pub use cursor::{Candidate, Committed, Cursor, HitKind, RayFlags, RayRule, TraceRay};

@@ -365,8 +365,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::accel::binned_sah::SahCost;
     use crate::accel::node::{Node, WIDTH};
-    use crate::accel::split::LeafCost;
     use crate::accel::wide_bvh::WideBvh;
     use crate::geometry::Transform;
     use crate::math::eight::TwoFours;
@@ -441,9 +441,11 @@ mod tests {
     /// Nothing that the ray meets exactly may be lost, and no entry may lie above the rounded t.
     fn check(boxes: &[Bounds], matrix: Option<[[f32; 4]; 3]>, ray: Ray) -> Result<bool, TestCaseError> {
         let Some(object_ray) = ObjectRay::new(&ray, matrix.as_ref()) else { return Ok(false) };
-        let (bvh, order) =
-            WideBvh::build(boxes, LeafCost { most: 1, visit: 1.0, primitive: 1.0, divided: 1.0 })
-                .expect("boxes");
+        let (bvh, order) = WideBvh::build(
+            boxes,
+            SahCost { max_leaf_size: 1, traversal: 1.0, intersection: 1.0, split_below: 1.0 },
+        )
+        .expect("boxes");
         let prepared = NodeRay::new(&object_ray, ray.t_max, bvh.bounds(), bvh.scale());
         let transform = matrix.as_ref().and_then(Transform::new);
         let rough = transform.and_then(|transform| transform.rough(&ray)).and_then(|rough| {

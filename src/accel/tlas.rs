@@ -2,15 +2,15 @@
 
 use std::sync::{Arc, OnceLock};
 
+use crate::accel::binned_sah::{PrimRef, SahCost};
 use crate::accel::blas::Blas;
 use crate::accel::geometry_data::GeometryKind;
 use crate::accel::motion::{Motion, or_identity};
 use crate::accel::motion_bounds;
 use crate::accel::rules::{RayFlags, is_opaque};
-use crate::accel::split::{LeafCost, Reference};
 use crate::accel::transform::IDENTITY;
-use crate::accel::wide_bvh::WideBvh;
 use crate::accel::validate;
+use crate::accel::wide_bvh::WideBvh;
 use crate::error::{Error, Result};
 use crate::geometry::{Bounds, ObjectRay, Precision, Ray, Transform, world_to_object};
 use crate::math::vectors::Processor;
@@ -316,9 +316,12 @@ impl Tlas {
                 (Placed::InWorld, _) => bounds,
                 _ => bounds.transformed(&instance.transform),
             };
-            boxes.push(Reference::new(&placed, number as u32));
+            boxes.push(PrimRef::new(&placed, number as u32));
         }
-        WideBvh::over(boxes, LeafCost { most: 1, visit: 4.0, primitive: 0.0, divided: 1.0 })
+        WideBvh::over(
+            boxes,
+            SahCost { max_leaf_size: 1, traversal: 4.0, intersection: 0.0, split_below: 1.0 },
+        )
     }
 }
 

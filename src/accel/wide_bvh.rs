@@ -10,16 +10,16 @@ use std::sync::Mutex;
 
 use smallvec::SmallVec;
 
+use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, FAR, PrimRef, SahCost};
 use crate::accel::node::{Child, Node, WIDTH};
 use crate::accel::node_ray::{round_down, round_up};
-use crate::accel::split::{Divider, FAR, LeafCost, Part, Reference};
 use crate::geometry::Bounds;
 use crate::math::four::Four;
 use crate::math::vectors::{Processor, Task, Vectors};
 
-/// Below this many levels boxes are halved, whatever lies there: nothing else bounds the depth. Trees
-/// over scenes stay far above it.
-const DEEPEST: usize = 32;
+/// From this depth on sets are split at the median, as nothing else bounds the depth. The trees of
+/// real scenes stay far above it.
+const MAX_SAH_DEPTH: usize = 32;
 
 /// What stands in tree order behind a leaf that is not full.
 pub const EMPTY_PLACE: u32 = u32::MAX;
@@ -48,30 +48,26 @@ const WORTH_FETCHING: f32 = 0.8;
 impl WideBvh {
     /// [`WideBvh::over`] boxes that are numbered by place.
     #[cfg(test)]
-    pub fn build(boxes: &[Bounds], cost: LeafCost) -> Option<(Self, Vec<u32>)> {
+    pub fn build(boxes: &[Bounds], cost: SahCost) -> Option<(Self, Vec<u32>)> {
         Self::over(numbered(boxes), cost)
     }
 
     /// Builds a tree, and says in which order its leaves name the boxes: place in tree order ->
     /// number. Leaves start at multiples of the leaf size; the places between are [`EMPTY_PLACE`].
     /// Boxes must hold no NaN and have min <= max; sides may be infinite. `None` for no boxes.
-    pub fn over(boxes: Vec<Reference>, cost: LeafCost) -> Option<(Self, Vec<u32>)> {
-        Self::build_within(boxes, cost, DEEPEST)
+    pub fn over(boxes: Vec<PrimRef>, cost: SahCost) -> Option<(Self, Vec<u32>)> {
+        Self::build_within(boxes, cost, MAX_SAH_DEPTH)
     }
 
-    fn build_within(
-        mut references: Vec<Reference>,
-        cost: LeafCost,
-        deepest: usize,
-    ) -> Option<(Self, Vec<u32>)> {
-        if references.is_empty() {
+    fn build_within(mut prim_refs: Vec<PrimRef>, cost: SahCost, deepest: usize) -> Option<(Self, Vec<u32>)> {
+        if prim_refs.is_empty() {
             return None;
         }
-        let bounds = references.iter().fold(Bounds::EMPTY, |all, one| all.union(&one.bounds()));
-        let scale = scale_of(&references, &bounds);
-        references.iter_mut().for_each(|reference| *reference = scaled(reference, scale));
+        let bounds = prim_refs.iter().fold(Bounds::EMPTY, |all, one| all.union(&one.bounds()));
+        let scale = scale_of(&prim_refs, &bounds);
+        prim_refs.iter_mut().for_each(|prim_ref| *prim_ref = scaled(prim_ref, scale));
         let mut build = Build::new(cost, deepest, false);
-        let root = build.subtree(&mut references, 0);
+        let root = build.subtree(&mut prim_refs, 0);
         let leaves = build.nodes.iter().map(run).collect();
         Some((Self { nodes: build.nodes, leaves, root, bounds, scale }, build.order))
     }
@@ -135,12 +131,12 @@ fn run(node: &Node) -> u32 {
 }
 
 #[cfg(test)]
-fn numbered(boxes: &[Bounds]) -> Vec<Reference> {
-    boxes.iter().enumerate().map(|(number, one)| Reference::new(one, number as u32)).collect()
+fn numbered(boxes: &[Bounds]) -> Vec<PrimRef> {
+    boxes.iter().enumerate().map(|(number, one)| PrimRef::new(one, number as u32)).collect()
 }
 
 /// The power of two that brings every finite coordinate of boxes into the unit cube.
-fn scale_of(boxes: &[Reference], around: &Bounds) -> f64 {
+fn scale_of(boxes: &[PrimRef], around: &Bounds) -> f64 {
     let sides = |one: &Bounds| {
         let sides = one.min.iter().chain(&one.max).map(|x| x.abs());
         sides.filter(|x| x.is_finite()).fold(0.0f32, f32::max)
@@ -164,9 +160,9 @@ fn scale_of(boxes: &[Reference], around: &Bounds) -> f64 {
 
 /// A box in scaled units, rounded outwards; infinite sides lie at ±[`FAR`].
 #[inline]
-fn scaled(reference: &Reference, scale: f64) -> Reference {
+fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
     let factor = scale as f32;
-    let corners = [reference.low(), reference.negated_high()];
+    let corners = [prim_ref.low(), prim_ref.negated_high()];
     let scaled = corners.map(|corner| corner * Four::splat(factor));
     // Exact where no number is infinite or meets the subnormal ones.
     let exact = |corner: Four, scaled: Four| {
@@ -175,24 +171,24 @@ fn scaled(reference: &Reference, scale: f64) -> Reference {
         Four::splat(1.0).at_least(scaled.abs()) & (normal | zero)
     };
     if factor.is_normal() && exact(corners[0], scaled[0]) & exact(corners[1], scaled[1]) & 0b111 == 0b111 {
-        return Reference::of(scaled, reference.number());
+        return PrimRef::from_corners(scaled, prim_ref.number());
     }
     let inside = |x: f32| if x.is_finite() { x } else { FAR.copysign(x) };
-    let Bounds { min, max } = reference.bounds();
+    let Bounds { min, max } = prim_ref.bounds();
     let min = min.map(|x| inside(round_down(f64::from(x) * scale)));
     let max = max.map(|x| inside(round_up(f64::from(x) * scale)));
-    Reference::new(&Bounds { min, max }, reference.number())
+    PrimRef::new(&Bounds { min, max }, prim_ref.number())
 }
 
 /// A tree in the making.
 struct Build {
     /// Whether it may ask for threads.
     alone: bool,
-    cost: LeafCost,
+    cost: SahCost,
     deepest: usize,
     nodes: Vec<Node>,
     order: Vec<u32>,
-    divider: Divider,
+    builder: BinnedSahBuilder,
     processor: Processor,
 }
 
@@ -201,9 +197,9 @@ type Shares = SmallVec<[(usize, bool); WIDTH]>;
 
 /// The division of a node with its arguments.
 struct Divide<'a> {
-    divider: &'a mut Divider,
-    references: &'a mut [Reference],
-    cost: &'a LeafCost,
+    builder: &'a mut BinnedSahBuilder,
+    prim_refs: &'a mut [PrimRef],
+    cost: &'a SahCost,
     halve: bool,
 }
 
@@ -212,43 +208,44 @@ impl Task for Divide<'_> {
 
     #[inline(always)]
     fn run<V: Vectors>(self, vectors: V) {
-        self.divider.divide(vectors, self.references, self.cost, self.halve);
+        self.builder.divide(vectors, self.prim_refs, self.cost, self.halve);
     }
 }
 
 impl Build {
-    fn new(cost: LeafCost, deepest: usize, alone: bool) -> Self {
-        assert!(cost.most.is_power_of_two(), "bug in anyhit: leaves of {}", cost.most);
+    fn new(cost: SahCost, deepest: usize, alone: bool) -> Self {
+        assert!(cost.max_leaf_size.is_power_of_two(), "bug in anyhit: leaves of {}", cost.max_leaf_size);
         Self {
             alone,
             cost,
             deepest,
             nodes: Vec::new(),
             order: Vec::new(),
-            divider: Divider::new(),
+            builder: BinnedSahBuilder::new(),
             processor: Processor::new(),
         }
     }
 
     /// Makes the nodes over references.
-    fn subtree(&mut self, references: &mut [Reference], depth: usize) -> Child {
-        if references.len() == 1 {
-            return self.leaf(references);
+    fn subtree(&mut self, prim_refs: &mut [PrimRef], depth: usize) -> Child {
+        if prim_refs.len() == 1 {
+            return self.leaf(prim_refs);
         }
-        self.divide(references, depth);
-        let parts: Shares = self.divider.parts().map(|part| (part.count(), part.is_leaf())).collect();
-        if let [(_, true)] = parts[..] {
-            return self.leaf(references);
+        self.divide(prim_refs, depth);
+        let records: Shares =
+            self.builder.records().map(|record| (record.count(), record.is_leaf())).collect();
+        if let [(_, true)] = records[..] {
+            return self.leaf(prim_refs);
         }
         let place = self.nodes.len();
-        let boxes = self.divider.parts().map(|part| (Child::default(), corners(part)));
+        let boxes = self.builder.records().map(|record| (Child::default(), corners(record)));
         self.nodes.push(Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>()));
-        if !self.alone && references.len() > MANY && rayon::current_num_threads() > 1 {
-            self.in_threads(place, &parts, references, depth);
+        if !self.alone && prim_refs.len() > MANY && rayon::current_num_threads() > 1 {
+            self.in_threads(place, &records, prim_refs, depth);
             return Child::inner(place);
         }
-        let mut rest = references;
-        for (slot, (count, is_leaf)) in parts.into_iter().enumerate() {
+        let mut rest = prim_refs;
+        for (slot, (count, is_leaf)) in records.into_iter().enumerate() {
             let (these, others) = rest.split_at_mut(count);
             let child = if is_leaf { self.leaf(these) } else { self.subtree(these, depth + 1) };
             self.nodes[place].set_child(slot, child);
@@ -258,19 +255,19 @@ impl Build {
     }
 
     /// Divides references among the children of a node.
-    fn divide(&mut self, references: &mut [Reference], depth: usize) {
+    fn divide(&mut self, prim_refs: &mut [PrimRef], depth: usize) {
         let halve = depth >= self.deepest;
-        let divide = Divide { divider: &mut self.divider, references, cost: &self.cost, halve };
+        let divide = Divide { builder: &mut self.builder, prim_refs, cost: &self.cost, halve };
         self.processor.run(divide);
     }
 
     /// Gives a leaf's boxes their places, from the next multiple of the leaf size on.
-    fn leaf(&mut self, references: &[Reference]) -> Child {
-        let size = self.cost.most.trailing_zeros();
-        let index = (self.order.len() + self.cost.most - 1) >> size;
+    fn leaf(&mut self, prim_refs: &[PrimRef]) -> Child {
+        let size = self.cost.max_leaf_size.trailing_zeros();
+        let index = (self.order.len() + self.cost.max_leaf_size - 1) >> size;
         self.order.resize(index << size, EMPTY_PLACE);
-        self.order.extend(references.iter().map(Reference::number));
-        Child::leaf(index, references.len())
+        self.order.extend(prim_refs.iter().map(PrimRef::number));
+        Child::leaf(index, prim_refs.len())
     }
 
     /// Makes the subtrees of a node by several threads: the same nodes in the same order as by one.
@@ -280,15 +277,15 @@ impl Build {
     fn in_threads(
         &mut self,
         place: usize,
-        parts: &[(usize, bool)],
-        references: &mut [Reference],
+        records: &[(usize, bool)],
+        prim_refs: &mut [PrimRef],
         depth: usize,
     ) {
         let (cost, deepest) = (self.cost, self.deepest);
-        let count = parts.len();
-        let mut rest = references;
+        let count = records.len();
+        let mut rest = prim_refs;
         let mut slices = SmallVec::<[_; WIDTH]>::new();
-        for &(count, is_leaf) in parts {
+        for &(count, is_leaf) in records {
             let (these, others) = rest.split_at_mut(count);
             slices.push((is_leaf, these));
             rest = others;
@@ -320,7 +317,7 @@ impl Build {
 
     /// Takes over what another thread has made, and says what its root is here.
     fn append(&mut self, own: Self, root: Child) -> Child {
-        let size = self.cost.most;
+        let size = self.cost.max_leaf_size;
         self.order.resize(self.order.len().next_multiple_of(size), EMPTY_PLACE);
         let (nodes, leaves) = (self.nodes.len(), self.order.len() / size);
         self.order.extend(own.order);
@@ -333,9 +330,9 @@ impl Build {
 }
 
 /// The corners of a part as a node keeps them: with infinite sides.
-fn corners(part: &Part) -> [[f32; 3]; 2] {
+fn corners(record: &BuildRecord) -> [[f32; 3]; 2] {
     let infinite = |x: f32| if x.abs() >= FAR { f32::INFINITY.copysign(x) } else { x };
-    let Bounds { min, max } = part.bounds();
+    let Bounds { min, max } = record.bounds();
     [min.map(infinite), max.map(infinite)]
 }
 
@@ -343,7 +340,7 @@ fn corners(part: &Part) -> [[f32; 3]; 2] {
 mod tests {
     use super::*;
 
-    const FOURS: LeafCost = LeafCost { most: 4, visit: 1.0, primitive: 0.5, divided: 1.0 };
+    const FOURS: SahCost = SahCost { max_leaf_size: 4, traversal: 1.0, intersection: 0.5, split_below: 1.0 };
 
     /// Small boxes at random places of a cube, from a multiplicative generator.
     fn boxes(count: usize, size: f32) -> Vec<Bounds> {
@@ -433,7 +430,8 @@ mod tests {
     fn a_leaf_is_divided_where_enough_of_its_cost_goes() {
         // Halves of a flat patch have half its surface each: two leaves of two cost 2 (1 + 2/16) of 2 (1 + 4/16), which
         // is 0.9 of one leaf of four; two leaves of one 17/18 of that.
-        let cost = |divided| LeafCost { most: 4, visit: 1.0, primitive: 0.0625, divided };
+        let cost =
+            |split_below| SahCost { max_leaf_size: 4, traversal: 1.0, intersection: 0.0625, split_below };
         for (divided, wanted) in [(1.0, vec![1; 8]), (0.92, vec![2; 4]), (0.8, vec![4; 2])] {
             let (bvh, _) = WideBvh::build(&squares(2, 64.0), cost(divided)).expect("not empty");
             assert_eq!(leaves_of_root(&bvh), wanted, "{divided}");
@@ -442,7 +440,7 @@ mod tests {
 
     #[test]
     fn leaves_are_fetched_where_a_ray_reaches_them() {
-        let cost = LeafCost { divided: 0.8, primitive: 0.0625, ..FOURS };
+        let cost = SahCost { split_below: 0.8, intersection: 0.0625, ..FOURS };
         // Eight units of surface, of 8 and of 12 around all.
         for (away, wanted) in [(2.0, 0..2), (4.0, 0..0)] {
             let (bvh, _) = WideBvh::build(&squares(2, away), cost).expect("not empty");
@@ -467,10 +465,10 @@ mod tests {
         let boxes = boxes(3 * MANY, 1.0);
         let (bvh, order) = build(&boxes);
         check(&bvh, &order, &boxes);
-        let mut references = numbered(&boxes);
-        references.iter_mut().for_each(|reference| *reference = scaled(reference, bvh.scale()));
-        let mut alone = Build::new(FOURS, DEEPEST, true);
-        assert_eq!(alone.subtree(&mut references, 0), bvh.root());
+        let mut prim_refs = numbered(&boxes);
+        prim_refs.iter_mut().for_each(|prim_ref| *prim_ref = scaled(prim_ref, bvh.scale()));
+        let mut alone = Build::new(FOURS, MAX_SAH_DEPTH, true);
+        assert_eq!(alone.subtree(&mut prim_refs, 0), bvh.root());
         assert_eq!(alone.order, order);
         assert_eq!(format!("{:?}", alone.nodes), format!("{:?}", bvh.nodes));
     }

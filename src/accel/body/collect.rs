@@ -1,11 +1,11 @@
 //! The making of a body: reads the active primitives of geometries, builds the tree over their boxes
 //! where it pays, and puts them down in its order.
 
+use crate::accel::binned_sah::{PrimRef, SahCost};
 use crate::accel::blas::{Geometry, GeometryFlags};
 use crate::accel::body::{Body, Name, Shapes};
 use crate::accel::geometry_data::{GeometryData, GeometryKind};
 use crate::accel::primitive::{self, Primitive, TakePrimitive};
-use crate::accel::split::{LeafCost, Reference};
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, LANES};
 use crate::geometry::{Bounds, aabb, linear_swept_sphere, sphere, triangle};
@@ -18,10 +18,10 @@ const LINEAR: usize = 4;
 /// What a ray pays for a leaf and for each primitive in it, in visits of inner nodes: where each is
 /// tested by itself, where a block is tested at once, and where most of one are dropped. Triangles stand four
 /// in a leaf unless they gain much by being apart: a block takes as much memory whatever is in it.
-const SINGLY: LeafCost = LeafCost { most: LANES, visit: 1.0, primitive: 3.0, divided: 1.0 };
-const AT_ONCE: LeafCost = LeafCost { primitive: 0.15, ..SINGLY };
-const TRIANGLES: LeafCost = LeafCost { primitive: 0.05, divided: 0.8, ..SINGLY };
-const SWEPT: LeafCost = LeafCost { visit: 1.5, primitive: 0.2, divided: 0.8, ..SINGLY };
+const SINGLY: SahCost = SahCost { max_leaf_size: LANES, traversal: 1.0, intersection: 3.0, split_below: 1.0 };
+const AT_ONCE: SahCost = SahCost { intersection: 0.15, ..SINGLY };
+const TRIANGLES: SahCost = SahCost { intersection: 0.05, split_below: 0.8, ..SINGLY };
+const SWEPT: SahCost = SahCost { traversal: 1.5, intersection: 0.2, split_below: 0.8, ..SINGLY };
 
 /// Swept spheres are halved where a line through all of them meets fewer boxes then, on the average: so many times the root of
 /// their number. Each stands in two leaves, and those do not fit into a processor's caches as long as one does.
@@ -32,7 +32,7 @@ const FEWER_BOXES: f64 = 0.1;
 #[derive(Default)]
 struct Collected {
     /// Numbered by place; none where there will be no tree.
-    boxes: Vec<Reference>,
+    boxes: Vec<PrimRef>,
     names: Vec<Name>,
     bounds: Option<Bounds>,
     has_pieces: bool,
@@ -83,7 +83,7 @@ impl Body {
                 });
                 if let (Some(keys), Some(bounds)) = (keys, bounds) {
                     all.push(keys);
-                    collected.push(Reference::new(&bounds, 0), Name { geometry: number as u32, primitive });
+                    collected.push(PrimRef::new(&bounds, 0), Name { geometry: number as u32, primitive });
                 }
             }
         }
@@ -100,7 +100,7 @@ impl Body {
     fn around(
         geometries: &[Geometry],
         collected: Collected,
-        cost: LeafCost,
+        cost: SahCost,
         shapes: impl FnOnce(&[u32], &[Name]) -> Shapes,
     ) -> Self {
         let Collected { boxes, mut names, bounds, has_pieces } = collected;
@@ -121,19 +121,19 @@ impl Body {
 
     /// The box around all active primitives, without building anything.
     pub fn bounds_of(geometries: &[Geometry]) -> Bounds {
-        let mut around = Around(Reference::EMPTY);
+        let mut around = Around(PrimRef::EMPTY);
         geometries.iter().for_each(|geometry| geometry.data.each_primitive(&mut around));
         around.0.bounds()
     }
 }
 
 /// The box around all active primitives.
-struct Around(Reference);
+struct Around(PrimRef);
 
 impl TakePrimitive for Around {
     #[inline(always)]
     fn take(&mut self, _: u32, numbers: Primitive) {
-        if let Some(one) = reference(&numbers) {
+        if let Some(one) = prim_ref(&numbers) {
             self.0 = self.0.union(&one);
         }
     }
@@ -149,7 +149,7 @@ struct Listed {
 impl TakePrimitive for Listed {
     #[inline(always)]
     fn take(&mut self, primitive: u32, numbers: Primitive) {
-        if let Some(one) = reference(&numbers) {
+        if let Some(one) = prim_ref(&numbers) {
             self.around.0 = self.around.0.union(&one);
             self.names.push(Name { geometry: self.geometry, primitive });
         }
@@ -192,15 +192,15 @@ impl TakePrimitive for Boxed {
                     self.saved += whole.surface() - first.surface() - second.surface();
                 }
                 match halves.filter(|_| self.halved) {
-                    None => self.all.push(Reference::new(&whole, 0), name),
+                    None => self.all.push(PrimRef::new(&whole, 0), name),
                     Some(halves) => {
-                        halves.iter().for_each(|half| self.all.push(Reference::new(half, 0), name));
+                        halves.iter().for_each(|half| self.all.push(PrimRef::new(half, 0), name));
                         self.all.has_pieces = true;
                     }
                 }
             }
             numbers => {
-                if let Some(one) = reference(&numbers) {
+                if let Some(one) = prim_ref(&numbers) {
                     self.all.push(one, name);
                 }
             }
@@ -222,7 +222,7 @@ impl Collected {
     /// The primitives alone, and the box around all.
     fn listed(geometries: &[Geometry], count: usize) -> Self {
         let mut taken =
-            Listed { geometry: 0, names: Vec::with_capacity(count), around: Around(Reference::EMPTY) };
+            Listed { geometry: 0, names: Vec::with_capacity(count), around: Around(PrimRef::EMPTY) };
         for (number, geometry) in geometries.iter().enumerate() {
             taken.geometry = number as u32;
             geometry.data.each_primitive(&mut taken);
@@ -231,14 +231,14 @@ impl Collected {
     }
 
     #[inline(always)]
-    fn push(&mut self, one: Reference, name: Name) {
-        self.boxes.push(one.numbered(self.boxes.len() as u32));
+    fn push(&mut self, one: PrimRef, name: Name) {
+        self.boxes.push(one.with_number(self.boxes.len() as u32));
         self.names.push(name);
     }
 
     /// The box around all.
     fn around(&self) -> Bounds {
-        self.boxes.iter().fold(Reference::EMPTY, |all, one| all.union(one)).bounds()
+        self.boxes.iter().fold(PrimRef::EMPTY, |all, one| all.union(one)).bounds()
     }
 
     /// Makes it one without tree.
@@ -323,9 +323,9 @@ fn mixed() -> ! {
 
 /// The box around a primitive, numbered 0; `None` where it is inactive or can never be hit.
 #[inline(always)]
-fn reference(primitive: &Primitive) -> Option<Reference> {
+fn prim_ref(primitive: &Primitive) -> Option<PrimRef> {
     let bounds = match *primitive {
-        Primitive::Triangle(vertices) => return triangle_reference(vertices),
+        Primitive::Triangle(vertices) => return triangle_prim_ref(vertices),
         Primitive::Aabb(minimum_maximum) => {
             let (min, max) = corners(minimum_maximum);
             aabb::bounds(min, max)
@@ -335,17 +335,17 @@ fn reference(primitive: &Primitive) -> Option<Reference> {
             linear_swept_sphere::bounds(positions, radii)
         }
     };
-    bounds.map(|bounds| Reference::new(&bounds, 0))
+    bounds.map(|bounds| PrimRef::new(&bounds, 0))
 }
 
 /// [`triangle::bounds`] in vectors.
 #[inline(always)]
-fn triangle_reference(vertices: [[f32; 3]; 3]) -> Option<Reference> {
+fn triangle_prim_ref(vertices: [[f32; 3]; 3]) -> Option<PrimRef> {
     let [a, b, c] = vertices.map(|[x, y, z]| Four::new([x, y, z, 0.0]));
     // Zero times what is not finite is no number.
     let finite = (a * Four::ZERO + b * Four::ZERO + c * Four::ZERO).at_least(Four::ZERO) == 0b1111;
     let (low, high) = (a.lesser(b).lesser(c), a.greater(b).greater(c));
-    finite.then(|| Reference::of([low, Four::ZERO - high], 0))
+    finite.then(|| PrimRef::from_corners([low, Four::ZERO - high], 0))
 }
 
 #[inline]
@@ -365,7 +365,7 @@ mod tests {
             let number = |shift: usize| numbers[(at / [1, 8, 64][shift % 3] + shift) % 8];
             let vertices = [0, 3, 6].map(|vertex| [0, 1, 2].map(|axis| number(vertex + axis)));
             let wanted = triangle::bounds(vertices);
-            assert_eq!(triangle_reference(vertices).map(|one| one.bounds()), wanted, "{vertices:?}");
+            assert_eq!(triangle_prim_ref(vertices).map(|one| one.bounds()), wanted, "{vertices:?}");
         }
     }
 
