@@ -3,7 +3,7 @@
 mod collect;
 
 use crate::accel::blas::{GeometryFlags, between};
-use crate::accel::node::Child;
+use crate::accel::node::NodeRef;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, BlockRay, LANES, ShearedRay};
 use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, triangle};
@@ -86,21 +86,21 @@ impl Body {
     }
 
     /// All primitives, for a body without a tree.
-    pub fn leaves(&self) -> impl Iterator<Item = Child> + use<> {
+    pub fn leaves(&self) -> impl Iterator<Item = NodeRef> + use<> {
         let count = self.names.len();
-        (0..count.div_ceil(LANES)).map(move |index| Child::leaf(index, LANES.min(count - index * LANES)))
+        (0..count.div_ceil(LANES)).map(move |index| NodeRef::leaf(index, LANES.min(count - index * LANES)))
     }
 
     /// Which primitive a lane of a leaf is.
     #[inline(always)]
-    pub fn name(&self, leaf: Child, lane: usize) -> Name {
+    pub fn name(&self, leaf: NodeRef, lane: usize) -> Name {
         self.names[self.place(leaf, lane)]
     }
 
     /// Has the processor bring the triangles in a node's leaves into its caches, where a ray that comes to the node
     /// mostly reaches one: they come while the node does.
     #[inline(always)]
-    pub fn fetch_leaves(&self, bvh: &WideBvh, node: Child) {
+    pub fn fetch_leaves(&self, bvh: &WideBvh, node: NodeRef) {
         let leaves = bvh.leaves(node);
         if leaves.is_empty() {
             return;
@@ -112,7 +112,7 @@ impl Body {
 
     /// The same for what a ray will read of a part of the tree.
     #[inline(always)]
-    pub fn fetch(&self, part: Child) {
+    pub fn fetch(&self, part: NodeRef) {
         if !part.is_leaf() {
             return self.bvh.iter().for_each(|bvh| bvh.node(part).fetch());
         }
@@ -128,13 +128,13 @@ impl Body {
 
     /// The same for the names of a leaf's primitives.
     #[inline(always)]
-    pub fn fetch_names(&self, leaf: Child) {
+    pub fn fetch_names(&self, leaf: NodeRef) {
         fetch(&self.names[self.place(leaf, 0)..][..1]);
     }
 
     /// Where a lane of a leaf stands in tree order.
     #[inline(always)]
-    pub fn place(&self, leaf: Child, lane: usize) -> usize {
+    pub fn place(&self, leaf: NodeRef, lane: usize) -> usize {
         leaf.index() * LANES + lane
     }
 
@@ -174,7 +174,7 @@ impl Body {
 
     /// A bit for each of a leaf's primitives.
     #[inline(always)]
-    pub fn every(&self, leaf: Child) -> u32 {
+    pub fn every(&self, leaf: NodeRef) -> u32 {
         (1 << leaf.count()) - 1
     }
 
@@ -184,7 +184,7 @@ impl Body {
     pub fn met<F: Fused, const CLOSELY: bool>(
         &self,
         fused: F,
-        leaf: Child,
+        leaf: NodeRef,
         (ray, sheared): (&BlockRay, &ShearedRay),
     ) -> u32 {
         let at = leaf.index();
@@ -210,7 +210,7 @@ impl Body {
     pub fn tested<D: Doubles>(
         &self,
         doubles: D,
-        leaf: Child,
+        leaf: NodeRef,
         ray: &mut impl LeafRay,
         limit: f32,
     ) -> FourTested {
@@ -225,7 +225,7 @@ impl Body {
     #[inline(always)]
     pub fn intersect(
         &self,
-        (leaf, lane): (Child, usize),
+        (leaf, lane): (NodeRef, usize),
         ray: &ObjectRay,
         time: f32,
         precision: Precision,

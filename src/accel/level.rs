@@ -3,7 +3,7 @@
 
 use crate::accel::body::{Body, Drops, LeafRay};
 use crate::accel::cursor::TraceRay;
-use crate::accel::node::Child;
+use crate::accel::node::NodeRef;
 use crate::accel::node_ray::NodeRay;
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::wide_bvh::WideBvh;
@@ -156,7 +156,7 @@ impl Level {
         fused: F,
         tlas: &Tlas,
         body: &Body,
-        leaf: Child,
+        leaf: NodeRef,
         trace: &TraceRay,
     ) -> u32 {
         if !self.has_block_ray {

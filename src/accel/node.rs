@@ -1,56 +1,57 @@
-//! The nodes of a tree and the test of a ray against them (its derivation: `node_ray`).
+//! The inner nodes of a wide BVH and the test of a ray against their boxes (derived in `trav_ray`).
 
 use crate::accel::node_ray::{NodeLimit, Slabs};
 use crate::math::ahead::fetch;
 use crate::math::eight::Eights;
 
-/// How many children a node has at most: the lanes of a vector register (AVX) or of two (SSE, NEON).
+/// The largest number of children of a node: the lanes of one vector register (AVX) or of two (SSE,
+/// NEON).
 pub const WIDTH: usize = 8;
 
-/// A child: an inner node, or a leaf of primitives.
+/// A reference to an inner node or to a leaf of primitives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Child(u32);
+pub struct NodeRef(u32);
 
-/// The bits of a child that say how many primitives it has.
+/// The low bits of a [`NodeRef`], which count the primitives of a leaf.
 const COUNT_BITS: u32 = 3;
 
-impl Child {
-    /// An inner node.
+impl NodeRef {
+    /// Makes the reference to an inner node.
     pub fn inner(node: usize) -> Self {
-        Self::of(node, 0)
+        Self::pack(node, 0)
     }
 
-    /// A leaf of up to 7 primitives. Leaves stand in tree order at multiples of the tree's leaf size;
-    /// `index` counts in those.
+    /// Makes the reference to a leaf of up to 7 primitives. Leaves start at multiples of the tree's
+    /// leaf size in tree order; `index` counts in those multiples.
     pub fn leaf(index: usize, count: usize) -> Self {
         assert!((1..1 << COUNT_BITS).contains(&count), "bug in anyhit: a leaf of {count} primitives");
-        Self::of(index, count)
+        Self::pack(index, count)
     }
 
-    fn of(index: usize, count: usize) -> Self {
+    fn pack(index: usize, count: usize) -> Self {
         assert!(index < 1 << (u32::BITS - COUNT_BITS), "bug in anyhit: a BVH of too many nodes");
         Self((index << COUNT_BITS | count) as u32)
     }
 
-    /// As a number.
+    /// The reference as 32 bits.
     #[inline(always)]
     pub fn bits(self) -> u32 {
         self.0
     }
 
-    /// What [`Child::bits`] gave.
+    /// The reference that [`NodeRef::bits`] encoded.
     #[inline(always)]
     pub fn from_bits(bits: u32) -> Self {
         Self(bits)
     }
 
-    /// Which node, or which leaf.
+    /// The index of the node or of the leaf.
     #[inline(always)]
     pub fn index(self) -> usize {
         (self.0 >> COUNT_BITS) as usize
     }
 
-    /// How many primitives; 0 for an inner node.
+    /// The number of primitives; 0 for an inner node.
     #[inline(always)]
     pub fn count(self) -> u32 {
         self.0 & ((1 << COUNT_BITS) - 1)
@@ -61,37 +62,37 @@ impl Child {
         self.count() != 0
     }
 
-    /// The same where nodes and leaves stand so many further on.
+    /// The reference after nodes and leaves were moved by the given numbers of places.
     pub fn moved(self, nodes: usize, leaves: usize) -> Self {
         let by = if self.is_leaf() { leaves } else { nodes };
-        Self::of(self.index() + by, self.count() as usize)
+        Self::pack(self.index() + by, self.count() as usize)
     }
 
-    /// As many primitives, each as a leaf of one, in a tree whose leaf size is 1.
+    /// Splits a leaf into leaves of one primitive each, in a tree whose leaf size is 1.
     pub fn singles(self) -> impl DoubleEndedIterator<Item = Self> {
         (0..self.count() as usize).map(move |at| Self::leaf(self.index() + at, 1))
     }
 }
 
-/// An inner node: the boxes of its children side by side (structure of arrays), in scaled units. Four
+/// An inner node: the boxes of its children in scaled units, as a structure of arrays. It fills four
 /// cache lines.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub struct Node {
-    /// Per axis the lower planes, then the upper ones.
+    /// For each axis the lower planes, then the upper ones.
     planes: [[[f32; WIDTH]; 2]; 3],
-    children: [Child; WIDTH],
-    /// A bit for each slot that has a child.
+    children: [NodeRef; WIDTH],
+    /// A bit for each slot that holds a child.
     filled: u32,
 }
 
 impl Node {
-    /// A node over up to `WIDTH` children with their boxes (scaled, minimum and maximum).
-    pub fn new(children: &[(Child, [[f32; 3]; 2])]) -> Self {
+    /// Makes a node over up to `WIDTH` children with their boxes (scaled; minimum and maximum).
+    pub fn new(children: &[(NodeRef, [[f32; 3]; 2])]) -> Self {
         debug_assert!((1..=WIDTH).contains(&children.len()));
         let mut node = Self {
             planes: [[[0.0; WIDTH]; 2]; 3],
-            children: [Child::default(); WIDTH],
+            children: [NodeRef::default(); WIDTH],
             filled: (1 << children.len()) - 1,
         };
         for (slot, (child, corners)) in children.iter().enumerate() {
@@ -104,35 +105,36 @@ impl Node {
         node
     }
 
-    /// Names the child in a slot.
-    pub fn set_child(&mut self, slot: usize, child: Child) {
+    /// Sets the child in a slot.
+    pub fn set_child(&mut self, slot: usize, child: NodeRef) {
         self.children[slot] = child;
     }
 
-    /// Adapts the children where nodes and leaves stand so many further on.
+    /// Adapts the children after nodes and leaves were moved by the given numbers of places.
     pub fn move_children(&mut self, nodes: usize, leaves: usize) {
         for slot in 0..self.filled.count_ones() as usize {
             self.children[slot] = self.children[slot].moved(nodes, leaves);
         }
     }
 
-    /// How many children there are.
+    /// The number of children.
     pub fn count(&self) -> usize {
         self.filled.count_ones() as usize
     }
 
     /// The children with their boxes (scaled).
     #[cfg(test)]
-    pub fn children(&self) -> impl Iterator<Item = (Child, [[f32; 3]; 2])> + '_ {
+    pub fn children(&self) -> impl Iterator<Item = (NodeRef, [[f32; 3]; 2])> + '_ {
         (0..self.filled.count_ones() as usize).map(|slot| {
             let corner = |side: usize| std::array::from_fn(|axis| self.planes[axis][side][slot]);
             (self.children[slot], [corner(0), corner(1)])
         })
     }
 
-    /// Where the ray enters each child's box: a lower bound of the rounded t (in the ray's units, see
-    /// [`NodeRay::absolute`](super::node_ray::NodeRay::absolute)) of any hit in it, and a bit for each
-    /// child that it does not surely miss before `limit`.
+    /// Intersects a ray with the boxes of the children. Returns for each child a lower bound of the
+    /// rounded t of any hit in it (in the ray's units, see
+    /// [`NodeRay::absolute`](super::node_ray::NodeRay::absolute)), and a mask of the children that the
+    /// ray may hit up to `limit`.
     #[inline(always)]
     pub fn entries<E: Eights>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
         let eights = ray.eights;
@@ -150,14 +152,14 @@ impl Node {
         (eights.lanes(near), met & self.filled)
     }
 
-    /// Has the processor bring it into its caches.
+    /// Prefetches the node into the L1 cache.
     #[inline(always)]
     pub fn fetch(&self) {
         self.planes.iter().for_each(|planes| fetch(planes.as_flattened()));
         fetch(&self.children);
     }
 
-    /// A plane of the box of the child in a slot: of an axis the lower (0) or the upper one (1).
+    /// The lower (`side` 0) or upper (1) plane on an axis of the box of the child in a slot.
     #[inline(always)]
     pub fn plane(&self, axis: usize, side: usize, slot: usize) -> f32 {
         self.planes[axis][side][slot % WIDTH]
@@ -165,7 +167,7 @@ impl Node {
 
     /// The child in a slot.
     #[inline(always)]
-    pub fn child(&self, slot: usize) -> Child {
+    pub fn child(&self, slot: usize) -> NodeRef {
         self.children[slot % WIDTH]
     }
 }

@@ -18,7 +18,7 @@ mod walk;
 use crate::accel::body::Name;
 use crate::accel::cursor::{Candidate, Committed, Cursor, TraceRay};
 use crate::accel::level::Level;
-use crate::accel::node::{Child, WIDTH};
+use crate::accel::node::{NodeRef, WIDTH};
 use crate::accel::tlas::Tlas;
 use crate::geometry::{Intersection, Precision, Surface};
 use rows::{Rays, Row, Rows};
@@ -71,7 +71,7 @@ pub struct Packet {
     /// A bit for each ray that has a hit.
     hit: u64,
     hits: [Found; MOST],
-    stack: Vec<Open>,
+    stack: Vec<StackEntry>,
     /// How many more nodes and leaves may be opened.
     steps: u32,
     /// And by one ray alone.
@@ -118,26 +118,26 @@ impl Found {
     }
 }
 
-/// A part of a tree that is still to be visited: above where it is entered at the earliest, as bits,
-/// below which child of which node it is.
+/// A node or leaf that is still to be visited. The high half holds the bits of a lower bound of the t
+/// at which it is entered, the low half its parent node and its slot there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Open(u64);
+struct StackEntry(u64);
 
-impl Open {
+impl StackEntry {
     #[inline(always)]
-    fn new(entry: f32, node: Child, slot: usize) -> Self {
-        Self(u64::from(entry.to_bits()) << 32 | (node.index() * WIDTH + slot) as u64)
+    fn new(t_near: f32, node: NodeRef, slot: usize) -> Self {
+        Self(u64::from(t_near.to_bits()) << 32 | (node.index() * WIDTH + slot) as u64)
     }
 
     #[inline(always)]
-    fn entry(self) -> f32 {
+    fn t_near(self) -> f32 {
         f32::from_bits((self.0 >> 32) as u32)
     }
 
     #[inline(always)]
-    fn place(self) -> (Child, usize) {
+    fn node_and_slot(self) -> (NodeRef, usize) {
         let at = self.0 as u32 as usize;
-        (Child::inner(at / WIDTH), at % WIDTH)
+        (NodeRef::inner(at / WIDTH), at % WIDTH)
     }
 }
 
@@ -207,12 +207,12 @@ impl Packet {
 
     /// Puts children of a node on the stack, the nearest on top.
     #[inline(always)]
-    fn push(&mut self, near: [f32; WIDTH], mut met: u32, node: Child) {
+    fn push(&mut self, near: [f32; WIDTH], mut met: u32, node: NodeRef) {
         let bottom = self.stack.len();
         while met != 0 {
             let slot = met.trailing_zeros() as usize % WIDTH;
             met &= met - 1;
-            self.stack.push(Open::new(near[slot], node, slot));
+            self.stack.push(StackEntry::new(near[slot], node, slot));
             let top = &mut self.stack[bottom..];
             let mut at = top.len() - 1;
             while at > 0 && top[at - 1] < top[at] {

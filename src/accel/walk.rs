@@ -5,7 +5,7 @@ use crate::accel::body::Body;
 use crate::accel::cursor::{Candidate, Cursor, Hits, TraceRay};
 use crate::accel::level::Level;
 use crate::accel::micromap::is_two_state;
-use crate::accel::node::{Child, Node, WIDTH};
+use crate::accel::node::{NodeRef, Node, WIDTH};
 use crate::accel::node_ray::{NodeLimit, NodeRay, Slabs};
 use crate::accel::observer::{InstanceVerdict, Place, PrimitiveVerdict, TraversalObserver};
 use crate::accel::rules::{
@@ -16,64 +16,64 @@ use crate::geometry::{FourTested, Intersection, ObjectRay, Precision};
 use crate::math::eight::{Eights, TwoFours};
 use crate::math::vectors::{Task, Vectors};
 
-/// A part of a tree that is still to be visited: above a lower bound of the rounded t of any hit in
-/// it, in the units of its tree's ray, as bits (it is not negative, so that they are ordered like
-/// numbers), below which part.
+/// A node or leaf that is still to be visited. The high half holds the bits of a lower bound of the
+/// rounded t of any hit in it, in the units of its tree's ray (it is not negative, so that its bits
+/// are ordered like the numbers); the low half holds the [`NodeRef`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Open(u64);
+struct StackEntry(u64);
 
-impl Open {
+impl StackEntry {
     #[inline(always)]
-    fn new(child: Child, entry: f32) -> Self {
-        Self(u64::from(entry.to_bits()) << 32 | u64::from(child.bits()))
+    fn new(child: NodeRef, t_near: f32) -> Self {
+        Self(u64::from(t_near.to_bits()) << 32 | u64::from(child.bits()))
     }
 
     #[inline(always)]
-    fn child(self) -> Child {
-        Child::from_bits(self.0 as u32)
+    fn node(self) -> NodeRef {
+        NodeRef::from_bits(self.0 as u32)
     }
 
     #[inline(always)]
-    fn entry(self) -> f32 {
+    fn t_near(self) -> f32 {
         f32::from_bits((self.0 >> 32) as u32)
     }
 }
 
-/// The stack.
+/// The traversal stack.
 #[derive(Clone, Debug)]
 struct Stack {
-    open: Vec<Open>,
-    /// For each the least t, rounded, of any hit in it and all below; not kept where no candidate can
-    /// wait for its turn.
+    entries: Vec<StackEntry>,
+    /// For each entry the smallest rounded t of any hit in it or in an entry below. It is not kept if no
+    /// candidate can wait for its turn.
     floors: Vec<f32>,
 }
 
 impl Stack {
     #[inline(always)]
     fn len(&self) -> usize {
-        self.open.len()
+        self.entries.len()
     }
 
     #[inline(always)]
     fn clear(&mut self) {
-        self.open.clear();
+        self.entries.clear();
         self.floors.clear();
     }
 
     #[inline(always)]
-    fn pop<const PLAIN: bool>(&mut self) -> Option<Open> {
+    fn pop<const PLAIN: bool>(&mut self) -> Option<StackEntry> {
         if !PLAIN {
             self.floors.pop();
         }
-        self.open.pop()
+        self.entries.pop()
     }
 
-    /// Puts a part on top; `ray` is that of its tree.
+    /// Pushes an entry; `ray` is the ray of its tree.
     #[inline(always)]
-    fn push<const PLAIN: bool>(&mut self, open: Open, ray: &NodeRay) {
-        self.open.push(open);
+    fn push<const PLAIN: bool>(&mut self, entry: StackEntry, ray: &NodeRay) {
+        self.entries.push(entry);
         if !PLAIN {
-            self.push_floor(ray.absolute(open.entry()));
+            self.push_floor(ray.absolute(entry.t_near()));
         }
     }
 
@@ -97,7 +97,7 @@ pub struct Walk {
 impl Walk {
     /// Memory for a walk.
     pub const IDLE: Self = Self {
-        stack: Stack { open: Vec::new(), floors: Vec::new() },
+        stack: Stack { entries: Vec::new(), floors: Vec::new() },
         world: NodeRay::IDLE,
         level: Level::IDLE,
         in_level: false,
@@ -112,7 +112,7 @@ impl Walk {
 
     /// Whether nothing is left.
     pub fn is_over(&self) -> bool {
-        self.stack.open.is_empty()
+        self.stack.entries.is_empty()
     }
 }
 
@@ -179,9 +179,9 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
                 self.visit_level(eights);
                 self.walk.in_level = self.walk.stack.len() > self.walk.level.base;
             } else {
-                let Some(open) = self.walk.stack.pop::<PLAIN>() else { return false };
-                if open.entry() <= self.walk.world.limit(self.hits.cull_t).0 {
-                    self.step_in_world(eights, open);
+                let Some(entry) = self.walk.stack.pop::<PLAIN>() else { return false };
+                if entry.t_near() <= self.walk.world.limit(self.hits.cull_t).0 {
+                    self.step_in_world(eights, entry);
                 }
             }
             if self.hits.is_enough() {
@@ -219,7 +219,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
         let root = match self.tlas.bvh() {
             None if self.tlas.is_list() => {
                 *world = NodeRay::from(ray.t_min);
-                Child::leaf(0, count)
+                NodeRef::leaf(0, count)
             }
             // Nothing in them can be hit.
             None => return,
@@ -233,13 +233,13 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
                 bvh.root()
             }
         };
-        stack.push::<PLAIN>(Open::new(root, world.near_floor), world);
+        stack.push::<PLAIN>(StackEntry::new(root, world.near_floor), world);
     }
 
     #[inline(always)]
-    fn step_in_world<E: Vectors>(&mut self, eights: E, open: Open) {
+    fn step_in_world<E: Vectors>(&mut self, eights: E, entry: StackEntry) {
         let Walk { stack, world, .. } = &mut *self.walk;
-        let child = open.child();
+        let child = entry.node();
         match (child.count(), self.tlas.bvh()) {
             (0, Some((bvh, _))) => {
                 self.observer.node(None);
@@ -255,7 +255,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
             _ => {
                 // The lowest place is looked at first.
                 for single in child.singles().rev() {
-                    stack.push::<PLAIN>(Open::new(single, open.entry()), world);
+                    stack.push::<PLAIN>(StackEntry::new(single, entry.t_near()), world);
                 }
             }
         }
@@ -294,7 +294,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
             return InstanceVerdict::Missed;
         }
         level.base = stack.len();
-        stack.push::<PLAIN>(Open::new(bvh.root(), level.node_ray.near_floor), &level.node_ray);
+        stack.push::<PLAIN>(StackEntry::new(bvh.root(), level.node_ray.near_floor), &level.node_ray);
         *in_level = true;
         InstanceVerdict::Entered
     }
@@ -309,11 +309,11 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
         let slabs = self.walk.level.node_ray.slabs(eights);
         let mut limit = self.walk.level.node_ray.limit(self.hits.cull_t);
         while self.walk.stack.len() > base {
-            let Some(open) = self.walk.stack.pop::<PLAIN>() else { return };
-            if open.entry() > limit.0 {
+            let Some(entry) = self.walk.stack.pop::<PLAIN>() else { return };
+            if entry.t_near() > limit.0 {
                 continue;
             }
-            let mut child = open.child();
+            let mut child = entry.node();
             // Down to a leaf; what is farther waits on the stack.
             while !child.is_leaf() {
                 self.observer.node(Some(number));
@@ -321,12 +321,12 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
                 let Walk { stack, level, .. } = &mut *self.walk;
                 let (ray, before) = ((&level.node_ray, &slabs), stack.len());
                 match push_children::<E, PLAIN>(stack, limit, bvh.node(child), ray) {
-                    Some(nearest) => child = nearest.child(),
+                    Some(nearest) => child = nearest.node(),
                     None => break,
                 }
                 // Perhaps it is next.
-                if let Some(other) = stack.open[before..].last() {
-                    body.fetch(other.child());
+                if let Some(other) = stack.entries[before..].last() {
+                    body.fetch(other.node());
                 }
             }
             if child.is_leaf() {
@@ -367,7 +367,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
 
     /// A bit for each of a leaf's primitives that the ray may meet.
     #[inline(always)]
-    fn met<E: Vectors>(&mut self, eights: E, body: &Body, leaf: Child) -> u32 {
+    fn met<E: Vectors>(&mut self, eights: E, body: &Body, leaf: NodeRef) -> u32 {
         let level = &mut self.walk.level;
         let met = if V::REASONS {
             body.every(leaf)
@@ -384,7 +384,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
 
     /// Tests some of a leaf's primitives, a bit for each.
     #[inline(always)]
-    fn test(&mut self, body: &Body, leaf: Child, mut rest: u32) {
+    fn test(&mut self, body: &Body, leaf: NodeRef, mut rest: u32) {
         let number = self.walk.level.instance;
         let instance = &self.tlas.instances()[number as usize];
         let flags = self.trace.flags;
@@ -479,15 +479,15 @@ fn push_children<E: Eights, const PLAIN: bool>(
     limit: NodeLimit,
     node: &Node,
     (ray, slabs): (&NodeRay, &Slabs<E>),
-) -> Option<Open> {
-    let (near, mut rest) = node.entries(slabs, limit);
+) -> Option<StackEntry> {
+    let (near, mut rest) = node.intersect(slabs, limit);
     if rest == 0 {
         return None;
     }
     let mut next = || {
         let slot = rest.trailing_zeros() as usize % WIDTH;
         rest &= rest - 1;
-        (rest != 0, Open::new(node.child(slot), near[slot]))
+        (rest != 0, StackEntry::new(node.child(slot), near[slot]))
     };
     let (more, first) = next();
     if !more {
@@ -499,12 +499,12 @@ fn push_children<E: Eights, const PLAIN: bool>(
     if more {
         // Insertion into the top of the stack, the farthest first.
         let bottom = stack.len();
-        stack.open.push(other);
+        stack.entries.push(other);
         loop {
             let (more, one) = next();
             (nearest, other) = (nearest.min(one), nearest.max(one));
-            stack.open.push(other);
-            let top = &mut stack.open[bottom..];
+            stack.entries.push(other);
+            let top = &mut stack.entries[bottom..];
             let mut at = top.len() - 1;
             while at > 0 && top[at - 1] < other {
                 top[at] = top[at - 1];
@@ -517,7 +517,7 @@ fn push_children<E: Eights, const PLAIN: bool>(
         }
         if !PLAIN {
             for at in bottom..stack.len() {
-                stack.push_floor(ray.absolute(stack.open[at].entry()));
+                stack.push_floor(ray.absolute(stack.entries[at].t_near()));
             }
         }
     } else {
@@ -532,7 +532,7 @@ fn missed_or_outside(
     tlas: &Tlas,
     place: Place,
     body: &Body,
-    at: (Child, usize),
+    at: (NodeRef, usize),
     ray: &ObjectRay,
     time: f32,
 ) -> PrimitiveVerdict {

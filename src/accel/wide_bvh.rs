@@ -11,7 +11,7 @@ use std::sync::Mutex;
 use smallvec::SmallVec;
 
 use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, FAR, PrimRef, SahCost};
-use crate::accel::node::{Child, Node, WIDTH};
+use crate::accel::node::{NodeRef, Node, WIDTH};
 use crate::accel::node_ray::{round_down, round_up};
 use crate::geometry::Bounds;
 use crate::math::four::Four;
@@ -34,7 +34,7 @@ pub struct WideBvh {
     /// Of each node, which leaves it has that are worth fetching: the number of the first, in units of [`RUN`],
     /// and how many there are.
     leaves: Vec<u32>,
-    root: Child,
+    root: NodeRef,
     bounds: Bounds,
     scale: f64,
 }
@@ -74,20 +74,20 @@ impl WideBvh {
 
     /// The inner node that a child names.
     #[inline(always)]
-    pub fn node(&self, child: Child) -> &Node {
+    pub fn node(&self, child: NodeRef) -> &Node {
         &self.nodes[child.index()]
     }
 
     /// The leaves among a node's children, where a ray that comes to the node reaches enough of them; the node
     /// itself is not looked at.
     #[inline(always)]
-    pub fn leaves(&self, node: Child) -> Range<usize> {
+    pub fn leaves(&self, node: NodeRef) -> Range<usize> {
         let run = self.leaves[node.index()] as usize;
         run / RUN..run / RUN + run % RUN
     }
 
     /// The root: a node or, in a tree of one leaf, that leaf.
-    pub fn root(&self) -> Child {
+    pub fn root(&self) -> NodeRef {
         self.root
     }
 
@@ -227,7 +227,7 @@ impl Build {
     }
 
     /// Makes the nodes over references.
-    fn subtree(&mut self, prim_refs: &mut [PrimRef], depth: usize) -> Child {
+    fn subtree(&mut self, prim_refs: &mut [PrimRef], depth: usize) -> NodeRef {
         if prim_refs.len() == 1 {
             return self.leaf(prim_refs);
         }
@@ -238,11 +238,11 @@ impl Build {
             return self.leaf(prim_refs);
         }
         let place = self.nodes.len();
-        let boxes = self.builder.records().map(|record| (Child::default(), corners(record)));
+        let boxes = self.builder.records().map(|record| (NodeRef::default(), corners(record)));
         self.nodes.push(Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>()));
         if !self.alone && prim_refs.len() > MANY && rayon::current_num_threads() > 1 {
             self.in_threads(place, &records, prim_refs, depth);
-            return Child::inner(place);
+            return NodeRef::inner(place);
         }
         let mut rest = prim_refs;
         for (slot, (count, is_leaf)) in records.into_iter().enumerate() {
@@ -251,7 +251,7 @@ impl Build {
             self.nodes[place].set_child(slot, child);
             rest = others;
         }
-        Child::inner(place)
+        NodeRef::inner(place)
     }
 
     /// Divides references among the children of a node.
@@ -262,12 +262,12 @@ impl Build {
     }
 
     /// Gives a leaf's boxes their places, from the next multiple of the leaf size on.
-    fn leaf(&mut self, prim_refs: &[PrimRef]) -> Child {
+    fn leaf(&mut self, prim_refs: &[PrimRef]) -> NodeRef {
         let size = self.cost.max_leaf_size.trailing_zeros();
         let index = (self.order.len() + self.cost.max_leaf_size - 1) >> size;
         self.order.resize(index << size, EMPTY_PLACE);
         self.order.extend(prim_refs.iter().map(PrimRef::number));
-        Child::leaf(index, prim_refs.len())
+        NodeRef::leaf(index, prim_refs.len())
     }
 
     /// Makes the subtrees of a node by several threads: the same nodes in the same order as by one.
@@ -291,7 +291,7 @@ impl Build {
             rest = others;
         }
         let jobs = Mutex::new(slices.into_iter().enumerate());
-        let done = Mutex::new((0..count).map(|_| None).collect::<Vec<Option<(Self, Child)>>>());
+        let done = Mutex::new((0..count).map(|_| None).collect::<Vec<Option<(Self, NodeRef)>>>());
         let work = || {
             loop {
                 let job = jobs.lock().expect("bug in anyhit: a thread that builds has panicked").next();
@@ -316,7 +316,7 @@ impl Build {
     }
 
     /// Takes over what another thread has made, and says what its root is here.
-    fn append(&mut self, own: Self, root: Child) -> Child {
+    fn append(&mut self, own: Self, root: NodeRef) -> NodeRef {
         let size = self.cost.max_leaf_size;
         self.order.resize(self.order.len().next_multiple_of(size), EMPTY_PLACE);
         let (nodes, leaves) = (self.nodes.len(), self.order.len() / size);

@@ -274,7 +274,7 @@ impl Rows {
     }
 
     /// A bit for each ray of a group that does not surely miss the box of a node's child before its limit:
-    /// for each the test of [`Node::entries`].
+    /// for each the test of [`Node::intersect`].
     #[inline(always)]
     pub fn met<E: Eights>(
         &self,

@@ -3,7 +3,7 @@
 use crate::accel::body::{Body, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::level::Level;
-use crate::accel::node::Child;
+use crate::accel::node::NodeRef;
 use crate::accel::packet::rows::{Group, Row, Rows};
 use crate::accel::packet::{Found, MOST, Packet};
 use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible, presented};
@@ -39,7 +39,7 @@ impl Task for Walk<'_> {
 struct Reach<'w, 'a, 'i> {
     walk: &'w mut Walk<'a>,
     inside: &'i Inside<'i>,
-    leaf: Child,
+    leaf: NodeRef,
     rays: u64,
 }
 
@@ -139,14 +139,14 @@ impl Walk<'_> {
         let mut inner = Some(bvh.root());
         loop {
             if let Some(at) = inner.take() {
-                let (near, met) = bvh.node(at).entries(&slabs, around.limit(limit));
+                let (near, met) = bvh.node(at).intersect(\&slabs, around.limit(limit));
                 self.packet.push(near, met, at);
             }
             if self.packet.stack.len() <= base {
                 return;
             }
-            let Some(open) = self.packet.stack.pop() else { return };
-            if open.entry() > limit {
+            let Some(entry) = self.packet.stack.pop() else { return };
+            if entry.t_near() > limit {
                 continue;
             }
             if self.packet.steps == 0 {
@@ -154,7 +154,7 @@ impl Walk<'_> {
                 return;
             }
             self.packet.steps -= 1;
-            let (at, slot) = open.place();
+            let (at, slot) = entry.node_and_slot();
             let node = bvh.node(at);
             let child = node.child(slot);
             let Packet { rays, limits, .. } = &*self.packet;
@@ -178,7 +178,7 @@ impl Walk<'_> {
         eights: E,
         group: &Group,
         bvh: &WideBvh,
-        root: Child,
+        root: NodeRef,
         leaves: &impl Leaves,
     ) {
         let base = self.packet.stack.len();
@@ -191,14 +191,14 @@ impl Walk<'_> {
             let mut inner = Some(root);
             loop {
                 if let Some(at) = inner.take() {
-                    let (near, met) = bvh.node(at).entries(&slabs, single.limit(self.packet.limits.0[ray]));
+                    let (near, met) = bvh.node(at).intersect(\&slabs, single.limit(self.packet.limits.0[ray]));
                     self.packet.push(near, met, at);
                 }
                 if self.packet.stack.len() <= base {
                     break;
                 }
-                let Some(open) = self.packet.stack.pop() else { break };
-                if open.entry() > self.packet.limits.0[ray] {
+                let Some(entry) = self.packet.stack.pop() else { break };
+                if entry.t_near() > self.packet.limits.0[ray] {
                     continue;
                 }
                 if self.packet.single_steps == 0 || self.packet.steps == 0 {
@@ -207,7 +207,7 @@ impl Walk<'_> {
                     return;
                 }
                 self.packet.single_steps -= 1;
-                let (at, slot) = open.place();
+                let (at, slot) = entry.node_and_slot();
                 let child = bvh.node(at).child(slot);
                 if child.is_leaf() {
                     leaves.reach(self, eights, child, 1 << ray);
@@ -259,7 +259,7 @@ impl Walk<'_> {
 
     /// Tests the primitives of a leaf for some rays.
     #[inline(always)]
-    fn test<E: Vectors>(&mut self, eights: E, inside: &Inside, leaf: Child, mut rays: u64) {
+    fn test<E: Vectors>(&mut self, eights: E, inside: &Inside, leaf: NodeRef, mut rays: u64) {
         let (tlas, traces, body) = (self.tlas, self.traces, inside.body);
         let precision = tlas.precision();
         let whole = body.tests_leaves(precision);
@@ -368,7 +368,7 @@ trait Leaves {
     fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows;
 
     /// Some rays come to a leaf.
-    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: Child, rays: u64);
+    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: NodeRef, rays: u64);
 }
 
 /// Instances, in the order of the tree over them.
@@ -381,7 +381,7 @@ impl Leaves for Instances<'_> {
     }
 
     #[inline(always)]
-    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: Child, rays: u64) {
+    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: NodeRef, rays: u64) {
         if rays != 0 {
             eights.apart(Enter { walk, instance: self.0[leaf.index()], rays });
         }
@@ -395,7 +395,7 @@ impl Leaves for Inside<'_> {
     }
 
     #[inline(always)]
-    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: Child, rays: u64) {
+    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: NodeRef, rays: u64) {
         if rays != 0 {
             eights.apart(Reach { walk, inside: self, leaf, rays });
         }
