@@ -28,7 +28,8 @@ use crate::accel::observer::{ErasedObserver, ObserverAdapter, Place, TraversalOb
 use crate::accel::primitive::Primitive;
 pub use crate::accel::rules::{RayFlags, RayRule};
 use crate::accel::tlas::{Instance, Tlas};
-use crate::accel::walk::Walk;
+use crate::accel::observer::{ErasedObserver, Place, Told, TraversalObserver};
+use crate::accel::traversal::TraversalState;
 use crate::geometry::{Intersection, Ray, Surface};
 
 /// A hit kind: 254 and 255 for triangles, 0 to 127 for reported ones.
@@ -250,7 +251,7 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Cursor {
     pub(super) trace: TraceRay,
-    pub(super) walk: Walk,
+    pub(super) traversal: TraversalState,
     pub(super) hits: Hits,
     state: State,
 }
@@ -296,7 +297,7 @@ impl Cursor {
             reported: Vec::new(),
             any_opaque_hit_ends: false,
         };
-        Self { trace, walk: Walk::IDLE, hits, state: State::Fresh }
+        Self { trace, traversal: TraversalState::IDLE, hits, state: State::Fresh }
     }
 
     /// Begins another traversal in the memory of this one.
@@ -378,7 +379,7 @@ impl Cursor {
     ) -> Option<Candidate> {
         loop {
             if let Some(&Reverse(first)) = self.hits.waiting.peek()
-                && self.walk.is_past(first.0.intersection.t)
+                && self.traversal.is_past(first.0.intersection.t)
             {
                 self.hits.waiting.pop();
                 if self.hits.is_behind(&first) {
@@ -464,7 +465,7 @@ impl Cursor {
             self.hits.committed = Some(hit);
             observer.commit(&hit);
         }
-        observer.end(self.walk.is_over());
+        observer.end(self.traversal.is_over());
         self.terminate();
     }
 }

@@ -24,7 +24,8 @@ pub mod rules;
 pub mod tlas;
 mod transform;
 mod validate;
-mod walk;
+pub mod observer;
+mod traversal;
 mod wide_bvh;
 
 pub use blas::{Blas, Geometry, GeometryFlags};

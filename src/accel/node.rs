@@ -136,7 +136,7 @@ impl Node {
     /// [`NodeRay::absolute`](super::node_ray::NodeRay::absolute)), and a mask of the children that the
     /// ray may hit up to `limit`.
     #[inline(always)]
-    pub fn entries<E: Eights>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
+    pub fn intersect<E: Eights>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
         let eights = ray.eights;
         let mut near = ray.near_floor;
         let mut far = eights.splat(limit.0);

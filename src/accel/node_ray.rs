@@ -473,7 +473,7 @@ mod tests {
                 prop_assert!(node_ray.absolute(node_ray.near_floor) <= rounded);
                 while !at.is_leaf() {
                     let node: &Node = bvh.node(at);
-                    let (near, met) = node.entries(&node_ray.slabs(TwoFours), limit);
+                    let (near, met) = node.intersect(&node_ray.slabs(TwoFours), limit);
                     let entries: [f32; WIDTH] = std::array::from_fn(|slot| {
                         if met >> slot & 1 != 0 { node_ray.absolute(near[slot]) } else { f32::INFINITY }
                     });

@@ -1,19 +1,19 @@
-//! Rays that are traced together.
+//! Ray packets: coherent rays that traverse the BVH together.
 //!
-//! Rays of neighbouring invocations mostly come to the same nodes. Up to [`MOST`] rays whose components
-//! have the same signs go through a tree as one ray of intervals (`rows::Rows::around`): a node is opened
-//! once for all of them, in an order that suits the nearest. Before it is, each ray tests its box, eight
-//! rays at a time; where only a few meet it they go on by themselves. In a leaf those that meet it test its
-//! primitives one ray after the other, as they would alone. So what is found is what each ray finds by
-//! itself: the order in which primitives are tested changes nothing (see `cursor`).
+//! Rays of neighbouring invocations mostly visit the same nodes. Up to [`MAX_RAYS`] rays whose direction
+//! signs agree traverse a tree as one frustum (interval arithmetic, `rows::Rows::around`): a node is opened
+//! once for all of them, in the order of the frustum's entries. Before it is opened each ray tests its box,
+//! eight rays at a time; if only a few rays hit it they continue singly. In a leaf the rays that hit it test
+//! its primitives one after the other, as single rays do. So each ray finds what it would find singly: the
+//! order in which primitives are tested does not matter (see `cursor`).
 //!
-//! Where rays go apart that does not pay: after more steps than they would have taken alone, or after many
-//! that each takes by itself, the rest is left to a [`Cursor`] each, and so are the next packets for a
-//! while. So are rays that are not [ordinary](crate::geometry::Ray::is_ordinary), or start far from what
-//! they reach.
+//! This does not pay for incoherent rays. A packet that takes more steps than its rays would take singly is
+//! given up: its rays are traced by a [`Cursor`] each, and so are those of the next few packets. Rays that
+//! are not [well scaled](crate::geometry::Ray::is_ordinary), or start far from what they reach, are traced
+//! by a cursor too.
 
 mod rows;
-mod walk;
+mod traversal;
 
 use crate::accel::body::Name;
 use crate::accel::cursor::{Candidate, Committed, Cursor, TraceRay};
@@ -22,22 +22,22 @@ use crate::accel::node::{NodeRef, WIDTH};
 use crate::accel::tlas::Tlas;
 use crate::geometry::{Intersection, Precision, Surface};
 use rows::{Rays, Row, Rows};
-use walk::Walk;
+use traversal::PacketTraversal;
 
-/// So many rays go together at the most.
-pub const MOST: usize = 64;
+/// The largest number of rays in a packet.
+pub const MAX_RAYS: usize = 64;
 
-/// Fewer rays than that go each by itself.
-const LEAST: usize = 8;
+/// Fewer rays than this are traced singly.
+const MIN_RAYS: usize = 8;
 
-/// So many nodes and leaves a ray may be opened together before the rays go on by themselves.
-const STEPS: u32 = 4;
+/// The nodes and leaves that a packet may open for each of its rays before it is given up.
+const STEPS_PER_RAY: u32 = 4;
 
-/// And so many more by one ray alone, below what few rays meet: in random order rays take two and a half or
-/// more, those of a tile hardly ever two.
-const SINGLE_STEPS: u32 = 2;
+/// The nodes and leaves that single rays of a packet may visit, for each of its rays: rays in random
+/// order take two and a half or more, those of a tile hardly ever two.
+const SINGLE_STEPS_PER_RAY: u32 = 2;
 
-/// Traces rays together where they go alike. Its memory is used again for the next ones.
+/// Traces coherent rays together. Its buffers are kept for the next call.
 ///
 /// ```
 /// use anyhit::accel::{Blas, Geometry, GeometryData, GeometryFlags, Instance, Packet, RayFlags, Tlas, TraceRay};
@@ -58,50 +58,50 @@ const SINGLE_STEPS: u32 = 2;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Packet {
-    /// For rays that go by themselves.
+    /// The cursor for rays that are traced singly.
     cursor: Cursor,
     levels: Vec<Level>,
     rays: Rays,
     world: Rows,
     rows: Rows,
-    /// Of each ray: no hit behind it matters; a rounded t.
+    /// For each ray the rounded t behind which no hit matters.
     limits: Row,
-    /// A bit for each ray whose level is that of the instance before.
+    /// A mask of the rays whose entry of `levels` is not yet made for the current instance.
     stale: u64,
-    /// A bit for each ray that has a hit.
+    /// A mask of the rays that have a hit.
     hit: u64,
-    hits: [Found; MOST],
+    hits: [Found; MAX_RAYS],
     stack: Vec<StackEntry>,
-    /// How many more nodes and leaves may be opened.
+    /// The number of nodes and leaves that may still be opened.
     steps: u32,
-    /// And by one ray alone.
+    /// The number of nodes and leaves that single rays may still visit.
     single_steps: u32,
-    /// For how many packets rays go by themselves.
-    apart: u32,
-    /// How many times in a row packets did not pay.
-    failed: u32,
-    /// How many of the last rays went together with others to the end.
-    went_together: u32,
+    /// The number of packets that are still to be traced singly.
+    packet_cooldown: u32,
+    /// The number of packets in a row that were given up.
+    failed_packets: u32,
+    /// The number of rays of the last call that the packets traced to the end.
+    traced_together: u32,
 }
 
-/// The closest hit of a ray.
+/// The closest hit of a ray so far.
 #[derive(Clone, Copy, Debug)]
 struct Found {
     instance: u32,
-    /// In the tree order of the instance's primitives.
+    /// The index of the primitive in the tree order of its BLAS.
     place: u32,
     intersection: Intersection,
 }
 
 impl Found {
-    /// Memory for a hit.
+    /// Placeholder value.
     const IDLE: Self = Self {
         instance: 0,
         place: 0,
         intersection: Intersection { t: 0.0, attributes: [0.0; 2], surface: Surface::Aabb },
     };
 
-    /// What it is a hit of.
+    /// The hit as a candidate.
     #[inline]
     fn candidate(&self, tlas: &Tlas) -> Candidate {
         let Self { instance, place, intersection } = *self;
@@ -110,7 +110,7 @@ impl Found {
         Candidate { instance, geometry, primitive, intersection, opaque: true }
     }
 
-    /// Whether it comes before another one, in the list of all hits, at the same t.
+    /// Whether it precedes another hit at the same t in the order of hits.
     #[cold]
     fn is_before(&self, other: &Self, tlas: &Tlas) -> bool {
         let [this, other] = [self, other].map(|one| Committed::opaque(one.candidate(tlas)));
@@ -145,27 +145,27 @@ impl Default for Packet {
     fn default() -> Self {
         Self {
             cursor: Cursor::idle(),
-            levels: vec![Level::IDLE; MOST],
+            levels: vec![Level::IDLE; MAX_RAYS],
             rays: Rays::IDLE,
             world: Rows::IDLE,
             rows: Rows::IDLE,
             limits: Row::IDLE,
             stale: 0,
             hit: 0,
-            hits: [Found::IDLE; MOST],
+            hits: [Found::IDLE; MAX_RAYS],
             stack: Vec::new(),
             steps: 0,
             single_steps: 0,
-            apart: 0,
-            failed: 0,
-            went_together: 0,
+            packet_cooldown: 0,
+            failed_packets: 0,
+            traced_together: 0,
         }
     }
 }
 
 impl Packet {
-    /// Finds the closest hits of rays; the hit of each is what a [`Cursor`] finds for it. With
-    /// `any_opaque_hit` whether there is one is right and which one is left open, as for
+    /// Finds the closest hit of each ray, the one that a [`Cursor`] finds. With `any_opaque_hit` it finds
+    /// any hit instead of the closest (occlusion), as
     /// [`Cursor::end_at_any_opaque_hit`]. Returns `false`, and does nothing, where a shader may have to
     /// decide about a candidate ([`Tlas::is_fully_opaque`]).
     pub fn trace(
@@ -180,32 +180,32 @@ impl Packet {
         }
         hits.clear();
         hits.reserve(traces.len());
-        self.went_together = 0;
-        for traces in traces.chunks(MOST) {
-            let alone = if self.is_worth_it(tlas, traces) {
-                self.together(tlas, traces, any_opaque_hit)
+        self.traced_together = 0;
+        for traces in traces.chunks(MAX_RAYS) {
+            let single_ray_mask = if self.may_pay(tlas, traces) {
+                self.trace_together(tlas, traces, any_opaque_hit)
             } else {
                 u64::MAX
             };
-            self.went_together +=
-                traces.len() as u32 - (alone & (u64::MAX >> (MOST - traces.len()))).count_ones();
+            self.traced_together +=
+                traces.len() as u32 - (single_ray_mask & (u64::MAX >> (MAX_RAYS - traces.len()))).count_ones();
             for (at, trace) in traces.iter().enumerate() {
-                hits.push(if alone >> at & 1 == 0 {
+                hits.push(if single_ray_mask >> at & 1 == 0 {
                     self.committed(tlas, at)
                 } else {
-                    self.one(tlas, trace, any_opaque_hit)
+                    self.trace_single(tlas, trace, any_opaque_hit)
                 });
             }
         }
         true
     }
 
-    /// How many rays of the last [`Packet::trace`] went together with others to the end.
-    pub fn went_together(&self) -> u32 {
-        self.went_together
+    /// The number of rays of the last [`Packet::trace`] that were traced as packets to the end.
+    pub fn traced_together(&self) -> u32 {
+        self.traced_together
     }
 
-    /// Puts children of a node on the stack, the nearest on top.
+    /// Pushes the children of a node that `met` names, the nearest on top.
     #[inline(always)]
     fn push(&mut self, near: [f32; WIDTH], mut met: u32, node: NodeRef) {
         let bottom = self.stack.len();
@@ -222,24 +222,24 @@ impl Packet {
         }
     }
 
-    /// Whether it is not plain that each ray is better off by itself.
+    /// Whether tracing the rays as a packet may pay.
     #[inline]
-    fn is_worth_it(&mut self, tlas: &Tlas, traces: &[TraceRay]) -> bool {
+    fn may_pay(&mut self, tlas: &Tlas, traces: &[TraceRay]) -> bool {
         let [first, ..] = traces else { return false };
         let alike = |trace: &TraceRay| trace.flags == first.flags && trace.cull_mask == first.cull_mask;
         // Below `Exact` what is hit may depend on which boxes are opened.
         let order_matters = tlas.precision() != Precision::Exact;
-        if traces.len() < LEAST || tlas.moves() || order_matters || !traces.iter().all(alike) {
+        if traces.len() < MIN_RAYS || tlas.moves() || order_matters || !traces.iter().all(alike) {
             return false;
         }
-        if self.apart > 0 {
-            self.apart -= 1;
+        if self.packet_cooldown > 0 {
+            self.packet_cooldown -= 1;
             return false;
         }
         true
     }
 
-    fn one(&mut self, tlas: &Tlas, trace: &TraceRay, any_opaque_hit: bool) -> Option<Committed> {
+    fn trace_single(&mut self, tlas: &Tlas, trace: &TraceRay, any_opaque_hit: bool) -> Option<Committed> {
         self.cursor.reset(tlas, *trace);
         if any_opaque_hit {
             self.cursor.end_at_any_opaque_hit();
@@ -248,7 +248,7 @@ impl Packet {
         self.cursor.committed().copied()
     }
 
-    /// The hit of a ray that was traced with others.
+    /// The hit of a ray that was traced in the packet.
     #[inline]
     fn committed(&self, tlas: &Tlas, at: usize) -> Option<Committed> {
         if self.hit >> at & 1 == 0 {
@@ -257,18 +257,18 @@ impl Packet {
         Committed::opaque(self.hits[at].candidate(tlas))
     }
 
-    /// Traces rays together, and says which must be traced by themselves.
-    fn together(&mut self, tlas: &Tlas, traces: &[TraceRay], any_opaque_hit: bool) -> u64 {
-        (self.steps, self.single_steps) = (STEPS * traces.len() as u32, SINGLE_STEPS * traces.len() as u32);
-        let walk = Walk { packet: self, tlas, traces, any_opaque_hit, alone: 0 };
-        let alone = tlas.processor().run(walk);
+    /// Traces a packet; returns a mask of the rays that must be traced singly.
+    fn trace_together(&mut self, tlas: &Tlas, traces: &[TraceRay], any_opaque_hit: bool) -> u64 {
+        (self.steps, self.single_steps) = (STEPS_PER_RAY * traces.len() as u32, SINGLE_STEPS_PER_RAY * traces.len() as u32);
+        let traversal = PacketTraversal { packet: self, tlas, traces, any_opaque_hit, single_ray_mask: 0 };
+        let single_ray_mask = tlas.processor().run(traversal);
         if self.steps == 0 {
-            self.failed = (self.failed + 1).min(6);
-            self.apart = 1 << self.failed;
+            self.failed_packets = (self.failed_packets + 1).min(6);
+            self.packet_cooldown = 1 << self.failed_packets;
         } else {
-            self.failed = 0;
+            self.failed_packets = 0;
         }
-        alone
+        single_ray_mask
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::Node;
 use crate::accel::node_ray::{FAR_AWAY, NodeRay, ROUGH_SCALES, SHRINK, SIMPLE_SCALES, WIDEN};
-use crate::accel::packet::MOST;
+use crate::accel::packet::MAX_RAYS;
 use crate::geometry::{ROUGH_SLACK, ROUGH_UNDERFLOW, Ray, Transform};
 use crate::math::eight::Eights;
 
@@ -13,21 +13,21 @@ const EIGHT: usize = 8;
 /// A number of each ray.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub struct Row(pub [f32; MOST]);
+pub struct Row(pub [f32; MAX_RAYS]);
 
 impl Row {
     /// Memory for numbers.
-    pub const IDLE: Self = Self([0.0; MOST]);
+    pub const IDLE: Self = Self([0.0; MAX_RAYS]);
 
     /// The numbers of eight rays.
     #[inline(always)]
     fn load<E: Eights>(&self, eights: E, at: usize) -> E::Eight {
-        eights.load(&self.0.as_chunks().0[at % (MOST / EIGHT)])
+        eights.load(&self.0.as_chunks().0[at % (MAX_RAYS / EIGHT)])
     }
 
     #[inline(always)]
     fn store<E: Eights>(&mut self, eights: E, at: usize, numbers: E::Eight) {
-        self.0.as_chunks_mut().0[at % (MOST / EIGHT)] = eights.lanes(numbers);
+        self.0.as_chunks_mut().0[at % (MAX_RAYS / EIGHT)] = eights.lanes(numbers);
     }
 
     /// The greatest of the numbers in all eights in which some rays lie.
@@ -59,7 +59,7 @@ impl Rays {
     #[inline(always)]
     pub fn take<E: Eights>(&mut self, eights: E, traces: &[TraceRay]) -> u64 {
         let mut valid = 0;
-        let (whole, first) = (traces.len().next_multiple_of(EIGHT).min(MOST), traces[0]);
+        let (whole, first) = (traces.len().next_multiple_of(EIGHT).min(MAX_RAYS), traces[0]);
         for at in 0..whole {
             // Beyond the end stands the first once more.
             let ray = traces.get(at).unwrap_or(&first).ray;
@@ -88,7 +88,7 @@ impl Rays {
             }
             ordinary |= u64::from(within & !still) << (at * EIGHT);
         }
-        let given = u64::MAX >> (MOST - traces.len().min(MOST));
+        let given = u64::MAX >> (MAX_RAYS - traces.len().min(MAX_RAYS));
         ordinary & valid & given
     }
 }
@@ -232,7 +232,7 @@ impl Rows {
     #[inline(always)]
     pub fn around<E: Eights>(&self, eights: E, rays: &Rays, group: &Group) -> NodeRay {
         // What is added to it does not count: neither extreme takes a NaN.
-        let mut members = Row([f32::NAN; MOST]);
+        let mut members = Row([f32::NAN; MAX_RAYS]);
         for (at, member) in members.0.iter_mut().enumerate() {
             if group.rays >> at & 1 != 0 {
                 *member = 0.0;
@@ -347,5 +347,5 @@ fn extreme<E: Eights, const GREATEST: bool>(eights: E, numbers: E::Eight) -> f32
 /// The eights in which some rays lie.
 #[inline(always)]
 fn eights_of(rays: u64) -> impl Iterator<Item = usize> {
-    (0..MOST / EIGHT).filter(move |at| rays >> (at * EIGHT) & 0xFF != 0)
+    (0..MAX_RAYS / EIGHT).filter(move |at| rays >> (at * EIGHT) & 0xFF != 0)
 }

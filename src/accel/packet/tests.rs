@@ -13,7 +13,7 @@ use crate::math::vectors::Vectors;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
-fn alone(tlas: &Tlas, trace: &TraceRay) -> Option<Committed> {
+fn traced_singly(tlas: &Tlas, trace: &TraceRay) -> Option<Committed> {
     let mut cursor = Cursor::new(tlas, *trace);
     assert!(cursor.proceed(tlas).is_none(), "no shader decides");
     cursor.committed().copied()
@@ -21,17 +21,17 @@ fn alone(tlas: &Tlas, trace: &TraceRay) -> Option<Committed> {
 
 /// Compares each ray's hit with the one that a cursor finds, with and without AVX2.
 fn check(tlas: &Tlas, traces: &[TraceRay]) {
-    let wanted: Vec<_> = traces.iter().map(|trace| alone(tlas, trace)).collect();
+    let wanted: Vec<_> = traces.iter().map(|trace| traced_singly(tlas, trace)).collect();
     let mut hits = Vec::new();
     assert!(Packet::default().trace(tlas, traces, false, &mut hits));
     assert_eq!(hits, wanted);
     assert!(Packet::default().trace(tlas, traces, true, &mut hits));
     let whether = |hits: &[Option<Committed>]| hits.iter().map(Option::is_some).collect::<Vec<_>>();
     assert_eq!(whether(&hits), whether(&wanted));
-    if let Some(first) = traces.get(..MOST.min(traces.len())).filter(|first| !first.is_empty()) {
+    if let Some(first) = traces.get(..MAX_RAYS.min(traces.len())).filter(|first| !first.is_empty()) {
         let mut packet = Packet { steps: u32::MAX, single_steps: u32::MAX, ..Packet::default() };
-        let walk = Walk { packet: &mut packet, tlas, traces: first, any_opaque_hit: false, alone: 0 };
-        let left = TwoFours.apart(walk);
+        let traversal = PacketTraversal { packet: &mut packet, tlas, traces: first, any_opaque_hit: false, single_ray_mask: 0 };
+        let left = TwoFours.apart(traversal);
         for (at, wanted) in wanted.iter().enumerate().take(first.len()) {
             if left >> at & 1 == 0 {
                 assert_eq!(packet.committed(tlas, at), *wanted, "ray {at}");
@@ -167,14 +167,14 @@ fn what_takes_long_together_is_given_up() {
     let through = [RayFlags::CULL_BACK_FACING_TRIANGLES, RayFlags::CULL_FRONT_FACING_TRIANGLES]
         .map(culled)
         .into_iter()
-        .find(|traces| alone(&layers, &traces[0]).is_none())
+        .find(|traces| traced_singly(&layers, &traces[0]).is_none())
         .expect("one of both sides");
     packet.trace(&layers, &through, false, &mut hits);
     assert!(hits.iter().all(Option::is_none));
     // The next two packets are not tried.
-    assert_eq!((packet.steps, packet.failed, packet.apart), (0, 1, 2));
+    assert_eq!((packet.steps, packet.failed_packets, packet.packet_cooldown), (0, 1, 2));
     packet.trace(&tlas, &tile, false, &mut hits);
-    assert_eq!((packet.failed, packet.apart), (1, 1));
+    assert_eq!((packet.failed_packets, packet.packet_cooldown), (1, 1));
     assert!(hits.iter().any(Option::is_some));
 }
 

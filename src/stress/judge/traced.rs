@@ -193,7 +193,7 @@ impl Scene {
             tally.hits += u64::from(!hits.is_empty());
         }
         tally.rays += traces.len() as u64;
-        tally.packets += u64::from(packet.went_together());
+        tally.packets += u64::from(packet.traced_together());
         Ok(())
     }
 

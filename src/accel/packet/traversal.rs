@@ -1,11 +1,11 @@
-//! The way of a packet through the trees of a TLAS and its BLASes.
+//! The BVH traversal of a packet: through the tree over the instances and the tree of each instance.
 
 use crate::accel::body::{Body, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::level::Level;
 use crate::accel::node::NodeRef;
 use crate::accel::packet::rows::{Group, Row, Rows};
-use crate::accel::packet::{Found, MOST, Packet};
+use crate::accel::packet::{Found, MAX_RAYS, Packet};
 use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible, presented};
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::wide_bvh::WideBvh;
@@ -13,20 +13,20 @@ use crate::geometry::{DoubleRay, FourTested, Intersection, ObjectRay};
 use crate::math::doubles::Doubles;
 use crate::math::vectors::{Task, Vectors};
 
-/// So few rays go by themselves below a node that no others meet.
+/// Up to this many rays leave the packet below a node that no other ray hits, and traverse it singly.
 const FEW: u32 = 3;
 
-/// A traversal with its arguments.
-pub struct Walk<'a> {
+/// The traversal of a packet, with its arguments.
+pub struct PacketTraversal<'a> {
     pub packet: &'a mut Packet,
     pub tlas: &'a Tlas,
     pub traces: &'a [TraceRay],
     pub any_opaque_hit: bool,
-    /// Rays that do not go with the others.
-    pub alone: u64,
+    /// A mask of the rays that must be traced singly.
+    pub single_ray_mask: u64,
 }
 
-impl Task for Walk<'_> {
+impl Task for PacketTraversal<'_> {
     type Output = u64;
 
     #[inline(always)]
@@ -35,98 +35,98 @@ impl Task for Walk<'_> {
     }
 }
 
-/// Some rays come to a leaf.
-struct Reach<'w, 'a, 'i> {
-    walk: &'w mut Walk<'a>,
+/// Tests the primitives of a leaf for some rays.
+struct LeafTask<'w, 'a, 'i> {
+    traversal: &'w mut PacketTraversal<'a>,
     inside: &'i Inside<'i>,
     leaf: NodeRef,
     rays: u64,
 }
 
-impl Task for Reach<'_, '_, '_> {
+impl Task for LeafTask<'_, '_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run<E: Vectors>(self, eights: E) {
-        self.walk.test(eights, self.inside, self.leaf, self.rays);
+        self.traversal.test(eights, self.inside, self.leaf, self.rays);
     }
 }
 
-/// Some rays come to an instance.
-struct Enter<'w, 'a> {
-    walk: &'w mut Walk<'a>,
+/// Takes some rays into an instance.
+struct InstanceTask<'w, 'a> {
+    traversal: &'w mut PacketTraversal<'a>,
     instance: u32,
     rays: u64,
 }
 
-impl Task for Enter<'_, '_> {
+impl Task for InstanceTask<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run<E: Vectors>(self, eights: E) {
-        self.walk.enter(eights, self.instance, self.rays);
+        self.traversal.enter(eights, self.instance, self.rays);
     }
 }
 
-// What operates on vectors is inlined into the function of a task: nothing of it stands in closures.
-impl Walk<'_> {
+// Everything that operates on vectors is inlined into the function of a task; closures would not be.
+impl PacketTraversal<'_> {
     #[inline(always)]
     fn together<E: Vectors>(mut self, eights: E) -> u64 {
         let count = self.traces.len();
         let packet = &mut *self.packet;
         packet.hit = 0;
         packet.stack.clear();
-        packet.limits = Row([-1.0; MOST]);
+        packet.limits = Row([-1.0; MAX_RAYS]);
         for (limit, trace) in packet.limits.0.iter_mut().zip(self.traces) {
             // An infinite t would let boxes at infinity pass.
             *limit = trace.ray.t_max.min(f32::MAX);
         }
         let rays = packet.rays.take(eights, self.traces);
-        self.leave_alone(!rays & (u64::MAX >> (MOST - count)));
+        self.leave_to_single_rays(!rays & (u64::MAX >> (MAX_RAYS - count)));
         let instances = self.tlas.instances().len();
         if rays == 0 || instances == 0 {
-            return self.alone;
+            return self.single_ray_mask;
         }
         match self.tlas.bvh() {
             None => {
                 for number in 0..instances {
-                    eights.apart(Enter { walk: &mut self, instance: number as u32, rays });
+                    eights.apart(InstanceTask { traversal: &mut self, instance: number as u32, rays });
                 }
             }
             Some((bvh, order)) => self.through_world(eights, bvh, order, rays),
         }
-        if self.packet.steps == 0 { u64::MAX } else { self.alone }
+        if self.packet.steps == 0 { u64::MAX } else { self.single_ray_mask }
     }
 
-    /// Lets rays go by themselves, later.
+    /// Leaves rays to be traced singly, later.
     #[inline(always)]
-    fn leave_alone(&mut self, rays: u64) {
-        self.alone |= rays;
+    fn leave_to_single_rays(&mut self, rays: u64) {
+        self.single_ray_mask |= rays;
         for at in bits(rays) {
             self.packet.limits.0[at] = -1.0;
         }
     }
 
-    /// Visits the tree over the instances.
+    /// Traverses the tree over the instances.
     #[inline(always)]
     fn through_world<E: Vectors>(&mut self, eights: E, bvh: &WideBvh, order: &[u32], rays: u64) {
         let fit = self.packet.world.take_simple(eights, &self.packet.rays, bvh.scale(), rays);
-        self.leave_alone(rays & !fit);
+        self.leave_to_single_rays(rays & !fit);
         let mut rest = fit;
         while rest != 0 {
             let group = self.packet.world.first_group(rest);
             rest &= !group.rays;
             let root = bvh.root();
             if root.is_leaf() {
-                eights.apart(Enter { walk: self, instance: order[root.index()], rays: group.rays });
+                eights.apart(InstanceTask { traversal: self, instance: order[root.index()], rays: group.rays });
                 continue;
             }
             self.visit(eights, &group, bvh, &Instances(order));
         }
     }
 
-    /// Visits the parts of a tree that rays meet, the nearest first: all of them together, and a few by
-    /// themselves.
+    /// Traverses a tree with a group of rays, the nearest nodes first; below nodes that at most [`FEW`]
+    /// of them hit these go singly.
     #[inline(always)]
     fn visit<E: Vectors>(&mut self, eights: E, group: &Group, bvh: &WideBvh, leaves: &impl Leaves) {
         if group.rays.count_ones() <= FEW {
@@ -160,7 +160,7 @@ impl Walk<'_> {
             let Packet { rays, limits, .. } = &*self.packet;
             let met = leaves.rows(self.packet).met(eights, rays, group, (node, slot), limits);
             if child.is_leaf() {
-                leaves.reach(self, eights, child, met);
+                leaves.visit_leaf(self, eights, child, met);
             } else if met.count_ones() <= FEW {
                 self.visit_singly(eights, &Group { rays: met, ..*group }, bvh, child, leaves);
             } else {
@@ -171,7 +171,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Visits the parts below a node that each of some rays meets by itself.
+    /// Traverses the subtree below a node with each of some rays singly.
     #[inline(always)]
     fn visit_singly<E: Vectors>(
         &mut self,
@@ -184,7 +184,7 @@ impl Walk<'_> {
         let base = self.packet.stack.len();
         let mut rest = group.rays;
         while rest != 0 {
-            let ray = rest.trailing_zeros() as usize % MOST;
+            let ray = rest.trailing_zeros() as usize % MAX_RAYS;
             rest &= rest - 1;
             let single = leaves.rows(self.packet).single(&self.packet.rays, ray, group);
             let slabs = single.slabs(eights);
@@ -210,7 +210,7 @@ impl Walk<'_> {
                 let (at, slot) = entry.node_and_slot();
                 let child = bvh.node(at).child(slot);
                 if child.is_leaf() {
-                    leaves.reach(self, eights, child, 1 << ray);
+                    leaves.visit_leaf(self, eights, child, 1 << ray);
                 } else {
                     inner = Some(child);
                 }
@@ -218,7 +218,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Takes rays into an instance.
+    /// Takes rays into an instance and traverses its tree.
     #[inline(always)]
     fn enter<E: Vectors>(&mut self, eights: E, number: u32, rays: u64) {
         let instance = &self.tlas.instances()[number as usize];
@@ -240,12 +240,12 @@ impl Walk<'_> {
             }
             (Some(_), Placed::Moving) => 0,
         };
-        self.leave_alone(rays & !fit);
+        self.leave_to_single_rays(rays & !fit);
         self.packet.stale = fit;
         let inside = Inside { instance: number, body, in_world: matches!(placed, Placed::InWorld) };
         let Some(bvh) = body.bvh().filter(|bvh| !bvh.root().is_leaf()) else {
             for leaf in body.leaves() {
-                eights.apart(Reach { walk: self, inside: &inside, leaf, rays: fit });
+                eights.apart(LeafTask { traversal: self, inside: &inside, leaf, rays: fit });
             }
             return;
         };
@@ -264,13 +264,13 @@ impl Walk<'_> {
         let precision = tlas.precision();
         let whole = body.tests_leaves(precision);
         while rays != 0 {
-            let at = rays.trailing_zeros() as usize % MOST;
+            let at = rays.trailing_zeros() as usize % MAX_RAYS;
             rays &= rays - 1;
             let trace = &traces[at];
             let mut tested = FourTested::MISSED;
             let mut rest = if whole {
                 let limit = self.packet.limits.0[at];
-                tested = body.tested(eights, leaf, &mut InPacket { walk: self, inside, at }, limit);
+                tested = body.tested(eights, leaf, &mut InPacket { traversal: self, inside, at }, limit);
                 tested.met() & body.every(leaf)
             } else {
                 self.level(inside, at).met::<E, false>(eights, tlas, body, leaf, trace)
@@ -296,7 +296,7 @@ impl Walk<'_> {
         }
     }
 
-    /// What else a ray's tests need in an instance.
+    /// The state of a ray in an instance, which its tests of primitives need.
     #[inline(always)]
     fn level(&mut self, inside: &Inside, at: usize) -> &mut Level {
         let level = &mut self.packet.levels[at];
@@ -307,7 +307,7 @@ impl Walk<'_> {
         level
     }
 
-    /// Takes an opaque hit where it is the closest so far.
+    /// Records an opaque hit if it is the closest so far.
     #[inline(always)]
     fn take(&mut self, inside: &Inside, place: usize, at: usize, found: Intersection) {
         let instance = &self.tlas.instances()[inside.instance as usize];
@@ -330,9 +330,9 @@ impl Walk<'_> {
     }
 }
 
-/// A ray of the packet, for a leaf of an instance.
+/// One ray of the packet in an instance, as the tests of whole leaves take it.
 struct InPacket<'a, 'b, 'c> {
-    walk: &'a mut Walk<'b>,
+    traversal: &'a mut PacketTraversal<'b>,
     inside: &'a Inside<'c>,
     at: usize,
 }
@@ -341,7 +341,7 @@ impl LeafRay for InPacket<'_, '_, '_> {
     #[inline(always)]
     fn double<D: Doubles>(&mut self, doubles: D) -> DoubleRay<D> {
         if self.inside.in_world {
-            DoubleRay::in_world(doubles, &self.walk.traces[self.at].ray)
+            DoubleRay::in_world(doubles, &self.traversal.traces[self.at].ray)
         } else {
             DoubleRay::of(doubles, self.object())
         }
@@ -349,29 +349,29 @@ impl LeafRay for InPacket<'_, '_, '_> {
 
     #[inline(always)]
     fn object(&mut self) -> &ObjectRay {
-        let Walk { tlas, traces, .. } = *self.walk;
-        self.walk.level(self.inside, self.at).object_ray(tlas, &traces[self.at])
+        let PacketTraversal { tlas, traces, .. } = *self.traversal;
+        self.traversal.level(self.inside, self.at).object_ray(tlas, &traces[self.at])
     }
 }
 
-/// An instance that rays are in.
+/// The instance that rays of the packet are in.
 struct Inside<'a> {
     instance: u32,
     body: &'a Body,
-    /// Whether its space is the world's.
+    /// Whether its object space is world space.
     in_world: bool,
 }
 
-/// What stands in the leaves of a tree.
+/// What the leaves of a tree hold: instances or primitives.
 trait Leaves {
-    /// The rays as its boxes see them.
+    /// The packet's rays in the space of the tree.
     fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows;
 
-    /// Some rays come to a leaf.
-    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: NodeRef, rays: u64);
+    /// Visits a leaf with some rays.
+    fn visit_leaf<E: Vectors>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64);
 }
 
-/// Instances, in the order of the tree over them.
+/// The numbers of the instances, in tree order.
 struct Instances<'a>(&'a [u32]);
 
 impl Leaves for Instances<'_> {
@@ -381,9 +381,9 @@ impl Leaves for Instances<'_> {
     }
 
     #[inline(always)]
-    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: NodeRef, rays: u64) {
+    fn visit_leaf<E: Vectors>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64) {
         if rays != 0 {
-            eights.apart(Enter { walk, instance: self.0[leaf.index()], rays });
+            eights.apart(InstanceTask { traversal, instance: self.0[leaf.index()], rays });
         }
     }
 }
@@ -395,18 +395,18 @@ impl Leaves for Inside<'_> {
     }
 
     #[inline(always)]
-    fn reach<E: Vectors>(&self, walk: &mut Walk, eights: E, leaf: NodeRef, rays: u64) {
+    fn visit_leaf<E: Vectors>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64) {
         if rays != 0 {
-            eights.apart(Reach { walk, inside: self, leaf, rays });
+            eights.apart(LeafTask { traversal, inside: self, leaf, rays });
         }
     }
 }
 
-/// The numbers of the bits that are set.
+/// Iterates over the indices of the bits that are set.
 #[inline(always)]
 fn bits(mut set: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
-        let at = set.trailing_zeros() as usize % MOST;
+        let at = set.trailing_zeros() as usize % MAX_RAYS;
         let found = (set != 0).then_some(at);
         set &= set.wrapping_sub(1);
         found

@@ -1,4 +1,5 @@
-//! The way of a traversal through the trees of a TLAS and its BLASes.
+//! The BVH traversal of one ray: through the tree over the instances (TLAS) and the tree of each
+//! instance that the ray enters (BLAS).
 
 use crate::accel::blas::GeometryFlags;
 use crate::accel::body::Body;
@@ -84,18 +85,19 @@ impl Stack {
     }
 }
 
-/// What is still to be visited: first what the stack holds of the level, then the instances.
+/// The state of a traversal: the stack and the ray in the spaces of the TLAS and of the instance that
+/// it is in. The entries of that instance are on top of the stack.
 #[derive(Clone, Debug)]
-pub struct Walk {
+pub struct TraversalState {
     stack: Stack,
-    /// The ray for the nodes of the TLAS, where that has a tree.
+    /// The ray prepared for the nodes of the TLAS, if that has a tree.
     world: NodeRay,
     level: Level,
     in_level: bool,
 }
 
-impl Walk {
-    /// Memory for a walk.
+impl TraversalState {
+    /// Placeholder value.
     pub const IDLE: Self = Self {
         stack: Stack { entries: Vec::new(), floors: Vec::new() },
         world: NodeRay::IDLE,
@@ -103,22 +105,22 @@ impl Walk {
         in_level: false,
     };
 
-    /// Whether nothing unvisited can have a hit at t or before: a node whose entry is equal may hide
-    /// an equal t.
+    /// Whether no unvisited node can hold a hit at t or before. A node that is entered exactly at t may
+    /// hold a hit at t.
     #[inline]
     pub fn is_past(&self, t: f32) -> bool {
         self.stack.floors.last().is_none_or(|&floor| t < floor)
     }
 
-    /// Whether nothing is left.
+    /// Whether the stack is empty.
     pub fn is_over(&self) -> bool {
         self.stack.entries.is_empty()
     }
 }
 
 impl Cursor {
-    /// Goes on (from the `start`, where that is said) until a candidate's turn has come; `false` where
-    /// nothing is left to visit. `PLAIN`: no candidate is possible.
+    /// Traverses until the next candidate is known; returns `false` if nothing is left to observer.
+    /// `start` begins at the root, `PLAIN` says that no candidate is possible.
     pub(super) fn advance<V: TraversalObserver, const PLAIN: bool>(
         &mut self,
         tlas: &Tlas,
@@ -126,16 +128,16 @@ impl Cursor {
         observer: &mut V,
     ) -> bool {
         let trace = &self.trace;
-        let (walk, hits) = (&mut self.walk, &mut self.hits);
-        let step = Step::<V, PLAIN> { walk, hits, trace, tlas, observer, start };
-        if V::REASONS { TwoFours.apart(step) } else { tlas.processor().run(step) }
+        let (traversal, hits) = (&mut self.traversal, &mut self.hits);
+        let task = TraversalTask::<V, PLAIN> { traversal, hits, trace, tlas, observer, start };
+        if V::REASONS { TwoFours.apart(task) } else { tlas.processor().run(task) }
     }
 }
 
-/// A part of a traversal: its arguments, each of which fits into a register. What is larger would be copied by
-/// vectors that wait until all that was written before is in the cache.
-struct Step<'a, V, const PLAIN: bool> {
-    walk: &'a mut Walk,
+/// The arguments of one call of [`Cursor::advance`], each of which fits into a register. A larger
+/// argument would be copied through vector registers, which stalls on store forwarding.
+struct TraversalTask<'a, V, const PLAIN: bool> {
+    traversal: &'a mut TraversalState,
     hits: &'a mut Hits,
     trace: &'a TraceRay,
     tlas: &'a Tlas,
@@ -143,70 +145,70 @@ struct Step<'a, V, const PLAIN: bool> {
     start: bool,
 }
 
-impl<V: TraversalObserver, const PLAIN: bool> Task for Step<'_, V, PLAIN> {
+impl<V: TraversalObserver, const PLAIN: bool> Task for TraversalTask<'_, V, PLAIN> {
     type Output = bool;
 
     #[inline(always)]
     fn run<E: Vectors>(self, eights: E) -> bool {
-        let Self { walk, hits, trace, tlas, observer, start } = self;
-        Advance::<V, PLAIN> { walk, hits, trace, tlas, observer, tested: FourTested::MISSED }
-            .go_on(eights, start)
+        let Self { traversal, hits, trace, tlas, observer, start } = self;
+        Traversal::<V, PLAIN> { traversal, hits, trace, tlas, observer, tested: FourTested::MISSED }
+            .resume(eights, start)
     }
 }
 
-/// The same underway.
-struct Advance<'a, V, const PLAIN: bool> {
-    walk: &'a mut Walk,
+/// A traversal while it runs.
+struct Traversal<'a, V, const PLAIN: bool> {
+    traversal: &'a mut TraversalState,
     hits: &'a mut Hits,
     trace: &'a TraceRay,
     tlas: &'a Tlas,
     observer: &'a mut V,
-    /// Of the leaf that is tested, where all its primitives are tested at once.
+    /// The results for the current leaf, if all its primitives are tested at once.
     tested: FourTested,
 }
 
-impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
+impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     #[inline(always)]
-    fn go_on<E: Vectors>(mut self, eights: E, start: bool) -> bool {
+    fn resume<E: Vectors>(mut self, eights: E, start: bool) -> bool {
         if start {
             self.begin(eights);
         }
         loop {
-            if !PLAIN && self.is_turn() {
+            if !PLAIN && self.is_candidate_next() {
                 return true;
             }
-            if self.walk.in_level {
+            if self.traversal.in_level {
                 self.visit_level(eights);
-                self.walk.in_level = self.walk.stack.len() > self.walk.level.base;
+                self.traversal.in_level = self.traversal.stack.len() > self.traversal.level.base;
             } else {
-                let Some(entry) = self.walk.stack.pop::<PLAIN>() else { return false };
-                if entry.t_near() <= self.walk.world.limit(self.hits.cull_t).0 {
+                let Some(entry) = self.traversal.stack.pop::<PLAIN>() else { return false };
+                if entry.t_near() <= self.traversal.world.limit(self.hits.cull_t).0 {
                     self.step_in_world(eights, entry);
                 }
             }
             if self.hits.is_enough() {
                 self.hits.forget_waiting();
-                self.walk.stack.clear();
-                self.walk.in_level = false;
+                self.traversal.stack.clear();
+                self.traversal.in_level = false;
                 return false;
             }
         }
     }
 
-    /// Whether the turn of a candidate has come.
+    /// Whether the first waiting candidate is certainly next in the order of hits.
     #[inline(always)]
-    fn is_turn(&self) -> bool {
-        self.hits.first_waiting().is_some_and(|t| self.walk.is_past(t))
+    fn is_candidate_next(&self) -> bool {
+        self.hits.first_waiting().is_some_and(|t| self.traversal.is_past(t))
     }
 
-    /// Puts the root on the stack; a lone instance is entered at once.
+    /// Pushes the root; a single instance is entered at once.
     #[inline(always)]
     fn begin<E: Vectors>(&mut self, eights: E) {
-        self.walk.stack.clear();
-        self.walk.in_level = false;
+        self.traversal.stack.clear();
+        self.traversal.in_level = false;
         let count = self.tlas.instances().len();
         if count == 1 {
-            self.reach(eights, 0);
+            self.visit_instance_by_number(eights, 0);
         } else if count > 1 && self.trace.ray.is_finite() {
             self.begin_in_world(count);
         }
@@ -215,13 +217,13 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
     #[inline(never)]
     fn begin_in_world(&mut self, count: usize) {
         let ray = &self.trace.ray;
-        let Walk { stack, world, .. } = &mut *self.walk;
+        let TraversalState { stack, world, .. } = &mut *self.traversal;
         let root = match self.tlas.bvh() {
             None if self.tlas.is_list() => {
                 *world = NodeRay::from(ray.t_min);
                 NodeRef::leaf(0, count)
             }
-            // Nothing in them can be hit.
+            // No instance holds anything that can be hit.
             None => return,
             Some((bvh, _)) => {
                 if !world.set_simple(ray, bvh.scale()) {
@@ -238,7 +240,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
 
     #[inline(always)]
     fn step_in_world<E: Vectors>(&mut self, eights: E, entry: StackEntry) {
-        let Walk { stack, world, .. } = &mut *self.walk;
+        let TraversalState { stack, world, .. } = &mut *self.traversal;
         let child = entry.node();
         match (child.count(), self.tlas.bvh()) {
             (0, Some((bvh, _))) => {
@@ -250,10 +252,10 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
                 }
             }
             (1, bvh) => {
-                self.reach(eights, bvh.map_or(child.index() as u32, |(_, order)| order[child.index()]));
+                self.visit_instance_by_number(eights, bvh.map_or(child.index() as u32, |(_, order)| order[child.index()]));
             }
             _ => {
-                // The lowest place is looked at first.
+                // The first in tree order comes to the top.
                 for single in child.singles().rev() {
                     stack.push::<PLAIN>(StackEntry::new(single, entry.t_near()), world);
                 }
@@ -262,13 +264,13 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
     }
 
     #[inline(always)]
-    fn reach<E: Vectors>(&mut self, eights: E, number: u32) {
+    fn visit_instance_by_number<E: Vectors>(&mut self, eights: E, number: u32) {
         let verdict = self.enter(eights, number);
         self.observer.instance(number, verdict);
     }
 
-    /// Goes into an instance: its primitives are tested at once where they are few, otherwise the
-    /// root of its tree comes on the stack.
+    /// Enters an instance: tests its primitives at once if it has no tree, otherwise pushes the root of
+    /// its tree.
     #[inline(always)]
     fn enter<E: Vectors>(&mut self, eights: E, number: u32) -> InstanceVerdict {
         let instance = &self.tlas.instances()[number as usize];
@@ -278,9 +280,9 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
         if instance.blas.kind().is_some_and(|kind| is_skipped(self.trace.flags, kind)) {
             return InstanceVerdict::Skipped;
         }
-        // Who asks for reasons sees the way through a tree.
+        // An observer that asks for reasons is shown the traversal of a tree.
         let body = &*instance.blas.reached(self.tlas.precision() == Precision::Exact && !V::REASONS);
-        let Walk { stack, level, in_level, .. } = &mut *self.walk;
+        let TraversalState { stack, level, in_level, .. } = &mut *self.traversal;
         if !level.enter(self.tlas, number, body.bvh(), self.trace, self.hits.cull_t) {
             return InstanceVerdict::Missed;
         }
@@ -299,32 +301,32 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
         InstanceVerdict::Entered
     }
 
-    /// Visits what the stack holds of a BLAS, until a candidate's turn has come.
+    /// Visits the entries of the current instance until a candidate is next in the order of hits.
     #[inline(always)]
     fn visit_level<E: Vectors>(&mut self, eights: E) {
-        let number = self.walk.level.instance;
-        let base = self.walk.level.base;
+        let number = self.traversal.level.instance;
+        let base = self.traversal.level.base;
         let body = self.tlas.instances()[number as usize].blas.body();
         let Some(bvh) = body.bvh() else { return };
-        let slabs = self.walk.level.node_ray.slabs(eights);
-        let mut limit = self.walk.level.node_ray.limit(self.hits.cull_t);
-        while self.walk.stack.len() > base {
-            let Some(entry) = self.walk.stack.pop::<PLAIN>() else { return };
+        let slabs = self.traversal.level.node_ray.slabs(eights);
+        let mut limit = self.traversal.level.node_ray.limit(self.hits.cull_t);
+        while self.traversal.stack.len() > base {
+            let Some(entry) = self.traversal.stack.pop::<PLAIN>() else { return };
             if entry.t_near() > limit.0 {
                 continue;
             }
             let mut child = entry.node();
-            // Down to a leaf; what is farther waits on the stack.
+            // Descend to the nearest leaf; farther children wait on the stack.
             while !child.is_leaf() {
                 self.observer.node(Some(number));
                 body.fetch_leaves(bvh, child);
-                let Walk { stack, level, .. } = &mut *self.walk;
+                let TraversalState { stack, level, .. } = &mut *self.traversal;
                 let (ray, before) = ((&level.node_ray, &slabs), stack.len());
                 match push_children::<E, PLAIN>(stack, limit, bvh.node(child), ray) {
                     Some(nearest) => child = nearest.node(),
                     None => break,
                 }
-                // Perhaps it is next.
+                // It is the next entry unless a nearer one is pushed.
                 if let Some(other) = stack.entries[before..].last() {
                     body.fetch(other.node());
                 }
@@ -336,10 +338,10 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
                     continue;
                 }
                 self.test(body, child, met);
-                if self.hits.is_enough() || !PLAIN && self.is_turn() {
+                if self.hits.is_enough() || !PLAIN && self.is_candidate_next() {
                     return;
                 }
-                limit = self.walk.level.node_ray.limit(self.hits.cull_t);
+                limit = self.traversal.level.node_ray.limit(self.hits.cull_t);
             }
         }
     }
@@ -349,7 +351,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
     fn test_all<E: Vectors>(&mut self, eights: E, body: &Body) {
         let mut leaves = body.leaves();
         let Some(first) = leaves.next() else { return };
-        // Nothing pays for a ray that is ready for blocks where there is but one.
+        // Preparing a ray for culling does not pay for a single block.
         let met = if body.tests_leaves(self.tlas.precision()) {
             self.met(eights, body, first)
         } else {
@@ -365,10 +367,10 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
         }
     }
 
-    /// A bit for each of a leaf's primitives that the ray may meet.
+    /// A mask of the primitives of a leaf that the ray may hit.
     #[inline(always)]
     fn met<E: Vectors>(&mut self, eights: E, body: &Body, leaf: NodeRef) -> u32 {
-        let level = &mut self.walk.level;
+        let level = &mut self.traversal.level;
         let met = if V::REASONS {
             body.every(leaf)
         } else if body.tests_leaves(self.tlas.precision()) {
@@ -382,10 +384,10 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
         met
     }
 
-    /// Tests some of a leaf's primitives, a bit for each.
+    /// Tests the primitives of a leaf that a mask names.
     #[inline(always)]
     fn test(&mut self, body: &Body, leaf: NodeRef, mut rest: u32) {
-        let number = self.walk.level.instance;
+        let number = self.traversal.level.instance;
         let instance = &self.tlas.instances()[number as usize];
         let flags = self.trace.flags;
         let common = body.common_flags();
@@ -418,14 +420,14 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
             let tested = self.tested.hit(lane).filter(|_| !V::REASONS && body.tests_leaves(precision));
             let found = match tested {
                 None => {
-                    let ray = self.walk.level.object_ray(self.tlas, self.trace);
+                    let ray = self.traversal.level.object_ray(self.tlas, self.trace);
                     body.intersect((leaf, lane), ray, self.trace.time, precision)
                 }
                 found => found,
             };
             let Some(found) = found.filter(|found| !V::QUIET || found.t <= self.hits.cull_t) else {
                 let verdict = if V::REASONS {
-                    let ray = self.walk.level.object_ray(self.tlas, self.trace);
+                    let ray = self.traversal.level.object_ray(self.tlas, self.trace);
                     missed_or_outside(self.tlas, place(), body, (leaf, lane), ray, self.trace.time)
                 } else {
                     PrimitiveVerdict::Missed
@@ -471,8 +473,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Advance<'_, V, PLAIN> {
     }
 }
 
-/// The nearest of the children that the ray meets; the others come on the stack, the nearest of them
-/// on top.
+/// Returns the nearest child that the ray hits and pushes the others, the nearest of them on top.
 #[inline(always)]
 fn push_children<E: Eights, const PLAIN: bool>(
     stack: &mut Stack,
@@ -493,11 +494,11 @@ fn push_children<E: Eights, const PLAIN: bool>(
     if !more {
         return Some(first);
     }
-    // Most nodes leave one child or two.
+    // Most rays hit one or two children.
     let (more, second) = next();
     let (mut nearest, mut other) = (first.min(second), first.max(second));
     if more {
-        // Insertion into the top of the stack, the farthest first.
+        // Insertion sort at the top of the stack, the farthest first.
         let bottom = stack.len();
         stack.entries.push(other);
         loop {
@@ -526,7 +527,7 @@ fn push_children<E: Eights, const PLAIN: bool>(
     Some(nearest)
 }
 
-/// Why a primitive was not hit: tests it again over all t >= 0.
+/// Says why a primitive was not hit, by testing it again over all t >= 0.
 #[cold]
 fn missed_or_outside(
     tlas: &Tlas,
