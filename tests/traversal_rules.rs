@@ -4,9 +4,9 @@
 use std::sync::Arc;
 
 use anyhit::accel::{
-    Blas, Candidate, Counters, Cursor, Geometry, GeometryData, GeometryFlags, HitKind, Instance,
-    InstanceFlags, InstanceVerdict, Motion, Packet, Place, Primitive, PrimitiveVerdict, RayFlags, Srt, Tlas,
-    TraceRay, TraversalObserver,
+    Blas, Candidate, Counters, Cursor, Geometry, GeometryData, GeometryFlags, HitKind, HitPrimitive,
+    Instance, InstanceFlags, InstanceVerdict, Motion, Packet, Primitive, PrimitiveVerdict, RayFlags, Srt,
+    Tlas, TraceRay, TraversalObserver,
 };
 use anyhit::error::ErrorKind;
 use anyhit::geometry::Ray;
@@ -89,7 +89,10 @@ fn confirming_ends_the_traversal_with_that_hit() {
     let mut cursor = Cursor::new(&scene, along_z(0));
     assert!(!cursor.confirm(), "nothing was handed out yet");
     let first = cursor.proceed(&scene).expect("the triangle at 2");
-    assert_eq!((first.place(), cursor.t_max()), (Place { instance: 0, geometry: 0, primitive: 1 }, 100.0));
+    assert_eq!(
+        (first.hit_primitive(), cursor.t_max()),
+        (HitPrimitive { instance: 0, geometry: 0, primitive: 1 }, 100.0)
+    );
     assert!(!cursor.generate(2.0, HitKind(0)), "no box");
     assert!(cursor.confirm());
     assert_eq!(cursor.t_max(), 2.0);
@@ -108,7 +111,7 @@ fn ties_go_to_the_lowest_instance_then_geometry_then_primitive() {
     assert_eq!(order, [(0, 0, 0), (0, 1, 0), (0, 1, 1), (1, 0, 0), (1, 1, 0), (1, 1, 1)]);
     let mut opaque = Cursor::new(&scene, along_z(1));
     assert_eq!(opaque.proceed(&scene), None);
-    assert_eq!(opaque.committed().map(|hit| hit.candidate.place()).unwrap().instance, 0);
+    assert_eq!(opaque.committed().map(|hit| hit.candidate.hit_primitive()).unwrap().instance, 0);
     // A non-opaque primitive at the t of an opaque one has its turn if it is named first.
     let mixed = tlas(vec![instance(vec![
         triangles(&[4.0], NON_OPAQUE),
@@ -241,7 +244,7 @@ impl TraversalObserver for Notes {
         self.instances.push((instance, verdict));
     }
 
-    fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {
+    fn primitive(&mut self, place: HitPrimitive, verdict: PrimitiveVerdict) {
         self.primitives.push((place.instance, place.primitive, verdict));
     }
 
@@ -414,7 +417,7 @@ fn what_moves_is_where_it_is_at_the_time_of_a_ray() {
                         let candidate = hit.candidate;
                         (
                             hit.t,
-                            candidate.place(),
+                            candidate.hit_primitive(),
                             candidate.intersection,
                             candidate.primitive_in(scene, time),
                         )

@@ -4,7 +4,7 @@ use std::ops::Deref;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use crate::accel::body::Body;
+use crate::accel::built_blas::BuiltBlas;
 use crate::accel::geometry_data::{GeometryData, GeometryKind};
 use crate::accel::micromap::OpacityMicromap;
 use crate::accel::motion::interpolate;
@@ -91,10 +91,10 @@ pub struct Blas {
     geometries: Vec<Geometry>,
     bounds: OnceLock<Bounds>,
     /// For the first few rays, where a tree is not built for them; until there is one.
-    listed: Mutex<Option<Arc<Body>>>,
+    listed: Mutex<Option<Arc<BuiltBlas>>>,
     /// How many rays those were.
     rays: AtomicU32,
-    body: OnceLock<Body>,
+    built: OnceLock<BuiltBlas>,
 }
 
 /// So many rays, where more primitives than that are reached, look through all of them: building a tree
@@ -122,7 +122,7 @@ impl Blas {
             bounds: OnceLock::new(),
             listed: Mutex::new(None),
             rays: AtomicU32::new(0),
-            body: OnceLock::new(),
+            built: OnceLock::new(),
         }))
     }
 
@@ -152,13 +152,13 @@ impl Blas {
 
     /// Whether rays have reached it, so that its boxes (and tree) exist.
     pub fn is_built(&self) -> bool {
-        self.body.get().is_some() || self.is_listed()
+        self.built.get().is_some() || self.is_listed()
     }
 
     /// Whether rays have reached it, and it has a tree: a few primitives have none, and neither have
     /// many that only a few rays reached.
     pub fn has_bvh(&self) -> bool {
-        self.body.get().is_some_and(|body| body.bvh().is_some())
+        self.built.get().is_some_and(|built| built.bvh().is_some())
     }
 
     /// Whether the few rays that have reached it looked through a list of its many primitives; that goes
@@ -167,7 +167,7 @@ impl Blas {
         self.list().is_some()
     }
 
-    fn list(&self) -> MutexGuard<'_, Option<Arc<Body>>> {
+    fn list(&self) -> MutexGuard<'_, Option<Arc<BuiltBlas>>> {
         // What is in it is whole at any time.
         self.listed.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -175,24 +175,24 @@ impl Blas {
     /// The box around all active primitives, in object space; empty where there are none. Builds
     /// nothing else, unless vertices move.
     pub fn bounds(&self) -> Bounds {
-        match self.body.get() {
-            Some(body) => *body.bounds(),
-            None if self.moves() => *self.body().bounds(),
-            None => *self.bounds.get_or_init(|| Body::bounds_of(&self.geometries)),
+        match self.built.get() {
+            Some(built) => *built.bounds(),
+            None if self.moves() => *self.built().bounds(),
+            None => *self.bounds.get_or_init(|| BuiltBlas::bounds_of(&self.geometries)),
         }
     }
 
     /// The primitives in the form that traversal takes; builds on first use.
     #[inline]
-    pub(super) fn body(&self) -> &Body {
-        self.body.get_or_init(|| Body::build(&self.geometries))
+    pub(super) fn built(&self) -> &BuiltBlas {
+        self.built.get_or_init(|| BuiltBlas::build(&self.geometries))
     }
 
     /// The same for a ray that reaches it. `may_list`: whether results don't depend on a tree.
     #[inline]
     pub(super) fn reached(&self, may_list: bool) -> Reached<'_> {
-        match self.body.get() {
-            Some(body) => Reached::Built(body),
+        match self.built.get() {
+            Some(built) => Reached::Built(built),
             None => self.reached_anew(may_list),
         }
     }
@@ -202,34 +202,34 @@ impl Blas {
         let count: usize = self.geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
         if may_list && count > MANY_PRIMITIVES && self.rays.fetch_add(1, Ordering::Relaxed) < FEW_RAYS {
             let mut list = self.list();
-            if self.body.get().is_none() {
-                let make = || Arc::new(Body::without_bvh(&self.geometries));
+            if self.built.get().is_none() {
+                let make = || Arc::new(BuiltBlas::without_bvh(&self.geometries));
                 return Reached::Listed(list.get_or_insert_with(make).clone());
             }
         }
-        let body = self.body();
+        let built = self.built();
         // Rays that still look through it keep it alive.
         self.list().take();
-        Reached::Built(body)
+        Reached::Built(built)
     }
 }
 
 /// The primitives for a ray that has come to them.
 pub(super) enum Reached<'a> {
     /// As they stay.
-    Built(&'a Body),
+    Built(&'a BuiltBlas),
     /// For the first few rays.
-    Listed(Arc<Body>),
+    Listed(Arc<BuiltBlas>),
 }
 
 impl Deref for Reached<'_> {
-    type Target = Body;
+    type Target = BuiltBlas;
 
     #[inline(always)]
-    fn deref(&self) -> &Body {
+    fn deref(&self) -> &BuiltBlas {
         match self {
-            Self::Built(body) => body,
-            Self::Listed(body) => body,
+            Self::Built(built) => built,
+            Self::Listed(built) => built,
         }
     }
 }

@@ -28,8 +28,8 @@ use crate::accel::observer::{ErasedObserver, ObserverAdapter, Place, TraversalOb
 use crate::accel::primitive::Primitive;
 pub use crate::accel::rules::{RayFlags, RayRule};
 use crate::accel::tlas::{Instance, Tlas};
-use crate::accel::observer::{ErasedObserver, Place, Told, TraversalObserver};
 use crate::accel::traversal::TraversalState;
+use crate::accel::visit::{HitPrimitive, Onlooker, Told, Visit};
 use crate::geometry::{Intersection, Ray, Surface};
 
 /// A hit kind: 254 and 255 for triangles, 0 to 127 for reported ones.
@@ -80,10 +80,10 @@ impl TraceRay {
     fn broken(&self) -> RayRule {
         let Ray { origin, direction, t_min, t_max } = self.ray;
         let exclusive = |bits: u32| (self.flags.0 & bits).count_ones() <= 1;
-        let place = || origin.iter().chain(&direction);
+        let components = || origin.iter().chain(&direction);
         match () {
-            () if place().any(|x| x.is_nan()) || t_min.is_nan() || t_max.is_nan() => RayRule::NotNan,
-            () if !place().all(|x| x.is_finite()) => RayRule::Finite,
+            () if components().any(|x| x.is_nan()) || t_min.is_nan() || t_max.is_nan() => RayRule::NotNan,
+            () if !components().all(|x| x.is_finite()) => RayRule::Finite,
             () if t_min < 0.0 || t_max < 0.0 => RayRule::NotNegative,
             () if t_min > t_max => RayRule::InOrder,
             () if !exclusive(1 | 2 | 64 | 128) => RayRule::Opacity,
@@ -129,10 +129,10 @@ impl Candidate {
         }
     }
 
-    /// Which primitive it is.
+    /// The identity of the primitive.
     #[inline]
-    pub fn place(&self) -> Place {
-        Place { instance: self.instance, geometry: self.geometry, primitive: self.primitive }
+    pub fn hit_primitive(&self) -> HitPrimitive {
+        HitPrimitive { instance: self.instance, geometry: self.geometry, primitive: self.primitive }
     }
 
     /// The instance that it belongs to.
@@ -269,8 +269,8 @@ pub(super) struct Hits {
     presented: Option<Candidate>,
     /// The key of the last one that was: all later ones lie behind it.
     last: Option<Key>,
-    /// The primitives that an observer has seen, where a ray may come to one several times.
-    reported: Vec<Place>,
+    /// What an onlooker was reported of, where a ray may come to one primitive several times.
+    reported: Vec<HitPrimitive>,
     any_opaque_hit_ends: bool,
 }
 
@@ -492,10 +492,10 @@ impl Hits {
 
     /// Whether a primitive is reported to the observer for the first time; it is noted.
     #[cold]
-    pub fn is_first_report(&mut self, place: Place) -> bool {
-        let first = !self.reported.contains(&place);
+    pub fn is_first_report(&mut self, hit_primitive: HitPrimitive) -> bool {
+        let first = !self.reported.contains(&hit_primitive);
         if first {
-            self.reported.push(place);
+            self.reported.push(hit_primitive);
         }
         first
     }

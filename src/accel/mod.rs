@@ -7,11 +7,11 @@
 
 mod binned_sah;
 pub mod blas;
-mod body;
 pub mod build_input;
+mod built_blas;
 pub mod cursor;
 pub mod geometry_data;
-mod level;
+mod instance_ray;
 pub mod micromap;
 pub mod motion;
 mod motion_bounds;
@@ -23,9 +23,9 @@ pub mod primitive;
 pub mod rules;
 pub mod tlas;
 mod transform;
+mod traversal;
 mod validate;
 pub mod observer;
-mod traversal;
 mod wide_bvh;
 
 pub use blas::{Blas, Geometry, GeometryFlags};
@@ -37,3 +37,4 @@ pub use observer::{Counters, InstanceVerdict, Place, PrimitiveVerdict, Traversal
 pub use packet::Packet;
 pub use primitive::Primitive;
 pub use tlas::{Instance, InstanceFlags, Tlas, hit_record_index};
+pub use observer::{Counters, HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};

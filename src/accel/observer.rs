@@ -21,7 +21,7 @@ pub trait TraversalObserver {
     fn instance(&mut self, _instance: u32, _verdict: InstanceVerdict) {}
 
     /// A primitive was tested.
-    fn primitive(&mut self, _place: Place, _verdict: PrimitiveVerdict) {}
+    fn primitive(&mut self, _place: HitPrimitive, _verdict: PrimitiveVerdict) {}
 
     /// `count` primitives were tested together and missed; reported only without `REASONS`.
     fn missed(&mut self, _count: u32) {}
@@ -41,9 +41,9 @@ impl TraversalObserver for () {
     const QUIET: bool = true;
 }
 
-/// Which primitive of a TLAS.
+/// The identity of a primitive in a TLAS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Place {
+pub struct HitPrimitive {
     /// `InstanceId`
     pub instance: u32,
     /// `RayGeometryIndexKHR`
@@ -110,7 +110,7 @@ impl TraversalObserver for Counters {
         self.instances += 1;
     }
 
-    fn primitive(&mut self, _: Place, _: PrimitiveVerdict) {
+    fn primitive(&mut self, _: HitPrimitive, _: PrimitiveVerdict) {
         self.primitives += 1;
     }
 
@@ -127,7 +127,7 @@ impl TraversalObserver for Counters {
 trait DynObserver {
     fn node(&mut self, instance: Option<u32>);
     fn instance(&mut self, instance: u32, verdict: InstanceVerdict);
-    fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict);
+    fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict);
     fn missed(&mut self, count: u32);
     fn present(&mut self, candidate: &Candidate);
     fn commit(&mut self, committed: &Committed);
@@ -166,7 +166,7 @@ macro_rules! forward {
 forward! {
     node(instance: Option<u32>)
     instance(instance: u32, verdict: InstanceVerdict)
-    primitive(place: Place, verdict: PrimitiveVerdict)
+    primitive(hit_primitive: HitPrimitive, verdict: PrimitiveVerdict)
     missed(count: u32)
     present(candidate: &Candidate)
     commit(committed: &Committed)

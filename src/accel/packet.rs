@@ -15,9 +15,9 @@
 mod rows;
 mod traversal;
 
-use crate::accel::body::Name;
+use crate::accel::built_blas::GeomPrim;
 use crate::accel::cursor::{Candidate, Committed, Cursor, TraceRay};
-use crate::accel::level::Level;
+use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::{NodeRef, WIDTH};
 use crate::accel::tlas::Tlas;
 use crate::geometry::{Intersection, Precision, Surface};
@@ -60,13 +60,13 @@ const SINGLE_STEPS_PER_RAY: u32 = 2;
 pub struct Packet {
     /// The cursor for rays that are traced singly.
     cursor: Cursor,
-    levels: Vec<Level>,
+    instance_rays: Vec<InstanceRay>,
     rays: Rays,
     world: Rows,
     rows: Rows,
     /// For each ray the rounded t behind which no hit matters.
     limits: Row,
-    /// A mask of the rays whose entry of `levels` is not yet made for the current instance.
+    /// A mask of the rays whose entry of `instance_rays` is not yet made for the current instance.
     stale: u64,
     /// A mask of the rays that have a hit.
     hit: u64,
@@ -89,7 +89,7 @@ pub struct Packet {
 struct Found {
     instance: u32,
     /// The index of the primitive in the tree order of its BLAS.
-    place: u32,
+    ordered_index: u32,
     intersection: Intersection,
 }
 
@@ -97,16 +97,16 @@ impl Found {
     /// Placeholder value.
     const IDLE: Self = Self {
         instance: 0,
-        place: 0,
+        ordered_index: 0,
         intersection: Intersection { t: 0.0, attributes: [0.0; 2], surface: Surface::Aabb },
     };
 
     /// The hit as a candidate.
     #[inline]
     fn candidate(&self, tlas: &Tlas) -> Candidate {
-        let Self { instance, place, intersection } = *self;
-        let Name { geometry, primitive } =
-            tlas.instances()[instance as usize].blas.body().name_at(place as usize);
+        let Self { instance, ordered_index, intersection } = *self;
+        let GeomPrim { geometry, primitive } =
+            tlas.instances()[instance as usize].blas.built().geom_prim_at(ordered_index as usize);
         Candidate { instance, geometry, primitive, intersection, opaque: true }
     }
 
@@ -145,7 +145,7 @@ impl Default for Packet {
     fn default() -> Self {
         Self {
             cursor: Cursor::idle(),
-            levels: vec![Level::IDLE; MAX_RAYS],
+            instance_rays: vec![InstanceRay::IDLE; MAX_RAYS],
             rays: Rays::IDLE,
             world: Rows::IDLE,
             rows: Rows::IDLE,
@@ -187,8 +187,8 @@ impl Packet {
             } else {
                 u64::MAX
             };
-            self.traced_together +=
-                traces.len() as u32 - (single_ray_mask & (u64::MAX >> (MAX_RAYS - traces.len()))).count_ones();
+            self.traced_together += traces.len() as u32
+                - (single_ray_mask & (u64::MAX >> (MAX_RAYS - traces.len()))).count_ones();
             for (at, trace) in traces.iter().enumerate() {
                 hits.push(if single_ray_mask >> at & 1 == 0 {
                     self.committed(tlas, at)
@@ -259,7 +259,8 @@ impl Packet {
 
     /// Traces a packet; returns a mask of the rays that must be traced singly.
     fn trace_together(&mut self, tlas: &Tlas, traces: &[TraceRay], any_opaque_hit: bool) -> u64 {
-        (self.steps, self.single_steps) = (STEPS_PER_RAY * traces.len() as u32, SINGLE_STEPS_PER_RAY * traces.len() as u32);
+        (self.steps, self.single_steps) =
+            (STEPS_PER_RAY * traces.len() as u32, SINGLE_STEPS_PER_RAY * traces.len() as u32);
         let traversal = PacketTraversal { packet: self, tlas, traces, any_opaque_hit, single_ray_mask: 0 };
         let single_ray_mask = tlas.processor().run(traversal);
         if self.steps == 0 {

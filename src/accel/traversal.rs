@@ -2,17 +2,18 @@
 //! instance that the ray enters (BLAS).
 
 use crate::accel::blas::GeometryFlags;
-use crate::accel::body::Body;
+use crate::accel::built_blas::BuiltBlas;
 use crate::accel::cursor::{Candidate, Cursor, Hits, TraceRay};
-use crate::accel::level::Level;
+use crate::accel::instance_ray::InstanceRay;
 use crate::accel::micromap::is_two_state;
-use crate::accel::node::{NodeRef, Node, WIDTH};
+use crate::accel::node::{Node, NodeRef, WIDTH};
 use crate::accel::node_ray::{NodeLimit, NodeRay, Slabs};
 use crate::accel::observer::{InstanceVerdict, Place, PrimitiveVerdict, TraversalObserver};
 use crate::accel::rules::{
     is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible, presented,
 };
 use crate::accel::tlas::{InstanceFlags, Tlas};
+use crate::accel::observer::{HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};
 use crate::geometry::{FourTested, Intersection, ObjectRay, Precision};
 use crate::math::eight::{Eights, TwoFours};
 use crate::math::vectors::{Task, Vectors};
@@ -92,8 +93,8 @@ pub struct TraversalState {
     stack: Stack,
     /// The ray prepared for the nodes of the TLAS, if that has a tree.
     world: NodeRay,
-    level: Level,
-    in_level: bool,
+    instance_ray: InstanceRay,
+    in_instance: bool,
 }
 
 impl TraversalState {
@@ -101,8 +102,8 @@ impl TraversalState {
     pub const IDLE: Self = Self {
         stack: Stack { entries: Vec::new(), floors: Vec::new() },
         world: NodeRay::IDLE,
-        level: Level::IDLE,
-        in_level: false,
+        instance_ray: InstanceRay::IDLE,
+        in_instance: false,
     };
 
     /// Whether no unvisited node can hold a hit at t or before. A node that is entered exactly at t may
@@ -177,9 +178,9 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             if !PLAIN && self.is_candidate_next() {
                 return true;
             }
-            if self.traversal.in_level {
-                self.visit_level(eights);
-                self.traversal.in_level = self.traversal.stack.len() > self.traversal.level.base;
+            if self.traversal.in_instance {
+                self.traverse_instance(eights);
+                self.traversal.in_instance = self.traversal.stack.len() > self.traversal.instance_ray.base;
             } else {
                 let Some(entry) = self.traversal.stack.pop::<PLAIN>() else { return false };
                 if entry.t_near() <= self.traversal.world.limit(self.hits.cull_t).0 {
@@ -189,7 +190,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             if self.hits.is_enough() {
                 self.hits.forget_waiting();
                 self.traversal.stack.clear();
-                self.traversal.in_level = false;
+                self.traversal.in_instance = false;
                 return false;
             }
         }
@@ -205,10 +206,10 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     #[inline(always)]
     fn begin<E: Vectors>(&mut self, eights: E) {
         self.traversal.stack.clear();
-        self.traversal.in_level = false;
+        self.traversal.in_instance = false;
         let count = self.tlas.instances().len();
         if count == 1 {
-            self.visit_instance_by_number(eights, 0);
+            self.visit_instance(eights, 0);
         } else if count > 1 && self.trace.ray.is_finite() {
             self.begin_in_world(count);
         }
@@ -252,7 +253,10 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                 }
             }
             (1, bvh) => {
-                self.visit_instance_by_number(eights, bvh.map_or(child.index() as u32, |(_, order)| order[child.index()]));
+                self.visit_instance(
+                    eights,
+                    bvh.map_or(child.index() as u32, |(_, order)| order[child.index()]),
+                );
             }
             _ => {
                 // The first in tree order comes to the top.
@@ -264,7 +268,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     }
 
     #[inline(always)]
-    fn visit_instance_by_number<E: Vectors>(&mut self, eights: E, number: u32) {
+    fn visit_instance<E: Vectors>(&mut self, eights: E, number: u32) {
         let verdict = self.enter(eights, number);
         self.observer.instance(number, verdict);
     }
@@ -281,35 +285,38 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             return InstanceVerdict::Skipped;
         }
         // An observer that asks for reasons is shown the traversal of a tree.
-        let body = &*instance.blas.reached(self.tlas.precision() == Precision::Exact && !V::REASONS);
-        let TraversalState { stack, level, in_level, .. } = &mut *self.traversal;
-        if !level.enter(self.tlas, number, body.bvh(), self.trace, self.hits.cull_t) {
+        let built = &*instance.blas.reached(self.tlas.precision() == Precision::Exact && !V::REASONS);
+        let TraversalState { stack, instance_ray, in_instance, .. } = &mut *self.traversal;
+        if !instance_ray.enter(self.tlas, number, built.bvh(), self.trace, self.hits.cull_t) {
             return InstanceVerdict::Missed;
         }
-        let Some(bvh) = body.bvh() else {
-            self.test_all(eights, body);
+        let Some(bvh) = built.bvh() else {
+            self.test_all(eights, built);
             return InstanceVerdict::Entered;
         };
         if V::REASONS
-            && NodeRay::misses(level.object_ray(self.tlas, self.trace), self.hits.cull_t, bvh.bounds())
+            && NodeRay::misses(instance_ray.object_ray(self.tlas, self.trace), self.hits.cull_t, bvh.bounds())
         {
             return InstanceVerdict::Missed;
         }
-        level.base = stack.len();
-        stack.push::<PLAIN>(StackEntry::new(bvh.root(), level.node_ray.near_floor), &level.node_ray);
-        *in_level = true;
+        instance_ray.base = stack.len();
+        stack.push::<PLAIN>(
+            StackEntry::new(bvh.root(), instance_ray.node_ray.near_floor),
+            &instance_ray.node_ray,
+        );
+        *in_instance = true;
         InstanceVerdict::Entered
     }
 
     /// Visits the entries of the current instance until a candidate is next in the order of hits.
     #[inline(always)]
-    fn visit_level<E: Vectors>(&mut self, eights: E) {
-        let number = self.traversal.level.instance;
-        let base = self.traversal.level.base;
-        let body = self.tlas.instances()[number as usize].blas.body();
-        let Some(bvh) = body.bvh() else { return };
-        let slabs = self.traversal.level.node_ray.slabs(eights);
-        let mut limit = self.traversal.level.node_ray.limit(self.hits.cull_t);
+    fn traverse_instance<E: Vectors>(&mut self, eights: E) {
+        let number = self.traversal.instance_ray.instance;
+        let base = self.traversal.instance_ray.base;
+        let built = self.tlas.instances()[number as usize].blas.built();
+        let Some(bvh) = built.bvh() else { return };
+        let slabs = self.traversal.instance_ray.node_ray.slabs(eights);
+        let mut limit = self.traversal.instance_ray.node_ray.limit(self.hits.cull_t);
         while self.traversal.stack.len() > base {
             let Some(entry) = self.traversal.stack.pop::<PLAIN>() else { return };
             if entry.t_near() > limit.0 {
@@ -319,66 +326,66 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             // Descend to the nearest leaf; farther children wait on the stack.
             while !child.is_leaf() {
                 self.observer.node(Some(number));
-                body.fetch_leaves(bvh, child);
-                let TraversalState { stack, level, .. } = &mut *self.traversal;
-                let (ray, before) = ((&level.node_ray, &slabs), stack.len());
+                built.fetch_leaves(bvh, child);
+                let TraversalState { stack, instance_ray, .. } = &mut *self.traversal;
+                let (ray, before) = ((&instance_ray.node_ray, &slabs), stack.len());
                 match push_children::<E, PLAIN>(stack, limit, bvh.node(child), ray) {
                     Some(nearest) => child = nearest.node(),
                     None => break,
                 }
                 // It is the next entry unless a nearer one is pushed.
                 if let Some(other) = stack.entries[before..].last() {
-                    body.fetch(other.node());
+                    built.fetch(other.node());
                 }
             }
             if child.is_leaf() {
-                body.fetch_names(child);
-                let met = self.met(eights, body, child);
+                built.prefetch_geom_prims(child);
+                let met = self.met(eights, built, child);
                 if met == 0 {
                     continue;
                 }
-                self.test(body, child, met);
+                self.test(built, child, met);
                 if self.hits.is_enough() || !PLAIN && self.is_candidate_next() {
                     return;
                 }
-                limit = self.traversal.level.node_ray.limit(self.hits.cull_t);
+                limit = self.traversal.instance_ray.node_ray.limit(self.hits.cull_t);
             }
         }
     }
 
     /// Tests the primitives of an instance without a tree.
     #[inline(always)]
-    fn test_all<E: Vectors>(&mut self, eights: E, body: &Body) {
-        let mut leaves = body.leaves();
+    fn test_all<E: Vectors>(&mut self, eights: E, built: &BuiltBlas) {
+        let mut leaves = built.leaves();
         let Some(first) = leaves.next() else { return };
         // Preparing a ray for culling does not pay for a single block.
-        let met = if body.tests_leaves(self.tlas.precision()) {
-            self.met(eights, body, first)
+        let met = if built.tests_leaves(self.tlas.precision()) {
+            self.met(eights, built, first)
         } else {
-            body.every(first)
+            built.full_mask(first)
         };
-        self.test(body, first, met);
+        self.test(built, first, met);
         for leaf in leaves {
             if self.hits.is_enough() {
                 break;
             }
-            let met = self.met(eights, body, leaf);
-            self.test(body, leaf, met);
+            let met = self.met(eights, built, leaf);
+            self.test(built, leaf, met);
         }
     }
 
     /// A mask of the primitives of a leaf that the ray may hit.
     #[inline(always)]
-    fn met<E: Vectors>(&mut self, eights: E, body: &Body, leaf: NodeRef) -> u32 {
-        let level = &mut self.traversal.level;
+    fn met<E: Vectors>(&mut self, eights: E, built: &BuiltBlas, leaf: NodeRef) -> u32 {
+        let instance_ray = &mut self.traversal.instance_ray;
         let met = if V::REASONS {
-            body.every(leaf)
-        } else if body.tests_leaves(self.tlas.precision()) {
-            let mut ray = level.for_leaf(self.tlas, self.trace);
-            self.tested = body.tested(eights, leaf, &mut ray, self.hits.cull_t);
-            self.tested.met() & body.every(leaf)
+            built.full_mask(leaf)
+        } else if built.tests_leaves(self.tlas.precision()) {
+            let mut ray = instance_ray.for_leaf(self.tlas, self.trace);
+            self.tested = built.tested(eights, leaf, &mut ray, self.hits.cull_t);
+            self.tested.met() & built.full_mask(leaf)
         } else {
-            level.met::<E, true>(eights, self.tlas, body, leaf, self.trace)
+            instance_ray.met::<E, true>(eights, self.tlas, built, leaf, self.trace)
         };
         self.observer.missed(leaf.count() - met.count_ones());
         met
@@ -386,11 +393,11 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
     /// Tests the primitives of a leaf that a mask names.
     #[inline(always)]
-    fn test(&mut self, body: &Body, leaf: NodeRef, mut rest: u32) {
-        let number = self.traversal.level.instance;
+    fn test(&mut self, built: &BuiltBlas, leaf: NodeRef, mut rest: u32) {
+        let number = self.traversal.instance_ray.instance;
         let instance = &self.tlas.instances()[number as usize];
         let flags = self.trace.flags;
-        let common = body.common_flags();
+        let common = built.common_flags();
         let precision = self.tlas.precision();
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize;
@@ -399,8 +406,8 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                 _ if PLAIN => (GeometryFlags::OPAQUE, None),
                 Some(flags) => (flags, None),
                 None => {
-                    let name = body.name(leaf, lane);
-                    let geometry = &instance.blas.geometries()[name.geometry as usize];
+                    let geom_prim = built.geom_prim(leaf, lane);
+                    let geometry = &instance.blas.geometries()[geom_prim.geometry as usize];
                     let enabled = !instance.flags.contains(InstanceFlags::DISABLE_OPACITY_MICROMAPS);
                     (geometry.flags, geometry.opacity_micromap.as_deref().filter(|_| enabled))
                 }
@@ -410,37 +417,41 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             if culled && micromap.is_none() && !V::REASONS {
                 continue;
             }
-            let place = || {
-                let name = body.name(leaf, lane);
-                Place { instance: number, geometry: name.geometry, primitive: name.primitive }
+            let hit_primitive = || {
+                let geom_prim = built.geom_prim(leaf, lane);
+                HitPrimitive {
+                    instance: number,
+                    geometry: geom_prim.geometry,
+                    primitive: geom_prim.primitive,
+                }
             };
-            if !V::QUIET && body.has_pieces() && !self.hits.is_first_report(place()) {
+            if !V::QUIET && built.has_pieces() && !self.hits.is_first_report(hit_primitive()) {
                 continue;
             }
-            let tested = self.tested.hit(lane).filter(|_| !V::REASONS && body.tests_leaves(precision));
+            let tested = self.tested.hit(lane).filter(|_| !V::REASONS && built.tests_leaves(precision));
             let found = match tested {
                 None => {
-                    let ray = self.traversal.level.object_ray(self.tlas, self.trace);
-                    body.intersect((leaf, lane), ray, self.trace.time, precision)
+                    let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
+                    built.intersect((leaf, lane), ray, self.trace.time, precision)
                 }
                 found => found,
             };
             let Some(found) = found.filter(|found| !V::QUIET || found.t <= self.hits.cull_t) else {
                 let verdict = if V::REASONS {
-                    let ray = self.traversal.level.object_ray(self.tlas, self.trace);
-                    missed_or_outside(self.tlas, place(), body, (leaf, lane), ray, self.trace.time)
+                    let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
+                    missed_or_outside(self.tlas, hit_primitive(), built, (leaf, lane), ray, self.trace.time)
                 } else {
                     PrimitiveVerdict::Missed
                 };
-                self.observer.primitive(place(), verdict);
+                self.observer.primitive(hit_primitive(), verdict);
                 continue;
             };
-            let place = place();
+            let hit_primitive = hit_primitive();
             let found = Intersection { surface: presented(found.surface, instance.flags), ..found };
             if let Some(micromap) = micromap {
-                let opacity = micromap.opacity(place.primitive, found.attributes);
+                let opacity = micromap.opacity(hit_primitive.primitive, found.attributes);
                 let Some(of_part) = opacity.is_opaque(is_two_state(flags, instance.flags)) else {
-                    self.observer.primitive(place, PrimitiveVerdict::Transparent(found));
+                    self.observer.primitive(hit_primitive, PrimitiveVerdict::Transparent(found));
                     continue;
                 };
                 let of_part = if of_part { GeometryFlags::OPAQUE } else { GeometryFlags::default() };
@@ -452,10 +463,10 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             } else if is_culled_by_face(flags, instance.flags, found.surface) {
                 PrimitiveVerdict::CulledByFace(found)
             } else {
-                let Place { instance, geometry, primitive } = place;
+                let HitPrimitive { instance, geometry, primitive } = hit_primitive;
                 self.take(Candidate { instance, geometry, primitive, intersection: found, opaque })
             };
-            self.observer.primitive(place, verdict);
+            self.observer.primitive(hit_primitive, verdict);
         }
     }
 
@@ -531,14 +542,14 @@ fn push_children<E: Eights, const PLAIN: bool>(
 #[cold]
 fn missed_or_outside(
     tlas: &Tlas,
-    place: Place,
-    body: &Body,
+    hit_primitive: HitPrimitive,
+    built: &BuiltBlas,
     at: (NodeRef, usize),
     ray: &ObjectRay,
     time: f32,
 ) -> PrimitiveVerdict {
     let whole = ray.world().with_interval(0.0, f32::INFINITY);
-    tlas.object_ray(place.instance, &whole, time)
-        .and_then(|whole| body.intersect(at, &whole, time, tlas.precision()))
+    tlas.object_ray(hit_primitive.instance, &whole, time)
+        .and_then(|whole| built.intersect(at, &whole, time, tlas.precision()))
         .map_or(PrimitiveVerdict::Missed, PrimitiveVerdict::OutsideInterval)
 }

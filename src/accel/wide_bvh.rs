@@ -11,7 +11,7 @@ use std::sync::Mutex;
 use smallvec::SmallVec;
 
 use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, FAR, PrimRef, SahCost};
-use crate::accel::node::{NodeRef, Node, WIDTH};
+use crate::accel::node::{Node, NodeRef, WIDTH};
 use crate::accel::node_ray::{round_down, round_up};
 use crate::geometry::Bounds;
 use crate::math::four::Four;
@@ -237,21 +237,21 @@ impl Build {
         if let [(_, true)] = records[..] {
             return self.leaf(prim_refs);
         }
-        let place = self.nodes.len();
+        let node_index = self.nodes.len();
         let boxes = self.builder.records().map(|record| (NodeRef::default(), corners(record)));
         self.nodes.push(Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>()));
         if !self.alone && prim_refs.len() > MANY && rayon::current_num_threads() > 1 {
-            self.in_threads(place, &records, prim_refs, depth);
-            return NodeRef::inner(place);
+            self.in_threads(node_index, &records, prim_refs, depth);
+            return NodeRef::inner(node_index);
         }
         let mut rest = prim_refs;
         for (slot, (count, is_leaf)) in records.into_iter().enumerate() {
             let (these, others) = rest.split_at_mut(count);
             let child = if is_leaf { self.leaf(these) } else { self.subtree(these, depth + 1) };
-            self.nodes[place].set_child(slot, child);
+            self.nodes[node_index].set_child(slot, child);
             rest = others;
         }
-        NodeRef::inner(place)
+        NodeRef::inner(node_index)
     }
 
     /// Divides references among the children of a node.
@@ -276,7 +276,7 @@ impl Build {
     /// take up other work, and that may wait for this very tree.
     fn in_threads(
         &mut self,
-        place: usize,
+        node_index: usize,
         records: &[(usize, bool)],
         prim_refs: &mut [PrimRef],
         depth: usize,
@@ -311,7 +311,7 @@ impl Build {
         let done = done.into_inner().expect("bug in anyhit: a thread that builds has panicked");
         for (slot, (own, child)) in done.into_iter().flatten().enumerate() {
             let child = self.append(own, child);
-            self.nodes[place].set_child(slot, child);
+            self.nodes[node_index].set_child(slot, child);
         }
     }
 

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::vec::IntoIter;
 
 use crate::accel::{
-    self, Candidate, Committed, InstanceVerdict as Seen, Place, PrimitiveVerdict as Tested, Tlas, TraceRay,
+    self, Candidate, Committed, HitPrimitive, InstanceVerdict as Seen, PrimitiveVerdict as Tested, Tlas,
+    TraceRay,
 };
 use crate::debug::names::{self, Names};
 use crate::debug::query_reader::Queries;
@@ -348,7 +349,7 @@ impl Traversal {
     }
 
     /// A primitive was tested; `known` is the t of the closest hit known so far.
-    pub(super) fn test(&mut self, place: Place, verdict: Tested, known: &mut Option<f32>) {
+    pub(super) fn test(&mut self, place: HitPrimitive, verdict: Tested, known: &mut Option<f32>) {
         let tested = primitive(place, verdict, known);
         self.instances[place.instance as usize].tested.push(tested);
     }
@@ -390,7 +391,7 @@ fn instance_verdict(verdict: Seen) -> InstanceVerdict {
     }
 }
 
-fn primitive(place: Place, verdict: Tested, known: &mut Option<f32>) -> Primitive {
+fn primitive(place: HitPrimitive, verdict: Tested, known: &mut Option<f32>) -> Primitive {
     let (verdict, found) = match verdict {
         Tested::Missed => (PrimitiveVerdict::Missed, None),
         Tested::OutsideInterval(found) => (PrimitiveVerdict::OutsideInterval, Some(found)),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Candidate, HitKind, Instance, Place, RayFlags, Tlas, TraceRay};
+use crate::accel::{Candidate, HitKind, HitPrimitive, Instance, RayFlags, Tlas, TraceRay};
 use crate::geometry::Ray;
 use crate::machine::lanes::{Lanes, Mask, Reg, Registers};
 use crate::machine::resource::Buffer;
@@ -153,7 +153,7 @@ pub struct HitRows<const W: usize> {
 impl<const W: usize> HitRows<W> {
     /// Sets the hit of a lane.
     #[inline(always)]
-    pub fn set(&mut self, lane: usize, place: Place, kind: HitKind) {
+    pub fn set(&mut self, lane: usize, place: HitPrimitive, kind: HitKind) {
         self.instance.0[lane] = place.instance;
         self.geometry.0[lane] = place.geometry;
         self.primitive.0[lane] = place.primitive;
@@ -312,8 +312,8 @@ impl<const W: usize> Invocations<W> {
         self.rays.set(lane, &trace.unwrap_or(nothing));
         self.t_max.0[lane] = t_max.to_bits();
         self.hit = hit.is_some();
-        let nowhere = (Place { instance: 0, geometry: 0, primitive: 0 }, HitKind(0));
-        let (place, kind) = hit.as_ref().map_or(nowhere, |hit| (hit.candidate.place(), hit.kind));
+        let nowhere = (HitPrimitive { instance: 0, geometry: 0, primitive: 0 }, HitKind(0));
+        let (place, kind) = hit.as_ref().map_or(nowhere, |hit| (hit.candidate.hit_primitive(), hit.kind));
         self.hits.set(lane, place, kind);
         if let Some(Hit { tlas, .. }) = hit {
             self.structures.set(Mask::lane(lane), &tlas);
@@ -431,7 +431,7 @@ impl<const W: usize> Invocations<W> {
             let [instance, geometry, primitive] = [instance, geometry, primitive].map(|row| row.0[lane]);
             HitOf {
                 tlas,
-                place: Place { instance, geometry, primitive },
+                place: HitPrimitive { instance, geometry, primitive },
                 kind: HitKind(self.hits.kind.0[lane]),
             }
         });
@@ -510,7 +510,7 @@ pub struct HitOf<'a> {
     /// Where instance and primitive are looked up.
     pub tlas: &'a Tlas,
     /// The instance, geometry and primitive.
-    pub place: Place,
+    pub place: HitPrimitive,
     /// `HitKindKHR`
     pub kind: HitKind,
 }

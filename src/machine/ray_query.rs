@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use crate::accel::{
-    Candidate, Committed, Cursor, HitKind, InstanceVerdict, Place, PrimitiveVerdict, RayFlags, Tlas,
+    Candidate, Committed, Cursor, HitKind, HitPrimitive, InstanceVerdict, PrimitiveVerdict, RayFlags, Tlas,
     TraceRay, TraversalObserver,
 };
 use crate::geometry::Ray;
@@ -166,7 +166,7 @@ pub enum RayQueryStep {
     /// Traversal reached an instance.
     Instance(u32, InstanceVerdict),
     /// Traversal tested a primitive.
-    Primitive(Place, PrimitiveVerdict),
+    Primitive(HitPrimitive, PrimitiveVerdict),
     /// `OpRayQueryProceedKHR` came to a candidate, or (`None`) returned false.
     Proceed(Option<Candidate>),
     /// `OpRayQueryConfirmIntersectionKHR`
@@ -208,7 +208,7 @@ impl TraversalObserver for QueryRecorder<'_> {
         }
     }
 
-    fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {
+    fn primitive(&mut self, place: HitPrimitive, verdict: PrimitiveVerdict) {
         if self.traversal {
             self.record(RayQueryStep::Primitive(place, verdict));
         }

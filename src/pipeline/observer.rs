@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::accel::observer::{InstanceVerdict, Place, PrimitiveVerdict};
+use crate::accel::observer::{HitPrimitive, InstanceVerdict, PrimitiveVerdict};
 use crate::accel::{Candidate, Committed, HitKind, Tlas, TraceRay, TraversalObserver};
 use crate::machine::{Exit, RayQueryEvent, Reg};
 use crate::module::interface::Stage;
@@ -129,7 +129,7 @@ pub enum Event {
     /// Traversal reached an instance.
     Instance(u32, InstanceVerdict),
     /// Traversal tested a primitive.
-    Primitive(Place, PrimitiveVerdict),
+    Primitive(HitPrimitive, PrimitiveVerdict),
     /// A candidate needs a shader's decision, or has no shader to decide: `None` accepts it (a
     /// triangle, sphere or linear swept sphere) or drops it (a box).
     Candidate {
@@ -217,7 +217,7 @@ impl<T: PipelineObserver> TraversalObserver for Traversal<'_, T> {
         }
     }
 
-    fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {
+    fn primitive(&mut self, place: HitPrimitive, verdict: PrimitiveVerdict) {
         if T::ACTIVE {
             self.0.event(Event::Primitive(place, verdict));
         }

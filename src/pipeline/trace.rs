@@ -490,7 +490,7 @@ impl<const W: usize> Trace<W> {
             Role::ClosestHit => {
                 for lane in lanes.lanes() {
                     if let Some(Committed { candidate, t, hit_kind }) = &self.committed[lane] {
-                        to.hits.set(lane, candidate.place(), *hit_kind);
+                        to.hits.set(lane, candidate.hit_primitive(), *hit_kind);
                         to.set_t_max(lane, *t);
                     }
                 }
@@ -500,7 +500,7 @@ impl<const W: usize> Trace<W> {
                     let cursor = self.cursor(lane);
                     let Some(candidate) = cursor.candidate() else { continue };
                     let kind = candidate.hit_kind().unwrap_or(HitKind(0));
-                    to.hits.set(lane, candidate.place(), kind);
+                    to.hits.set(lane, candidate.hit_primitive(), kind);
                     let t = if candidate.is_box() { cursor.t_max() } else { candidate.intersection.t };
                     to.set_t_max(lane, t);
                 }

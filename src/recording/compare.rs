@@ -9,7 +9,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::accel::{Committed, GeometryKind, HitKind, Place, Primitive, RayFlags, TraceRay};
+use crate::accel::{Committed, GeometryKind, HitKind, HitPrimitive, Primitive, RayFlags, TraceRay};
 use crate::math::ulp::{ulp_error, ulp_of};
 use crate::recording::{Driver, Places, Recording, Reference, Traced};
 
@@ -253,7 +253,7 @@ impl Recorded {
             let difference = (f64::from(closest.t) - high) - low;
             if difference == 0.0 { 0.0 } else { difference.abs() / ulp_of(high) }
         });
-        if self.names(closest.candidate.place()) {
+        if self.names(closest.candidate.hit_primitive()) {
             return Relation::Same { tie: false, ulp, attributes: traced.attributes };
         }
         let theirs = traced.met.iter().find(|(place, found)| self.names(*place) && found.t == closest.t);
@@ -265,7 +265,7 @@ impl Recorded {
         }
     }
 
-    fn names(&self, place: Place) -> bool {
+    fn names(&self, place: HitPrimitive) -> bool {
         let ours = [place.instance, place.geometry, place.primitive];
         self.place
             .iter()
@@ -284,7 +284,7 @@ impl Recorded {
         let ours = row.hit().map_or_else(
             || "nothing".to_owned(),
             |hit| {
-                let Place { instance, geometry, primitive } = hit.candidate.place();
+                let HitPrimitive { instance, geometry, primitive } = hit.candidate.hit_primitive();
                 format!("instance {instance}, geometry {geometry}, primitive {primitive} at t {:?}", hit.t)
             },
         );
@@ -504,7 +504,7 @@ impl Agreement {
 
 /// The numbers of a sphere or linear swept sphere as the recorded shaders wrote them.
 fn positions_and_radii(recording: &Recording, hit: &Committed) -> Option<Vec<f32>> {
-    let Place { instance, geometry, primitive } = hit.candidate.place();
+    let HitPrimitive { instance, geometry, primitive } = hit.candidate.hit_primitive();
     let blas = &recording.tlas.instances()[instance as usize].blas;
     match blas.primitive(geometry, primitive, 0.0)? {
         Primitive::Sphere { position: [x, y, z], radius } => Some(vec![x, y, z, radius]),

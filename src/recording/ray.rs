@@ -1,7 +1,7 @@
 //! `ray.*`, and each ray traced with the shaders that the recordings were made with.
 
 use crate::accel::{
-    Candidate, Committed, Cursor, HitKind, Place, PrimitiveVerdict, RayFlags, TraceRay, TraversalObserver,
+    Candidate, Committed, Cursor, HitKind, HitPrimitive, PrimitiveVerdict, RayFlags, TraceRay, TraversalObserver,
 };
 use crate::error::Result;
 use crate::geometry::{Intersection, Ray};
@@ -42,7 +42,7 @@ pub struct Traced {
     /// How often the any-hit shader ran.
     pub any_hits: i64,
     /// Every primitive that was met and not culled, also behind the closest.
-    pub met: Vec<(Place, Intersection)>,
+    pub met: Vec<(HitPrimitive, Intersection)>,
     /// Whether the recorded intersection shader's rounding decides which sphere is hit.
     pub nearly_tangent: bool,
 }
@@ -121,15 +121,15 @@ impl Recording {
 
 /// Notes every primitive that is met and not culled.
 #[derive(Default)]
-struct Met(Vec<(Place, Intersection)>);
+struct Met(Vec<(HitPrimitive, Intersection)>);
 
 impl TraversalObserver for Met {
     const REASONS: bool = false;
 
-    fn primitive(&mut self, place: Place, verdict: PrimitiveVerdict) {
+    fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict) {
         use PrimitiveVerdict as V;
         if let V::Behind(found) | V::Opaque(found) | V::Candidate(found) = verdict {
-            self.0.push((place, found));
+            self.0.push((hit_primitive, found));
         }
     }
 }

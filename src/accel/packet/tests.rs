@@ -30,7 +30,13 @@ fn check(tlas: &Tlas, traces: &[TraceRay]) {
     assert_eq!(whether(&hits), whether(&wanted));
     if let Some(first) = traces.get(..MAX_RAYS.min(traces.len())).filter(|first| !first.is_empty()) {
         let mut packet = Packet { steps: u32::MAX, single_steps: u32::MAX, ..Packet::default() };
-        let traversal = PacketTraversal { packet: &mut packet, tlas, traces: first, any_opaque_hit: false, single_ray_mask: 0 };
+        let traversal = PacketTraversal {
+            packet: &mut packet,
+            tlas,
+            traces: first,
+            any_opaque_hit: false,
+            single_ray_mask: 0,
+        };
         let left = TwoFours.apart(traversal);
         for (at, wanted) in wanted.iter().enumerate().take(first.len()) {
             if left >> at & 1 == 0 {

@@ -1,8 +1,8 @@
 //! The BVH traversal of a packet: through the tree over the instances and the tree of each instance.
 
-use crate::accel::body::{Body, LeafRay};
+use crate::accel::built_blas::{BuiltBlas, LeafRay};
 use crate::accel::cursor::TraceRay;
-use crate::accel::level::Level;
+use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
 use crate::accel::packet::rows::{Group, Row, Rows};
 use crate::accel::packet::{Found, MAX_RAYS, Packet};
@@ -118,7 +118,11 @@ impl PacketTraversal<'_> {
             rest &= !group.rays;
             let root = bvh.root();
             if root.is_leaf() {
-                eights.apart(InstanceTask { traversal: self, instance: order[root.index()], rays: group.rays });
+                eights.apart(InstanceTask {
+                    traversal: self,
+                    instance: order[root.index()],
+                    rays: group.rays,
+                });
                 continue;
             }
             self.visit(eights, &group, bvh, &Instances(order));
@@ -139,7 +143,7 @@ impl PacketTraversal<'_> {
         let mut inner = Some(bvh.root());
         loop {
             if let Some(at) = inner.take() {
-                let (near, met) = bvh.node(at).intersect(\&slabs, around.limit(limit));
+                let (near, met) = bvh.node(at).intersect(&slabs, around.limit(limit));
                 self.packet.push(near, met, at);
             }
             if self.packet.stack.len() <= base {
@@ -191,7 +195,7 @@ impl PacketTraversal<'_> {
             let mut inner = Some(root);
             loop {
                 if let Some(at) = inner.take() {
-                    let (near, met) = bvh.node(at).intersect(\&slabs, single.limit(self.packet.limits.0[ray]));
+                    let (near, met) = bvh.node(at).intersect(&slabs, single.limit(self.packet.limits.0[ray]));
                     self.packet.push(near, met, at);
                 }
                 if self.packet.stack.len() <= base {
@@ -229,10 +233,10 @@ impl PacketTraversal<'_> {
         {
             return;
         }
-        let body = instance.blas.body();
+        let built = instance.blas.built();
         let placed = self.tlas.transform(number);
         let Packet { rays: all, rows, .. } = &mut *self.packet;
-        let fit = match (body.bvh(), placed) {
+        let fit = match (built.bvh(), placed) {
             (None, _) => rays,
             (Some(bvh), Placed::InWorld) => rows.take_simple(eights, all, bvh.scale(), rays),
             (Some(bvh), Placed::Still(transform)) => {
@@ -242,9 +246,9 @@ impl PacketTraversal<'_> {
         };
         self.leave_to_single_rays(rays & !fit);
         self.packet.stale = fit;
-        let inside = Inside { instance: number, body, in_world: matches!(placed, Placed::InWorld) };
-        let Some(bvh) = body.bvh().filter(|bvh| !bvh.root().is_leaf()) else {
-            for leaf in body.leaves() {
+        let inside = Inside { instance: number, built, in_world: matches!(placed, Placed::InWorld) };
+        let Some(bvh) = built.bvh().filter(|bvh| !bvh.root().is_leaf()) else {
+            for leaf in built.leaves() {
                 eights.apart(LeafTask { traversal: self, inside: &inside, leaf, rays: fit });
             }
             return;
@@ -260,9 +264,9 @@ impl PacketTraversal<'_> {
     /// Tests the primitives of a leaf for some rays.
     #[inline(always)]
     fn test<E: Vectors>(&mut self, eights: E, inside: &Inside, leaf: NodeRef, mut rays: u64) {
-        let (tlas, traces, body) = (self.tlas, self.traces, inside.body);
+        let (tlas, traces, built) = (self.tlas, self.traces, inside.built);
         let precision = tlas.precision();
-        let whole = body.tests_leaves(precision);
+        let whole = built.tests_leaves(precision);
         while rays != 0 {
             let at = rays.trailing_zeros() as usize % MAX_RAYS;
             rays &= rays - 1;
@@ -270,23 +274,23 @@ impl PacketTraversal<'_> {
             let mut tested = FourTested::MISSED;
             let mut rest = if whole {
                 let limit = self.packet.limits.0[at];
-                tested = body.tested(eights, leaf, &mut InPacket { traversal: self, inside, at }, limit);
-                tested.met() & body.every(leaf)
+                tested = built.tested(eights, leaf, &mut InPacket { traversal: self, inside, at }, limit);
+                tested.met() & built.full_mask(leaf)
             } else {
-                self.level(inside, at).met::<E, false>(eights, tlas, body, leaf, trace)
+                self.instance_ray(inside, at).met::<E, false>(eights, tlas, built, leaf, trace)
             };
             while rest != 0 {
                 let lane = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
                 let found = match tested.hit(lane) {
                     None => {
-                        let ray = self.level(inside, at).object_ray(tlas, trace);
-                        body.intersect((leaf, lane), ray, 0.0, precision)
+                        let ray = self.instance_ray(inside, at).object_ray(tlas, trace);
+                        built.intersect((leaf, lane), ray, 0.0, precision)
                     }
                     found => found,
                 };
                 if let Some(found) = found.filter(|found| found.t <= self.packet.limits.0[at]) {
-                    self.take(inside, body.place(leaf, lane), at, found);
+                    self.take(inside, built.ordered_index(leaf, lane), at, found);
                     if self.any_opaque_hit && self.packet.hit >> at & 1 != 0 {
                         self.packet.limits.0[at] = -1.0;
                         break;
@@ -298,18 +302,18 @@ impl PacketTraversal<'_> {
 
     /// The state of a ray in an instance, which its tests of primitives need.
     #[inline(always)]
-    fn level(&mut self, inside: &Inside, at: usize) -> &mut Level {
-        let level = &mut self.packet.levels[at];
+    fn instance_ray(&mut self, inside: &Inside, at: usize) -> &mut InstanceRay {
+        let instance_ray = &mut self.packet.instance_rays[at];
         if self.packet.stale >> at & 1 != 0 {
             self.packet.stale &= !(1 << at);
-            level.arrive(self.tlas, inside.instance, inside.body, &self.traces[at]);
+            instance_ray.arrive(self.tlas, inside.instance, inside.built, &self.traces[at]);
         }
-        level
+        instance_ray
     }
 
     /// Records an opaque hit if it is the closest so far.
     #[inline(always)]
-    fn take(&mut self, inside: &Inside, place: usize, at: usize, found: Intersection) {
+    fn take(&mut self, inside: &Inside, ordered_index: usize, at: usize, found: Intersection) {
         let instance = &self.tlas.instances()[inside.instance as usize];
         let flags = self.traces[0].flags;
         let intersection = Intersection { surface: presented(found.surface, instance.flags), ..found };
@@ -317,7 +321,7 @@ impl PacketTraversal<'_> {
             return;
         }
         let Packet { hits, hit, limits, .. } = &mut *self.packet;
-        let found = Found { instance: inside.instance, place: place as u32, intersection };
+        let found = Found { instance: inside.instance, ordered_index: ordered_index as u32, intersection };
         if found.intersection.t == limits.0[at]
             && *hit >> at & 1 != 0
             && !found.is_before(&hits[at], self.tlas)
@@ -350,14 +354,14 @@ impl LeafRay for InPacket<'_, '_, '_> {
     #[inline(always)]
     fn object(&mut self) -> &ObjectRay {
         let PacketTraversal { tlas, traces, .. } = *self.traversal;
-        self.traversal.level(self.inside, self.at).object_ray(tlas, &traces[self.at])
+        self.traversal.instance_ray(self.inside, self.at).object_ray(tlas, &traces[self.at])
     }
 }
 
 /// The instance that rays of the packet are in.
 struct Inside<'a> {
     instance: u32,
-    body: &'a Body,
+    built: &'a BuiltBlas,
     /// Whether its object space is world space.
     in_world: bool,
 }

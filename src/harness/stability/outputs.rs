@@ -68,7 +68,7 @@ impl<'a> Comparison<'a> {
             if let ((_, Ok(one)), (_, Ok(other))) = (one, other) {
                 let leaves = |found: &crate::harness::expect::RayFound| {
                     let mut leaves = Vec::new();
-                    let place = found.committed.map(|hit| hit.candidate.place());
+                    let place = found.committed.map(|hit| hit.candidate.hit_primitive());
                     let number = |number: Option<u32>| number.map_or(-1, i128::from);
                     let numbers = [
                         ("instance", place.map(|place| place.instance)),

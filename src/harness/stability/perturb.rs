@@ -382,7 +382,7 @@ fn signed(bits: u64, width: u32) -> f64 {
 
 /// What a ray hits, as a step of an invocation's way; no code of a branch has the highest bit.
 fn hit_code(committed: Option<&Committed>) -> u64 {
-    let place = committed.map(|hit| hit.candidate.place());
+    let place = committed.map(|hit| hit.candidate.hit_primitive());
     let numbers = place.map_or([u32::MAX; 3], |place| [place.instance, place.geometry, place.primitive]);
     numbers.iter().fold(1, |sum, &number| mixed(sum) ^ u64::from(number)) | 1 << 63
 }

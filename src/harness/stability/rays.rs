@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use crate::accel::observer::Place;
+use crate::accel::observer::HitPrimitive;
 use crate::accel::{Candidate, Committed, Cursor, RayFlags, Tlas, TraceRay};
 use crate::geometry::Ray;
 use crate::harness::stability::shadows::Entry;
@@ -73,7 +73,7 @@ impl Beside {
         }
         let mut cursor = Cursor::new(tlas, other);
         while let Some(candidate) = cursor.proceed(tlas) {
-            let key = key(candidate.place());
+            let key = key(candidate.hit_primitive());
             if !candidate.is_box() && !ignored.contains(&key) {
                 cursor.confirm();
             }
@@ -81,7 +81,7 @@ impl Beside {
                 break;
             }
         }
-        let place = |hit: &Committed| key(hit.candidate.place());
+        let place = |hit: &Committed| key(hit.candidate.hit_primitive());
         cursor.committed().map(place) != committed.map(place)
     }
 }
@@ -89,7 +89,7 @@ impl Beside {
 /// A primitive of an instance.
 pub(super) type Key = (u32, u32, u32);
 
-pub(super) fn key(place: Place) -> Key {
+pub(super) fn key(place: HitPrimitive) -> Key {
     (place.instance, place.geometry, place.primitive)
 }
 
@@ -152,7 +152,7 @@ impl Queried {
         self.complete = to.is_none();
         // A query that was terminated ended at its last candidate.
         if !self.terminated {
-            (self.candidate, self.confirmed) = (to.map(|candidate| key(candidate.place())), false);
+            (self.candidate, self.confirmed) = (to.map(|candidate| key(candidate.hit_primitive())), false);
         }
     }
 

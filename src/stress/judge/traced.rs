@@ -8,8 +8,8 @@
 use std::sync::Arc;
 
 use crate::accel::{
-    Blas, Candidate, Cursor, HitKind, Instance, InstanceFlags, Packet, Place, RayFlags, Tlas, TraceRay,
-    TraversalObserver,
+    Blas, Candidate, Cursor, HitKind, HitPrimitive, Instance, InstanceFlags, Packet, RayFlags, Tlas,
+    TraceRay, TraversalObserver,
 };
 use crate::geometry::{Intersection, Precision, Ray, Surface};
 use crate::math::vectors::Processor;
@@ -33,7 +33,7 @@ pub struct Scene {
 /// A hit as both report it.
 #[derive(Debug, PartialEq)]
 struct Seen {
-    place: Place,
+    hit_primitive: HitPrimitive,
     found: Intersection,
 }
 
@@ -74,7 +74,10 @@ impl Scene {
 
     fn seen(&self, hit: &Hit) -> Seen {
         let (geometry, primitive) = self.places[hit.shape];
-        Seen { place: Place { instance: hit.instance as u32, geometry, primitive }, found: hit.found }
+        Seen {
+            hit_primitive: HitPrimitive { instance: hit.instance as u32, geometry, primitive },
+            found: hit.found,
+        }
     }
 
     /// A ray that goes by itself.
@@ -222,7 +225,7 @@ impl Scene {
 }
 
 fn seen(candidate: &Candidate) -> Seen {
-    Seen { place: candidate.place(), found: candidate.intersection }
+    Seen { hit_primitive: candidate.hit_primitive(), found: candidate.intersection }
 }
 
 /// SEMANTICS 4.2 for triangles; the other two are ours.

@@ -1,7 +1,7 @@
 //! A ray in the instance whose tree it is in, with what its tests need; parts that only some tests
 //! need are made by the first of them.
 
-use crate::accel::body::{Body, Drops, LeafRay};
+use crate::accel::built_blas::{BuiltBlas, Drops, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::NodeRef;
 use crate::accel::node_ray::NodeRay;
@@ -14,7 +14,7 @@ use crate::math::four::Fused;
 
 /// The instance that the upper end of the stack belongs to.
 #[derive(Clone, Debug)]
-pub struct Level {
+pub struct InstanceRay {
     pub instance: u32,
     /// How many entries of the stack lie below it.
     pub base: usize,
@@ -34,7 +34,7 @@ pub struct Level {
     rough_ray: RoughRay,
 }
 
-impl Level {
+impl InstanceRay {
     /// Memory for a level.
     pub const IDLE: Self = Self {
         instance: 0,
@@ -122,12 +122,12 @@ impl Level {
 
     /// Takes the ray into an instance whose boxes it does not test here.
     #[inline(always)]
-    pub fn arrive(&mut self, tlas: &Tlas, instance: u32, body: &Body, trace: &TraceRay) {
+    pub fn arrive(&mut self, tlas: &Tlas, instance: u32, built: &BuiltBlas, trace: &TraceRay) {
         self.instance = instance;
         self.has_object_ray = false;
         self.is_ordinary = false;
         self.has_block_ray = false;
-        if !body.tests_leaves(tlas.precision()) && body.drops() != Drops::Never {
+        if !built.tests_leaves(tlas.precision()) && built.drops() != Drops::Never {
             self.approach_blocks(tlas, trace);
         }
     }
@@ -135,7 +135,7 @@ impl Level {
     /// The ray for all primitives of a leaf at once.
     #[inline(always)]
     pub fn for_leaf<'a>(&'a mut self, tlas: &'a Tlas, trace: &'a TraceRay) -> ForLeaf<'a> {
-        ForLeaf { level: self, tlas, trace }
+        ForLeaf { instance_ray: self, tlas, trace }
     }
 
     /// The ray in object space.
@@ -149,57 +149,57 @@ impl Level {
         &self.object_ray
     }
 
-    /// A bit for each of a leaf's primitives that the ray may meet: [`Body::met`].
+    /// A bit for each of a leaf's primitives that the ray may meet: [`BuiltBlas::met`].
     #[inline(always)]
     pub fn met<F: Fused, const CLOSELY: bool>(
         &mut self,
         fused: F,
         tlas: &Tlas,
-        body: &Body,
+        built: &BuiltBlas,
         leaf: NodeRef,
         trace: &TraceRay,
     ) -> u32 {
         if !self.has_block_ray {
             self.has_block_ray = true;
-            self.make_block_ray(tlas, body, trace);
+            self.make_block_ray(tlas, built, trace);
         }
         if self.drops {
-            body.met::<F, CLOSELY>(fused, leaf, (&self.block_ray, &self.sheared_ray))
+            built.met::<F, CLOSELY>(fused, leaf, (&self.block_ray, &self.sheared_ray))
         } else {
-            body.every(leaf)
+            built.full_mask(leaf)
         }
     }
 
     #[inline(always)]
-    fn make_block_ray(&mut self, tlas: &Tlas, body: &Body, trace: &TraceRay) {
-        let drops = body.drops();
+    fn make_block_ray(&mut self, tlas: &Tlas, built: &BuiltBlas, trace: &TraceRay) {
+        let drops = built.drops();
         if drops == Drops::Never {
             self.drops = false;
             return;
         }
-        if body.has_triangles() {
-            let ray = self.sheared_ray_for(body, trace);
+        if built.has_triangles() {
+            let ray = self.sheared_ray_for(built, trace);
             self.drops = ray.is_some();
             self.sheared_ray = ray.unwrap_or(ShearedRay::IDLE);
             return;
         }
         let ray = match self.approach {
-            Approach::Simple => BlockRay::simple(&trace.ray, body.bounds()),
-            Approach::Rough => BlockRay::rough(&self.rough_ray, body.bounds()),
+            Approach::Simple => BlockRay::simple(&trace.ray, built.bounds()),
+            Approach::Rough => BlockRay::rough(&self.rough_ray, built.bounds()),
             Approach::Prepared => None,
         };
         self.drops = ray.is_some() || drops == Drops::Always;
         if let Some(ray) = ray {
             self.block_ray = ray;
         } else if self.drops {
-            self.block_ray = BlockRay::new(self.object_ray(tlas, trace), body.bounds());
+            self.block_ray = BlockRay::new(self.object_ray(tlas, trace), built.bounds());
         }
     }
 
     /// The ray for blocks of triangles, where there is a simple one.
     #[inline(always)]
-    fn sheared_ray_for(&self, body: &Body, trace: &TraceRay) -> Option<ShearedRay> {
-        let bounds = body.bounds();
+    fn sheared_ray_for(&self, built: &BuiltBlas, trace: &TraceRay) -> Option<ShearedRay> {
+        let bounds = built.bounds();
         match self.approach {
             Approach::Simple => {
                 // Of an ordinary ray the tree's scale has said it.
@@ -216,7 +216,7 @@ impl Level {
 
 /// The ray of a level, for a leaf.
 pub struct ForLeaf<'a> {
-    level: &'a mut Level,
+    instance_ray: &'a mut InstanceRay,
     tlas: &'a Tlas,
     trace: &'a TraceRay,
 }
@@ -224,7 +224,7 @@ pub struct ForLeaf<'a> {
 impl LeafRay for ForLeaf<'_> {
     #[inline(always)]
     fn double<D: Doubles>(&mut self, doubles: D) -> DoubleRay<D> {
-        if self.level.is_ordinary {
+        if self.instance_ray.is_ordinary {
             DoubleRay::in_world(doubles, &self.trace.ray)
         } else {
             DoubleRay::of(doubles, self.object())
@@ -233,7 +233,7 @@ impl LeafRay for ForLeaf<'_> {
 
     #[inline(always)]
     fn object(&mut self) -> &ObjectRay {
-        self.level.object_ray(self.tlas, self.trace)
+        self.instance_ray.object_ray(self.tlas, self.trace)
     }
 }
 

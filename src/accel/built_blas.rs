@@ -1,6 +1,6 @@
-//! What a BLAS is when rays reach it: active primitives in tree order, and the tree.
+//! A built BLAS: its active primitives in tree order, and the BVH over them.
 
-mod collect;
+mod build;
 
 use crate::accel::blas::{GeometryFlags, between};
 use crate::accel::node::NodeRef;
@@ -11,34 +11,34 @@ use crate::math::ahead::fetch;
 use crate::math::doubles::Doubles;
 use crate::math::four::Fused;
 
-/// The active primitives of a BLAS, and the tree over them.
+/// The active primitives of a BLAS, and the BVH over them.
 #[derive(Debug)]
-pub struct Body {
+pub struct BuiltBlas {
     shapes: Shapes,
-    /// By place in tree order; [`Name::NONE`] where a leaf is not full.
-    names: Vec<Name>,
-    /// Whether some primitives stand in several leaves.
+    /// The identity of each primitive in tree order; [`GeomPrim::NONE`] pads leaves that are not full.
+    geom_prims: Vec<GeomPrim>,
+    /// Whether some primitives are in several leaves.
     has_pieces: bool,
     bvh: Option<WideBvh>,
     bounds: Bounds,
     common_flags: Option<GeometryFlags>,
 }
 
-/// Which primitive of a BLAS.
+/// The identity of a primitive in a BLAS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Name {
+pub struct GeomPrim {
     /// `RayGeometryIndexKHR`
     pub geometry: u32,
     /// `PrimitiveId`
     pub primitive: u32,
 }
 
-impl Name {
-    /// No primitive.
+impl GeomPrim {
+    /// No primitive: padding.
     const NONE: Self = Self { geometry: u32::MAX, primitive: u32::MAX };
 }
 
-/// Whether a ray is made ready for [`Body::met`].
+/// Whether a ray is made ready for [`BuiltBlas::met`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Drops {
     /// A ray comes to test one or two of them: that pays for nothing.
@@ -49,56 +49,56 @@ pub enum Drops {
     Always,
 }
 
-/// A ray for tests of all of a leaf's primitives; each reads one of the two.
+/// A ray for tests of all primitives of a leaf; each test reads one of the two forms.
 pub trait LeafRay {
-    /// In f64.
+    /// The ray in f64.
     fn double<D: Doubles>(&mut self, doubles: D) -> DoubleRay<D>;
 
-    /// In object space.
+    /// The ray in object space, with bounds of its error.
     fn object(&mut self) -> &ObjectRay;
 }
 
-/// Primitives of one kind, four places a block.
+/// The primitives, all of one kind, in blocks of four.
 #[derive(Debug)]
 enum Shapes {
     Triangles(Vec<block::Triangles>),
     Aabbs(Vec<block::Aabbs>),
     Spheres(Vec<block::Spheres>),
-    /// With the caps of each.
+    /// The blocks, and the caps of each primitive.
     LinearSweptSpheres(Vec<block::SweptEnds>, Vec<[[bool; 2]; LANES]>),
-    /// By place: vertices at time 0 and at time 1.
+    /// In tree order the vertices at time 0 and at time 1; `None` is padding.
     MovingTriangles(Vec<Option<Keys>>),
 }
 
 /// The vertices of a triangle at time 0 and at time 1.
 type Keys = [[[f32; 3]; 3]; 2];
 
-impl Body {
-    /// The box around all active primitives.
+impl BuiltBlas {
+    /// The box around all active primitives, in object space.
     pub fn bounds(&self) -> &Bounds {
         &self.bounds
     }
 
-    /// The tree; without one, all primitives are tested.
+    /// The BVH; without one every ray tests all primitives.
     #[inline]
     pub fn bvh(&self) -> Option<&WideBvh> {
         self.bvh.as_ref()
     }
 
-    /// All primitives, for a body without a tree.
+    /// All primitives as leaves, for a BLAS without a BVH.
     pub fn leaves(&self) -> impl Iterator<Item = NodeRef> + use<> {
-        let count = self.names.len();
+        let count = self.geom_prims.len();
         (0..count.div_ceil(LANES)).map(move |index| NodeRef::leaf(index, LANES.min(count - index * LANES)))
     }
 
-    /// Which primitive a lane of a leaf is.
+    /// The identity of the primitive in a lane of a leaf.
     #[inline(always)]
-    pub fn name(&self, leaf: NodeRef, lane: usize) -> Name {
-        self.names[self.place(leaf, lane)]
+    pub fn geom_prim(&self, leaf: NodeRef, lane: usize) -> GeomPrim {
+        self.geom_prims[self.ordered_index(leaf, lane)]
     }
 
-    /// Has the processor bring the triangles in a node's leaves into its caches, where a ray that comes to the node
-    /// mostly reaches one: they come while the node does.
+    /// Prefetches the triangles in the leaves of a node while the node itself is loaded, if a ray that
+    /// visits the node usually reaches one of them.
     #[inline(always)]
     pub fn fetch_leaves(&self, bvh: &WideBvh, node: NodeRef) {
         let leaves = bvh.leaves(node);
@@ -110,7 +110,7 @@ impl Body {
         }
     }
 
-    /// The same for what a ray will read of a part of the tree.
+    /// Prefetches the node or the block of primitives that a ray is about to visit.
     #[inline(always)]
     pub fn fetch(&self, part: NodeRef) {
         if !part.is_leaf() {
@@ -126,25 +126,25 @@ impl Body {
         }
     }
 
-    /// The same for the names of a leaf's primitives.
+    /// Prefetches the identities of the primitives of a leaf.
     #[inline(always)]
-    pub fn fetch_names(&self, leaf: NodeRef) {
-        fetch(&self.names[self.place(leaf, 0)..][..1]);
+    pub fn prefetch_geom_prims(&self, leaf: NodeRef) {
+        fetch(&self.geom_prims[self.ordered_index(leaf, 0)..][..1]);
     }
 
-    /// Where a lane of a leaf stands in tree order.
+    /// The index in tree order of a lane of a leaf.
     #[inline(always)]
-    pub fn place(&self, leaf: NodeRef, lane: usize) -> usize {
+    pub fn ordered_index(&self, leaf: NodeRef, lane: usize) -> usize {
         leaf.index() * LANES + lane
     }
 
-    /// Which primitive stands at a place in tree order.
+    /// The identity of the primitive at an index in tree order.
     #[inline(always)]
-    pub fn name_at(&self, place: usize) -> Name {
-        self.names[place]
+    pub fn geom_prim_at(&self, ordered_index: usize) -> GeomPrim {
+        self.geom_prims[ordered_index]
     }
 
-    /// Whether a ray may come to one primitive several times.
+    /// Whether a ray may reach one primitive in several leaves.
     #[inline]
     pub fn has_pieces(&self) -> bool {
         self.has_pieces
@@ -160,26 +160,26 @@ impl Body {
         }
     }
 
-    /// Whether they are triangles at rest.
+    /// Whether the primitives are triangles without motion.
     #[inline(always)]
     pub fn has_triangles(&self) -> bool {
         matches!(self.shapes, Shapes::Triangles(_))
     }
 
-    /// The flags that all geometries have in common, where all have the same and no micromaps.
+    /// The flags of all geometries, if they agree and none has a micromap.
     #[inline]
     pub fn common_flags(&self) -> Option<GeometryFlags> {
         self.common_flags
     }
 
-    /// A bit for each of a leaf's primitives.
+    /// A mask of all primitives of a leaf.
     #[inline(always)]
-    pub fn every(&self, leaf: NodeRef) -> u32 {
+    pub fn full_mask(&self, leaf: NodeRef) -> u32 {
         (1 << leaf.count()) - 1
     }
 
     /// A bit for each of a leaf's primitives that the ray's line does not surely miss; `CLOSELY`: fewer of those that
-    /// taper. Only for bodies that [drop](Body::drops) some; triangles read the second ray.
+    /// taper. Only for bodies that [drop](BuiltBlas::drops) some; triangles read the second ray.
     #[inline(always)]
     pub fn met<F: Fused, const CLOSELY: bool>(
         &self,
@@ -195,17 +195,17 @@ impl Body {
             Shapes::LinearSweptSpheres(blocks, _) => blocks[at].met(fused, ray),
             Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => u32::MAX,
         };
-        met & self.every(leaf)
+        met & self.full_mask(leaf)
     }
 
-    /// Whether [`Body::tested`] decides about a whole leaf: that is better than to drop some.
+    /// Whether [`BuiltBlas::tested`] decides about a whole leaf: that is better than to drop some.
     #[inline(always)]
     pub fn tests_leaves(&self, precision: Precision) -> bool {
         precision == Precision::Exact && matches!(self.shapes, Shapes::Triangles(_) | Shapes::Spheres(_))
     }
 
     /// The exact test of all of a leaf's primitives, as far as f64 carries; what lies behind `limit`, a
-    /// rounded t, may be left out. Only for bodies that [test leaves](Body::tests_leaves).
+    /// rounded t, may be left out. Only for bodies that [test leaves](BuiltBlas::tests_leaves).
     #[inline(always)]
     pub fn tested<D: Doubles>(
         &self,
@@ -221,7 +221,7 @@ impl Body {
         }
     }
 
-    /// Where a ray of a time meets the primitive in a leaf's lane, within the ray's whole interval.
+    /// Intersects the primitive in a lane of a leaf at the time of the ray, within the ray's interval.
     #[inline(always)]
     pub fn intersect(
         &self,
@@ -241,7 +241,8 @@ impl Body {
     }
 }
 
-/// Where a ray of a time meets a triangle that moves; apart, so that those at rest pay nothing.
+/// Intersects a moving triangle at the time of the ray. It is not inlined, so that triangles without
+/// motion do not pay for it.
 #[inline(never)]
 fn moving(keys: &Keys, ray: &ObjectRay, time: f32, precision: Precision) -> Option<Intersection> {
     triangle::intersect(ray, between(keys, time), precision)

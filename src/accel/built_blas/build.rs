@@ -1,9 +1,9 @@
-//! The making of a body: reads the active primitives of geometries, builds the tree over their boxes
-//! where it pays, and puts them down in its order.
+//! Builds a [`BuiltBlas`]: collects the active primitives of the geometries, builds the BVH over their
+//! boxes if it pays, and stores the primitives in its order.
 
 use crate::accel::binned_sah::{PrimRef, SahCost};
 use crate::accel::blas::{Geometry, GeometryFlags};
-use crate::accel::body::{Body, Name, Shapes};
+use crate::accel::built_blas::{BuiltBlas, GeomPrim, Shapes};
 use crate::accel::geometry_data::{GeometryData, GeometryKind};
 use crate::accel::primitive::{self, Primitive, TakePrimitive};
 use crate::accel::wide_bvh::WideBvh;
@@ -11,40 +11,41 @@ use crate::geometry::block::{self, LANES};
 use crate::geometry::{Bounds, aabb, linear_swept_sphere, sphere, triangle};
 use crate::math::four::Four;
 
-/// Up to this many primitives are tested one by one, without boxes or tree: a node test and a
-/// primitive's test cost about the same.
-const LINEAR: usize = 4;
+/// Up to this many primitives are tested without a BVH: the test of a node costs about as much as
+/// that of a primitive.
+const MAX_UNBUILT: usize = 4;
 
-/// What a ray pays for a leaf and for each primitive in it, in visits of inner nodes: where each is
-/// tested by itself, where a block is tested at once, and where most of one are dropped. Triangles stand four
-/// in a leaf unless they gain much by being apart: a block takes as much memory whatever is in it.
-const SINGLY: SahCost = SahCost { max_leaf_size: LANES, traversal: 1.0, intersection: 3.0, split_below: 1.0 };
-const AT_ONCE: SahCost = SahCost { intersection: 0.15, ..SINGLY };
-const TRIANGLES: SahCost = SahCost { intersection: 0.05, split_below: 0.8, ..SINGLY };
-const SWEPT: SahCost = SahCost { traversal: 1.5, intersection: 0.2, split_below: 0.8, ..SINGLY };
+/// SAH costs in units of one node test: of primitives that are tested one by one, of blocks that are
+/// tested at once (spheres, triangles), and of blocks most of which are culled (swept spheres). Triangles
+/// fill leaves of four unless splitting gains much, as a block takes the same memory however full it is.
+const ONE_BY_ONE: SahCost =
+    SahCost { max_leaf_size: LANES, traversal: 1.0, intersection: 3.0, split_below: 1.0 };
+const AT_ONCE: SahCost = SahCost { intersection: 0.15, ..ONE_BY_ONE };
+const TRIANGLES: SahCost = SahCost { intersection: 0.05, split_below: 0.8, ..ONE_BY_ONE };
+const SWEPT: SahCost = SahCost { traversal: 1.5, intersection: 0.2, split_below: 0.8, ..ONE_BY_ONE };
 
-/// Swept spheres are halved where a line through all of them meets fewer boxes then, on the average: so many times the root of
-/// their number. Each stands in two leaves, and those do not fit into a processor's caches as long as one does.
-/// (Measured over hay and meadows of 200 to 100,000.)
-const FEWER_BOXES: f64 = 0.1;
+/// Swept spheres are split into halves if a random line through all of them then hits fewer boxes on
+/// average, by at least this factor times the square root of their number. Each is then in two leaves,
+/// which cost cache space. (Measured over hay and meadows of 200 to 100,000.)
+const MIN_SPLIT_GAIN: f64 = 0.1;
 
-/// The primitives that a body is made of, in the order in which they were given.
+/// The active primitives in the order of the geometries.
 #[derive(Default)]
 struct Collected {
-    /// Numbered by place; none where there will be no tree.
+    /// Numbered by position in `geom_prims`; empty if there will be no BVH.
     boxes: Vec<PrimRef>,
-    names: Vec<Name>,
+    geom_prims: Vec<GeomPrim>,
     bounds: Option<Bounds>,
     has_pieces: bool,
 }
 
-impl Body {
-    /// Collects the active primitives and builds the tree where it pays.
+impl BuiltBlas {
+    /// Collects the active primitives and builds the BVH if it pays.
     pub fn build(geometries: &[Geometry]) -> Self {
         Self::collect(geometries, true)
     }
 
-    /// Collects the active primitives, and builds no tree however many there are.
+    /// Collects the active primitives without building a BVH, however many there are.
     pub fn without_bvh(geometries: &[Geometry]) -> Self {
         Self::collect(geometries, false)
     }
@@ -54,20 +55,20 @@ impl Body {
             return Self::collect_moving(geometries, may_build);
         }
         let count: usize = geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
-        let has_bvh = may_build && count > LINEAR;
+        let has_bvh = may_build && count > MAX_UNBUILT;
         let collected =
             if has_bvh { Collected::boxed(geometries, count) } else { Collected::listed(geometries, count) };
         let cost = match geometries.first().map(|geometry| geometry.data.kind()) {
-            Some(GeometryKind::Aabbs) => SINGLY,
+            Some(GeometryKind::Aabbs) => ONE_BY_ONE,
             Some(GeometryKind::Spheres) => AT_ONCE,
             Some(GeometryKind::LinearSweptSpheres) => SWEPT,
             Some(GeometryKind::Triangles) | None => TRIANGLES,
         };
-        Self::around(geometries, collected, cost, |_, names| Shapes::of(geometries, names))
+        Self::assemble(geometries, collected, cost, |_, geom_prims| Shapes::of(geometries, geom_prims))
     }
 
-    /// The same for triangles of which some move. The interpolated coordinates of a vertex lie
-    /// between those of its keys, so a box around both keys holds them all.
+    /// [`Self::collect`] for triangles of which some move. The interpolated coordinates of a vertex lie
+    /// between those of its keys, so a box around both keys contains them all.
     #[cold]
     fn collect_moving(geometries: &[Geometry], may_build: bool) -> Self {
         let mut all = Vec::new();
@@ -83,32 +84,32 @@ impl Body {
                 });
                 if let (Some(keys), Some(bounds)) = (keys, bounds) {
                     all.push(keys);
-                    collected.push(PrimRef::new(&bounds, 0), Name { geometry: number as u32, primitive });
+                    collected.push(PrimRef::new(&bounds, 0), GeomPrim { geometry: number as u32, primitive });
                 }
             }
         }
-        if !may_build || collected.boxes.len() <= LINEAR {
+        if !may_build || collected.boxes.len() <= MAX_UNBUILT {
             collected.forget_boxes();
         }
-        Self::around(geometries, collected, SINGLY, |order, _| {
+        Self::assemble(geometries, collected, ONE_BY_ONE, |order, _| {
             let at = |&number: &u32| all.get(number as usize).copied();
             Shapes::MovingTriangles(order.iter().map(at).collect())
         })
     }
 
-    /// The tree over boxes, where there are any, and the shapes in its order.
-    fn around(
+    /// Builds the BVH over the boxes, if there are any, and stores the shapes in its order.
+    fn assemble(
         geometries: &[Geometry],
         collected: Collected,
         cost: SahCost,
-        shapes: impl FnOnce(&[u32], &[Name]) -> Shapes,
+        shapes: impl FnOnce(&[u32], &[GeomPrim]) -> Shapes,
     ) -> Self {
-        let Collected { boxes, mut names, bounds, has_pieces } = collected;
+        let Collected { boxes, mut geom_prims, bounds, has_pieces } = collected;
         let (bvh, order) = match WideBvh::over(boxes, cost) {
-            None => (None, (0..names.len() as u32).collect()),
+            None => (None, (0..geom_prims.len() as u32).collect()),
             Some((bvh, order)) => {
-                let at = |&number: &u32| names.get(number as usize).copied().unwrap_or(Name::NONE);
-                names = order.iter().map(at).collect();
+                let at = |&number: &u32| geom_prims.get(number as usize).copied().unwrap_or(GeomPrim::NONE);
+                geom_prims = order.iter().map(at).collect();
                 (Some(bvh), order)
             }
         };
@@ -116,21 +117,21 @@ impl Body {
         let common_flags = geometries.first().map(|first| first.flags).filter(|&flags: &GeometryFlags| {
             geometries.iter().all(|one| one.flags == flags && one.opacity_micromap.is_none())
         });
-        Self { shapes: shapes(&order, &names), names, has_pieces, bvh, bounds, common_flags }
+        Self { shapes: shapes(&order, &geom_prims), geom_prims, has_pieces, bvh, bounds, common_flags }
     }
 
-    /// The box around all active primitives, without building anything.
+    /// The box around all active primitives, computed without building anything.
     pub fn bounds_of(geometries: &[Geometry]) -> Bounds {
-        let mut around = Around(PrimRef::EMPTY);
+        let mut around = BoundsOnly(PrimRef::EMPTY);
         geometries.iter().for_each(|geometry| geometry.data.each_primitive(&mut around));
         around.0.bounds()
     }
 }
 
-/// The box around all active primitives.
-struct Around(PrimRef);
+/// Accumulates the box around all active primitives.
+struct BoundsOnly(PrimRef);
 
-impl TakePrimitive for Around {
+impl TakePrimitive for BoundsOnly {
     #[inline(always)]
     fn take(&mut self, _: u32, numbers: Primitive) {
         if let Some(one) = prim_ref(&numbers) {
@@ -139,38 +140,38 @@ impl TakePrimitive for Around {
     }
 }
 
-/// The active primitives, and the box around all.
-struct Listed {
+/// Collects the active primitives, and the box around all of them.
+struct Unboxed {
     geometry: u32,
-    names: Vec<Name>,
-    around: Around,
+    geom_prims: Vec<GeomPrim>,
+    around: BoundsOnly,
 }
 
-impl TakePrimitive for Listed {
+impl TakePrimitive for Unboxed {
     #[inline(always)]
     fn take(&mut self, primitive: u32, numbers: Primitive) {
         if let Some(one) = prim_ref(&numbers) {
             self.around.0 = self.around.0.union(&one);
-            self.names.push(Name { geometry: self.geometry, primitive });
+            self.geom_prims.push(GeomPrim { geometry: self.geometry, primitive });
         }
     }
 }
 
-/// The active primitives with their boxes.
+/// Collects the active primitives with their boxes.
 struct Boxed {
     geometry: u32,
     all: Collected,
-    /// Whether those are halved that are smaller then.
+    /// Whether swept spheres whose halves have less surface are split.
     halved: bool,
-    /// How much surface that saves, or would save.
+    /// The surface area that splitting saves or would save.
     saved: f64,
 }
 
 impl Boxed {
-    /// All primitives of geometries that have so many boxes at most.
+    /// Collects all primitives of the geometries, which have at most `most` boxes.
     fn taken(geometries: &[Geometry], most: usize, halved: bool) -> Self {
-        let (boxes, names) = (Vec::with_capacity(most), Vec::with_capacity(most));
-        let all = Collected { boxes, names, ..Collected::default() };
+        let (boxes, geom_prims) = (Vec::with_capacity(most), Vec::with_capacity(most));
+        let all = Collected { boxes, geom_prims, ..Collected::default() };
         let mut taken = Self { geometry: 0, all, halved, saved: 0.0 };
         for (number, geometry) in geometries.iter().enumerate() {
             taken.geometry = number as u32;
@@ -183,7 +184,7 @@ impl Boxed {
 impl TakePrimitive for Boxed {
     #[inline(always)]
     fn take(&mut self, primitive: u32, numbers: Primitive) {
-        let name = Name { geometry: self.geometry, primitive };
+        let geom_prim = GeomPrim { geometry: self.geometry, primitive };
         match numbers {
             Primitive::LinearSweptSphere { positions, radii, .. } => {
                 let Some(whole) = linear_swept_sphere::bounds(positions, radii) else { return };
@@ -192,16 +193,16 @@ impl TakePrimitive for Boxed {
                     self.saved += whole.surface() - first.surface() - second.surface();
                 }
                 match halves.filter(|_| self.halved) {
-                    None => self.all.push(PrimRef::new(&whole, 0), name),
+                    None => self.all.push(PrimRef::new(&whole, 0), geom_prim),
                     Some(halves) => {
-                        halves.iter().for_each(|half| self.all.push(PrimRef::new(half, 0), name));
+                        halves.iter().for_each(|half| self.all.push(PrimRef::new(half, 0), geom_prim));
                         self.all.has_pieces = true;
                     }
                 }
             }
             numbers => {
                 if let Some(one) = prim_ref(&numbers) {
-                    self.all.push(one, name);
+                    self.all.push(one, geom_prim);
                 }
             }
         }
@@ -209,39 +210,42 @@ impl TakePrimitive for Boxed {
 }
 
 impl Collected {
-    /// The primitives with their boxes.
+    /// Collects the primitives with their boxes.
     fn boxed(geometries: &[Geometry], count: usize) -> Self {
         let Boxed { all, saved, .. } = Boxed::taken(geometries, count, false);
-        let fewer = FEWER_BOXES * (all.boxes.len() as f64).sqrt();
+        let fewer = MIN_SPLIT_GAIN * (all.boxes.len() as f64).sqrt();
         if saved > 0.0 && saved >= fewer * all.around().surface() {
             return Boxed::taken(geometries, 2 * count, true).all;
         }
         all
     }
 
-    /// The primitives alone, and the box around all.
+    /// Collects the primitives without their boxes, and the box around all.
     fn listed(geometries: &[Geometry], count: usize) -> Self {
-        let mut taken =
-            Listed { geometry: 0, names: Vec::with_capacity(count), around: Around(PrimRef::EMPTY) };
+        let mut taken = Unboxed {
+            geometry: 0,
+            geom_prims: Vec::with_capacity(count),
+            around: BoundsOnly(PrimRef::EMPTY),
+        };
         for (number, geometry) in geometries.iter().enumerate() {
             taken.geometry = number as u32;
             geometry.data.each_primitive(&mut taken);
         }
-        Self { names: taken.names, bounds: Some(taken.around.0.bounds()), ..Self::default() }
+        Self { geom_prims: taken.geom_prims, bounds: Some(taken.around.0.bounds()), ..Self::default() }
     }
 
     #[inline(always)]
-    fn push(&mut self, one: PrimRef, name: Name) {
+    fn push(&mut self, one: PrimRef, geom_prim: GeomPrim) {
         self.boxes.push(one.with_number(self.boxes.len() as u32));
-        self.names.push(name);
+        self.geom_prims.push(geom_prim);
     }
 
-    /// The box around all.
+    /// The box around all primitives.
     fn around(&self) -> Bounds {
         self.boxes.iter().fold(PrimRef::EMPTY, |all, one| all.union(one)).bounds()
     }
 
-    /// Makes it one without tree.
+    /// Discards the boxes, so that no BVH is built.
     fn forget_boxes(&mut self) {
         self.bounds = Some(self.around());
         self.boxes.clear();
@@ -249,50 +253,53 @@ impl Collected {
 }
 
 impl Shapes {
-    /// Takes primitives of one kind by place; some places are empty.
-    fn of(geometries: &[Geometry], names: &[Name]) -> Self {
-        let data = |name: &Name| &geometries[name.geometry as usize].data;
+    /// Stores the primitives in the given order; [`GeomPrim::NONE`] is padding.
+    fn of(geometries: &[Geometry], geom_prims: &[GeomPrim]) -> Self {
+        let data = |geom_prim: &GeomPrim| &geometries[geom_prim.geometry as usize].data;
         match geometries.first().map(|geometry| geometry.data.kind()) {
             Some(GeometryKind::Triangles) | None => {
-                Self::Triangles(blocks(names, block::Triangles::EMPTY, |block, lane, name| {
-                    let GeometryData::Triangles { vertices, indices, transform } = data(name) else {
+                Self::Triangles(blocks(geom_prims, block::Triangles::EMPTY, |block, lane, geom_prim| {
+                    let GeometryData::Triangles { vertices, indices, transform } = data(geom_prim) else {
                         mixed()
                     };
-                    block.set(lane, primitive::triangle(vertices, indices, transform, name.primitive));
+                    block.set(lane, primitive::triangle(vertices, indices, transform, geom_prim.primitive));
                 }))
             }
             Some(GeometryKind::Aabbs) => {
-                Self::Aabbs(blocks(names, block::Aabbs::EMPTY, |block, lane, name| {
-                    let GeometryData::Aabbs(boxes) = data(name) else { mixed() };
-                    let (min, max) = corners(boxes[name.primitive as usize]);
+                Self::Aabbs(blocks(geom_prims, block::Aabbs::EMPTY, |block, lane, geom_prim| {
+                    let GeometryData::Aabbs(boxes) = data(geom_prim) else { mixed() };
+                    let (min, max) = corners(boxes[geom_prim.primitive as usize]);
                     block.set(lane, min, max);
                 }))
             }
             Some(GeometryKind::Spheres) => {
-                Self::Spheres(blocks(names, block::Spheres::EMPTY, |block, lane, name| {
-                    let GeometryData::Spheres { positions, radii, indices } = data(name) else { mixed() };
-                    let sphere = primitive::sphere(positions, radii, indices, name.primitive as usize);
+                Self::Spheres(blocks(geom_prims, block::Spheres::EMPTY, |block, lane, geom_prim| {
+                    let GeometryData::Spheres { positions, radii, indices } = data(geom_prim) else {
+                        mixed()
+                    };
+                    let sphere = primitive::sphere(positions, radii, indices, geom_prim.primitive as usize);
                     if let Primitive::Sphere { position, radius } = sphere {
                         block.set(lane, position, radius);
                     }
                 }))
             }
             Some(GeometryKind::LinearSweptSpheres) => {
-                let ends = blocks(names, block::SweptEnds::EMPTY, |block, lane, name| {
+                let ends = blocks(geom_prims, block::SweptEnds::EMPTY, |block, lane, geom_prim| {
                     let GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, .. } =
-                        data(name)
+                        data(geom_prim)
                     else {
                         mixed()
                     };
-                    let ends = primitive::ends(indices, *indexing, name.primitive as usize);
+                    let ends = primitive::ends(indices, *indexing, geom_prim.primitive as usize);
                     block.set(lane, ends.map(|end| positions[end]), ends.map(|end| radii[end]));
                 });
-                let caps = blocks(names, [[false; 2]; LANES], |caps, lane, name| {
-                    let GeometryData::LinearSweptSpheres { indices, indexing, end_caps, .. } = data(name)
+                let caps = blocks(geom_prims, [[false; 2]; LANES], |caps, lane, geom_prim| {
+                    let GeometryData::LinearSweptSpheres { indices, indexing, end_caps, .. } =
+                        data(geom_prim)
                     else {
                         mixed()
                     };
-                    let at = name.primitive as usize;
+                    let at = geom_prim.primitive as usize;
                     caps[lane] = primitive::caps(indices.as_deref(), *indexing, *end_caps, at);
                 });
                 Self::LinearSweptSpheres(ends, caps)
@@ -301,14 +308,14 @@ impl Shapes {
     }
 }
 
-/// Blocks of which each lane that has a primitive is set.
-fn blocks<B: Clone>(names: &[Name], empty: B, set: impl Fn(&mut B, usize, &Name)) -> Vec<B> {
-    let mut blocks = Vec::with_capacity(names.len().div_ceil(LANES));
-    for names in names.chunks(LANES) {
+/// Makes blocks of four and sets each lane that holds a primitive.
+fn blocks<B: Clone>(geom_prims: &[GeomPrim], empty: B, set: impl Fn(&mut B, usize, &GeomPrim)) -> Vec<B> {
+    let mut blocks = Vec::with_capacity(geom_prims.len().div_ceil(LANES));
+    for geom_prims in geom_prims.chunks(LANES) {
         let mut block = empty.clone();
         for lane in 0..LANES {
-            if let Some(name) = names.get(lane).filter(|&&name| name != Name::NONE) {
-                set(&mut block, lane, name);
+            if let Some(geom_prim) = geom_prims.get(lane).filter(|&&geom_prim| geom_prim != GeomPrim::NONE) {
+                set(&mut block, lane, geom_prim);
             }
         }
         blocks.push(block);
@@ -321,7 +328,7 @@ fn mixed() -> ! {
     unreachable!("bug in anyhit: a BLAS of two kinds of primitive")
 }
 
-/// The box around a primitive, numbered 0; `None` where it is inactive or can never be hit.
+/// The box around a primitive, with number 0; `None` if it is inactive or can never be hit.
 #[inline(always)]
 fn prim_ref(primitive: &Primitive) -> Option<PrimRef> {
     let bounds = match *primitive {
@@ -338,11 +345,11 @@ fn prim_ref(primitive: &Primitive) -> Option<PrimRef> {
     bounds.map(|bounds| PrimRef::new(&bounds, 0))
 }
 
-/// [`triangle::bounds`] in vectors.
+/// [`triangle::bounds`] in SIMD.
 #[inline(always)]
 fn triangle_prim_ref(vertices: [[f32; 3]; 3]) -> Option<PrimRef> {
     let [a, b, c] = vertices.map(|[x, y, z]| Four::new([x, y, z, 0.0]));
-    // Zero times what is not finite is no number.
+    // Zero times an infinity or a NaN is a NaN.
     let finite = (a * Four::ZERO + b * Four::ZERO + c * Four::ZERO).at_least(Four::ZERO) == 0b1111;
     let (low, high) = (a.lesser(b).lesser(c), a.greater(b).greater(c));
     finite.then(|| PrimRef::from_corners([low, Four::ZERO - high], 0))
@@ -386,14 +393,16 @@ mod tests {
 
     #[test]
     fn swept_spheres_are_halved_where_lines_meet_fewer_boxes_then() {
-        let count = |body: &Body| body.names.iter().filter(|&&name| name != Name::NONE).count();
+        let count = |built: &BuiltBlas| {
+            built.geom_prims.iter().filter(|&&geom_prim| geom_prim != GeomPrim::NONE).count()
+        };
         // With length l a box has the surface 2 l^2, two halves have half of that, and the box around all at most
         // 6 (10 + 2 l / sqrt 3)^2: a line meets 400 l^2 / 6 (10 + 2 l / sqrt 3)^2 boxes fewer or more. It takes 0.1 sqrt 400.
-        let dense = Body::build(&[rods(400, 5.0)]);
+        let dense = BuiltBlas::build(&[rods(400, 5.0)]);
         assert!(dense.has_pieces(), "6.7 fewer");
         assert_eq!(count(&dense), 800);
         // And here at most 400 l^2 / 6 9^2, as all rods begin in more than a cube of nine.
-        let sparse = Body::build(&[rods(400, 0.6)]);
+        let sparse = BuiltBlas::build(&[rods(400, 0.6)]);
         assert!(!sparse.has_pieces(), "0.3 fewer");
         assert_eq!(count(&sparse), 400);
     }
