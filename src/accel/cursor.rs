@@ -24,12 +24,11 @@
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-use crate::accel::observer::{ErasedObserver, ObserverAdapter, Place, TraversalObserver};
+use crate::accel::observer::{ErasedObserver, HitPrimitive, ObserverAdapter, TraversalObserver};
 use crate::accel::primitive::Primitive;
 pub use crate::accel::rules::{RayFlags, RayRule};
 use crate::accel::tlas::{Instance, Tlas};
 use crate::accel::traversal::TraversalState;
-use crate::accel::visit::{HitPrimitive, Onlooker, Told, Visit};
 use crate::geometry::{Intersection, Ray, Surface};
 
 /// A hit kind: 254 and 255 for triangles, 0 to 127 for reported ones.
@@ -269,7 +268,7 @@ pub(super) struct Hits {
     presented: Option<Candidate>,
     /// The key of the last one that was: all later ones lie behind it.
     last: Option<Key>,
-    /// What an onlooker was reported of, where a ray may come to one primitive several times.
+    /// The primitives that an observer has seen, where a ray may come to one several times.
     reported: Vec<HitPrimitive>,
     any_opaque_hit_ends: bool,
 }

@@ -25,7 +25,6 @@ pub mod tlas;
 mod transform;
 mod traversal;
 mod validate;
-pub mod observer;
 mod wide_bvh;
 
 pub use blas::{Blas, Geometry, GeometryFlags};
@@ -33,8 +32,7 @@ pub use cursor::{Candidate, Committed, Cursor, HitKind, RayFlags, RayRule, Trace
 pub use geometry_data::{EndCaps, GeometryData, GeometryKind, Indexing};
 pub use micromap::OpacityMicromap;
 pub use motion::{Motion, Srt};
-pub use observer::{Counters, InstanceVerdict, Place, PrimitiveVerdict, TraversalObserver};
+pub use observer::{Counters, HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};
 pub use packet::Packet;
 pub use primitive::Primitive;
 pub use tlas::{Instance, InstanceFlags, Tlas, hit_record_index};
-pub use observer::{Counters, HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};

@@ -8,12 +8,11 @@ use crate::accel::instance_ray::InstanceRay;
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Node, NodeRef, WIDTH};
 use crate::accel::node_ray::{NodeLimit, NodeRay, Slabs};
-use crate::accel::observer::{InstanceVerdict, Place, PrimitiveVerdict, TraversalObserver};
+use crate::accel::observer::{HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};
 use crate::accel::rules::{
     is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible, presented,
 };
 use crate::accel::tlas::{InstanceFlags, Tlas};
-use crate::accel::observer::{HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};
 use crate::geometry::{FourTested, Intersection, ObjectRay, Precision};
 use crate::math::eight::{Eights, TwoFours};
 use crate::math::vectors::{Task, Vectors};

@@ -1,7 +1,8 @@
 //! `ray.*`, and each ray traced with the shaders that the recordings were made with.
 
 use crate::accel::{
-    Candidate, Committed, Cursor, HitKind, HitPrimitive, PrimitiveVerdict, RayFlags, TraceRay, TraversalObserver,
+    Candidate, Committed, Cursor, HitKind, HitPrimitive, PrimitiveVerdict, RayFlags, TraceRay,
+    TraversalObserver,
 };
 use crate::error::Result;
 use crate::geometry::{Intersection, Ray};
