@@ -49,7 +49,7 @@ fn try_all(bytes: &[u8]) -> bool {
     for entry in &module.entry_points {
         let Ok(program) = lower(&module, entry) else { continue };
         lowered = true;
-        if program.rows > 20_000 {
+        if program.register_count > 20_000 {
             continue;
         }
         let bindings: Bindings = Resources::default().bindings(program.bindings());

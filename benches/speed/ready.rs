@@ -70,7 +70,7 @@ pub fn load_and_lower(table: &Table, name: &str, make: impl FnOnce() -> Vec<u8>)
     let module = Arc::new(anyhit::module::load(&bytes).expect("a valid module"));
     let lowered = table.time(&lowering, || {
         let program = anyhit::program::lower(&module, &module.entry_points[0]).expect("a supported module");
-        format!("{} operations, {} rows", program.ops.len(), program.rows)
+        format!("{} operations, {} rows", program.ops.len(), program.register_count)
     });
     [loaded, lowered]
 }

@@ -71,9 +71,9 @@ impl<'a> Reader<'a> {
         let program = &*self.pipeline.programs[shader.0 as usize];
         let data = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA]
             .into_iter()
-            .find_map(|class| program.interface_rows(class))
+            .find_map(|class| program.interface_registers(class))
             .map(|rows| rows.ty);
-        let attribute = program.interface_rows(storage::HIT_ATTRIBUTE).map(|rows| rows.ty);
+        let attribute = program.interface_registers(storage::HIT_ATTRIBUTE).map(|rows| rows.ty);
         let of = |ty: Option<TypeId>, words: &[u32]| Some(Value::of_type(&program.module, ty?, words));
         let steps = self.steps(Some(program));
         let (exit, after) = match self.events.next() {
@@ -193,7 +193,7 @@ impl<'a> Reader<'a> {
             return Some((program, variable.ty));
         }
         let incoming = |program: &'a Program| {
-            program.interface_rows(storage::INCOMING_RAY_PAYLOAD).map(|rows| (program, rows))
+            program.interface_registers(storage::INCOMING_RAY_PAYLOAD).map(|rows| (program, rows))
         };
         let last = ran.and_then(|shader| incoming(&programs[shader.0 as usize]));
         last.or_else(|| {

@@ -133,7 +133,7 @@ impl<'a> Watcher<'a> {
             Target::Payload(word) => {
                 // The shaders of the ray itself stand at depth 1, those of rays that they trace deeper.
                 let program = &self.pipeline.programs[self.shader as usize];
-                let rows = program.interface_rows(storage::INCOMING_RAY_PAYLOAD);
+                let rows = program.interface_registers(storage::INCOMING_RAY_PAYLOAD);
                 let rows = rows.filter(|rows| *word < rows.count && batch.invocations.depth == 1)?;
                 Some(u128::from(batch.registers[Reg(rows.first.0 + word)].0[0]))
             }

@@ -278,7 +278,7 @@ pub(super) fn trace<T: PipelineObserver, O: Observer<1>>(
 /// The largest payload that a pipeline's shaders declare, a line for each member and its offset.
 fn declared(pipeline: &Pipeline) -> Vec<String> {
     let rows = |program: &Arc<Program>| {
-        let rows = program.interface_rows(storage::INCOMING_RAY_PAYLOAD)?;
+        let rows = program.interface_registers(storage::INCOMING_RAY_PAYLOAD)?;
         Some((program.clone(), rows.ty, rows.count))
     };
     let largest = pipeline.programs.iter().filter_map(rows).max_by_key(|(.., count)| *count);
@@ -326,7 +326,7 @@ pub(super) fn found(pipeline: &Pipeline, events: &[Event]) -> RayFound {
 fn payload_of(pipeline: &Pipeline, shader: Option<Shader>, words: &[u32]) -> Value {
     let rows = |program: &Arc<Program>| {
         program
-            .interface_rows(storage::INCOMING_RAY_PAYLOAD)
+            .interface_registers(storage::INCOMING_RAY_PAYLOAD)
             .map(|rows| (program.clone(), rows.ty, rows.count))
     };
     let ran = shader.and_then(|shader| rows(&pipeline.programs[shader.0 as usize]));

@@ -16,7 +16,7 @@ use crate::harness::scene::Scene;
 use crate::harness::told::{Explain, Told, What};
 use crate::harness::value::Value;
 use crate::machine::printed::Line;
-use crate::ops::decode::InterfaceRows;
+use crate::ops::decode::InterfaceRegisters;
 use crate::ops::pointer::storage;
 use crate::pipeline::{Band, Bands, Event, Launch, Pipeline, PipelineObserver, RayOperands, Stats, Streamed};
 use crate::program::Program;
@@ -268,10 +268,9 @@ impl Pipeline {
         pipeline_observer: &mut impl PipelineObserver,
     ) -> Result<Traced> {
         let mut operands = ray.into();
-        let payload = self
-            .programs
-            .iter()
-            .filter_map(|program| Some((program, program.interface_rows(storage::INCOMING_RAY_PAYLOAD)?)));
+        let payload = self.programs.iter().filter_map(|program| {
+            Some((program, program.interface_registers(storage::INCOMING_RAY_PAYLOAD)?))
+        });
         let largest = payload.max_by_key(|(_, rows)| rows.count);
         let words = self.payload_words();
         if operands.payload.is_empty() {
@@ -331,7 +330,7 @@ impl Pipeline {
     }
 }
 
-fn layout<'a>(program: &'a Program, rows: &InterfaceRows) -> Layout<'a> {
+fn layout<'a>(program: &'a Program, rows: &InterfaceRegisters) -> Layout<'a> {
     Layout::new(&program.module, rows.ty, Rules::Packed)
 }
 

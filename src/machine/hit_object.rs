@@ -1,7 +1,7 @@
 //! Hit objects: what a traversal found, or what a shader says it found, to be read and executed
 //! later (`SPV_EXT_shader_invocation_reorder`, `SPV_NV_shader_invocation_reorder`).
 //!
-//! As with ray queries, a variable is one row with a handle into the batch's list.
+//! As with ray queries, a variable is one register with a handle into the batch's list.
 
 use std::sync::Arc;
 

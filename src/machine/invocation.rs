@@ -40,9 +40,9 @@ pub struct Invocation {
 /// `SubgroupSize` unless set otherwise.
 pub const DEFAULT_SUBGROUP_SIZE: u32 = 32;
 
-/// The operands of traces that traversal needs, a row each.
+/// The operands of traces that traversal needs: structure of arrays, one word a lane for each.
 #[derive(Clone, Copy, Debug)]
-pub struct RayRows<const W: usize> {
+pub struct RayLanes<const W: usize> {
     /// The rays' flags.
     pub flags: Lanes<W>,
     /// Their low 8 bits count.
@@ -59,7 +59,7 @@ pub struct RayRows<const W: usize> {
     pub time: Lanes<W>,
 }
 
-impl<const W: usize> RayRows<W> {
+impl<const W: usize> RayLanes<W> {
     /// Zeros.
     pub const ZERO: Self = {
         let zero = Lanes([0; W]);
@@ -77,8 +77,8 @@ impl<const W: usize> RayRows<W> {
     /// The ray of a lane.
     #[inline(always)]
     pub fn get(&self, lane: usize) -> TraceRay {
-        let float = |row: &Lanes<W>| f32::from_bits(row.0[lane]);
-        let three = |rows: &[Lanes<W>; 3]| [float(&rows[0]), float(&rows[1]), float(&rows[2])];
+        let float = |lanes: &Lanes<W>| f32::from_bits(lanes.0[lane]);
+        let three = |axes: &[Lanes<W>; 3]| [float(&axes[0]), float(&axes[1]), float(&axes[2])];
         let ray = Ray {
             origin: three(&self.origin),
             t_min: float(&self.t_min),
@@ -110,8 +110,8 @@ impl<const W: usize> RayRows<W> {
         let [[x, y, z], [dx, dy, dz]] = [&self.origin, &self.direction];
         let mut within = Lanes::splat(0);
         for lane in 0..W {
-            let finite = |row: &Lanes<W>| row.0[lane] & 0x7FFF_FFFF < 0x7F80_0000;
-            let float = |row: &Lanes<W>| f32::from_bits(row.0[lane]);
+            let finite = |lanes: &Lanes<W>| lanes.0[lane] & 0x7FFF_FFFF < 0x7F80_0000;
+            let float = |lanes: &Lanes<W>| f32::from_bits(lanes.0[lane]);
             let (t_min, t_max, time) = (float(&self.t_min), float(&self.t_max), float(&self.time));
             let exclusive = (self.flags.0[lane] | flags) & EXCLUSIVE;
             let place = finite(x) & finite(y) & finite(z) & finite(dx) & finite(dy) & finite(dz);
@@ -122,8 +122,8 @@ impl<const W: usize> RayRows<W> {
         Mask::of(&within)
     }
 
-    /// Takes rows of registers: the given ones for flags and cull mask; origin, t_min, direction, t_max and
-    /// time one behind the other.
+    /// Copies the operands from registers. From `ray` on lie origin (3), t_min, direction (3), t_max
+    /// and time, one register each.
     pub fn copy(&mut self, registers: &Registers<W>, flags: Reg, cull_mask: Reg, ray: Reg) {
         self.flags = registers[flags];
         self.cull_mask = registers[cull_mask];
@@ -137,9 +137,9 @@ impl<const W: usize> RayRows<W> {
     }
 }
 
-/// Hits or candidates, a row for each of their numbers.
+/// Hits or candidates of the lanes: structure of arrays.
 #[derive(Clone, Copy, Debug)]
-pub struct HitRows<const W: usize> {
+pub struct HitLanes<const W: usize> {
     /// `InstanceId`
     pub instance: Lanes<W>,
     /// `RayGeometryIndexKHR`
@@ -150,7 +150,7 @@ pub struct HitRows<const W: usize> {
     pub kind: Lanes<W>,
 }
 
-impl<const W: usize> HitRows<W> {
+impl<const W: usize> HitLanes<W> {
     /// Sets the hit of a lane.
     #[inline(always)]
     pub fn set(&mut self, lane: usize, place: HitPrimitive, kind: HitKind) {
@@ -161,10 +161,10 @@ impl<const W: usize> HitRows<W> {
     }
 }
 
-/// A row of [`Invocations`].
+/// A field of [`Invocations`] that has one word for each lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "fields of the same names tell them")]
-pub enum InvocationRow {
+pub enum InvocationField {
     LaunchId(usize),
     Flags,
     CullMask,
@@ -246,7 +246,7 @@ impl<const W: usize> Default for Structures<W> {
     }
 }
 
-/// The state of a batch's invocations that builtin variables show to its shader, by rows.
+/// The state of a batch's invocations that builtin variables show to its shader: structure of arrays.
 #[derive(Clone, Debug)]
 pub struct Invocations<const W: usize> {
     /// `LaunchIdKHR`; in compute `GlobalInvocationId`
@@ -254,13 +254,13 @@ pub struct Invocations<const W: usize> {
     /// `LaunchSizeKHR`; in compute the invocations of the whole dispatch
     pub launch_size: [u32; 3],
     /// The operands of the trace that called them; zeros where none did.
-    pub rays: RayRows<W>,
+    pub rays: RayLanes<W>,
     /// `RayTmaxKHR` as this stage sees it.
     pub t_max: Lanes<W>,
     /// Whether [`Self::hits`] are any.
     pub hit: bool,
     /// What was hit, in any-hit, closest-hit and intersection shaders.
-    pub hits: HitRows<W>,
+    pub hits: HitLanes<W>,
     /// Where instances and primitives are looked up.
     pub structures: Structures<W>,
     /// The index of the shader record that each was called through, in its table.
@@ -283,10 +283,10 @@ impl<const W: usize> Invocations<W> {
         Self {
             launch_id: [zero; 3],
             launch_size: [0; 3],
-            rays: RayRows::ZERO,
+            rays: RayLanes::ZERO,
             t_max: zero,
             hit: false,
-            hits: HitRows { instance: zero, geometry: zero, primitive: zero, kind: zero },
+            hits: HitLanes { instance: zero, geometry: zero, primitive: zero, kind: zero },
             structures: Structures::default(),
             called_through: [0; W],
             depth: 0,
@@ -327,24 +327,24 @@ impl<const W: usize> Invocations<W> {
         self.place.0[lane] = invocation.place;
     }
 
-    /// One of the rows.
+    /// The lanes of one field.
     #[inline]
-    pub fn row(&self, row: InvocationRow) -> &Lanes<W> {
-        use InvocationRow as Row;
-        match row {
-            Row::LaunchId(axis) => &self.launch_id[axis],
-            Row::Flags => &self.rays.flags,
-            Row::CullMask => &self.rays.cull_mask,
-            Row::Origin(axis) => &self.rays.origin[axis],
-            Row::TMin => &self.rays.t_min,
-            Row::Direction(axis) => &self.rays.direction[axis],
-            Row::Time => &self.rays.time,
-            Row::TMax => &self.t_max,
-            Row::Instance => &self.hits.instance,
-            Row::Geometry => &self.hits.geometry,
-            Row::Primitive => &self.hits.primitive,
-            Row::Kind => &self.hits.kind,
-            Row::LocalIndex => &self.local_index,
+    pub fn field(&self, field: InvocationField) -> &Lanes<W> {
+        use InvocationField as Field;
+        match field {
+            Field::LaunchId(axis) => &self.launch_id[axis],
+            Field::Flags => &self.rays.flags,
+            Field::CullMask => &self.rays.cull_mask,
+            Field::Origin(axis) => &self.rays.origin[axis],
+            Field::TMin => &self.rays.t_min,
+            Field::Direction(axis) => &self.rays.direction[axis],
+            Field::Time => &self.rays.time,
+            Field::TMax => &self.t_max,
+            Field::Instance => &self.hits.instance,
+            Field::Geometry => &self.hits.geometry,
+            Field::Primitive => &self.hits.primitive,
+            Field::Kind => &self.hits.kind,
+            Field::LocalIndex => &self.local_index,
         }
     }
 
@@ -357,14 +357,14 @@ impl<const W: usize> Invocations<W> {
     /// Sets `LaunchIdKHR` of a lane.
     #[inline]
     fn set_launch_id(&mut self, lane: usize, id: [u32; 3]) {
-        for (row, word) in self.launch_id.iter_mut().zip(id) {
-            row.0[lane] = word;
+        for (lanes, word) in self.launch_id.iter_mut().zip(id) {
+            lanes.0[lane] = word;
         }
     }
 
     /// Sets `LaunchIdKHR` of some lanes, from one on: x goes up by 1 from lane to lane.
     pub fn set_line(&mut self, lane: usize, [x, y, z]: [u32; 3], run: usize) {
-        let [xs, ys, zs] = self.launch_id.each_mut().map(|row| &mut row.0[lane..lane + run]);
+        let [xs, ys, zs] = self.launch_id.each_mut().map(|lanes| &mut lanes.0[lane..lane + run]);
         xs.iter_mut().zip(x..).for_each(|(to, x)| *to = x);
         ys.fill(y);
         zs.fill(z);
@@ -422,13 +422,13 @@ impl<const W: usize> Invocations<W> {
         if self.subgroup_size == 0 { DEFAULT_SUBGROUP_SIZE } else { self.subgroup_size }
     }
 
-    /// What the builtins of a lane read that no row holds.
+    /// What the builtins of a lane read that no field holds.
     #[inline]
     pub fn one(&self, lane: usize) -> One<'_> {
         let tlas = self.structures.get(lane).filter(|_| self.hit);
         let hit = tlas.map(|tlas| {
-            let HitRows { instance, geometry, primitive, .. } = &self.hits;
-            let [instance, geometry, primitive] = [instance, geometry, primitive].map(|row| row.0[lane]);
+            let HitLanes { instance, geometry, primitive, .. } = &self.hits;
+            let [instance, geometry, primitive] = [instance, geometry, primitive].map(|lanes| lanes.0[lane]);
             HitOf {
                 tlas,
                 place: HitPrimitive { instance, geometry, primitive },

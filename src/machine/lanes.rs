@@ -12,20 +12,20 @@ pub use mask::Mask;
 #[cfg(target_arch = "x86_64")]
 use mask::SignsOf;
 
-/// A row of the register file.
+/// A register of the register file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Reg(pub u32);
 
 impl Reg {
-    /// The row `words` further on.
+    /// The register `words` further on.
     #[inline]
     #[must_use]
     pub fn plus(self, words: u32) -> Self {
         Self(self.0 + words)
     }
 
-    /// The row a computed number of rows further on, which may be behind the last one. The number
-    /// is an index, or for a row that carries [`ROW_POINTER`] a pointer that does.
+    /// The register a computed number of registers further on, which may be behind the last one. The number
+    /// is an index, or for a register that carries [`REGISTER_POINTER`] a pointer that does.
     #[inline]
     #[must_use]
     pub fn computed(self, words: u32) -> Self {
@@ -33,9 +33,9 @@ impl Reg {
     }
 }
 
-/// What a pointer to a row carries beside the row's number, so that no row has the value of the
-/// null pointer, 0. A row that pointers count from carries it too: together they cancel.
-pub const ROW_POINTER: u32 = 1 << 31;
+/// What a pointer to a register carries beside the register's number, so that no register has the value of the
+/// null pointer, 0. A register that pointers count from carries it too: together they cancel.
+pub const REGISTER_POINTER: u32 = 1 << 31;
 
 /// One 32-bit word for each of W lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,11 +49,11 @@ impl<const W: usize> Lanes<W> {
     }
 }
 
-/// The register file of a batch. It begins with a line of the processor's caches, so that no vector of a row of 64 lanes
+/// The register file of a batch. It begins with a line of the processor's caches, so that no vector of a register of 64 lanes
 /// lies on two of them: those take twice as long to read.
 #[derive(Clone, Debug)]
 pub struct Registers<const W: usize> {
-    rows: AVec<Lanes<W>, ConstAlign<CACHE_LINE>>,
+    registers: AVec<Lanes<W>, ConstAlign<CACHE_LINE>>,
     processor: Processor,
 }
 
@@ -61,11 +61,11 @@ pub struct Registers<const W: usize> {
 const CACHE_LINE: usize = 64;
 
 impl<const W: usize> Registers<W> {
-    /// A file of rows that are all zero.
-    pub fn new(rows: usize) -> Self {
-        let mut zeros = AVec::with_capacity(CACHE_LINE, rows);
-        zeros.resize(rows, Lanes::splat(0));
-        Self { rows: zeros, processor: Processor::new() }
+    /// A file of registers that are all zero.
+    pub fn new(registers: usize) -> Self {
+        let mut zeros = AVec::with_capacity(CACHE_LINE, registers);
+        zeros.resize(registers, Lanes::splat(0));
+        Self { registers: zeros, processor: Processor::new() }
     }
 
     /// What the processor has.
@@ -80,102 +80,102 @@ impl<const W: usize> Registers<W> {
         Self { processor, ..self }
     }
 
-    /// The lanes for which a row of booleans holds.
+    /// The lanes for which a register of booleans holds.
     #[inline]
     pub fn mask(&self, condition: Reg) -> Mask<W> {
-        let row = &self[condition];
+        let register = &self[condition];
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = self.processor.avx2().filter(|_| W.is_multiple_of(8)) {
-            return simd.vectorize(SignsOf { simd, row });
+            return simd.vectorize(SignsOf { simd, register });
         }
-        Mask::of(row)
+        Mask::of(register)
     }
 
-    /// How many rows there are.
+    /// How many registers there are.
     pub fn len(&self) -> usize {
-        self.rows.len()
+        self.registers.len()
     }
 
-    /// Whether there are no rows.
+    /// Whether there are no registers.
     pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
+        self.registers.is_empty()
     }
 
-    /// All rows.
+    /// All registers.
     pub fn all_mut(&mut self) -> &mut [Lanes<W>] {
-        &mut self.rows
+        &mut self.registers
     }
 
-    /// A stretch of rows.
-    pub fn rows_mut(&mut self, first: Reg, count: u32) -> &mut [Lanes<W>] {
-        &mut self.rows[first.0 as usize..(first.0 + count) as usize]
+    /// A stretch of registers.
+    pub fn span_mut(&mut self, first: Reg, count: u32) -> &mut [Lanes<W>] {
+        &mut self.registers[first.0 as usize..(first.0 + count) as usize]
     }
 
-    /// The words of one lane in a stretch of rows.
+    /// The words of one lane in a stretch of registers.
     #[inline]
     pub fn lane_words(&self, first: Reg, count: u32, lane: usize) -> LaneWords<'_, W> {
-        LaneWords { rows: self.rows[first.0 as usize..(first.0 + count) as usize].iter(), lane }
+        LaneWords { registers: self.registers[first.0 as usize..(first.0 + count) as usize].iter(), lane }
     }
 
-    /// Sets the words of one lane in consecutive rows.
+    /// Sets the words of one lane in consecutive registers.
     #[inline]
     pub fn set_lane_words(&mut self, first: Reg, lane: usize, words: impl IntoIterator<Item = u32>) {
-        for (row, word) in self.rows[first.0 as usize..].iter_mut().zip(words) {
-            row.0[lane] = word;
+        for (register, word) in self.registers[first.0 as usize..].iter_mut().zip(words) {
+            register.0[lane] = word;
         }
     }
 
     /// Sets a word of the lanes of a mask.
     #[inline]
     pub fn set(&mut self, to: Reg, word: u32, mask: Mask<W>) {
-        let row = &mut self[to];
+        let register = &mut self[to];
         if mask.is_all() {
-            row.0 = [word; W];
+            register.0 = [word; W];
             return;
         }
         for lane in 0..W {
-            row.0[lane] = if mask.selects(lane) { word } else { row.0[lane] };
+            register.0[lane] = if mask.selects(lane) { word } else { register.0[lane] };
         }
     }
 
-    /// Copies consecutive rows of other registers, for the lanes of a mask.
-    pub fn copy_rows(&mut self, to: Reg, from: &Self, first: Reg, count: u32, mask: Mask<W>) {
-        let sources = &from.rows[first.0 as usize..(first.0 + count) as usize];
-        let rows = self.rows_mut(to, count);
+    /// Copies consecutive registers of other registers, for the lanes of a mask.
+    pub fn copy_span(&mut self, to: Reg, from: &Self, first: Reg, count: u32, mask: Mask<W>) {
+        let sources = &from.registers[first.0 as usize..(first.0 + count) as usize];
+        let registers = self.span_mut(to, count);
         if mask.is_all() {
-            rows.copy_from_slice(sources);
+            registers.copy_from_slice(sources);
             return;
         }
         let words = mask.words();
-        for (row, source) in rows.iter_mut().zip(sources) {
+        for (register, source) in registers.iter_mut().zip(sources) {
             for lane in 0..W {
                 let taken = words.0[lane];
-                row.0[lane] = source.0[lane] & taken | row.0[lane] & !taken;
+                register.0[lane] = source.0[lane] & taken | register.0[lane] & !taken;
             }
         }
     }
 
-    /// Copies a row into another, for the lanes of a mask.
+    /// Copies a register into another, for the lanes of a mask.
     #[inline(always)]
     pub fn copy(&mut self, to: Reg, from: Reg, mask: Mask<W>) {
         let place = from.0 as usize;
         if mask.is_all() {
             // Straight through registers.
-            self.rows.copy_within(place..place + 1, to.0 as usize);
+            self.registers.copy_within(place..place + 1, to.0 as usize);
             return;
         }
         let source = self[from];
-        let row = &mut self[to];
+        let register = &mut self[to];
         for lane in 0..W {
-            row.0[lane] = if mask.selects(lane) { source.0[lane] } else { row.0[lane] };
+            register.0[lane] = if mask.selects(lane) { source.0[lane] } else { register.0[lane] };
         }
     }
 }
 
-/// The words of one lane in a stretch of rows.
+/// The words of one lane in a stretch of registers.
 #[derive(Clone, Debug)]
 pub struct LaneWords<'a, const W: usize> {
-    rows: std::slice::Iter<'a, Lanes<W>>,
+    registers: std::slice::Iter<'a, Lanes<W>>,
     lane: usize,
 }
 
@@ -184,12 +184,12 @@ impl<const W: usize> Iterator for LaneWords<'_, W> {
 
     #[inline]
     fn next(&mut self) -> Option<u32> {
-        self.rows.next().map(|row| row.0[self.lane])
+        self.registers.next().map(|register| register.0[self.lane])
     }
 
     #[inline]
     fn size_hint(&self) -> (usize, Option<usize>) {
-        self.rows.size_hint()
+        self.registers.size_hint()
     }
 }
 
@@ -199,27 +199,27 @@ impl<const W: usize> Index<Reg> for Registers<W> {
     type Output = Lanes<W>;
     #[inline]
     fn index(&self, reg: Reg) -> &Lanes<W> {
-        &self.rows[reg.0 as usize]
+        &self.registers[reg.0 as usize]
     }
 }
 
 impl<const W: usize> IndexMut<Reg> for Registers<W> {
     #[inline]
     fn index_mut(&mut self, reg: Reg) -> &mut Lanes<W> {
-        &mut self.rows[reg.0 as usize]
+        &mut self.registers[reg.0 as usize]
     }
 }
 
-/// A scalar as it lies in one or two rows.
+/// A scalar as it lies in one or two registers.
 ///
 /// Narrow values lie in the low bits, the rest is zero; a bool is 0 or 1; 64-bit values lie in two
-/// rows, the low word first. What is calculated and no number is always written as one quiet NaN, positive and
+/// registers, the low word first. What is calculated and no number is always written as one quiet NaN, positive and
 /// without a payload: IEEE 754 leaves its bits open, and processors, and compilers that exchange operands,
 /// make different ones.
 pub trait Scalar: Copy {
-    /// Rows taken: 1 or 2.
+    /// Registers taken: 1 or 2.
     const WORDS: u32;
-    /// Reads it; `high` counts for two rows only.
+    /// Reads it; `high` counts for two registers only.
     fn from_words(low: u32, high: u32) -> Self;
     /// Writes it, low word first.
     fn to_words(self) -> (u32, u32);
@@ -279,7 +279,7 @@ scalars! {
         |value| if value.is_nan() { (0, 0x7FF8_0000) } else { value.to_bits().to_words() };
 }
 
-/// Reads one operand's rows: the low words and, for two-row scalars, the high words.
+/// Reads one operand's registers: the low words and, for two-register scalars, the high words.
 #[inline(always)]
 fn operand<const W: usize, A: Scalar>(registers: &Registers<W>, reg: Reg) -> (&Lanes<W>, &Lanes<W>) {
     let low = &registers[reg];
@@ -371,12 +371,13 @@ mod tests {
     }
 
     #[test]
-    fn rows_of_64_lanes_begin_with_a_line() {
+    fn registers_of_64_lanes_begin_with_a_line() {
         // Of several sizes, as memory may happen to be so.
-        for rows in [1, 3, 300, 2000] {
-            let registers = Registers::<64>::new(rows);
+        for count in [1, 3, 300, 2000] {
+            let registers = Registers::<64>::new(count);
             for file in [&registers, &registers.clone()] {
-                assert!((0..rows).all(|row| file[Reg(row as u32)].0.as_ptr().addr().is_multiple_of(64)));
+                let addresses = (0..count).map(|at| file[Reg(at as u32)].0.as_ptr().addr());
+                assert!(addresses.into_iter().all(|address| address.is_multiple_of(64)));
             }
         }
     }

@@ -1,7 +1,7 @@
 //! The state of a running batch of invocations, without any instruction.
 //!
 //! A batch runs one entry point for up to W invocations at once. Everything a shader holds in
-//! Function, Private, Input, payload and attribute storage is a row of the batch's register file:
+//! Function, Private, Input, payload and attribute storage is a register of the batch's register file:
 //! one 32-bit word for each lane. Buffers, images and acceleration structures are shared
 //! [`resource`]s.
 
@@ -27,7 +27,7 @@ pub use batch::{Batch, Frame};
 pub use device_memory::DeviceMemory;
 pub use hit_object::{HitObject, HitObjects};
 pub use invocation::{Hit, Invocation, Invocations, ShaderRecord};
-pub use lanes::{Lanes, Mask, ROW_POINTER, Reg, Registers, Scalar};
+pub use lanes::{Lanes, Mask, REGISTER_POINTER, Reg, Registers, Scalar};
 pub use missed::MissedIndices;
 pub use observe::Observer;
 pub use printed::Printed;

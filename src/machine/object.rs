@@ -1,38 +1,38 @@
 //! What a variable holds by a handle: ray queries and hit objects.
 
-use crate::machine::lanes::{ROW_POINTER, Reg, Registers};
+use crate::machine::lanes::{REGISTER_POINTER, Reg, Registers};
 use crate::machine::trap::TrapCode;
 
 /// Where the handle of a ray query or hit object lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObjectRef {
-    /// In a known row.
-    Row(Reg),
-    /// In the row `first + index[lane]`.
+    /// In a known register.
+    Register(Reg),
+    /// In the register `first + index[lane]`.
     Computed {
-        /// The row for index 0.
+        /// The register for index 0.
         first: Reg,
-        /// The row that holds the index.
+        /// The register that holds the index.
         index: Reg,
     },
 }
 
 impl ObjectRef {
-    /// The row of a lane's handle.
+    /// The register of a lane's handle.
     ///
     /// # Errors
     /// `IndexOutOfBounds`, `NullPointer`
     #[inline]
-    pub fn row<const W: usize>(self, registers: &Registers<W>, lane: usize) -> Result<Reg, TrapCode> {
+    pub fn register<const W: usize>(self, registers: &Registers<W>, lane: usize) -> Result<Reg, TrapCode> {
         match self {
-            Self::Row(reg) => Ok(reg),
+            Self::Register(reg) => Ok(reg),
             Self::Computed { first, index } => {
                 let words = registers[index].0[lane];
-                let row = first.computed(words);
+                let register = first.computed(words);
                 // An index outside its array is the greatest number.
-                if words != u32::MAX && (row.0 as usize) < registers.len() {
-                    Ok(row)
-                } else if first.0 >= ROW_POINTER && words < ROW_POINTER {
+                if words != u32::MAX && (register.0 as usize) < registers.len() {
+                    Ok(register)
+                } else if first.0 >= REGISTER_POINTER && words < REGISTER_POINTER {
                     Err(TrapCode::NullPointer)
                 } else {
                     Err(TrapCode::IndexOutOfBounds)

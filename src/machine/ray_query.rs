@@ -1,6 +1,6 @@
 //! Ray queries: a traversal each, and what its shader may do with it next (Vulkan, "Ray Queries").
 //!
-//! A variable of type `OpTypeRayQueryKHR` is one row that holds a handle: 0 until the query is
+//! A variable of type `OpTypeRayQueryKHR` is one register that holds a handle: 0 until the query is
 //! initialised, then its place in the batch's [`RayQueries`], from 1 on. So arrays of queries, pointers to
 //! them and divergence need nothing of their own, and a copy of the batch copies its queries.
 

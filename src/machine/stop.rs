@@ -15,31 +15,31 @@ pub enum Stop<const W: usize> {
     TraceRay {
         /// The lanes that trace.
         mask: Mask<W>,
-        /// Operand rows in the order of the instruction: acceleration structure (2 words), ray
+        /// Operand registers in the order of the instruction: acceleration structure (2 words), ray
         /// flags, cull mask, SBT offset, SBT stride, miss index, origin (3), t min, direction (3),
         /// t max, time (0 for a trace without motion).
         operands: Reg,
-        /// The rows of the payload variable.
-        payload: Rows,
+        /// The registers of the payload variable.
+        payload: RegSpan,
     },
     /// `OpExecuteCallableKHR`
     ExecuteCallable {
         /// The lanes that call.
         mask: Mask<W>,
-        /// The row of the SBT index.
+        /// The register of the SBT index.
         index: Reg,
-        /// The rows of the callable data variable.
-        data: Rows,
+        /// The registers of the callable data variable.
+        data: RegSpan,
     },
     /// `OpReportIntersectionKHR`
     ReportIntersection {
         /// The lanes that report.
         mask: Mask<W>,
-        /// The row of the hit distance.
+        /// The register of the hit distance.
         t: Reg,
-        /// The row of the hit kind.
+        /// The register of the hit kind.
         hit_kind: Reg,
-        /// The row that takes the answer, a bool.
+        /// The register that takes the answer, a bool.
         accepted: Reg,
     },
     /// `OpControlBarrier` of scope Workgroup
@@ -56,8 +56,8 @@ pub enum Stop<const W: usize> {
         object: ObjectRef,
         /// As of `TraceRay`.
         operands: Reg,
-        /// The rows of the payload variable.
-        payload: Rows,
+        /// The registers of the payload variable.
+        payload: RegSpan,
     },
     /// `OpHitObjectExecuteShaderEXT`
     HitObjectExecute {
@@ -65,8 +65,8 @@ pub enum Stop<const W: usize> {
         mask: Mask<W>,
         /// The hit objects.
         object: ObjectRef,
-        /// The rows of the payload variable.
-        payload: Rows,
+        /// The registers of the payload variable.
+        payload: RegSpan,
     },
     /// `OpHitObjectGetShaderRecordBufferHandleEXT`
     HitObjectRecordHandle {
@@ -74,17 +74,17 @@ pub enum Stop<const W: usize> {
         mask: Mask<W>,
         /// The hit objects.
         object: ObjectRef,
-        /// The two rows that take the device address.
+        /// The two registers that take the device address.
         to: Reg,
     },
     /// The observer asked for a pause before the operation that runs next.
     Paused,
 }
 
-/// A stretch of rows.
+/// A stretch of registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rows {
-    /// The first row.
+pub struct RegSpan {
+    /// The first register.
     pub first: Reg,
     /// How many.
     pub count: u32,

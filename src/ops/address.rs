@@ -166,7 +166,7 @@ fn raw(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Pointer> 
     Ok(Pointer { pointee, index: index_so_far, matrix: None, component_stride: None, ..base })
 }
 
-/// The device address that a pointer into `PhysicalStorageBuffer` is, as the first of two rows.
+/// The device address that a pointer into `PhysicalStorageBuffer` is, as the first of two registers.
 pub fn address(decoder: &mut Decoder<'_>, pointer: &Pointer, base: Reg) -> Result<Reg> {
     if pointer.offset == 0 && pointer.index.is_none() {
         return Ok(base);
@@ -197,7 +197,7 @@ fn pointer_class(decoder: &Decoder<'_>, id: Id) -> Result<u32> {
     }
 }
 
-/// What lies between the elements that a pointer steps over: bytes in buffers, words in rows,
+/// What lies between the elements that a pointer steps over: bytes in buffers, words in registers,
 /// descriptors in arrays of them. `untold` gives it for a buffer where the pointer's type does not.
 fn stride(
     decoder: &mut Decoder<'_>,

@@ -12,7 +12,7 @@ use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::IAdd;
 use crate::ops::bit::{BitCount, BitwiseAnd, BitwiseOr, BitwiseXor};
 use crate::ops::builtin;
-use crate::ops::decode::{Decoder, InputRows, Words, rows_from};
+use crate::ops::decode::{Decoder, InputRegisters, Words, registers_from};
 use crate::ops::glsl::{FMax, FMin, SMax, SMin, UMax, UMin};
 use crate::ops::lane_kernel::OpFamily;
 use crate::ops::relational_logical::{IEqual, select::SelectWord};
@@ -104,7 +104,7 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
             let offset = decoder.emit_family(&BitwiseAnd, 32, &[offset, three])?;
             let source = decoder.emit_family(&IAdd, 32, &[quad, offset])?;
             let to = subgroup::read_at(decoder, From::At, first, count, source)?;
-            decoder.result(instruction, rows_from(to, count));
+            decoder.result(instruction, registers_from(to, count));
         }
         // SwizzleInvocationsMaskedAMD: within 32, ((place & x) | y) ^ z.
         2 => {
@@ -121,7 +121,7 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
             let group = decoder.emit_family(&BitwiseAnd, 32, &[own, high])?;
             let source = decoder.emit_family(&IAdd, 32, &[group, xor])?;
             let to = subgroup::read_at(decoder, From::At, first, count, source)?;
-            decoder.result(instruction, rows_from(to, count));
+            decoder.result(instruction, registers_from(to, count));
         }
         // WriteInvocationAMD: another value for one place.
         3 => {
@@ -138,7 +138,7 @@ fn ballot(decoder: &mut Decoder<'_>, number: u32, instruction: &Instruction) -> 
                 words.push(decoder.emit_kernel(&SelectWord.kernels[0], &[here, after, before])?);
             }
             let first = decoder.consecutive(&words)?;
-            decoder.result(instruction, rows_from(first, words.len() as u32));
+            decoder.result(instruction, registers_from(first, words.len() as u32));
         }
         // MbcntAMD: the bits of a mask below the own place.
         4 => {
@@ -172,7 +172,7 @@ fn place(decoder: &mut Decoder<'_>) -> Result<Reg> {
     input(decoder, "SubgroupLocalInvocationId", 1)
 }
 
-/// Rows of a builtin that the shader need not declare.
+/// Registers of a builtin that the shader need not declare.
 fn input(decoder: &mut Decoder<'_>, name: &str, count: u32) -> Result<Reg> {
     let builtin = builtin::find_by_name(name).expect("bug in anyhit: a builtin is missing");
     let known = decoder.inputs.iter().find(|input| input.builtin.name == name && input.count == count);
@@ -180,6 +180,6 @@ fn input(decoder: &mut Decoder<'_>, name: &str, count: u32) -> Result<Reg> {
         return Ok(known.first);
     }
     let first = decoder.fresh(count)?;
-    decoder.inputs.push(InputRows { builtin, first, count });
+    decoder.inputs.push(InputRegisters { builtin, first, count });
     Ok(first)
 }

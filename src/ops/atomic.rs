@@ -20,10 +20,10 @@ use crate::error::Result;
 use crate::machine::{Batch, Bindings, Mask, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::decode::{Decoder, Words, rows_from};
+use crate::ops::decode::{Decoder, Words, registers_from};
 use crate::ops::image::access::TexelPlace;
 use crate::ops::image::reader::Reader;
-use crate::ops::memory::{BufferRef, Chunk, computed_row, each_access, trap};
+use crate::ops::memory::{BufferRef, Chunk, computed_register, each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Place, Pointer};
 
@@ -115,12 +115,12 @@ impl Update {
 pub enum Target {
     /// In a buffer.
     Buffer(Chunk),
-    /// In rows of the lane itself, from `first` (plus a computed number) on.
-    Rows {
-        /// The first row.
+    /// In registers of the lane itself, from `first` (plus a computed number) on.
+    Registers {
+        /// The first register.
         first: Reg,
-        /// A row that holds a further number of rows, lane by lane.
-        row: Option<Reg>,
+        /// A register that holds a further number of registers, lane by lane.
+        index: Option<Reg>,
     },
     /// A texel of so many components as the vector has, each as wide as the scalar.
     Texel(Box<TexelPlace>),
@@ -137,11 +137,11 @@ pub struct Op {
     pub component: (u32, u32),
     /// Where the value lies.
     pub target: Target,
-    /// The first row that takes the value that was there before.
+    /// The first register that takes the value that was there before.
     pub to: Reg,
-    /// The first row of the operand.
+    /// The first register of the operand.
     pub value: Reg,
-    /// The first row of the comparator.
+    /// The first register of the comparator.
     pub comparator: Reg,
 }
 
@@ -160,11 +160,11 @@ impl Op {
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         match &self.target {
             Target::Buffer(chunk) => chunk.accesses(visit),
-            Target::Texel(place) => place.rows().for_each(|reg| visit(Access::Read(reg, 1))),
-            &Target::Rows { first, row } => {
-                // A computed row's whole variable is told to the decoder as addressed.
-                if let Some(row) = row {
-                    visit(Access::Read(row, 1));
+            Target::Texel(place) => place.registers().for_each(|reg| visit(Access::Read(reg, 1))),
+            &Target::Registers { first, index } => {
+                // A computed register's whole variable is told to the decoder as addressed.
+                if let Some(index) = index {
+                    visit(Access::Read(index, 1));
                 } else {
                     visit(Access::Read(first, self.words()));
                     visit(Access::Write(first, self.words()));
@@ -180,7 +180,7 @@ impl Op {
     /// Whether what a launch leaves behind depends on the order in which invocations come here;
     /// `used` says whether something reads the value returned.
     pub fn order_dependent(&self, used: bool) -> bool {
-        if let Target::Rows { .. } = self.target {
+        if let Target::Registers { .. } = self.target {
             return false;
         }
         match self.kind {
@@ -217,10 +217,10 @@ impl Op {
                     }
                 }
             }
-            &Target::Rows { first, row } => {
+            &Target::Registers { first, index } => {
                 for lane in batch.mask.lanes() {
-                    let row = row.map_or(0, |row| batch.registers[row].0[lane]);
-                    let at = match computed_row(&batch.registers, first, row, self.words()) {
+                    let index = index.map_or(0, |index| batch.registers[index].0[lane]);
+                    let at = match computed_register(&batch.registers, first, index, self.words()) {
                         Ok(at) => at,
                         Err(code) => {
                             trap(batch, Mask::lane(lane), code);
@@ -406,7 +406,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     };
     let target = target(decoder, &pointer, width, 1)?;
     let to = emit(decoder, (kind, width, (0, 1)), target, (value, comparator))?;
-    let words = rows_from(to, width.div_ceil(32));
+    let words = registers_from(to, width.div_ceil(32));
     decoder.result(instruction, SmallVec::from_slice(&words));
     Ok(true)
 }
@@ -419,7 +419,7 @@ fn emit(
     (value, comparator): (Reg, Reg),
 ) -> Result<Reg> {
     let to = decoder.fresh(width.div_ceil(32))?;
-    if let Target::Rows { .. } = target {
+    if let Target::Registers { .. } = target {
         decoder.forget();
     }
     let op = Op { kind, width, component, target, to, value, comparator };
@@ -479,7 +479,7 @@ fn components(
     Ok(())
 }
 
-/// The first row of an operand that must be a scalar of a width.
+/// The first register of an operand that must be a scalar of a width.
 fn scalar(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize, width: u32) -> Result<Reg> {
     let words = decoder.operand(instruction, at)?;
     match words.first() {
@@ -499,15 +499,17 @@ fn target(decoder: &mut Decoder<'_>, pointer: &Pointer, width: u32, count: u32) 
             let (offset, index) = (pointer.offset, pointer.index);
             Ok(Target::Buffer(Chunk { buffer, offset, index, width: part, count, alignment: 1 }))
         }
-        Place::Rows { constant: true, .. } => Err(decoder.invalid("an atomic on an input variable")),
-        Place::Rows { first, .. } => {
+        Place::Registers { constant: true, .. } => Err(decoder.invalid("an atomic on an input variable")),
+        Place::Registers { first, .. } => {
             let first = first.plus(pointer.offset);
             if pointer.index.is_some() {
                 decoder.addressed.push((first, width.div_ceil(32)));
             }
-            Ok(Target::Rows { first, row: pointer.index })
+            Ok(Target::Registers { first, index: pointer.index })
         }
-        Place::ComputedRows => Ok(Target::Rows { first: pointer.pointed_rows(), row: pointer.index }),
+        Place::ComputedRegisters => {
+            Ok(Target::Registers { first: pointer.pointed_registers(), index: pointer.index })
+        }
         Place::Descriptors { .. } => Err(decoder.invalid("an atomic instruction on a descriptor")),
     }
 }

@@ -3,7 +3,7 @@
 use crate::accel::{HitKind, Primitive, Tlas};
 use crate::error::Result;
 use crate::geometry::ObjectRay;
-use crate::machine::invocation::{HitOf, InvocationRow as Row, Invocations, One};
+use crate::machine::invocation::{HitOf, InvocationField as Field, Invocations, One};
 use crate::machine::{Lanes, Mask};
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
@@ -30,28 +30,28 @@ pub struct Builtin {
 /// How a builtin is read from the invocations of a batch. Words are 0 where nothing writes them.
 #[derive(Clone, Copy)]
 pub enum Read {
-    /// Rows as they lie.
-    Rows(&'static [Row]),
+    /// Fields as they lie.
+    Fields(&'static [Field]),
     /// The words that all of them have, from one of them.
     Same(fn(&One<'_>, &mut [u32])),
     /// The words of one of them.
     Each(fn(&One<'_>, &mut [u32])),
     /// The words of an instance at a time.
     Placed(fn(&Tlas, u32, f32, &mut [u32])),
-    /// The words of one of them, where all hit one instance that stands in the world as it is: rows as they
+    /// The words of one of them, where all hit one instance that stands in the world as it is: fields as they
     /// lie.
-    Ray(&'static [Row], fn(&One<'_>, &mut [u32])),
+    Ray(&'static [Field], fn(&One<'_>, &mut [u32])),
 }
 
 impl Read {
-    /// Reads it for the lanes of a mask, into its rows.
+    /// Reads it for the lanes of a mask, into its registers.
     pub fn read<const W: usize>(self, from: &Invocations<W>, mask: Mask<W>, to: &mut [Lanes<W>]) {
         let Some(first) = mask.lowest() else { return };
         let mut space = [0; 12];
         let words = &mut space[..to.len()];
         match self {
-            Self::Rows(rows) => copy(to, from, rows),
-            Self::Ray(rows, _) if is_in_world(from, mask, first) => copy(to, from, rows),
+            Self::Fields(fields) => copy(to, from, fields),
+            Self::Ray(fields, _) if is_in_world(from, mask, first) => copy(to, from, fields),
             Self::Same(read) => {
                 read(&from.one(first), words);
                 splat(to, words);
@@ -65,8 +65,8 @@ impl Read {
             }
             Self::Placed(read) => {
                 let key = |lane: usize| {
-                    let rows = [&from.hits.instance, from.structures.numbers(), &from.rays.time];
-                    rows.map(|row| row.0[lane])
+                    let lanes = [&from.hits.instance, from.structures.numbers(), &from.rays.time];
+                    lanes.map(|lanes| lanes.0[lane])
                 };
                 let mut known = None;
                 let mut read_at = |lane: usize, words: &mut [u32]| {
@@ -95,7 +95,7 @@ impl Read {
 
 /// Whether the lanes of a mask, of which the first is given, hit the same instance.
 fn same_instance<const W: usize>(from: &Invocations<W>, mask: Mask<W>, first: usize) -> bool {
-    let same = |row: &Lanes<W>| Mask::equal(row, row.0[first]).covers(mask);
+    let same = |lanes: &Lanes<W>| Mask::equal(lanes, lanes.0[first]).covers(mask);
     same(&from.hits.instance) && same(from.structures.numbers())
 }
 
@@ -105,20 +105,20 @@ fn is_in_world<const W: usize>(from: &Invocations<W>, mask: Mask<W>, first: usiz
     is_identity && same_instance(from, mask, first)
 }
 
-/// Copies rows as they lie.
-fn copy<const W: usize>(to: &mut [Lanes<W>], from: &Invocations<W>, rows: &[Row]) {
-    to.iter_mut().zip(rows).for_each(|(to, &row)| *to = *from.row(row));
+/// Copies fields as they lie.
+fn copy<const W: usize>(to: &mut [Lanes<W>], from: &Invocations<W>, fields: &[Field]) {
+    to.iter_mut().zip(fields).for_each(|(to, &field)| *to = *from.field(field));
 }
 
 /// Sets the words of all lanes.
-fn splat<const W: usize>(rows: &mut [Lanes<W>], words: &[u32]) {
-    rows.iter_mut().zip(words).for_each(|(row, &word)| *row = Lanes::splat(word));
+fn splat<const W: usize>(registers: &mut [Lanes<W>], words: &[u32]) {
+    registers.iter_mut().zip(words).for_each(|(register, &word)| *register = Lanes::splat(word));
 }
 
 /// Sets the words of a lane.
 #[inline]
-fn set<const W: usize>(rows: &mut [Lanes<W>], lane: usize, words: &[u32]) {
-    rows.iter_mut().zip(words).for_each(|(row, &word)| row.0[lane] = word);
+fn set<const W: usize>(registers: &mut [Lanes<W>], lane: usize, words: &[u32]) {
+    registers.iter_mut().zip(words).for_each(|(register, &word)| register.0[lane] = word);
 }
 
 impl std::fmt::Debug for Builtin {
@@ -229,11 +229,11 @@ macro_rules! builtins {
     };
     (@) => { false };
     (@ volatile) => { true };
-    (# rows [$($row:expr),*]) => { Read::Rows(&[$($row),*]) };
+    (# fields [$($field:expr),*]) => { Read::Fields(&[$($field),*]) };
     (# same (|$from:ident, $to:ident| $read:expr)) => { Read::Same(|$from, $to| { $read; }) };
     (# each (|$from:ident, $to:ident| $read:expr)) => { Read::Each(|$from, $to| { $read; }) };
-    (# ray ([$($row:expr),*] |$from:ident, $to:ident| $read:expr)) => {
-        Read::Ray(&[$($row),*], |$from, $to| { $read; })
+    (# ray ([$($field:expr),*] |$from:ident, $to:ident| $read:expr)) => {
+        Read::Ray(&[$($field),*], |$from, $to| { $read; })
     };
     (# placed (|$tlas:ident, $instance:ident, $time:ident, $to:ident| $read:expr)) => {
         Read::Placed(|$tlas, $instance, $time, $to| $read)
@@ -242,9 +242,9 @@ macro_rules! builtins {
 
 builtins! {
     InstanceId 6 Int "IAC" ["InstanceId-InstanceId-04254" "InstanceId-InstanceId-04255" "InstanceId-InstanceId-04256"]
-        = rows [Row::Instance];
+        = fields [Field::Instance];
     PrimitiveId 7 Int "IAC" ["PrimitiveId-PrimitiveId-04330" "PrimitiveId-PrimitiveId-04334" "PrimitiveId-PrimitiveId-04337"]
-        = rows [Row::Primitive];
+        = fields [Field::Primitive];
     NumWorkgroups 24 Int3 "G" ["NumWorkgroups-NumWorkgroups-04296" "NumWorkgroups-NumWorkgroups-04297" "NumWorkgroups-NumWorkgroups-04298"]
         = same (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.count) });
     WorkgroupSize 25 Int3 "G" ["WorkgroupSize-WorkgroupSize-04425" "WorkgroupSize-WorkgroupSize-04426" "WorkgroupSize-WorkgroupSize-04427"]
@@ -254,9 +254,9 @@ builtins! {
     LocalInvocationId 27 Int3 "G" ["LocalInvocationId-LocalInvocationId-04281" "LocalInvocationId-LocalInvocationId-04282" "LocalInvocationId-LocalInvocationId-04283"]
         = each (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.local_id(from.local_index)) });
     GlobalInvocationId 28 Int3 "G" ["GlobalInvocationId-GlobalInvocationId-04236" "GlobalInvocationId-GlobalInvocationId-04237" "GlobalInvocationId-GlobalInvocationId-04238"]
-        = rows [Row::LaunchId(0), Row::LaunchId(1), Row::LaunchId(2)];
+        = fields [Field::LaunchId(0), Field::LaunchId(1), Field::LaunchId(2)];
     LocalInvocationIndex 29 Int "G" ["LocalInvocationIndex-LocalInvocationIndex-04284" "LocalInvocationIndex-LocalInvocationIndex-04285" "LocalInvocationIndex-LocalInvocationIndex-04286"]
-        = rows [Row::LocalIndex];
+        = fields [Field::LocalIndex];
     SubgroupSize 36 Int "RIACMKG" ["SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04383"]
         = same (|from, to| to[0] = from.subgroup_size);
     NumSubgroups 38 Int "G" ["NumSubgroups-NumSubgroups-04293" "NumSubgroups-NumSubgroups-04294" "NumSubgroups-NumSubgroups-04295"]
@@ -288,23 +288,23 @@ builtins! {
     DeviceIndex 4438 Int "RIACMKG" ["DeviceIndex-DeviceIndex-04205" "DeviceIndex-DeviceIndex-04205" "DeviceIndex-DeviceIndex-04206"]
         = same (|_from, to| to[0] = 0);
     LaunchIdKHR 5319 Int3 "RIACMK" ["LaunchIdKHR-LaunchIdKHR-04266" "LaunchIdKHR-LaunchIdKHR-04267" "LaunchIdKHR-LaunchIdKHR-04268"]
-        = rows [Row::LaunchId(0), Row::LaunchId(1), Row::LaunchId(2)];
+        = fields [Field::LaunchId(0), Field::LaunchId(1), Field::LaunchId(2)];
     LaunchSizeKHR 5320 Int3 "RIACMK" ["LaunchSizeKHR-LaunchSizeKHR-04269" "LaunchSizeKHR-LaunchSizeKHR-04270" "LaunchSizeKHR-LaunchSizeKHR-04271"]
         = same (|from, to| to.copy_from_slice(&from.launch_size));
     WorldRayOriginKHR 5321 Float3 "IACM" ["WorldRayOriginKHR-WorldRayOriginKHR-04431" "WorldRayOriginKHR-WorldRayOriginKHR-04432" "WorldRayOriginKHR-WorldRayOriginKHR-04433"]
-        = rows [Row::Origin(0), Row::Origin(1), Row::Origin(2)];
+        = fields [Field::Origin(0), Field::Origin(1), Field::Origin(2)];
     WorldRayDirectionKHR 5322 Float3 "IACM" ["WorldRayDirectionKHR-WorldRayDirectionKHR-04428" "WorldRayDirectionKHR-WorldRayDirectionKHR-04429" "WorldRayDirectionKHR-WorldRayDirectionKHR-04430"]
-        = rows [Row::Direction(0), Row::Direction(1), Row::Direction(2)];
+        = fields [Field::Direction(0), Field::Direction(1), Field::Direction(2)];
     ObjectRayOriginKHR 5323 Float3 "IAC" ["ObjectRayOriginKHR-ObjectRayOriginKHR-04302" "ObjectRayOriginKHR-ObjectRayOriginKHR-04303" "ObjectRayOriginKHR-ObjectRayOriginKHR-04304"]
-        = ray ([Row::Origin(0), Row::Origin(1), Row::Origin(2)]
+        = ray ([Field::Origin(0), Field::Origin(1), Field::Origin(2)]
             |from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_origin_f32())));
     ObjectRayDirectionKHR 5324 Float3 "IAC" ["ObjectRayDirectionKHR-ObjectRayDirectionKHR-04299" "ObjectRayDirectionKHR-ObjectRayDirectionKHR-04300" "ObjectRayDirectionKHR-ObjectRayDirectionKHR-04301"]
-        = ray ([Row::Direction(0), Row::Direction(1), Row::Direction(2)]
+        = ray ([Field::Direction(0), Field::Direction(1), Field::Direction(2)]
             |from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_direction_f32())));
     RayTminKHR 5325 Float "IACM" ["RayTminKHR-RayTminKHR-04351" "RayTminKHR-RayTminKHR-04352" "RayTminKHR-RayTminKHR-04353"]
-        = rows [Row::TMin];
+        = fields [Field::TMin];
     RayTmaxKHR 5326 Float "IACM" ["RayTmaxKHR-RayTmaxKHR-04348" "RayTmaxKHR-RayTmaxKHR-04349" "RayTmaxKHR-RayTmaxKHR-04350"] volatile
-        = rows [Row::TMax];
+        = fields [Field::TMax];
     InstanceCustomIndexKHR 5327 Int "IAC" ["InstanceCustomIndexKHR-InstanceCustomIndexKHR-04251" "InstanceCustomIndexKHR-InstanceCustomIndexKHR-04252" "InstanceCustomIndexKHR-InstanceCustomIndexKHR-04253"]
         = each (|from, to| to[0] = hit(from).map_or(0, |hit| hit.instance().custom_index));
     ObjectToWorldKHR 5330 Matrix4x3 "IAC" ["ObjectToWorldKHR-ObjectToWorldKHR-04305" "ObjectToWorldKHR-ObjectToWorldKHR-04306" "ObjectToWorldKHR-ObjectToWorldKHR-04307"]
@@ -312,17 +312,17 @@ builtins! {
     WorldToObjectKHR 5331 Matrix4x3 "IAC" ["WorldToObjectKHR-WorldToObjectKHR-04434" "WorldToObjectKHR-WorldToObjectKHR-04435" "WorldToObjectKHR-WorldToObjectKHR-04436"]
         = placed (|tlas, instance, time, to| columns(to, &tlas.world_to_object(instance, time)));
     HitTNV 5332 Float "AC" ["HitTNV-HitTNV-04245" "HitTNV-HitTNV-04246" "HitTNV-HitTNV-04247"]
-        = rows [Row::TMax];
+        = fields [Field::TMax];
     HitKindKHR 5333 Int "AC" ["HitKindKHR-HitKindKHR-04242" "HitKindKHR-HitKindKHR-04243" "HitKindKHR-HitKindKHR-04244"]
-        = rows [Row::Kind];
+        = fields [Field::Kind];
     CurrentRayTimeNV 5334 Float "IACM" ["CurrentRayTimeNV-CurrentRayTimeNV-04942" "CurrentRayTimeNV-CurrentRayTimeNV-04943" "CurrentRayTimeNV-CurrentRayTimeNV-04944"]
-        = rows [Row::Time];
+        = fields [Field::Time];
     HitTriangleVertexPositionsKHR 5335 Float3Array3 "AC" ["HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08747" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08748" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08749"]
         = each (|from, to| if let Some(positions) = hit(from).and_then(|hit| hit.triangle(from.time())) { floats(to, positions.as_flattened()) });
     IncomingRayFlagsKHR 5351 Int "IACM" ["IncomingRayFlagsKHR-IncomingRayFlagsKHR-04248" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04249" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04250"]
-        = rows [Row::Flags];
+        = fields [Field::Flags];
     RayGeometryIndexKHR 5352 Int "IAC" ["RayGeometryIndexKHR-RayGeometryIndexKHR-04345" "RayGeometryIndexKHR-RayGeometryIndexKHR-04346" "RayGeometryIndexKHR-RayGeometryIndexKHR-04347"]
-        = rows [Row::Geometry];
+        = fields [Field::Geometry];
     HitIsSphereNV 5359 Bool "AC" ["HitIsSphereNV-HitIsSphereNV-10513" "HitIsSphereNV-HitIsSphereNV-10514" "HitIsSphereNV-HitIsSphereNV-10515"]
         = each (|from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::SPHERE)));
     HitIsLSSNV 5360 Bool "AC" ["HitIsLSSNV-HitIsLSSNV-10516" "HitIsLSSNV-HitIsLSSNV-10517" "HitIsLSSNV-HitIsLSSNV-10518"]
@@ -346,7 +346,7 @@ builtins! {
     ClusterIDNV 5436 Int "AC" ["ClusterIDNV-ClusterIDNV-10531" "ClusterIDNV-ClusterIDNV-10532" "ClusterIDNV-ClusterIDNV-10533"]
         = each (|from, to| to[0] = hit(from).map_or(u32::MAX, |hit| hit.cluster_id()));
     CullMaskKHR 6021 Int "IACM" ["CullMaskKHR-CullMaskKHR-06735" "CullMaskKHR-CullMaskKHR-06736" "CullMaskKHR-CullMaskKHR-06737"]
-        = rows [Row::CullMask];
+        = fields [Field::CullMask];
 }
 
 /// The builtin with a number.
@@ -500,9 +500,9 @@ mod tests {
     fn read_one<const WORDS: usize>(name: &str, invocation: Invocation) -> [u32; WORDS] {
         let mut invocations = Invocations::<8>::new();
         invocations.set(2, invocation);
-        let mut rows = [Lanes([0; 8]); WORDS];
-        find_by_name(name).unwrap().read.read(&invocations, Mask::lane(2), &mut rows);
-        rows.map(|row| row.0[2])
+        let mut registers = [Lanes([0; 8]); WORDS];
+        find_by_name(name).unwrap().read.read(&invocations, Mask::lane(2), &mut registers);
+        registers.map(|register| register.0[2])
     }
 
     #[test]

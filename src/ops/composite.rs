@@ -1,4 +1,4 @@
-//! Composite instructions (SPIR-V 3.3.12), `OpSelect`, copies and undefined values: lists of rows
+//! Composite instructions (SPIR-V 3.3.12), `OpSelect`, copies and undefined values: lists of registers
 //! rearranged; only an index that is computed needs an operation.
 
 use rspirv::spirv::Op as Opcode;
@@ -9,7 +9,7 @@ use crate::machine::Reg;
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::address;
-use crate::ops::decode::{Decoder, Words, rows_from};
+use crate::ops::decode::{Decoder, Words, registers_from};
 use crate::ops::integer_operand::Reading;
 use crate::ops::linear_algebra;
 use crate::ops::memory::{self, Length};
@@ -109,10 +109,10 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             let each = words.len() as u32 / count.max(1);
             let first = decoder.consecutive(&words)?;
             decoder.addressed.push((first, words.len() as u32));
-            let row = scaled(decoder, index, each, count)?;
+            let index = scaled(decoder, index, each, count)?;
             let to = decoder.fresh(each)?;
-            decoder.emit(Op::Memory(memory::Op::Gather { to, count: each, first, row }));
-            decoder.result(instruction, rows_from(to, each));
+            decoder.emit(Op::Memory(memory::Op::Gather { to, count: each, first, index }));
+            decoder.result(instruction, registers_from(to, each));
         }
         Opcode::VectorInsertDynamic => {
             let vector = decoder.id(instruction, 0)?;
@@ -126,10 +126,10 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 decoder.emit(Op::Memory(memory::Op::Move { to: to.plus(at as u32), from }));
             }
             decoder.addressed.push((to, words.len() as u32));
-            let row = scaled(decoder, index, each, count)?;
+            let index = scaled(decoder, index, each, count)?;
             let from = decoder.consecutive(&component)?;
-            decoder.emit(Op::Memory(memory::Op::Scatter { from, count: each, first: to, row }));
-            decoder.result(instruction, rows_from(to, words.len() as u32));
+            decoder.emit(Op::Memory(memory::Op::Scatter { from, count: each, first: to, index }));
+            decoder.result(instruction, registers_from(to, words.len() as u32));
         }
         Opcode::Transpose => {
             let matrix = decoder.id(instruction, 0)?;
@@ -194,7 +194,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             if !folded && condition.len() > 1 {
                 // Known and computed conditions may be mixed: keep the words of a pair together.
                 let start = decoder.consecutive(&words)?;
-                words = rows_from(start, words.len() as u32);
+                words = registers_from(start, words.len() as u32);
             }
             decoder.result(instruction, words);
         }
@@ -208,7 +208,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
 }
 
 impl Decoder<'_> {
-    /// The rows of an operand that is a bool or a vector of bools.
+    /// The registers of an operand that is a bool or a vector of bools.
     fn components_of_bool(&mut self, instruction: &Instruction, at: usize) -> Result<Words> {
         let id = self.id(instruction, at)?;
         let words = self.words(id)?;
@@ -239,7 +239,7 @@ pub fn replicate(decoder: &mut Decoder<'_>, ty: TypeId, part: crate::module::Id)
     Ok(words.iter().copied().cycle().take(count).collect())
 }
 
-/// The first row of each component of each column of a matrix.
+/// The first register of each component of each column of a matrix.
 pub fn columns(decoder: &mut Decoder<'_>, matrix: crate::module::Id) -> Result<Vec<Words>> {
     let ty = decoder.type_of(matrix)?;
     let Type::Matrix { column, count } = *decoder.module.ty(ty) else {
@@ -336,7 +336,7 @@ fn check_count(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &Wor
     Ok(())
 }
 
-/// The row offset of a component.
+/// The register offset of a component.
 fn scaled(decoder: &mut Decoder<'_>, index: crate::module::Id, stride: u32, count: u32) -> Result<Reg> {
     let index = decoder.integer(index, Reading::Index)?;
     let to = decoder.fresh(1)?;

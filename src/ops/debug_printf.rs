@@ -39,7 +39,7 @@ pub enum Argument {
     Numbers {
         /// The type of a component.
         scalar: Scalar,
-        /// The first row of each component.
+        /// The first register of each component.
         components: Vec<Reg>,
     },
     /// An `OpString`.

@@ -1,7 +1,7 @@
-//! From an instruction of a module to operations on rows.
+//! From an instruction of a module to operations on registers.
 //!
-//! A [`Decoder`] holds what is known of each id: the rows of its words, or where a pointer leads.
-//! Composites vanish here: extracting, inserting and shuffling only rearrange the list of rows.
+//! A [`Decoder`] holds what is known of each id: the registers of its words, or where a pointer leads.
+//! Composites vanish here: extracting, inserting and shuffling only rearrange the list of registers.
 
 mod values;
 mod words;
@@ -9,7 +9,7 @@ mod words;
 use rustc_hash::FxHashMap;
 
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::machine::{Binding, Reg, Registers};
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
@@ -20,7 +20,7 @@ use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::memory::{self, Pointer};
 use crate::ops::op::Op;
 use crate::ops::pointer_layout::{self, ends_in_matrix};
-pub use values::{Value, Words, rows_from};
+pub use values::{Value, Words, registers_from};
 use values::{Values, words_from};
 
 /// A descriptor binding that a program uses.
@@ -32,38 +32,38 @@ pub struct Slot {
     pub name: String,
 }
 
-/// Rows that a variable of the entry point's interface takes.
+/// Registers that a variable of the entry point's interface takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct InterfaceRows {
+pub struct InterfaceRegisters {
     /// The variable.
     pub variable: Id,
     /// Its storage class.
     pub storage_class: u32,
     /// The pointee.
     pub ty: TypeId,
-    /// The first row.
+    /// The first register.
     pub first: Reg,
-    /// How many rows.
+    /// How many registers.
     pub count: u32,
     /// Of payloads and callable data, a fingerprint of their scalars; see [`Decoder::scalars`].
     pub scalars: u64,
 }
 
-impl InterfaceRows {
-    /// The rows alone.
-    pub fn rows(&self) -> Rows {
-        Rows { first: self.first, count: self.count }
+impl InterfaceRegisters {
+    /// The registers alone.
+    pub fn span(&self) -> RegSpan {
+        RegSpan { first: self.first, count: self.count }
     }
 }
 
 /// A builtin that a program reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct InputRows {
+pub struct InputRegisters {
     /// Which.
     pub builtin: &'static Builtin,
-    /// The first row.
+    /// The first register.
     pub first: Reg,
-    /// How many rows.
+    /// How many registers.
     pub count: u32,
 }
 
@@ -76,8 +76,8 @@ pub struct Origin {
     pub scope: u32,
 }
 
-/// More rows than a program may have: 4 MiB a lane.
-const MAX_ROWS: u32 = 1 << 20;
+/// More registers than a program may have: 4 MiB a lane.
+const MAX_REGISTERS: u32 = 1 << 20;
 
 /// Turns instructions into operations; see the module's text.
 pub struct Decoder<'m> {
@@ -96,10 +96,10 @@ pub struct Decoder<'m> {
     /// The descriptor bindings used.
     pub slots: Vec<Slot>,
     /// The builtins read.
-    pub inputs: Vec<InputRows>,
-    /// The rows of interface variables.
-    pub interface: Vec<InterfaceRows>,
-    /// Rows that are reached through a computed row number.
+    pub inputs: Vec<InputRegisters>,
+    /// The registers of interface variables.
+    pub interface: Vec<InterfaceRegisters>,
+    /// Registers that are reached through a computed register number.
     pub addressed: Vec<(Reg, u32)>,
     /// Bytes of workgroup memory so far.
     pub workgroup_size: u32,
@@ -113,19 +113,19 @@ pub struct Decoder<'m> {
     pub optimizes: bool,
     /// The constant that says whether its ray queries look at opacity micromaps (`OpacityMicromapIdKHR`).
     pub micromap_mode: Option<Id>,
-    /// Rows of variables, which begin as zeros.
+    /// Registers of variables, which begin as zeros.
     pub variables: Vec<(Reg, u32)>,
-    /// The rows that count the instructions of the shader, where it reads its clock.
+    /// The registers that count the instructions of the shader, where it reads its clock.
     clock: Option<Reg>,
     /// Instructions since the clock was set last.
     ticks: u32,
     values: Values,
-    rows: u32,
+    registers: u32,
     constants: FxHashMap<u32, Reg>,
     wide_constants: FxHashMap<u64, Reg>,
-    /// By row: the word of a constant.
+    /// By register: the word of a constant.
     words: Vec<Option<u32>>,
-    /// By variable's row: another row in which its current value stands, known since a time.
+    /// By variable's register: another register in which its current value stands, known since a time.
     known: Vec<(u32, Reg)>,
     /// What is known of variables since another time counts no more.
     time: u32,
@@ -133,7 +133,7 @@ pub struct Decoder<'m> {
     word_counts: Vec<Option<u32>>,
     /// Whether a constant of the module is decoded.
     pub(super) in_constant: bool,
-    /// Rows in which operations on constants run: two of the result, and two of each operand.
+    /// Registers in which operations on constants run: two of the result, and two of each operand.
     folding: Registers<1>,
 }
 
@@ -160,7 +160,7 @@ impl<'m> Decoder<'m> {
             clock: None,
             ticks: 0,
             values: Values::new(module),
-            rows: 0,
+            registers: 0,
             constants: FxHashMap::default(),
             wide_constants: FxHashMap::default(),
             words: Vec::new(),
@@ -172,14 +172,14 @@ impl<'m> Decoder<'m> {
         }
     }
 
-    /// How many rows there are so far.
-    pub fn row_count(&self) -> u32 {
-        self.rows
+    /// How many registers there are so far.
+    pub fn register_count(&self) -> u32 {
+        self.registers
     }
 
-    /// The rows of constants with their words, ascending.
-    pub fn constant_rows(&self) -> impl Iterator<Item = (Reg, u32)> {
-        (0..).zip(&self.words).filter_map(|(row, word)| Some((Reg(row), (*word)?)))
+    /// The registers of constants with their words, ascending.
+    pub fn constant_registers(&self) -> impl Iterator<Item = (Reg, u32)> {
+        (0..).zip(&self.words).filter_map(|(register, word)| Some((Reg(register), (*word)?)))
     }
 
     /// Counts an instruction, for `OpReadClockKHR`.
@@ -263,12 +263,12 @@ impl<'m> Decoder<'m> {
         self.error(ErrorKind::UnsupportedModule, message)
     }
 
-    /// New consecutive rows.
+    /// New consecutive registers.
     pub fn fresh(&mut self, count: u32) -> Result<Reg> {
-        let first = Reg(self.rows);
-        self.rows = self.rows.saturating_add(count);
-        if self.rows > MAX_ROWS {
-            let limit = MAX_ROWS * 4 / (1 << 20);
+        let first = Reg(self.registers);
+        self.registers = self.registers.saturating_add(count);
+        if self.registers > MAX_REGISTERS {
+            let limit = MAX_REGISTERS * 4 / (1 << 20);
             return Err(
                 self.unsupported(format!("variables and values of this shader need over {limit} MiB a lane"))
             );
@@ -276,9 +276,9 @@ impl<'m> Decoder<'m> {
         Ok(first)
     }
 
-    /// New consecutive rows as a list.
+    /// New consecutive registers as a list.
     pub fn fresh_words(&mut self, count: u32) -> Result<Words> {
-        Ok(rows_from(self.fresh(count)?, count))
+        Ok(registers_from(self.fresh(count)?, count))
     }
 
     /// Appends an operation.
@@ -287,7 +287,7 @@ impl<'m> Decoder<'m> {
         self.origins.push(self.origin);
     }
 
-    /// The row that always holds a word.
+    /// The register that always holds a word.
     pub fn constant(&mut self, word: u32) -> Result<Reg> {
         if let Some(&reg) = self.constants.get(&word) {
             return Ok(reg);
@@ -303,7 +303,7 @@ impl<'m> Decoder<'m> {
         self.words[reg.0 as usize] = Some(word);
     }
 
-    /// The first of the two rows that always hold 64 bits.
+    /// The first of the two registers that always hold 64 bits.
     pub fn wide_constant(&mut self, bits: u64) -> Result<Reg> {
         if let Some(&reg) = self.wide_constants.get(&bits) {
             return Ok(reg);
@@ -315,7 +315,7 @@ impl<'m> Decoder<'m> {
         Ok(reg)
     }
 
-    /// The word of a row, where it is constant.
+    /// The word of a register, where it is constant.
     pub fn constant_word(&self, reg: Reg) -> Option<u32> {
         self.words.get(reg.0 as usize).copied().flatten()
     }
@@ -367,7 +367,7 @@ impl<'m> Decoder<'m> {
         Some(low | high << 32)
     }
 
-    /// One row for two words that must lie together.
+    /// One register for two words that must lie together.
     pub fn pair(&mut self, low: Reg, high: Reg) -> Result<Reg> {
         if high == low.plus(1) {
             return Ok(low);
@@ -381,7 +381,7 @@ impl<'m> Decoder<'m> {
         Ok(to)
     }
 
-    /// The same words in consecutive rows.
+    /// The same words in consecutive registers.
     pub fn consecutive(&mut self, words: &[Reg]) -> Result<Reg> {
         let first = words.first().copied().unwrap_or(Reg(0));
         if words.iter().enumerate().all(|(at, &reg)| reg == first.plus(at as u32)) {
@@ -421,14 +421,14 @@ impl<'m> Decoder<'m> {
         Ok(start)
     }
 
-    /// Remembers, until the block ends, that a variable's row has the value of another row.
+    /// Remembers, until the block ends, that a variable's register has the value of another register.
     pub fn remember(&mut self, variable: Reg, value: Reg) {
-        let rows = self.known.len().max(variable.0 as usize + 1);
-        self.known.resize(rows, (0, Reg(0)));
+        let registers = self.known.len().max(variable.0 as usize + 1);
+        self.known.resize(registers, (0, Reg(0)));
         self.known[variable.0 as usize] = (self.time, value);
     }
 
-    /// The row that holds a variable's current value, where that is known.
+    /// The register that holds a variable's current value, where that is known.
     pub fn recall(&self, variable: Reg) -> Option<Reg> {
         let &(since, value) = self.known.get(variable.0 as usize)?;
         (self.optimizes && since == self.time).then_some(value)

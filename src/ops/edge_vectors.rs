@@ -424,7 +424,7 @@ fn family(name: &str) -> &'static OpFamily {
 }
 
 #[test]
-fn rows_hold_at_their_edges() {
+fn registers_hold_at_their_edges() {
     for &(name, width, operands, expected) in [INTEGERS, ARITHMETIC, FUNCTIONS].into_iter().flatten() {
         check(family(name), width, operands, expected);
     }

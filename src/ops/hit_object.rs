@@ -10,7 +10,7 @@ use crate::accel::{Candidate, Committed, GeometryKind, HitKind, RayFlags, TraceR
 use crate::geometry::{Intersection, Ray, Surface};
 use crate::machine::hit_object::{Attributes, Encoded, HitEncoded, HitObject};
 use crate::machine::object::ObjectRef;
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Bindings, Mask, Reg, Registers, TrapCode};
 use crate::ops::memory;
 use crate::ops::object;
@@ -33,7 +33,7 @@ pub enum Op {
     /// `OpHitObjectRecordHitNV`, `OpHitObjectRecordHitWithIndexNV` and those with motion. The operands: acceleration
     /// structure (2), instance, primitive, geometry, hit kind, then SBT offset and stride or the
     /// record's index, origin (3), t min, direction (3), t max, time.
-    RecordHit { object: ObjectRef, operands: Reg, with_index: bool, attributes: Rows },
+    RecordHit { object: ObjectRef, operands: Reg, with_index: bool, attributes: RegSpan },
     /// `OpHitObjectRecordMissEXT`, `OpHitObjectRecordMissNV` and those with motion.
     RecordMiss { object: ObjectRef, operands: Reg },
     /// `OpHitObjectRecordEmptyEXT`
@@ -43,7 +43,7 @@ pub enum Op {
         object: ObjectRef,
         query: ObjectRef,
         record: Reg,
-        attributes: Rows,
+        attributes: RegSpan,
         hit_kind: Option<Reg>,
     },
     /// `OpHitObjectSetShaderBindingTableRecordIndexEXT`
@@ -51,7 +51,7 @@ pub enum Op {
     /// An instruction that reads.
     Get { object: ObjectRef, getter: &'static Getter, to: Reg },
     /// `OpHitObjectGetAttributesEXT`
-    GetAttributes { object: ObjectRef, to: Rows },
+    GetAttributes { object: ObjectRef, to: RegSpan },
     /// `OpReorderThreadWithHintEXT`, `OpReorderThreadWithHitObjectEXT`
     Reorder,
 }
@@ -125,8 +125,8 @@ impl Op {
                     let given: Attributes =
                         batch.registers.lane_words(attributes.first, attributes.count, lane).collect();
                     let kind = hit_kind.map_or(0, |reg| batch.registers[reg].0[lane]);
-                    let row = query.row(&batch.registers, lane)?;
-                    let query = batch.queries.query(batch.registers[row].0[lane])?;
+                    let register = query.register(&batch.registers, lane)?;
+                    let query = batch.queries.query(batch.registers[register].0[lane])?;
                     let Some(&committed) = query.committed() else {
                         return store(batch, object, lane, HitObject::Empty);
                     };
@@ -187,8 +187,8 @@ fn find<const W: usize>(
     object: ObjectRef,
     lane: usize,
 ) -> Result<(&mut Registers<W>, &mut HitObject), TrapCode> {
-    let row = object.row(&batch.registers, lane)?;
-    let found = batch.hit_objects.get_mut(batch.registers[row].0[lane]);
+    let register = object.register(&batch.registers, lane)?;
+    let found = batch.hit_objects.get_mut(batch.registers[register].0[lane]);
     Ok((&mut batch.registers, found.ok_or(TrapCode::HitObjectUnrecorded)?))
 }
 
@@ -202,10 +202,10 @@ pub fn store<const W: usize>(
     lane: usize,
     recorded: HitObject,
 ) -> Result<(), TrapCode> {
-    let row = object.row(&batch.registers, lane)?;
-    let (handle, place) = batch.hit_objects.claim(batch.registers[row].0[lane]);
+    let register = object.register(&batch.registers, lane)?;
+    let (handle, place) = batch.hit_objects.claim(batch.registers[register].0[lane]);
     *place = recorded;
-    batch.registers[row].0[lane] = handle;
+    batch.registers[register].0[lane] = handle;
     Ok(())
 }
 

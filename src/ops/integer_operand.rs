@@ -1,7 +1,7 @@
 //! Integer operands whose width is free (shift amounts, bit-field offsets, exponents, indices, texel
 //! coordinates), as one word each.
 //!
-//! Integers of 8 and 16 bits lie zero-extended in their row; those of 64 bits saturate, so that a value
+//! Integers of 8 and 16 bits lie zero-extended in their register; those of 64 bits saturate, so that a value
 //! out of range stays out of range.
 
 use crate::error::Result;

@@ -315,7 +315,7 @@ mod tests {
     #[test]
     fn every_builtin_obeys_its_three_rules() {
         let known: Vec<&str> = BUILTINS.iter().map(|builtin| builtin.name).collect();
-        assert_eq!(known, RULES.iter().map(|row| row.0).collect::<Vec<_>>());
+        assert_eq!(known, RULES.iter().map(|rule| rule.0).collect::<Vec<_>>());
         for &(name, number, stages, numbers, shape) in RULES {
             let [stage_rule, storage_rule, type_rule] =
                 numbers.map(|number| Some(format!("VUID-{name}-{name}-{number:05}")));

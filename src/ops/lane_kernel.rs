@@ -1,4 +1,4 @@
-//! Rows: the regular instructions, each a scalar function applied to every component and lane.
+//! Registers: the regular instructions, each a scalar function applied to every component and lane.
 //!
 //! A kernel is one instruction at one width. The [`lane_kernels!`](crate::lane_kernels) macro writes a family (the
 //! same instruction at all its widths) from one closure.

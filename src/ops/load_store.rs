@@ -1,4 +1,4 @@
-//! Loads and stores through pointers: moves between rows, gathers and scatters where a row is
+//! Loads and stores through pointers: moves between registers, gathers and scatters where a register is
 //! computed, and stretches of scalars in buffers.
 
 use smallvec::SmallVec;
@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::machine::resource::STRUCTURE_HANDLE;
 use crate::machine::{Bindings, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
-use crate::ops::decode::{Decoder, Words, rows_from};
+use crate::ops::decode::{Decoder, Words, registers_from};
 use crate::ops::memory::{self, BufferRef, Chunk};
 use crate::ops::op::Op;
 use crate::ops::pointer::{Place, Pointer, descriptor_count, shifted, storage};
@@ -24,30 +24,30 @@ pub(super) fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignme
         _ => decoder.word_count(pointer.pointee)?,
     };
     match pointer.place {
-        Place::Rows { first: variable, count: rows, constant } => {
+        Place::Registers { first: variable, count: registers, constant } => {
             let first = variable.plus(pointer.offset);
             match pointer.index {
-                None if constant => Ok(rows_from(first, count)),
-                None => load_rows(decoder, first, count),
-                Some(row) => {
-                    decoder.addressed.push((variable, rows));
-                    gather(decoder, first, row, count)
+                None if constant => Ok(registers_from(first, count)),
+                None => load_registers(decoder, first, count),
+                Some(index) => {
+                    decoder.addressed.push((variable, registers));
+                    gather(decoder, first, index, count)
                 }
             }
         }
-        Place::ComputedRows => {
-            let row = pointer.index.ok_or_else(|| decoder.invalid("a pointer without a value"))?;
-            gather(decoder, pointer.pointed_rows(), row, count)
+        Place::ComputedRegisters => {
+            let index = pointer.index.ok_or_else(|| decoder.invalid("a pointer without a value"))?;
+            gather(decoder, pointer.pointed_registers(), index, count)
         }
         Place::Buffer(buffer) => {
             let scalars = scalars(decoder, pointer)?;
             let to = decoder.fresh(count)?;
-            let mut row = to;
+            let mut register = to;
             for chunk in chunks(&scalars, buffer, pointer, alignment) {
-                decoder.emit(Op::Memory(memory::Op::BufferLoad { to: row, chunk }));
-                row = row.plus(chunk.count);
+                decoder.emit(Op::Memory(memory::Op::BufferLoad { to: register, chunk }));
+                register = register.plus(chunk.count);
             }
-            Ok(rows_from(to, count))
+            Ok(registers_from(to, count))
         }
         Place::Texel(_) => Err(decoder.invalid("a load through a pointer to a texel, which is for atomics")),
         Place::Descriptors { buffers: true, .. } => {
@@ -80,7 +80,7 @@ pub(super) fn load_aligned(decoder: &mut Decoder<'_>, pointer: &Pointer, alignme
     }
 }
 
-fn load_rows(decoder: &mut Decoder<'_>, first: Reg, count: u32) -> Result<Words> {
+fn load_registers(decoder: &mut Decoder<'_>, first: Reg, count: u32) -> Result<Words> {
     let known: Option<Words> = (0..count).map(|word| decoder.recall(first.plus(word))).collect();
     if let Some(known) = known {
         return Ok(known);
@@ -94,10 +94,10 @@ fn load_rows(decoder: &mut Decoder<'_>, first: Reg, count: u32) -> Result<Words>
     Ok(to)
 }
 
-fn gather(decoder: &mut Decoder<'_>, first: Reg, row: Reg, count: u32) -> Result<Words> {
+fn gather(decoder: &mut Decoder<'_>, first: Reg, index: Reg, count: u32) -> Result<Words> {
     let to = decoder.fresh(count)?;
-    decoder.emit(Op::Memory(memory::Op::Gather { to, count, first, row }));
-    Ok(rows_from(to, count))
+    decoder.emit(Op::Memory(memory::Op::Gather { to, count, first, index }));
+    Ok(registers_from(to, count))
 }
 
 /// Writes a value to where a pointer leads.
@@ -120,8 +120,8 @@ pub(super) fn store_aligned(
         return Err(decoder.invalid(format!("a store to {class}, which is read-only")));
     }
     match pointer.place {
-        Place::Rows { constant: true, .. } => Err(decoder.invalid("a store to an input variable")),
-        Place::Rows { first: variable, count: rows, .. } => {
+        Place::Registers { constant: true, .. } => Err(decoder.invalid("a store to an input variable")),
+        Place::Registers { first: variable, count: registers, .. } => {
             let first = variable.plus(pointer.offset);
             match pointer.index {
                 None => {
@@ -131,23 +131,23 @@ pub(super) fn store_aligned(
                         decoder.remember(to, from);
                     }
                 }
-                Some(row) => {
-                    decoder.addressed.push((variable, rows));
-                    scatter(decoder, first, row, words)?;
+                Some(index) => {
+                    decoder.addressed.push((variable, registers));
+                    scatter(decoder, first, index, words)?;
                 }
             }
             Ok(())
         }
-        Place::ComputedRows => {
-            let row = pointer.index.ok_or_else(|| decoder.invalid("a pointer without a value"))?;
-            scatter(decoder, pointer.pointed_rows(), row, words)
+        Place::ComputedRegisters => {
+            let index = pointer.index.ok_or_else(|| decoder.invalid("a pointer without a value"))?;
+            scatter(decoder, pointer.pointed_registers(), index, words)
         }
         Place::Buffer(buffer) => {
             let scalars = scalars(decoder, pointer)?;
-            let mut row = decoder.consecutive(words)?;
+            let mut register = decoder.consecutive(words)?;
             for chunk in chunks(&scalars, buffer, pointer, alignment) {
-                decoder.emit(Op::Memory(memory::Op::BufferStore { from: row, chunk }));
-                row = row.plus(chunk.count);
+                decoder.emit(Op::Memory(memory::Op::BufferStore { from: register, chunk }));
+                register = register.plus(chunk.count);
             }
             Ok(())
         }
@@ -156,10 +156,10 @@ pub(super) fn store_aligned(
     }
 }
 
-fn scatter(decoder: &mut Decoder<'_>, first: Reg, row: Reg, words: &[Reg]) -> Result<()> {
+fn scatter(decoder: &mut Decoder<'_>, first: Reg, index: Reg, words: &[Reg]) -> Result<()> {
     let from = decoder.consecutive(words)?;
     let count = words.len() as u32;
-    decoder.emit(Op::Memory(memory::Op::Scatter { from, count, first, row }));
+    decoder.emit(Op::Memory(memory::Op::Scatter { from, count, first, index }));
     decoder.forget();
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Memory instructions (SPIR-V 3.3.8): the operations that move words, and how they run.
 //!
-//! Function, Private, Input, payload and attribute variables are rows of the register file, so a
+//! Function, Private, Input, payload and attribute variables are registers of the register file, so a
 //! load or store through constant indices is a move, and only a computed index needs a
 //! [`Op::Gather`]. Buffers are addressed by bytes.
 
@@ -11,7 +11,7 @@ use smallvec::SmallVec;
 
 use crate::machine::device_memory::DeviceMemory;
 use crate::machine::{
-    Accessed, Batch, Bindings, Buffer, Invocations, Lanes, Mask, ROW_POINTER, Reg, Registers, TrapCode,
+    Accessed, Batch, Bindings, Buffer, Invocations, Lanes, Mask, REGISTER_POINTER, Reg, Registers, TrapCode,
 };
 use crate::ops::op::Access;
 
@@ -27,7 +27,7 @@ pub const OUT_OF_BOUNDS: u32 = u32::MAX;
 pub enum BufferRef {
     /// A descriptor known before running.
     Handle(u32),
-    /// A descriptor's handle in a row.
+    /// A descriptor's handle in a register.
     Computed(Reg),
     /// The push constants.
     PushConstants,
@@ -35,7 +35,7 @@ pub enum BufferRef {
     ShaderRecord,
     /// The memory of each lane's workgroup.
     Workgroup,
-    /// Whatever lies at the device address in this row and the next.
+    /// Whatever lies at the device address in this register and the next.
     Address(Reg),
 }
 
@@ -74,7 +74,7 @@ impl BufferRef {
 }
 
 impl Chunk {
-    /// Reports the rows that say where the chunk is.
+    /// Reports the registers that say where the chunk is.
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         self.buffer.accesses(visit);
         if let Some(index) = self.index {
@@ -87,19 +87,19 @@ impl Chunk {
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum Op {
-    /// Copies a row, in all lanes.
+    /// Copies a register, in all lanes.
     Move { to: Reg, from: Reg },
-    /// Copies a row in the running lanes only.
+    /// Copies a register in the running lanes only.
     MoveMasked { to: Reg, from: Reg },
     /// `to = base + index * stride`, or [`OUT_OF_BOUNDS`] where the index is not below `length`.
     Index { to: Reg, base: Option<Reg>, index: Reg, stride: u32, length: Length },
-    /// Reads `count` rows from `first + row[lane]` on; see [`Reg::computed`].
-    Gather { to: Reg, count: u32, first: Reg, row: Reg },
-    /// Writes `count` rows from `first + row[lane]` on; see [`Reg::computed`].
-    Scatter { from: Reg, count: u32, first: Reg, row: Reg },
-    /// Reads scalars of a buffer into consecutive rows.
+    /// Reads `count` registers from `first + index[lane]` on; see [`Reg::computed`].
+    Gather { to: Reg, count: u32, first: Reg, index: Reg },
+    /// Writes `count` registers from `first + index[lane]` on; see [`Reg::computed`].
+    Scatter { from: Reg, count: u32, first: Reg, index: Reg },
+    /// Reads scalars of a buffer into consecutive registers.
     BufferLoad { to: Reg, chunk: Chunk },
-    /// Writes scalars of consecutive rows to a buffer.
+    /// Writes scalars of consecutive registers to a buffer.
     BufferStore { from: Reg, chunk: Chunk },
     /// The number of elements of a runtime array at an offset of a buffer.
     ArrayLength { to: Reg, buffer: BufferRef, offset: u32, stride: u32 },
@@ -129,12 +129,12 @@ impl Op {
                 }
                 visit(Access::Write(*to, 1));
             }
-            Self::Gather { to, count, row, .. } => {
-                visit(Access::Read(*row, 1));
+            Self::Gather { to, count, index, .. } => {
+                visit(Access::Read(*index, 1));
                 visit(Access::Write(*to, *count));
             }
-            Self::Scatter { from, count, row, .. } => {
-                visit(Access::Read(*row, 1));
+            Self::Scatter { from, count, index, .. } => {
+                visit(Access::Read(*index, 1));
                 visit(Access::Read(*from, *count));
                 visit(Access::Effect);
             }
@@ -159,22 +159,22 @@ impl Op {
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         match *self {
             Self::Move { to, from } => {
-                let row = batch.registers[from];
-                batch.registers[to] = row;
+                let register = batch.registers[from];
+                batch.registers[to] = register;
             }
             Self::MoveMasked { to, from } => batch.registers.copy(to, from, batch.mask),
             Self::Index { to, base, index, stride, length } => {
                 index_lanes(batch, to, base, index, stride, length)
             }
-            Self::Gather { to, count, first, row } => {
-                each_row(batch, first, row, count, |registers, lane, at| {
+            Self::Gather { to, count, first, index } => {
+                each_register(batch, first, index, count, |registers, lane, at| {
                     for word in 0..count {
                         registers[to.plus(word)].0[lane] = registers[at.plus(word)].0[lane];
                     }
                 });
             }
-            Self::Scatter { from, count, first, row } => {
-                each_row(batch, first, row, count, |registers, lane, at| {
+            Self::Scatter { from, count, first, index } => {
+                each_register(batch, first, index, count, |registers, lane, at| {
                     for word in 0..count {
                         registers[at.plus(word)].0[lane] = registers[from.plus(word)].0[lane];
                     }
@@ -186,9 +186,9 @@ impl Op {
                 }
                 if let Some((words, places)) = words(batch, bindings, &chunk) {
                     for scalar in 0..chunk.count {
-                        let row = &mut batch.registers[to.plus(scalar)];
+                        let register = &mut batch.registers[to.plus(scalar)];
                         for lane in batch.mask.lanes() {
-                            row.0[lane] = words[(places.0[lane] + scalar) as usize].load(Relaxed);
+                            register.0[lane] = words[(places.0[lane] + scalar) as usize].load(Relaxed);
                         }
                     }
                     return;
@@ -209,11 +209,14 @@ impl Op {
             }
             Self::BufferStore { from, chunk } => {
                 if let Some((words, places)) = words(batch, bindings, &chunk) {
-                    let rows = batch.registers.rows_mut(from, chunk.count);
+                    let registers = batch.registers.span_mut(from, chunk.count);
                     // Lane by lane, as their words may lie on each other.
                     for lane in batch.mask.lanes() {
                         let words = words[places.0[lane] as usize..].iter();
-                        rows.iter().zip(words).for_each(|(row, word)| word.store(row.0[lane], Relaxed));
+                        registers
+                            .iter()
+                            .zip(words)
+                            .for_each(|(register, word)| word.store(register.0[lane], Relaxed));
                     }
                     return;
                 }
@@ -246,20 +249,20 @@ impl Op {
     }
 }
 
-/// Calls a function for each running lane with the row that it means, `count` rows of which exist;
-/// lanes that mean no such row are stopped.
+/// Calls a function for each running lane with the register that it means, `count` registers of which exist;
+/// lanes that mean no such register are stopped.
 #[inline(always)]
-fn each_row<const W: usize>(
+fn each_register<const W: usize>(
     batch: &mut Batch<W>,
     first: Reg,
-    row: Reg,
+    index: Reg,
     count: u32,
     mut access: impl FnMut(&mut Registers<W>, usize, Reg),
 ) {
-    let rows = batch.registers[row];
+    let indices = batch.registers[index];
     let (mut outside, mut null) = (Mask::NONE, Mask::NONE);
     for lane in batch.mask.lanes() {
-        match computed_row(&batch.registers, first, rows.0[lane], count) {
+        match computed_register(&batch.registers, first, indices.0[lane], count) {
             Ok(at) => access(&mut batch.registers, lane, at),
             Err(TrapCode::NullPointer) => null = null | Mask::lane(lane),
             Err(_) => outside = outside | Mask::lane(lane),
@@ -269,22 +272,22 @@ fn each_row<const W: usize>(
     trap(batch, null, TrapCode::NullPointer);
 }
 
-/// The row that a computed number means, `count` rows of which must exist; see [`Reg::computed`].
+/// The register that a computed number means, `count` registers of which must exist; see [`Reg::computed`].
 ///
 /// # Errors
 /// `IndexOutOfBounds`, `NullPointer`
 #[inline(always)]
-pub fn computed_row<const W: usize>(
+pub fn computed_register<const W: usize>(
     registers: &Registers<W>,
     first: Reg,
-    row: u32,
+    index: u32,
     count: u32,
 ) -> Result<Reg, TrapCode> {
-    let at = first.computed(row);
-    if row != OUT_OF_BOUNDS && u64::from(at.0) + u64::from(count) <= registers.len() as u64 {
+    let at = first.computed(index);
+    if index != OUT_OF_BOUNDS && u64::from(at.0) + u64::from(count) <= registers.len() as u64 {
         return Ok(at);
     }
-    let null = first.0 >= ROW_POINTER && row < ROW_POINTER;
+    let null = first.0 >= REGISTER_POINTER && index < REGISTER_POINTER;
     Err(if null { TrapCode::NullPointer } else { TrapCode::IndexOutOfBounds })
 }
 
@@ -305,7 +308,7 @@ fn index_lanes<const W: usize>(
         Length::Unknown => products,
     };
     let registers = &batch.registers;
-    let mut row = [0; W];
+    let mut register = [0; W];
     let missed = registers.processor().run_loop(
         #[inline(always)]
         || {
@@ -318,7 +321,7 @@ fn index_lanes<const W: usize>(
                 let product = index.wrapping_mul(stride);
                 let inside = index < count;
                 let fits = inside & (base <= MOST.wrapping_sub(product));
-                row[lane] = if fits { product.wrapping_add(base) } else { OUT_OF_BOUNDS };
+                register[lane] = if fits { product.wrapping_add(base) } else { OUT_OF_BOUNDS };
                 missed |= u32::from(!inside) & running.0[lane];
             }
             missed
@@ -328,7 +331,7 @@ fn index_lanes<const W: usize>(
         let outside = Mask::from_fn(|lane| registers[index].0[lane] >= count);
         batch.missed.remember(batch.op, batch.mask & outside, &batch.registers[index]);
     }
-    batch.registers[to].0 = row;
+    batch.registers[to].0 = register;
 }
 
 #[cold]

@@ -1,4 +1,4 @@
-//! Pointers to ray queries and hit objects: their variables hold a handle each, in one row.
+//! Pointers to ray queries and hit objects: their variables hold a handle each, in one register.
 
 use crate::error::Result;
 use crate::machine::Reg;
@@ -6,15 +6,15 @@ use crate::machine::object::ObjectRef;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Instruction, Module};
 use crate::ops::builtin::{self, Shape};
-use crate::ops::decode::{Decoder, rows_from};
+use crate::ops::decode::{Decoder, registers_from};
 use crate::ops::memory::Place;
 use crate::ops::op::Access;
 use crate::ops::pointer::storage;
 
-/// Reports the rows that an operation reads to find an object (see [`crate::ops::op::Op::accesses`]).
+/// Reports the registers that an operation reads to find an object (see [`crate::ops::op::Op::accesses`]).
 pub fn accesses(object: ObjectRef, visit: &mut impl FnMut(Access)) {
     match object {
-        ObjectRef::Row(reg) => visit(Access::Read(reg, 1)),
+        ObjectRef::Register(reg) => visit(Access::Read(reg, 1)),
         ObjectRef::Computed { index, .. } => visit(Access::Read(index, 1)),
     }
 }
@@ -22,7 +22,7 @@ pub fn accesses(object: ObjectRef, visit: &mut impl FnMut(Access)) {
 /// The same for an operation after which the object is another.
 pub fn records(object: ObjectRef, visit: &mut impl FnMut(Access)) {
     accesses(object, visit);
-    if let ObjectRef::Row(reg) = object {
+    if let ObjectRef::Register(reg) = object {
         visit(Access::Write(reg, 1));
     }
     visit(Access::Effect);
@@ -63,13 +63,13 @@ pub fn object(decoder: &mut Decoder<'_>, id: Id, is_wanted: impl Fn(&Type) -> bo
         return Err(error.note(extension(decoder.module.ty(pointer.pointee))));
     }
     match (&pointer.place, pointer.index) {
-        (&Place::Rows { first, .. }, None) => Ok(ObjectRef::Row(first.plus(pointer.offset))),
-        (&Place::Rows { first, count, .. }, Some(index)) => {
+        (&Place::Registers { first, .. }, None) => Ok(ObjectRef::Register(first.plus(pointer.offset))),
+        (&Place::Registers { first, count, .. }, Some(index)) => {
             decoder.addressed.push((first, count));
             Ok(ObjectRef::Computed { first: first.plus(pointer.offset), index })
         }
-        (Place::ComputedRows, Some(index)) => {
-            Ok(ObjectRef::Computed { first: pointer.pointed_rows(), index })
+        (Place::ComputedRegisters, Some(index)) => {
+            Ok(ObjectRef::Computed { first: pointer.pointed_registers(), index })
         }
         _ => Err(decoder.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES)),
     }
@@ -98,7 +98,7 @@ pub fn check_moved(decoder: &Decoder<'_>, ty: TypeId) -> Result<()> {
     Err(error.note("SPV_KHR_ray_query, SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"))
 }
 
-/// Checks the result type of an instruction and gives its result rows.
+/// Checks the result type of an instruction and gives its result registers.
 ///
 /// # Errors
 /// `InvalidModule` where the type has another shape.
@@ -117,6 +117,6 @@ pub fn result(decoder: &mut Decoder<'_>, instruction: &Instruction, shape: Shape
         return Err(decoder.invalid(message).note(rule));
     }
     let to = decoder.fresh(shape.words())?;
-    decoder.result(instruction, rows_from(to, shape.words()));
+    decoder.result(instruction, registers_from(to, shape.words()));
     Ok(to)
 }

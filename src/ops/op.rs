@@ -4,16 +4,16 @@ use crate::machine::{Batch, Bindings, Reg};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::{atomic, debug_printf, hit_object, image, memory, ray_query, ray_tracing, subgroup};
 
-/// One operation on rows.
+/// One operation on registers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Op {
     /// A regular instruction: the same scalar function in every lane.
     LaneKernel {
         /// Which.
         kernel: &'static LaneKernel,
-        /// The first row of the result.
+        /// The first register of the result.
         to: Reg,
-        /// The first row of each operand.
+        /// The first register of each operand.
         from: [Reg; 3],
     },
     /// Moves, loads and stores.
@@ -39,19 +39,19 @@ pub enum Op {
 // Every pass over a program goes through all of them: what is large and rare stands elsewhere.
 const _: () = assert!(size_of::<Op>() <= 40);
 
-/// What an operation does with rows, for passes over programs.
+/// What an operation does with registers, for passes over programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Reads this many rows.
+    /// Reads this many registers.
     Read(Reg, u32),
-    /// Writes this many rows.
+    /// Writes this many registers.
     Write(Reg, u32),
     /// Does something that can be seen from outside: it must not be dropped.
     Effect,
 }
 
 impl Op {
-    /// Reports the rows that the operation reads and writes, and whether it has an effect beside.
+    /// Reports the registers that the operation reads and writes, and whether it has an effect beside.
     pub fn accesses(&self, mut visit: impl FnMut(Access)) {
         match self {
             Self::LaneKernel { kernel, to, from } => {

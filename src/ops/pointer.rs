@@ -4,10 +4,10 @@ use smallvec::SmallVec;
 
 use crate::error::{Error, Result};
 use crate::machine::resource::{ELEMENT_BITS, MAX_SLOTS};
-use crate::machine::{Binding, Bindings, ROW_POINTER, Reg};
+use crate::machine::{Binding, Bindings, REGISTER_POINTER, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Instruction};
-use crate::ops::decode::{Decoder, InputRows, InterfaceRows, Slot, Words};
+use crate::ops::decode::{Decoder, InputRegisters, InterfaceRegisters, Slot, Words};
 use crate::ops::image::access::TexelPlace;
 use crate::ops::integer_operand::Reading;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
@@ -42,18 +42,18 @@ pub mod storage {
 /// Where a pointer leads.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Place {
-    /// Rows of the register file from a known one on.
-    Rows {
-        /// The variable's first row.
+    /// Registers of the register file from a known one on.
+    Registers {
+        /// The variable's first register.
         first: Reg,
-        /// How many rows the variable has.
+        /// How many registers the variable has.
         count: u32,
         /// Whether nothing writes them while the shader runs.
         constant: bool,
     },
-    /// Rows of the register file; the pointer's index is the row's number with
-    /// [`ROW_POINTER`].
-    ComputedRows,
+    /// Registers of the register file; the pointer's index is the register's number with
+    /// [`REGISTER_POINTER`].
+    ComputedRegisters,
     /// Bytes of a buffer.
     Buffer(BufferRef),
     /// Descriptors of a slot; the offset counts array elements.
@@ -78,7 +78,7 @@ pub struct Pointer {
     pub pointee: TypeId,
     /// Its storage class.
     pub storage_class: u32,
-    /// The constant part of the offset: words in rows, bytes in buffers, elements in descriptors.
+    /// The constant part of the offset: words in registers, bytes in buffers, elements in descriptors.
     pub offset: u32,
     /// The computed part of the offset.
     pub index: Option<Reg>,
@@ -95,13 +95,13 @@ impl Pointer {
         Self { place, pointee, storage_class, offset: 0, index, matrix, component_stride }
     }
 
-    /// For [`Place::ComputedRows`]: the row from which the index counts.
-    pub fn pointed_rows(&self) -> Reg {
-        Reg(ROW_POINTER.wrapping_add(self.offset))
+    /// For [`Place::ComputedRegisters`]: the register from which the index counts.
+    pub fn pointed_registers(&self) -> Reg {
+        Reg(REGISTER_POINTER.wrapping_add(self.offset))
     }
 
     /// Whether it leads into memory without a layout of its own, where each scalar takes as many
-    /// words as in rows: workgroup memory, unless its variables are blocks
+    /// words as in registers: workgroup memory, unless its variables are blocks
     /// (`WorkgroupMemoryExplicitLayoutKHR`).
     pub fn is_packed(&self, decoder: &Decoder<'_>) -> bool {
         self.storage_class == storage::WORKGROUP && !decoder.workgroup_blocks
@@ -152,7 +152,7 @@ pub fn pointer_word_count(storage_class: u32) -> u32 {
     }
 }
 
-/// The pointer that a variable at module scope is; its rows or slot are made on first use.
+/// The pointer that a variable at module scope is; its registers or slot are made on first use.
 pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
     let variable = decoder.module.variables[index as usize].clone();
     let id = variable.id;
@@ -171,8 +171,8 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
             })?;
             let count = decoder.word_count(pointee)?;
             let first = decoder.fresh(count)?;
-            decoder.inputs.push(InputRows { builtin, first, count });
-            Ok(pointer(Place::Rows { first, count, constant: !builtin.volatile }))
+            decoder.inputs.push(InputRegisters { builtin, first, count });
+            Ok(pointer(Place::Registers { first, count, constant: !builtin.volatile }))
         }
         storage::PRIVATE
         | storage::CALLABLE_DATA
@@ -191,7 +191,7 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
                 | storage::INCOMING_RAY_PAYLOAD => decoder.scalars(pointee)?,
                 _ => 0,
             };
-            let rows = InterfaceRows {
+            let registers = InterfaceRegisters {
                 variable: id,
                 storage_class: variable.storage_class,
                 ty: pointee,
@@ -199,9 +199,9 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
                 count,
                 scalars,
             };
-            decoder.interface.push(rows);
+            decoder.interface.push(registers);
             decoder.variables.push((first, count));
-            Ok(pointer(Place::Rows { first, count, constant: false }))
+            Ok(pointer(Place::Registers { first, count, constant: false }))
         }
         storage::WORKGROUP => {
             let offset = decoder.allocate_workgroup(pointee)?;
@@ -256,13 +256,13 @@ fn user_defined_input(decoder: &Decoder<'_>, id: Id, pointee: TypeId) -> Error {
 /// is what a variable holds before anything is stored there; no other pointer begins with zeros.
 pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
     match pointer.place {
-        Place::Rows { first, count, .. } => {
+        Place::Registers { first, count, .. } => {
             decoder.addressed.push((first, count));
             decoder.forget();
-            let base = decoder.constant(ROW_POINTER + first.0 + pointer.offset)?;
+            let base = decoder.constant(REGISTER_POINTER + first.0 + pointer.offset)?;
             Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
         }
-        Place::ComputedRows => {
+        Place::ComputedRegisters => {
             let base = decoder.constant(pointer.offset)?;
             Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
         }
@@ -318,9 +318,11 @@ pub fn pointer_from_words(decoder: &mut Decoder<'_>, ty: TypeId, words: &[Reg]) 
             let array = matches!(decoder.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
             (Place::Descriptors { first: 0, array, buffers: false }, Some(handle))
         }
-        (storage::PRIVATE | storage::FUNCTION | storage::INPUT, &[row]) => (Place::ComputedRows, Some(row)),
-        (5328.., &[row]) if storage_class != storage::PHYSICAL_STORAGE_BUFFER => {
-            (Place::ComputedRows, Some(row))
+        (storage::PRIVATE | storage::FUNCTION | storage::INPUT, &[register]) => {
+            (Place::ComputedRegisters, Some(register))
+        }
+        (5328.., &[register]) if storage_class != storage::PHYSICAL_STORAGE_BUFFER => {
+            (Place::ComputedRegisters, Some(register))
         }
         _ => {
             let name = crate::module::names::storage_class_name(storage_class);

@@ -18,7 +18,7 @@ use crate::ops::pointer::{Place, Pointer};
 /// where they do not touch: as in [`Pointer`].
 pub type Layout = (Option<MatrixLayout>, Option<u32>);
 
-/// Gives a pointer that was read from rows the layout that its sources agree on.
+/// Gives a pointer that was read from registers the layout that its sources agree on.
 ///
 /// # Errors
 /// `UnsupportedModule` where they do not.

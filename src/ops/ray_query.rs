@@ -39,7 +39,7 @@ const COMMITTED_GENERATED: u32 = 2;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum Op {
-    /// `OpRayQueryInitializeKHR`; the operands lie in consecutive rows. `micromaps`: whether there may be
+    /// `OpRayQueryInitializeKHR`; the operands lie in consecutive registers. `micromaps`: whether there may be
     /// opacity micromaps.
     Initialize { query: ObjectRef, operands: Reg, micromaps: bool },
     /// `OpRayQueryProceedKHR`
@@ -261,8 +261,8 @@ impl Op {
             }),
             Self::Forget { first, count } => {
                 for lane in batch.mask.lanes() {
-                    for row in 0..count {
-                        batch.queries.forget(batch.registers[first.plus(row)].0[lane]);
+                    for register in 0..count {
+                        batch.queries.forget(batch.registers[first.plus(register)].0[lane]);
                     }
                 }
             }
@@ -279,8 +279,8 @@ fn each<const W: usize>(
     mut access: impl FnMut(&mut Batch<W>, u32, usize) -> Result<(), TrapCode>,
 ) {
     for lane in batch.mask.lanes() {
-        let row = query.row(&batch.registers, lane);
-        let done = row.and_then(|row| access(batch, batch.registers[row].0[lane], lane));
+        let register = query.register(&batch.registers, lane);
+        let done = register.and_then(|register| access(batch, batch.registers[register].0[lane], lane));
         if let Err(code) = done {
             memory::trap(batch, Mask::lane(lane), code);
         }
@@ -299,7 +299,7 @@ fn initialize<const W: usize>(
         let read = batch.registers.lane_words(operands, OPERANDS, lane);
         words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
         let mut asked = u64::from(words[0]) | u64::from(words[1]) << 32;
-        let done = query.row(&batch.registers, lane).and_then(|row| {
+        let done = query.register(&batch.registers, lane).and_then(|register| {
             let tlas = bindings.acceleration_structure([words[0], words[1]]);
             let tlas = tlas.ok_or(TrapCode::AccelerationStructureMissing)?;
             if !micromaps && tlas.has_micromaps() {
@@ -313,8 +313,8 @@ fn initialize<const W: usize>(
                 asked = broken as u64;
                 return Err(TrapCode::InvalidRayQuery);
             }
-            let handle = batch.registers[row].0[lane];
-            batch.registers[row].0[lane] = batch.queries.initialize(handle, batch.op, tlas, trace);
+            let handle = batch.registers[register].0[lane];
+            batch.registers[register].0[lane] = batch.queries.initialize(handle, batch.op, tlas, trace);
             Ok(())
         });
         if let Err(code) = done {

@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::object::ObjectRef;
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Reg, Stop};
 use crate::module::{Id, Instruction};
 use crate::ops::decode::Decoder;
@@ -34,15 +34,15 @@ pub const TRACE_OPERANDS: u32 = 16;
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum Op {
     /// `OpTraceRayKHR`, `OpTraceRayMotionNV`
-    TraceRay { operands: Reg, payload: Rows },
+    TraceRay { operands: Reg, payload: RegSpan },
     /// `OpExecuteCallableKHR`
-    ExecuteCallable { index: Reg, data: Rows },
+    ExecuteCallable { index: Reg, data: RegSpan },
     /// `OpReportIntersectionKHR`
     ReportIntersection { t: Reg, hit_kind: Reg, accepted: Reg },
     /// `OpHitObjectTraceRayEXT`
-    HitObjectTrace { object: ObjectRef, operands: Reg, payload: Rows },
+    HitObjectTrace { object: ObjectRef, operands: Reg, payload: RegSpan },
     /// `OpHitObjectExecuteShaderEXT`
-    HitObjectExecute { object: ObjectRef, payload: Rows },
+    HitObjectExecute { object: ObjectRef, payload: RegSpan },
     /// `OpHitObjectGetShaderRecordBufferHandleEXT`
     HitObjectRecordHandle { object: ObjectRef, to: Reg },
 }
@@ -85,8 +85,8 @@ impl Op {
         }
     }
 
-    /// The rows of the payload or callable data that a called shader is given.
-    pub fn given(&self) -> Option<Rows> {
+    /// The registers of the payload or callable data that a called shader is given.
+    pub fn given(&self) -> Option<RegSpan> {
         match *self {
             Self::TraceRay { payload, .. }
             | Self::HitObjectTrace { payload, .. }
@@ -216,27 +216,27 @@ fn variable_at(decoder: &mut Decoder<'_>, location: Id, classes: &[u32]) -> Resu
     Ok(found.map(|variable| variable.id))
 }
 
-/// The rows of the payload or callable data variable that an operand names.
+/// The registers of the payload or callable data variable that an operand names.
 fn named_variable(
     decoder: &mut Decoder<'_>,
     opcode: Opcode,
     instruction: &Instruction,
     at: usize,
     classes: &[u32],
-) -> Result<Rows> {
+) -> Result<RegSpan> {
     let mut id = decoder.id(instruction, at)?;
     if matches!(opcode, Opcode::TraceNV | Opcode::TraceMotionNV | Opcode::ExecuteCallableNV) {
         match variable_at(decoder, id, classes)? {
             Some(variable) => id = variable,
-            // A row of its own, so that no variable of the interface begins there.
-            None => return Ok(Rows { first: decoder.fresh(1)?, count: 0 }),
+            // A register of its own, so that no variable of the interface begins there.
+            None => return Ok(RegSpan { first: decoder.fresh(1)?, count: 0 }),
         }
     }
-    variable_rows(decoder, id, classes)
+    variable_span(decoder, id, classes)
 }
 
-/// The rows of a whole variable of one of some storage classes.
-pub(super) fn variable_rows(decoder: &mut Decoder<'_>, id: Id, classes: &[u32]) -> Result<Rows> {
+/// The registers of a whole variable of one of some storage classes.
+pub(super) fn variable_span(decoder: &mut Decoder<'_>, id: Id, classes: &[u32]) -> Result<RegSpan> {
     let pointer = decoder.pointer(id)?;
     if !classes.contains(&pointer.storage_class) {
         let name = crate::module::names::storage_class_name;
@@ -247,8 +247,8 @@ pub(super) fn variable_rows(decoder: &mut Decoder<'_>, id: Id, classes: &[u32]) 
         return Err(decoder.invalid(message).note(RULES));
     }
     match pointer {
-        memory::Pointer { place: Place::Rows { first, .. }, index: None, offset, pointee, .. } => {
-            Ok(Rows { first: first.plus(offset), count: decoder.word_count(pointee)? })
+        memory::Pointer { place: Place::Registers { first, .. }, index: None, offset, pointee, .. } => {
+            Ok(RegSpan { first: first.plus(offset), count: decoder.word_count(pointee)? })
         }
         _ => Err(decoder.unsupported("a payload that is no whole variable")),
     }

@@ -3,20 +3,20 @@
 //! Most of what a shader does are some ninety regular instructions on 32-bit values, and moves. A
 //! [`Step`] names one of them by a code, and its loop over the lanes stands in the arm of one `match`,
 //! compiled for the processor's vectors as a whole. The result of each step stays in an *accumulator*, a
-//! row that the compiler keeps in vector registers from one step to the next: where a step needs what
+//! register that the compiler keeps in vector registers from one step to the next: where a step needs what
 //! the one before it gave, nothing is loaded, and what nobody else needs is never stored. Frequent pairs
 //! and chains of them have a code together, as the way from step to step takes time, too; each operation of them rounds as
 //! it does by itself.
 //!
-//! Rows write every NaN as the same bits ([`crate::machine::Scalar::to_words`]); here that is a step of its
+//! Registers write every NaN as the same bits ([`crate::machine::Scalar::to_words`]); here that is a step of its
 //! own, `Settled`, and stands only behind results whose bits somebody may see: an operation on floats
 //! takes every NaN for the same.
 //!
 //! Operands that are constants are often read as one word for all lanes: a code of its own keeps that in a vector register,
-//! where the row would be loaded vector by vector. As a batch has its constants in all lanes from the beginning, and nobody
-//! writes their rows, it does not matter which lanes run.
+//! where the register would be loaded vector by vector. As a batch has its constants in all lanes from the beginning, and nobody
+//! writes their registers, it does not matter which lanes run.
 //!
-//! `plan` makes the steps. Rows without a code are called as ever, irregular operations end a stretch. Only what takes few
+//! `plan` makes the steps. Registers without a code are called as ever, irregular operations end a stretch. Only what takes few
 //! vector registers has a code: one arm that takes all sixteen, and the compiler keeps the accumulator in
 //! memory in every arm.
 
@@ -42,7 +42,7 @@ use words::{Chain, Last, One, Same, Settled, Three, Two, WithBoth, Words};
 /// What a stretch does at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// The function, which operand the accumulator is, and whether the result goes to its row, too.
+    /// The function, which operand the accumulator is, and whether the result goes to its register, too.
     code: u16,
     to: u16,
     from: Operands<u16>,
@@ -60,45 +60,45 @@ pub struct Steps {
     ops: Vec<u32>,
     /// The step with which each operation begins, and one more.
     first: Vec<u32>,
-    /// Whether a step names a row behind the window.
+    /// Whether a step names a register behind the window.
     wide: bool,
 }
 
-/// The rows that steps name: a window, in which a number of one byte is always inside, or any.
-trait Rows<const W: usize> {
-    fn row(&self, number: u16) -> &Lanes<W>;
-    fn row_mut(&mut self, number: u16) -> &mut Lanes<W>;
+/// The registers that steps name: a window, in which a number of one byte is always inside, or any.
+trait RegisterFile<const W: usize> {
+    fn register(&self, number: u16) -> &Lanes<W>;
+    fn register_mut(&mut self, number: u16) -> &mut Lanes<W>;
 }
 
-/// How many rows a window has.
+/// How many registers a window has.
 pub const WINDOW: usize = 256;
 
-impl<const W: usize> Rows<W> for [Lanes<W>; WINDOW] {
+impl<const W: usize> RegisterFile<W> for [Lanes<W>; WINDOW] {
     #[inline(always)]
-    fn row(&self, number: u16) -> &Lanes<W> {
+    fn register(&self, number: u16) -> &Lanes<W> {
         &self[usize::from(number as u8)]
     }
 
     #[inline(always)]
-    fn row_mut(&mut self, number: u16) -> &mut Lanes<W> {
+    fn register_mut(&mut self, number: u16) -> &mut Lanes<W> {
         &mut self[usize::from(number as u8)]
     }
 }
 
-impl<const W: usize> Rows<W> for [Lanes<W>] {
+impl<const W: usize> RegisterFile<W> for [Lanes<W>] {
     #[inline(always)]
-    fn row(&self, number: u16) -> &Lanes<W> {
+    fn register(&self, number: u16) -> &Lanes<W> {
         &self[usize::from(number)]
     }
 
     #[inline(always)]
-    fn row_mut(&mut self, number: u16) -> &mut Lanes<W> {
+    fn register_mut(&mut self, number: u16) -> &mut Lanes<W> {
         &mut self[usize::from(number)]
     }
 }
 
-/// The accumulator takes what a function gives of rows, and of what it held, which is operand `AT` (none
-/// for 0); the result goes to its row, too, where it is `STORED`. Operands whose bit `UNIFORM` has are the same in all
+/// The accumulator takes what a function gives of registers, and of what it held, which is operand `AT` (none
+/// for 0); the result goes to its register, too, where it is `STORED`. Operands whose bit `UNIFORM` has are the same in all
 /// lanes: one word is read of each, and kept in a vector register. Those whose bit `AMOUNTS` has, too, are by how many bits
 /// to shift, and less than 32.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
@@ -112,23 +112,23 @@ fn apply<
     const AMOUNTS: u8,
 >(
     accumulator: &mut [u32; W],
-    rows: &mut (impl Rows<W> + ?Sized),
+    registers: &mut (impl RegisterFile<W> + ?Sized),
     step: &Step,
 ) {
     let held = Lanes(*accumulator);
-    let row = |at: usize| {
+    let register = |at: usize| {
         let reads = at < F::OPERANDS && at + 1 != AT && !has(UNIFORM, at);
-        if reads { rows.row(step.from[at]) } else { &held }
+        if reads { registers.register(step.from[at]) } else { &held }
     };
     let word = |at: usize| {
         if at < F::OPERANDS && has(UNIFORM, at) {
             // What the compiler knows to be less than 32 it need not compare.
-            rows.row(step.from[at]).0[0] & if has(AMOUNTS, at) { 31 } else { !0 }
+            registers.register(step.from[at]).0[0] & if has(AMOUNTS, at) { 31 } else { !0 }
         } else {
             0
         }
     };
-    let [a, b, c, d, e, f] = std::array::from_fn(row);
+    let [a, b, c, d, e, f] = std::array::from_fn(register);
     let words: Operands<u32> = std::array::from_fn(word);
     let mut result = [0; W];
     for lane in 0..W {
@@ -142,7 +142,7 @@ fn apply<
         ]);
     }
     if STORED {
-        rows.row_mut(step.to).0 = result;
+        registers.register_mut(step.to).0 = result;
     }
     *accumulator = result;
 }
@@ -157,35 +157,35 @@ const fn has(uniform: u8, operand: usize) -> bool {
 fn to_integers<const W: usize, V: Vectors, const AT: usize, const STORED: bool>(
     vectors: V,
     accumulator: &mut [u32; W],
-    rows: &mut (impl Rows<W> + ?Sized),
+    registers: &mut (impl RegisterFile<W> + ?Sized),
     step: &Step,
 ) {
     const { assert!(W.is_multiple_of(8)) }
     let held = *accumulator;
-    let floats = if AT == 0 { &rows.row(step.from[0]).0 } else { &held };
+    let floats = if AT == 0 { &registers.register(step.from[0]).0 } else { &held };
     let mut result = [0; W];
     for (eight, to) in floats.as_chunks::<8>().0.iter().zip(result.as_chunks_mut::<8>().0) {
         *to = vectors.to_integers(vectors.load(&eight.map(f32::from_bits))).map(|integer| integer as u32);
     }
     if STORED {
-        rows.row_mut(step.to).0 = result;
+        registers.register_mut(step.to).0 = result;
     }
     *accumulator = result;
 }
 
-/// Stores the accumulator, or a row; where not every lane runs, for those whose word is all ones.
+/// Stores the accumulator, or a register; where not every lane runs, for those whose word is all ones.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[inline(always)]
 fn store<const W: usize, const AT: usize>(
     accumulator: &mut [u32; W],
-    rows: &mut (impl Rows<W> + ?Sized),
+    registers: &mut (impl RegisterFile<W> + ?Sized),
     step: &Step,
     running: Option<&Lanes<W>>,
 ) {
     if AT == 0 {
-        *accumulator = rows.row(step.from[0]).0;
+        *accumulator = registers.register(step.from[0]).0;
     }
-    let to = rows.row_mut(step.to);
+    let to = registers.register_mut(step.to);
     match running {
         None => to.0 = *accumulator,
         Some(running) => {
@@ -242,7 +242,7 @@ macro_rules! functions {
         }
 
         impl Function {
-            /// The rows that have a code.
+            /// The registers that have a code.
             fn kernels() -> Vec<(&'static LaneKernel, Self)> {
                 let families = [
                     $(($unary_section::$unary.kernel(<$unary_type as Bits>::BITS), Self::$unary),)*
@@ -297,9 +297,9 @@ macro_rules! functions {
 
         /// Runs steps; how many before one that ends the stretch.
         #[inline(always)]
-        fn run_steps<const W: usize, R: Rows<W> + ?Sized, V: Vectors>(
+        fn run_steps<const W: usize, R: RegisterFile<W> + ?Sized, V: Vectors>(
             vectors: V,
-            rows: &mut R,
+            registers: &mut R,
             steps: &[Step],
             running: Option<&Lanes<W>>,
         ) -> usize {
@@ -308,115 +308,115 @@ macro_rules! functions {
             let mut rest = steps.iter();
             while let Some(step) = rest.next() {
                 match step.code {
-                    codes::Move::ROWS => apply::<W, One<Same>, 0, false, 0, 0>(acc, rows, step),
+                    codes::Move::ROWS => apply::<W, One<Same>, 0, false, 0, 0>(acc, registers, step),
                     codes::Move::FIRST => {}
-                    codes::Move::ROWS_STORED => apply::<W, One<Same>, 0, true, 0, 0>(acc, rows, step),
-                    codes::Move::FIRST_STORED => apply::<W, One<Same>, 1, true, 0, 0>(acc, rows, step),
-                    codes::MoveMasked::ROWS_STORED => store::<W, 0>(acc, rows, step, running),
-                    codes::MoveMasked::FIRST_STORED => store::<W, 1>(acc, rows, step, running),
+                    codes::Move::ROWS_STORED => apply::<W, One<Same>, 0, true, 0, 0>(acc, registers, step),
+                    codes::Move::FIRST_STORED => apply::<W, One<Same>, 1, true, 0, 0>(acc, registers, step),
+                    codes::MoveMasked::ROWS_STORED => store::<W, 0>(acc, registers, step, running),
+                    codes::MoveMasked::FIRST_STORED => store::<W, 1>(acc, registers, step, running),
                     codes::SettleMasked::FIRST_STORED => {
-                        apply::<W, One<Settled>, 1, false, 0, 0>(acc, rows, step);
-                        store::<W, 1>(acc, rows, step, running);
+                        apply::<W, One<Settled>, 1, false, 0, 0>(acc, registers, step);
+                        store::<W, 1>(acc, registers, step, running);
                     }
-                    codes::FToS::ROWS => to_integers::<W, V, 0, false>(vectors, acc, rows, step),
-                    codes::FToS::ROWS_STORED => to_integers::<W, V, 0, true>(vectors, acc, rows, step),
-                    codes::FToS::FIRST => to_integers::<W, V, 1, false>(vectors, acc, rows, step),
-                    codes::FToS::FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, rows, step),
-                    codes::Square::FIRST => apply::<W, One<WithBoth<FMul>>, 1, false, 0, 0>(acc, rows, step),
-                    codes::Square::FIRST_STORED => apply::<W, One<WithBoth<FMul>>, 1, true, 0, 0>(acc, rows, step),
-                    codes::Settle::FIRST => apply::<W, One<Settled>, 1, false, 0, 0>(acc, rows, step),
-                    codes::Settle::FIRST_STORED => apply::<W, One<Settled>, 1, true, 0, 0>(acc, rows, step),
+                    codes::FToS::ROWS => to_integers::<W, V, 0, false>(vectors, acc, registers, step),
+                    codes::FToS::ROWS_STORED => to_integers::<W, V, 0, true>(vectors, acc, registers, step),
+                    codes::FToS::FIRST => to_integers::<W, V, 1, false>(vectors, acc, registers, step),
+                    codes::FToS::FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, registers, step),
+                    codes::Square::FIRST => apply::<W, One<WithBoth<FMul>>, 1, false, 0, 0>(acc, registers, step),
+                    codes::Square::FIRST_STORED => apply::<W, One<WithBoth<FMul>>, 1, true, 0, 0>(acc, registers, step),
+                    codes::Settle::FIRST => apply::<W, One<Settled>, 1, false, 0, 0>(acc, registers, step),
+                    codes::Settle::FIRST_STORED => apply::<W, One<Settled>, 1, true, 0, 0>(acc, registers, step),
                     $(
-                    codes::$unary::ROWS => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, false, 0, 0>(acc, rows, step),
-                    codes::$unary::ROWS_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, true, 0, 0>(acc, rows, step),
-                    codes::$unary::FIRST => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, false, 0, 0>(acc, rows, step),
-                    codes::$unary::FIRST_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, true, 0, 0>(acc, rows, step),
+                    codes::$unary::ROWS => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, false, 0, 0>(acc, registers, step),
+                    codes::$unary::ROWS_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, true, 0, 0>(acc, registers, step),
+                    codes::$unary::FIRST => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, false, 0, 0>(acc, registers, step),
+                    codes::$unary::FIRST_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, true, 0, 0>(acc, registers, step),
                     )*
                     $(
-                    codes::$conversion::ROWS => apply::<W, One<Between<$from, $into>>, 0, false, 0, 0>(acc, rows, step),
-                    codes::$conversion::ROWS_STORED => apply::<W, One<Between<$from, $into>>, 0, true, 0, 0>(acc, rows, step),
-                    codes::$conversion::FIRST => apply::<W, One<Between<$from, $into>>, 1, false, 0, 0>(acc, rows, step),
-                    codes::$conversion::FIRST_STORED => apply::<W, One<Between<$from, $into>>, 1, true, 0, 0>(acc, rows, step),
+                    codes::$conversion::ROWS => apply::<W, One<Between<$from, $into>>, 0, false, 0, 0>(acc, registers, step),
+                    codes::$conversion::ROWS_STORED => apply::<W, One<Between<$from, $into>>, 0, true, 0, 0>(acc, registers, step),
+                    codes::$conversion::FIRST => apply::<W, One<Between<$from, $into>>, 1, false, 0, 0>(acc, registers, step),
+                    codes::$conversion::FIRST_STORED => apply::<W, One<Between<$from, $into>>, 1, true, 0, 0>(acc, registers, step),
                     )*
                     $(
-                    codes::$commuting::ROWS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, 0, 0>(acc, rows, step),
-                    codes::$commuting::ROWS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, 0, 0>(acc, rows, step),
-                    codes::$commuting::FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, 0, 0>(acc, rows, step),
-                    codes::$commuting::FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, 0, 0>(acc, rows, step),
-                    codes::$commuting::UNIFORM_ROWS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, SECOND, 0>(acc, rows, step),
-                    codes::$commuting::UNIFORM_ROWS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, SECOND, 0>(acc, rows, step),
-                    codes::$commuting::UNIFORM_FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, SECOND, 0>(acc, rows, step),
-                    codes::$commuting::UNIFORM_FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, SECOND, 0>(acc, rows, step),
+                    codes::$commuting::ROWS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, 0, 0>(acc, registers, step),
+                    codes::$commuting::ROWS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, 0, 0>(acc, registers, step),
+                    codes::$commuting::FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, 0, 0>(acc, registers, step),
+                    codes::$commuting::FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, 0, 0>(acc, registers, step),
+                    codes::$commuting::UNIFORM_ROWS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, SECOND, 0>(acc, registers, step),
+                    codes::$commuting::UNIFORM_ROWS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, SECOND, 0>(acc, registers, step),
+                    codes::$commuting::UNIFORM_FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, SECOND, 0>(acc, registers, step),
+                    codes::$commuting::UNIFORM_FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, SECOND, 0>(acc, registers, step),
                     )*
                     $(
-                    codes::$binary::ROWS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, 0, 0>(acc, rows, step),
-                    codes::$binary::ROWS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, 0, 0>(acc, rows, step),
-                    codes::$binary::FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, 0, 0>(acc, rows, step),
-                    codes::$binary::FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, 0, 0>(acc, rows, step),
-                    codes::$binary::SECOND => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, false, 0, 0>(acc, rows, step),
-                    codes::$binary::SECOND_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, true, 0, 0>(acc, rows, step),
-                    codes::$binary::UNIFORM_ROWS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, SECOND, 0>(acc, rows, step),
-                    codes::$binary::UNIFORM_ROWS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, SECOND, 0>(acc, rows, step),
-                    codes::$binary::UNIFORM_FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, SECOND, 0>(acc, rows, step),
-                    codes::$binary::UNIFORM_FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, SECOND, 0>(acc, rows, step),
+                    codes::$binary::ROWS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, 0, 0>(acc, registers, step),
+                    codes::$binary::ROWS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, 0, 0>(acc, registers, step),
+                    codes::$binary::FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, 0, 0>(acc, registers, step),
+                    codes::$binary::FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, 0, 0>(acc, registers, step),
+                    codes::$binary::SECOND => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, false, 0, 0>(acc, registers, step),
+                    codes::$binary::SECOND_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, true, 0, 0>(acc, registers, step),
+                    codes::$binary::UNIFORM_ROWS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, SECOND, 0>(acc, registers, step),
+                    codes::$binary::UNIFORM_ROWS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, SECOND, 0>(acc, registers, step),
+                    codes::$binary::UNIFORM_FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, SECOND, 0>(acc, registers, step),
+                    codes::$binary::UNIFORM_FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, SECOND, 0>(acc, registers, step),
                     )*
                     $(
-                    codes::$shift::ROWS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, 0, 0>(acc, rows, step),
-                    codes::$shift::ROWS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, 0, 0>(acc, rows, step),
-                    codes::$shift::FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, 0, 0>(acc, rows, step),
-                    codes::$shift::FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, 0, 0>(acc, rows, step),
-                    codes::$shift::SECOND => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, false, 0, 0>(acc, rows, step),
-                    codes::$shift::SECOND_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, true, 0, 0>(acc, rows, step),
-                    codes::$shift::UNIFORM_ROWS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, SECOND, SECOND>(acc, rows, step),
-                    codes::$shift::UNIFORM_ROWS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, SECOND, SECOND>(acc, rows, step),
-                    codes::$shift::UNIFORM_FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, SECOND, SECOND>(acc, rows, step),
-                    codes::$shift::UNIFORM_FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, SECOND, SECOND>(acc, rows, step),
+                    codes::$shift::ROWS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, 0, 0>(acc, registers, step),
+                    codes::$shift::ROWS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, 0, 0>(acc, registers, step),
+                    codes::$shift::FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, 0, 0>(acc, registers, step),
+                    codes::$shift::FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, 0, 0>(acc, registers, step),
+                    codes::$shift::SECOND => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, false, 0, 0>(acc, registers, step),
+                    codes::$shift::SECOND_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, true, 0, 0>(acc, registers, step),
+                    codes::$shift::UNIFORM_ROWS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, SECOND, SECOND>(acc, registers, step),
+                    codes::$shift::UNIFORM_ROWS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, SECOND, SECOND>(acc, registers, step),
+                    codes::$shift::UNIFORM_FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, SECOND, SECOND>(acc, registers, step),
+                    codes::$shift::UNIFORM_FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, SECOND, SECOND>(acc, registers, step),
                     )*
                     $(
-                    codes::$two::ROWS => apply::<W, Two<$two_type>, 0, false, 0, 0>(acc, rows, step),
-                    codes::$two::ROWS_STORED => apply::<W, Two<$two_type>, 0, true, 0, 0>(acc, rows, step),
-                    codes::$two::FIRST => apply::<W, Two<$two_type>, 1, false, 0, 0>(acc, rows, step),
-                    codes::$two::FIRST_STORED => apply::<W, Two<$two_type>, 1, true, 0, 0>(acc, rows, step),
-                    codes::$two::SECOND => apply::<W, Two<$two_type>, 2, false, 0, 0>(acc, rows, step),
-                    codes::$two::SECOND_STORED => apply::<W, Two<$two_type>, 2, true, 0, 0>(acc, rows, step),
-                    codes::$two::UNIFORM_ROWS => apply::<W, Two<$two_type>, 0, false, SECOND, $two_amounts>(acc, rows, step),
-                    codes::$two::UNIFORM_ROWS_STORED => apply::<W, Two<$two_type>, 0, true, SECOND, $two_amounts>(acc, rows, step),
-                    codes::$two::UNIFORM_FIRST => apply::<W, Two<$two_type>, 1, false, SECOND, $two_amounts>(acc, rows, step),
-                    codes::$two::UNIFORM_FIRST_STORED => apply::<W, Two<$two_type>, 1, true, SECOND, $two_amounts>(acc, rows, step),
+                    codes::$two::ROWS => apply::<W, Two<$two_type>, 0, false, 0, 0>(acc, registers, step),
+                    codes::$two::ROWS_STORED => apply::<W, Two<$two_type>, 0, true, 0, 0>(acc, registers, step),
+                    codes::$two::FIRST => apply::<W, Two<$two_type>, 1, false, 0, 0>(acc, registers, step),
+                    codes::$two::FIRST_STORED => apply::<W, Two<$two_type>, 1, true, 0, 0>(acc, registers, step),
+                    codes::$two::SECOND => apply::<W, Two<$two_type>, 2, false, 0, 0>(acc, registers, step),
+                    codes::$two::SECOND_STORED => apply::<W, Two<$two_type>, 2, true, 0, 0>(acc, registers, step),
+                    codes::$two::UNIFORM_ROWS => apply::<W, Two<$two_type>, 0, false, SECOND, $two_amounts>(acc, registers, step),
+                    codes::$two::UNIFORM_ROWS_STORED => apply::<W, Two<$two_type>, 0, true, SECOND, $two_amounts>(acc, registers, step),
+                    codes::$two::UNIFORM_FIRST => apply::<W, Two<$two_type>, 1, false, SECOND, $two_amounts>(acc, registers, step),
+                    codes::$two::UNIFORM_FIRST_STORED => apply::<W, Two<$two_type>, 1, true, SECOND, $two_amounts>(acc, registers, step),
                     )*
                     $(
-                    codes::$ternary::ROWS => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, false, 0, 0>(acc, rows, step),
-                    codes::$ternary::ROWS_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, true, 0, 0>(acc, rows, step),
-                    codes::$ternary::FIRST => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, false, 0, 0>(acc, rows, step),
-                    codes::$ternary::FIRST_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, true, 0, 0>(acc, rows, step),
-                    codes::$ternary::SECOND => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, false, 0, 0>(acc, rows, step),
-                    codes::$ternary::SECOND_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, true, 0, 0>(acc, rows, step),
-                    codes::$ternary::THIRD => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, false, 0, 0>(acc, rows, step),
-                    codes::$ternary::THIRD_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, true, 0, 0>(acc, rows, step),
+                    codes::$ternary::ROWS => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, false, 0, 0>(acc, registers, step),
+                    codes::$ternary::ROWS_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, true, 0, 0>(acc, registers, step),
+                    codes::$ternary::FIRST => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, false, 0, 0>(acc, registers, step),
+                    codes::$ternary::FIRST_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, true, 0, 0>(acc, registers, step),
+                    codes::$ternary::SECOND => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, false, 0, 0>(acc, registers, step),
+                    codes::$ternary::SECOND_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, true, 0, 0>(acc, registers, step),
+                    codes::$ternary::THIRD => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, false, 0, 0>(acc, registers, step),
+                    codes::$ternary::THIRD_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, true, 0, 0>(acc, registers, step),
                     )*
                     $(
-                    codes::$three::ROWS => apply::<W, Three<$three_type>, 0, false, 0, 0>(acc, rows, step),
-                    codes::$three::ROWS_STORED => apply::<W, Three<$three_type>, 0, true, 0, 0>(acc, rows, step),
-                    codes::$three::FIRST => apply::<W, Three<$three_type>, 1, false, 0, 0>(acc, rows, step),
-                    codes::$three::FIRST_STORED => apply::<W, Three<$three_type>, 1, true, 0, 0>(acc, rows, step),
-                    codes::$three::SECOND => apply::<W, Three<$three_type>, 2, false, 0, 0>(acc, rows, step),
-                    codes::$three::SECOND_STORED => apply::<W, Three<$three_type>, 2, true, 0, 0>(acc, rows, step),
-                    codes::$three::THIRD => apply::<W, Three<$three_type>, 3, false, 0, 0>(acc, rows, step),
-                    codes::$three::THIRD_STORED => apply::<W, Three<$three_type>, 3, true, 0, 0>(acc, rows, step),
-                    codes::$three::UNIFORM_ROWS => apply::<W, Three<$three_type>, 0, false, $three_uniform, $three_amounts>(acc, rows, step),
-                    codes::$three::UNIFORM_ROWS_STORED => apply::<W, Three<$three_type>, 0, true, $three_uniform, $three_amounts>(acc, rows, step),
-                    codes::$three::UNIFORM_FIRST => apply::<W, Three<$three_type>, 1, false, $three_uniform, $three_amounts>(acc, rows, step),
-                    codes::$three::UNIFORM_FIRST_STORED => apply::<W, Three<$three_type>, 1, true, $three_uniform, $three_amounts>(acc, rows, step),
+                    codes::$three::ROWS => apply::<W, Three<$three_type>, 0, false, 0, 0>(acc, registers, step),
+                    codes::$three::ROWS_STORED => apply::<W, Three<$three_type>, 0, true, 0, 0>(acc, registers, step),
+                    codes::$three::FIRST => apply::<W, Three<$three_type>, 1, false, 0, 0>(acc, registers, step),
+                    codes::$three::FIRST_STORED => apply::<W, Three<$three_type>, 1, true, 0, 0>(acc, registers, step),
+                    codes::$three::SECOND => apply::<W, Three<$three_type>, 2, false, 0, 0>(acc, registers, step),
+                    codes::$three::SECOND_STORED => apply::<W, Three<$three_type>, 2, true, 0, 0>(acc, registers, step),
+                    codes::$three::THIRD => apply::<W, Three<$three_type>, 3, false, 0, 0>(acc, registers, step),
+                    codes::$three::THIRD_STORED => apply::<W, Three<$three_type>, 3, true, 0, 0>(acc, registers, step),
+                    codes::$three::UNIFORM_ROWS => apply::<W, Three<$three_type>, 0, false, $three_uniform, $three_amounts>(acc, registers, step),
+                    codes::$three::UNIFORM_ROWS_STORED => apply::<W, Three<$three_type>, 0, true, $three_uniform, $three_amounts>(acc, registers, step),
+                    codes::$three::UNIFORM_FIRST => apply::<W, Three<$three_type>, 1, false, $three_uniform, $three_amounts>(acc, registers, step),
+                    codes::$three::UNIFORM_FIRST_STORED => apply::<W, Three<$three_type>, 1, true, $three_uniform, $three_amounts>(acc, registers, step),
                     )*
                     $(
-                    codes::$chain::ROWS => apply::<W, $chain_type, 0, false, 0, 0>(acc, rows, step),
-                    codes::$chain::ROWS_STORED => apply::<W, $chain_type, 0, true, 0, 0>(acc, rows, step),
-                    codes::$chain::FIRST => apply::<W, $chain_type, 1, false, 0, 0>(acc, rows, step),
-                    codes::$chain::FIRST_STORED => apply::<W, $chain_type, 1, true, 0, 0>(acc, rows, step),
-                    codes::$chain::UNIFORM_ROWS => apply::<W, $chain_type, 0, false, $chain_uniform, $chain_amounts>(acc, rows, step),
-                    codes::$chain::UNIFORM_ROWS_STORED => apply::<W, $chain_type, 0, true, $chain_uniform, $chain_amounts>(acc, rows, step),
-                    codes::$chain::UNIFORM_FIRST => apply::<W, $chain_type, 1, false, $chain_uniform, $chain_amounts>(acc, rows, step),
-                    codes::$chain::UNIFORM_FIRST_STORED => apply::<W, $chain_type, 1, true, $chain_uniform, $chain_amounts>(acc, rows, step),
+                    codes::$chain::ROWS => apply::<W, $chain_type, 0, false, 0, 0>(acc, registers, step),
+                    codes::$chain::ROWS_STORED => apply::<W, $chain_type, 0, true, 0, 0>(acc, registers, step),
+                    codes::$chain::FIRST => apply::<W, $chain_type, 1, false, 0, 0>(acc, registers, step),
+                    codes::$chain::FIRST_STORED => apply::<W, $chain_type, 1, true, 0, 0>(acc, registers, step),
+                    codes::$chain::UNIFORM_ROWS => apply::<W, $chain_type, 0, false, $chain_uniform, $chain_amounts>(acc, registers, step),
+                    codes::$chain::UNIFORM_ROWS_STORED => apply::<W, $chain_type, 0, true, $chain_uniform, $chain_amounts>(acc, registers, step),
+                    codes::$chain::UNIFORM_FIRST => apply::<W, $chain_type, 1, false, $chain_uniform, $chain_amounts>(acc, registers, step),
+                    codes::$chain::UNIFORM_FIRST_STORED => apply::<W, $chain_type, 1, true, $chain_uniform, $chain_amounts>(acc, registers, step),
                     )*
                     _ => return steps.len() - rest.len() - 1,
                 }
@@ -575,27 +575,27 @@ impl Steps {
         running: Option<&Lanes<W>>,
     ) -> usize {
         let processor = registers.processor();
-        let rows = registers.all_mut();
-        match if self.wide { None } else { rows.first_chunk_mut::<WINDOW>() } {
-            Some(rows) => processor.run_widest(Loop { rows, steps, running }),
-            None => processor.run_widest(Loop { rows, steps, running }),
+        let registers = registers.all_mut();
+        match if self.wide { None } else { registers.first_chunk_mut::<WINDOW>() } {
+            Some(registers) => processor.run_widest(Loop { registers, steps, running }),
+            None => processor.run_widest(Loop { registers, steps, running }),
         }
     }
 }
 
 /// The loop with its arguments.
 struct Loop<'a, const W: usize, R: ?Sized> {
-    rows: &'a mut R,
+    registers: &'a mut R,
     steps: &'a [Step],
     running: Option<&'a Lanes<W>>,
 }
 
-impl<const W: usize, R: Rows<W> + ?Sized> Task for Loop<'_, W, R> {
+impl<const W: usize, R: RegisterFile<W> + ?Sized> Task for Loop<'_, W, R> {
     type Output = usize;
 
     #[inline(always)]
     fn run<V: Vectors>(self, vectors: V) -> usize {
-        run_steps(vectors, self.rows, self.steps, self.running)
+        run_steps(vectors, self.registers, self.steps, self.running)
     }
 }
 

@@ -15,7 +15,7 @@ use crate::machine::{Batch, Reg, Registers};
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::decode::{Decoder, Words, rows_from};
+use crate::ops::decode::{Decoder, Words, registers_from};
 use crate::ops::integer_operand::Reading;
 use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::op::{Access, Op as Operation};
@@ -173,15 +173,15 @@ pub struct Op {
     pub kind: Kind,
     /// The first register of the result.
     pub to: Reg,
-    /// Rows of the result.
+    /// Registers of the result.
     pub results: u32,
     /// The first register of the value.
     pub value: Reg,
-    /// Rows of the value.
+    /// Registers of the value.
     pub values: u32,
     /// The first register of a second operand.
     pub operand: Reg,
-    /// Rows of the second operand.
+    /// Registers of the second operand.
     pub operands: u32,
 }
 
@@ -430,14 +430,14 @@ fn emit(
     value: Option<Id>,
     operand: Option<Id>,
 ) -> Result<()> {
-    let mut rows = [(Reg(0), 0); 2];
+    let mut registers = [(Reg(0), 0); 2];
     if let Some(id) = value {
         let words = decoder.words(id)?;
-        rows[0] = (decoder.consecutive(&words)?, words.len() as u32);
+        registers[0] = (decoder.consecutive(&words)?, words.len() as u32);
     }
     if let Some(id) = operand {
         // An invocation's place, or a bit's, an integer of any width.
-        rows[1] = match kind {
+        registers[1] = match kind {
             Kind::Read(_) | Kind::Extract { .. } => (decoder.integer(id, Reading::Unsigned)?, 1),
             _ => {
                 let words = decoder.words(id)?;
@@ -449,25 +449,25 @@ fn emit(
     let results = decoder.word_count(ty)?;
     if let Kind::Bits(_) = kind {
         // Counted in 32 bits, and given in those of the result.
-        let counted = append(decoder, kind, 1, rows)?;
+        let counted = append(decoder, kind, 1, registers)?;
         let width = decoder.scalar_width(ty)?;
         let first = match conversion::kernel(Conversion::U, 32, width) {
             Some(kernel) => decoder.emit_kernel(kernel, &[counted])?,
             None => counted,
         };
-        decoder.result(instruction, rows_from(first, results));
+        decoder.result(instruction, registers_from(first, results));
         return Ok(());
     }
     let fits = match kind {
-        Kind::Read(_) => rows[0].1 == results,
+        Kind::Read(_) => registers[0].1 == results,
         Kind::Ballot | Kind::Partition => results == 4,
         _ => results == 1,
     };
     if !fits {
         return Err(decoder.invalid("a subgroup instruction with a result of another type"));
     }
-    let to = append(decoder, kind, results, rows)?;
-    decoder.result(instruction, rows_from(to, results));
+    let to = append(decoder, kind, results, registers)?;
+    decoder.result(instruction, registers_from(to, results));
     Ok(())
 }
 

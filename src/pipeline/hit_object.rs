@@ -3,7 +3,7 @@
 use crate::accel::Tlas;
 use crate::machine::hit_object::{Encoded, HitEncoded, HitObject};
 use crate::machine::object::ObjectRef;
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::machine::{Mask, Observer, Reg, TrapCode};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::observer::{Caller, PipelineObserver};
@@ -33,7 +33,7 @@ where
     LaneKernel: Width<W>,
 {
     /// `OpHitObjectExecuteShaderEXT`: closest-hit or miss shaders as for a ray that is over.
-    pub(super) fn begin_execute(&mut self, mask: Mask<W>, object: ObjectRef, payload: Rows) {
+    pub(super) fn begin_execute(&mut self, mask: Mask<W>, object: ObjectRef, payload: RegSpan) {
         let mut trace = self.spare_trace(true);
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
@@ -47,7 +47,7 @@ where
         let mut lanes = Mask::NONE;
         for lane in mask.lanes() {
             let batch = &running.batch;
-            let found = object.row(&batch.registers, lane).and_then(|row| {
+            let found = object.register(&batch.registers, lane).and_then(|row| {
                 let found = batch.hit_objects.get(batch.registers[row].0[lane]);
                 match found.unwrap_or(&HitObject::Unrecorded) {
                     HitObject::Unrecorded => Err(TrapCode::HitObjectUnrecorded),
@@ -84,7 +84,7 @@ where
         let memory = &self.bindings[running.shader.0 as usize].memory;
         for lane in mask.lanes() {
             let batch = &mut running.batch;
-            let record = object.row(&batch.registers, lane).and_then(|row| {
+            let record = object.register(&batch.registers, lane).and_then(|row| {
                 let found = batch.hit_objects.get(batch.registers[row].0[lane]);
                 let found = found.unwrap_or(&HitObject::Unrecorded);
                 let table = match found {

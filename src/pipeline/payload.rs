@@ -1,26 +1,26 @@
 //! Payloads and callable data: what a shader gives and what the shader that it calls takes are of one type.
 
 use crate::machine::Reg;
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::decode::InterfaceRows;
+use crate::ops::decode::InterfaceRegisters;
 use crate::ops::pointer::storage;
 use crate::program::Program;
 
 /// The variable of a shader's interface whose rows it gives.
-fn given(program: &Program, first: Reg) -> Option<&InterfaceRows> {
+fn given(program: &Program, first: Reg) -> Option<&InterfaceRegisters> {
     program.interface.iter().find(|rows| rows.first == first)
 }
 
 /// The variable that a shader takes payload or callable data in, where it has one that it uses.
-fn taken(program: &Program) -> Option<&InterfaceRows> {
+fn taken(program: &Program) -> Option<&InterfaceRegisters> {
     let classes = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA];
-    classes.into_iter().find_map(|class| program.interface_rows(class))
+    classes.into_iter().find_map(|class| program.interface_registers(class))
 }
 
-/// The scalars of what a shader gives from some rows; see [`InterfaceRows::scalars`].
-pub(super) fn scalars_given(program: &Program, rows: Rows) -> Option<u64> {
+/// The scalars of what a shader gives from some rows; see [`InterfaceRegisters::scalars`].
+pub(super) fn scalars_given(program: &Program, rows: RegSpan) -> Option<u64> {
     given(program, rows.first).map(|rows| rows.scalars)
 }
 

@@ -46,7 +46,7 @@ impl<const W: usize> IntersectionReport<W> {
                 batch.trap(Mask::lane(lane), TrapCode::InvalidHitKind, op);
                 continue;
             }
-            let attributes = match program.interface_rows(storage::HIT_ATTRIBUTE) {
+            let attributes = match program.interface_registers(storage::HIT_ATTRIBUTE) {
                 Some(rows) => batch.registers.lane_words(rows.first, rows.count, lane).collect(),
                 None => Data::new(),
             };

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::interp;
 use crate::machine::object::ObjectRef;
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::machine::{
     Batch, Bindings, Exit, Invocation, Lanes, Mask, Observer, Reg, Registers, Resources, Stop, TrapCode,
 };
 use crate::module::interface::Stage;
-use crate::ops::decode::InterfaceRows;
+use crate::ops::decode::InterfaceRegisters;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
@@ -47,31 +47,31 @@ pub(super) struct Running<const W: usize> {
     pub batch: Batch<W>,
     lanes: Mask<W>,
     /// The rows of the payload, or of callable data.
-    data: Option<Rows>,
-    attributes: Option<Rows>,
+    data: Option<RegSpan>,
+    attributes: Option<RegSpan>,
 }
 
 impl<const W: usize> Running<W> {
     /// Takes the payload (or callable data) that a caller's registers hold.
-    fn take_data(&mut self, from: &Registers<W>, rows: Rows) {
+    fn take_data(&mut self, from: &Registers<W>, rows: RegSpan) {
         if let Some(own) = self.data {
             let count = own.count.min(rows.count);
             // What the other lanes hold nobody sees.
-            self.batch.registers.copy_rows(own.first, from, rows.first, count, Mask::ALL);
+            self.batch.registers.copy_span(own.first, from, rows.first, count, Mask::ALL);
         }
     }
 
     /// Leaves the payload (or callable data) in a caller's registers.
-    fn leave_data(&self, to: &mut Registers<W>, rows: Rows) {
+    fn leave_data(&self, to: &mut Registers<W>, rows: RegSpan) {
         if let Some(own) = self.data {
             let count = own.count.min(rows.count);
-            to.copy_rows(rows.first, &self.batch.registers, own.first, count, self.lanes);
+            to.copy_span(rows.first, &self.batch.registers, own.first, count, self.lanes);
         }
     }
 
     /// The rows of its attributes.
     fn attributes(&mut self) -> Option<&mut [Lanes<W>]> {
-        self.attributes.map(|rows| self.batch.registers.rows_mut(rows.first, rows.count))
+        self.attributes.map(|rows| self.batch.registers.span_mut(rows.first, rows.count))
     }
 }
 
@@ -80,7 +80,7 @@ impl<const W: usize> Running<W> {
 pub(super) struct Call<const W: usize> {
     /// The row of the records' indices.
     index: Reg,
-    data: Rows,
+    data: RegSpan,
     /// Callable shaders and the lanes that call them.
     waiting: Vec<(Shader, Mask<W>)>,
 }
@@ -92,7 +92,7 @@ pub(super) enum ShaderCallFrame<const W: usize> {
     /// `object` where the hit objects there take what is found.
     Trace {
         trace: Box<Trace<W>>,
-        payload: Rows,
+        payload: RegSpan,
         object: Option<ObjectRef>,
     },
     Call(Call<W>),
@@ -290,16 +290,16 @@ where
         let mut running = self.free_batches[shader.0 as usize].pop().unwrap_or_else(|| {
             let program = &*self.pipeline.programs[shader.0 as usize];
             let data = match role {
-                Role::Callable => program.interface_rows(storage::INCOMING_CALLABLE_DATA),
-                _ => program.interface_rows(storage::INCOMING_RAY_PAYLOAD),
+                Role::Callable => program.interface_registers(storage::INCOMING_CALLABLE_DATA),
+                _ => program.interface_registers(storage::INCOMING_RAY_PAYLOAD),
             };
             Box::new(Running {
                 shader,
                 role,
                 batch: program.batch(),
                 lanes: Mask::NONE,
-                data: data.map(InterfaceRows::rows),
-                attributes: program.interface_rows(storage::HIT_ATTRIBUTE).map(InterfaceRows::rows),
+                data: data.map(InterfaceRegisters::span),
+                attributes: program.interface_registers(storage::HIT_ATTRIBUTE).map(InterfaceRegisters::span),
             })
         });
         running.role = role;
@@ -319,7 +319,7 @@ where
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
                 let rows =
-                    |rows: Option<Rows>| rows.map_or_else(Vec::new, |rows| read(rows.first, rows.count));
+                    |rows: Option<RegSpan>| rows.map_or_else(Vec::new, |rows| read(rows.first, rows.count));
                 self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
                 self.pipeline_observer.event(Event::Enter {
                     shader: running.shader,
@@ -388,7 +388,7 @@ where
         self.free_batches[running.shader.0 as usize].push(running);
     }
 
-    fn begin_call(&mut self, mask: Mask<W>, index: Reg, data: Rows) {
+    fn begin_call(&mut self, mask: Mask<W>, index: Reg, data: RegSpan) {
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let mut waiting: Vec<(Shader, Mask<W>)> = Vec::new();
         for lane in mask.lanes() {

@@ -11,8 +11,8 @@ use smallvec::SmallVec;
 
 use crate::accel::{Candidate, Committed, Cursor, HitKind, RayFlags, Tlas, TraceRay, hit_record_index};
 use crate::machine::hit_object::HitEncoded;
-use crate::machine::invocation::{Invocations, RayRows, Structures};
-use crate::machine::stop::Rows;
+use crate::machine::invocation::{Invocations, RayLanes, Structures};
+use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Exit, Lanes, Mask, Registers, TrapCode};
 use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
@@ -41,7 +41,7 @@ pub(super) struct Trace<const W: usize> {
     /// The lanes that trace.
     lanes: Mask<W>,
     /// Rays, flags, cull masks.
-    pub rays: RayRows<W>,
+    pub rays: RayLanes<W>,
     pub sbt_offset: Lanes<W>,
     pub sbt_stride: Lanes<W>,
     pub miss_index: Lanes<W>,
@@ -92,7 +92,7 @@ impl<const W: usize> Default for Trace<W> {
         let zero = Lanes([0; W]);
         Self {
             lanes: Mask::NONE,
-            rays: RayRows::ZERO,
+            rays: RayLanes::ZERO,
             sbt_offset: zero,
             sbt_stride: zero,
             miss_index: zero,
@@ -245,7 +245,7 @@ impl<const W: usize> Trace<W> {
     pub fn advance<T: PipelineObserver>(
         &mut self,
         pipeline: &Pipeline,
-        payload: Option<(&mut Registers<W>, Rows)>,
+        payload: Option<(&mut Registers<W>, RegSpan)>,
         observer: &mut T,
     ) -> Option<Waiting<W>> {
         loop {

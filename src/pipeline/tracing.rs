@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::accel::{RayFlags, RayRule, Tlas, TraceRay};
 use crate::geometry::Ray;
 use crate::machine::object::ObjectRef;
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::machine::{Bindings, Mask, Observer, Reg, Registers, TrapCode};
 use crate::ops::hit_object;
 use crate::ops::lane_kernel::{LaneKernel, Width};
@@ -43,7 +43,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Takes the operands of a ray from the host into the first lane; returns the registers of its payload.
-    pub fn take_host_operands(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Rows {
+    pub fn take_host_operands(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> RegSpan {
         let RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload } = operands;
         self.called_from_host();
         self.structures.set(Mask::lane(0), tlas);
@@ -51,7 +51,7 @@ impl<const W: usize> Trace<W> {
         (self.sbt_offset.0[0], self.sbt_stride.0[0], self.miss_index.0[0]) =
             (sbt_offset, sbt_stride, miss_index);
         let mut registers = Registers::new(payload.len());
-        let rows = Rows { first: Reg(0), count: payload.len() as u32 };
+        let rows = RegSpan { first: Reg(0), count: payload.len() as u32 };
         registers.set_lane_words(rows.first, 0, payload);
         self.host_payload = Some(registers);
         self.begin(Mask::lane(0));
@@ -76,7 +76,7 @@ where
         &mut self,
         mask: Mask<W>,
         operands: Reg,
-        payload: Rows,
+        payload: RegSpan,
         object: Option<ObjectRef>,
     ) {
         let mut trace = self.spare_trace(object.is_none());
@@ -94,7 +94,7 @@ where
         }
         // What is not certain is looked at lane by lane.
         for lane in mask.without(lanes).lanes() {
-            let place = object.map_or(Ok(Reg(0)), |object| object.row(&batch.registers, lane));
+            let place = object.map_or(Ok(Reg(0)), |object| object.register(&batch.registers, lane));
             let handle = || {
                 let word = |at: u32| u64::from(batch.registers[operands.plus(at)].0[lane]);
                 word(0) | word(1) << 32
@@ -122,7 +122,12 @@ where
     }
 
     /// Puts a trace on the stack whose rays begin.
-    pub(super) fn push_trace(&mut self, mut trace: Box<Trace<W>>, payload: Rows, object: Option<ObjectRef>) {
+    pub(super) fn push_trace(
+        &mut self,
+        mut trace: Box<Trace<W>>,
+        payload: RegSpan,
+        object: Option<ObjectRef>,
+    ) {
         self.stats.rays += u64::from(trace.lanes().count());
         if T::ACTIVE {
             for lane in trace.lanes().lanes() {

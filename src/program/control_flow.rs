@@ -73,7 +73,7 @@ pub fn block_of(module: &Module, function: &Function, label: Id) -> Option<usize
 /// Values that are used after the loop in which they are made.
 ///
 /// A lane that has left a loop waits while others go round again, and an operation writes all
-/// lanes: such a value needs a row of its own that is written for the running lanes only.
+/// lanes: such a value needs a register of its own that is written for the running lanes only.
 pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) -> FxHashSet<Id> {
     let mut place = vec![usize::MAX; function.blocks.len()];
     for (position, &block) in order.iter().enumerate() {

@@ -1,11 +1,11 @@
-//! Takes moves away that lowering leaves behind: copies of rows that can be read where they are, and
+//! Takes moves away that lowering leaves behind: copies of registers that can be read where they are, and
 //! stores to variables that nothing reads any more.
 //!
 //! Shader compilers keep locals in variables. Within a block the decoder has forwarded what is
-//! stored to what is loaded; what remains is a load that copies a variable's row, and the store
+//! stored to what is loaded; what remains is a load that copies a variable's register, and the store
 //! itself, often dead.
 //!
-//! Both passes follow one lane. A masked store to a row is, for a lane that runs it, a whole write,
+//! Both passes follow one lane. A masked store to a register is, for a lane that runs it, a whole write,
 //! and nothing at all for the others; so the ordinary rules hold, lane by lane.
 
 use std::ops::Range;
@@ -21,20 +21,21 @@ use crate::program::{Program, Terminator};
 /// More bits of liveness than this are not worth their memory.
 const MOST_BITS: usize = 1 << 28;
 
-/// Rows that the program's operations do not fully account for.
+/// Registers that the program's operations do not fully account for.
 pub(super) struct Shared(Vec<bool>);
 
 impl Shared {
-    /// Rows of interface variables, of inputs, and of variables with computed row numbers.
+    /// Registers of interface variables, of inputs, and of variables with computed register numbers.
     pub fn of(program: &Program, addressed: &[(Reg, u32)]) -> Self {
-        let mut shared = vec![false; program.rows as usize + 1];
-        let interface = program.interface.iter().map(|rows| (rows.first, rows.count));
-        let inputs = program.inputs.iter().map(|rows| (rows.first, rows.count));
+        let mut shared = vec![false; program.register_count as usize + 1];
+        let interface = program.interface.iter().map(|registers| (registers.first, registers.count));
+        let inputs = program.inputs.iter().map(|registers| (registers.first, registers.count));
         for (first, count) in interface.chain(inputs).chain(addressed.iter().copied()) {
-            let holds = |&&(start, rows): &&(Reg, u32)| (start.0..start.0 + rows).contains(&first.0);
+            let holds =
+                |&&(start, registers): &&(Reg, u32)| (start.0..start.0 + registers).contains(&first.0);
             let (first, count) = program.variables.iter().find(holds).copied().unwrap_or((first, count));
-            for row in first.0..first.0 + count {
-                shared[row as usize] = true;
+            for register in first.0..first.0 + count {
+                shared[register as usize] = true;
             }
         }
         Self(shared)
@@ -45,16 +46,16 @@ impl Shared {
     }
 }
 
-/// Lets operations read a variable's row itself, where its copy serves this block alone; what nobody
+/// Lets operations read a variable's register itself, where its copy serves this block alone; what nobody
 /// reads then is left to `prune`.
 pub fn forward_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
     let shared = Shared::of(program, addressed);
-    // How often a row is written.
-    let mut writes = vec![0u32; program.rows as usize + 1];
+    // How often a register is written.
+    let mut writes = vec![0u32; program.register_count as usize + 1];
     for op in &program.ops {
         op.accesses(|access| {
             if let Access::Write(first, count) = access {
-                (first.0..first.0 + count).for_each(|row| writes[row as usize] += 1);
+                (first.0..first.0 + count).for_each(|register| writes[register as usize] += 1);
             }
         });
     }
@@ -101,7 +102,7 @@ pub fn forward_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
     }
 }
 
-/// The rows that a terminator reads.
+/// The registers that a terminator reads.
 pub(super) fn each_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
     match *terminator {
         Terminator::BranchConditional { condition, .. } => visit(condition),
@@ -115,7 +116,7 @@ pub(super) fn each_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
     }
 }
 
-/// The operands of an operation that are one row each, wherever it lies.
+/// The operands of an operation that are one register each, wherever it lies.
 fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
     match op {
         Op::LaneKernel { kernel, from, .. } => {
@@ -134,7 +135,7 @@ fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
     }
 }
 
-/// By operation: `false` for masked stores to rows that no lane reads before it writes them again. `None` where nothing
+/// By operation: `false` for masked stores to registers that no lane reads before it writes them again. `None` where nothing
 /// is known.
 pub fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bool>> {
     let shared = Shared::of(program, addressed);
@@ -171,7 +172,7 @@ pub fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bo
 /// No bit.
 const NONE: u32 = u32::MAX;
 
-/// What operations do with rows that are stored to, each of which has a bit.
+/// What operations do with registers that are stored to, each of which has a bit.
 struct Stores {
     /// Words of 64 bits.
     words: usize,
@@ -197,7 +198,7 @@ enum Event {
 impl Stores {
     /// `None` where nothing is stored, or there is too much.
     fn of(program: &Program, shared: &Shared) -> Option<Self> {
-        let mut bits = vec![NONE; program.rows as usize + 1];
+        let mut bits = vec![NONE; program.register_count as usize + 1];
         let mut used = 0;
         for op in &program.ops {
             if let Op::Memory(memory::Op::MoveMasked { to, .. }) = op
@@ -389,7 +390,7 @@ impl Begins {
     }
 }
 
-/// Whether all is live behind a terminator: functions share rows with their callers.
+/// Whether all is live behind a terminator: functions share registers with their callers.
 fn all_is_live(terminator: &Terminator) -> bool {
     matches!(terminator, Terminator::Call { .. } | Terminator::Return)
 }

@@ -33,7 +33,7 @@ use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::forward::{forward_copies, live_stores};
 use crate::program::payload::Payloads;
 use crate::program::prune::prune;
-use crate::program::reuse::{reuse_rows, superblocks};
+use crate::program::reuse::{allocate_registers, superblocks};
 use crate::program::sharing::touches;
 use crate::program::verify::{Verifier, Version};
 use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
@@ -116,7 +116,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOption
     Ok(program)
 }
 
-/// The program of an entry point as it is translated, and the rows that computed row numbers reach.
+/// The program of an entry point as it is translated, and the registers that computed register numbers reach.
 fn translate(
     module: &Arc<Module>,
     entry: &EntryPoint,
@@ -207,7 +207,7 @@ fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
     program.payloads = Payloads::of(program, addressed);
     let runs = verify.then(|| superblocks(program));
     let verifier = runs.and_then(|runs| Verifier::new(program, addressed, Some(&runs)));
-    let renamed = reuse_rows(program, addressed);
+    let renamed = allocate_registers(program, addressed);
     if let Some(verifier) = verifier {
         let after = Version { ops: program.unwatched.ops.clone(), ..Version::of(program) };
         let renamed = |reg: Reg| renamed.get(reg.0 as usize).copied().unwrap_or(reg);
@@ -245,9 +245,9 @@ fn refuse_pipeline(lowering: &Lowering<'_>) -> Result<()> {
 enum Return {
     /// Ends the invocation.
     Entry,
-    /// Goes on in the caller; the value is left in rows.
+    /// Goes on in the caller; the value is left in registers.
     Inlined { label: u32, result: Words },
-    /// Ends a real call; the value is left in rows.
+    /// Ends a real call; the value is left in registers.
     StandingAlone { result: Words },
 }
 
@@ -371,7 +371,7 @@ impl<'m> Lowering<'m> {
                 self.decoder.origin.offset = instruction.offset;
                 let place = Site { function, block: block.label, labels: &labels, plan };
                 self.instruction(instruction, &place)?;
-                // A phi's own rows are written for the running lanes only, by the edges to it.
+                // A phi's own registers are written for the running lanes only, by the edges to it.
                 let kept = instruction.result.filter(|id| escaping.contains(id));
                 if let Some(id) = kept.filter(|_| instruction.opcode != opcode::PHI) {
                     self.keep(id)?;
@@ -381,7 +381,7 @@ impl<'m> Lowering<'m> {
         Ok(())
     }
 
-    /// Gives a value rows that only the running lanes write.
+    /// Gives a value registers that only the running lanes write.
     fn keep(&mut self, id: Id) -> Result<()> {
         match self.decoder.value(id)? {
             Value::Words(words) => {
@@ -469,7 +469,7 @@ impl<'m> Lowering<'m> {
         let count = self.decoder.word_count(pointee)?;
         let first = self.decoder.fresh(count)?;
         self.decoder.variables.push((first, count));
-        let place = PointerPlace::Rows { first, count, constant: false };
+        let place = PointerPlace::Registers { first, count, constant: false };
         let pointer = Pointer::new(place, pointee, storage_class);
         // A query of a function that runs again is not the query that it was.
         if self.decoder.origin.scope != 0 && is_query(self.module, pointee) {
@@ -486,7 +486,7 @@ impl<'m> Lowering<'m> {
         Ok(())
     }
 
-    /// The program as it was lowered, with the rows that computed row numbers reach.
+    /// The program as it was lowered, with the registers that computed register numbers reach.
     fn finish(
         self,
         module: &Arc<Module>,
@@ -522,8 +522,8 @@ impl<'m> Lowering<'m> {
             instructions = instructions.saturating_add(count);
             block.instructions = instructions;
         }
-        let constants = self.decoder.constant_rows().collect();
-        let rows = self.decoder.row_count();
+        let constants = self.decoder.constant_registers().collect();
+        let register_count = self.decoder.register_count();
         let program = Program {
             module: module.clone(),
             stage: entry.stage,
@@ -535,7 +535,7 @@ impl<'m> Lowering<'m> {
             scopes: self.scopes,
             blocks,
             stretches: self.stretches,
-            rows,
+            register_count,
             constants,
             slots: self.decoder.slots,
             inputs: self.decoder.inputs,

@@ -20,7 +20,7 @@ mod opcode {
 
 /// An index of a chain, and what it chooses from.
 struct Step {
-    /// What stands before it: `table`, `block.rows[2]`.
+    /// What stands before it: `table`, `block.registers[2]`.
     path: String,
     /// The array, vector or matrix.
     from: TypeId,

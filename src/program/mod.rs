@@ -1,4 +1,4 @@
-//! A program: one entry point of a module, lowered to operations on rows.
+//! A program: one entry point of a module, lowered to operations on registers.
 
 mod call_graph;
 pub mod control_flow;
@@ -26,7 +26,7 @@ use crate::machine::{
 };
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
-use crate::ops::decode::{InputRows, InterfaceRows, Origin, Slot};
+use crate::ops::decode::{InputRegisters, InterfaceRegisters, Origin, Slot};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
 use crate::ops::{atomic, memory, ray_rules, stretch};
@@ -43,7 +43,7 @@ pub use workgroup::{DerivativeGroup, WorkgroupLayout};
 pub enum Terminator {
     /// To one block.
     Branch(u32),
-    /// To `then` where the row is not zero, else to `other`.
+    /// To `then` where the register is not zero, else to `other`.
     BranchConditional {
         /// A bool.
         condition: Reg,
@@ -54,7 +54,7 @@ pub enum Terminator {
     },
     /// To the block of the first case that equals the selector.
     Switch {
-        /// One row, or two where the selector has 64 bits.
+        /// One register, or two where the selector has 64 bits.
         selector: Reg,
         /// Whether it has 64 bits.
         wide: bool,
@@ -143,17 +143,17 @@ pub struct Program {
     pub blocks: Vec<Block>,
     /// What the blocks run of the module, in the order in which they run it.
     pub stretches: Vec<Stretch>,
-    /// How many rows a batch needs.
-    pub rows: u32,
-    /// Rows that hold constants.
+    /// How many registers a batch needs.
+    pub register_count: u32,
+    /// Registers that hold constants.
     pub constants: Vec<(Reg, u32)>,
     /// Descriptor bindings, the position is the slot.
     pub slots: Vec<Slot>,
     /// Builtins that are read.
-    pub inputs: Vec<InputRows>,
-    /// Rows of payload, attribute and other interface variables.
-    pub interface: Vec<InterfaceRows>,
-    /// Rows of all variables.
+    pub inputs: Vec<InputRegisters>,
+    /// Registers of payload, attribute and other interface variables.
+    pub interface: Vec<InterfaceRegisters>,
+    /// Registers of all variables.
     pub variables: Vec<(Reg, u32)>,
     /// Whether what a launch leaves behind depends on how its invocations interleave; see
     /// [`crate::ops::atomic`].
@@ -238,7 +238,7 @@ impl Program {
 
     /// A batch with the constants in place, ready for [`Program::begin`].
     pub fn batch<const W: usize>(&self) -> Batch<W> {
-        let mut registers = Registers::new((self.rows as usize).max(stretch::WINDOW));
+        let mut registers = Registers::new((self.register_count as usize).max(stretch::WINDOW));
         for &(reg, word) in &self.constants {
             registers[reg].0 = [word; W];
         }
@@ -251,23 +251,23 @@ impl Program {
     /// what ran in the batch before.
     pub fn begin<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, budget: u64) {
         for &(first, count) in &self.variables {
-            batch.registers.rows_mut(first, count).fill(Lanes::splat(0));
+            batch.registers.span_mut(first, count).fill(Lanes::splat(0));
         }
         self.refresh_inputs(batch, mask, false);
         batch.begin(mask, 0, self.blocks[0].first, budget);
     }
 
-    /// Fills the rows of builtins again; only those that may change while running where so asked.
+    /// Fills the registers of builtins again; only those that may change while running where so asked.
     pub fn refresh_inputs<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, volatile: bool) {
         let Batch { registers, invocations, .. } = batch;
         for input in self.inputs.iter().filter(|input| !volatile || input.builtin.volatile) {
-            input.builtin.read.read(invocations, mask, registers.rows_mut(input.first, input.count));
+            input.builtin.read.read(invocations, mask, registers.span_mut(input.first, input.count));
         }
     }
 
-    /// The rows of the one variable of a storage class that an entry point may have.
-    pub fn interface_rows(&self, storage_class: u32) -> Option<&InterfaceRows> {
-        self.interface.iter().find(|rows| rows.storage_class == storage_class)
+    /// The registers of the one variable of a storage class that an entry point may have.
+    pub fn interface_registers(&self, storage_class: u32) -> Option<&InterfaceRegisters> {
+        self.interface.iter().find(|registers| registers.storage_class == storage_class)
     }
 
     /// What an access that trapped asked for: where, and of which buffer or image.

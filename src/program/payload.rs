@@ -2,7 +2,7 @@
 //! what a shader leaves but its payload. Of a closest-hit or miss shader that leaves nothing else,
 //! and of it only words that nobody reads, nobody can say whether it ran.
 
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::machine::{Exit, Reg};
 use crate::ops::memory;
 use crate::ops::op::{Access, Op};
@@ -24,11 +24,11 @@ impl Words {
         self.0 & other.0 != 0
     }
 
-    /// The words of a payload that lie in some rows.
-    fn of(payload: Rows, first: Reg, count: u32) -> Self {
+    /// The words of a payload that lie in some registers.
+    fn of(payload: RegSpan, first: Reg, count: u32) -> Self {
         let from = first.0.max(payload.first.0);
         let to = (first.0 + count).min(payload.first.0 + payload.count);
-        let bit = |row: u32| 1 << (row - payload.first.0).min(63);
+        let bit = |register: u32| 1 << (register - payload.first.0).min(63);
         Self((from..to).map(bit).fold(0, |words, bit: u64| words | bit))
     }
 
@@ -59,7 +59,7 @@ impl Payloads {
         self.reads.binary_search_by_key(&op, |&(at, _)| at).map_or(Words::ALL, |place| self.reads[place].1)
     }
 
-    /// Looks at a program; `addressed` are rows that computed row numbers reach.
+    /// Looks at a program; `addressed` are registers that computed register numbers reach.
     pub fn of(program: &Program, addressed: &[(Reg, u32)]) -> Self {
         let tracing = program.ops.iter().enumerate().filter_map(|(at, op)| {
             let payload = match *op {
@@ -73,7 +73,7 @@ impl Payloads {
             Some((at as u32, payload))
         });
         let tracing: Vec<_> = tracing.collect();
-        let mut payloads: Vec<Rows> = Vec::new();
+        let mut payloads: Vec<RegSpan> = Vec::new();
         for (_, payload) in &tracing {
             if !payloads.contains(payload) {
                 payloads.push(*payload);
@@ -103,7 +103,7 @@ fn writes_only(program: &Program) -> Option<Words> {
         Terminator::Exit(Exit::Returned) => true,
         _ => false,
     };
-    // What is computed from rows and goes to known rows. A load may trap.
+    // What is computed from registers and goes to known registers. A load may trap.
     let harmless = |op: &Op| match op {
         Op::LaneKernel { .. } => true,
         Op::Memory(op) => {
@@ -114,14 +114,14 @@ fn writes_only(program: &Program) -> Option<Words> {
     if !program.blocks.iter().enumerate().all(ends) || !program.ops.iter().all(harmless) {
         return None;
     }
-    let Some(payload) = program.interface_rows(storage::INCOMING_RAY_PAYLOAD) else {
+    let Some(payload) = program.interface_registers(storage::INCOMING_RAY_PAYLOAD) else {
         return Some(Words::default());
     };
     let mut written = Words::default();
     for op in &program.ops {
         op.accesses(|access| {
             if let Access::Write(first, count) = access {
-                written = written.with(Words::of(payload.rows(), first, count));
+                written = written.with(Words::of(payload.span(), first, count));
             }
         });
     }
@@ -131,18 +131,19 @@ fn writes_only(program: &Program) -> Option<Words> {
 /// Which words of a payload may be read from a place on.
 struct Liveness<'a> {
     program: &'a Program,
-    payload: Rows,
+    payload: RegSpan,
     /// By block, at its beginning.
     begins: Vec<Words>,
 }
 
 impl<'a> Liveness<'a> {
-    /// `None` where reads of the payload cannot be told by their rows.
-    fn of(program: &'a Program, payload: Rows, addressed: &[(Reg, u32)]) -> Option<Self> {
+    /// `None` where reads of the payload cannot be told by their registers.
+    fn of(program: &'a Program, payload: RegSpan, addressed: &[(Reg, u32)]) -> Option<Self> {
         let meets = |first: Reg, count: u32| Words::of(payload, first, count) != Words::default();
         for &(first, count) in addressed {
-            // A computed index may reach every row of the variable.
-            let holds = |&&(start, rows): &&(Reg, u32)| (start.0..start.0 + rows).contains(&first.0);
+            // A computed index may reach every register of the variable.
+            let holds =
+                |&&(start, registers): &&(Reg, u32)| (start.0..start.0 + registers).contains(&first.0);
             let (first, count) = program.variables.iter().find(holds).copied().unwrap_or((first, count));
             if meets(first, count) {
                 return None;
@@ -172,9 +173,10 @@ impl<'a> Liveness<'a> {
             }
             // Whoever called this program reads what it was handed.
             Terminator::Exit(_) => {
-                let own = self.program.interface.iter().filter(|rows| is_handed_back(rows.storage_class));
-                own.fold(Words::default(), |words, rows| {
-                    words.with(Words::of(self.payload, rows.first, rows.count))
+                let own =
+                    self.program.interface.iter().filter(|registers| is_handed_back(registers.storage_class));
+                own.fold(Words::default(), |words, registers| {
+                    words.with(Words::of(self.payload, registers.first, registers.count))
                 })
             }
             Terminator::Unreachable => Words::default(),

@@ -8,10 +8,10 @@ impl fmt::Display for Program {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "; {} `{}`: {} rows, {} constants",
+            "; {} `{}`: {} registers, {} constants",
             self.stage.name(),
             self.name,
-            self.rows,
+            self.register_count,
             self.constants.len()
         )?;
         for input in &self.inputs {

@@ -17,9 +17,9 @@ struct Needs<'a> {
     ops: &'a [Op],
     /// By operation.
     needed: Vec<bool>,
-    /// By row: whether somebody reads it.
+    /// By register: whether somebody reads it.
     live: Vec<bool>,
-    /// The operations passed so far that write each row, which nobody read then: the last of them, and for each
+    /// The operations passed so far that write each register, which nobody read then: the last of them, and for each
     /// entry the one before.
     last: Vec<u32>,
     passed: Vec<(u32, u32)>,
@@ -29,23 +29,23 @@ struct Needs<'a> {
 
 impl<'a> Needs<'a> {
     fn new(program: &'a Program) -> Self {
-        let rows = program.rows as usize + 1;
+        let registers = program.register_count as usize + 1;
         Self {
             ops: &program.ops,
             needed: vec![false; program.ops.len()],
-            live: vec![false; rows],
-            last: vec![NONE; rows],
+            live: vec![false; registers],
+            last: vec![NONE; registers],
             passed: Vec::with_capacity(2 * program.ops.len()),
             work: Vec::new(),
         }
     }
 
-    /// Somebody reads rows.
+    /// Somebody reads registers.
     fn read(&mut self, first: Reg, count: u32) {
-        for row in first.0..first.0 + count {
-            let row = row as usize;
-            if row < self.live.len() && !std::mem::replace(&mut self.live[row], true) {
-                let mut next = self.last[row];
+        for register in first.0..first.0 + count {
+            let register = register as usize;
+            if register < self.live.len() && !std::mem::replace(&mut self.live[register], true) {
+                let mut next = self.last[register];
                 while let Some(&(op, before)) = self.passed.get(next as usize) {
                     self.work.push(op);
                     next = before;
@@ -67,8 +67,8 @@ impl<'a> Needs<'a> {
                 #[inline(always)]
                 |access| match access {
                     Access::Write(first, count) => {
-                        let rows = first.0 as usize..(first.0 + count) as usize;
-                        for (&live, last) in live[rows.clone()].iter().zip(&mut last[rows]) {
+                        let registers = first.0 as usize..(first.0 + count) as usize;
+                        for (&live, last) in live[registers.clone()].iter().zip(&mut last[registers]) {
                             if live {
                                 needed = true;
                             } else {
@@ -96,19 +96,19 @@ impl<'a> Needs<'a> {
     }
 }
 
-/// Removes operations whose results are not read; `addressed` are rows that computed row numbers
+/// Removes operations whose results are not read; `addressed` are registers that computed register numbers
 /// reach, `stores` tells of each operation where it is false that it is no use. What is left also tells whether
 /// the order of invocations matters.
 pub fn prune(program: &mut Program, addressed: &[(Reg, u32)], stores: Option<&[bool]>) {
     let mut needs = Needs::new(program);
     for &(first, count) in addressed {
-        // A computed index may reach every row of the variable.
-        let holds = |&&(start, rows): &&(Reg, u32)| (start.0..start.0 + rows).contains(&first.0);
+        // A computed index may reach every register of the variable.
+        let holds = |&&(start, registers): &&(Reg, u32)| (start.0..start.0 + registers).contains(&first.0);
         let (first, count) = program.variables.iter().find(holds).copied().unwrap_or((first, count));
         needs.read(first, count);
     }
     // Whoever calls this program reads payload, attributes and callable data.
-    for interface in program.interface.iter().filter(|rows| rows.storage_class >= 5328) {
+    for interface in program.interface.iter().filter(|registers| registers.storage_class >= 5328) {
         needs.read(interface.first, interface.count);
     }
     for block in &program.blocks {

@@ -1,17 +1,17 @@
 //! The operations of a program as a batch runs them that nobody watches.
 //!
-//! Lowering gives every value a row of its own, and whoever watches a program reads it there at any
+//! Lowering gives every value a register of its own, and whoever watches a program reads it there at any
 //! time later. A copy of the operations, made here, is free of that:
 //!
 //! * blocks that only follow one another make one *run*;
-//! * a value, or a variable, that is written and then read in one run, by operations that name its row alone, gets a row
+//! * a value, or a variable, that is written and then read in one run, by operations that name its register alone, gets a register
 //!   that the last of another such value has left, so that a batch's registers stay in the
 //!   processor's first cache;
 //! * copies of such values give way to what they are copies of;
 //! * regular operations stand in an order in which each goes on with the result of the one before it,
 //!   where there is one ([`crate::program::schedule`]).
 //!
-//! All other values keep their rows, so that everything outside (constants, interfaces, what loops carry,
+//! All other values keep their registers, so that everything outside (constants, interfaces, what loops carry,
 //! terminators) is as it was, and operations that can trap keep their numbers, by which traps name them.
 
 mod near;
@@ -51,15 +51,15 @@ pub struct Run {
     pub last: u32,
 }
 
-/// A row that stands alone in an operation.
+/// A register that stands alone in an operation.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Single {
     Read,
     Write,
 }
 
-/// Makes the operations that run unwatched. By row: which one it is now, where it holds something beyond a run.
-pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
+/// Makes the operations that run unwatched. By register: which one it is now, where it holds something beyond a run.
+pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
     let runs = superblocks(program);
     let starts = starts(program, &runs);
     let mut ops = program.ops.clone();
@@ -73,28 +73,28 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
             *op = Op::Memory(memory::Op::Move { to, from });
         }
     }
-    let mut written = vec![0u32; program.rows as usize];
-    let mut copies = Copies::new(program.rows);
+    let mut written = vec![0u32; program.register_count as usize];
+    let mut copies = Copies::new(program.register_count);
     for &(start, run) in &starts {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
         forward(&mut ops, run, &values, &shared, &mut written, &mut copies);
     }
-    // Tables by row are large: what follows takes their memory.
+    // Tables by register are large: what follows takes their memory.
     drop((written, copies));
     for &(start, run) in &starts {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
         sign_casts(&mut ops[run], &program.constants);
     }
-    let mut schedule = Schedule::new(program.rows);
+    let mut schedule = Schedule::new(program.register_count);
     for &(start, run) in &starts {
         schedule.order(&mut ops[program.blocks[start as usize].first as usize..run.end as usize]);
     }
     drop(schedule);
-    let mut places = Places::new(program.rows, values.vanishing());
+    let mut places = Places::new(program.register_count, values.vanishing());
     let mut left: SmallVec<[Reg; 4]> = SmallVec::new();
     // Where a value is now, and the operation that reads it last.
-    let mut place = vec![Reg(0); program.rows as usize];
-    let mut last = vec![0u32; program.rows as usize];
+    let mut place = vec![Reg(0); program.register_count as usize];
+    let mut last = vec![0u32; program.register_count as usize];
     for &(start, run) in &starts {
         let run = program.blocks[start as usize].first as usize..run.end as usize;
         for at in run.clone() {
@@ -134,7 +134,7 @@ pub fn reuse_rows(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
     let fates = fates(program, &mut ops, &starts, &places);
     let (taken, renamed) = near_values(program, &mut ops, &places, &shared, &values);
     near_constants(program, &mut ops, &places, &taken);
-    program.rows = places.next;
+    program.register_count = places.next;
     let ranges =
         starts.iter().map(|&(start, run)| program.blocks[start as usize].first as usize..run.end as usize);
     let steps = Steps::of(&ops, ranges, &fates, &program.constants);
@@ -164,23 +164,23 @@ fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
         }
         ops[at].accesses(|access| {
             if let Access::Write(first, count) = access {
-                (first.0..first.0 + count).for_each(|row| {
-                    written.insert(Reg(row), at);
+                (first.0..first.0 + count).for_each(|register| {
+                    written.insert(Reg(register), at);
                 });
             }
         });
     }
 }
 
-/// What becomes of each operation's result: of those that stand in shared rows, which operations read it until the row
+/// What becomes of each operation's result: of those that stand in shared registers, which operations read it until the register
 /// is written again.
 ///
-/// It is told of the rows as they are shared. Where a copy got the row of its original it is gone, and whoever read
+/// It is told of the registers as they are shared. Where a copy got the register of its original it is gone, and whoever read
 /// the copy reads the original now.
 fn fates(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], places: &Places) -> Vec<Fate> {
     const NOBODY: u32 = u32::MAX;
     let mut fates = vec![Fate::UNKNOWN; ops.len()];
-    // By row: the operation whose result it holds.
+    // By register: the operation whose result it holds.
     let mut definition = vec![NOBODY; places.next as usize];
     for &(start, run) in starts {
         for at in program.blocks[start as usize].first as usize..run.end as usize {
@@ -259,7 +259,7 @@ fn starts(program: &Program, runs: &[Run]) -> Vec<(u32, Run)> {
     starts
 }
 
-/// A copy of a row as it was left before an operation.
+/// A copy of a register as it was left before an operation.
 #[derive(Clone, Copy)]
 struct Copied {
     at: u32,
@@ -267,16 +267,16 @@ struct Copied {
     good: bool,
 }
 
-/// The copies of a run, by the row that is one.
+/// The copies of a run, by the register that is one.
 struct Copies {
     all: Vec<(Reg, Copied)>,
-    /// By row: where its copy stands, and one more; 0 where it is none.
+    /// By register: where its copy stands, and one more; 0 where it is none.
     places: Vec<u32>,
 }
 
 impl Copies {
-    fn new(rows: u32) -> Self {
-        Self { all: Vec::new(), places: vec![0; rows as usize] }
+    fn new(registers: u32) -> Self {
+        Self { all: Vec::new(), places: vec![0; registers as usize] }
     }
 
     fn find(&mut self, reg: Reg) -> Option<&mut Copied> {
@@ -300,7 +300,7 @@ impl Copies {
 }
 
 /// Lets the operations of a run read what local values are copies of; copies that nobody reads then
-/// become idle. `written` has, for each row, one more than the operation that wrote it last.
+/// become idle. `written` has, for each register, one more than the operation that wrote it last.
 fn forward(
     ops: &mut [Op],
     run: Range<usize>,
@@ -327,7 +327,7 @@ fn forward(
         });
         op.accesses(|access| {
             if let Access::Write(first, count) = access {
-                (first.0..first.0 + count).for_each(|row| written[row as usize] = at + 1);
+                (first.0..first.0 + count).for_each(|register| written[register as usize] = at + 1);
             }
         });
         match *op {
@@ -356,19 +356,19 @@ fn forward(
     }
 }
 
-/// Whether an operation copies a row onto itself.
+/// Whether an operation copies a register onto itself.
 pub(super) fn is_idle(op: &Op) -> bool {
     matches!(op, Op::Memory(memory::Op::Move { to, from }) if to == from)
 }
 
-/// Rows to share: the one left last is taken next; at first the lowest, so that steps name few rows behind
+/// Registers to share: the one left last is taken next; at first the lowest, so that steps name few registers behind
 /// their window.
 struct Places {
     next: u32,
     free: Vec<Reg>,
-    /// As many of the free rows have never been taken.
+    /// As many of the free registers have never been taken.
     untaken: usize,
-    /// By row: whether it has been taken.
+    /// By register: whether it has been taken.
     taken: Vec<bool>,
 }
 
@@ -389,7 +389,7 @@ impl Places {
         reg
     }
 
-    /// Whether values share a row.
+    /// Whether values share a register.
     fn shares(&self, reg: Reg) -> bool {
         self.taken[reg.0 as usize]
     }
@@ -399,10 +399,10 @@ impl Places {
     }
 }
 
-/// Which rows hold values that live within one run.
+/// Which registers hold values that live within one run.
 struct Values(Vec<Accesses>);
 
-/// How a row is accessed.
+/// How a register is accessed.
 #[derive(Clone)]
 struct Accesses {
     /// The first block of the run that writes it first.
@@ -418,58 +418,66 @@ struct Accesses {
 impl Values {
     fn of(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], shared: &Shared) -> Self {
         const NOWHERE: u32 = u32::MAX;
-        let begin = |row| Accesses { home: NOWHERE, together: 0, writes: 0, local: !shared.holds(Reg(row)) };
-        let mut rows: Vec<Accesses> = (0..program.rows).map(begin).collect();
-        program.constants.iter().for_each(|&(reg, _)| rows[reg.0 as usize].local = false);
+        let begin = |register| Accesses {
+            home: NOWHERE,
+            together: 0,
+            writes: 0,
+            local: !shared.holds(Reg(register)),
+        };
+        let mut registers: Vec<Accesses> = (0..program.register_count).map(begin).collect();
+        program.constants.iter().for_each(|&(reg, _)| registers[reg.0 as usize].local = false);
         for &(start, run) in starts {
             for op in &mut ops[program.blocks[start as usize].first as usize..run.end as usize] {
                 op.accesses(|access| {
                     let (Access::Read(first, count) | Access::Write(first, count)) = access else { return };
                     let write = matches!(access, Access::Write(..));
-                    for row in &mut rows[first.0 as usize..(first.0 + count) as usize] {
-                        row.together = row.together.wrapping_add(1);
-                        row.writes = (row.writes + u8::from(write)).min(2);
-                        if row.home == NOWHERE && write {
-                            row.home = start;
+                    for register in &mut registers[first.0 as usize..(first.0 + count) as usize] {
+                        register.together = register.together.wrapping_add(1);
+                        register.writes = (register.writes + u8::from(write)).min(2);
+                        if register.home == NOWHERE && write {
+                            register.home = start;
                         }
-                        row.local &= row.home == start;
+                        register.local &= register.home == start;
                     }
                 });
                 each_single(op, |reg, _| {
-                    let row = &mut rows[reg.0 as usize];
-                    row.together = row.together.wrapping_sub(1);
+                    let register = &mut registers[reg.0 as usize];
+                    register.together = register.together.wrapping_sub(1);
                 });
             }
         }
         for block in &program.blocks {
-            each_read(&block.terminator, |reg| rows[reg.0 as usize].local = false);
+            each_read(&block.terminator, |reg| registers[reg.0 as usize].local = false);
         }
-        rows.iter_mut().for_each(|row| row.local &= row.together == 0);
-        Self(rows)
+        registers.iter_mut().for_each(|register| register.local &= register.together == 0);
+        Self(registers)
     }
 
-    /// Rows that are shared already stand behind all others, and are not local.
+    /// Registers that are shared already stand behind all others, and are not local.
     fn is_local(&self, reg: Reg) -> bool {
-        self.0.get(reg.0 as usize).is_some_and(|row| row.local)
+        self.0.get(reg.0 as usize).is_some_and(|register| register.local)
     }
 
-    /// The rows that nobody names when local values share rows, the lowest last.
+    /// The registers that nobody names when local values share registers, the lowest last.
     fn vanishing(&self) -> Vec<Reg> {
-        let rows = (0..self.0.len() as u32).zip(&self.0).rev();
-        rows.filter(|(_, row)| row.local && row.writes > 0).map(|(row, _)| Reg(row)).collect()
+        let registers = (0..self.0.len() as u32).zip(&self.0).rev();
+        registers
+            .filter(|(_, register)| register.local && register.writes > 0)
+            .map(|(register, _)| Reg(register))
+            .collect()
     }
 
     fn is_written_once(&self, reg: Reg) -> bool {
         self.0[reg.0 as usize].writes == 1
     }
 
-    /// Whether whoever accesses a row names it by itself, so that it may be another one.
+    /// Whether whoever accesses a register names it by itself, so that it may be another one.
     fn stands_alone(&self, reg: Reg) -> bool {
         self.0[reg.0 as usize].together == 0
     }
 }
 
-/// The rows that an operation names by themselves, reads first; writes are of all running lanes at
+/// The registers that an operation names by themselves, reads first; writes are of all running lanes at
 /// least. An operation that is not known here names none.
 fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg, Single)) {
     match op {
@@ -519,18 +527,18 @@ mod tests {
         let program = Program::of(&module, "main").expect("a supported fixture");
         assert_eq!(program.unwatched.ops.len(), program.ops.len());
         let named = |ops: &[Op]| {
-            let mut rows = std::collections::HashSet::new();
+            let mut registers = std::collections::HashSet::new();
             for op in ops.iter().filter(|op| !is_idle(op)) {
                 op.accesses(|access| {
                     if let Access::Read(first, count) | Access::Write(first, count) = access {
-                        rows.extend(first.0..first.0 + count);
+                        registers.extend(first.0..first.0 + count);
                     }
                 });
             }
-            rows.len()
+            registers.len()
         };
         let (plain, shared) = (named(&program.ops), named(&program.unwatched.ops));
-        assert!(shared * 2 < plain, "{shared} rows of {plain}");
+        assert!(shared * 2 < plain, "{shared} registers of {plain}");
         let moves = |ops: &[Op]| {
             let is_move = |op: &&Op| {
                 let moves = matches!(op, Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }));
@@ -558,7 +566,7 @@ mod tests {
 
     #[test]
     fn nobody_writes_the_row_of_a_constant() {
-        // Steps read one lane of it for all. What is watched does write rows that near constants took, but runs in batches
+        // Steps read one lane of it for all. What is watched does write registers that near constants took, but runs in batches
         // of its own.
         let folder = format!("{}/spirv-fixtures/bench", env!("CARGO_MANIFEST_DIR"));
         let mut programs = 0;

@@ -2,8 +2,8 @@
 //! before it, where an operation can, so that the value need not be stored and loaded in between
 //! ([`crate::ops::stretch`]).
 //!
-//! A regular operation neither traps nor stops, and has no effect beside the rows that it writes. Any order
-//! gives the same in which reads and writes of each row keep theirs.
+//! A regular operation neither traps nor stops, and has no effect beside the registers that it writes. Any order
+//! gives the same in which reads and writes of each register keep theirs.
 
 use crate::machine::Reg;
 use crate::ops::memory;
@@ -15,11 +15,11 @@ const NONE: u32 = u32::MAX;
 
 /// Orders operations; its memory serves one run after the other.
 pub(super) struct Schedule {
-    /// By row: the operation of this stretch that wrote it last, and the last of those that have read it
+    /// By register: the operation of this stretch that wrote it last, and the last of those that have read it
     /// since.
-    rows: Vec<RegisterUse>,
+    registers: Vec<RegisterUse>,
     touched: Vec<u32>,
-    /// Operations that read a row, each with the one that read it before.
+    /// Operations that read a register, each with the one that read it before.
     readers: Vec<(u32, u32)>,
     /// Which operation waits for which: the later one, the earlier one.
     edges: Vec<(u32, u32)>,
@@ -54,10 +54,10 @@ struct Waiting {
 }
 
 impl Schedule {
-    /// For a program of so many rows.
-    pub fn new(rows: u32) -> Self {
+    /// For a program of so many registers.
+    pub fn new(registers: u32) -> Self {
         Self {
-            rows: vec![RegisterUse::UNTOUCHED; rows as usize],
+            registers: vec![RegisterUse::UNTOUCHED; registers as usize],
             touched: Vec::new(),
             readers: Vec::new(),
             edges: Vec::new(),
@@ -127,7 +127,7 @@ impl Schedule {
 
     /// Finds what each operation waits for: whoever wrote what it reads, and read or wrote what it writes.
     fn find_edges(&mut self, ops: &[Op]) {
-        let Self { rows, touched, readers, edges, waiting, .. } = self;
+        let Self { registers, touched, readers, edges, waiting, .. } = self;
         edges.clear();
         readers.clear();
         waiting.clear();
@@ -139,7 +139,7 @@ impl Schedule {
             let mut wait = |earlier: u32| {
                 if earlier != NONE && earlier != at {
                     let entry = &mut waiting[earlier as usize];
-                    // Once, however many rows they have in common.
+                    // Once, however many registers they have in common.
                     if std::mem::replace(&mut entry.last, at) != at {
                         entry.end += 1;
                         edges.push((at, earlier));
@@ -149,20 +149,20 @@ impl Schedule {
             // Regular operations tell what they read before what they write.
             op.accesses(|access| match access {
                 Access::Read(first, count) => {
-                    for row in first.0..first.0 + count {
-                        touched.push(row);
-                        let row = &mut rows[row as usize];
-                        wait(row.written);
-                        readers.push((at, row.read));
-                        row.read = readers.len() as u32 - 1;
+                    for register in first.0..first.0 + count {
+                        touched.push(register);
+                        let register = &mut registers[register as usize];
+                        wait(register.written);
+                        readers.push((at, register.read));
+                        register.read = readers.len() as u32 - 1;
                     }
                 }
                 Access::Write(first, count) => {
-                    for row in first.0..first.0 + count {
-                        touched.push(row);
-                        let row = &mut rows[row as usize];
-                        wait(std::mem::replace(&mut row.written, at));
-                        let mut next = std::mem::replace(&mut row.read, NONE);
+                    for register in first.0..first.0 + count {
+                        touched.push(register);
+                        let register = &mut registers[register as usize];
+                        wait(std::mem::replace(&mut register.written, at));
+                        let mut next = std::mem::replace(&mut register.read, NONE);
                         while let Some(&(reader, before)) = readers.get(next as usize) {
                             wait(reader);
                             next = before;
@@ -172,7 +172,7 @@ impl Schedule {
                 Access::Effect => {}
             });
         }
-        touched.drain(..).for_each(|row| rows[row as usize] = RegisterUse::UNTOUCHED);
+        touched.drain(..).for_each(|register| registers[register as usize] = RegisterUse::UNTOUCHED);
     }
 
     /// Sorts those that wait by what they wait for.
@@ -195,18 +195,18 @@ impl Schedule {
     }
 }
 
-/// The row of an operation's result, where it is one.
+/// The register of an operation's result, where it is one.
 fn result(op: &Op) -> Option<Reg> {
     match *op {
         Op::LaneKernel { kernel, to, .. } => (kernel.words == 1).then_some(to),
         Op::Memory(memory::Op::Move { to, .. }) => Some(to),
-        // The lanes that do not run keep what the row has.
+        // The lanes that do not run keep what the register has.
         Op::Memory(memory::Op::MoveMasked { from, .. }) => Some(from),
         _ => None,
     }
 }
 
-/// Whether an operation reads a row.
+/// Whether an operation reads a register.
 fn reads(op: &Op, wanted: Reg) -> bool {
     let mut found = false;
     op.accesses(|access| found |= access == Access::Read(wanted, 1));
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn reads_and_writes_of_a_row_keep_their_order() {
-        // Row 1 is a variable: what is read of it before the store stays before.
+        // Register 1 is a variable: what is read of it before the store stays before.
         let mut ops =
             [kernel(&FMul, 10, 0, 0), kernel(&FAdd, 11, 1, 1), store(1, 10), kernel(&FAdd, 12, 1, 11)];
         let expected = [ops[0].clone(), ops[1].clone(), ops[2].clone(), ops[3].clone()];

@@ -430,7 +430,7 @@ pub fn touches(program: &Program) -> Vec<Touch> {
                 match &op.target {
                     AtomicTarget::Buffer(chunk) => add(trace.bytes(chunk, stores, update)),
                     AtomicTarget::Texel(place) => add(Some(trace.texel(place, stores, update))),
-                    AtomicTarget::Rows { .. } => {}
+                    AtomicTarget::Registers { .. } => {}
                 }
             }
             _ => {}
@@ -476,10 +476,10 @@ pub fn mixes_workgroup_atomics(program: &Program) -> bool {
 const NONE: u32 = u32::MAX;
 const SEVERAL: u32 = u32::MAX - 1;
 
-/// What rows hold, followed back to what writes them.
+/// What registers hold, followed back to what writes them.
 struct Trace<'a> {
     program: &'a Program,
-    /// The only operation that writes each row; [`NONE`], or [`SEVERAL`].
+    /// The only operation that writes each register; [`NONE`], or [`SEVERAL`].
     writers: Vec<u32>,
     constants: FxHashMap<Reg, u32>,
     known: FxHashMap<Reg, Option<Reach>>,
@@ -487,7 +487,7 @@ struct Trace<'a> {
 
 impl<'a> Trace<'a> {
     fn new(program: &'a Program) -> Self {
-        let mut writers = vec![NONE; program.rows as usize + 1];
+        let mut writers = vec![NONE; program.register_count as usize + 1];
         for (at, op) in program.ops.iter().enumerate() {
             op.accesses(|access| {
                 if let Access::Write(first, count) = access {
@@ -571,7 +571,7 @@ impl<'a> Trace<'a> {
         self.program.ops.get(*self.writers.get(reg.0 as usize)? as usize)
     }
 
-    /// What a row holds, up to `count - 1` more; `None` where that is not known.
+    /// What a register holds, up to `count - 1` more; `None` where that is not known.
     fn value(&mut self, reg: Reg) -> Option<Reach> {
         if let Some(known) = self.known.get(&reg) {
             return known.clone();

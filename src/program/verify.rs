@@ -81,26 +81,29 @@ impl Verifier {
             superblocks.push((at, last));
             at = last + 1;
         }
-        let rows = |first: Reg, count: u32| (first.0..first.0 + count).map(Reg);
+        let registers = |first: Reg, count: u32| (first.0..first.0 + count).map(Reg);
         let whole = |&(first, count): &(Reg, u32)| {
-            let holds = |&&(start, rows): &&(Reg, u32)| (start.0..start.0 + rows).contains(&first.0);
+            let holds =
+                |&&(start, registers): &&(Reg, u32)| (start.0..start.0 + registers).contains(&first.0);
             program.variables.iter().find(holds).copied().unwrap_or((first, count))
         };
         let mut reached = Reached::default();
-        reached.addressed.extend(addressed.iter().map(whole).flat_map(|(first, count)| rows(first, count)));
+        reached
+            .addressed
+            .extend(addressed.iter().map(whole).flat_map(|(first, count)| registers(first, count)));
         // Nobody writes a table of constants.
         reached.addressed.retain(|reg| !program.constants.iter().any(|(constant, _)| constant == reg));
         reached.addressed.sort_unstable();
         reached.addressed.dedup();
-        let interface = program.interface.iter().flat_map(|one| rows(one.first, one.count));
-        let inputs = program.inputs.iter().flat_map(|one| rows(one.first, one.count));
+        let interface = program.interface.iter().flat_map(|one| registers(one.first, one.count));
+        let inputs = program.inputs.iter().flat_map(|one| registers(one.first, one.count));
         reached.interface.extend(interface.chain(inputs));
         reached.interface.sort_unstable();
         reached.interface.dedup();
-        let variables = program.variables.iter().flat_map(|&(first, count)| rows(first, count));
+        let variables = program.variables.iter().flat_map(|&(first, count)| registers(first, count));
         let defined = variables.chain(reached.interface.iter().copied()).collect();
         let results = program.interface.iter().filter(|one| one.storage_class >= 5328);
-        let results: Vec<Reg> = results.flat_map(|one| rows(one.first, one.count)).collect();
+        let results: Vec<Reg> = results.flat_map(|one| registers(one.first, one.count)).collect();
         reached.handed.clone_from(&results);
         let registers = reached.handed.len() + reached.addressed.len() + reached.interface.len();
         let pairs = before.ops.iter().map(pairs).fold(0, usize::saturating_add);

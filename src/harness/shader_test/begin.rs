@@ -68,7 +68,7 @@ impl ShaderTest {
 
     pub(super) fn fill_attributes(&self, batch: &mut Batch<1>) -> Result<()> {
         let Some(given) = &self.attributes else { return Ok(()) };
-        let Some(rows) = self.program.interface_rows(storage::HIT_ATTRIBUTE) else {
+        let Some(rows) = self.program.interface_registers(storage::HIT_ATTRIBUTE) else {
             let given = &given.rust.name;
             return Err(invalid(format!(
                 "the shader does not use the hit attributes that it is given: `{given}`"

@@ -14,7 +14,7 @@ use crate::interp;
 use crate::machine::stop::Stop;
 use crate::machine::{Batch, Exit, Mask, Reg};
 use crate::module::interface::Stage;
-use crate::ops::decode::InterfaceRows;
+use crate::ops::decode::InterfaceRegisters;
 use crate::ops::pointer::storage;
 use crate::pipeline::{Event, Pipeline, Shader, trap_error};
 
@@ -43,7 +43,7 @@ impl ShaderTest {
         program.begin(&mut batch, Mask::ALL, self.budget);
         self.override_builtins(&mut batch);
         self.fill_payload(&mut batch)?;
-        let attribute_rows = program.interface_rows(storage::HIT_ATTRIBUTE);
+        let attribute_rows = program.interface_registers(storage::HIT_ATTRIBUTE);
         if let (Some(rows), Some(words)) = (attribute_rows, attributes) {
             batch.registers.set_lane_words(rows.first, 0, words.into_iter().take(rows.count as usize));
         }
@@ -121,36 +121,36 @@ impl ShaderTest {
     fn enter(&self, batch: &Batch<1>) -> Event {
         let read = |first: Reg, count| batch.registers.lane_words(first, count, 0).collect();
         let inputs = self.program.inputs.iter();
-        let rows = |rows: Option<&InterfaceRows>| rows.map_or_else(Vec::new, |rows| words(batch, rows));
+        let rows = |rows: Option<&InterfaceRegisters>| rows.map_or_else(Vec::new, |rows| words(batch, rows));
         Event::Enter {
             shader: Shader(0),
             stage: self.program.stage,
             builtins: inputs.map(|rows| (rows.builtin, read(rows.first, rows.count))).collect(),
             payload: rows(self.payload_rows()),
-            attributes: rows(self.program.interface_rows(storage::HIT_ATTRIBUTE)),
+            attributes: rows(self.program.interface_registers(storage::HIT_ATTRIBUTE)),
         }
     }
 
-    pub(super) fn data(&self, batch: &Batch<1>, rows: &InterfaceRows, what: &'static str) -> Data {
+    pub(super) fn data(&self, batch: &Batch<1>, rows: &InterfaceRegisters, what: &'static str) -> Data {
         let words = batch.registers.lane_words(rows.first, rows.count, 0);
         Data::new(&self.program.module, rows.ty, what, words)
     }
 
-    pub(super) fn read(&self, batch: &Batch<1>, rows: Option<&InterfaceRows>) -> Value {
+    pub(super) fn read(&self, batch: &Batch<1>, rows: Option<&InterfaceRegisters>) -> Value {
         let Some(rows) = rows else { return Value::nothing() };
         self.data(batch, rows, "").value()
     }
 
-    pub(super) fn payload_rows(&self) -> Option<&InterfaceRows> {
+    pub(super) fn payload_rows(&self) -> Option<&InterfaceRegisters> {
         let class = match self.program.stage {
             Stage::Callable => storage::INCOMING_CALLABLE_DATA,
             _ => storage::INCOMING_RAY_PAYLOAD,
         };
-        self.program.interface_rows(class)
+        self.program.interface_registers(class)
     }
 }
 
 /// The words of an interface variable.
-fn words(batch: &Batch<1>, rows: &InterfaceRows) -> Vec<u32> {
+fn words(batch: &Batch<1>, rows: &InterfaceRegisters) -> Vec<u32> {
     batch.registers.lane_words(rows.first, rows.count, 0).collect()
 }

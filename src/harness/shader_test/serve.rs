@@ -8,7 +8,7 @@ use crate::harness::shader_test::{ShaderTest, invalid};
 use crate::machine::device_memory::DeviceMemory;
 use crate::machine::hit_object::HitObject;
 use crate::machine::object::ObjectRef;
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Mask, Reg, TrapCode};
 use crate::ops::hit_object::store;
 use crate::ops::pointer::storage;
@@ -23,7 +23,7 @@ impl ShaderTest {
     }
 
     /// The variable of the interface whose rows an instruction names.
-    fn data_at(&self, batch: &Batch<1>, at: Rows, what: &'static str) -> Data {
+    fn data_at(&self, batch: &Batch<1>, at: RegSpan, what: &'static str) -> Data {
         let rows = self.program.interface.iter().find(|rows| rows.first == at.first);
         let rows = rows.expect("bug in anyhit: a payload that is no variable of the interface");
         self.data(batch, rows, what)
@@ -34,7 +34,7 @@ impl ShaderTest {
         &self,
         batch: &mut Batch<1>,
         at: Reg,
-        payload: Rows,
+        payload: RegSpan,
         number: usize,
         object: Option<ObjectRef>,
     ) -> Result<Option<TraceCall>> {
@@ -86,7 +86,7 @@ impl ShaderTest {
         &self,
         batch: &mut Batch<1>,
         object: ObjectRef,
-        payload: Rows,
+        payload: RegSpan,
         number: usize,
     ) -> Result<Option<ExecuteCall>> {
         let found = match held(batch, object) {
@@ -139,7 +139,7 @@ impl ShaderTest {
         &self,
         batch: &mut Batch<1>,
         index: Reg,
-        rows: Rows,
+        rows: RegSpan,
         number: usize,
     ) -> Result<CallableCall> {
         let answer = self.calls.as_ref().ok_or_else(|| {
@@ -156,7 +156,7 @@ impl ShaderTest {
 
     pub(super) fn report(&self, batch: &mut Batch<1>, t: Reg, kind: Reg) -> Result<Report> {
         let (t, kind) = (f32::from_bits(batch.registers[t].0[0]), batch.registers[kind].0[0]);
-        let attributes = self.read(batch, self.program.interface_rows(storage::HIT_ATTRIBUTE));
+        let attributes = self.read(batch, self.program.interface_registers(storage::HIT_ATTRIBUTE));
         let t_min = batch.invocations.rays.get(0).ray.t_min;
         let accepted = kind < 128 && (t_min..=batch.invocations.t_max(0)).contains(&t);
         let mut report = Report { t, kind, attributes, accepted };
@@ -177,6 +177,6 @@ impl ShaderTest {
 
 /// What a hit object holds.
 fn held(batch: &Batch<1>, object: ObjectRef) -> Result<HitObject, TrapCode> {
-    let row = object.row(&batch.registers, 0)?;
+    let row = object.register(&batch.registers, 0)?;
     Ok(batch.hit_objects.get(batch.registers[row].0[0]).cloned().unwrap_or_default())
 }

@@ -14,7 +14,7 @@ use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::Module;
 use crate::module::interface::InterfaceVariable;
 use crate::module::ty::{ImageType, Type, TypeId};
-use crate::ops::decode::InterfaceRows;
+use crate::ops::decode::InterfaceRegisters;
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::image::declared_format;
@@ -121,7 +121,7 @@ pub fn given(
         }
     }
     let mut words = |class: u32| {
-        let rows = program.interface_rows(class)?;
+        let rows = program.interface_registers(class)?;
         Some(filler.words(rows.ty, u64::from(class) << 48))
     };
     let payload = words(storage::INCOMING_RAY_PAYLOAD).or_else(|| words(storage::INCOMING_CALLABLE_DATA));
@@ -173,7 +173,12 @@ fn share(held: &mut Descriptor, new: &Descriptor) {
 
 /// An answer to a trace or call that no shader gives: the words of the payload. `root` tells it from
 /// others.
-pub fn answer(module: &Module, rows: &InterfaceRows, (numbers, root): (Numbers, u64), far: u32) -> Vec<u32> {
+pub fn answer(
+    module: &Module,
+    rows: &InterfaceRegisters,
+    (numbers, root): (Numbers, u64),
+    far: u32,
+) -> Vec<u32> {
     // One answer in four looks like that of a miss shader, and one has large integers, so that loops
     // over bounces end.
     let like = match mix(mix(numbers.seed, root), u64::MAX - 1) >> 61 {

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::harness::stability::rays::{Beside, Numbers, Queried};
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Reg};
 
 /// What stands beside a word, or beside the two words of a wide number.
@@ -38,9 +38,9 @@ pub(super) enum Waits {
     #[default]
     No,
     /// The ray that it traces, whose payload lies there.
-    Trace(Rows),
+    Trace(RegSpan),
     /// The callable shader that it calls, whose data lie there.
-    Call(Rows),
+    Call(RegSpan),
     /// The answer to a report.
     Report,
 }
@@ -83,12 +83,12 @@ impl Frame {
     }
 
     /// What stands beside some rows.
-    pub fn entries(&self, rows: Rows) -> Vec<Option<Entry>> {
+    pub fn entries(&self, rows: RegSpan) -> Vec<Option<Entry>> {
         (0..rows.count).map(|word| self.entry(rows.first.plus(word))).collect()
     }
 
     /// Puts entries beside rows.
-    pub fn set_all(&mut self, rows: Rows, entries: &[Option<Entry>]) {
+    pub fn set_all(&mut self, rows: RegSpan, entries: &[Option<Entry>]) {
         for word in 0..rows.count {
             self.set(rows.first.plus(word), entries.get(word as usize).copied().flatten());
         }

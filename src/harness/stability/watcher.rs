@@ -76,7 +76,7 @@ impl<'a> Watcher<'a> {
     fn enter(&mut self, shader: usize) -> &mut Frame {
         let mut frame = self.spare.pop().unwrap_or_default();
         self.number += 1;
-        frame.begin(shader, self.plan.programs.all[shader].rows as usize, self.number);
+        frame.begin(shader, self.plan.programs.all[shader].register_count as usize, self.number);
         self.frames.push(frame);
         self.frames.last_mut().expect("bug in anyhit: no frame was pushed")
     }
@@ -205,16 +205,16 @@ impl<'a> Watcher<'a> {
                 let entry = frame.entry(from);
                 frame.set(to, entry);
             }
-            memory::Op::Gather { to, count, first, row } => {
+            memory::Op::Gather { to, count, first, index } => {
                 for word in 0..count {
-                    let entry = frame.entry(at(first, row).plus(word));
+                    let entry = frame.entry(at(first, index).plus(word));
                     frame.set(to.plus(word), entry);
                 }
             }
-            memory::Op::Scatter { from, count, first, row } => {
+            memory::Op::Scatter { from, count, first, index } => {
                 for word in 0..count {
                     let entry = frame.entry(from.plus(word));
-                    frame.set(at(first, row).plus(word), entry);
+                    frame.set(at(first, index).plus(word), entry);
                 }
             }
             memory::Op::BufferLoad { to, chunk } => {
@@ -245,7 +245,7 @@ impl<'a> Watcher<'a> {
                 frame.forget(first, count);
             }
         });
-        let row = |query: ObjectRef| query.row(&batch.registers, 0).ok();
+        let row = |query: ObjectRef| query.register(&batch.registers, 0).ok();
         let handle = op.query().and_then(row).map(|row| batch.registers[row].0[0]);
         let Some((handle, Ok(query))) = handle.map(|handle| (handle, batch.queries.query(handle))) else {
             return;
@@ -314,11 +314,11 @@ impl<'a> Watcher<'a> {
             _ => self.rays.last().map_or_else(Beside::default, |ray| ray.beside.clone()),
         };
         let frame = self.enter(shader);
-        if let (Some(rows), Some(data)) = (program.interface_rows(class), data) {
-            frame.set_all(rows.rows(), &data);
+        if let (Some(rows), Some(data)) = (program.interface_registers(class), data) {
+            frame.set_all(rows.span(), &data);
         }
-        if let Some(rows) = program.interface_rows(storage::HIT_ATTRIBUTE) {
-            frame.set_all(rows.rows(), &attributes);
+        if let Some(rows) = program.interface_registers(storage::HIT_ATTRIBUTE) {
+            frame.set_all(rows.span(), &attributes);
         }
         for input in &program.inputs {
             let entry = |word: u32| match input.builtin.number {
@@ -339,15 +339,15 @@ impl<'a> Watcher<'a> {
         let Some(frame) = self.frames.pop() else { return };
         let program = &self.plan.programs.all[frame.shader];
         if stage == Stage::Callable {
-            let rows = program.interface_rows(storage::INCOMING_CALLABLE_DATA);
+            let rows = program.interface_registers(storage::INCOMING_CALLABLE_DATA);
             if let (Some(rows), Some(caller)) = (rows, self.frames.last_mut())
                 && let Waits::Call(data) = caller.waits
             {
-                caller.set_all(data, &frame.entries(rows.rows()));
+                caller.set_all(data, &frame.entries(rows.span()));
             }
         } else if let Some(ray) = self.rays.last_mut() {
-            if let Some(rows) = program.interface_rows(storage::INCOMING_RAY_PAYLOAD) {
-                ray.payload = frame.entries(rows.rows());
+            if let Some(rows) = program.interface_registers(storage::INCOMING_RAY_PAYLOAD) {
+                ray.payload = frame.entries(rows.span());
             }
             if let (Stage::AnyHit, Exit::Ignored, Some(place)) = (stage, exit, ray.candidate) {
                 ray.ignored.insert(place);
@@ -462,8 +462,8 @@ impl Probe for Watcher<'_> {
                 frame.waits = Waits::Report;
                 frame.forget(accepted, 1);
                 let t = frame.entry(t);
-                let rows = program.interface_rows(storage::HIT_ATTRIBUTE);
-                let attributes = rows.map_or_else(Vec::new, |rows| frame.entries(rows.rows()));
+                let rows = program.interface_registers(storage::HIT_ATTRIBUTE);
+                let attributes = rows.map_or_else(Vec::new, |rows| frame.entries(rows.span()));
                 if let Some(ray) = self.rays.last_mut() {
                     ray.reported = (t, attributes);
                 }

@@ -195,13 +195,13 @@ impl<const W: usize> Not for Mask<W> {
     }
 }
 
-/// A row of booleans whose mask is made of eight lanes at a time.
+/// A register of booleans whose mask is made of eight lanes at a time.
 #[cfg(target_arch = "x86_64")]
 pub(super) struct SignsOf<'a, const W: usize> {
     /// The processor's instructions.
     pub simd: pulp::x86::V3,
-    /// The row, each lane 0 or 1.
-    pub row: &'a Lanes<W>,
+    /// The register, each lane 0 or 1.
+    pub register: &'a Lanes<W>,
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -211,7 +211,7 @@ impl<const W: usize> pulp::NullaryFnOnce for SignsOf<'_, W> {
     #[inline(always)]
     fn call(self) -> Mask<W> {
         let mut mask = Mask::NONE;
-        for (at, eight) in self.row.0.as_chunks::<8>().0.iter().enumerate() {
+        for (at, eight) in self.register.0.as_chunks::<8>().0.iter().enumerate() {
             // A boolean is 0 or 1: that bit becomes the sign.
             let signs = self.simd.avx2._mm256_slli_epi32::<31>(pulp::cast(*eight));
             let bits = self.simd.avx._mm256_movemask_ps(pulp::cast(signs)) as u32;

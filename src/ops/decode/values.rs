@@ -8,12 +8,12 @@ use crate::module::id_map::IdMap;
 use crate::module::{Id, Module};
 use crate::ops::memory::Pointer;
 
-/// The rows of a value's words, in the order of its scalars; the two words of a 64-bit scalar
-/// always lie in consecutive rows.
+/// The registers of a value's words, in the order of its scalars; the two words of a 64-bit scalar
+/// always lie in consecutive registers.
 pub type Words = SmallVec<[Reg; 4]>;
 
-/// So many rows from one on.
-pub fn rows_from(first: Reg, count: u32) -> Words {
+/// So many registers from one on.
+pub fn registers_from(first: Reg, count: u32) -> Words {
     match count as usize {
         // Without a loop: most values have four words at the most.
         count @ 0..=4 => SmallVec::from_buf_and_len([0, 1, 2, 3].map(|word| first.plus(word)), count),
@@ -21,7 +21,7 @@ pub fn rows_from(first: Reg, count: u32) -> Words {
     }
 }
 
-/// The same rows.
+/// The same registers.
 pub(super) fn words_from(words: &[Reg]) -> Words {
     match words.len() {
         // Without a call that copies.
@@ -36,7 +36,7 @@ pub(super) fn words_from(words: &[Reg]) -> Words {
 /// What an id stands for while its function is lowered.
 #[derive(Clone, Debug)]
 pub enum Value {
-    /// A value in rows.
+    /// A value in registers.
     Words(Words),
     /// A pointer that is known at least in part.
     Pointer(Box<Pointer>),

@@ -1,4 +1,4 @@
-//! How values of each type lie in rows: how many words they take, and those of constants.
+//! How values of each type lie in registers: how many words they take, and those of constants.
 
 use std::hash::{Hash, Hasher};
 
@@ -11,11 +11,11 @@ use crate::math::float_format::FloatFormat;
 use crate::module::Id;
 use crate::module::constant::ConstantValue;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::decode::{Decoder, MAX_ROWS, Origin, Words};
+use crate::ops::decode::{Decoder, MAX_REGISTERS, Origin, Words};
 use crate::ops::memory;
 
 impl Decoder<'_> {
-    /// How many words a value of a type takes in rows.
+    /// How many words a value of a type takes in registers.
     pub fn word_count(&mut self, ty: TypeId) -> Result<u32> {
         if let Some(count) = self.word_counts[ty.0 as usize] {
             return Ok(count);
@@ -34,19 +34,27 @@ impl Decoder<'_> {
             Type::SampledImage(_) | Type::AccelerationStructure => 2,
             Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
                 let words = self.word_count(part)?;
-                words.checked_mul(count).filter(|&words| words < MAX_ROWS).ok_or_else(|| too_big(self))?
+                words
+                    .checked_mul(count)
+                    .filter(|&words| words < MAX_REGISTERS)
+                    .ok_or_else(|| too_big(self))?
             }
             Type::Array { element, length, .. } => {
                 let words = self.word_count(element)?;
                 let length = self.array_length(length)?;
-                words.checked_mul(length).filter(|&words| words < MAX_ROWS).ok_or_else(|| too_big(self))?
+                words
+                    .checked_mul(length)
+                    .filter(|&words| words < MAX_REGISTERS)
+                    .ok_or_else(|| too_big(self))?
             }
             Type::Struct { members, .. } => {
                 let mut sum = 0u32;
                 for member in members {
                     let words = self.word_count(member.ty)?;
-                    sum =
-                        sum.checked_add(words).filter(|&sum| sum < MAX_ROWS).ok_or_else(|| too_big(self))?;
+                    sum = sum
+                        .checked_add(words)
+                        .filter(|&sum| sum < MAX_REGISTERS)
+                        .ok_or_else(|| too_big(self))?;
                 }
                 sum
             }
@@ -61,7 +69,7 @@ impl Decoder<'_> {
         })
     }
 
-    /// A fingerprint of a type's scalars, in their order: the same for types whose values lie alike in rows, whatever
+    /// A fingerprint of a type's scalars, in their order: the same for types whose values lie alike in registers, whatever
     /// the types and their members are called, and whether integers have a sign.
     pub fn scalars(&mut self, ty: TypeId) -> Result<u64> {
         let mut hasher = FxHasher::default();
@@ -124,7 +132,7 @@ impl Decoder<'_> {
         }
     }
 
-    /// The first row of each component of a scalar or vector.
+    /// The first register of each component of a scalar or vector.
     pub fn components(&mut self, id: Id) -> Result<Words> {
         Ok(self.components_of_width(id)?.0)
     }
@@ -142,7 +150,7 @@ impl Decoder<'_> {
         Ok(first_words(self.words(id)?, width))
     }
 
-    /// The rows of words, from the first row of each component.
+    /// The registers of words, from the first register of each component.
     pub fn spread(&self, components: &[Reg], width: u32) -> Words {
         let each = width.div_ceil(32).max(1);
         components.iter().flat_map(|&reg| (0..each).map(move |word| reg.plus(word))).collect()

@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::Reg;
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::module::Instruction;
 use crate::module::interface::Stage;
 use crate::module::ty::Type;
@@ -16,7 +16,7 @@ use crate::ops::hit_object::{MISS_OPERANDS, Op, hit_operands};
 use crate::ops::object::{self, result};
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::storage;
-use crate::ops::ray_tracing::{self, TRACE_OPERANDS, variable_rows};
+use crate::ops::ray_tracing::{self, TRACE_OPERANDS, variable_span};
 
 /// Opcodes decoded here, beside those of `GETTERS`.
 pub const OPCODES: &[Opcode] = &[
@@ -254,7 +254,7 @@ fn moves(opcode: Opcode) -> bool {
     )
 }
 
-/// Operands in consecutive rows, the last of them a time, which is 0 where none is given.
+/// Operands in consecutive registers, the last of them a time, which is 0 where none is given.
 fn timed(
     decoder: &mut Decoder<'_>,
     instruction: &Instruction,
@@ -288,12 +288,12 @@ fn scalar(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Re
     }
 }
 
-fn payload(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Rows> {
+fn payload(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<RegSpan> {
     let id = decoder.id(instruction, at)?;
-    variable_rows(decoder, id, &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD])
+    variable_span(decoder, id, &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD])
 }
 
-fn attributes(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Rows> {
+fn attributes(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<RegSpan> {
     let id = decoder.id(instruction, at)?;
-    variable_rows(decoder, id, &[storage::HIT_OBJECT_ATTRIBUTE_EXT, storage::HIT_OBJECT_ATTRIBUTE_NV])
+    variable_span(decoder, id, &[storage::HIT_OBJECT_ATTRIBUTE_EXT, storage::HIT_OBJECT_ATTRIBUTE_NV])
 }

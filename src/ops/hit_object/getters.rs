@@ -1,4 +1,4 @@
-//! Instructions that read a hit object: a row each.
+//! Instructions that read a hit object: a register each.
 
 use rspirv::spirv::Op as Opcode;
 

@@ -61,8 +61,8 @@ impl TexelPlace {
         })
     }
 
-    /// Every row that is read.
-    pub fn rows(&self) -> impl Iterator<Item = Reg> {
+    /// Every register that is read.
+    pub fn registers(&self) -> impl Iterator<Item = Reg> {
         let optional = self.level.into_iter().chain(self.sample);
         let offset = self.offset.iter().flatten().copied();
         [self.image].into_iter().chain(self.coordinate.iter().copied()).chain(optional).chain(offset)
@@ -159,8 +159,8 @@ pub struct Read {
 impl Read {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
-        self.place.rows().for_each(|reg| visit(Access::Read(reg, 1)));
-        visit(Access::Write(self.to.to, self.to.rows()));
+        self.place.registers().for_each(|reg| visit(Access::Read(reg, 1)));
+        visit(Access::Write(self.to.to, self.to.registers()));
     }
 
     /// The texel for a lane.
@@ -179,7 +179,7 @@ impl Read {
 /// Writes a texel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Write {
-    /// The first row of each of four components.
+    /// The first register of each of four components.
     pub from: [Reg; 4],
     /// How integers are extended.
     pub class: Class,
@@ -190,9 +190,9 @@ pub struct Write {
 impl Write {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
-        let rows = if self.place.view.wide { 2 } else { 1 };
-        self.place.rows().for_each(|reg| visit(Access::Read(reg, 1)));
-        self.from.iter().for_each(|&reg| visit(Access::Read(reg, rows)));
+        let registers = if self.place.view.wide { 2 } else { 1 };
+        self.place.registers().for_each(|reg| visit(Access::Read(reg, 1)));
+        self.from.iter().for_each(|&reg| visit(Access::Read(reg, registers)));
         visit(Access::Effect);
     }
 

@@ -25,9 +25,9 @@ use crate::ops::op::{Access, Op as Operation};
 /// A query for a footprint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footprint {
-    /// The rows of: whether one level is read; anchor; offset; mask of two words; level; granularity.
+    /// The registers of: whether one level is read; anchor; offset; mask of two words; level; granularity.
     pub to: Reg,
-    rows: u32,
+    registers: u32,
     view: View,
     /// The image's handle.
     pub image: Reg,
@@ -73,12 +73,13 @@ fn group(granularity: u32, axes: usize) -> Option<[u32; 3]> {
 impl Footprint {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
-        let rows = [self.image, self.sampler, self.granularity, self.coarse];
-        rows.into_iter()
+        let registers = [self.image, self.sampler, self.granularity, self.coarse];
+        registers
+            .into_iter()
             .chain(self.coordinate.iter().copied())
-            .chain(self.operands.rows())
+            .chain(self.operands.registers())
             .for_each(|reg| visit(Access::Read(reg, 1)));
-        visit(Access::Write(self.to, self.rows));
+        visit(Access::Write(self.to, self.registers));
     }
 
     /// The answer for a lane, row by row.
@@ -169,17 +170,17 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         operands.gradients = Some(gradients);
     }
     let ty = decoder.result_type(instruction)?;
-    let rows = decoder.word_count(ty)?;
+    let registers = decoder.word_count(ty)?;
     let fits = matches!(decoder.module.ty(ty), Type::Struct { members, .. } if members.len() == 6);
-    if !fits || rows as usize != 2 * axes + 5 {
+    if !fits || registers as usize != 2 * axes + 5 {
         return Err(
             decoder.invalid("a footprint is a struct of a bool, anchor, offset, mask, level, granularity")
         );
     }
-    let to = decoder.fresh(rows)?;
+    let to = decoder.fresh(registers)?;
     decoder.emit(Operation::Image(Op::Footprint(Box::new(Footprint {
         to,
-        rows,
+        registers,
         view,
         image,
         sampler,
@@ -188,6 +189,6 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         coarse,
         operands,
     }))));
-    decoder.result(instruction, (0..rows).map(|row| to.plus(row)).collect());
+    decoder.result(instruction, (0..registers).map(|register| to.plus(register)).collect());
     Ok(true)
 }

@@ -164,19 +164,19 @@ fn remember_descriptor<const W: usize>(batch: &mut Batch<W>, lane: usize, handle
     batch.remember_access(lane, Accessed::descriptor(handle, bindings));
 }
 
-/// Rows that an instruction's texel is written to.
+/// Registers that an instruction's texel is written to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Texel {
-    /// The first row.
+    /// The first register.
     pub to: Reg,
     /// How many components.
     pub count: u32,
-    /// Whether a component takes two rows.
+    /// Whether a component takes two registers.
     pub wide: bool,
 }
 
 impl Texel {
-    fn rows(self) -> u32 {
+    fn registers(self) -> u32 {
         if self.wide { 2 * self.count } else { self.count }
     }
 
@@ -228,7 +228,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
     Ok(true)
 }
 
-/// The rows of an instruction's texel, and its result made of them; a sparse one stands behind its
+/// The registers of an instruction's texel, and its result made of them; a sparse one stands behind its
 /// residency code. `checked` says that it comes from the image of operand 0.
 fn texel_result(
     decoder: &mut Decoder<'_>,
@@ -253,8 +253,8 @@ fn texel_result(
     if texel.count > 4 {
         return Err(decoder.invalid("a texel has at most four components"));
     }
-    let texel = Texel { to: decoder.fresh(texel.rows())?, ..texel };
-    words.extend((0..texel.rows()).map(|row| texel.to.plus(row)));
+    let texel = Texel { to: decoder.fresh(texel.registers())?, ..texel };
+    words.extend((0..texel.registers()).map(|register| texel.to.plus(register)));
     decoder.result(instruction, words);
     Ok(texel)
 }

@@ -164,7 +164,7 @@ impl Operands {
     }
 
     /// Every kernel that is read.
-    pub fn rows(&self) -> impl Iterator<Item = Reg> {
+    pub fn registers(&self) -> impl Iterator<Item = Reg> {
         let single = [self.bias, self.lod, self.sample, self.min_lod].into_iter().flatten();
         let gradients = self.gradients.iter().flatten().flatten().copied();
         let offsets = [&self.offset, &self.offsets].into_iter().flatten().flatten().copied();
@@ -195,6 +195,6 @@ pub fn number(decoder: &mut Decoder<'_>, id: Id) -> Result<Words> {
 
 impl PartialEq for Operands {
     fn eq(&self, other: &Self) -> bool {
-        self.class == other.class && self.rows().eq(other.rows())
+        self.class == other.class && self.registers().eq(other.registers())
     }
 }

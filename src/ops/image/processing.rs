@@ -105,7 +105,7 @@ impl Process {
                 at.iter().chain(size).copied().for_each(&mut read);
             }
         }
-        visit(Access::Write(self.to.to, self.to.rows()));
+        visit(Access::Write(self.to.to, self.to.registers()));
     }
 
     /// The value for a lane.

@@ -17,7 +17,7 @@ use crate::ops::op::{Access, Op as Operation};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Question {
     /// Width, height, depth, as many as there are, then layers (cubes in an array of cubes), of the
-    /// level in a row or of level 0. A level that does not exist stops the lane.
+    /// level in a register or of level 0. A level that does not exist stops the lane.
     Size(Option<Reg>),
     /// Mip levels.
     Levels,
@@ -45,7 +45,7 @@ impl Query {
         if let Question::Size(Some(level)) = self.question {
             visit(Access::Read(level, 1));
         }
-        visit(Access::Write(self.to.to, self.to.rows()));
+        visit(Access::Write(self.to.to, self.to.registers()));
     }
 
     /// The answer for a lane.

@@ -1,4 +1,4 @@
-//! What image instructions read for a lane: words of its rows, and the descriptors that they name.
+//! What image instructions read for a lane: words of its registers, and the descriptors that they name.
 
 use crate::machine::image::Image;
 use crate::machine::sampler::Sampler;
@@ -6,7 +6,7 @@ use crate::machine::{Bindings, Descriptor, Reg, Registers, TrapCode};
 use crate::ops::image::view::View;
 use crate::ops::memory::OUT_OF_BOUNDS;
 
-/// The rows of a lane, and what its handles lead to.
+/// The registers of a lane, and what its handles lead to.
 #[derive(Clone, Copy, Debug)]
 pub struct Reader<'r, 'b, const W: usize> {
     registers: &'r Registers<W>,
@@ -41,12 +41,12 @@ impl<'r, 'b, const W: usize> Reader<'r, 'b, W> {
         u64::from(self.word(reg)) | u64::from(self.word(reg.plus(1))) << 32
     }
 
-    /// The image whose handle stands in a row; see [`View::image`].
+    /// The image whose handle stands in a register; see [`View::image`].
     pub fn image(&self, view: View, handle: Reg) -> Result<&'b Image, TrapCode> {
         view.image(self.bindings, self.word(handle))
     }
 
-    /// The sampler whose handle stands in a row.
+    /// The sampler whose handle stands in a register.
     ///
     /// # Errors
     /// `DescriptorMissing`, `IndexOutOfBounds`

@@ -24,7 +24,7 @@ use crate::ops::op::{Access, Op as Operation};
 pub enum Kind {
     /// A filtered value.
     Filter,
-    /// One component of four texels, its number in a row.
+    /// One component of four texels, its number in a register.
     Gather(Reg),
     /// Four comparisons.
     GatherCompared,
@@ -60,11 +60,12 @@ impl Sample {
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         let component = if let Kind::Gather(component) = self.kind { Some(component) } else { None };
         let optional = [self.divisor, self.reference, component].into_iter().flatten();
-        let rows = [self.image, self.sampler].into_iter().chain(optional);
-        rows.chain(self.coordinate.iter().copied())
-            .chain(self.operands.rows())
+        let registers = [self.image, self.sampler].into_iter().chain(optional);
+        registers
+            .chain(self.coordinate.iter().copied())
+            .chain(self.operands.registers())
             .for_each(|reg| visit(Access::Read(reg, 1)));
-        visit(Access::Write(self.to.to, self.to.rows()));
+        visit(Access::Write(self.to.to, self.to.registers()));
     }
 
     /// The value for a lane.

@@ -15,8 +15,8 @@ use crate::ops::stretch::{Function, Operands, Step, Steps, WINDOW, code, has};
 /// What becomes of an operation's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fate {
-    /// How often it is read, where all that read it are operations of the same run that name its row
-    /// alone, and no other operation writes that row; else `None`.
+    /// How often it is read, where all that read it are operations of the same run that name its register
+    /// alone, and no other operation writes that register; else `None`.
     pub reads: Option<u32>,
     /// Whether somebody reads its bits: anything but an operation that takes it for a float.
     pub bits_seen: bool,
@@ -45,7 +45,7 @@ fn clamp(kernel: &'static LaneKernel) -> Option<[Function; 2]> {
     })
 }
 
-/// What a row calculates, where it has a code or is a clamp.
+/// What a register calculates, where it has a code or is a clamp.
 #[derive(Clone, Copy)]
 enum Known {
     One(Function),
@@ -62,7 +62,7 @@ fn known(kernel: &'static LaneKernel) -> Option<Known> {
     KNOWN.get(&address(kernel)).copied()
 }
 
-/// What identifies a row of the tables.
+/// What identifies a register of the tables.
 fn address(kernel: &'static LaneKernel) -> usize {
     std::ptr::from_ref(kernel) as usize
 }
@@ -97,30 +97,30 @@ impl Planned {
         let mut operands = (0..).zip(&self.from[..self.operands]);
         uniform != 0
             && at < 2
-            && operands.all(|(operand, &row)| {
+            && operands.all(|(operand, &register)| {
                 let limit = if has(amounts, operand) { 31 } else { u32::MAX };
-                !has(uniform, operand) || constants.word(row).is_some_and(|word| word <= limit)
+                !has(uniform, operand) || constants.word(register).is_some_and(|word| word <= limit)
             })
     }
 }
 
-/// Constants by the number of their row.
+/// Constants by the number of their register.
 struct Constants(Vec<Option<u32>>);
 
 impl Constants {
     fn of(constants: &[(Reg, u32)]) -> Self {
         let near = constants.iter().filter_map(|&(reg, constant)| Some((usize::from(word(reg)?), constant)));
-        let mut words = vec![None; near.clone().map(|(row, _)| row + 1).max().unwrap_or(0)];
-        near.for_each(|(row, constant)| words[row] = Some(constant));
+        let mut words = vec![None; near.clone().map(|(register, _)| register + 1).max().unwrap_or(0)];
+        near.for_each(|(register, constant)| words[register] = Some(constant));
         Self(words)
     }
 
-    fn word(&self, row: u16) -> Option<u32> {
-        self.0.get(usize::from(row)).copied().flatten()
+    fn word(&self, register: u16) -> Option<u32> {
+        self.0.get(usize::from(register)).copied().flatten()
     }
 }
 
-/// Whether an operation that may be a step names a row behind the window.
+/// Whether an operation that may be a step names a register behind the window.
 fn is_far(op: &Op) -> bool {
     let far = |reg: &Reg| reg.0 as usize >= WINDOW;
     match op {
@@ -136,8 +136,8 @@ fn is_far(op: &Op) -> bool {
 
 /// The value that the accumulator holds.
 struct Held {
-    /// The row that it stands for.
-    row: u16,
+    /// The register that it stands for.
+    register: u16,
     /// The step that gave it.
     step: usize,
     /// How often it is read, and was read from the accumulator.
@@ -146,7 +146,7 @@ struct Held {
 }
 
 impl Steps {
-    /// The steps of operations, `runs` of which follow each other without a choice. Nobody writes the rows of `constants`,
+    /// The steps of operations, `runs` of which follow each other without a choice. Nobody writes the registers of `constants`,
     /// which every batch has in all lanes.
     pub fn of(
         ops: &[Op],
@@ -156,7 +156,7 @@ impl Steps {
     ) -> Self {
         let mut steps = Self::default();
         let constants = Constants::of(constants);
-        // A few operations that name rows behind the window run by themselves, so that all steps name rows
+        // A few operations that name registers behind the window run by themselves, so that all steps name registers
         // inside.
         let far = ops.iter().filter(|op| is_far(op)).count();
         let apart = far * 8 <= ops.len();
@@ -174,9 +174,11 @@ impl Steps {
             planned.drain(..).for_each(|planned| steps.add(planned, &mut held, &constants));
             steps.let_go(held);
         }
-        let window = |row: u16| usize::from(row) < WINDOW;
-        steps.wide =
-            !steps.steps.iter().all(|step| window(step.to) && step.from.iter().all(|&row| window(row)));
+        let window = |register: u16| usize::from(register) < WINDOW;
+        steps.wide = !steps
+            .steps
+            .iter()
+            .all(|step| window(step.to) && step.from.iter().all(|&register| window(register)));
         let mut first = 0;
         steps.first = (0..=ops.len() as u32)
             .map(|op| {
@@ -193,12 +195,12 @@ impl Steps {
         let mut at = 0;
         if let Some(held) = held {
             let operands = &mut planned.from[..planned.operands];
-            if planned.function.commutes() && operands[0] != held.row && operands[1] == held.row {
+            if planned.function.commutes() && operands[0] != held.register && operands[1] == held.register {
                 operands.swap(0, 1);
             }
-            // A chain begins with the accumulator, or reads rows alone.
+            // A chain begins with the accumulator, or reads registers alone.
             let places = if operands.len() > 3 { &operands[..1] } else { operands };
-            if let Some(place) = places.iter().position(|&row| row == held.row) {
+            if let Some(place) = places.iter().position(|&register| register == held.register) {
                 at = place + 1;
                 held.served += if planned.twice && place == 0 { 2 } else { 1 };
             }
@@ -217,7 +219,7 @@ impl Steps {
             && let Some(last) = self.steps.last_mut()
             && last.code == code(Function::Settle, false, 1, true)
         {
-            // Nobody else needs what was settled: its row is left out.
+            // Nobody else needs what was settled: its register is left out.
             *last = Step { code: code(Function::SettleMasked, false, 1, true), to: planned.to, ..*last };
             held.reads = None;
             return;
@@ -232,23 +234,23 @@ impl Steps {
         }
         match function {
             Function::Other => self.let_go(held.take()),
-            // The lanes that do not run keep what the row has.
+            // The lanes that do not run keep what the register has.
             Function::MoveMasked => {
                 if at == 0 {
                     self.let_go(held.take());
                     let step = self.steps.len() - 1;
-                    *held = Some(Held { row: planned.from[0], step, reads: None, served: 0 });
+                    *held = Some(Held { register: planned.from[0], step, reads: None, served: 0 });
                 }
             }
             _ => {
                 self.let_go(held.take());
                 let step = self.steps.len() - 1;
-                *held = Some(Held { row: planned.to, step, reads: planned.fate.reads, served: 0 });
+                *held = Some(Held { register: planned.to, step, reads: planned.fate.reads, served: 0 });
             }
         }
     }
 
-    /// Whether a step names a row behind the window.
+    /// Whether a step names a register behind the window.
     #[cfg(test)]
     pub fn is_wide(&self) -> bool {
         self.wide
@@ -291,7 +293,7 @@ fn plan(at: usize, op: &Op, fate: Fate, constants: &Constants, planned: &mut Vec
     }
 }
 
-/// The number of a row, where steps can name it.
+/// The number of a register, where steps can name it.
 fn word(reg: Reg) -> Option<u16> {
     u16::try_from(reg.0).ok()
 }
@@ -362,7 +364,7 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
         .peekable();
     pairs.peek()?;
     let found = |wanted: Shape| pairs.clone().find(|known| known.2 == wanted);
-    let reads = second.from[..second.operands].iter().filter(|&&row| row == first.to).count();
+    let reads = second.from[..second.operands].iter().filter(|&&register| register == first.to).count();
     if reads != 1 {
         return None;
     }

@@ -292,7 +292,7 @@ fn a_constant_factor_stands_behind_the_other_one() {
 }
 
 #[test]
-fn a_square_reads_no_row() {
+fn a_square_reads_no_register() {
     // (x - y)^2 with x = 3 and y = 5; nobody stores the difference.
     let [minus, times] =
         [&arithmetic::FSub, &arithmetic::FMul].map(|family| family.kernel(32).expect("a kernel"));

@@ -91,7 +91,7 @@ impl Unary for Same {
     }
 }
 
-/// A float as rows write it: every NaN the same.
+/// A float as registers write it: every NaN the same.
 pub struct Settled;
 
 impl Unary for Settled {

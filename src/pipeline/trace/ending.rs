@@ -3,7 +3,7 @@
 use smallvec::SmallVec;
 
 use crate::accel::{Committed, RayFlags};
-use crate::machine::stop::Rows;
+use crate::machine::stop::RegSpan;
 use crate::machine::{Mask, Registers, TrapCode};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
@@ -17,7 +17,7 @@ impl<const W: usize> Trace<W> {
     pub(super) fn finish<T: PipelineObserver>(
         &mut self,
         pipeline: &Pipeline,
-        mut payload: Option<(&mut Registers<W>, Rows)>,
+        mut payload: Option<(&mut Registers<W>, RegSpan)>,
         observer: &mut T,
     ) {
         let mut ends: SmallVec<[(Role, u64, Mask<W>); 4]> = SmallVec::new();

@@ -41,7 +41,7 @@ impl Lowering<'_> {
             let value = self.decoder.value(argument)?;
             self.decoder.define(parameter, value);
         }
-        let result = self.result_rows(function)?;
+        let result = self.result_registers(function)?;
         let label = self.label();
         let outer = self.decoder.origin;
         self.scopes.push(Scope { parent: outer.scope, call: instruction.offset, function: function.id });
@@ -56,7 +56,7 @@ impl Lowering<'_> {
         Ok(())
     }
 
-    fn result_rows(&mut self, function: &Function) -> Result<Words> {
+    fn result_registers(&mut self, function: &Function) -> Result<Words> {
         let count = self.decoder.word_count(function.return_type)?;
         self.decoder.fresh_words(count)
     }
@@ -70,7 +70,7 @@ impl Lowering<'_> {
                     let count = self.decoder.word_count(ty)?;
                     parameters.push(self.decoder.fresh_words(count)?);
                 }
-                let result = self.result_rows(function)?;
+                let result = self.result_registers(function)?;
                 let standing = Standing { label: self.label(), parameters, result };
                 self.standing.insert(function.id, standing.clone());
                 self.queue.push_back(function.id);

@@ -1,4 +1,4 @@
-//! Rows behind the window of steps give way to rows in it that nobody takes any more.
+//! Registers behind the window of steps give way to registers in it that nobody takes any more.
 
 use rustc_hash::FxHashMap;
 
@@ -10,8 +10,8 @@ use crate::program::Program;
 use crate::program::forward::{Shared, each_read};
 use crate::program::reuse::{Places, Single, Values, each_single, is_idle};
 
-/// Gives values behind the window of steps that live longer than a run a row in it, as long as there are any that nobody
-/// takes; which those are, and by row which one it is now. As they are written before they are read, it may be one that batches begin with zeros.
+/// Gives values behind the window of steps that live longer than a run a register in it, as long as there are any that nobody
+/// takes; which those are, and by register which one it is now. As they are written before they are read, it may be one that batches begin with zeros.
 pub(super) fn near_values(
     program: &Program,
     ops: &mut [Op],
@@ -19,16 +19,16 @@ pub(super) fn near_values(
     shared: &Shared,
     values: &Values,
 ) -> (Vec<Reg>, Vec<Reg>) {
-    let far = |row: u32| row as usize >= WINDOW;
-    let rows = program.rows as usize;
-    let mut stays: Vec<bool> = (0..rows).map(|row| shared.holds(Reg(row as u32))).collect();
-    let mut is_variable = vec![false; rows];
-    for row in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
-        (stays[row as usize], is_variable[row as usize]) = (true, true);
+    let far = |register: u32| register as usize >= WINDOW;
+    let registers = program.register_count as usize;
+    let mut stays: Vec<bool> = (0..registers).map(|register| shared.holds(Reg(register as u32))).collect();
+    let mut is_variable = vec![false; registers];
+    for register in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
+        (stays[register as usize], is_variable[register as usize]) = (true, true);
     }
     program.constants.iter().for_each(|(reg, _)| stays[reg.0 as usize] = true);
     program.blocks.iter().for_each(|block| each_read(&block.terminator, |reg| stays[reg.0 as usize] = true));
-    // Rows of variables first: constants cannot have those.
+    // Registers of variables first: constants cannot have those.
     let is_variable = |reg: &Reg| is_variable[reg.0 as usize];
     let untaken = places.untaken().iter().copied().filter(|reg| !far(reg.0));
     let (mut order, others): (Vec<Reg>, Vec<Reg>) = untaken.partition(is_variable);
@@ -36,36 +36,37 @@ pub(super) fn near_values(
     if order.is_empty() {
         return (order, Vec::new());
     }
-    // By row: the one that it becomes.
-    let mut near: Vec<Reg> = (0..program.rows).map(Reg).collect();
+    // By register: the one that it becomes.
+    let mut near: Vec<Reg> = (0..program.register_count).map(Reg).collect();
     let mut taken = 0;
     for op in ops {
         each_single(op, |reg, _| {
-            let row = reg.0 as usize;
-            // Rows that values of one run share already stand behind all others.
-            if !far(reg.0) || row >= rows {
+            let register = reg.0 as usize;
+            // Registers that values of one run share already stand behind all others.
+            if !far(reg.0) || register >= registers {
                 return;
             }
-            if near[row] == *reg && taken < order.len() && !stays[row] && values.stands_alone(*reg) {
-                near[row] = order[taken];
+            if near[register] == *reg && taken < order.len() && !stays[register] && values.stands_alone(*reg)
+            {
+                near[register] = order[taken];
                 taken += 1;
             }
-            *reg = near[row];
+            *reg = near[register];
         });
     }
     order.truncate(taken);
     (order, near)
 }
 
-/// Gives constants behind the window of steps a row in it, as long as there are any that nobody takes.
+/// Gives constants behind the window of steps a register in it, as long as there are any that nobody takes.
 pub(super) fn near_constants(program: &mut Program, ops: &mut [Op], places: &Places, taken: &[Reg]) {
     let far = |reg: Reg| reg.0 as usize >= WINDOW;
     let words: FxHashMap<Reg, u32> = program.constants.iter().copied().filter(|&(reg, _)| far(reg)).collect();
     let mut near: FxHashMap<Reg, Reg> = FxHashMap::default();
     // Every batch begins with zeros in variables, and keeps what constants it was made with.
     let mut begins_as_zero = [false; WINDOW];
-    for row in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
-        if let Some(zero) = begins_as_zero.get_mut(row as usize) {
+    for register in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
+        if let Some(zero) = begins_as_zero.get_mut(register as usize) {
             *zero = true;
         }
     }
@@ -89,10 +90,10 @@ pub(super) fn near_constants(program: &mut Program, ops: &mut [Op], places: &Pla
                 }
                 let Some(&word) = words.get(reg) else { return };
                 let known = near.get(reg).copied().or_else(|| {
-                    let row = untaken.next()?;
-                    program.constants.push((row, word));
-                    near.insert(*reg, row);
-                    Some(row)
+                    let register = untaken.next()?;
+                    program.constants.push((register, word));
+                    near.insert(*reg, register);
+                    Some(register)
                 });
                 *reg = known.unwrap_or(*reg);
             });
@@ -110,10 +111,14 @@ mod tests {
             let path = format!("{}/spirv-fixtures/bench/{name}.spv", env!("CARGO_MANIFEST_DIR"));
             let module = crate::Module::open(path).expect("a valid fixture");
             let program = Program::of(&module, "main").expect("a supported fixture");
-            assert!(program.rows as usize > WINDOW, "{name} has {} rows", program.rows);
+            assert!(
+                program.register_count as usize > WINDOW,
+                "{name} has {} registers",
+                program.register_count
+            );
             assert!(
                 program.unwatched.steps.as_ref().is_some_and(|steps| !steps.is_wide()),
-                "{name} names rows behind the window"
+                "{name} names registers behind the window"
             );
         }
     }

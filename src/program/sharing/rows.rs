@@ -87,7 +87,7 @@ fn texels(program: &Program, binding: Binding) -> Vec<Option<Sum>> {
             Op::Image(ImageOp::Write(op)) => &op.place,
             Op::Atomic(op) => match &op.target {
                 AtomicTarget::Texel(place) => place,
-                AtomicTarget::Buffer(_) | AtomicTarget::Rows { .. } => continue,
+                AtomicTarget::Buffer(_) | AtomicTarget::Registers { .. } => continue,
             },
             Op::Image(ImageOp::Sample(op)) if !here(trace.handle(op.image)) => continue,
             Op::Image(ImageOp::Footprint(op)) if !here(trace.handle(op.image)) => continue,
