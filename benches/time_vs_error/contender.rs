@@ -3,7 +3,7 @@
 
 use anyhit::geometry::block::{self, BlockRay, BoxRay, ShearedRay};
 use anyhit::geometry::{Bounds, DoubleRay, Intersection, ObjectRay, Precision, Ray, Transform, Verdict};
-use anyhit::math::vectors::Vectors;
+use anyhit::math::lane_ops::LaneOps;
 
 use crate::shape::Shape;
 
@@ -45,9 +45,9 @@ pub trait Contender {
     /// Makes a ray ready.
     fn ready(out: &mut Self::Ready, ray: &Ray, placed: &Placed, around: &Bounds);
     /// A bit for each lane that may be hit.
-    fn met<V: Vectors>(vectors: V, block: &Self::Block, ready: &Self::Ready) -> u32;
+    fn met<V: LaneOps>(vectors: V, block: &Self::Block, ready: &Self::Ready) -> u32;
     /// The t of a lane; ray and instance are what it was made ready of.
-    fn hit<V: Vectors>(
+    fn hit<V: LaneOps>(
         vectors: V,
         lane: (&Self::Block, usize),
         ready: &mut Self::Ready,
@@ -93,13 +93,13 @@ macro_rules! ours {
             }
 
             #[inline(always)]
-            fn met<V: Vectors>($vectors: V, $block_name: &Self::Block, ready: &Self::Ready) -> u32 {
+            fn met<V: LaneOps>($vectors: V, $block_name: &Self::Block, ready: &Self::Ready) -> u32 {
                 let $ready = &ready.blocks;
                 $met
             }
 
             #[inline(always)]
-            fn hit<V: Vectors>(
+            fn hit<V: LaneOps>(
                 _: V,
                 (block, lane): (&Self::Block, usize),
                 ready: &mut Self::Ready,
@@ -141,12 +141,12 @@ impl Contender for ExactTriangles {
     }
 
     #[inline(always)]
-    fn met<V: Vectors>(vectors: V, block: &Self::Block, ready: &Self::Ready) -> u32 {
+    fn met<V: LaneOps>(vectors: V, block: &Self::Block, ready: &Self::Ready) -> u32 {
         Triangles::met(vectors, block, ready)
     }
 
     #[inline(always)]
-    fn hit<V: Vectors>(
+    fn hit<V: LaneOps>(
         vectors: V,
         (block, lane): (&Self::Block, usize),
         ready: &mut Self::Ready,

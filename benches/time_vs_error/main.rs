@@ -32,7 +32,7 @@ use std::time::Duration;
 use anyhit::accel::{Blas, Cursor, Instance, RayFlags, Tlas, TraceRay};
 use anyhit::geometry::block::{self, ShearedRay};
 use anyhit::geometry::{Precision, Ray};
-use anyhit::math::vectors::Processor;
+use anyhit::math::lane_ops::CpuTier;
 
 use contender::{Contender, DOUBLE, EXACT, ExactTriangles, FLOAT, Ours};
 use judge::Errors;
@@ -207,8 +207,8 @@ fn has_all_caps(scene: &Scene) -> bool {
 
 fn runner<'a, C: Contender + 'a>(scene: &'a Scene, trees: &'a Trees) -> Run<'a> {
     let field = Field::<C>::new(scene, trees);
-    let processor = Processor::new();
-    Box::new(move |rays, hits| processor.run(Pass { field: &field, rays, hits }))
+    let cpu_tier = CpuTier::new();
+    Box::new(move |rays, hits| cpu_tier.run(Pass { field: &field, rays, hits }))
 }
 
 fn engine(scene: &Scene, precision: Precision) -> Run<'static> {

@@ -1,7 +1,7 @@
 //! One contender's way through a scene: the loop that all share.
 
 use anyhit::geometry::Ray;
-use anyhit::math::vectors::{Task, Vectors};
+use anyhit::math::lane_ops::{LaneOps, LaneTask};
 
 use crate::contender::{Contender, Placed};
 use crate::scene::Scene;
@@ -52,11 +52,11 @@ pub struct Pass<'a, C: Contender> {
     pub hits: &'a mut Vec<Hit>,
 }
 
-impl<C: Contender> Task for Pass<'_, C> {
+impl<C: Contender> LaneTask for Pass<'_, C> {
     type Output = ();
 
     #[inline(always)]
-    fn run<V: Vectors>(self, vectors: V) {
+    fn run<V: LaneOps>(self, vectors: V) {
         let field = self.field;
         let mut prepared = C::IDLE;
         for ray in self.rays {
@@ -86,7 +86,7 @@ struct Way<'a, C: Contender> {
 impl<C: Contender> Way<'_, C> {
     /// Through an instance; returns the new limit.
     #[inline(always)]
-    fn enter<V: Vectors>(&mut self, vectors: V, instance: u32, limit: f32) -> f32 {
+    fn enter<V: LaneOps>(&mut self, vectors: V, instance: u32, limit: f32) -> f32 {
         let Field { scene, trees, .. } = self.field;
         let placed = &trees.placed[instance as usize].0;
         C::ready(self.prepared, self.ray, placed, &scene.bounds);
@@ -103,7 +103,7 @@ struct InWorld<'a, 'b, C: Contender> {
 
 impl<C: Contender> Leaves for InWorld<'_, '_, C> {
     #[inline(always)]
-    fn visit<V: Vectors>(&mut self, vectors: V, block: usize, mut limit: f32) -> f32 {
+    fn visit<V: LaneOps>(&mut self, vectors: V, block: usize, mut limit: f32) -> f32 {
         for &instance in &self.instances.blocks[block] {
             limit = self.way.enter(vectors, instance, limit);
         }
@@ -120,7 +120,7 @@ struct InInstance<'a, 'b, C: Contender> {
 
 impl<C: Contender> Leaves for InInstance<'_, '_, C> {
     #[inline(always)]
-    fn visit<V: Vectors>(&mut self, vectors: V, block: usize, mut limit: f32) -> f32 {
+    fn visit<V: LaneOps>(&mut self, vectors: V, block: usize, mut limit: f32) -> f32 {
         let Way { field, ray, prepared, best } = &mut *self.way;
         let numbers = &field.trees.primitives.blocks[block];
         let block = &field.blocks[block];

@@ -1,7 +1,7 @@
 //! At which step the tests of the exact mode end.
 
 use anyhit::geometry::{ObjectRay, aabb, block, linear_swept_sphere, sphere, triangle};
-use anyhit::math::vectors::{Processor, Task, Vectors};
+use anyhit::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 
 use crate::contender::{Contender, EXACT, ExactTriangles, Ours};
 use crate::pass::{Field, Trees};
@@ -11,12 +11,12 @@ use crate::tree::{Leaves, NodeRay};
 
 /// The shares, over all leaves that rays reach in all instances.
 pub fn steps(scene: &Scene, trees: &Trees) -> String {
-    let processor = Processor::new();
+    let cpu_tier = CpuTier::new();
     let counts = match scene.shapes[0] {
-        Shape::Sphere(..) => processor.run(Count(Field::<Ours<block::Spheres, EXACT>>::new(scene, trees))),
-        Shape::Swept(..) => processor.run(Count(Field::<Ours<block::SweptEnds, EXACT>>::new(scene, trees))),
-        Shape::Triangle(_) => processor.run(Count(Field::<ExactTriangles>::new(scene, trees))),
-        Shape::Aabb(_) => processor.run(Count(Field::<Ours<block::Aabbs, EXACT>>::new(scene, trees))),
+        Shape::Sphere(..) => cpu_tier.run(Count(Field::<Ours<block::Spheres, EXACT>>::new(scene, trees))),
+        Shape::Swept(..) => cpu_tier.run(Count(Field::<Ours<block::SweptEnds, EXACT>>::new(scene, trees))),
+        Shape::Triangle(_) => cpu_tier.run(Count(Field::<ExactTriangles>::new(scene, trees))),
+        Shape::Aabb(_) => cpu_tier.run(Count(Field::<Ours<block::Aabbs, EXACT>>::new(scene, trees))),
     };
     let total = counts.iter().sum::<u64>();
     let [in_f32, in_f64, exactly] = counts.map(|count| 100.0 * count as f64 / total.max(1) as f64);
@@ -26,10 +26,10 @@ pub fn steps(scene: &Scene, trees: &Trees) -> String {
 /// Counts the tests that end in f32, in f64 and exactly.
 struct Count<'a, C: Contender>(Field<'a, C>);
 
-impl<C: Contender> Task for Count<'_, C> {
+impl<C: Contender> LaneTask for Count<'_, C> {
     type Output = [u64; 3];
 
-    fn run<V: Vectors>(self, vectors: V) -> [u64; 3] {
+    fn run<V: LaneOps>(self, vectors: V) -> [u64; 3] {
         let Self(field) = self;
         let Field { scene, trees, .. } = &field;
         let mut counts = [0; 3];
@@ -56,7 +56,7 @@ struct Tests<'a, C: Contender> {
 }
 
 impl<C: Contender> Leaves for Tests<'_, C> {
-    fn visit<V: Vectors>(&mut self, vectors: V, block: usize, limit: f32) -> f32 {
+    fn visit<V: LaneOps>(&mut self, vectors: V, block: usize, limit: f32) -> f32 {
         let Field { scene, trees, blocks } = self.field;
         let met = C::met(vectors, &blocks[block], self.ready);
         for (lane, &number) in trees.primitives.blocks[block].iter().enumerate() {

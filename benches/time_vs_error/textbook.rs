@@ -3,7 +3,7 @@
 
 use anyhit::geometry::{Bounds, Ray};
 use anyhit::math::four::Four;
-use anyhit::math::vectors::Vectors;
+use anyhit::math::lane_ops::LaneOps;
 
 use crate::contender::{Contender, Placed};
 use crate::shape::Shape;
@@ -60,12 +60,12 @@ impl<T: Textbook> Contender for T {
     }
 
     #[inline(always)]
-    fn met<V: Vectors>(_: V, block: &Self::Block, ray: &T::Ray) -> u32 {
+    fn met<V: LaneOps>(_: V, block: &Self::Block, ray: &T::Ray) -> u32 {
         T::met(block, ray)
     }
 
     #[inline(always)]
-    fn hit<V: Vectors>(
+    fn hit<V: LaneOps>(
         _: V,
         (block, lane): (&Self::Block, usize),
         ray: &mut T::Ray,

@@ -2,7 +2,7 @@
 
 use anyhit::geometry::Ray;
 use anyhit::math::four::Four;
-use anyhit::math::vectors::Vectors;
+use anyhit::math::lane_ops::LaneOps;
 
 use crate::contender::Placed;
 
@@ -51,7 +51,7 @@ impl NodeRay {
 /// What is done with the blocks on a ray's way. (A closure would not be compiled for the vectors.)
 pub trait Leaves {
     /// Returns the new limit; to be inlined.
-    fn visit<V: Vectors>(&mut self, vectors: V, block: usize, limit: f32) -> f32;
+    fn visit<V: LaneOps>(&mut self, vectors: V, block: usize, limit: f32) -> f32;
 }
 
 impl Tree {
@@ -102,7 +102,7 @@ impl Tree {
 
     /// Visits the blocks that a ray may meet before `limit`, the nearest first; returns the last limit.
     #[inline(always)]
-    pub fn traverse<V: Vectors>(
+    pub fn traverse<V: LaneOps>(
         &self,
         vectors: V,
         ray: &NodeRay,

@@ -7,9 +7,9 @@ use crate::accel::node::NodeRef;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, BlockRay, LANES, ShearedRay};
 use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, triangle};
-use crate::math::ahead::fetch;
 use crate::math::doubles::Doubles;
 use crate::math::four::Fused;
+use crate::math::prefetch::prefetch;
 
 /// The active primitives of a BLAS, and the BVH over them.
 #[derive(Debug)]
@@ -100,28 +100,28 @@ impl BuiltBlas {
     /// Prefetches the triangles in the leaves of a node while the node itself is loaded, if a ray that
     /// visits the node usually reaches one of them.
     #[inline(always)]
-    pub fn fetch_leaves(&self, bvh: &WideBvh, node: NodeRef) {
+    pub fn prefetch_leaves(&self, bvh: &WideBvh, node: NodeRef) {
         let leaves = bvh.leaves(node);
         if leaves.is_empty() {
             return;
         }
         if let Shapes::Triangles(blocks) = &self.shapes {
-            blocks.get(leaves).unwrap_or_default().iter().for_each(block::Triangles::fetch);
+            blocks.get(leaves).unwrap_or_default().iter().for_each(block::Triangles::prefetch);
         }
     }
 
     /// Prefetches the node or the block of primitives that a ray is about to visit.
     #[inline(always)]
-    pub fn fetch(&self, part: NodeRef) {
+    pub fn prefetch(&self, part: NodeRef) {
         if !part.is_leaf() {
-            return self.bvh.iter().for_each(|bvh| bvh.node(part).fetch());
+            return self.bvh.iter().for_each(|bvh| bvh.node(part).prefetch());
         }
         let at = part.index();
         match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[at].fetch(),
-            Shapes::Aabbs(blocks) => blocks[at].fetch(),
-            Shapes::Spheres(blocks) => blocks[at].fetch(),
-            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].fetch(),
+            Shapes::Triangles(blocks) => blocks[at].prefetch(),
+            Shapes::Aabbs(blocks) => blocks[at].prefetch(),
+            Shapes::Spheres(blocks) => blocks[at].prefetch(),
+            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].prefetch(),
             Shapes::MovingTriangles(_) => {}
         }
     }
@@ -129,7 +129,7 @@ impl BuiltBlas {
     /// Prefetches the identities of the primitives of a leaf.
     #[inline(always)]
     pub fn prefetch_geom_prims(&self, leaf: NodeRef) {
-        fetch(&self.geom_prims[self.ordered_index(leaf, 0)..][..1]);
+        prefetch(&self.geom_prims[self.ordered_index(leaf, 0)..][..1]);
     }
 
     /// The index in tree order of a lane of a leaf.

@@ -1,8 +1,8 @@
 //! The inner nodes of a wide BVH and the test of a ray against their boxes (derived in `trav_ray`).
 
 use crate::accel::node_ray::{NodeLimit, Slabs};
-use crate::math::ahead::fetch;
 use crate::math::eight::Eights;
+use crate::math::prefetch::prefetch;
 
 /// The largest number of children of a node: the lanes of one vector register (AVX) or of two (SSE,
 /// NEON).
@@ -154,9 +154,9 @@ impl Node {
 
     /// Prefetches the node into the L1 cache.
     #[inline(always)]
-    pub fn fetch(&self) {
-        self.planes.iter().for_each(|planes| fetch(planes.as_flattened()));
-        fetch(&self.children);
+    pub fn prefetch(&self) {
+        self.planes.iter().for_each(|planes| prefetch(planes.as_flattened()));
+        prefetch(&self.children);
     }
 
     /// The lower (`side` 0) or upper (1) plane on an axis of the box of the child in a slot.

@@ -262,7 +262,7 @@ impl Packet {
         (self.steps, self.single_steps) =
             (STEPS_PER_RAY * traces.len() as u32, SINGLE_STEPS_PER_RAY * traces.len() as u32);
         let traversal = PacketTraversal { packet: self, tlas, traces, any_opaque_hit, single_ray_mask: 0 };
-        let single_ray_mask = tlas.processor().run(traversal);
+        let single_ray_mask = tlas.cpu_tier().run(traversal);
         if self.steps == 0 {
             self.failed_packets = (self.failed_packets + 1).min(6);
             self.packet_cooldown = 1 << self.failed_packets;

@@ -13,7 +13,7 @@ use crate::accel::validate;
 use crate::accel::wide_bvh::WideBvh;
 use crate::error::{Error, Result};
 use crate::geometry::{Bounds, ObjectRay, Precision, Ray, Transform, world_to_object};
-use crate::math::vectors::Processor;
+use crate::math::lane_ops::CpuTier;
 
 /// Up to this many instances are entered one after another, without boxes or tree: then no BLAS is
 /// touched that no ray reaches.
@@ -116,7 +116,7 @@ pub struct Tlas {
     /// Whether all is opaque, without micromaps that say otherwise, and nothing a box.
     opaque: OnceLock<bool>,
     precision: Precision,
-    processor: Processor,
+    cpu_tier: CpuTier,
 }
 
 impl Tlas {
@@ -130,21 +130,17 @@ impl Tlas {
         Self::with_precision(instances, Precision::Exact)
     }
 
-    /// The same with a choice of how intersections are computed. Below `Exact` a computed t can lie
+    /// [`Tlas::new`] with a choice of how intersections are computed. Below `Exact` a computed t can lie
     /// before its primitive's box, and ties and near-ties may then depend on the tree.
     ///
     /// # Errors
     /// As [`Tlas::new`].
     pub fn with_precision(instances: Vec<Instance>, precision: Precision) -> Result<Arc<Self>> {
-        Self::on(instances, precision, Processor::new())
+        Self::on(instances, precision, CpuTier::new())
     }
 
-    /// The same for some of the processor's vectors.
-    pub(crate) fn on(
-        instances: Vec<Instance>,
-        precision: Precision,
-        processor: Processor,
-    ) -> Result<Arc<Self>> {
+    /// [`Tlas::with_precision`] on a given instruction set.
+    pub(crate) fn on(instances: Vec<Instance>, precision: Precision, cpu_tier: CpuTier) -> Result<Arc<Self>> {
         let mistakes = validate::instances(&instances);
         if !mistakes.is_empty() {
             return Err(Error::several(mistakes));
@@ -174,11 +170,11 @@ impl Tlas {
             has_micromaps,
             opaque,
             precision,
-            processor,
+            cpu_tier,
         }))
     }
 
-    /// The same instances with another choice of how intersections are computed.
+    /// A copy whose intersections are computed with another precision.
     pub fn at_precision(&self, precision: Precision) -> Arc<Self> {
         let valid = Self::with_precision(self.instances.clone(), precision);
         valid.expect("bug in anyhit: instances are refused that were not before")
@@ -282,10 +278,10 @@ impl Tlas {
         }
     }
 
-    /// What runs on the processor's vectors.
+    /// The instruction set that traversal uses.
     #[inline]
-    pub(super) fn processor(&self) -> Processor {
-        self.processor
+    pub(super) fn cpu_tier(&self) -> CpuTier {
+        self.cpu_tier
     }
 
     /// Whether the instances are entered one after another.

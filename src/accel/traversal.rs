@@ -15,7 +15,7 @@ use crate::accel::rules::{
 use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::geometry::{FourTested, Intersection, ObjectRay, Precision};
 use crate::math::eight::{Eights, TwoFours};
-use crate::math::vectors::{Task, Vectors};
+use crate::math::lane_ops::{LaneOps, LaneTask};
 
 /// A node or leaf that is still to be visited. The high half holds the bits of a lower bound of the
 /// rounded t of any hit in it, in the units of its tree's ray (it is not negative, so that its bits
@@ -130,7 +130,7 @@ impl Cursor {
         let trace = &self.trace;
         let (traversal, hits) = (&mut self.traversal, &mut self.hits);
         let task = TraversalTask::<V, PLAIN> { traversal, hits, trace, tlas, observer, start };
-        if V::REASONS { TwoFours.apart(task) } else { tlas.processor().run(task) }
+        if V::REASONS { TwoFours.dispatch(task) } else { tlas.cpu_tier().run(task) }
     }
 }
 
@@ -145,11 +145,11 @@ struct TraversalTask<'a, V, const PLAIN: bool> {
     start: bool,
 }
 
-impl<V: TraversalObserver, const PLAIN: bool> Task for TraversalTask<'_, V, PLAIN> {
+impl<V: TraversalObserver, const PLAIN: bool> LaneTask for TraversalTask<'_, V, PLAIN> {
     type Output = bool;
 
     #[inline(always)]
-    fn run<E: Vectors>(self, eights: E) -> bool {
+    fn run<E: LaneOps>(self, eights: E) -> bool {
         let Self { traversal, hits, trace, tlas, observer, start } = self;
         Traversal::<V, PLAIN> { traversal, hits, trace, tlas, observer, tested: FourTested::MISSED }
             .resume(eights, start)
@@ -169,7 +169,7 @@ struct Traversal<'a, V, const PLAIN: bool> {
 
 impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     #[inline(always)]
-    fn resume<E: Vectors>(mut self, eights: E, start: bool) -> bool {
+    fn resume<E: LaneOps>(mut self, eights: E, start: bool) -> bool {
         if start {
             self.begin(eights);
         }
@@ -203,7 +203,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
     /// Pushes the root; a single instance is entered at once.
     #[inline(always)]
-    fn begin<E: Vectors>(&mut self, eights: E) {
+    fn begin<E: LaneOps>(&mut self, eights: E) {
         self.traversal.stack.clear();
         self.traversal.in_instance = false;
         let count = self.tlas.instances().len();
@@ -239,7 +239,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     }
 
     #[inline(always)]
-    fn step_in_world<E: Vectors>(&mut self, eights: E, entry: StackEntry) {
+    fn step_in_world<E: LaneOps>(&mut self, eights: E, entry: StackEntry) {
         let TraversalState { stack, world, .. } = &mut *self.traversal;
         let child = entry.node();
         match (child.count(), self.tlas.bvh()) {
@@ -267,7 +267,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     }
 
     #[inline(always)]
-    fn visit_instance<E: Vectors>(&mut self, eights: E, number: u32) {
+    fn visit_instance<E: LaneOps>(&mut self, eights: E, number: u32) {
         let verdict = self.enter(eights, number);
         self.observer.instance(number, verdict);
     }
@@ -275,7 +275,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     /// Enters an instance: tests its primitives at once if it has no tree, otherwise pushes the root of
     /// its tree.
     #[inline(always)]
-    fn enter<E: Vectors>(&mut self, eights: E, number: u32) -> InstanceVerdict {
+    fn enter<E: LaneOps>(&mut self, eights: E, number: u32) -> InstanceVerdict {
         let instance = &self.tlas.instances()[number as usize];
         if !is_visible(instance.mask, self.trace.cull_mask) {
             return InstanceVerdict::Masked;
@@ -309,7 +309,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
     /// Visits the entries of the current instance until a candidate is next in the order of hits.
     #[inline(always)]
-    fn traverse_instance<E: Vectors>(&mut self, eights: E) {
+    fn traverse_instance<E: LaneOps>(&mut self, eights: E) {
         let number = self.traversal.instance_ray.instance;
         let base = self.traversal.instance_ray.base;
         let built = self.tlas.instances()[number as usize].blas.built();
@@ -325,7 +325,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             // Descend to the nearest leaf; farther children wait on the stack.
             while !child.is_leaf() {
                 self.observer.node(Some(number));
-                built.fetch_leaves(bvh, child);
+                built.prefetch_leaves(bvh, child);
                 let TraversalState { stack, instance_ray, .. } = &mut *self.traversal;
                 let (ray, before) = ((&instance_ray.node_ray, &slabs), stack.len());
                 match push_children::<E, PLAIN>(stack, limit, bvh.node(child), ray) {
@@ -334,7 +334,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                 }
                 // It is the next entry unless a nearer one is pushed.
                 if let Some(other) = stack.entries[before..].last() {
-                    built.fetch(other.node());
+                    built.prefetch(other.node());
                 }
             }
             if child.is_leaf() {
@@ -354,7 +354,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
     /// Tests the primitives of an instance without a tree.
     #[inline(always)]
-    fn test_all<E: Vectors>(&mut self, eights: E, built: &BuiltBlas) {
+    fn test_all<E: LaneOps>(&mut self, eights: E, built: &BuiltBlas) {
         let mut leaves = built.leaves();
         let Some(first) = leaves.next() else { return };
         // Preparing a ray for culling does not pay for a single block.
@@ -375,7 +375,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
     /// A mask of the primitives of a leaf that the ray may hit.
     #[inline(always)]
-    fn met<E: Vectors>(&mut self, eights: E, built: &BuiltBlas, leaf: NodeRef) -> u32 {
+    fn met<E: LaneOps>(&mut self, eights: E, built: &BuiltBlas, leaf: NodeRef) -> u32 {
         let instance_ray = &mut self.traversal.instance_ray;
         let met = if V::REASONS {
             built.full_mask(leaf)

@@ -15,7 +15,7 @@ use crate::accel::node::{Node, NodeRef, WIDTH};
 use crate::accel::node_ray::{round_down, round_up};
 use crate::geometry::Bounds;
 use crate::math::four::Four;
-use crate::math::vectors::{Processor, Task, Vectors};
+use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 
 /// From this depth on sets are split at the median, as nothing else bounds the depth. The trees of
 /// real scenes stay far above it.
@@ -43,7 +43,7 @@ pub struct WideBvh {
 const RUN: usize = 2 * WIDTH;
 
 /// Of the leaves of a node a ray must reach as many, on average, that it pays to fetch all of them.
-const WORTH_FETCHING: f32 = 0.8;
+const MIN_REACHED_LEAVES: f32 = 0.8;
 
 impl WideBvh {
     /// [`WideBvh::over`] boxes that are numbered by place.
@@ -124,7 +124,7 @@ fn run(node: &Node) -> u32 {
             count += 1;
         }
     }
-    if count == 0 || end - first != count || reached < WORTH_FETCHING * half_area(around) {
+    if count == 0 || end - first != count || reached < MIN_REACHED_LEAVES * half_area(around) {
         return 0;
     }
     u32::try_from(first * RUN + count).unwrap_or(0)
@@ -189,7 +189,7 @@ struct Build {
     nodes: Vec<Node>,
     order: Vec<u32>,
     builder: BinnedSahBuilder,
-    processor: Processor,
+    cpu_tier: CpuTier,
 }
 
 /// How many references come to each child of a node, and whether that is a leaf.
@@ -203,11 +203,11 @@ struct Divide<'a> {
     halve: bool,
 }
 
-impl Task for Divide<'_> {
+impl LaneTask for Divide<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<V: Vectors>(self, vectors: V) {
+    fn run<V: LaneOps>(self, vectors: V) {
         self.builder.divide(vectors, self.prim_refs, self.cost, self.halve);
     }
 }
@@ -222,7 +222,7 @@ impl Build {
             nodes: Vec::new(),
             order: Vec::new(),
             builder: BinnedSahBuilder::new(),
-            processor: Processor::new(),
+            cpu_tier: CpuTier::new(),
         }
     }
 
@@ -258,7 +258,7 @@ impl Build {
     fn divide(&mut self, prim_refs: &mut [PrimRef], depth: usize) {
         let halve = depth >= self.deepest;
         let divide = Divide { builder: &mut self.builder, prim_refs, cost: &self.cost, halve };
-        self.processor.run(divide);
+        self.cpu_tier.run(divide);
     }
 
     /// Gives a leaf's boxes their places, from the next multiple of the leaf size on.

@@ -7,7 +7,7 @@ use std::ops::{Index, IndexMut};
 use aligned_vec::{AVec, ConstAlign};
 use half::f16;
 
-use crate::math::vectors::Processor;
+use crate::math::lane_ops::CpuTier;
 pub use mask::Mask;
 #[cfg(target_arch = "x86_64")]
 use mask::SignsOf;
@@ -54,7 +54,7 @@ impl<const W: usize> Lanes<W> {
 #[derive(Clone, Debug)]
 pub struct Registers<const W: usize> {
     registers: AVec<Lanes<W>, ConstAlign<CACHE_LINE>>,
-    processor: Processor,
+    cpu_tier: CpuTier,
 }
 
 /// Bytes of a line of the processor's caches, and of its widest vectors.
@@ -65,19 +65,19 @@ impl<const W: usize> Registers<W> {
     pub fn new(registers: usize) -> Self {
         let mut zeros = AVec::with_capacity(CACHE_LINE, registers);
         zeros.resize(registers, Lanes::splat(0));
-        Self { registers: zeros, processor: Processor::new() }
+        Self { registers: zeros, cpu_tier: CpuTier::new() }
     }
 
     /// What the processor has.
     #[inline]
-    pub fn processor(&self) -> Processor {
-        self.processor
+    pub fn cpu_tier(&self) -> CpuTier {
+        self.cpu_tier
     }
 
     /// The same for a processor that has less.
     #[cfg(test)]
-    pub fn on(self, processor: Processor) -> Self {
-        Self { processor, ..self }
+    pub fn on(self, cpu_tier: CpuTier) -> Self {
+        Self { cpu_tier, ..self }
     }
 
     /// The lanes for which a register of booleans holds.
@@ -85,7 +85,7 @@ impl<const W: usize> Registers<W> {
     pub fn mask(&self, condition: Reg) -> Mask<W> {
         let register = &self[condition];
         #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.processor.avx2().filter(|_| W.is_multiple_of(8)) {
+        if let Some(simd) = self.cpu_tier.avx2().filter(|_| W.is_multiple_of(8)) {
             return simd.vectorize(SignsOf { simd, register });
         }
         Mask::of(register)

@@ -13,7 +13,7 @@ use crate::machine::lanes::map1;
 use crate::machine::{Reg, Registers, Scalar};
 use crate::math::float;
 #[cfg(target_arch = "x86_64")]
-use crate::math::vectors::{Task, Vectors};
+use crate::math::lane_ops::{LaneOps, LaneTask};
 use crate::ops::lane_kernel::{Bits, LaneKernel, LaneLoop, Unary};
 
 macro_rules! conversions {
@@ -36,7 +36,7 @@ macro_rules! conversions {
 const fn truncating(kernel: LaneKernel) -> LaneKernel {
     LaneKernel {
         #[cfg(target_arch = "x86_64")]
-        full_v3: |simd, registers, to, from| simd.apart(Truncate { registers, to, from: from[0] }),
+        full_v3: |simd, registers, to, from| simd.dispatch(Truncate { registers, to, from: from[0] }),
         ..kernel
     }
 }
@@ -50,11 +50,11 @@ struct Truncate<'a> {
 }
 
 #[cfg(target_arch = "x86_64")]
-impl Task for Truncate<'_> {
+impl LaneTask for Truncate<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<V: Vectors>(self, vectors: V) {
+    fn run<V: LaneOps>(self, vectors: V) {
         let mut result = [0; 64];
         let from = self.registers[self.from].0.as_chunks::<8>().0;
         for (words, to) in from.iter().zip(result.as_chunks_mut::<8>().0) {

@@ -99,7 +99,7 @@ impl Width<64> for LaneKernel {
     #[inline]
     fn run(&self, registers: &mut Registers<64>, to: Reg, from: &[Reg; 3]) {
         #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = registers.processor().avx2() {
+        if let Some(simd) = registers.cpu_tier().avx2() {
             return (self.full_v3)(simd, registers, to, from);
         }
         (self.full)(registers, to, from);

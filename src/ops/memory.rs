@@ -309,7 +309,7 @@ fn index_lanes<const W: usize>(
     };
     let registers = &batch.registers;
     let mut register = [0; W];
-    let missed = registers.processor().run_loop(
+    let missed = registers.cpu_tier().run_loop(
         #[inline(always)]
         || {
             let zero = Lanes::splat(0);
@@ -471,7 +471,7 @@ fn words<'a, const W: usize>(
     let most = u32::try_from(buffer.size().checked_sub(end)?).unwrap_or(u32::MAX).min(OUT_OF_BOUNDS - 1);
     let indices = &batch.registers[chunk.index?];
     let mut places = Lanes::splat(0);
-    let outside = batch.registers.processor().run_loop(
+    let outside = batch.registers.cpu_tier().run_loop(
         #[inline(always)]
         || {
             let running = batch.mask.words();

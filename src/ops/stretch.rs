@@ -29,7 +29,7 @@ use std::ops::Range;
 
 use crate::machine::lanes::Lanes;
 use crate::machine::{Mask, Registers};
-use crate::math::vectors::{Task, Vectors};
+use crate::math::lane_ops::{LaneTask, LaneOps};
 use crate::ops::conversion::{self, Between, Conversion};
 use crate::ops::lane_kernel::{Binary, Bits, LaneKernel, Width};
 use crate::ops::op::Op;
@@ -154,7 +154,7 @@ const fn has(uniform: u8, operand: usize) -> bool {
 
 /// Floats to integers likewise: the processor's conversion of eight is none that the compiler makes of a loop.
 #[inline(always)]
-fn to_integers<const W: usize, V: Vectors, const AT: usize, const STORED: bool>(
+fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
     vectors: V,
     accumulator: &mut [u32; W],
     registers: &mut (impl RegisterFile<W> + ?Sized),
@@ -297,7 +297,7 @@ macro_rules! functions {
 
         /// Runs steps; how many before one that ends the stretch.
         #[inline(always)]
-        fn run_steps<const W: usize, R: RegisterFile<W> + ?Sized, V: Vectors>(
+        fn run_steps<const W: usize, R: RegisterFile<W> + ?Sized, V: LaneOps>(
             vectors: V,
             registers: &mut R,
             steps: &[Step],
@@ -574,11 +574,11 @@ impl Steps {
         steps: &[Step],
         running: Option<&Lanes<W>>,
     ) -> usize {
-        let processor = registers.processor();
+        let cpu_tier = registers.cpu_tier();
         let registers = registers.all_mut();
         match if self.wide { None } else { registers.first_chunk_mut::<WINDOW>() } {
-            Some(registers) => processor.run_widest(Loop { registers, steps, running }),
-            None => processor.run_widest(Loop { registers, steps, running }),
+            Some(registers) => cpu_tier.run_widest(Loop { registers, steps, running }),
+            None => cpu_tier.run_widest(Loop { registers, steps, running }),
         }
     }
 }
@@ -590,11 +590,11 @@ struct Loop<'a, const W: usize, R: ?Sized> {
     running: Option<&'a Lanes<W>>,
 }
 
-impl<const W: usize, R: RegisterFile<W> + ?Sized> Task for Loop<'_, W, R> {
+impl<const W: usize, R: RegisterFile<W> + ?Sized> LaneTask for Loop<'_, W, R> {
     type Output = usize;
 
     #[inline(always)]
-    fn run<V: Vectors>(self, vectors: V) -> usize {
+    fn run<V: LaneOps>(self, vectors: V) -> usize {
         run_steps(vectors, self.registers, self.steps, self.running)
     }
 }

@@ -11,7 +11,7 @@ use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::{DoubleRay, FourTested, Intersection, ObjectRay};
 use crate::math::doubles::Doubles;
-use crate::math::vectors::{Task, Vectors};
+use crate::math::lane_ops::{LaneOps, LaneTask};
 
 /// Up to this many rays leave the packet below a node that no other ray hits, and traverse it singly.
 const FEW: u32 = 3;
@@ -26,11 +26,11 @@ pub struct PacketTraversal<'a> {
     pub single_ray_mask: u64,
 }
 
-impl Task for PacketTraversal<'_> {
+impl LaneTask for PacketTraversal<'_> {
     type Output = u64;
 
     #[inline(always)]
-    fn run<E: Vectors>(self, eights: E) -> u64 {
+    fn run<E: LaneOps>(self, eights: E) -> u64 {
         self.together(eights)
     }
 }
@@ -43,11 +43,11 @@ struct LeafTask<'w, 'a, 'i> {
     rays: u64,
 }
 
-impl Task for LeafTask<'_, '_, '_> {
+impl LaneTask for LeafTask<'_, '_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<E: Vectors>(self, eights: E) {
+    fn run<E: LaneOps>(self, eights: E) {
         self.traversal.test(eights, self.inside, self.leaf, self.rays);
     }
 }
@@ -59,11 +59,11 @@ struct InstanceTask<'w, 'a> {
     rays: u64,
 }
 
-impl Task for InstanceTask<'_, '_> {
+impl LaneTask for InstanceTask<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<E: Vectors>(self, eights: E) {
+    fn run<E: LaneOps>(self, eights: E) {
         self.traversal.enter(eights, self.instance, self.rays);
     }
 }
@@ -71,7 +71,7 @@ impl Task for InstanceTask<'_, '_> {
 // Everything that operates on vectors is inlined into the function of a task; closures would not be.
 impl PacketTraversal<'_> {
     #[inline(always)]
-    fn together<E: Vectors>(mut self, eights: E) -> u64 {
+    fn together<E: LaneOps>(mut self, eights: E) -> u64 {
         let count = self.traces.len();
         let packet = &mut *self.packet;
         packet.hit = 0;
@@ -90,7 +90,7 @@ impl PacketTraversal<'_> {
         match self.tlas.bvh() {
             None => {
                 for number in 0..instances {
-                    eights.apart(InstanceTask { traversal: &mut self, instance: number as u32, rays });
+                    eights.dispatch(InstanceTask { traversal: &mut self, instance: number as u32, rays });
                 }
             }
             Some((bvh, order)) => self.through_world(eights, bvh, order, rays),
@@ -109,7 +109,7 @@ impl PacketTraversal<'_> {
 
     /// Traverses the tree over the instances.
     #[inline(always)]
-    fn through_world<E: Vectors>(&mut self, eights: E, bvh: &WideBvh, order: &[u32], rays: u64) {
+    fn through_world<E: LaneOps>(&mut self, eights: E, bvh: &WideBvh, order: &[u32], rays: u64) {
         let fit = self.packet.world.take_simple(eights, &self.packet.rays, bvh.scale(), rays);
         self.leave_to_single_rays(rays & !fit);
         let mut rest = fit;
@@ -118,7 +118,7 @@ impl PacketTraversal<'_> {
             rest &= !group.rays;
             let root = bvh.root();
             if root.is_leaf() {
-                eights.apart(InstanceTask {
+                eights.dispatch(InstanceTask {
                     traversal: self,
                     instance: order[root.index()],
                     rays: group.rays,
@@ -132,7 +132,7 @@ impl PacketTraversal<'_> {
     /// Traverses a tree with a group of rays, the nearest nodes first; below nodes that at most [`FEW`]
     /// of them hit these go singly.
     #[inline(always)]
-    fn visit<E: Vectors>(&mut self, eights: E, group: &Group, bvh: &WideBvh, leaves: &impl Leaves) {
+    fn visit<E: LaneOps>(&mut self, eights: E, group: &Group, bvh: &WideBvh, leaves: &impl Leaves) {
         if group.rays.count_ones() <= FEW {
             return self.visit_singly(eights, group, bvh, bvh.root(), leaves);
         }
@@ -177,7 +177,7 @@ impl PacketTraversal<'_> {
 
     /// Traverses the subtree below a node with each of some rays singly.
     #[inline(always)]
-    fn visit_singly<E: Vectors>(
+    fn visit_singly<E: LaneOps>(
         &mut self,
         eights: E,
         group: &Group,
@@ -224,7 +224,7 @@ impl PacketTraversal<'_> {
 
     /// Takes rays into an instance and traverses its tree.
     #[inline(always)]
-    fn enter<E: Vectors>(&mut self, eights: E, number: u32, rays: u64) {
+    fn enter<E: LaneOps>(&mut self, eights: E, number: u32, rays: u64) {
         let instance = &self.tlas.instances()[number as usize];
         let TraceRay { flags, cull_mask, .. } = self.traces[0];
         if !is_visible(instance.mask, cull_mask)
@@ -249,7 +249,7 @@ impl PacketTraversal<'_> {
         let inside = Inside { instance: number, built, in_world: matches!(placed, Placed::InWorld) };
         let Some(bvh) = built.bvh().filter(|bvh| !bvh.root().is_leaf()) else {
             for leaf in built.leaves() {
-                eights.apart(LeafTask { traversal: self, inside: &inside, leaf, rays: fit });
+                eights.dispatch(LeafTask { traversal: self, inside: &inside, leaf, rays: fit });
             }
             return;
         };
@@ -263,7 +263,7 @@ impl PacketTraversal<'_> {
 
     /// Tests the primitives of a leaf for some rays.
     #[inline(always)]
-    fn test<E: Vectors>(&mut self, eights: E, inside: &Inside, leaf: NodeRef, mut rays: u64) {
+    fn test<E: LaneOps>(&mut self, eights: E, inside: &Inside, leaf: NodeRef, mut rays: u64) {
         let (tlas, traces, built) = (self.tlas, self.traces, inside.built);
         let precision = tlas.precision();
         let whole = built.tests_leaves(precision);
@@ -372,7 +372,7 @@ trait Leaves {
     fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows;
 
     /// Visits a leaf with some rays.
-    fn visit_leaf<E: Vectors>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64);
+    fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64);
 }
 
 /// The numbers of the instances, in tree order.
@@ -385,9 +385,9 @@ impl Leaves for Instances<'_> {
     }
 
     #[inline(always)]
-    fn visit_leaf<E: Vectors>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64) {
+    fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64) {
         if rays != 0 {
-            eights.apart(InstanceTask { traversal, instance: self.0[leaf.index()], rays });
+            eights.dispatch(InstanceTask { traversal, instance: self.0[leaf.index()], rays });
         }
     }
 }
@@ -399,9 +399,9 @@ impl Leaves for Inside<'_> {
     }
 
     #[inline(always)]
-    fn visit_leaf<E: Vectors>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64) {
+    fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64) {
         if rays != 0 {
-            eights.apart(LeafTask { traversal, inside: self, leaf, rays });
+            eights.dispatch(LeafTask { traversal, inside: self, leaf, rays });
         }
     }
 }

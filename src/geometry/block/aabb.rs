@@ -17,9 +17,9 @@
 use super::{ALL, BlockRay, LANES, Row};
 use crate::geometry::Bounds;
 use crate::geometry::{Intersection, ObjectRay, Precision, aabb};
-use crate::math::ahead::fetch;
 use crate::math::error_bound::{round_down, round_up};
 use crate::math::four::Four;
+use crate::math::prefetch::prefetch;
 
 /// Up to four boxes.
 #[derive(Clone, Copy, Debug)]
@@ -89,10 +89,10 @@ impl Aabbs {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { sides: [[[0.0; LANES]; 3]; 2] };
 
-    /// Has the processor bring it into its caches.
+    /// Prefetches the block into the L1 cache.
     #[inline(always)]
-    pub fn fetch(&self) {
-        fetch(self.sides.as_flattened().as_flattened());
+    pub fn prefetch(&self) {
+        prefetch(self.sides.as_flattened().as_flattened());
     }
 
     /// Puts a box into a lane.

@@ -60,8 +60,8 @@
 
 use super::{ALL, BlockRay, LANES, Row, load, norm1, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_sphere};
-use crate::math::ahead::fetch;
 use crate::math::four::{Four, Fused};
+use crate::math::prefetch::prefetch;
 
 /// Up to four linear swept spheres without their caps: two lines of cache, where a ray that meets none reads nothing more.
 #[derive(Clone, Copy, Debug)]
@@ -89,11 +89,11 @@ impl SweptEnds {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { positions: [[[0.0; LANES]; 3]; 2], radii: [[0.0; LANES]; 2] };
 
-    /// Has the processor bring it into its caches.
+    /// Prefetches the block into the L1 cache.
     #[inline(always)]
-    pub fn fetch(&self) {
-        fetch(self.positions.as_flattened().as_flattened());
-        fetch(self.radii.as_flattened());
+    pub fn prefetch(&self) {
+        prefetch(self.positions.as_flattened().as_flattened());
+        prefetch(self.radii.as_flattened());
     }
 
     /// Puts the ends of a swept sphere into a lane.

@@ -15,9 +15,9 @@
 
 use super::{ALL, BlockRay, LANES, Row, load, sub};
 use crate::geometry::{FourTested, Intersection, ObjectRay, Precision, sphere};
-use crate::math::ahead::fetch;
 use crate::math::doubles::Doubles;
 use crate::math::four::{Four, Fused};
+use crate::math::prefetch::prefetch;
 
 /// Up to four spheres.
 #[derive(Clone, Copy, Debug)]
@@ -31,11 +31,11 @@ impl Spheres {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { center: [[0.0; LANES]; 3], radius: [0.0; LANES] };
 
-    /// Has the processor bring it into its caches.
+    /// Prefetches the block into the L1 cache.
     #[inline(always)]
-    pub fn fetch(&self) {
-        fetch(self.center.as_flattened());
-        fetch(&self.radius);
+    pub fn prefetch(&self) {
+        prefetch(self.center.as_flattened());
+        prefetch(&self.radius);
     }
 
     /// Puts a sphere into a lane.

@@ -49,9 +49,9 @@
 use super::{ALL, BlockRay, LANES, MOST, Row, TINY, UNIT, greatest, three};
 use crate::geometry::triangle;
 use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, Ray, Verdict};
-use crate::math::ahead::fetch;
 use crate::math::doubles::Doubles;
 use crate::math::four::{Four, Fused};
+use crate::math::prefetch::prefetch;
 
 /// A ray made ready for blocks of triangles.
 #[derive(Clone, Copy, Debug)]
@@ -77,7 +77,7 @@ enum Axis {
     Z,
 }
 
-/// i, j and k for each k. A table, as branches would not be foreseen.
+/// i, j and k for each k. A table, as branches would be mispredicted.
 const AXES: [[Axis; 3]; 3] =
     [[Axis::Y, Axis::Z, Axis::X], [Axis::Z, Axis::X, Axis::Y], [Axis::X, Axis::Y, Axis::Z]];
 
@@ -167,10 +167,10 @@ impl Triangles {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { vertices: [[[0.0; LANES]; 3]; 3] };
 
-    /// Has the processor bring it into its caches.
+    /// Prefetches the block into the L1 cache.
     #[inline(always)]
-    pub fn fetch(&self) {
-        fetch(self.vertices.as_flattened().as_flattened());
+    pub fn prefetch(&self) {
+        prefetch(self.vertices.as_flattened().as_flattened());
     }
 
     /// Puts a triangle into a lane.

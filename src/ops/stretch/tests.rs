@@ -1,6 +1,6 @@
 use super::*;
 use crate::machine::Reg;
-use crate::math::vectors::Processor;
+use crate::math::lane_ops::CpuTier;
 use crate::ops::lane_kernel::Width;
 use crate::ops::memory;
 use crate::ops::op::Op;
@@ -64,8 +64,8 @@ fn run(
     range: std::ops::Range<u32>,
     mask: Mask<64>,
 ) -> u32 {
-    let mut results = Processor::levels().into_iter().map(|(level, processor)| {
-        let mut ran = registers.clone().on(processor);
+    let mut results = CpuTier::available().into_iter().map(|(level, cpu_tier)| {
+        let mut ran = registers.clone().on(cpu_tier);
         let end = steps.run(&mut ran, ops, range.clone(), mask);
         (level, ran, end)
     });

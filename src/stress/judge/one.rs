@@ -6,7 +6,7 @@ use crate::geometry::{
     linear_swept_sphere, sphere, triangle,
 };
 use crate::math::eight::TwoFours;
-use crate::math::vectors::{Processor, Task, Vectors};
+use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 use crate::stress::case::Shape;
 use crate::stress::judge::{Failure, Tally, fail};
 use crate::stress::reference::{Expected, LineOf};
@@ -30,11 +30,11 @@ struct Met<'a> {
     ray: &'a ShearedRay,
 }
 
-impl Task for Met<'_> {
+impl LaneTask for Met<'_> {
     type Output = u32;
 
     #[inline(always)]
-    fn run<V: Vectors>(self, vectors: V) -> u32 {
+    fn run<V: LaneOps>(self, vectors: V) -> u32 {
         self.block.met(vectors, self.ray)
     }
 }
@@ -48,11 +48,11 @@ struct Tested<'a> {
     in_world: bool,
 }
 
-impl Task for Tested<'_> {
+impl LaneTask for Tested<'_> {
     type Output = Verdict<Intersection>;
 
     #[inline(always)]
-    fn run<V: Vectors>(self, vectors: V) -> Verdict<Intersection> {
+    fn run<V: LaneOps>(self, vectors: V) -> Verdict<Intersection> {
         let ray = if self.in_world {
             DoubleRay::in_world(vectors, self.ray.world())
         } else {
@@ -111,7 +111,7 @@ impl One<'_> {
                 let sheared =
                     block_rays(&bounds).map(|ray| ShearedRay::of(&ray)).chain(simple).chain(ordinary);
                 let both = |ray: &ShearedRay| {
-                    block.met(TwoFours, ray) & Processor::new().run(Met { block: &block, ray })
+                    block.met(TwoFours, ray) & CpuTier::new().run(Met { block: &block, ray })
                 };
                 (sheared.fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
             }
@@ -169,7 +169,7 @@ impl One<'_> {
             block.set(lane, *vertices);
             // In world space both ways of taking a ray.
             for in_world in [false, true].into_iter().filter(|in_world| !in_world || self.matrix.is_none()) {
-                let tested = Processor::new().run(Tested { block: &block, lane, ray: &object, in_world });
+                let tested = CpuTier::new().run(Tested { block: &block, lane, ray: &object, in_world });
                 let agrees = match tested {
                     Verdict::Hit(hit) => found == Some(hit),
                     Verdict::Miss => found.is_none(),

@@ -12,7 +12,7 @@ use crate::accel::{
     TraceRay, TraversalObserver,
 };
 use crate::geometry::{Intersection, Precision, Ray, Surface};
-use crate::math::vectors::Processor;
+use crate::math::lane_ops::CpuTier;
 use crate::stress::case::{Case, Shape};
 use crate::stress::judge::moment::{Hit, Moment};
 use crate::stress::judge::{Failure, Tally, fail};
@@ -52,9 +52,9 @@ impl Scene {
         });
         let instances: Vec<_> = instances.collect();
         // Traversal knows two kinds of vectors.
-        let levels = Processor::levels().into_iter().take(2);
+        let levels = CpuTier::available().into_iter().take(2);
         let structures =
-            levels.map(|(name, processor)| Ok((name, Tlas::on(instances.clone(), precision, processor)?)));
+            levels.map(|(name, cpu_tier)| Ok((name, Tlas::on(instances.clone(), precision, cpu_tier)?)));
         let Ok(structures) = structures.collect::<crate::error::Result<Vec<_>>>() else {
             let has_inverse = |matrix: &[[f32; 4]; 3]| {
                 let is_finite = matrix.as_flattened().iter().all(|x| x.is_finite());
@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn rays_through_trees_and_packets_are_counted() {
         let [alone, together] = judged(&balls(9), &balls(9)).map(|result| result.expect("right"));
-        let levels = Processor::levels().len().min(2) as u64;
+        let levels = CpuTier::available().len().min(2) as u64;
         // The ray is traced for all hits, watched and not, for the closest and for any.
         assert_eq!((alone.rays, alone.trees, alone.packets), (4 * levels, 4 * levels, 0));
         // Sixteen rays as they are, over shorter intervals, and for any hit.

@@ -1,0 +1,140 @@
+//! SIMD dispatch: code that is compiled once for each instruction set and chosen at run time.
+//!
+//! Code on SIMD registers must be inlined into one function that is compiled for their instruction set: a
+//! [`LaneTask`]. A closure or a function that is not inlined is compiled for the baseline.
+
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::{V3, V4};
+
+use crate::math::doubles::Doubles;
+use crate::math::eight::{Eights, TwoFours};
+use crate::math::four::Fused;
+
+/// A piece of work that is generic over the instruction set.
+pub trait LaneTask {
+    /// The result.
+    type Output;
+
+    /// Does the work. Implementations must be `#[inline(always)]`.
+    fn run<V: LaneOps>(self, vectors: V) -> Self::Output;
+}
+
+/// The SIMD operations of an instruction set, and the dispatch of further tasks to it.
+pub trait LaneOps: Eights + Doubles + Fused {
+    /// Runs a task in a function of its own, compiled for this instruction set.
+    fn dispatch<T: LaneTask>(self, task: T) -> T::Output;
+}
+
+impl LaneOps for TwoFours {
+    #[inline(never)]
+    fn dispatch<T: LaneTask>(self, task: T) -> T::Output {
+        task.run(self)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl LaneOps for V3 {
+    #[inline(always)]
+    fn dispatch<T: LaneTask>(self, task: T) -> T::Output {
+        self.vectorize(InAvx { task, simd: self })
+    }
+}
+
+/// A task that pulp compiles for AVX2, or for AVX-512, where the compiler vectorizes loops more widely.
+/// Operations and results are equal on both.
+#[cfg(target_arch = "x86_64")]
+struct InAvx<T> {
+    task: T,
+    simd: V3,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<T: LaneTask> pulp::NullaryFnOnce for InAvx<T> {
+    type Output = T::Output;
+
+    #[inline(always)]
+    fn call(self) -> T::Output {
+        self.task.run(self.simd)
+    }
+}
+
+/// The best instruction set of this CPU: the target's baseline, AVX2 or AVX-512.
+#[derive(Clone, Copy, Debug)]
+pub struct CpuTier {
+    #[cfg(target_arch = "x86_64")]
+    avx2: Option<V3>,
+    #[cfg(target_arch = "x86_64")]
+    avx512: Option<V4>,
+}
+
+impl CpuTier {
+    /// Detects the instruction set at run time.
+    pub fn new() -> Self {
+        Self {
+            #[cfg(target_arch = "x86_64")]
+            avx2: V3::try_new(),
+            #[cfg(target_arch = "x86_64")]
+            avx512: V4::try_new(),
+        }
+    }
+
+    /// The token of AVX2; `None` where the CPU does not have it.
+    #[cfg(target_arch = "x86_64")]
+    #[inline]
+    pub fn avx2(self) -> Option<V3> {
+        self.avx2
+    }
+
+    /// Runs a task on eight lanes: on AVX2 registers if the CPU has them, otherwise on the baseline's.
+    #[inline(always)]
+    pub fn run<T: LaneTask>(self, task: T) -> T::Output {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.avx2 {
+            return simd.dispatch(task);
+        }
+        TwoFours.dispatch(task)
+    }
+
+    /// Runs a task whose loops the compiler vectorizes, on the widest registers of the CPU.
+    #[inline(always)]
+    pub fn run_widest<T: LaneTask>(self, task: T) -> T::Output {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.avx512 {
+            return simd.vectorize(InAvx { task, simd: *simd });
+        }
+        self.run(task)
+    }
+
+    /// Runs a loop that the compiler vectorizes for AVX2; the closure must be inlined.
+    #[inline(always)]
+    pub fn run_loop<R>(self, function: impl FnOnce() -> R) -> R {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.avx2 {
+            return simd.vectorize(function);
+        }
+        function()
+    }
+}
+
+#[cfg(any(test, feature = "stress"))]
+impl CpuTier {
+    /// The tiers that this CPU has, with their names.
+    pub fn available() -> Vec<(&'static str, Self)> {
+        let has = Self::new();
+        #[cfg(target_arch = "x86_64")]
+        let levels = [
+            ("the baseline", Some(Self { avx2: None, avx512: None })),
+            ("AVX2", has.avx2.map(|_| Self { avx512: None, ..has })),
+            ("AVX-512", has.avx512.map(|_| has)),
+        ];
+        #[cfg(not(target_arch = "x86_64"))]
+        let levels = [("the baseline", Some(has))];
+        levels.into_iter().filter_map(|(name, level)| level.map(|level| (name, level))).collect()
+    }
+}
+
+impl Default for CpuTier {
+    fn default() -> Self {
+        Self::new()
+    }
+}
