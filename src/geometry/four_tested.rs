@@ -56,16 +56,16 @@ impl FourTested {
 /// Numbers, and between which the exact ones lie.
 #[derive(Clone, Copy)]
 pub(super) struct Ends<D: Doubles> {
-    pub middle: D::Four,
-    pub below: D::Four,
-    pub above: D::Four,
+    pub middle: D::F64x4,
+    pub below: D::F64x4,
+    pub above: D::F64x4,
 }
 
 impl<D: Doubles> Ends<D> {
     /// Computed numbers that are off by some errors at most.
     #[inline(always)]
-    pub fn around(doubles: D, middle: D::Four, error: D::Four) -> Self {
-        Self { middle, below: doubles.difference(middle, error), above: doubles.sum(middle, error) }
+    pub fn around(doubles: D, middle: D::F64x4, error: D::F64x4) -> Self {
+        Self { middle, below: doubles.sub(middle, error), above: doubles.add(middle, error) }
     }
 
     /// A bit for each lane where both ends round to one `f32`, and those: made of what lies between them, so that whoever takes them
@@ -79,13 +79,13 @@ impl<D: Doubles> Ends<D> {
     /// Both ends, rounded; of `f32`, those above them or below are of what lies between them, too.
     #[inline(always)]
     pub fn rounded_ends(&self, doubles: D) -> [Four; 2] {
-        [self.below, self.above].map(|end| Four::new(doubles.to_floats(end)))
+        [self.below, self.above].map(|end| Four::new(doubles.to_f32(end)))
     }
 
     /// What lies between the ends, rounded, with no sign where it is 0.
     #[inline(always)]
     pub fn rounded_middle(&self, doubles: D) -> Four {
-        Four::new(doubles.to_floats(self.middle)) + Four::ZERO
+        Four::new(doubles.to_f32(self.middle)) + Four::ZERO
     }
 }
 
@@ -93,10 +93,10 @@ impl<D: Doubles> Ends<D> {
 #[derive(Clone, Copy)]
 pub(super) struct Divisor<D: Doubles> {
     doubles: D,
-    inverse: D::Four,
+    inverse: D::F64x4,
     /// Twice its own relative error, and the roundings of a quotient.
-    relative: D::Four,
-    most: D::Four,
+    relative: D::F64x4,
+    most: D::F64x4,
     /// A bit for each lane in which the others mean something.
     pub is_certain: u32,
 }
@@ -104,28 +104,28 @@ pub(super) struct Divisor<D: Doubles> {
 impl<D: Doubles> Divisor<D> {
     /// Denominators that are off by some errors at most.
     #[inline(always)]
-    pub fn new(doubles: D, denominator: D::Four, error: D::Four) -> Self {
-        let one = doubles.all(1.0);
-        let inverse = doubles.quotient(one, denominator);
-        let size = doubles.magnitude(inverse);
-        let relative = doubles.product(error, size);
-        let twice = doubles.sum(relative, relative);
+    pub fn new(doubles: D, denominator: D::F64x4, error: D::F64x4) -> Self {
+        let one = doubles.splat(1.0);
+        let inverse = doubles.div(one, denominator);
+        let size = doubles.abs(inverse);
+        let relative = doubles.mul(error, size);
+        let twice = doubles.add(relative, relative);
         Self {
             doubles,
             inverse,
-            relative: doubles.sum(twice, doubles.all(four_units::<f64>())),
-            most: doubles.product_and(twice, size, size),
-            is_certain: doubles.is_at_least(one, twice),
+            relative: doubles.add(twice, doubles.splat(four_units::<f64>())),
+            most: doubles.mul_add(twice, size, size),
+            is_certain: doubles.cmp_ge(one, twice),
         }
     }
 
     /// Numerators over them.
     #[inline(always)]
-    pub fn quotient(&self, numerator: D::Four, error: D::Four) -> Ends<D> {
+    pub fn quotient(&self, numerator: D::F64x4, error: D::F64x4) -> Ends<D> {
         let doubles = self.doubles;
-        let quotient = doubles.product(numerator, self.inverse);
-        let own = doubles.product(doubles.magnitude(quotient), self.relative);
-        let error = doubles.product_and(error, self.most, own);
+        let quotient = doubles.mul(numerator, self.inverse);
+        let own = doubles.mul(doubles.abs(quotient), self.relative);
+        let error = doubles.mul_add(error, self.most, own);
         Ends::around(doubles, quotient, error)
     }
 }

@@ -524,12 +524,12 @@ impl<R: Real> View<R> {
 #[derive(Clone, Copy)]
 pub struct DoubleRay<D: Doubles> {
     /// (x, y, z, 0), and so the direction.
-    pub(super) origin: D::Four,
-    pub(super) direction: D::Four,
+    pub(super) origin: D::F64x4,
+    pub(super) direction: D::F64x4,
     /// As [`View`] has them, in all lanes.
-    pub(super) origin_error: D::Four,
-    pub(super) slack: D::Four,
-    pub(super) direction_norm: D::Four,
+    pub(super) origin_error: D::F64x4,
+    pub(super) slack: D::F64x4,
+    pub(super) direction_norm: D::F64x4,
     pub(super) t_min: f32,
     pub(super) t_max: f32,
 }
@@ -539,13 +539,13 @@ impl<D: Doubles> DoubleRay<D> {
     #[inline(always)]
     pub fn of(doubles: D, ray: &ObjectRay) -> Self {
         let View { origin, direction, origin_error, slack, direction_norm, .. } = ray.view::<f64>();
-        let three = |[x, y, z]: [f64; 3]| doubles.numbers([x, y, z, 0.0]);
+        let three = |[x, y, z]: [f64; 3]| doubles.from_array([x, y, z, 0.0]);
         Self {
             origin: three(origin),
             direction: three(direction),
-            origin_error: doubles.all(origin_error),
-            slack: doubles.all(slack),
-            direction_norm: doubles.all(direction_norm),
+            origin_error: doubles.splat(origin_error),
+            slack: doubles.splat(slack),
+            direction_norm: doubles.splat(direction_norm),
             t_min: ray.t_min(),
             t_max: ray.t_max(),
         }
@@ -556,14 +556,14 @@ impl<D: Doubles> DoubleRay<D> {
     pub fn in_world(doubles: D, ray: &Ray) -> Self {
         // With what stands next to them, as that is one load.
         let numbers: &[f32; 8] = bytemuck::cast_ref(ray);
-        let three = |four: Option<&[f32; 4]>| doubles.three(doubles.floats(four.expect("four of eight")));
+        let three = |four: Option<&[f32; 4]>| doubles.xyz0(doubles.from_f32(four.expect("four of eight")));
         let (origin, direction) = (three(numbers.first_chunk()), three(numbers[3..].first_chunk()));
         Self {
             origin,
             direction,
-            origin_error: doubles.all(0.0),
-            slack: doubles.all(12.0 * UNIT),
-            direction_norm: doubles.total(doubles.magnitude(direction)),
+            origin_error: doubles.splat(0.0),
+            slack: doubles.splat(12.0 * UNIT),
+            direction_norm: doubles.reduce_sum(doubles.abs(direction)),
             t_min: ray.t_min,
             t_max: ray.t_max,
         }

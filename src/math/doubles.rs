@@ -13,188 +13,188 @@ use crate::math::eight::TwoFours;
 /// A way to operate on four numbers at once.
 pub trait Doubles: Copy {
     /// Four numbers.
-    type Four: Copy;
+    type F64x4: Copy;
 
     /// Lane by lane, exactly.
-    fn floats(self, values: &[f32; 4]) -> Self::Four;
+    fn from_f32(self, values: &[f32; 4]) -> Self::F64x4;
     /// Lane by lane, to nearest even.
-    fn to_floats(self, value: Self::Four) -> [f32; 4];
+    fn to_f32(self, value: Self::F64x4) -> [f32; 4];
     /// Lane by lane.
-    fn numbers(self, values: [f64; 4]) -> Self::Four;
+    fn from_array(self, values: [f64; 4]) -> Self::F64x4;
     /// The same in all lanes.
-    fn all(self, value: f64) -> Self::Four;
+    fn splat(self, value: f64) -> Self::F64x4;
     /// Sums.
-    fn sum(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn add(self, a: Self::F64x4, b: Self::F64x4) -> Self::F64x4;
     /// Differences.
-    fn difference(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn sub(self, a: Self::F64x4, b: Self::F64x4) -> Self::F64x4;
     /// Products.
-    fn product(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn mul(self, a: Self::F64x4, b: Self::F64x4) -> Self::F64x4;
     /// Quotients.
-    fn quotient(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn div(self, a: Self::F64x4, b: Self::F64x4) -> Self::F64x4;
     /// `a b + c`; the product may be rounded or not.
-    fn product_and(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+    fn mul_add(self, a: Self::F64x4, b: Self::F64x4, c: Self::F64x4) -> Self::F64x4;
     /// `a b - c`; the product may be rounded or not.
-    fn product_less(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+    fn mul_sub(self, a: Self::F64x4, b: Self::F64x4, c: Self::F64x4) -> Self::F64x4;
     /// `c - a b`; the product may be rounded or not.
-    fn product_from(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+    fn neg_mul_add(self, a: Self::F64x4, b: Self::F64x4, c: Self::F64x4) -> Self::F64x4;
     /// Square roots.
-    fn root(self, a: Self::Four) -> Self::Four;
+    fn sqrt(self, a: Self::F64x4) -> Self::F64x4;
     /// Magnitudes.
-    fn magnitude(self, a: Self::Four) -> Self::Four;
+    fn abs(self, a: Self::F64x4) -> Self::F64x4;
     /// A bit for each lane in which `a` is greater; none for a NaN.
-    fn is_above(self, a: Self::Four, b: Self::Four) -> u32;
+    fn cmp_gt(self, a: Self::F64x4, b: Self::F64x4) -> u32;
 
     /// A bit for each lane in which `a` is greater or equal; none for a NaN.
-    fn is_at_least(self, a: Self::Four, b: Self::Four) -> u32;
+    fn cmp_ge(self, a: Self::F64x4, b: Self::F64x4) -> u32;
 
     /// The greater, lane by lane; either where one is a NaN.
-    fn greater(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn relaxed_max(self, a: Self::F64x4, b: Self::F64x4) -> Self::F64x4;
     /// Of (x, y, z, w): (x, y, z, 0).
-    fn three(self, v: Self::Four) -> Self::Four;
+    fn xyz0(self, v: Self::F64x4) -> Self::F64x4;
     /// Of (x, y, z, w): x, y and z, each in all lanes.
-    fn spread(self, v: Self::Four) -> [Self::Four; 3];
+    fn splat_xyz(self, v: Self::F64x4) -> [Self::F64x4; 3];
     /// Of (x, y, z, w): (y, z, x, w).
-    fn turned(self, v: Self::Four) -> Self::Four;
+    fn yzx(self, v: Self::F64x4) -> Self::F64x4;
     /// The sum of all lanes, in all lanes; each goes through two sums.
-    fn total(self, v: Self::Four) -> Self::Four;
+    fn reduce_sum(self, v: Self::F64x4) -> Self::F64x4;
     /// The sums of all lanes of each; each goes through two sums.
-    fn totals(self, v: [Self::Four; 4]) -> Self::Four;
+    fn reduce_sums(self, v: [Self::F64x4; 4]) -> Self::F64x4;
 
     /// `a - b`.
     #[inline(always)]
-    fn vector_difference(self, a: [Self::Four; 3], b: [Self::Four; 3]) -> [Self::Four; 3] {
-        [self.difference(a[0], b[0]), self.difference(a[1], b[1]), self.difference(a[2], b[2])]
+    fn sub3(self, a: [Self::F64x4; 3], b: [Self::F64x4; 3]) -> [Self::F64x4; 3] {
+        [self.sub(a[0], b[0]), self.sub(a[1], b[1]), self.sub(a[2], b[2])]
     }
 
     /// The scalar product.
     #[inline(always)]
-    fn dot(self, a: [Self::Four; 3], b: [Self::Four; 3]) -> Self::Four {
-        self.product_and(a[0], b[0], self.product_and(a[1], b[1], self.product(a[2], b[2])))
+    fn dot3(self, a: [Self::F64x4; 3], b: [Self::F64x4; 3]) -> Self::F64x4 {
+        self.mul_add(a[0], b[0], self.mul_add(a[1], b[1], self.mul(a[2], b[2])))
     }
 
     /// The vector product.
     #[inline(always)]
-    fn cross(self, a: [Self::Four; 3], b: [Self::Four; 3]) -> [Self::Four; 3] {
+    fn cross3(self, a: [Self::F64x4; 3], b: [Self::F64x4; 3]) -> [Self::F64x4; 3] {
         [
-            self.product_less(a[1], b[2], self.product(a[2], b[1])),
-            self.product_less(a[2], b[0], self.product(a[0], b[2])),
-            self.product_less(a[0], b[1], self.product(a[1], b[0])),
+            self.mul_sub(a[1], b[2], self.mul(a[2], b[1])),
+            self.mul_sub(a[2], b[0], self.mul(a[0], b[2])),
+            self.mul_sub(a[0], b[1], self.mul(a[1], b[0])),
         ]
     }
 
     /// The sum of the components' magnitudes.
     #[inline(always)]
-    fn norm1(self, v: [Self::Four; 3]) -> Self::Four {
-        self.sum(self.sum(self.magnitude(v[0]), self.magnitude(v[1])), self.magnitude(v[2]))
+    fn norm1(self, v: [Self::F64x4; 3]) -> Self::F64x4 {
+        self.add(self.add(self.abs(v[0]), self.abs(v[1])), self.abs(v[2]))
     }
 }
 
 /// On any machine.
 impl Doubles for TwoFours {
-    type Four = [f64; 4];
+    type F64x4 = [f64; 4];
 
     #[inline(always)]
-    fn floats(self, values: &[f32; 4]) -> [f64; 4] {
+    fn from_f32(self, values: &[f32; 4]) -> [f64; 4] {
         values.map(f64::from)
     }
 
     #[inline(always)]
-    fn to_floats(self, value: [f64; 4]) -> [f32; 4] {
+    fn to_f32(self, value: [f64; 4]) -> [f32; 4] {
         value.map(|x| x as f32)
     }
 
     #[inline(always)]
-    fn numbers(self, values: [f64; 4]) -> [f64; 4] {
+    fn from_array(self, values: [f64; 4]) -> [f64; 4] {
         values
     }
 
     #[inline(always)]
-    fn all(self, value: f64) -> [f64; 4] {
+    fn splat(self, value: f64) -> [f64; 4] {
         [value; 4]
     }
 
     #[inline(always)]
-    fn sum(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    fn add(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
         std::array::from_fn(|lane| a[lane] + b[lane])
     }
 
     #[inline(always)]
-    fn difference(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    fn sub(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
         std::array::from_fn(|lane| a[lane] - b[lane])
     }
 
     #[inline(always)]
-    fn product(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    fn mul(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
         std::array::from_fn(|lane| a[lane] * b[lane])
     }
 
     #[inline(always)]
-    fn quotient(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    fn div(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
         std::array::from_fn(|lane| a[lane] / b[lane])
     }
 
     #[inline(always)]
-    fn product_and(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
+    fn mul_add(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
         std::array::from_fn(|lane| a[lane] * b[lane] + c[lane])
     }
 
     #[inline(always)]
-    fn product_less(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
+    fn mul_sub(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
         std::array::from_fn(|lane| a[lane] * b[lane] - c[lane])
     }
 
     #[inline(always)]
-    fn product_from(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
+    fn neg_mul_add(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
         std::array::from_fn(|lane| c[lane] - a[lane] * b[lane])
     }
 
     #[inline(always)]
-    fn root(self, a: [f64; 4]) -> [f64; 4] {
+    fn sqrt(self, a: [f64; 4]) -> [f64; 4] {
         a.map(f64::sqrt)
     }
 
     #[inline(always)]
-    fn magnitude(self, a: [f64; 4]) -> [f64; 4] {
+    fn abs(self, a: [f64; 4]) -> [f64; 4] {
         a.map(f64::abs)
     }
 
     #[inline(always)]
-    fn greater(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    fn relaxed_max(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
         std::array::from_fn(|lane| if a[lane] > b[lane] { a[lane] } else { b[lane] })
     }
 
     #[inline(always)]
-    fn three(self, [x, y, z, _]: [f64; 4]) -> [f64; 4] {
+    fn xyz0(self, [x, y, z, _]: [f64; 4]) -> [f64; 4] {
         [x, y, z, 0.0]
     }
 
     #[inline(always)]
-    fn spread(self, [x, y, z, _]: [f64; 4]) -> [[f64; 4]; 3] {
+    fn splat_xyz(self, [x, y, z, _]: [f64; 4]) -> [[f64; 4]; 3] {
         [[x; 4], [y; 4], [z; 4]]
     }
 
     #[inline(always)]
-    fn turned(self, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
+    fn yzx(self, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
         [y, z, x, w]
     }
 
     #[inline(always)]
-    fn total(self, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
+    fn reduce_sum(self, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
         [(x + z) + (y + w); 4]
     }
 
     #[inline(always)]
-    fn totals(self, v: [[f64; 4]; 4]) -> [f64; 4] {
+    fn reduce_sums(self, v: [[f64; 4]; 4]) -> [f64; 4] {
         v.map(|[x, y, z, w]| (x + y) + (z + w))
     }
 
     #[inline(always)]
-    fn is_above(self, a: [f64; 4], b: [f64; 4]) -> u32 {
+    fn cmp_gt(self, a: [f64; 4], b: [f64; 4]) -> u32 {
         (0..4).fold(0, |all, lane| all | u32::from(a[lane] > b[lane]) << lane)
     }
 
     #[inline(always)]
-    fn is_at_least(self, a: [f64; 4], b: [f64; 4]) -> u32 {
+    fn cmp_ge(self, a: [f64; 4], b: [f64; 4]) -> u32 {
         (0..4).fold(0, |all, lane| all | u32::from(a[lane] >= b[lane]) << lane)
     }
 }
@@ -202,85 +202,85 @@ impl Doubles for TwoFours {
 /// One register of AVX; to be used in code that [`V3::vectorize`] compiles.
 #[cfg(target_arch = "x86_64")]
 impl Doubles for V3 {
-    type Four = f64x4;
+    type F64x4 = f64x4;
 
     #[inline(always)]
-    fn floats(self, values: &[f32; 4]) -> f64x4 {
+    fn from_f32(self, values: &[f32; 4]) -> f64x4 {
         self.convert_f32x4_to_f64x4(pulp::cast(*values))
     }
 
     #[inline(always)]
-    fn to_floats(self, value: f64x4) -> [f32; 4] {
+    fn to_f32(self, value: f64x4) -> [f32; 4] {
         pulp::cast(self.convert_f64x4_to_f32x4(value))
     }
 
     #[inline(always)]
-    fn numbers(self, values: [f64; 4]) -> f64x4 {
+    fn from_array(self, values: [f64; 4]) -> f64x4 {
         pulp::cast(values)
     }
 
     #[inline(always)]
-    fn all(self, value: f64) -> f64x4 {
+    fn splat(self, value: f64) -> f64x4 {
         self.splat_f64x4(value)
     }
 
     #[inline(always)]
-    fn sum(self, a: f64x4, b: f64x4) -> f64x4 {
+    fn add(self, a: f64x4, b: f64x4) -> f64x4 {
         pulp::cast(self.avx._mm256_add_pd(pulp::cast(a), pulp::cast(b)))
     }
 
     #[inline(always)]
-    fn difference(self, a: f64x4, b: f64x4) -> f64x4 {
+    fn sub(self, a: f64x4, b: f64x4) -> f64x4 {
         pulp::cast(self.avx._mm256_sub_pd(pulp::cast(a), pulp::cast(b)))
     }
 
     #[inline(always)]
-    fn product(self, a: f64x4, b: f64x4) -> f64x4 {
+    fn mul(self, a: f64x4, b: f64x4) -> f64x4 {
         pulp::cast(self.avx._mm256_mul_pd(pulp::cast(a), pulp::cast(b)))
     }
 
     #[inline(always)]
-    fn quotient(self, a: f64x4, b: f64x4) -> f64x4 {
+    fn div(self, a: f64x4, b: f64x4) -> f64x4 {
         pulp::cast(self.avx._mm256_div_pd(pulp::cast(a), pulp::cast(b)))
     }
 
     #[inline(always)]
-    fn product_and(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
+    fn mul_add(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
         self.mul_add_f64x4(a, b, c)
     }
 
     #[inline(always)]
-    fn product_less(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
+    fn mul_sub(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
         self.mul_sub_f64x4(a, b, c)
     }
 
     #[inline(always)]
-    fn product_from(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
+    fn neg_mul_add(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
         self.negate_mul_add_f64x4(a, b, c)
     }
 
     #[inline(always)]
-    fn root(self, a: f64x4) -> f64x4 {
+    fn sqrt(self, a: f64x4) -> f64x4 {
         pulp::cast(self.avx._mm256_sqrt_pd(pulp::cast(a)))
     }
 
     #[inline(always)]
-    fn magnitude(self, a: f64x4) -> f64x4 {
+    fn abs(self, a: f64x4) -> f64x4 {
         self.abs_f64x4(a)
     }
 
     #[inline(always)]
-    fn greater(self, a: f64x4, b: f64x4) -> f64x4 {
+    fn relaxed_max(self, a: f64x4, b: f64x4) -> f64x4 {
         pulp::cast(self.avx._mm256_max_pd(pulp::cast(a), pulp::cast(b)))
     }
 
     #[inline(always)]
-    fn three(self, v: f64x4) -> f64x4 {
+    fn xyz0(self, v: f64x4) -> f64x4 {
         pulp::cast(self.avx._mm256_blend_pd::<0b1000>(pulp::cast(v), self.avx._mm256_setzero_pd()))
     }
 
     #[inline(always)]
-    fn spread(self, v: f64x4) -> [f64x4; 3] {
+    fn splat_xyz(self, v: f64x4) -> [f64x4; 3] {
         let (avx2, v) = (self.avx2, pulp::cast(v));
         [
             pulp::cast(avx2._mm256_permute4x64_pd::<0b00_00_00_00>(v)),
@@ -290,19 +290,19 @@ impl Doubles for V3 {
     }
 
     #[inline(always)]
-    fn turned(self, v: f64x4) -> f64x4 {
+    fn yzx(self, v: f64x4) -> f64x4 {
         pulp::cast(self.avx2._mm256_permute4x64_pd::<0b11_00_10_01>(pulp::cast(v)))
     }
 
     #[inline(always)]
-    fn total(self, v: f64x4) -> f64x4 {
+    fn reduce_sum(self, v: f64x4) -> f64x4 {
         let v = pulp::cast(v);
         let pairs = self.avx._mm256_add_pd(v, self.avx2._mm256_permute4x64_pd::<0b01_00_11_10>(v));
         pulp::cast(self.avx._mm256_add_pd(pairs, self.avx._mm256_permute_pd::<0b0101>(pairs)))
     }
 
     #[inline(always)]
-    fn totals(self, [a, b, c, d]: [f64x4; 4]) -> f64x4 {
+    fn reduce_sums(self, [a, b, c, d]: [f64x4; 4]) -> f64x4 {
         let (avx, a, b, c, d) = (self.avx, pulp::cast(a), pulp::cast(b), pulp::cast(c), pulp::cast(d));
         // Of two: their first two lanes' sums below, and above those of the others.
         let pairs = |a, b| avx._mm256_add_pd(avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
@@ -313,13 +313,13 @@ impl Doubles for V3 {
     }
 
     #[inline(always)]
-    fn is_above(self, a: f64x4, b: f64x4) -> u32 {
+    fn cmp_gt(self, a: f64x4, b: f64x4) -> u32 {
         let wide = self.cmp_gt_f64x4(a, b);
         self.avx._mm256_movemask_pd(pulp::cast(wide)) as u32
     }
 
     #[inline(always)]
-    fn is_at_least(self, a: f64x4, b: f64x4) -> u32 {
+    fn cmp_ge(self, a: f64x4, b: f64x4) -> u32 {
         let wide = self.cmp_ge_f64x4(a, b);
         self.avx._mm256_movemask_pd(pulp::cast(wide)) as u32
     }
@@ -332,36 +332,36 @@ mod tests {
     /// Numbers whose products and sums need no rounding, so that both ways must agree with hand
     /// arithmetic.
     fn check<D: Doubles>(doubles: D) {
-        let a = doubles.floats(&[1.5, -2.0, 0.0, 1e30]);
-        let b = doubles.floats(&[0.5, 4.0, -0.0, f32::NAN]);
-        let c = doubles.all(-8.0);
-        let numbers = |four: D::Four| doubles.to_floats(four)[..3].to_vec();
-        assert_eq!(numbers(doubles.sum(a, b)), [2.0, 2.0, 0.0]);
-        assert_eq!(numbers(doubles.difference(a, b)), [1.0, -6.0, 0.0]);
-        assert_eq!(numbers(doubles.product(a, b)), [0.75, -8.0, 0.0]);
-        assert_eq!(numbers(doubles.quotient(a, b))[..2], [3.0, -0.5]);
-        assert_eq!(numbers(doubles.product_and(a, b, c)), [-7.25, -16.0, -8.0]);
-        assert_eq!(numbers(doubles.product_less(a, b, c)), [8.75, 0.0, 8.0]);
-        assert_eq!(numbers(doubles.product_from(a, b, c)), [-8.75, 0.0, -8.0]);
-        assert_eq!(numbers(doubles.root(doubles.product(a, a))), [1.5, 2.0, 0.0]);
-        assert_eq!(numbers(doubles.magnitude(c)), [8.0; 3]);
-        assert_eq!(numbers(doubles.greater(doubles.numbers([1.0, 5.0, -3.0, 0.0]), a)), [1.5, 5.0, 0.0]);
-        let lanes = |four: D::Four| doubles.to_floats(four);
-        let v = doubles.numbers([1.0, 20.0, 300.0, 4000.0]);
-        assert_eq!(lanes(doubles.three(v)), [1.0, 20.0, 300.0, 0.0]);
-        assert_eq!(doubles.spread(v).map(lanes), [[1.0; 4], [20.0; 4], [300.0; 4]]);
-        assert_eq!(lanes(doubles.turned(v)), [20.0, 300.0, 1.0, 4000.0]);
-        assert_eq!(lanes(doubles.total(v)), [4321.0; 4]);
-        let halves = doubles.product(v, doubles.all(0.5));
-        assert_eq!(lanes(doubles.totals([v, c, halves, v])), [4321.0, -32.0, 2160.5, 4321.0]);
-        assert_eq!(doubles.is_above(a, b), 0b0001);
-        assert_eq!(doubles.is_above(b, c), 0b0111);
+        let a = doubles.from_f32(&[1.5, -2.0, 0.0, 1e30]);
+        let b = doubles.from_f32(&[0.5, 4.0, -0.0, f32::NAN]);
+        let c = doubles.splat(-8.0);
+        let numbers = |four: D::F64x4| doubles.to_f32(four)[..3].to_vec();
+        assert_eq!(numbers(doubles.add(a, b)), [2.0, 2.0, 0.0]);
+        assert_eq!(numbers(doubles.sub(a, b)), [1.0, -6.0, 0.0]);
+        assert_eq!(numbers(doubles.mul(a, b)), [0.75, -8.0, 0.0]);
+        assert_eq!(numbers(doubles.div(a, b))[..2], [3.0, -0.5]);
+        assert_eq!(numbers(doubles.mul_add(a, b, c)), [-7.25, -16.0, -8.0]);
+        assert_eq!(numbers(doubles.mul_sub(a, b, c)), [8.75, 0.0, 8.0]);
+        assert_eq!(numbers(doubles.neg_mul_add(a, b, c)), [-8.75, 0.0, -8.0]);
+        assert_eq!(numbers(doubles.sqrt(doubles.mul(a, a))), [1.5, 2.0, 0.0]);
+        assert_eq!(numbers(doubles.abs(c)), [8.0; 3]);
+        assert_eq!(numbers(doubles.relaxed_max(doubles.from_array([1.0, 5.0, -3.0, 0.0]), a)), [1.5, 5.0, 0.0]);
+        let lanes = |four: D::F64x4| doubles.to_f32(four);
+        let v = doubles.from_array([1.0, 20.0, 300.0, 4000.0]);
+        assert_eq!(lanes(doubles.xyz0(v)), [1.0, 20.0, 300.0, 0.0]);
+        assert_eq!(doubles.splat_xyz(v).map(lanes), [[1.0; 4], [20.0; 4], [300.0; 4]]);
+        assert_eq!(lanes(doubles.yzx(v)), [20.0, 300.0, 1.0, 4000.0]);
+        assert_eq!(lanes(doubles.reduce_sum(v)), [4321.0; 4]);
+        let halves = doubles.mul(v, doubles.splat(0.5));
+        assert_eq!(lanes(doubles.reduce_sums([v, c, halves, v])), [4321.0, -32.0, 2160.5, 4321.0]);
+        assert_eq!(doubles.cmp_gt(a, b), 0b0001);
+        assert_eq!(doubles.cmp_gt(b, c), 0b0111);
         // (1, 2, 3) x (4, 5, 6) = (-3, 6, -3), and their product is 32.
-        let v = [1.0, 2.0, 3.0].map(|x| doubles.all(x));
-        let w = [4.0, 5.0, 6.0].map(|x| doubles.all(x));
-        assert_eq!(doubles.cross(v, w).map(|x| doubles.to_floats(x)[3]), [-3.0, 6.0, -3.0]);
-        assert_eq!(doubles.to_floats(doubles.dot(v, w)), [32.0; 4]);
-        assert_eq!(doubles.to_floats(doubles.norm1(doubles.vector_difference(v, w))), [9.0; 4]);
+        let v = [1.0, 2.0, 3.0].map(|x| doubles.splat(x));
+        let w = [4.0, 5.0, 6.0].map(|x| doubles.splat(x));
+        assert_eq!(doubles.cross3(v, w).map(|x| doubles.to_f32(x)[3]), [-3.0, 6.0, -3.0]);
+        assert_eq!(doubles.to_f32(doubles.dot3(v, w)), [32.0; 4]);
+        assert_eq!(doubles.to_f32(doubles.norm1(doubles.sub3(v, w))), [9.0; 4]);
     }
 
     #[test]

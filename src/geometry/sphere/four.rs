@@ -18,45 +18,45 @@ pub fn tested<D: Doubles>(
 ) -> FourTested {
     let Footing { inverse, slowness, growing, fixed, interval: (t_min, t_max) } = ray.footing;
     let [x, y, z] = ray.direction;
-    let direction = [doubles.all(x), doubles.all(y), doubles.all(z)];
+    let direction = [doubles.splat(x), doubles.splat(y), doubles.splat(z)];
     let [x, y, z] = ray.origin;
-    let origin = [doubles.all(x), doubles.all(y), doubles.all(z)];
-    let center = [doubles.floats(&center[0]), doubles.floats(&center[1]), doubles.floats(&center[2])];
-    let radius = doubles.floats(radius);
+    let origin = [doubles.splat(x), doubles.splat(y), doubles.splat(z)];
+    let center = [doubles.from_f32(&center[0]), doubles.from_f32(&center[1]), doubles.from_f32(&center[2])];
+    let radius = doubles.from_f32(radius);
 
-    let w = doubles.vector_difference(origin, center);
-    let back = doubles.product(doubles.dot(direction, w), doubles.all(inverse));
-    let way = doubles.product(doubles.magnitude(back), doubles.all(ray.direction_norm));
+    let w = doubles.sub3(origin, center);
+    let back = doubles.mul(doubles.dot3(direction, w), doubles.splat(inverse));
+    let way = doubles.mul(doubles.abs(back), doubles.splat(ray.direction_norm));
     let offset = [
-        doubles.product_from(back, direction[0], w[0]),
-        doubles.product_from(back, direction[1], w[1]),
-        doubles.product_from(back, direction[2], w[2]),
+        doubles.neg_mul_add(back, direction[0], w[0]),
+        doubles.neg_mul_add(back, direction[1], w[1]),
+        doubles.neg_mul_add(back, direction[2], w[2]),
     ];
-    let reach = doubles.product_and(doubles.all(growing), doubles.sum(radius, way), doubles.all(fixed));
-    let square = doubles.dot(offset, offset);
+    let reach = doubles.mul_add(doubles.splat(growing), doubles.add(radius, way), doubles.splat(fixed));
+    let square = doubles.dot3(offset, offset);
 
-    let near = doubles.sum(radius, reach);
-    let beside = doubles.product(square, doubles.all(1.0 - 3.0 * growing));
-    let missed = doubles.is_above(beside, doubles.product(near, near));
+    let near = doubles.add(radius, reach);
+    let beside = doubles.mul(square, doubles.splat(1.0 - 3.0 * growing));
+    let missed = doubles.cmp_gt(beside, doubles.mul(near, near));
     if missed == ALL {
         return FourTested::MISSED;
     }
-    let room = doubles.product_less(radius, radius, square);
-    let sure = doubles.product_and(doubles.all(16.0), reach, doubles.product(doubles.all(0.125), radius));
+    let room = doubles.mul_sub(radius, radius, square);
+    let sure = doubles.mul_add(doubles.splat(16.0), reach, doubles.mul(doubles.splat(0.125), radius));
     let entered =
-        doubles.is_at_least(room, doubles.product(sure, sure)) & doubles.is_above(radius, doubles.all(0.0));
+        doubles.cmp_ge(room, doubles.mul(sure, sure)) & doubles.cmp_gt(radius, doubles.splat(0.0));
     let mut out = FourTested { undecided: ALL & !(missed | entered), ..FourTested::MISSED };
     if entered == 0 {
         return out;
     }
 
-    let half = doubles.root(doubles.product(room, doubles.all(inverse)));
-    let t = doubles.difference(doubles.difference(doubles.all(0.0), back), half);
-    let error = doubles.product(doubles.all(16.0 * slowness), reach);
+    let half = doubles.sqrt(doubles.mul(room, doubles.splat(inverse)));
+    let t = doubles.sub(doubles.sub(doubles.splat(0.0), back), half);
+    let error = doubles.mul(doubles.splat(16.0 * slowness), reach);
     let t = Ends::around(doubles, t, error);
-    let (t_min, t_max) = (doubles.all(t_min), doubles.all(t_max));
-    let within = doubles.is_at_least(t.below, t_min) & doubles.is_at_least(t_max, t.above);
-    let outside = doubles.is_above(t_min, t.above) | doubles.is_above(t.below, t_max);
+    let (t_min, t_max) = (doubles.splat(t_min), doubles.splat(t_max));
+    let within = doubles.cmp_ge(t.below, t_min) & doubles.cmp_ge(t_max, t.above);
+    let outside = doubles.cmp_gt(t_min, t.above) | doubles.cmp_gt(t.below, t_max);
     let (known, rounded) = t.rounded(doubles);
     let beyond = within & known & rounded.above(Four::splat(limit));
     out.hits = entered & within & known & !beyond;

@@ -24,27 +24,27 @@ pub fn tested<D: Doubles>(
     let DoubleRay { origin, direction, origin_error, slack, direction_norm, t_min, t_max } = *ray;
     let (v0, v1, v2) =
         (point(doubles, &vertices[0]), point(doubles, &vertices[1]), point(doubles, &vertices[2]));
-    let d = doubles.spread(direction);
-    let (e1, e2) = (doubles.vector_difference(v1, v0), doubles.vector_difference(v2, v0));
-    let w = doubles.vector_difference(doubles.spread(origin), v0);
+    let d = doubles.splat_xyz(direction);
+    let (e1, e2) = (doubles.sub3(v1, v0), doubles.sub3(v2, v0));
+    let w = doubles.sub3(doubles.splat_xyz(origin), v0);
     let (e1n, e2n) = (doubles.norm1(e1), doubles.norm1(e2));
-    let reach = doubles.product_and(slack, doubles.norm1(w), origin_error);
-    let de1 = doubles.product(direction_norm, e1n);
-    let de2 = doubles.product(direction_norm, e2n);
+    let reach = doubles.mul_add(slack, doubles.norm1(w), origin_error);
+    let de1 = doubles.mul(direction_norm, e1n);
+    let de2 = doubles.mul(direction_norm, e2n);
 
-    let p = doubles.cross(d, e2);
-    let q = doubles.cross(w, e1);
-    let det = doubles.dot(e1, p);
-    let e_det = doubles.product(slack, doubles.product(e1n, de2));
-    let beta = doubles.dot(w, p);
-    let e_beta = doubles.product(de2, reach);
-    let gamma = doubles.dot(d, q);
-    let e_gamma = doubles.product(de1, reach);
-    let alpha = doubles.difference(doubles.difference(det, beta), gamma);
+    let p = doubles.cross3(d, e2);
+    let q = doubles.cross3(w, e1);
+    let det = doubles.dot3(e1, p);
+    let e_det = doubles.mul(slack, doubles.mul(e1n, de2));
+    let beta = doubles.dot3(w, p);
+    let e_beta = doubles.mul(de2, reach);
+    let gamma = doubles.dot3(d, q);
+    let e_gamma = doubles.mul(de1, reach);
+    let alpha = doubles.sub(doubles.sub(det, beta), gamma);
     let sizes = doubles.norm1([det, beta, gamma]);
-    let errors = doubles.sum(doubles.sum(e_det, e_beta), e_gamma);
+    let errors = doubles.add(doubles.add(e_det, e_beta), e_gamma);
     let rounding = two_units::<f64>() + two_units::<f64>();
-    let e_alpha = doubles.product_and(doubles.all(rounding), sizes, errors);
+    let e_alpha = doubles.mul_add(doubles.splat(rounding), sizes, errors);
 
     let of_alpha = Signs::of(doubles, alpha, e_alpha);
     let of_beta = Signs::of(doubles, beta, e_beta);
@@ -64,10 +64,10 @@ pub fn tested<D: Doubles>(
     }
 
     let divisor = Divisor::new(doubles, det, e_det);
-    let t = divisor.quotient(doubles.dot(e2, q), doubles.product(doubles.product(e1n, e2n), reach));
-    let (t_min, t_max) = (doubles.all(t_min.into()), doubles.all(t_max.into()));
-    let outside = doubles.is_at_least(t_min, t.above) | doubles.is_at_least(t.below, t_max);
-    let within = doubles.is_above(t.below, t_min) & doubles.is_above(t_max, t.above);
+    let t = divisor.quotient(doubles.dot3(e2, q), doubles.mul(doubles.mul(e1n, e2n), reach));
+    let (t_min, t_max) = (doubles.splat(t_min.into()), doubles.splat(t_max.into()));
+    let outside = doubles.cmp_ge(t_min, t.above) | doubles.cmp_ge(t.below, t_max);
+    let within = doubles.cmp_gt(t.below, t_min) & doubles.cmp_gt(t_max, t.above);
     let (known, rounded) = t.rounded(doubles);
     // A t that rounds to infinity is none.
     let beyond = known & (rounded.above(Four::splat(limit)) | rounded.abs().above(Four::splat(f32::MAX)));
@@ -86,8 +86,8 @@ pub fn tested<D: Doubles>(
 }
 
 #[inline(always)]
-fn point<D: Doubles>(doubles: D, rows: &[[f32; 4]; 3]) -> [D::Four; 3] {
-    [doubles.floats(&rows[0]), doubles.floats(&rows[1]), doubles.floats(&rows[2])]
+fn point<D: Doubles>(doubles: D, rows: &[[f32; 4]; 3]) -> [D::F64x4; 3] {
+    [doubles.from_f32(&rows[0]), doubles.from_f32(&rows[1]), doubles.from_f32(&rows[2])]
 }
 
 /// A bit for each lane whose number surely has that sign.
@@ -99,9 +99,9 @@ struct Signs {
 
 impl Signs {
     #[inline(always)]
-    fn of<D: Doubles>(doubles: D, value: D::Four, error: D::Four) -> Self {
-        let below = doubles.difference(doubles.all(0.0), error);
-        Self { negative: doubles.is_above(below, value), positive: doubles.is_above(value, error) }
+    fn of<D: Doubles>(doubles: D, value: D::F64x4, error: D::F64x4) -> Self {
+        let below = doubles.sub(doubles.splat(0.0), error);
+        Self { negative: doubles.cmp_gt(below, value), positive: doubles.cmp_gt(value, error) }
     }
 
     #[inline(always)]

@@ -30,37 +30,37 @@ pub fn tested<D: Doubles>(
     [v0, v1, v2]: [[f32; 3]; 3],
 ) -> Verdict<Intersection> {
     let DoubleRay { origin, direction: d, origin_error, slack, direction_norm, t_min, t_max } = *ray;
-    let point = |[x, y, z]: [f32; 3]| doubles.floats(&[x, y, z, 0.0]);
+    let point = |[x, y, z]: [f32; 3]| doubles.from_f32(&[x, y, z, 0.0]);
     let (v0, v1, v2) = (point(v0), point(v1), point(v2));
     let (e1, e2, w) =
-        (doubles.difference(v1, v0), doubles.difference(v2, v0), doubles.difference(origin, v0));
+        (doubles.sub(v1, v0), doubles.sub(v2, v0), doubles.sub(origin, v0));
 
     // (x, y, z) and (y, z, x) make a vector product's (z, x, y).
-    let turned = |v| doubles.turned(v);
-    let p = turned(doubles.product_less(d, turned(e2), doubles.product(turned(d), e2)));
-    let q = turned(doubles.product_less(w, turned(e1), doubles.product(turned(w), e1)));
-    let of_det = doubles.product(e1, p);
-    let of_beta = doubles.product(w, p);
-    let of_gamma = doubles.product(d, q);
-    let of_t = doubles.product(e2, q);
-    let det = doubles.total(of_det);
-    let of_alpha = doubles.difference(doubles.difference(of_det, of_beta), of_gamma);
-    let numerators = doubles.totals([of_t, of_beta, of_gamma, of_alpha]);
+    let turned = |v| doubles.yzx(v);
+    let p = turned(doubles.mul_sub(d, turned(e2), doubles.mul(turned(d), e2)));
+    let q = turned(doubles.mul_sub(w, turned(e1), doubles.mul(turned(w), e1)));
+    let of_det = doubles.mul(e1, p);
+    let of_beta = doubles.mul(w, p);
+    let of_gamma = doubles.mul(d, q);
+    let of_t = doubles.mul(e2, q);
+    let det = doubles.reduce_sum(of_det);
+    let of_alpha = doubles.sub(doubles.sub(of_det, of_beta), of_gamma);
+    let numerators = doubles.reduce_sums([of_t, of_beta, of_gamma, of_alpha]);
 
-    let n = doubles.total(doubles.greater(doubles.magnitude(e1), doubles.magnitude(e2)));
-    let reach = doubles.product_and(slack, doubles.total(doubles.magnitude(w)), origin_error);
-    let e_det = doubles.product(doubles.product(n, n), doubles.product(slack, direction_norm));
-    let few = |lanes: [f32; 4]| doubles.floats(&lanes);
+    let n = doubles.reduce_sum(doubles.relaxed_max(doubles.abs(e1), doubles.abs(e2)));
+    let reach = doubles.mul_add(slack, doubles.reduce_sum(doubles.abs(w)), origin_error);
+    let e_det = doubles.mul(doubles.mul(n, n), doubles.mul(slack, direction_norm));
+    let few = |lanes: [f32; 4]| doubles.from_f32(&lanes);
     // Of e2.q N, of beta and gamma |d|, of alpha 2 |d|: times N reach.
-    let weights = doubles.product_and(
+    let weights = doubles.mul_add(
         direction_norm,
         few([0.0, 1.0, 1.0, 2.0]),
-        doubles.product(n, few([1.0, 0.0, 0.0, 0.0])),
+        doubles.mul(n, few([1.0, 0.0, 0.0, 0.0])),
     );
-    let errors = doubles.product_and(
-        doubles.product(n, reach),
+    let errors = doubles.mul_add(
+        doubles.mul(n, reach),
         weights,
-        doubles.product(e_det, few([0.0, 0.0, 0.0, 1.0])),
+        doubles.mul(e_det, few([0.0, 0.0, 0.0, 1.0])),
     );
     let divisor = Divisor::new(doubles, det, e_det);
     let quotients = divisor.quotient(numerators, errors);
@@ -72,15 +72,15 @@ pub fn tested<D: Doubles>(
         let known = first.at_least(last) | OF_ALPHA;
         if first.above(least) & greatest.above(last) & known == ALL {
             let [t, b1, b2, _] = quotients.rounded_middle(doubles).to_array();
-            let surface = facing(doubles.is_above(det, doubles.all(0.0)) != 0);
+            let surface = facing(doubles.cmp_gt(det, doubles.splat(0.0)) != 0);
             return Verdict::Hit(Intersection { t, attributes: [b1, b2], surface });
         }
         if least.above(last) | first.above(greatest) != 0 {
             return Verdict::Miss;
         }
     }
-    let negative = doubles.is_above(doubles.difference(doubles.all(0.0), errors), numerators);
-    let positive = doubles.is_above(numerators, errors);
+    let negative = doubles.cmp_gt(doubles.sub(doubles.splat(0.0), errors), numerators);
+    let positive = doubles.cmp_gt(numerators, errors);
     let signs = [negative, positive].map(|signs| signs & !OF_T);
     if signs[0] != 0 && signs[1] != 0 { Verdict::Miss } else { Verdict::Undecided }
 }
