@@ -45,10 +45,10 @@ pub trait Contender {
     /// Makes a ray ready.
     fn ready(out: &mut Self::Ready, ray: &Ray, placed: &Placed, around: &Bounds);
     /// A bit for each lane that may be hit.
-    fn met<V: LaneOps>(vectors: V, block: &Self::Block, ready: &Self::Ready) -> u32;
+    fn met<V: LaneOps>(simd: V, block: &Self::Block, ready: &Self::Ready) -> u32;
     /// The t of a lane; ray and instance are what it was made ready of.
     fn hit<V: LaneOps>(
-        vectors: V,
+        simd: V,
         lane: (&Self::Block, usize),
         ready: &mut Self::Ready,
         whole: (&Ray, &Placed),
@@ -71,7 +71,7 @@ const fn precision(number: u8) -> Precision {
 }
 
 macro_rules! ours {
-    ($block:ty, $block_ray:ident, $vectors:ident, $ready:ident => $met:expr, $shape:pat => $block_name:ident, $lane:ident, $set:expr $(, $caps:expr)?) => {
+    ($block:ty, $block_ray:ident, $simd:ident, $ready:ident => $met:expr, $shape:pat => $block_name:ident, $lane:ident, $set:expr $(, $caps:expr)?) => {
         impl<const P: u8> Contender for Ours<$block, P> {
             type Block = $block;
             type Ready = Ready<$block_ray>;
@@ -93,7 +93,7 @@ macro_rules! ours {
             }
 
             #[inline(always)]
-            fn met<V: LaneOps>($vectors: V, $block_name: &Self::Block, ready: &Self::Ready) -> u32 {
+            fn met<V: LaneOps>($simd: V, $block_name: &Self::Block, ready: &Self::Ready) -> u32 {
                 let $ready = &ready.blocks;
                 $met
             }
@@ -111,11 +111,11 @@ macro_rules! ours {
     };
 }
 
-ours!(block::Spheres, BlockRay, vectors, ray => block.entered(vectors, ray),
+ours!(block::Spheres, BlockRay, simd, ray => block.entered(simd, ray),
     Shape::Sphere(center, radius) => block, lane, block.set(lane, center, radius));
-ours!(block::SweptEnds, BlockRay, vectors, ray => block.met_closely(vectors, ray),
+ours!(block::SweptEnds, BlockRay, simd, ray => block.met_closely(simd, ray),
     Shape::Swept(positions, radii) => block, lane, block.set(lane, positions, radii), &[[true; 2]; block::LANES]);
-ours!(block::Triangles, ShearedRay, vectors, ray => block.met(vectors, ray),
+ours!(block::Triangles, ShearedRay, simd, ray => block.met(simd, ray),
     Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));
 ours!(block::Aabbs, BoxRay, _vectors, ray => block.met(ray),
     Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));
@@ -141,22 +141,22 @@ impl Contender for ExactTriangles {
     }
 
     #[inline(always)]
-    fn met<V: LaneOps>(vectors: V, block: &Self::Block, ready: &Self::Ready) -> u32 {
-        Triangles::met(vectors, block, ready)
+    fn met<V: LaneOps>(simd: V, block: &Self::Block, ready: &Self::Ready) -> u32 {
+        Triangles::met(simd, block, ready)
     }
 
     #[inline(always)]
     fn hit<V: LaneOps>(
-        vectors: V,
+        simd: V,
         (block, lane): (&Self::Block, usize),
         ready: &mut Self::Ready,
         (ray, placed): (&Ray, &Placed),
     ) -> Option<f32> {
         // Not one test of either ray, which would be taken apart where both ways meet.
         let tested = if placed.transform.is_none() {
-            block.tested_one(vectors, lane, &DoubleRay::in_world(vectors, ray))
+            block.tested_one(simd, lane, &DoubleRay::in_world(simd, ray))
         } else {
-            block.tested_one(vectors, lane, &DoubleRay::of(vectors, ready.object((ray, placed))))
+            block.tested_one(simd, lane, &DoubleRay::of(simd, ready.object((ray, placed))))
         };
         let found = match tested {
             Verdict::Hit(found) => Some(found),

@@ -56,18 +56,18 @@ impl<C: Contender> LaneTask for Pass<'_, C> {
     type Output = ();
 
     #[inline(always)]
-    fn run<V: LaneOps>(self, vectors: V) {
+    fn run<V: LaneOps>(self, simd: V) {
         let field = self.field;
         let mut prepared = C::IDLE;
         for ray in self.rays {
             let mut way = Way { field, ray, prepared: &mut prepared, best: None };
             match &field.trees.instances {
                 None => {
-                    way.enter(vectors, 0, ray.t_max);
+                    way.enter(simd, 0, ray.t_max);
                 }
                 Some(instances) => {
                     let nodes = NodeRay::new(ray.origin, ray.direction);
-                    instances.traverse(vectors, &nodes, ray.t_max, &mut InWorld { way: &mut way, instances });
+                    instances.traverse(simd, &nodes, ray.t_max, &mut InWorld { way: &mut way, instances });
                 }
             }
             self.hits.push(way.best);
@@ -86,12 +86,12 @@ struct Way<'a, C: Contender> {
 impl<C: Contender> Way<'_, C> {
     /// Through an instance; returns the new limit.
     #[inline(always)]
-    fn enter<V: LaneOps>(&mut self, vectors: V, instance: u32, limit: f32) -> f32 {
+    fn enter<V: LaneOps>(&mut self, simd: V, instance: u32, limit: f32) -> f32 {
         let Field { scene, trees, .. } = self.field;
         let placed = &trees.placed[instance as usize].0;
         C::ready(self.prepared, self.ray, placed, &scene.bounds);
         let nodes = NodeRay::in_object(self.ray, placed);
-        trees.primitives.traverse(vectors, &nodes, limit, &mut InInstance { way: self, instance, placed })
+        trees.primitives.traverse(simd, &nodes, limit, &mut InInstance { way: self, instance, placed })
     }
 }
 
@@ -103,9 +103,9 @@ struct InWorld<'a, 'b, C: Contender> {
 
 impl<C: Contender> Leaves for InWorld<'_, '_, C> {
     #[inline(always)]
-    fn visit<V: LaneOps>(&mut self, vectors: V, block: usize, mut limit: f32) -> f32 {
+    fn visit<V: LaneOps>(&mut self, simd: V, block: usize, mut limit: f32) -> f32 {
         for &instance in &self.instances.blocks[block] {
-            limit = self.way.enter(vectors, instance, limit);
+            limit = self.way.enter(simd, instance, limit);
         }
         limit
     }
@@ -120,15 +120,15 @@ struct InInstance<'a, 'b, C: Contender> {
 
 impl<C: Contender> Leaves for InInstance<'_, '_, C> {
     #[inline(always)]
-    fn visit<V: LaneOps>(&mut self, vectors: V, block: usize, mut limit: f32) -> f32 {
+    fn visit<V: LaneOps>(&mut self, simd: V, block: usize, mut limit: f32) -> f32 {
         let Way { field, ray, prepared, best } = &mut *self.way;
         let numbers = &field.trees.primitives.blocks[block];
         let block = &field.blocks[block];
-        let mut met = C::met(vectors, block, prepared) & ((1 << numbers.len()) - 1);
+        let mut met = C::met(simd, block, prepared) & ((1 << numbers.len()) - 1);
         while met != 0 {
             let lane = met.trailing_zeros() as usize;
             met &= met - 1;
-            if let Some(t) = C::hit(vectors, (block, lane), prepared, (ray, self.placed)) {
+            if let Some(t) = C::hit(simd, (block, lane), prepared, (ray, self.placed)) {
                 let key = (t, self.instance, numbers[lane]);
                 if best.is_none_or(|best| key < best) {
                     *best = Some(key);

@@ -29,7 +29,7 @@ struct Count<'a, C: Contender>(Field<'a, C>);
 impl<C: Contender> LaneTask for Count<'_, C> {
     type Output = [u64; 3];
 
-    fn run<V: LaneOps>(self, vectors: V) -> [u64; 3] {
+    fn run<V: LaneOps>(self, simd: V) -> [u64; 3] {
         let Self(field) = self;
         let Field { scene, trees, .. } = &field;
         let mut counts = [0; 3];
@@ -40,7 +40,7 @@ impl<C: Contender> LaneTask for Count<'_, C> {
                 let nodes = NodeRay::in_object(ray, placed);
                 let mut tests =
                     Tests { field: &field, ready: &ready, object: placed.object(ray), counts: &mut counts };
-                trees.primitives.traverse(vectors, &nodes, f32::INFINITY, &mut tests);
+                trees.primitives.traverse(simd, &nodes, f32::INFINITY, &mut tests);
             }
         }
         counts
@@ -56,9 +56,9 @@ struct Tests<'a, C: Contender> {
 }
 
 impl<C: Contender> Leaves for Tests<'_, C> {
-    fn visit<V: LaneOps>(&mut self, vectors: V, block: usize, limit: f32) -> f32 {
+    fn visit<V: LaneOps>(&mut self, simd: V, block: usize, limit: f32) -> f32 {
         let Field { scene, trees, blocks } = self.field;
-        let met = C::met(vectors, &blocks[block], self.ready);
+        let met = C::met(simd, &blocks[block], self.ready);
         for (lane, &number) in trees.primitives.blocks[block].iter().enumerate() {
             let step = match met >> lane & 1 {
                 0 => 0,

@@ -2,14 +2,14 @@
 #![allow(clippy::needless_range_loop, reason = "an axis numbers several arrays")]
 
 use anyhit::geometry::{Bounds, Ray};
-use anyhit::math::four::Four;
+use anyhit::math::f32x4::F32x4;
 use anyhit::math::lane_ops::LaneOps;
 
 use crate::contender::{Contender, Placed};
 use crate::shape::Shape;
 
 type Row = [f32; 4];
-type V4 = [Four; 3];
+type V4 = [F32x4; 3];
 
 /// An f32 ray in object space, and what formulas divide by.
 #[derive(Clone, Copy)]
@@ -118,12 +118,12 @@ fn cross1(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 
 #[inline(always)]
 fn splat(v: [f32; 3]) -> V4 {
-    v.map(Four::splat)
+    v.map(F32x4::splat)
 }
 
 #[inline(always)]
 fn load(rows: &[Row; 3]) -> V4 {
-    rows.map(Four::new)
+    rows.map(F32x4::new)
 }
 
 #[inline(always)]
@@ -132,7 +132,7 @@ fn sub(a: V4, b: V4) -> V4 {
 }
 
 #[inline(always)]
-fn dot(a: V4, b: V4) -> Four {
+fn dot(a: V4, b: V4) -> F32x4 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -142,8 +142,8 @@ fn cross(a: V4, b: V4) -> V4 {
 }
 
 #[inline(always)]
-fn not_negative(x: Four) -> u32 {
-    x.at_least(Four::splat(0.0))
+fn not_negative(x: F32x4) -> u32 {
+    x.cmp_ge(F32x4::splat(0.0))
 }
 
 pub struct SphereBlock {
@@ -182,9 +182,9 @@ impl Textbook for NaiveSphere {
     fn met(block: &SphereBlock, ray: &PlainRay) -> u32 {
         let m = sub(splat(ray.origin), load(&block.center));
         let b = dot(m, splat(ray.direction));
-        let r = Four::new(block.radius);
+        let r = F32x4::new(block.radius);
         let c = dot(m, m) - r * r;
-        not_negative(b * b - Four::splat(ray.dd) * c)
+        not_negative(b * b - F32x4::splat(ray.dd) * c)
     }
 
     #[inline(always)]
@@ -210,9 +210,9 @@ impl Textbook for RecentredSphere {
     fn met(block: &SphereBlock, ray: &PlainRay) -> u32 {
         let d = splat(ray.direction);
         let m = sub(splat(ray.origin), load(&block.center));
-        let s = dot(m, d) * Four::splat(ray.inverse);
+        let s = dot(m, d) * F32x4::splat(ray.inverse);
         let l = sub(m, [s * d[0], s * d[1], s * d[2]]);
-        let r = Four::new(block.radius);
+        let r = F32x4::new(block.radius);
         not_negative(r * r - dot(l, l))
     }
 
@@ -268,16 +268,16 @@ impl<const RECENTRED: bool> Textbook for RoundCone<RECENTRED> {
     #[inline(always)]
     fn met(block: &SweptBlock, ray: &PlainRay) -> u32 {
         let [p, q] = [load(&block.positions[0]), load(&block.positions[1])];
-        let [r0, r1] = block.radii.map(Four::new);
+        let [r0, r1] = block.radii.map(F32x4::new);
         let d = splat(ray.direction);
         let axis = sub(q, p);
         let mut w = sub(splat(ray.origin), p);
         if RECENTRED {
-            let s = dot(w, d) * Four::splat(ray.inverse);
+            let s = dot(w, d) * F32x4::splat(ray.inverse);
             w = sub(w, [s * d[0], s * d[1], s * d[2]]);
         }
         let slope = r0 - r1;
-        let dd = Four::splat(ray.dd);
+        let dd = F32x4::splat(ray.dd);
         let (m0, m1, m2) = (dot(axis, axis), dot(axis, w), dot(axis, d));
         let (m3, m5) = (dot(d, w), dot(w, w));
         let g = m0 - slope * slope;
@@ -337,11 +337,11 @@ impl Textbook for CapsuleByDistance {
     #[inline(always)]
     fn met(block: &SweptBlock, ray: &PlainRay) -> u32 {
         let [p, q] = [load(&block.positions[0]), load(&block.positions[1])];
-        let [r0, r1] = block.radii.map(Four::new);
-        let r = r0.greater(r1);
+        let [r0, r1] = block.radii.map(F32x4::new);
+        let r = r0.relaxed_max(r1);
         let n = cross(splat(ray.direction), sub(q, p));
         let volume = dot(sub(splat(ray.origin), p), n);
-        (r * r * dot(n, n)).at_least(volume * volume)
+        (r * r * dot(n, n)).cmp_ge(volume * volume)
     }
 
     #[inline(always)]
@@ -411,11 +411,11 @@ impl Textbook for MoellerTrumbore {
         let (e1, e2, w) = (sub(v1, v0), sub(v2, v0), sub(splat(ray.origin), v0));
         let p = cross(d, e2);
         let det = dot(e1, p);
-        let inverse = Four::splat(1.0) / det;
+        let inverse = F32x4::splat(1.0) / det;
         let u = dot(w, p) * inverse;
         let v = dot(d, cross(w, e1)) * inverse;
-        let zero = Four::splat(0.0);
-        u.at_least(zero) & v.at_least(zero) & Four::splat(1.0).at_least(u + v)
+        let zero = F32x4::splat(0.0);
+        u.cmp_ge(zero) & v.cmp_ge(zero) & F32x4::splat(1.0).cmp_ge(u + v)
     }
 
     #[inline(always)]
@@ -463,20 +463,20 @@ impl Textbook for Woop {
     #[inline(always)]
     fn met(block: &TriangleBlock, ray: &WoopRay) -> u32 {
         let [x, y, z] = ray.axes;
-        let origin = [x, y, z].map(|axis| Four::splat(ray.plain.origin[axis]));
-        let [sx, sy] = [ray.shear[0], ray.shear[1]].map(Four::splat);
+        let origin = [x, y, z].map(|axis| F32x4::splat(ray.plain.origin[axis]));
+        let [sx, sy] = [ray.shear[0], ray.shear[1]].map(F32x4::splat);
         let seen = |rows: &[Row; 3]| {
-            let depth = Four::new(rows[z]) - origin[2];
-            let at = (Four::new(rows[x]) - origin[0]) - sx * depth;
-            (at, (Four::new(rows[y]) - origin[1]) - sy * depth)
+            let depth = F32x4::new(rows[z]) - origin[2];
+            let at = (F32x4::new(rows[x]) - origin[0]) - sx * depth;
+            (at, (F32x4::new(rows[y]) - origin[1]) - sy * depth)
         };
         let [a, b, c] = &block.vertices;
         let (a, b, c) = (seen(a), seen(b), seen(c));
         let (u, v, w) = (c.0 * b.1 - c.1 * b.0, a.0 * c.1 - a.1 * c.0, b.0 * a.1 - b.1 * a.0);
-        let zero = Four::splat(0.0);
-        let least = u.lesser(v).lesser(w);
-        let most = u.greater(v).greater(w);
-        least.at_least(zero) | zero.at_least(most)
+        let zero = F32x4::splat(0.0);
+        let least = u.relaxed_min(v).relaxed_min(w);
+        let most = u.relaxed_max(v).relaxed_max(w);
+        least.cmp_ge(zero) | zero.cmp_ge(most)
     }
 
     #[inline(always)]
@@ -537,16 +537,16 @@ impl Textbook for Slabs {
 
     #[inline(always)]
     fn met(block: &BoxBlock, (ray, inverse): &Self::Ray) -> u32 {
-        let mut near = Four::splat(ray.t_min);
-        let mut far = Four::splat(ray.t_max);
+        let mut near = F32x4::splat(ray.t_min);
+        let mut far = F32x4::splat(ray.t_max);
         for i in 0..3 {
             let [a, b] = [0, 1].map(|side: usize| {
-                (Four::new(block.sides[side][i]) - Four::splat(ray.origin[i])) * Four::splat(inverse[i])
+                (F32x4::new(block.sides[side][i]) - F32x4::splat(ray.origin[i])) * F32x4::splat(inverse[i])
             });
-            near = near.greater(a.lesser(b));
-            far = far.lesser(a.greater(b));
+            near = near.relaxed_max(a.relaxed_min(b));
+            far = far.relaxed_min(a.relaxed_max(b));
         }
-        far.at_least(near)
+        far.cmp_ge(near)
     }
 
     #[inline(always)]

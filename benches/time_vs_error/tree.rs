@@ -1,7 +1,7 @@
 //! The tree and the leaf loop that all contenders share: four-wide nodes over leaves of one block.
 
 use anyhit::geometry::Ray;
-use anyhit::math::four::Four;
+use anyhit::math::f32x4::F32x4;
 use anyhit::math::lane_ops::LaneOps;
 
 use crate::contender::Placed;
@@ -51,7 +51,7 @@ impl NodeRay {
 /// What is done with the blocks on a ray's way. (A closure would not be compiled for the vectors.)
 pub trait Leaves {
     /// Returns the new limit; to be inlined.
-    fn visit<V: LaneOps>(&mut self, vectors: V, block: usize, limit: f32) -> f32;
+    fn visit<V: LaneOps>(&mut self, simd: V, block: usize, limit: f32) -> f32;
 }
 
 impl Tree {
@@ -104,7 +104,7 @@ impl Tree {
     #[inline(always)]
     pub fn traverse<V: LaneOps>(
         &self,
-        vectors: V,
+        simd: V,
         ray: &NodeRay,
         mut limit: f32,
         leaves: &mut impl Leaves,
@@ -112,7 +112,7 @@ impl Tree {
         let mut stack = [(0f32, 0i32); 96];
         let mut top = 0;
         if self.nodes.is_empty() {
-            return leaves.visit(vectors, 0, limit);
+            return leaves.visit(simd, 0, limit);
         }
         stack[0] = (0.0, 0);
         top += 1;
@@ -123,20 +123,20 @@ impl Tree {
                 continue;
             }
             if index < 0 {
-                limit = leaves.visit(vectors, !index as usize, limit);
+                limit = leaves.visit(simd, !index as usize, limit);
                 continue;
             }
             let node = &self.nodes[index as usize];
-            let mut near = Four::splat(0.0);
-            let mut far = Four::splat(limit);
+            let mut near = F32x4::splat(0.0);
+            let mut far = F32x4::splat(limit);
             for axis in 0..3 {
-                let origin = Four::splat(ray.origin[axis]);
-                let inverse = Four::splat(ray.inverse[axis]);
+                let origin = F32x4::splat(ray.origin[axis]);
+                let inverse = F32x4::splat(ray.inverse[axis]);
                 let side = usize::from(ray.inverse[axis] < 0.0);
-                near = ((Four::new(node.planes[side][axis]) - origin) * inverse).greater(near);
-                far = ((Four::new(node.planes[side ^ 1][axis]) - origin) * inverse).lesser(far);
+                near = ((F32x4::new(node.planes[side][axis]) - origin) * inverse).relaxed_max(near);
+                far = ((F32x4::new(node.planes[side ^ 1][axis]) - origin) * inverse).relaxed_min(far);
             }
-            let mut met = far.at_least(near);
+            let mut met = far.cmp_ge(near);
             let near = near.to_array();
             let first = top;
             while met != 0 {

@@ -11,8 +11,8 @@ use smallvec::SmallVec;
 
 use crate::accel::node::WIDTH;
 use crate::geometry::Bounds;
-use crate::math::eight::Eights;
-use crate::math::four::Four;
+use crate::math::f32x4::F32x4;
+use crate::math::f32x8::F32x8Ops;
 
 /// A reference to a primitive: its number and its box. It is stored as the minimum corner, the number
 /// and the negated maximum corner, so that one eight-lane minimum makes the union of two boxes.
@@ -60,7 +60,7 @@ impl PrimRef {
 
     /// Makes a reference from the minimum corner, the negated maximum corner and the number.
     #[inline(always)]
-    pub fn from_corners([low, negated_high]: [Four; 2], number: u32) -> Self {
+    pub fn from_corners([low, negated_high]: [F32x4; 2], number: u32) -> Self {
         let ([a, b, c, _], [d, e, f, _]) = (low.to_array(), negated_high.to_array());
         Self([a, b, c, f32::from_bits(number), d, e, f, 0.0])
     }
@@ -76,8 +76,8 @@ impl PrimRef {
     /// The union of two boxes, with number 0.
     #[inline(always)]
     pub fn union(&self, other: &Self) -> Self {
-        let low = self.low().lesser(other.low());
-        Self::from_corners([low, self.negated_high().lesser(other.negated_high())], 0)
+        let low = self.low().relaxed_min(other.low());
+        Self::from_corners([low, self.negated_high().relaxed_min(other.negated_high())], 0)
     }
 
     /// The number of the primitive.
@@ -94,21 +94,21 @@ impl PrimRef {
 
     /// The minimum corner; 0 in the fourth lane.
     #[inline(always)]
-    pub fn low(&self) -> Four {
+    pub fn low(&self) -> F32x4 {
         let [x, y, z, ..] = self.0;
-        Four::new([x, y, z, 0.0])
+        F32x4::new([x, y, z, 0.0])
     }
 
     /// The negated maximum corner; 0 in the fourth lane.
     #[inline(always)]
-    pub fn negated_high(&self) -> Four {
+    pub fn negated_high(&self) -> F32x4 {
         let [.., x, y, z, w] = self.0;
-        Four::new([x, y, z, w])
+        F32x4::new([x, y, z, w])
     }
 
     /// Twice the centroid.
     #[inline(always)]
-    fn center2(&self) -> Four {
+    fn center2(&self) -> F32x4 {
         self.low() - self.negated_high()
     }
 
@@ -139,7 +139,7 @@ pub struct BuildRecord {
     /// The box around all of them, stored as in a [`PrimRef`].
     corners: [f32; 8],
     /// The box around twice their centroids: minimum, then maximum.
-    centroid_bounds: [Four; 2],
+    centroid_bounds: [F32x4; 2],
     half_area: f32,
     /// The start of the range.
     first: u32,
@@ -152,7 +152,7 @@ impl BuildRecord {
     /// A record of no references.
     const EMPTY: Self = Self {
         corners: PrimRef::EMPTY.0,
-        centroid_bounds: [Four::ZERO; 2],
+        centroid_bounds: [F32x4::ZERO; 2],
         half_area: 0.0,
         first: 0,
         count: 0,
@@ -161,15 +161,16 @@ impl BuildRecord {
 
     /// Makes the record of a range that starts at `first`.
     #[inline(always)]
-    fn around<E: Eights>(eights: E, prim_refs: &[PrimRef], first: usize) -> Self {
-        let mut corners = eights.splat(f32::INFINITY);
-        let mut centroid_bounds = [Four::splat(f32::INFINITY), Four::splat(f32::NEG_INFINITY)];
+    fn around<E: F32x8Ops>(simd: E, prim_refs: &[PrimRef], first: usize) -> Self {
+        let mut corners = simd.splat(f32::INFINITY);
+        let mut centroid_bounds = [F32x4::splat(f32::INFINITY), F32x4::splat(f32::NEG_INFINITY)];
         for prim_ref in prim_refs {
-            corners = eights.if_below(eights.load(&prim_ref.0), corners);
+            corners = simd.min(simd.load(&prim_ref.0), corners);
             let center2 = prim_ref.center2();
-            centroid_bounds = [center2.lesser(centroid_bounds[0]), center2.greater(centroid_bounds[1])];
+            centroid_bounds =
+                [center2.relaxed_min(centroid_bounds[0]), center2.relaxed_max(centroid_bounds[1])];
         }
-        let corners = eights.lanes(corners);
+        let corners = simd.to_array(corners);
         let half_area = half_area(&corners);
         let (first, count) = (first as u32, prim_refs.len() as u32);
         Self { corners, centroid_bounds, half_area, first, count, is_leaf: false }
@@ -245,15 +246,15 @@ struct BinSplit {
 /// Maps twice a centroid to its bin on each axis.
 #[derive(Clone, Copy)]
 struct BinMapping {
-    offset: Four,
-    scale: Four,
+    offset: F32x4,
+    scale: F32x4,
 }
 
 impl BinMapping {
     /// The bin on each axis, as a sum with [`TO_INTEGER`] that [`bin_in`] decodes.
     #[inline(always)]
-    fn bins(self, center2: Four) -> Four {
-        ((center2 - self.offset) * self.scale - Four::splat(0.5)) + Four::splat(TO_INTEGER)
+    fn bins(self, center2: F32x4) -> F32x4 {
+        ((center2 - self.offset) * self.scale - F32x4::splat(0.5)) + F32x4::splat(TO_INTEGER)
     }
 }
 
@@ -287,8 +288,8 @@ impl BinnedSahBuilder {
     /// Divides at least two references among the children of a node, reordering them. There is one
     /// record if all of them make a leaf. `halve` splits at the median instead of by cost.
     #[inline(always)]
-    pub fn divide<E: Eights>(&mut self, eights: E, prim_refs: &mut [PrimRef], cost: &SahCost, halve: bool) {
-        self.records[0] = BuildRecord::around(eights, prim_refs, 0);
+    pub fn divide<E: F32x8Ops>(&mut self, simd: E, prim_refs: &mut [PrimRef], cost: &SahCost, halve: bool) {
+        self.records[0] = BuildRecord::around(simd, prim_refs, 0);
         self.order.clear();
         self.order.push(0);
         while self.order.len() < WIDTH {
@@ -312,10 +313,10 @@ impl BinnedSahBuilder {
                 continue;
             }
             let these = &mut prim_refs[whole.range()];
-            let half = self.split(eights, these, &whole, cost, halve);
+            let half = self.split(simd, these, &whole, cost, halve);
             let (left, right) = these.split_at(half);
-            let left = BuildRecord::around(eights, left, whole.first as usize);
-            let right = BuildRecord::around(eights, right, whole.first as usize + half);
+            let left = BuildRecord::around(simd, left, whole.first as usize);
+            let right = BuildRecord::around(simd, right, whole.first as usize + half);
             let sah = |record: &BuildRecord| record.half_area * cost.leaf(record.count());
             if !must && sah(&left) + sah(&right) >= cost.split_below * sah(&whole) {
                 self.records[at].is_leaf = true;
@@ -334,9 +335,9 @@ impl BinnedSahBuilder {
 
     /// Splits at least two references, reordering them; returns the number on the left.
     #[inline(always)]
-    fn split<E: Eights>(
+    fn split<E: F32x8Ops>(
         &mut self,
-        eights: E,
+        simd: E,
         prim_refs: &mut [PrimRef],
         record: &BuildRecord,
         cost: &SahCost,
@@ -351,12 +352,12 @@ impl BinnedSahBuilder {
             return split_at_median(prim_refs, axis);
         }
         if prim_refs.len() <= SORTED {
-            return sorted(eights, prim_refs, axis, cost);
+            return sorted(simd, prim_refs, axis, cost);
         }
         let split = if prim_refs.len() <= FEW {
-            self.best_split_on_axis(eights, prim_refs, record, axis, cost)
+            self.best_split_on_axis(simd, prim_refs, record, axis, cost)
         } else {
-            self.best_split(eights, prim_refs, record, cost)
+            self.best_split(simd, prim_refs, record, cost)
         };
         let Some(split) = split else { return split_at_median(prim_refs, axis) };
         let left = partition(prim_refs, &split);
@@ -365,9 +366,9 @@ impl BinnedSahBuilder {
 
     /// Finds the cheapest plane on all three axes; `None` if no plane separates the boxes.
     #[inline(always)]
-    fn best_split<E: Eights>(
+    fn best_split<E: F32x8Ops>(
         &mut self,
-        eights: E,
+        simd: E,
         prim_refs: &[PrimRef],
         record: &BuildRecord,
         cost: &SahCost,
@@ -381,21 +382,21 @@ impl BinnedSahBuilder {
                 0.0
             }
         };
-        let mapping = BinMapping { offset, scale: Four::new([scale(0), scale(1), scale(2), 0.0]) };
+        let mapping = BinMapping { offset, scale: F32x4::new([scale(0), scale(1), scale(2), 0.0]) };
         for axis in 0..3 {
             self.clear::<BINS>(axis);
         }
         for prim_ref in prim_refs.iter().step_by((prim_refs.len() / SAMPLE).max(1)) {
-            let corners = eights.load(&prim_ref.0);
+            let corners = simd.load(&prim_ref.0);
             let [x, y, z, _] = mapping.bins(prim_ref.center2()).to_array();
             for (axis, place) in [x, y, z].into_iter().enumerate() {
-                self.count(eights, axis, bin_in(place), corners);
+                self.count(simd, axis, bin_in(place), corners);
             }
         }
         let mut best = (f32::INFINITY, 0, 0);
         for (axis, &size) in centroid_extent2[..3].iter().enumerate() {
             if size > MIN_EXTENT {
-                let (sah, last) = self.sweep::<E, BINS>(eights, axis, cost);
+                let (sah, last) = self.sweep::<E, BINS>(simd, axis, cost);
                 if sah < best.0 {
                     best = (sah, axis, last);
                 }
@@ -407,9 +408,9 @@ impl BinnedSahBuilder {
 
     /// Finds the cheapest plane across one axis; `None` if no plane separates the boxes.
     #[inline(always)]
-    fn best_split_on_axis<E: Eights>(
+    fn best_split_on_axis<E: F32x8Ops>(
         &mut self,
-        eights: E,
+        simd: E,
         prim_refs: &[PrimRef],
         record: &BuildRecord,
         axis: usize,
@@ -421,10 +422,10 @@ impl BinnedSahBuilder {
         let first = offset.to_array()[axis];
         for prim_ref in prim_refs {
             let bin = bin_in(bin_on_axis(prim_ref.center2_on(axis), first, scale));
-            self.count(eights, axis, bin, eights.load(&prim_ref.0));
+            self.count(simd, axis, bin, simd.load(&prim_ref.0));
         }
-        let (sah, last) = self.sweep::<E, FEW_BINS>(eights, axis, cost);
-        let mapping = BinMapping { offset, scale: Four::splat(scale) };
+        let (sah, last) = self.sweep::<E, FEW_BINS>(simd, axis, cost);
+        let mapping = BinMapping { offset, scale: F32x4::splat(scale) };
         (sah < f32::INFINITY).then_some(BinSplit { axis, last_left: last, mapping })
     }
 
@@ -435,35 +436,35 @@ impl BinnedSahBuilder {
     }
 
     #[inline(always)]
-    fn count<E: Eights>(&mut self, eights: E, axis: usize, bin: usize, corners: E::Eight) {
+    fn count<E: F32x8Ops>(&mut self, simd: E, axis: usize, bin: usize, corners: E::F32x8) {
         let extent = &mut self.extents[axis][bin];
-        extent.0 = eights.lanes(eights.if_below(corners, eights.load(&extent.0)));
+        extent.0 = simd.to_array(simd.min(corners, simd.load(&extent.0)));
         self.counts[axis][bin] += 1;
     }
 
     /// The cheapest plane across an axis: its cost and the last bin on its left.
     #[inline(always)]
-    fn sweep<E: Eights, const COUNT: usize>(&self, eights: E, axis: usize, cost: &SahCost) -> (f32, usize) {
+    fn sweep<E: F32x8Ops, const COUNT: usize>(&self, simd: E, axis: usize, cost: &SahCost) -> (f32, usize) {
         let (extents, counts) = (&self.extents[axis], &self.counts[axis]);
         // The cost of what lies right of the plane behind each bin.
         let mut right = [f32::INFINITY; COUNT];
-        let (mut extent, mut count) = (eights.splat(f32::INFINITY), 0);
+        let (mut extent, mut count) = (simd.splat(f32::INFINITY), 0);
         for bin in (1..COUNT).rev() {
-            extent = eights.if_below(eights.load(&extents[bin].0), extent);
+            extent = simd.min(simd.load(&extents[bin].0), extent);
             count += counts[bin];
             if count > 0 {
-                right[bin - 1] = half_area(&eights.lanes(extent)) * cost.leaf(count as usize);
+                right[bin - 1] = half_area(&simd.to_array(extent)) * cost.leaf(count as usize);
             }
         }
         let mut best = (f32::INFINITY, 0);
-        let (mut extent, mut count) = (eights.splat(f32::INFINITY), 0);
+        let (mut extent, mut count) = (simd.splat(f32::INFINITY), 0);
         for bin in 0..COUNT - 1 {
             if counts[bin] == 0 {
                 continue;
             }
-            extent = eights.if_below(eights.load(&extents[bin].0), extent);
+            extent = simd.min(simd.load(&extents[bin].0), extent);
             count += counts[bin];
-            let all = half_area(&eights.lanes(extent)) * cost.leaf(count as usize) + right[bin];
+            let all = half_area(&simd.to_array(extent)) * cost.leaf(count as usize) + right[bin];
             if all < best.0 {
                 best = (all, bin);
             }
@@ -494,7 +495,7 @@ fn partition(prim_refs: &mut [PrimRef], split: &BinSplit) -> usize {
 
 /// Sorts at most [`SORTED`] boxes along an axis; returns how many lie left of the cheapest plane.
 #[inline(always)]
-fn sorted<E: Eights>(eights: E, prim_refs: &mut [PrimRef], axis: usize, cost: &SahCost) -> usize {
+fn sorted<E: F32x8Ops>(simd: E, prim_refs: &mut [PrimRef], axis: usize, cost: &SahCost) -> usize {
     let count = prim_refs.len();
     let mut centers2 = [f32::INFINITY; SORTED];
     let mut old = [prim_refs[0]; SORTED];
@@ -502,26 +503,26 @@ fn sorted<E: Eights>(eights: E, prim_refs: &mut [PrimRef], axis: usize, cost: &S
         centers2[at] = prim_ref.center2_on(axis);
         old[at] = *prim_ref;
     }
-    let all = eights.load(&centers2);
+    let all = simd.load(&centers2);
     for at in 0..count {
         // A stable counting sort: it goes behind smaller boxes and equal ones that precede it.
         let before = (1u32 << at) - 1;
-        let this = eights.splat(centers2[at]);
-        let not_greater = eights.at_least(this, all) & before;
-        let less = !eights.at_least(all, this) & !before;
+        let this = simd.splat(centers2[at]);
+        let not_greater = simd.cmp_ge(this, all) & before;
+        let less = !simd.cmp_ge(all, this) & !before;
         prim_refs[((not_greater | less) & 0xFF).count_ones() as usize] = old[at];
     }
     let mut right = [0.0; SORTED];
-    let mut extent = eights.splat(f32::INFINITY);
+    let mut extent = simd.splat(f32::INFINITY);
     for at in (1..count).rev() {
-        extent = eights.if_below(eights.load(&prim_refs[at].0), extent);
-        right[at] = half_area(&eights.lanes(extent)) * cost.leaf(count - at);
+        extent = simd.min(simd.load(&prim_refs[at].0), extent);
+        right[at] = half_area(&simd.to_array(extent)) * cost.leaf(count - at);
     }
     let mut best = (f32::INFINITY, count / 2);
-    let mut extent = eights.splat(f32::INFINITY);
+    let mut extent = simd.splat(f32::INFINITY);
     for at in 1..count {
-        extent = eights.if_below(eights.load(&prim_refs[at - 1].0), extent);
-        let sah = half_area(&eights.lanes(extent)) * cost.leaf(at) + right[at];
+        extent = simd.min(simd.load(&prim_refs[at - 1].0), extent);
+        let sah = half_area(&simd.to_array(extent)) * cost.leaf(at) + right[at];
         if sah < best.0 {
             best = (sah, at);
         }

@@ -7,8 +7,8 @@ use crate::accel::node::NodeRef;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, BlockRay, LANES, ShearedRay};
 use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, triangle};
-use crate::math::doubles::Doubles;
-use crate::math::four::Fused;
+use crate::math::f32x4::FmaOps;
+use crate::math::f64x4::F64x4Ops;
 use crate::math::prefetch::prefetch;
 
 /// The active primitives of a BLAS, and the BVH over them.
@@ -52,7 +52,7 @@ pub enum Drops {
 /// A ray for tests of all primitives of a leaf; each test reads one of the two forms.
 pub trait LeafRay {
     /// The ray in f64.
-    fn double<D: Doubles>(&mut self, doubles: D) -> DoubleRay<D>;
+    fn double<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D>;
 
     /// The ray in object space, with bounds of its error.
     fn object(&mut self) -> &ObjectRay;
@@ -181,18 +181,18 @@ impl BuiltBlas {
     /// A bit for each of a leaf's primitives that the ray's line does not surely miss; `CLOSELY`: fewer of those that
     /// taper. Only for bodies that [drop](BuiltBlas::drops) some; triangles read the second ray.
     #[inline(always)]
-    pub fn met<F: Fused, const CLOSELY: bool>(
+    pub fn met<F: FmaOps, const CLOSELY: bool>(
         &self,
-        fused: F,
+        simd: F,
         leaf: NodeRef,
         (ray, sheared): (&BlockRay, &ShearedRay),
     ) -> u32 {
         let at = leaf.index();
         let met = match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[at].met(fused, sheared),
-            Shapes::Spheres(blocks) => blocks[at].entered(fused, ray),
-            Shapes::LinearSweptSpheres(blocks, _) if CLOSELY => blocks[at].met_closely(fused, ray),
-            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].met(fused, ray),
+            Shapes::Triangles(blocks) => blocks[at].met(simd, sheared),
+            Shapes::Spheres(blocks) => blocks[at].entered(simd, ray),
+            Shapes::LinearSweptSpheres(blocks, _) if CLOSELY => blocks[at].met_closely(simd, ray),
+            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].met(simd, ray),
             Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => u32::MAX,
         };
         met & self.full_mask(leaf)
@@ -207,16 +207,16 @@ impl BuiltBlas {
     /// The exact test of all of a leaf's primitives, as far as f64 carries; what lies behind `limit`, a
     /// rounded t, may be left out. Only for bodies that [test leaves](BuiltBlas::tests_leaves).
     #[inline(always)]
-    pub fn tested<D: Doubles>(
+    pub fn tested<D: F64x4Ops>(
         &self,
-        doubles: D,
+        simd: D,
         leaf: NodeRef,
         ray: &mut impl LeafRay,
         limit: f32,
     ) -> FourTested {
         match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[leaf.index()].tested(doubles, &ray.double(doubles), limit),
-            Shapes::Spheres(blocks) => blocks[leaf.index()].tested(doubles, ray.object(), limit),
+            Shapes::Triangles(blocks) => blocks[leaf.index()].tested(simd, &ray.double(simd), limit),
+            Shapes::Spheres(blocks) => blocks[leaf.index()].tested(simd, ray.object(), limit),
             _ => FourTested::MISSED,
         }
     }

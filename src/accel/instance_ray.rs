@@ -9,8 +9,8 @@ use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{BlockRay, ShearedRay};
 use crate::geometry::{DoubleRay, ObjectRay, Ray, RoughRay, Transform};
-use crate::math::doubles::Doubles;
-use crate::math::four::Fused;
+use crate::math::f32x4::FmaOps;
+use crate::math::f64x4::F64x4Ops;
 
 /// The instance that the upper end of the stack belongs to.
 #[derive(Clone, Debug)]
@@ -151,9 +151,9 @@ impl InstanceRay {
 
     /// A bit for each of a leaf's primitives that the ray may meet: [`BuiltBlas::met`].
     #[inline(always)]
-    pub fn met<F: Fused, const CLOSELY: bool>(
+    pub fn met<F: FmaOps, const CLOSELY: bool>(
         &mut self,
-        fused: F,
+        simd: F,
         tlas: &Tlas,
         built: &BuiltBlas,
         leaf: NodeRef,
@@ -164,7 +164,7 @@ impl InstanceRay {
             self.make_block_ray(tlas, built, trace);
         }
         if self.drops {
-            built.met::<F, CLOSELY>(fused, leaf, (&self.block_ray, &self.sheared_ray))
+            built.met::<F, CLOSELY>(simd, leaf, (&self.block_ray, &self.sheared_ray))
         } else {
             built.full_mask(leaf)
         }
@@ -223,11 +223,11 @@ pub struct ForLeaf<'a> {
 
 impl LeafRay for ForLeaf<'_> {
     #[inline(always)]
-    fn double<D: Doubles>(&mut self, doubles: D) -> DoubleRay<D> {
+    fn double<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D> {
         if self.instance_ray.is_ordinary {
-            DoubleRay::in_world(doubles, &self.trace.ray)
+            DoubleRay::in_world(simd, &self.trace.ray)
         } else {
-            DoubleRay::of(doubles, self.object())
+            DoubleRay::of(simd, self.object())
         }
     }
 

@@ -1,7 +1,7 @@
 //! The inner nodes of a wide BVH and the test of a ray against their boxes (derived in `trav_ray`).
 
 use crate::accel::node_ray::{NodeLimit, Slabs};
-use crate::math::eight::Eights;
+use crate::math::f32x8::F32x8Ops;
 use crate::math::prefetch::prefetch;
 
 /// The largest number of children of a node: the lanes of one vector register (AVX) or of two (SSE,
@@ -136,20 +136,20 @@ impl Node {
     /// [`NodeRay::absolute`](super::node_ray::NodeRay::absolute)), and a mask of the children that the
     /// ray may hit up to `limit`.
     #[inline(always)]
-    pub fn intersect<E: Eights>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
-        let eights = ray.eights;
+    pub fn intersect<E: F32x8Ops>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
+        let simd = ray.simd;
         let mut near = ray.near_floor;
-        let mut far = eights.splat(limit.0);
+        let mut far = simd.splat(limit.0);
         for axis in 0..3 {
             let side = ray.near_side[axis] & 1;
-            let planes = |side: usize| eights.load(&self.planes[axis][side]);
-            let enter = eights.sub(planes(side), ray.near_origin[axis]);
-            let leave = eights.sub(planes(side ^ 1), ray.far_origin[axis]);
-            near = eights.if_above(eights.mul(enter, ray.near_reciprocal[axis]), near);
-            far = eights.if_below(eights.mul(leave, ray.far_reciprocal[axis]), far);
+            let planes = |side: usize| simd.load(&self.planes[axis][side]);
+            let enter = simd.sub(planes(side), ray.near_origin[axis]);
+            let leave = simd.sub(planes(side ^ 1), ray.far_origin[axis]);
+            near = simd.max(simd.mul(enter, ray.near_reciprocal[axis]), near);
+            far = simd.min(simd.mul(leave, ray.far_reciprocal[axis]), far);
         }
-        let met = eights.at_least(far, near);
-        (eights.lanes(near), met & self.filled)
+        let met = simd.cmp_ge(far, near);
+        (simd.to_array(near), met & self.filled)
     }
 
     /// Prefetches the node into the L1 cache.

@@ -27,8 +27,8 @@
 use std::ops::RangeInclusive;
 
 use crate::geometry::{Bounds, ObjectRay, Ray, RoughRay};
-use crate::math::eight::Eights;
-use crate::math::four::{Four, LANES};
+use crate::math::f32x4::{F32x4, LANES};
+use crate::math::f32x8::F32x8Ops;
 
 /// The unit roundoff of f64.
 const U: f64 = 1.0 / 9_007_199_254_740_992.0;
@@ -55,13 +55,13 @@ pub struct NodeRay {
 
 /// The numbers of a [`NodeRay`] as its test takes them, each in all lanes.
 #[derive(Clone, Copy, Debug)]
-pub struct Slabs<E: Eights> {
-    pub(super) eights: E,
-    pub(super) near_origin: [E::Eight; 3],
-    pub(super) far_origin: [E::Eight; 3],
-    pub(super) near_reciprocal: [E::Eight; 3],
-    pub(super) far_reciprocal: [E::Eight; 3],
-    pub(super) near_floor: E::Eight,
+pub struct Slabs<E: F32x8Ops> {
+    pub(super) simd: E,
+    pub(super) near_origin: [E::F32x8; 3],
+    pub(super) far_origin: [E::F32x8; 3],
+    pub(super) near_reciprocal: [E::F32x8; 3],
+    pub(super) far_reciprocal: [E::F32x8; 3],
+    pub(super) near_floor: E::F32x8,
     /// Per axis which plane is entered first: 0 the lower, 1 the upper.
     pub(super) near_side: [usize; 3],
 }
@@ -126,18 +126,18 @@ impl NodeRay {
     pub fn set_simple(&mut self, ray: &Ray, scale: f64) -> bool {
         let Ray { origin: [x, y, z], direction: [dx, dy, dz], t_min, .. } = *ray;
         let scale = scale as f32;
-        let origin = Four::new([x, y, z, 0.0]) * Four::splat(scale);
-        let near_by = Four::splat(FAR_AWAY as f32).at_least(origin.abs()) == 0b1111;
+        let origin = F32x4::new([x, y, z, 0.0]) * F32x4::splat(scale);
+        let near_by = F32x4::splat(FAR_AWAY as f32).cmp_ge(origin.abs()) == 0b1111;
         if !(near_by && SIMPLE_SCALES.contains(&scale) && ray.is_ordinary()) {
             return false;
         }
         // A direction of -0 counts as upwards, like 0: both have an infinite reciprocal.
-        let direction = (Four::new([dx, dy, dz, 1.0]) + Four::splat(0.0)) * Four::splat(scale);
-        let reciprocal = Four::splat(1.0) / direction;
+        let direction = (F32x4::new([dx, dy, dz, 1.0]) + F32x4::splat(0.0)) * F32x4::splat(scale);
+        let reciprocal = F32x4::splat(1.0) / direction;
         self.near_origin = origin.to_array();
         self.far_origin = self.near_origin;
-        self.near_reciprocal = (reciprocal * Four::splat(SHRINK as f32)).to_array();
-        self.far_reciprocal = (reciprocal * Four::splat(WIDEN as f32)).to_array();
+        self.near_reciprocal = (reciprocal * F32x4::splat(SHRINK as f32)).to_array();
+        self.far_reciprocal = (reciprocal * F32x4::splat(WIDEN as f32)).to_array();
         self.near_side = [dx, dy, dz].map(|component| usize::from(component < 0.0));
         (self.t_shift, self.t_min, self.near_floor) = (0.0, t_min, t_min + 0.0);
         true
@@ -151,11 +151,11 @@ impl NodeRay {
     #[inline(always)]
     pub fn set_rough(&mut self, ray: &RoughRay, t_min: f32, scale: f64) -> bool {
         let scale = scale as f32;
-        let all = |x: f32| Four::splat(x);
+        let all = |x: f32| F32x4::splat(x);
         let origin = ray.origin * all(scale);
         let size = ray.direction.abs();
-        let near_by = all(FAR_AWAY as f32).at_least(origin.abs());
-        let known = size.at_least(ray.direction_error * all(4.0));
+        let near_by = all(FAR_AWAY as f32).cmp_ge(origin.abs());
+        let known = size.cmp_ge(ray.direction_error * all(4.0));
         if !(near_by & known == 0b1111 && ROUGH_SCALES.contains(&scale)) {
             return false;
         }
@@ -180,15 +180,15 @@ impl NodeRay {
 
     /// The ray as the nodes' test takes it.
     #[inline(always)]
-    pub fn slabs<E: Eights>(&self, eights: E) -> Slabs<E> {
-        let all = |&[x, y, z, _]: &[f32; LANES]| [x, y, z].map(|number| eights.splat(number));
+    pub fn slabs<E: F32x8Ops>(&self, simd: E) -> Slabs<E> {
+        let all = |&[x, y, z, _]: &[f32; LANES]| [x, y, z].map(|number| simd.splat(number));
         Slabs {
-            eights,
+            simd,
             near_origin: all(&self.near_origin),
             far_origin: all(&self.far_origin),
             near_reciprocal: all(&self.near_reciprocal),
             far_reciprocal: all(&self.far_reciprocal),
-            near_floor: eights.splat(self.near_floor),
+            near_floor: simd.splat(self.near_floor),
             near_side: self.near_side,
         }
     }
@@ -369,7 +369,7 @@ mod tests {
     use crate::accel::node::{Node, WIDTH};
     use crate::accel::wide_bvh::WideBvh;
     use crate::geometry::Transform;
-    use crate::math::eight::TwoFours;
+    use crate::math::f32x8::BaselineSimd;
 
     fn exact(x: f32) -> RBig {
         RBig::try_from(x).expect("finite")
@@ -473,7 +473,7 @@ mod tests {
                 prop_assert!(node_ray.absolute(node_ray.near_floor) <= rounded);
                 while !at.is_leaf() {
                     let node: &Node = bvh.node(at);
-                    let (near, met) = node.intersect(&node_ray.slabs(TwoFours), limit);
+                    let (near, met) = node.intersect(&node_ray.slabs(BaselineSimd), limit);
                     let entries: [f32; WIDTH] = std::array::from_fn(|slot| {
                         if met >> slot & 1 != 0 { node_ray.absolute(near[slot]) } else { f32::INFINITY }
                     });

@@ -14,7 +14,7 @@ use crate::accel::rules::{
 };
 use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::geometry::{FourTested, Intersection, ObjectRay, Precision};
-use crate::math::eight::{Eights, TwoFours};
+use crate::math::f32x8::{BaselineSimd, F32x8Ops};
 use crate::math::lane_ops::{LaneOps, LaneTask};
 
 /// A node or leaf that is still to be visited. The high half holds the bits of a lower bound of the
@@ -130,7 +130,7 @@ impl Cursor {
         let trace = &self.trace;
         let (traversal, hits) = (&mut self.traversal, &mut self.hits);
         let task = TraversalTask::<V, PLAIN> { traversal, hits, trace, tlas, observer, start };
-        if V::REASONS { TwoFours.dispatch(task) } else { tlas.cpu_tier().run(task) }
+        if V::REASONS { BaselineSimd.dispatch(task) } else { tlas.cpu_tier().run(task) }
     }
 }
 
@@ -149,10 +149,10 @@ impl<V: TraversalObserver, const PLAIN: bool> LaneTask for TraversalTask<'_, V, 
     type Output = bool;
 
     #[inline(always)]
-    fn run<E: LaneOps>(self, eights: E) -> bool {
+    fn run<E: LaneOps>(self, simd: E) -> bool {
         let Self { traversal, hits, trace, tlas, observer, start } = self;
         Traversal::<V, PLAIN> { traversal, hits, trace, tlas, observer, tested: FourTested::MISSED }
-            .resume(eights, start)
+            .resume(simd, start)
     }
 }
 
@@ -169,21 +169,21 @@ struct Traversal<'a, V, const PLAIN: bool> {
 
 impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     #[inline(always)]
-    fn resume<E: LaneOps>(mut self, eights: E, start: bool) -> bool {
+    fn resume<E: LaneOps>(mut self, simd: E, start: bool) -> bool {
         if start {
-            self.begin(eights);
+            self.begin(simd);
         }
         loop {
             if !PLAIN && self.is_candidate_next() {
                 return true;
             }
             if self.traversal.in_instance {
-                self.traverse_instance(eights);
+                self.traverse_instance(simd);
                 self.traversal.in_instance = self.traversal.stack.len() > self.traversal.instance_ray.base;
             } else {
                 let Some(entry) = self.traversal.stack.pop::<PLAIN>() else { return false };
                 if entry.t_near() <= self.traversal.world.limit(self.hits.cull_t).0 {
-                    self.step_in_world(eights, entry);
+                    self.step_in_world(simd, entry);
                 }
             }
             if self.hits.is_enough() {
@@ -203,12 +203,12 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
     /// Pushes the root; a single instance is entered at once.
     #[inline(always)]
-    fn begin<E: LaneOps>(&mut self, eights: E) {
+    fn begin<E: LaneOps>(&mut self, simd: E) {
         self.traversal.stack.clear();
         self.traversal.in_instance = false;
         let count = self.tlas.instances().len();
         if count == 1 {
-            self.visit_instance(eights, 0);
+            self.visit_instance(simd, 0);
         } else if count > 1 && self.trace.ray.is_finite() {
             self.begin_in_world(count);
         }
@@ -239,13 +239,13 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     }
 
     #[inline(always)]
-    fn step_in_world<E: LaneOps>(&mut self, eights: E, entry: StackEntry) {
+    fn step_in_world<E: LaneOps>(&mut self, simd: E, entry: StackEntry) {
         let TraversalState { stack, world, .. } = &mut *self.traversal;
         let child = entry.node();
         match (child.count(), self.tlas.bvh()) {
             (0, Some((bvh, _))) => {
                 self.observer.node(None);
-                let (limit, slabs) = (world.limit(self.hits.cull_t), world.slabs(eights));
+                let (limit, slabs) = (world.limit(self.hits.cull_t), world.slabs(simd));
                 let ray = (&*world, &slabs);
                 if let Some(nearest) = push_children::<_, PLAIN>(stack, limit, bvh.node(child), ray) {
                     stack.push::<PLAIN>(nearest, world);
@@ -253,7 +253,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             }
             (1, bvh) => {
                 self.visit_instance(
-                    eights,
+                    simd,
                     bvh.map_or(child.index() as u32, |(_, order)| order[child.index()]),
                 );
             }
@@ -267,15 +267,15 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     }
 
     #[inline(always)]
-    fn visit_instance<E: LaneOps>(&mut self, eights: E, number: u32) {
-        let verdict = self.enter(eights, number);
+    fn visit_instance<E: LaneOps>(&mut self, simd: E, number: u32) {
+        let verdict = self.enter(simd, number);
         self.observer.instance(number, verdict);
     }
 
     /// Enters an instance: tests its primitives at once if it has no tree, otherwise pushes the root of
     /// its tree.
     #[inline(always)]
-    fn enter<E: LaneOps>(&mut self, eights: E, number: u32) -> InstanceVerdict {
+    fn enter<E: LaneOps>(&mut self, simd: E, number: u32) -> InstanceVerdict {
         let instance = &self.tlas.instances()[number as usize];
         if !is_visible(instance.mask, self.trace.cull_mask) {
             return InstanceVerdict::Masked;
@@ -290,7 +290,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             return InstanceVerdict::Missed;
         }
         let Some(bvh) = built.bvh() else {
-            self.test_all(eights, built);
+            self.test_all(simd, built);
             return InstanceVerdict::Entered;
         };
         if V::REASONS
@@ -309,12 +309,12 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
     /// Visits the entries of the current instance until a candidate is next in the order of hits.
     #[inline(always)]
-    fn traverse_instance<E: LaneOps>(&mut self, eights: E) {
+    fn traverse_instance<E: LaneOps>(&mut self, simd: E) {
         let number = self.traversal.instance_ray.instance;
         let base = self.traversal.instance_ray.base;
         let built = self.tlas.instances()[number as usize].blas.built();
         let Some(bvh) = built.bvh() else { return };
-        let slabs = self.traversal.instance_ray.node_ray.slabs(eights);
+        let slabs = self.traversal.instance_ray.node_ray.slabs(simd);
         let mut limit = self.traversal.instance_ray.node_ray.limit(self.hits.cull_t);
         while self.traversal.stack.len() > base {
             let Some(entry) = self.traversal.stack.pop::<PLAIN>() else { return };
@@ -339,7 +339,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             }
             if child.is_leaf() {
                 built.prefetch_geom_prims(child);
-                let met = self.met(eights, built, child);
+                let met = self.met(simd, built, child);
                 if met == 0 {
                     continue;
                 }
@@ -354,12 +354,12 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
     /// Tests the primitives of an instance without a tree.
     #[inline(always)]
-    fn test_all<E: LaneOps>(&mut self, eights: E, built: &BuiltBlas) {
+    fn test_all<E: LaneOps>(&mut self, simd: E, built: &BuiltBlas) {
         let mut leaves = built.leaves();
         let Some(first) = leaves.next() else { return };
         // Preparing a ray for culling does not pay for a single block.
         let met = if built.tests_leaves(self.tlas.precision()) {
-            self.met(eights, built, first)
+            self.met(simd, built, first)
         } else {
             built.full_mask(first)
         };
@@ -368,23 +368,23 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             if self.hits.is_enough() {
                 break;
             }
-            let met = self.met(eights, built, leaf);
+            let met = self.met(simd, built, leaf);
             self.test(built, leaf, met);
         }
     }
 
     /// A mask of the primitives of a leaf that the ray may hit.
     #[inline(always)]
-    fn met<E: LaneOps>(&mut self, eights: E, built: &BuiltBlas, leaf: NodeRef) -> u32 {
+    fn met<E: LaneOps>(&mut self, simd: E, built: &BuiltBlas, leaf: NodeRef) -> u32 {
         let instance_ray = &mut self.traversal.instance_ray;
         let met = if V::REASONS {
             built.full_mask(leaf)
         } else if built.tests_leaves(self.tlas.precision()) {
             let mut ray = instance_ray.for_leaf(self.tlas, self.trace);
-            self.tested = built.tested(eights, leaf, &mut ray, self.hits.cull_t);
+            self.tested = built.tested(simd, leaf, &mut ray, self.hits.cull_t);
             self.tested.met() & built.full_mask(leaf)
         } else {
-            instance_ray.met::<E, true>(eights, self.tlas, built, leaf, self.trace)
+            instance_ray.met::<E, true>(simd, self.tlas, built, leaf, self.trace)
         };
         self.observer.missed(leaf.count() - met.count_ones());
         met
@@ -485,7 +485,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
 /// Returns the nearest child that the ray hits and pushes the others, the nearest of them on top.
 #[inline(always)]
-fn push_children<E: Eights, const PLAIN: bool>(
+fn push_children<E: F32x8Ops, const PLAIN: bool>(
     stack: &mut Stack,
     limit: NodeLimit,
     node: &Node,

@@ -14,7 +14,7 @@ use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, FAR, PrimRef, SahC
 use crate::accel::node::{Node, NodeRef, WIDTH};
 use crate::accel::node_ray::{round_down, round_up};
 use crate::geometry::Bounds;
-use crate::math::four::Four;
+use crate::math::f32x4::F32x4;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 
 /// From this depth on sets are split at the median, as nothing else bounds the depth. The trees of
@@ -163,12 +163,12 @@ fn scale_of(boxes: &[PrimRef], around: &Bounds) -> f64 {
 fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
     let factor = scale as f32;
     let corners = [prim_ref.low(), prim_ref.negated_high()];
-    let scaled = corners.map(|corner| corner * Four::splat(factor));
+    let scaled = corners.map(|corner| corner * F32x4::splat(factor));
     // Exact where no number is infinite or meets the subnormal ones.
-    let exact = |corner: Four, scaled: Four| {
-        let normal = scaled.abs().at_least(Four::splat(f32::MIN_POSITIVE));
-        let zero = Four::ZERO.at_least(corner.abs());
-        Four::splat(1.0).at_least(scaled.abs()) & (normal | zero)
+    let exact = |corner: F32x4, scaled: F32x4| {
+        let normal = scaled.abs().cmp_ge(F32x4::splat(f32::MIN_POSITIVE));
+        let zero = F32x4::ZERO.cmp_ge(corner.abs());
+        F32x4::splat(1.0).cmp_ge(scaled.abs()) & (normal | zero)
     };
     if factor.is_normal() && exact(corners[0], scaled[0]) & exact(corners[1], scaled[1]) & 0b111 == 0b111 {
         return PrimRef::from_corners(scaled, prim_ref.number());
@@ -207,8 +207,8 @@ impl LaneTask for Divide<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<V: LaneOps>(self, vectors: V) {
-        self.builder.divide(vectors, self.prim_refs, self.cost, self.halve);
+    fn run<V: LaneOps>(self, simd: V) {
+        self.builder.divide(simd, self.prim_refs, self.cost, self.halve);
     }
 }
 

@@ -105,7 +105,7 @@ fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [
         };
         if entering.abs() < infinite {
             near[i] = reach(entering);
-            enter = (enter.0.greater(near[i].0), enter.1.greater(near[i].1));
+            enter = (enter.0.max(near[i].0), enter.1.max(near[i].1));
         }
         if leaving.abs() < infinite {
             far[i] = reach(leaving);
@@ -114,8 +114,8 @@ fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [
     let mut surely = true;
     for (i, far) in far.iter().enumerate() {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-        let first = near[j].0.greater(near[k].0).greater(t_min);
-        let last = near[j].1.greater(near[k].1).greater(t_min);
+        let first = near[j].0.max(near[k].0).max(t_min);
+        let last = near[j].1.max(near[k].1).max(t_min);
         if first > far.1 {
             return Verdict::Miss;
         }

@@ -5,7 +5,7 @@
 //! polynomials. [`BlockRay`] is the ray in f32 with bounds of what that cost; each `met` evaluates
 //! its primitive's silhouette for four lanes and keeps a lane unless the bound proves a miss. What
 //! is kept goes to `intersect`, which decides. So a block changes nothing but time; there is one
-//! implementation for all machines (`math::four`).
+//! implementation for all machines (`math::f32x4`).
 //!
 //! # The ray
 //! The exact object-space ray o + t d is reparametrised: the origin moves by `t0` along it towards the
@@ -45,10 +45,10 @@ pub use sphere::Spheres;
 pub use triangle::{ShearedRay, Triangles};
 
 /// How many primitives a block holds.
-pub use crate::math::four::LANES;
+pub use crate::math::f32x4::LANES;
 
 use crate::geometry::{Bounds, ObjectRay, Ray, RoughRay};
-use crate::math::four::Four;
+use crate::math::f32x4::F32x4;
 use crate::math::real::Real;
 
 /// A bit for every lane.
@@ -130,7 +130,7 @@ impl BlockRay {
         if !(near && most <= MOST && most * MOST >= 1.0) {
             return None;
         }
-        let along = three(ray.direction) * Four::splat(power_below(most));
+        let along = three(ray.direction) * F32x4::splat(power_below(most));
         let norm = sum(along.abs());
         let fixed = norm * (TINY * MARGIN * MARGIN) as f32;
         let growing = norm * (16.0 * UNIT) as f32;
@@ -158,9 +158,9 @@ impl BlockRay {
         let far = farthest(ray.origin, around);
         let (axis, most) = greatest(triple(ray.direction));
         let inverse = power_below(most);
-        let along = ray.direction * Four::splat(inverse);
+        let along = ray.direction * F32x4::splat(inverse);
         let norm = sum(along.abs());
-        let total = |errors: Four| sum(errors) * (MARGIN * MARGIN) as f32;
+        let total = |errors: F32x4| sum(errors) * (MARGIN * MARGIN) as f32;
         let turn = total(ray.direction_error) * inverse;
         let fits = far <= MOST && turn <= 0.5 && most.is_normal();
         let fixed = norm * (total(ray.origin_error) + (TINY * MARGIN * MARGIN) as f32);
@@ -228,13 +228,13 @@ impl BlockRay {
     }
 
     #[inline(always)]
-    fn origins(&self) -> [Four; 3] {
-        self.origin.map(Four::splat)
+    fn origins(&self) -> [F32x4; 3] {
+        self.origin.map(F32x4::splat)
     }
 
     #[inline(always)]
-    fn directions(&self) -> [Four; 3] {
-        self.direction.map(Four::splat)
+    fn directions(&self) -> [F32x4; 3] {
+        self.direction.map(F32x4::splat)
     }
 }
 
@@ -274,19 +274,19 @@ fn power_below(x: f32) -> f32 {
 }
 
 #[inline(always)]
-fn three([x, y, z]: [f32; 3]) -> Four {
-    Four::new([x, y, z, 0.0])
+fn three([x, y, z]: [f32; 3]) -> F32x4 {
+    F32x4::new([x, y, z, 0.0])
 }
 
 #[inline(always)]
-fn triple(v: Four) -> [f32; 3] {
+fn triple(v: F32x4) -> [f32; 3] {
     let [x, y, z, _] = v.to_array();
     [x, y, z]
 }
 
 /// Of the first three.
 #[inline(always)]
-fn sum(v: Four) -> f32 {
+fn sum(v: F32x4) -> f32 {
     let [x, y, z, _] = v.to_array();
     x + y + z
 }
@@ -294,26 +294,26 @@ fn sum(v: Four) -> f32 {
 /// At least the 1-norm of the way from an origin to any point of a box. A ball within the box has each
 /// component of its centre nearer than that by its radius.
 #[inline(always)]
-fn farthest(origin: Four, around: &Bounds) -> f32 {
+fn farthest(origin: F32x4, around: &Bounds) -> f32 {
     let (below, above) = (origin - three(around.min), three(around.max) - origin);
-    sum(below.abs().greater(above.abs())) * MARGIN as f32
+    sum(below.abs().relaxed_max(above.abs())) * MARGIN as f32
 }
 
 /// A number of each of four primitives.
 type Row = [f32; LANES];
 
 #[inline(always)]
-fn load<const N: usize>(rows: &[Row; N]) -> [Four; N] {
-    rows.map(Four::new)
+fn load<const N: usize>(rows: &[Row; N]) -> [F32x4; N] {
+    rows.map(F32x4::new)
 }
 
 #[inline(always)]
-fn sub(a: [Four; 3], b: [Four; 3]) -> [Four; 3] {
+fn sub(a: [F32x4; 3], b: [F32x4; 3]) -> [F32x4; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 #[inline(always)]
-fn norm1(a: [Four; 3]) -> Four {
+fn norm1(a: [F32x4; 3]) -> F32x4 {
     a[0].abs() + a[1].abs() + a[2].abs()
 }
 
@@ -321,7 +321,7 @@ fn norm1(a: [Four; 3]) -> Four {
 mod tests {
     use super::*;
     use crate::geometry::Ray;
-    use crate::math::eight::TwoFours;
+    use crate::math::f32x8::BaselineSimd;
 
     const UNIT_BOX: Bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
 
@@ -356,14 +356,14 @@ mod tests {
             for ray in rays(x) {
                 assert_eq!(boxes.met(&BoxRay::new(&ray, &UNIT_BOX)), kept, "{x} {ray:?}");
                 let ray = BlockRay::new(&ray, &UNIT_BOX);
-                assert_eq!(spheres.met(TwoFours, &ray), kept, "{x} {ray:?}");
-                assert_eq!(triangles.met(TwoFours, &ShearedRay::of(&ray)), kept, "{x} {ray:?}");
+                assert_eq!(spheres.met(BaselineSimd, &ray), kept, "{x} {ray:?}");
+                assert_eq!(triangles.met(BaselineSimd, &ShearedRay::of(&ray)), kept, "{x} {ray:?}");
                 // Its bound is looser: radii within 2 in a hundred.
-                assert_eq!(swept.met(TwoFours, &ray) & kept, kept, "{x} {ray:?}");
+                assert_eq!(swept.met(BaselineSimd, &ray) & kept, kept, "{x} {ray:?}");
             }
             for ray in rays(x * 1.02) {
                 let ray = BlockRay::new(&ray, &UNIT_BOX);
-                assert_eq!(swept.met(TwoFours, &ray), kept, "{x} {ray:?}");
+                assert_eq!(swept.met(BaselineSimd, &ray), kept, "{x} {ray:?}");
             }
         }
     }
@@ -379,7 +379,10 @@ mod tests {
         // A negative t counts where the interval says so.
         for (ray, kept) in [(along, 0b1010), (along.with_interval(-9.0, 9.0), 0b1111)] {
             let ray = BlockRay::new(&ObjectRay::new(&ray, None).unwrap(), &UNIT_BOX);
-            assert_eq!((spheres.met(TwoFours, &ray), spheres.entered(TwoFours, &ray)), (0b1111, kept));
+            assert_eq!(
+                (spheres.met(BaselineSimd, &ray), spheres.entered(BaselineSimd, &ray)),
+                (0b1111, kept)
+            );
         }
     }
 
@@ -394,7 +397,7 @@ mod tests {
                 &ObjectRay::new(&ray, None).unwrap(),
                 &Bounds { min: [0.0; 3], max: [3e38; 3] },
             );
-            assert_eq!(spheres.met(TwoFours, &ray) & 1, 1);
+            assert_eq!(spheres.met(BaselineSimd, &ray) & 1, 1);
         }
     }
 }

@@ -1,9 +1,9 @@
 //! What the f64 step says of four primitives at once, and what it divides by.
 
 use crate::geometry::{Intersection, Surface};
-use crate::math::doubles::Doubles;
 use crate::math::error_bound::four_units;
-use crate::math::four::Four;
+use crate::math::f32x4::F32x4;
+use crate::math::f64x4::F64x4Ops;
 
 /// A bit for every lane.
 pub(super) const ALL: u32 = 0b1111;
@@ -55,44 +55,44 @@ impl FourTested {
 
 /// Numbers, and between which the exact ones lie.
 #[derive(Clone, Copy)]
-pub(super) struct Ends<D: Doubles> {
+pub(super) struct Ends<D: F64x4Ops> {
     pub middle: D::F64x4,
     pub below: D::F64x4,
     pub above: D::F64x4,
 }
 
-impl<D: Doubles> Ends<D> {
+impl<D: F64x4Ops> Ends<D> {
     /// Computed numbers that are off by some errors at most.
     #[inline(always)]
-    pub fn around(doubles: D, middle: D::F64x4, error: D::F64x4) -> Self {
-        Self { middle, below: doubles.sub(middle, error), above: doubles.add(middle, error) }
+    pub fn around(simd: D, middle: D::F64x4, error: D::F64x4) -> Self {
+        Self { middle, below: simd.sub(middle, error), above: simd.add(middle, error) }
     }
 
     /// A bit for each lane where both ends round to one `f32`, and those: made of what lies between them, so that whoever takes them
     /// waits for no bound.
     #[inline(always)]
-    pub fn rounded(&self, doubles: D) -> (u32, Four) {
-        let [first, last] = self.rounded_ends(doubles);
-        (first.at_least(last), self.rounded_middle(doubles))
+    pub fn rounded(&self, simd: D) -> (u32, F32x4) {
+        let [first, last] = self.rounded_ends(simd);
+        (first.cmp_ge(last), self.rounded_middle(simd))
     }
 
     /// Both ends, rounded; of `f32`, those above them or below are of what lies between them, too.
     #[inline(always)]
-    pub fn rounded_ends(&self, doubles: D) -> [Four; 2] {
-        [self.below, self.above].map(|end| Four::new(doubles.to_f32(end)))
+    pub fn rounded_ends(&self, simd: D) -> [F32x4; 2] {
+        [self.below, self.above].map(|end| F32x4::new(simd.to_f32(end)))
     }
 
     /// What lies between the ends, rounded, with no sign where it is 0.
     #[inline(always)]
-    pub fn rounded_middle(&self, doubles: D) -> Four {
-        Four::new(doubles.to_f32(self.middle)) + Four::ZERO
+    pub fn rounded_middle(&self, simd: D) -> F32x4 {
+        F32x4::new(simd.to_f32(self.middle)) + F32x4::ZERO
     }
 }
 
 /// `math::error_bound::Divisor`, lane by lane.
 #[derive(Clone, Copy)]
-pub(super) struct Divisor<D: Doubles> {
-    doubles: D,
+pub(super) struct Divisor<D: F64x4Ops> {
+    simd: D,
     inverse: D::F64x4,
     /// Twice its own relative error, and the roundings of a quotient.
     relative: D::F64x4,
@@ -101,31 +101,31 @@ pub(super) struct Divisor<D: Doubles> {
     pub is_certain: u32,
 }
 
-impl<D: Doubles> Divisor<D> {
+impl<D: F64x4Ops> Divisor<D> {
     /// Denominators that are off by some errors at most.
     #[inline(always)]
-    pub fn new(doubles: D, denominator: D::F64x4, error: D::F64x4) -> Self {
-        let one = doubles.splat(1.0);
-        let inverse = doubles.div(one, denominator);
-        let size = doubles.abs(inverse);
-        let relative = doubles.mul(error, size);
-        let twice = doubles.add(relative, relative);
+    pub fn new(simd: D, denominator: D::F64x4, error: D::F64x4) -> Self {
+        let one = simd.splat(1.0);
+        let inverse = simd.div(one, denominator);
+        let size = simd.abs(inverse);
+        let relative = simd.mul(error, size);
+        let twice = simd.add(relative, relative);
         Self {
-            doubles,
+            simd,
             inverse,
-            relative: doubles.add(twice, doubles.splat(four_units::<f64>())),
-            most: doubles.mul_add(twice, size, size),
-            is_certain: doubles.cmp_ge(one, twice),
+            relative: simd.add(twice, simd.splat(four_units::<f64>())),
+            most: simd.mul_add(twice, size, size),
+            is_certain: simd.cmp_ge(one, twice),
         }
     }
 
     /// Numerators over them.
     #[inline(always)]
     pub fn quotient(&self, numerator: D::F64x4, error: D::F64x4) -> Ends<D> {
-        let doubles = self.doubles;
-        let quotient = doubles.mul(numerator, self.inverse);
-        let own = doubles.mul(doubles.abs(quotient), self.relative);
-        let error = doubles.mul_add(error, self.most, own);
-        Ends::around(doubles, quotient, error)
+        let simd = self.simd;
+        let quotient = simd.mul(numerator, self.inverse);
+        let own = simd.mul(simd.abs(quotient), self.relative);
+        let error = simd.mul_add(error, self.most, own);
+        Ends::around(simd, quotient, error)
     }
 }

@@ -71,7 +71,7 @@ use crate::geometry::object_ray::{ObjectRay, View};
 use crate::geometry::verdict::{Verdict, rounded, settle_closed, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface, sphere};
 use crate::math::error_bound::{Divisor, product_error, two_units};
-use crate::math::four::Four;
+use crate::math::f32x4::F32x4;
 use crate::math::real::{Real, add, cross, dot, from_f32, norm1, scale, sub};
 
 /// Where a ray enters a linear swept sphere, within the closed interval: ends `positions` and
@@ -167,12 +167,12 @@ pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
 /// subnormal 2^-150, ten in all. The slack is sixteen of both.
 #[inline]
 pub fn halves(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<[Bounds; 2]> {
-    let [p0, p1] = positions.map(|[x, y, z]| Four::new([x, y, z, 0.0]));
+    let [p0, p1] = positions.map(|[x, y, z]| F32x4::new([x, y, z, 0.0]));
     let [r0, r1] = radii;
     // About half the surface of the boxes.
     let (length, width) = ((p1 - p0).abs(), r0 + r1);
     let surface = |part: f32| {
-        let [x, y, z, _] = (length * Four::splat(part) + Four::splat(width)).to_array();
+        let [x, y, z, _] = (length * F32x4::splat(part) + F32x4::splat(width)).to_array();
         x * y + y * z + z * x
     };
     // Written so that no infinity is halved.
@@ -181,21 +181,21 @@ pub fn halves(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<[Bounds; 2]> 
         return None;
     }
     const ROUNDINGS: f32 = 16.0 / 16_777_216.0;
-    let slack = (p0.abs() + p1.abs() + Four::splat(width)) * Four::splat(ROUNDINGS)
-        + Four::splat(16.0 * f32::from_bits(1));
-    let half = Four::splat(0.5);
-    let ball = |center: Four, radius: f32| {
-        let radius = Four::splat(radius);
+    let slack = (p0.abs() + p1.abs() + F32x4::splat(width)) * F32x4::splat(ROUNDINGS)
+        + F32x4::splat(16.0 * f32::from_bits(1));
+    let half = F32x4::splat(0.5);
+    let ball = |center: F32x4, radius: f32| {
+        let radius = F32x4::splat(radius);
         [center - radius - slack, center + radius + slack]
     };
     let ends = [ball(p0, r0), ball(p1, r1)];
     let middle = ball(p0 * half + p1 * half, r0 * 0.5 + r1 * 0.5);
     Some(ends.map(|end| {
-        let three = |corner: Four| {
+        let three = |corner: F32x4| {
             let [x, y, z, _] = corner.to_array();
             [x, y, z]
         };
-        Bounds { min: three(end[0].lesser(middle[0])), max: three(end[1].greater(middle[1])) }
+        Bounds { min: three(end[0].relaxed_min(middle[0])), max: three(end[1].relaxed_max(middle[1])) }
     }))
 }
 

@@ -27,9 +27,9 @@ use std::cmp::Ordering;
 
 use crate::geometry::Ray;
 use crate::geometry::foot::Footing;
-use crate::math::doubles::Doubles;
 use crate::math::exact::{self, Dyadic, Vector};
-use crate::math::four::Four;
+use crate::math::f32x4::F32x4;
+use crate::math::f64x4::F64x4Ops;
 use crate::math::real::{Real, norm1};
 use crate::math::surd::Surd;
 
@@ -119,17 +119,17 @@ impl Transform {
     #[inline(always)]
     pub fn rough(&self, ray: &Ray) -> Option<RoughRay> {
         let rough = self.rough.as_ref().filter(|_| ray.is_ordinary())?;
-        let columns = rough.columns.map(Four::new);
-        let apply = |[x, y, z]: [Four; 3]| {
+        let columns = rough.columns.map(F32x4::new);
+        let apply = |[x, y, z]: [F32x4; 3]| {
             let terms = [columns[0] * x, columns[1] * y, columns[2] * z];
-            let sizes = terms.map(Four::abs);
-            (terms[0] + terms[1] + terms[2], (sizes[0] + sizes[1] + sizes[2]) * Four::splat(ROUGH_SLACK))
+            let sizes = terms.map(F32x4::abs);
+            (terms[0] + terms[1] + terms[2], (sizes[0] + sizes[1] + sizes[2]) * F32x4::splat(ROUGH_SLACK))
         };
         let [bx, by, bz, _] = rough.translation;
         let [x, y, z] = ray.origin;
-        let (origin, origin_error) = apply([x - bx, y - by, z - bz].map(Four::splat));
-        let (direction, direction_error) = apply(ray.direction.map(Four::splat));
-        let origin_error = origin_error + Four::splat(ROUGH_UNDERFLOW);
+        let (origin, origin_error) = apply([x - bx, y - by, z - bz].map(F32x4::splat));
+        let (direction, direction_error) = apply(ray.direction.map(F32x4::splat));
+        let origin_error = origin_error + F32x4::splat(ROUGH_UNDERFLOW);
         Some(RoughRay { origin, direction, origin_error, direction_error })
     }
 
@@ -210,23 +210,23 @@ impl Rough {
 #[derive(Clone, Copy, Debug)]
 pub struct RoughRay {
     /// Where t is 0.
-    pub origin: Four,
+    pub origin: F32x4,
     /// The way per unit of t. A component is off by nothing where its bound is 0, and by at most half
     /// of what the bound says elsewhere.
-    pub direction: Four,
+    pub direction: F32x4,
     /// Of the origin, per component.
-    pub origin_error: Four,
+    pub origin_error: F32x4,
     /// Of the direction, per component.
-    pub direction_error: Four,
+    pub direction_error: F32x4,
 }
 
 impl RoughRay {
     /// Memory for a ray.
     pub const IDLE: Self = Self {
-        origin: Four::ZERO,
-        direction: Four::ZERO,
-        origin_error: Four::ZERO,
-        direction_error: Four::ZERO,
+        origin: F32x4::ZERO,
+        direction: F32x4::ZERO,
+        origin_error: F32x4::ZERO,
+        direction_error: F32x4::ZERO,
     };
 }
 
@@ -522,7 +522,7 @@ impl<R: Real> View<R> {
 
 /// A ray in f64 with bounds of its errors, for tests that operate on four numbers at once.
 #[derive(Clone, Copy)]
-pub struct DoubleRay<D: Doubles> {
+pub struct DoubleRay<D: F64x4Ops> {
     /// (x, y, z, 0), and so the direction.
     pub(super) origin: D::F64x4,
     pub(super) direction: D::F64x4,
@@ -534,18 +534,18 @@ pub struct DoubleRay<D: Doubles> {
     pub(super) t_max: f32,
 }
 
-impl<D: Doubles> DoubleRay<D> {
+impl<D: F64x4Ops> DoubleRay<D> {
     /// The ray as an instance's primitives see it.
     #[inline(always)]
-    pub fn of(doubles: D, ray: &ObjectRay) -> Self {
+    pub fn of(simd: D, ray: &ObjectRay) -> Self {
         let View { origin, direction, origin_error, slack, direction_norm, .. } = ray.view::<f64>();
-        let three = |[x, y, z]: [f64; 3]| doubles.from_array([x, y, z, 0.0]);
+        let three = |[x, y, z]: [f64; 3]| simd.from_array([x, y, z, 0.0]);
         Self {
             origin: three(origin),
             direction: three(direction),
-            origin_error: doubles.splat(origin_error),
-            slack: doubles.splat(slack),
-            direction_norm: doubles.splat(direction_norm),
+            origin_error: simd.splat(origin_error),
+            slack: simd.splat(slack),
+            direction_norm: simd.splat(direction_norm),
             t_min: ray.t_min(),
             t_max: ray.t_max(),
         }
@@ -553,17 +553,17 @@ impl<D: Doubles> DoubleRay<D> {
 
     /// A finite ray in world space.
     #[inline(always)]
-    pub fn in_world(doubles: D, ray: &Ray) -> Self {
+    pub fn in_world(simd: D, ray: &Ray) -> Self {
         // With what stands next to them, as that is one load.
         let numbers: &[f32; 8] = bytemuck::cast_ref(ray);
-        let three = |four: Option<&[f32; 4]>| doubles.xyz0(doubles.from_f32(four.expect("four of eight")));
+        let three = |four: Option<&[f32; 4]>| simd.xyz0(simd.from_f32(four.expect("four of eight")));
         let (origin, direction) = (three(numbers.first_chunk()), three(numbers[3..].first_chunk()));
         Self {
             origin,
             direction,
-            origin_error: doubles.splat(0.0),
-            slack: doubles.splat(12.0 * UNIT),
-            direction_norm: doubles.reduce_sum(doubles.abs(direction)),
+            origin_error: simd.splat(0.0),
+            slack: simd.splat(12.0 * UNIT),
+            direction_norm: simd.reduce_sum(simd.abs(direction)),
             t_min: ray.t_min,
             t_max: ray.t_max,
         }

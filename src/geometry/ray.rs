@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::math::four::Four;
+use crate::math::f32x4::F32x4;
 
 /// A ray as a shader passes it to a trace: world space, direction not normalised, t in units of
 /// the direction's length.
@@ -42,17 +42,17 @@ impl Ray {
     /// direction is not 0, and the interval holds no NaN.
     #[inline(always)]
     pub fn is_ordinary(&self) -> bool {
-        let zero = Four::splat(0.0);
+        let zero = F32x4::splat(0.0);
         let [ox, oy, oz] = self.origin;
         let [dx, dy, dz] = self.direction;
-        let origin = Four::new([ox, oy, oz, 0.0]).abs();
-        let direction = Four::new([dx, dy, dz, 0.0]).abs();
-        let within = |magnitudes: Four| {
-            let some = magnitudes.at_least(Four::splat(Self::LEAST)) | zero.at_least(magnitudes);
-            some & Four::splat(Self::MOST).at_least(magnitudes)
+        let origin = F32x4::new([ox, oy, oz, 0.0]).abs();
+        let direction = F32x4::new([dx, dy, dz, 0.0]).abs();
+        let within = |magnitudes: F32x4| {
+            let some = magnitudes.cmp_ge(F32x4::splat(Self::LEAST)) | zero.cmp_ge(magnitudes);
+            some & F32x4::splat(Self::MOST).cmp_ge(magnitudes)
         };
         within(origin) & within(direction) == 0b1111
-            && zero.at_least(direction) != 0b1111
+            && zero.cmp_ge(direction) != 0b1111
             && !(self.t_min.is_nan() || self.t_max.is_nan())
     }
 

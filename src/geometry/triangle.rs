@@ -39,8 +39,8 @@ pub(super) use one::tested as tested_one;
 use crate::geometry::object_ray::{DoubleRay, ObjectRay};
 use crate::geometry::verdict::Verdict;
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
-use crate::math::eight::TwoFours;
 use crate::math::exact::{self, Dyadic};
+use crate::math::f32x8::BaselineSimd;
 use crate::math::real::{Real, cross, dot, from_f32, sub};
 use crate::math::surd::Surd;
 
@@ -61,7 +61,7 @@ pub fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3], precision: Precision)
 
 #[inline(always)]
 fn in_f64(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Intersection> {
-    tested_one(TwoFours, &DoubleRay::of(TwoFours, ray), vertices)
+    tested_one(BaselineSimd, &DoubleRay::of(BaselineSimd, ray), vertices)
 }
 
 /// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.

@@ -6,9 +6,9 @@
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::{V3, V4};
 
-use crate::math::doubles::Doubles;
-use crate::math::eight::{Eights, TwoFours};
-use crate::math::four::Fused;
+use crate::math::f32x4::FmaOps;
+use crate::math::f32x8::{BaselineSimd, F32x8Ops};
+use crate::math::f64x4::F64x4Ops;
 
 /// A piece of work that is generic over the instruction set.
 pub trait LaneTask {
@@ -16,16 +16,16 @@ pub trait LaneTask {
     type Output;
 
     /// Does the work. Implementations must be `#[inline(always)]`.
-    fn run<V: LaneOps>(self, vectors: V) -> Self::Output;
+    fn run<V: LaneOps>(self, simd: V) -> Self::Output;
 }
 
 /// The SIMD operations of an instruction set, and the dispatch of further tasks to it.
-pub trait LaneOps: Eights + Doubles + Fused {
+pub trait LaneOps: F32x8Ops + F64x4Ops + FmaOps {
     /// Runs a task in a function of its own, compiled for this instruction set.
     fn dispatch<T: LaneTask>(self, task: T) -> T::Output;
 }
 
-impl LaneOps for TwoFours {
+impl LaneOps for BaselineSimd {
     #[inline(never)]
     fn dispatch<T: LaneTask>(self, task: T) -> T::Output {
         task.run(self)
@@ -92,7 +92,7 @@ impl CpuTier {
         if let Some(simd) = self.avx2 {
             return simd.dispatch(task);
         }
-        TwoFours.dispatch(task)
+        BaselineSimd.dispatch(task)
     }
 
     /// Runs a task whose loops the compiler vectorizes, on the widest registers of the CPU.

@@ -1,13 +1,13 @@
 //! Numerics below everything else: elementary functions behind one door, exact arithmetic, error
 //! bounds, distances in ulp.
 
-pub mod doubles;
-pub mod eight;
 pub mod error_bound;
 pub mod exact;
+pub mod f32x4;
+pub mod f32x8;
+pub mod f64x4;
 pub mod float;
 pub mod float_format;
-pub mod four;
 pub mod hard;
 pub mod lane_ops;
 pub mod power;

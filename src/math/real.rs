@@ -1,8 +1,8 @@
-//! The two binary formats that a first, bounded attempt at a geometric question runs in.
+//! The binary formats that a floating-point filter of a geometric predicate is written for.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// `f32` or `f64`: what a formula needs to be written once for both.
+/// `f32` or `f64`: the operations of formulas that are generic over both.
 pub trait Real:
     Copy
     + PartialOrd
@@ -12,28 +12,28 @@ pub trait Real:
     + Mul<Output = Self>
     + Div<Output = Self>
 {
-    /// 0.
+    /// The number 0.
     const ZERO: Self;
-    /// 1.
+    /// The number 1.
     const ONE: Self;
     /// The unit roundoff: 2^-24 or 2^-53. One operation is off by at most this, relatively.
     const UNIT: Self;
 
-    /// Exact.
+    /// Converts exactly.
     fn from_f32(value: f32) -> Self;
-    /// To nearest.
+    /// Rounds to nearest.
     fn from_f64(value: f64) -> Self;
-    /// To nearest even.
+    /// Rounds to nearest even.
     fn to_f32(self) -> f32;
-    /// Correctly rounded.
+    /// The correctly rounded square root.
     fn sqrt(self) -> Self;
-    /// Exact.
+    /// The absolute value.
     fn abs(self) -> Self;
 
-    /// The greater one; the other where one is NaN.
-    fn greater(self, other: Self) -> Self;
-    /// The lesser one; the other where one is NaN.
-    fn lesser(self, other: Self) -> Self;
+    /// The maximum; the other one if one is a NaN.
+    fn max(self, other: Self) -> Self;
+    /// The minimum; the other one if one is a NaN.
+    fn min(self, other: Self) -> Self;
 }
 
 macro_rules! real {
@@ -69,12 +69,12 @@ macro_rules! real {
             }
 
             #[inline(always)]
-            fn greater(self, other: Self) -> Self {
+            fn max(self, other: Self) -> Self {
                 self.max(other)
             }
 
             #[inline(always)]
-            fn lesser(self, other: Self) -> Self {
+            fn min(self, other: Self) -> Self {
                 self.min(other)
             }
         }
@@ -84,43 +84,43 @@ macro_rules! real {
 real!(f32, f32::EPSILON / 2.0);
 real!(f64, f64::EPSILON / 2.0);
 
-/// The three components as another format, exactly.
+/// Converts three components to another format, exactly.
 #[inline(always)]
 pub fn from_f32<R: Real>(v: [f32; 3]) -> [R; 3] {
     v.map(R::from_f32)
 }
 
-/// `a - b`.
+/// The difference `a - b`.
 #[inline(always)]
 pub fn sub<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// `a + b`.
+/// The sum `a + b`.
 #[inline(always)]
 pub fn add<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-/// `s * v`.
+/// The vector `s * v`.
 #[inline(always)]
 pub fn scale<R: Real>(s: R, v: [R; 3]) -> [R; 3] {
     [s * v[0], s * v[1], s * v[2]]
 }
 
-/// The scalar product.
+/// The dot product.
 #[inline(always)]
 pub fn dot<R: Real>(a: [R; 3], b: [R; 3]) -> R {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The vector product.
+/// The cross product.
 #[inline(always)]
 pub fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The sum of the components' magnitudes: bounds the length, and costs no square root.
+/// The 1-norm, the sum of the absolute components: an upper bound of the length without a square root.
 #[inline(always)]
 pub fn norm1<R: Real>(v: [R; 3]) -> R {
     v[0].abs() + v[1].abs() + v[2].abs()

@@ -59,7 +59,7 @@ impl LaneTask for Truncate<'_> {
         let from = self.registers[self.from].0.as_chunks::<8>().0;
         for (words, to) in from.iter().zip(result.as_chunks_mut::<8>().0) {
             let floats = vectors.load(&words.map(f32::from_bits));
-            *to = vectors.to_integers(floats).map(|integer| integer as u32);
+            *to = vectors.to_i32(floats).map(|integer| integer as u32);
         }
         self.registers[self.to].0 = result;
     }

@@ -165,7 +165,7 @@ fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
     let floats = if AT == 0 { &registers.register(step.from[0]).0 } else { &held };
     let mut result = [0; W];
     for (eight, to) in floats.as_chunks::<8>().0.iter().zip(result.as_chunks_mut::<8>().0) {
-        *to = vectors.to_integers(vectors.load(&eight.map(f32::from_bits))).map(|integer| integer as u32);
+        *to = vectors.to_i32(vectors.load(&eight.map(f32::from_bits))).map(|integer| integer as u32);
     }
     if STORED {
         registers.register_mut(step.to).0 = result;

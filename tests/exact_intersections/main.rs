@@ -12,7 +12,7 @@ use anyhit::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
     world_to_object,
 };
-use anyhit::math::eight::TwoFours;
+use anyhit::math::f32x8::BaselineSimd;
 use anyhit::stress::draw::Draw;
 use anyhit::stress::reference::{self, Expected, LineOf, Root};
 
@@ -81,7 +81,7 @@ fn spheres() {
             if let Some(bounds) = sphere::bounds(center, radius) {
                 let mut block = block::Spheres::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, center, radius));
-                let met = block.met(TwoFours, &BlockRay::new(&object, &bounds));
+                let met = block.met(BaselineSimd, &BlockRay::new(&object, &bounds));
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = sphere::intersect(&object, center, radius, Precision::Exact);
@@ -108,7 +108,7 @@ fn linear_swept_spheres() {
                 let mut block = block::SweptEnds::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, positions, radii));
                 let block_ray = BlockRay::new(&object, &bounds);
-                let met = block.met(TwoFours, &block_ray) & block.met_closely(TwoFours, &block_ray);
+                let met = block.met(BaselineSimd, &block_ray) & block.met_closely(BaselineSimd, &block_ray);
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = agree(found, expected, &ray, false, &case)?;
@@ -142,7 +142,7 @@ fn triangles() {
                 let mut block = block::Triangles::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, vertices));
                 let sheared = ShearedRay::of(&BlockRay::new(&object, &bounds));
-                let met = block.met(TwoFours, &sheared);
+                let met = block.met(BaselineSimd, &sheared);
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = agree(found, expected, &ray, true, &case)?;

@@ -9,7 +9,7 @@ use crate::accel::primitive::{self, Primitive, TakePrimitive};
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, LANES};
 use crate::geometry::{Bounds, aabb, linear_swept_sphere, sphere, triangle};
-use crate::math::four::Four;
+use crate::math::f32x4::F32x4;
 
 /// Up to this many primitives are tested without a BVH: the test of a node costs about as much as
 /// that of a primitive.
@@ -348,11 +348,11 @@ fn prim_ref(primitive: &Primitive) -> Option<PrimRef> {
 /// [`triangle::bounds`] in SIMD.
 #[inline(always)]
 fn triangle_prim_ref(vertices: [[f32; 3]; 3]) -> Option<PrimRef> {
-    let [a, b, c] = vertices.map(|[x, y, z]| Four::new([x, y, z, 0.0]));
+    let [a, b, c] = vertices.map(|[x, y, z]| F32x4::new([x, y, z, 0.0]));
     // Zero times an infinity or a NaN is a NaN.
-    let finite = (a * Four::ZERO + b * Four::ZERO + c * Four::ZERO).at_least(Four::ZERO) == 0b1111;
-    let (low, high) = (a.lesser(b).lesser(c), a.greater(b).greater(c));
-    finite.then(|| PrimRef::from_corners([low, Four::ZERO - high], 0))
+    let finite = (a * F32x4::ZERO + b * F32x4::ZERO + c * F32x4::ZERO).cmp_ge(F32x4::ZERO) == 0b1111;
+    let (low, high) = (a.relaxed_min(b).relaxed_min(c), a.relaxed_max(b).relaxed_max(c));
+    finite.then(|| PrimRef::from_corners([low, F32x4::ZERO - high], 0))
 }
 
 #[inline]

@@ -8,7 +8,7 @@ use super::*;
 use crate::accel::{Blas, Geometry, GeometryData, GeometryFlags, Instance, RayFlags};
 use crate::accel::{EndCaps, Indexing};
 use crate::geometry::Ray;
-use crate::math::eight::TwoFours;
+use crate::math::f32x8::BaselineSimd;
 use crate::math::lane_ops::LaneOps;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
@@ -37,7 +37,7 @@ fn check(tlas: &Tlas, traces: &[TraceRay]) {
             any_opaque_hit: false,
             single_ray_mask: 0,
         };
-        let left = TwoFours.dispatch(traversal);
+        let left = BaselineSimd.dispatch(traversal);
         for (at, wanted) in wanted.iter().enumerate().take(first.len()) {
             if left >> at & 1 == 0 {
                 assert_eq!(packet.committed(tlas, at), *wanted, "ray {at}");

@@ -10,7 +10,7 @@ use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, i
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::{DoubleRay, FourTested, Intersection, ObjectRay};
-use crate::math::doubles::Doubles;
+use crate::math::f64x4::F64x4Ops;
 use crate::math::lane_ops::{LaneOps, LaneTask};
 
 /// Up to this many rays leave the packet below a node that no other ray hits, and traverse it singly.
@@ -30,8 +30,8 @@ impl LaneTask for PacketTraversal<'_> {
     type Output = u64;
 
     #[inline(always)]
-    fn run<E: LaneOps>(self, eights: E) -> u64 {
-        self.together(eights)
+    fn run<E: LaneOps>(self, simd: E) -> u64 {
+        self.together(simd)
     }
 }
 
@@ -47,8 +47,8 @@ impl LaneTask for LeafTask<'_, '_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<E: LaneOps>(self, eights: E) {
-        self.traversal.test(eights, self.inside, self.leaf, self.rays);
+    fn run<E: LaneOps>(self, simd: E) {
+        self.traversal.test(simd, self.inside, self.leaf, self.rays);
     }
 }
 
@@ -63,15 +63,15 @@ impl LaneTask for InstanceTask<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<E: LaneOps>(self, eights: E) {
-        self.traversal.enter(eights, self.instance, self.rays);
+    fn run<E: LaneOps>(self, simd: E) {
+        self.traversal.enter(simd, self.instance, self.rays);
     }
 }
 
 // Everything that operates on vectors is inlined into the function of a task; closures would not be.
 impl PacketTraversal<'_> {
     #[inline(always)]
-    fn together<E: LaneOps>(mut self, eights: E) -> u64 {
+    fn together<E: LaneOps>(mut self, simd: E) -> u64 {
         let count = self.traces.len();
         let packet = &mut *self.packet;
         packet.hit = 0;
@@ -81,7 +81,7 @@ impl PacketTraversal<'_> {
             // An infinite t would let boxes at infinity pass.
             *limit = trace.ray.t_max.min(f32::MAX);
         }
-        let rays = packet.rays.take(eights, self.traces);
+        let rays = packet.rays.take(simd, self.traces);
         self.leave_to_single_rays(!rays & (u64::MAX >> (MAX_RAYS - count)));
         let instances = self.tlas.instances().len();
         if rays == 0 || instances == 0 {
@@ -90,10 +90,10 @@ impl PacketTraversal<'_> {
         match self.tlas.bvh() {
             None => {
                 for number in 0..instances {
-                    eights.dispatch(InstanceTask { traversal: &mut self, instance: number as u32, rays });
+                    simd.dispatch(InstanceTask { traversal: &mut self, instance: number as u32, rays });
                 }
             }
-            Some((bvh, order)) => self.through_world(eights, bvh, order, rays),
+            Some((bvh, order)) => self.through_world(simd, bvh, order, rays),
         }
         if self.packet.steps == 0 { u64::MAX } else { self.single_ray_mask }
     }
@@ -109,8 +109,8 @@ impl PacketTraversal<'_> {
 
     /// Traverses the tree over the instances.
     #[inline(always)]
-    fn through_world<E: LaneOps>(&mut self, eights: E, bvh: &WideBvh, order: &[u32], rays: u64) {
-        let fit = self.packet.world.take_simple(eights, &self.packet.rays, bvh.scale(), rays);
+    fn through_world<E: LaneOps>(&mut self, simd: E, bvh: &WideBvh, order: &[u32], rays: u64) {
+        let fit = self.packet.world.take_simple(simd, &self.packet.rays, bvh.scale(), rays);
         self.leave_to_single_rays(rays & !fit);
         let mut rest = fit;
         while rest != 0 {
@@ -118,28 +118,28 @@ impl PacketTraversal<'_> {
             rest &= !group.rays;
             let root = bvh.root();
             if root.is_leaf() {
-                eights.dispatch(InstanceTask {
+                simd.dispatch(InstanceTask {
                     traversal: self,
                     instance: order[root.index()],
                     rays: group.rays,
                 });
                 continue;
             }
-            self.visit(eights, &group, bvh, &Instances(order));
+            self.visit(simd, &group, bvh, &Instances(order));
         }
     }
 
     /// Traverses a tree with a group of rays, the nearest nodes first; below nodes that at most [`FEW`]
     /// of them hit these go singly.
     #[inline(always)]
-    fn visit<E: LaneOps>(&mut self, eights: E, group: &Group, bvh: &WideBvh, leaves: &impl Leaves) {
+    fn visit<E: LaneOps>(&mut self, simd: E, group: &Group, bvh: &WideBvh, leaves: &impl Leaves) {
         if group.rays.count_ones() <= FEW {
-            return self.visit_singly(eights, group, bvh, bvh.root(), leaves);
+            return self.visit_singly(simd, group, bvh, bvh.root(), leaves);
         }
         let base = self.packet.stack.len();
-        let around = leaves.rows(self.packet).around(eights, &self.packet.rays, group);
-        let slabs = around.slabs(eights);
-        let mut limit = self.packet.limits.greatest(eights, group.rays);
+        let around = leaves.rows(self.packet).around(simd, &self.packet.rays, group);
+        let slabs = around.slabs(simd);
+        let mut limit = self.packet.limits.greatest(simd, group.rays);
         let mut inner = Some(bvh.root());
         loop {
             if let Some(at) = inner.take() {
@@ -162,16 +162,16 @@ impl PacketTraversal<'_> {
             let node = bvh.node(at);
             let child = node.child(slot);
             let Packet { rays, limits, .. } = &*self.packet;
-            let met = leaves.rows(self.packet).met(eights, rays, group, (node, slot), limits);
+            let met = leaves.rows(self.packet).met(simd, rays, group, (node, slot), limits);
             if child.is_leaf() {
-                leaves.visit_leaf(self, eights, child, met);
+                leaves.visit_leaf(self, simd, child, met);
             } else if met.count_ones() <= FEW {
-                self.visit_singly(eights, &Group { rays: met, ..*group }, bvh, child, leaves);
+                self.visit_singly(simd, &Group { rays: met, ..*group }, bvh, child, leaves);
             } else {
                 inner = Some(child);
                 continue;
             }
-            limit = self.packet.limits.greatest(eights, group.rays);
+            limit = self.packet.limits.greatest(simd, group.rays);
         }
     }
 
@@ -179,7 +179,7 @@ impl PacketTraversal<'_> {
     #[inline(always)]
     fn visit_singly<E: LaneOps>(
         &mut self,
-        eights: E,
+        simd: E,
         group: &Group,
         bvh: &WideBvh,
         root: NodeRef,
@@ -191,7 +191,7 @@ impl PacketTraversal<'_> {
             let ray = rest.trailing_zeros() as usize % MAX_RAYS;
             rest &= rest - 1;
             let single = leaves.rows(self.packet).single(&self.packet.rays, ray, group);
-            let slabs = single.slabs(eights);
+            let slabs = single.slabs(simd);
             let mut inner = Some(root);
             loop {
                 if let Some(at) = inner.take() {
@@ -214,7 +214,7 @@ impl PacketTraversal<'_> {
                 let (at, slot) = entry.node_and_slot();
                 let child = bvh.node(at).child(slot);
                 if child.is_leaf() {
-                    leaves.visit_leaf(self, eights, child, 1 << ray);
+                    leaves.visit_leaf(self, simd, child, 1 << ray);
                 } else {
                     inner = Some(child);
                 }
@@ -224,7 +224,7 @@ impl PacketTraversal<'_> {
 
     /// Takes rays into an instance and traverses its tree.
     #[inline(always)]
-    fn enter<E: LaneOps>(&mut self, eights: E, number: u32, rays: u64) {
+    fn enter<E: LaneOps>(&mut self, simd: E, number: u32, rays: u64) {
         let instance = &self.tlas.instances()[number as usize];
         let TraceRay { flags, cull_mask, .. } = self.traces[0];
         if !is_visible(instance.mask, cull_mask)
@@ -238,10 +238,8 @@ impl PacketTraversal<'_> {
         let Packet { rays: all, rows, .. } = &mut *self.packet;
         let fit = match (built.bvh(), placed) {
             (None, _) => rays,
-            (Some(bvh), Placed::InWorld) => rows.take_simple(eights, all, bvh.scale(), rays),
-            (Some(bvh), Placed::Still(transform)) => {
-                rows.take_rough(eights, all, transform, bvh.scale(), rays)
-            }
+            (Some(bvh), Placed::InWorld) => rows.take_simple(simd, all, bvh.scale(), rays),
+            (Some(bvh), Placed::Still(transform)) => rows.take_rough(simd, all, transform, bvh.scale(), rays),
             (Some(_), Placed::Moving) => 0,
         };
         self.leave_to_single_rays(rays & !fit);
@@ -249,7 +247,7 @@ impl PacketTraversal<'_> {
         let inside = Inside { instance: number, built, in_world: matches!(placed, Placed::InWorld) };
         let Some(bvh) = built.bvh().filter(|bvh| !bvh.root().is_leaf()) else {
             for leaf in built.leaves() {
-                eights.dispatch(LeafTask { traversal: self, inside: &inside, leaf, rays: fit });
+                simd.dispatch(LeafTask { traversal: self, inside: &inside, leaf, rays: fit });
             }
             return;
         };
@@ -257,13 +255,13 @@ impl PacketTraversal<'_> {
         while rest != 0 {
             let group = self.packet.rows.first_group(rest);
             rest &= !group.rays;
-            self.visit(eights, &group, bvh, &inside);
+            self.visit(simd, &group, bvh, &inside);
         }
     }
 
     /// Tests the primitives of a leaf for some rays.
     #[inline(always)]
-    fn test<E: LaneOps>(&mut self, eights: E, inside: &Inside, leaf: NodeRef, mut rays: u64) {
+    fn test<E: LaneOps>(&mut self, simd: E, inside: &Inside, leaf: NodeRef, mut rays: u64) {
         let (tlas, traces, built) = (self.tlas, self.traces, inside.built);
         let precision = tlas.precision();
         let whole = built.tests_leaves(precision);
@@ -274,10 +272,10 @@ impl PacketTraversal<'_> {
             let mut tested = FourTested::MISSED;
             let mut rest = if whole {
                 let limit = self.packet.limits.0[at];
-                tested = built.tested(eights, leaf, &mut InPacket { traversal: self, inside, at }, limit);
+                tested = built.tested(simd, leaf, &mut InPacket { traversal: self, inside, at }, limit);
                 tested.met() & built.full_mask(leaf)
             } else {
-                self.instance_ray(inside, at).met::<E, false>(eights, tlas, built, leaf, trace)
+                self.instance_ray(inside, at).met::<E, false>(simd, tlas, built, leaf, trace)
             };
             while rest != 0 {
                 let lane = rest.trailing_zeros() as usize;
@@ -343,11 +341,11 @@ struct InPacket<'a, 'b, 'c> {
 
 impl LeafRay for InPacket<'_, '_, '_> {
     #[inline(always)]
-    fn double<D: Doubles>(&mut self, doubles: D) -> DoubleRay<D> {
+    fn double<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D> {
         if self.inside.in_world {
-            DoubleRay::in_world(doubles, &self.traversal.traces[self.at].ray)
+            DoubleRay::in_world(simd, &self.traversal.traces[self.at].ray)
         } else {
-            DoubleRay::of(doubles, self.object())
+            DoubleRay::of(simd, self.object())
         }
     }
 
@@ -372,7 +370,7 @@ trait Leaves {
     fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows;
 
     /// Visits a leaf with some rays.
-    fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64);
+    fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, simd: E, leaf: NodeRef, rays: u64);
 }
 
 /// The numbers of the instances, in tree order.
@@ -385,9 +383,9 @@ impl Leaves for Instances<'_> {
     }
 
     #[inline(always)]
-    fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64) {
+    fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, simd: E, leaf: NodeRef, rays: u64) {
         if rays != 0 {
-            eights.dispatch(InstanceTask { traversal, instance: self.0[leaf.index()], rays });
+            simd.dispatch(InstanceTask { traversal, instance: self.0[leaf.index()], rays });
         }
     }
 }
@@ -399,9 +397,9 @@ impl Leaves for Inside<'_> {
     }
 
     #[inline(always)]
-    fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, eights: E, leaf: NodeRef, rays: u64) {
+    fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, simd: E, leaf: NodeRef, rays: u64) {
         if rays != 0 {
-            eights.dispatch(LeafTask { traversal, inside: self, leaf, rays });
+            simd.dispatch(LeafTask { traversal, inside: self, leaf, rays });
         }
     }
 }

@@ -18,7 +18,7 @@ use super::{ALL, BlockRay, LANES, Row};
 use crate::geometry::Bounds;
 use crate::geometry::{Intersection, ObjectRay, Precision, aabb};
 use crate::math::error_bound::{round_down, round_up};
-use crate::math::four::Four;
+use crate::math::f32x4::F32x4;
 use crate::math::prefetch::prefetch;
 
 /// Up to four boxes.
@@ -108,20 +108,20 @@ impl Aabbs {
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline]
     pub fn met(&self, slabs: &BoxRay) -> u32 {
-        let mut near = Four::splat(0.0);
-        let mut far = Four::splat(f32::INFINITY);
+        let mut near = F32x4::splat(0.0);
+        let mut far = F32x4::splat(f32::INFINITY);
         for i in 0..3 {
             let side = slabs.near_side[i];
             let reach = |side: usize, origin: [f32; 3], reciprocal: [f32; 3]| {
-                (Four::new(self.sides[side][i]) - Four::splat(origin[i])) * Four::splat(reciprocal[i])
+                (F32x4::new(self.sides[side][i]) - F32x4::splat(origin[i])) * F32x4::splat(reciprocal[i])
             };
             let enter = reach(side, slabs.near_origin, slabs.near_reciprocal);
             let leave = reach(side ^ 1, slabs.far_origin, slabs.far_reciprocal);
             // Written so that a NaN keeps the old bound.
-            near = enter.if_above(near);
-            far = leave.if_below(far);
+            near = enter.max(near);
+            far = leave.min(far);
         }
-        ALL & !(near.above(far))
+        ALL & !(near.cmp_gt(far))
     }
 
     /// Where a ray enters the box in a lane: [`aabb::intersect`].

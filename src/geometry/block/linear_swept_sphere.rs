@@ -60,7 +60,7 @@
 
 use super::{ALL, BlockRay, LANES, Row, load, norm1, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_sphere};
-use crate::math::four::{Four, Fused};
+use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::prefetch::prefetch;
 
 /// Up to four linear swept spheres without their caps: two lines of cache, where a ray that meets none reads nothing more.
@@ -74,15 +74,15 @@ pub struct SweptEnds {
 /// What both tests begin with, as at the head of this file.
 struct Beside {
     /// W
-    from_start: [Four; 3],
+    from_start: [F32x4; 3],
     /// E x A
-    across: [Four; 3],
+    across: [F32x4; 3],
     /// Its square.
-    square: Four,
+    square: F32x4,
     /// |A|, or more.
-    length: Four,
+    length: F32x4,
     /// |W.(E x A)|, or less.
-    apart: Four,
+    apart: F32x4,
 }
 
 impl SweptEnds {
@@ -109,43 +109,43 @@ impl SweptEnds {
 
     /// A bit for each lane of which the ray's line does not surely miss the cylinder of its greater radius.
     #[inline(always)]
-    pub fn met<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
-        let Beside { square, apart, .. } = self.beside(fused, ray);
-        let radius = Four::new(self.radii[0]).greater(Four::new(self.radii[1]));
-        let room = fused.fused_sum(radius * radius, square, Four::splat(f32::MIN_POSITIVE));
-        ALL & !((apart * apart).above(room))
+    pub fn met<F: FmaOps>(&self, simd: F, ray: &BlockRay) -> u32 {
+        let Beside { square, apart, .. } = self.beside(simd, ray);
+        let radius = F32x4::new(self.radii[0]).relaxed_max(F32x4::new(self.radii[1]));
+        let room = simd.fma(radius * radius, square, F32x4::splat(f32::MIN_POSITIVE));
+        ALL & !((apart * apart).cmp_gt(room))
     }
 
     /// A bit for each lane of which the ray's line does not surely miss the cone: fewer, for half as many operations again. Pays for
     /// rays that go by themselves, whose next branches wait for it.
     #[inline(always)]
-    pub fn met_closely<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
-        let Beside { from_start, across, square, length, apart } = self.beside(fused, ray);
-        let [r0, r1] = self.radii.map(Four::new);
+    pub fn met_closely<F: FmaOps>(&self, simd: F, ray: &BlockRay) -> u32 {
+        let Beside { from_start, across, square, length, apart } = self.beside(simd, ray);
+        let [r0, r1] = self.radii.map(F32x4::new);
         let slope = r1 - r0;
         let area = length * length;
-        let place = fused.fused_dot(fused.fused_cross(ray.directions(), from_start), across);
-        let [wider, blur, steep] = ray.cone.map(Four::splat);
-        let rest = square - fused.fused_sum(area, blur, slope * slope * steep);
-        let rest = rest.if_above(Four::ZERO);
-        let radius = fused.fused_sum(slope, place, r0 * square).abs();
-        let radius = fused.fused_sum(area, wider, radius);
-        let room = fused.fused_sum(radius * radius, Four::splat(1.0 + 1e-5), Four::splat(f32::MIN_POSITIVE));
-        ALL & !((apart * rest * apart).above(room))
+        let place = simd.fma_dot(simd.fma_cross(ray.directions(), from_start), across);
+        let [wider, blur, steep] = ray.cone.map(F32x4::splat);
+        let rest = square - simd.fma(area, blur, slope * slope * steep);
+        let rest = rest.max(F32x4::ZERO);
+        let radius = simd.fma(slope, place, r0 * square).abs();
+        let radius = simd.fma(area, wider, radius);
+        let room = simd.fma(radius * radius, F32x4::splat(1.0 + 1e-5), F32x4::splat(f32::MIN_POSITIVE));
+        ALL & !((apart * rest * apart).cmp_gt(room))
     }
 
     /// Where the ray's line passes the axes' lines.
     #[inline(always)]
-    fn beside<F: Fused>(&self, fused: F, ray: &BlockRay) -> Beside {
+    fn beside<F: FmaOps>(&self, simd: F, ray: &BlockRay) -> Beside {
         let p0 = load(&self.positions[0]);
         let axis = sub(load(&self.positions[1]), p0);
         let from_start = sub(ray.origins(), p0);
-        let across = fused.fused_cross(ray.directions(), axis);
-        let length = norm1(axis) + Four::splat(1.0 / 1_099_511_627_776.0);
-        let apart = fused.fused_dot(from_start, across).abs() - length * Four::splat(ray.reach);
+        let across = simd.fma_cross(ray.directions(), axis);
+        let length = norm1(axis) + F32x4::splat(1.0 / 1_099_511_627_776.0);
+        let apart = simd.fma_dot(from_start, across).abs() - length * F32x4::splat(ray.reach);
         // Written so that a NaN is not apart.
-        let apart = apart.if_above(Four::ZERO);
-        Beside { from_start, across, square: fused.fused_dot(across, across), length, apart }
+        let apart = apart.max(F32x4::ZERO);
+        Beside { from_start, across, square: simd.fma_dot(across, across), length, apart }
     }
 
     /// Where a ray enters the swept sphere in a lane: [`linear_swept_sphere::intersect`]. `caps` are those

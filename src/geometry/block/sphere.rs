@@ -15,8 +15,8 @@
 
 use super::{ALL, BlockRay, LANES, Row, load, sub};
 use crate::geometry::{FourTested, Intersection, ObjectRay, Precision, sphere};
-use crate::math::doubles::Doubles;
-use crate::math::four::{Four, Fused};
+use crate::math::f32x4::{F32x4, FmaOps};
+use crate::math::f64x4::F64x4Ops;
 use crate::math::prefetch::prefetch;
 
 /// Up to four spheres.
@@ -49,29 +49,29 @@ impl Spheres {
 
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline(always)]
-    pub fn met<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
-        self.met_from(fused, ray, Four::splat(f32::INFINITY))
+    pub fn met<F: FmaOps>(&self, simd: F, ray: &BlockRay) -> u32 {
+        self.met_from(simd, ray, F32x4::splat(f32::INFINITY))
     }
 
     /// The same, without lanes that are surely entered behind the origin, if ever.
     #[inline(always)]
-    pub fn entered<F: Fused>(&self, fused: F, ray: &BlockRay) -> u32 {
-        self.met_from(fused, ray, Four::splat(ray.behind))
+    pub fn entered<F: FmaOps>(&self, simd: F, ray: &BlockRay) -> u32 {
+        self.met_from(simd, ray, F32x4::splat(ray.behind))
     }
 
     #[inline(always)]
-    fn met_from<F: Fused>(&self, fused: F, ray: &BlockRay, behind: Four) -> u32 {
+    fn met_from<F: FmaOps>(&self, simd: F, ray: &BlockRay, behind: F32x4) -> u32 {
         let d = ray.directions();
         let m = sub(ray.origins(), load(&self.center));
-        let q = fused.fused_cross(d, m);
-        let room = fused.fused_sum(Four::new(self.radius), Four::splat(ray.length), Four::splat(ray.reach));
-        ALL & !(fused.fused_dot(q, q).above(room * room) | fused.fused_dot(d, m).above(behind))
+        let q = simd.fma_cross(d, m);
+        let room = simd.fma(F32x4::new(self.radius), F32x4::splat(ray.length), F32x4::splat(ray.reach));
+        ALL & !(simd.fma_dot(q, q).cmp_gt(room * room) | simd.fma_dot(d, m).cmp_gt(behind))
     }
 
     /// The step from the foot for all lanes.
     #[inline(always)]
-    pub fn tested<D: Doubles>(&self, doubles: D, ray: &ObjectRay, limit: f32) -> FourTested {
-        sphere::tested(doubles, ray, (&self.center, &self.radius), limit)
+    pub fn tested<D: F64x4Ops>(&self, simd: D, ray: &ObjectRay, limit: f32) -> FourTested {
+        sphere::tested(simd, ray, (&self.center, &self.radius), limit)
     }
 
     /// Where a ray enters the sphere in a lane: [`sphere::intersect`].

@@ -49,8 +49,8 @@
 use super::{ALL, BlockRay, LANES, MOST, Row, TINY, UNIT, greatest, three};
 use crate::geometry::triangle;
 use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, Ray, Verdict};
-use crate::math::doubles::Doubles;
-use crate::math::four::{Four, Fused};
+use crate::math::f32x4::{F32x4, FmaOps};
+use crate::math::f64x4::F64x4Ops;
 use crate::math::prefetch::prefetch;
 
 /// A ray made ready for blocks of triangles.
@@ -94,8 +94,8 @@ impl ShearedRay {
     /// Whether [`ShearedRay::simple`] is for triangles that lie within a box: no coordinate has a magnitude above 2^60.
     #[inline(always)]
     pub fn reaches(around: &Bounds) -> bool {
-        let size = three(around.min).abs().greater(three(around.max).abs());
-        Four::splat(MOST).at_least(size) == ALL
+        let size = three(around.min).abs().relaxed_max(three(around.max).abs());
+        F32x4::splat(MOST).cmp_ge(size) == ALL
     }
 
     /// A ray in world space, for triangles that it [reaches](Self::reaches). `None` where no component of its direction has a
@@ -103,7 +103,7 @@ impl ShearedRay {
     #[inline(always)]
     pub fn simple(ray: &Ray) -> Option<Self> {
         let (axis, most) = greatest(ray.direction);
-        let within = |v: [f32; 3]| Four::splat(Ray::MOST).at_least(three(v).abs());
+        let within = |v: [f32; 3]| F32x4::splat(Ray::MOST).cmp_ge(three(v).abs());
         let fits = within(ray.origin) & within(ray.direction) == ALL && most >= Ray::LEAST;
         fits.then(|| Self::of_simple(axis, ray))
     }
@@ -146,12 +146,12 @@ impl ShearedRay {
 
     /// A vertex of each lane, sheared so that the ray goes along the third axis from 0.
     #[inline(always)]
-    fn seen<F: Fused>(&self, fused: F, vertex: &[Row; 3]) -> [Four; 3] {
+    fn seen<F: FmaOps>(&self, simd: F, vertex: &[Row; 3]) -> [F32x4; 3] {
         let [i, j, k] = [self.axes[0] as usize, self.axes[1] as usize, self.axes[2] as usize];
-        let beside = |axis: usize, origin: f32| Four::new(vertex[axis]) - Four::splat(origin);
+        let beside = |axis: usize, origin: f32| F32x4::new(vertex[axis]) - F32x4::splat(origin);
         let z = beside(k, self.origin[2]);
-        let x = fused.fused_sum(Four::splat(self.shear[0]), z, beside(i, self.origin[0]));
-        let y = fused.fused_sum(Four::splat(self.shear[1]), z, beside(j, self.origin[1]));
+        let x = simd.fma(F32x4::splat(self.shear[0]), z, beside(i, self.origin[0]));
+        let y = simd.fma(F32x4::splat(self.shear[1]), z, beside(j, self.origin[1]));
         [x, y, z]
     }
 }
@@ -185,22 +185,22 @@ impl Triangles {
 
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline(always)]
-    pub fn met<F: Fused>(&self, fused: F, ray: &ShearedRay) -> u32 {
+    pub fn met<F: FmaOps>(&self, simd: F, ray: &ShearedRay) -> u32 {
         let [a, b, c] = &self.vertices;
         let ([ax, ay, az], [bx, by, bz], [cx, cy, cz]) =
-            (ray.seen(fused, a), ray.seen(fused, b), ray.seen(fused, c));
-        let area = |x: Four, y: Four, u: Four, v: Four| fused.fused_difference(x, v, y * u);
+            (ray.seen(simd, a), ray.seen(simd, b), ray.seen(simd, c));
+        let area = |x: F32x4, y: F32x4, u: F32x4, v: F32x4| simd.fms(x, v, y * u);
         let areas = [area(ax, ay, bx, by), area(bx, by, cx, cy), area(cx, cy, ax, ay)];
-        let least = areas[0].lesser(areas[1]).lesser(areas[2]);
-        let most = areas[0].greater(areas[1]).greater(areas[2]);
-        let zero = Four::ZERO;
-        let met = least.at_least(zero) | zero.at_least(most);
+        let least = areas[0].relaxed_min(areas[1]).relaxed_min(areas[2]);
+        let most = areas[0].relaxed_max(areas[1]).relaxed_max(areas[2]);
+        let zero = F32x4::ZERO;
+        let met = least.cmp_ge(zero) | zero.cmp_ge(most);
 
-        let squares = |x: Four, y: Four, z: Four| fused.fused_sum(x, x, fused.fused_sum(y, y, z * z));
+        let squares = |x: F32x4, y: F32x4, z: F32x4| simd.fma(x, x, simd.fma(y, y, z * z));
         let across = squares(ax, bx, cx) + squares(ay, by, cy);
         let around = across + squares(az, bz, cz);
-        let p = fused.fused_sum(Four::splat(ray.growing), around.sqrt(), Four::splat(ray.fixed));
-        let missed = most.lesser(zero - least).above(p * (across.sqrt() + p));
+        let p = simd.fma(F32x4::splat(ray.growing), around.sqrt(), F32x4::splat(ray.fixed));
+        let missed = most.relaxed_min(zero - least).cmp_gt(p * (across.sqrt() + p));
         if met | missed != ALL {
             return not_surely(missed);
         }
@@ -217,19 +217,14 @@ impl Triangles {
 
     /// The f64 step for one lane.
     #[inline(always)]
-    pub fn tested_one<D: Doubles>(
-        &self,
-        doubles: D,
-        lane: usize,
-        ray: &DoubleRay<D>,
-    ) -> Verdict<Intersection> {
-        triangle::tested_one(doubles, ray, self.vertices(lane))
+    pub fn tested_one<D: F64x4Ops>(&self, simd: D, lane: usize, ray: &DoubleRay<D>) -> Verdict<Intersection> {
+        triangle::tested_one(simd, ray, self.vertices(lane))
     }
 
     /// The f64 step for all lanes.
     #[inline(always)]
-    pub fn tested<D: Doubles>(&self, doubles: D, ray: &DoubleRay<D>, limit: f32) -> FourTested {
-        triangle::tested(doubles, ray, &self.vertices, limit)
+    pub fn tested<D: F64x4Ops>(&self, simd: D, ray: &DoubleRay<D>, limit: f32) -> FourTested {
+        triangle::tested(simd, ray, &self.vertices, limit)
     }
 
     /// Where a ray meets the triangle in a lane: [`triangle::intersect`].

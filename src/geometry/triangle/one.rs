@@ -19,68 +19,60 @@ use crate::geometry::four_tested::{ALL, Divisor};
 use crate::geometry::object_ray::DoubleRay;
 use crate::geometry::triangle::facing;
 use crate::geometry::verdict::Verdict;
-use crate::math::doubles::Doubles;
-use crate::math::four::Four;
+use crate::math::f32x4::F32x4;
+use crate::math::f64x4::F64x4Ops;
 
 /// Tests a triangle.
 #[inline(always)]
-pub fn tested<D: Doubles>(
-    doubles: D,
+pub fn tested<D: F64x4Ops>(
+    simd: D,
     ray: &DoubleRay<D>,
     [v0, v1, v2]: [[f32; 3]; 3],
 ) -> Verdict<Intersection> {
     let DoubleRay { origin, direction: d, origin_error, slack, direction_norm, t_min, t_max } = *ray;
-    let point = |[x, y, z]: [f32; 3]| doubles.from_f32(&[x, y, z, 0.0]);
+    let point = |[x, y, z]: [f32; 3]| simd.from_f32(&[x, y, z, 0.0]);
     let (v0, v1, v2) = (point(v0), point(v1), point(v2));
-    let (e1, e2, w) =
-        (doubles.sub(v1, v0), doubles.sub(v2, v0), doubles.sub(origin, v0));
+    let (e1, e2, w) = (simd.sub(v1, v0), simd.sub(v2, v0), simd.sub(origin, v0));
 
     // (x, y, z) and (y, z, x) make a vector product's (z, x, y).
-    let turned = |v| doubles.yzx(v);
-    let p = turned(doubles.mul_sub(d, turned(e2), doubles.mul(turned(d), e2)));
-    let q = turned(doubles.mul_sub(w, turned(e1), doubles.mul(turned(w), e1)));
-    let of_det = doubles.mul(e1, p);
-    let of_beta = doubles.mul(w, p);
-    let of_gamma = doubles.mul(d, q);
-    let of_t = doubles.mul(e2, q);
-    let det = doubles.reduce_sum(of_det);
-    let of_alpha = doubles.sub(doubles.sub(of_det, of_beta), of_gamma);
-    let numerators = doubles.reduce_sums([of_t, of_beta, of_gamma, of_alpha]);
+    let turned = |v| simd.yzx(v);
+    let p = turned(simd.mul_sub(d, turned(e2), simd.mul(turned(d), e2)));
+    let q = turned(simd.mul_sub(w, turned(e1), simd.mul(turned(w), e1)));
+    let of_det = simd.mul(e1, p);
+    let of_beta = simd.mul(w, p);
+    let of_gamma = simd.mul(d, q);
+    let of_t = simd.mul(e2, q);
+    let det = simd.reduce_sum(of_det);
+    let of_alpha = simd.sub(simd.sub(of_det, of_beta), of_gamma);
+    let numerators = simd.reduce_sums([of_t, of_beta, of_gamma, of_alpha]);
 
-    let n = doubles.reduce_sum(doubles.relaxed_max(doubles.abs(e1), doubles.abs(e2)));
-    let reach = doubles.mul_add(slack, doubles.reduce_sum(doubles.abs(w)), origin_error);
-    let e_det = doubles.mul(doubles.mul(n, n), doubles.mul(slack, direction_norm));
-    let few = |lanes: [f32; 4]| doubles.from_f32(&lanes);
+    let n = simd.reduce_sum(simd.relaxed_max(simd.abs(e1), simd.abs(e2)));
+    let reach = simd.mul_add(slack, simd.reduce_sum(simd.abs(w)), origin_error);
+    let e_det = simd.mul(simd.mul(n, n), simd.mul(slack, direction_norm));
+    let few = |lanes: [f32; 4]| simd.from_f32(&lanes);
     // Of e2.q N, of beta and gamma |d|, of alpha 2 |d|: times N reach.
-    let weights = doubles.mul_add(
-        direction_norm,
-        few([0.0, 1.0, 1.0, 2.0]),
-        doubles.mul(n, few([1.0, 0.0, 0.0, 0.0])),
-    );
-    let errors = doubles.mul_add(
-        doubles.mul(n, reach),
-        weights,
-        doubles.mul(e_det, few([0.0, 0.0, 0.0, 1.0])),
-    );
-    let divisor = Divisor::new(doubles, det, e_det);
+    let weights =
+        simd.mul_add(direction_norm, few([0.0, 1.0, 1.0, 2.0]), simd.mul(n, few([1.0, 0.0, 0.0, 0.0])));
+    let errors = simd.mul_add(simd.mul(n, reach), weights, simd.mul(e_det, few([0.0, 0.0, 0.0, 1.0])));
+    let divisor = Divisor::new(simd, det, e_det);
     let quotients = divisor.quotient(numerators, errors);
-    let [first, last] = quotients.rounded_ends(doubles);
+    let [first, last] = quotients.rounded_ends(simd);
 
-    let least = Four::new([t_min, 0.0, 0.0, 0.0]);
-    let greatest = Four::new([t_max, f32::MAX, f32::MAX, f32::MAX]);
+    let least = F32x4::new([t_min, 0.0, 0.0, 0.0]);
+    let greatest = F32x4::new([t_max, f32::MAX, f32::MAX, f32::MAX]);
     if divisor.is_certain != 0 {
-        let known = first.at_least(last) | OF_ALPHA;
-        if first.above(least) & greatest.above(last) & known == ALL {
-            let [t, b1, b2, _] = quotients.rounded_middle(doubles).to_array();
-            let surface = facing(doubles.cmp_gt(det, doubles.splat(0.0)) != 0);
+        let known = first.cmp_ge(last) | OF_ALPHA;
+        if first.cmp_gt(least) & greatest.cmp_gt(last) & known == ALL {
+            let [t, b1, b2, _] = quotients.rounded_middle(simd).to_array();
+            let surface = facing(simd.cmp_gt(det, simd.splat(0.0)) != 0);
             return Verdict::Hit(Intersection { t, attributes: [b1, b2], surface });
         }
-        if least.above(last) | first.above(greatest) != 0 {
+        if least.cmp_gt(last) | first.cmp_gt(greatest) != 0 {
             return Verdict::Miss;
         }
     }
-    let negative = doubles.cmp_gt(doubles.sub(doubles.splat(0.0), errors), numerators);
-    let positive = doubles.cmp_gt(numerators, errors);
+    let negative = simd.cmp_gt(simd.sub(simd.splat(0.0), errors), numerators);
+    let positive = simd.cmp_gt(numerators, errors);
     let signs = [negative, positive].map(|signs| signs & !OF_T);
     if signs[0] != 0 && signs[1] != 0 { Verdict::Miss } else { Verdict::Undecided }
 }

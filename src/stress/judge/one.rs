@@ -5,7 +5,7 @@ use crate::geometry::{
     Bounds, DoubleRay, Intersection, ObjectRay, Precision, Ray, Surface, Transform, Verdict, aabb,
     linear_swept_sphere, sphere, triangle,
 };
-use crate::math::eight::TwoFours;
+use crate::math::f32x8::BaselineSimd;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 use crate::stress::case::Shape;
 use crate::stress::judge::{Failure, Tally, fail};
@@ -34,8 +34,8 @@ impl LaneTask for Met<'_> {
     type Output = u32;
 
     #[inline(always)]
-    fn run<V: LaneOps>(self, vectors: V) -> u32 {
-        self.block.met(vectors, self.ray)
+    fn run<V: LaneOps>(self, simd: V) -> u32 {
+        self.block.met(simd, self.ray)
     }
 }
 
@@ -52,13 +52,13 @@ impl LaneTask for Tested<'_> {
     type Output = Verdict<Intersection>;
 
     #[inline(always)]
-    fn run<V: LaneOps>(self, vectors: V) -> Verdict<Intersection> {
+    fn run<V: LaneOps>(self, simd: V) -> Verdict<Intersection> {
         let ray = if self.in_world {
-            DoubleRay::in_world(vectors, self.ray.world())
+            DoubleRay::in_world(simd, self.ray.world())
         } else {
-            DoubleRay::of(vectors, self.ray)
+            DoubleRay::of(simd, self.ray)
         };
-        self.block.tested_one(vectors, self.lane, &ray)
+        self.block.tested_one(simd, self.lane, &ray)
     }
 }
 
@@ -111,7 +111,7 @@ impl One<'_> {
                 let sheared =
                     block_rays(&bounds).map(|ray| ShearedRay::of(&ray)).chain(simple).chain(ordinary);
                 let both = |ray: &ShearedRay| {
-                    block.met(TwoFours, ray) & CpuTier::new().run(Met { block: &block, ray })
+                    block.met(BaselineSimd, ray) & CpuTier::new().run(Met { block: &block, ray })
                 };
                 (sheared.fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
             }
@@ -128,7 +128,7 @@ impl One<'_> {
                 let mut block = block::Spheres::EMPTY;
                 block.set(lane, center, radius);
                 (
-                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(TwoFours, &ray)),
+                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(BaselineSimd, &ray)),
                     expected.is_some(),
                 )
             }
@@ -136,7 +136,8 @@ impl One<'_> {
                 let Some(bounds) = linear_swept_sphere::bounds(positions, radii) else { return Ok(()) };
                 let mut block = block::SweptEnds::EMPTY;
                 block.set(lane, positions, radii);
-                let both = |ray: &BlockRay| block.met(TwoFours, ray) & block.met_closely(TwoFours, ray);
+                let both =
+                    |ray: &BlockRay| block.met(BaselineSimd, ray) & block.met_closely(BaselineSimd, ray);
                 (block_rays(&bounds).fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
             }
         };
@@ -176,7 +177,7 @@ impl One<'_> {
                     Verdict::Undecided => true,
                 };
                 if !agrees {
-                    return fail(format!("{}: {tested:?} on vectors, otherwise {found:?}", place()));
+                    return fail(format!("{}: {tested:?} on simd, otherwise {found:?}", place()));
                 }
             }
         }

@@ -1,35 +1,35 @@
-//! Four `f64` side by side: scalars, or one register of AVX where the processor has it.
+//! Four `f64` lanes of SIMD: scalars, or one AVX register if the CPU has them.
 //!
-//! For bounded attempts alone: a product may go into a sum unrounded, and whether it does depends on
-//! the processor. Both keep the bounds of `error_bound`, and what is decided is decided for good.
+//! These are for filters with an error bound only: whether a multiply-add rounds its product depends on the
+//! CPU. Both ways keep the bounds of `error_bound`, so that a decision of the filter is always right.
 
 #[cfg(target_arch = "x86_64")]
 use pulp::f64x4;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
-use crate::math::eight::TwoFours;
+use crate::math::f32x8::BaselineSimd;
 
-/// A way to operate on four numbers at once.
-pub trait Doubles: Copy {
-    /// Four numbers.
+/// Operations on four `f64` lanes.
+pub trait F64x4Ops: Copy {
+    /// Four lanes.
     type F64x4: Copy;
 
-    /// Lane by lane, exactly.
+    /// Widens four `f32`, exactly.
     fn from_f32(self, values: &[f32; 4]) -> Self::F64x4;
-    /// Lane by lane, to nearest even.
+    /// Rounds each lane to `f32`, to nearest even.
     fn to_f32(self, value: Self::F64x4) -> [f32; 4];
-    /// Lane by lane.
+    /// Makes a value from its lanes.
     fn from_array(self, values: [f64; 4]) -> Self::F64x4;
-    /// The same in all lanes.
+    /// One value in all lanes.
     fn splat(self, value: f64) -> Self::F64x4;
-    /// Sums.
+    /// `a + b` in each lane.
     fn add(self, a: Self::F64x4, b: Self::F64x4) -> Self::F64x4;
-    /// Differences.
+    /// `a - b` in each lane.
     fn sub(self, a: Self::F64x4, b: Self::F64x4) -> Self::F64x4;
-    /// Products.
+    /// `a b` in each lane.
     fn mul(self, a: Self::F64x4, b: Self::F64x4) -> Self::F64x4;
-    /// Quotients.
+    /// `a / b` in each lane.
     fn div(self, a: Self::F64x4, b: Self::F64x4) -> Self::F64x4;
     /// `a b + c`; the product may be rounded or not.
     fn mul_add(self, a: Self::F64x4, b: Self::F64x4, c: Self::F64x4) -> Self::F64x4;
@@ -37,17 +37,17 @@ pub trait Doubles: Copy {
     fn mul_sub(self, a: Self::F64x4, b: Self::F64x4, c: Self::F64x4) -> Self::F64x4;
     /// `c - a b`; the product may be rounded or not.
     fn neg_mul_add(self, a: Self::F64x4, b: Self::F64x4, c: Self::F64x4) -> Self::F64x4;
-    /// Square roots.
+    /// The square root of each lane.
     fn sqrt(self, a: Self::F64x4) -> Self::F64x4;
-    /// Magnitudes.
+    /// The absolute value of each lane.
     fn abs(self, a: Self::F64x4) -> Self::F64x4;
-    /// A bit for each lane in which `a` is greater; none for a NaN.
+    /// A mask of the lanes in which `a > b`.
     fn cmp_gt(self, a: Self::F64x4, b: Self::F64x4) -> u32;
 
-    /// A bit for each lane in which `a` is greater or equal; none for a NaN.
+    /// A mask of the lanes in which `a >= b`.
     fn cmp_ge(self, a: Self::F64x4, b: Self::F64x4) -> u32;
 
-    /// The greater, lane by lane; either where one is a NaN.
+    /// The maximum of each lane; unspecified which of the two if one is a NaN.
     fn relaxed_max(self, a: Self::F64x4, b: Self::F64x4) -> Self::F64x4;
     /// Of (x, y, z, w): (x, y, z, 0).
     fn xyz0(self, v: Self::F64x4) -> Self::F64x4;
@@ -55,24 +55,24 @@ pub trait Doubles: Copy {
     fn splat_xyz(self, v: Self::F64x4) -> [Self::F64x4; 3];
     /// Of (x, y, z, w): (y, z, x, w).
     fn yzx(self, v: Self::F64x4) -> Self::F64x4;
-    /// The sum of all lanes, in all lanes; each goes through two sums.
+    /// The sum of all lanes, in all lanes; each lane goes through two additions.
     fn reduce_sum(self, v: Self::F64x4) -> Self::F64x4;
-    /// The sums of all lanes of each; each goes through two sums.
+    /// The sums of the lanes of each of four values; each lane goes through two additions.
     fn reduce_sums(self, v: [Self::F64x4; 4]) -> Self::F64x4;
 
-    /// `a - b`.
+    /// The difference `a - b` of three-component vectors.
     #[inline(always)]
     fn sub3(self, a: [Self::F64x4; 3], b: [Self::F64x4; 3]) -> [Self::F64x4; 3] {
         [self.sub(a[0], b[0]), self.sub(a[1], b[1]), self.sub(a[2], b[2])]
     }
 
-    /// The scalar product.
+    /// The dot product of three-component vectors.
     #[inline(always)]
     fn dot3(self, a: [Self::F64x4; 3], b: [Self::F64x4; 3]) -> Self::F64x4 {
         self.mul_add(a[0], b[0], self.mul_add(a[1], b[1], self.mul(a[2], b[2])))
     }
 
-    /// The vector product.
+    /// The cross product.
     #[inline(always)]
     fn cross3(self, a: [Self::F64x4; 3], b: [Self::F64x4; 3]) -> [Self::F64x4; 3] {
         [
@@ -82,15 +82,15 @@ pub trait Doubles: Copy {
         ]
     }
 
-    /// The sum of the components' magnitudes.
+    /// The 1-norm: the sum of the absolute components.
     #[inline(always)]
     fn norm1(self, v: [Self::F64x4; 3]) -> Self::F64x4 {
         self.add(self.add(self.abs(v[0]), self.abs(v[1])), self.abs(v[2]))
     }
 }
 
-/// On any machine.
-impl Doubles for TwoFours {
+/// On the baseline: arrays.
+impl F64x4Ops for BaselineSimd {
     type F64x4 = [f64; 4];
 
     #[inline(always)]
@@ -199,9 +199,9 @@ impl Doubles for TwoFours {
     }
 }
 
-/// One register of AVX; to be used in code that [`V3::vectorize`] compiles.
+/// One AVX register. To be used in code that [`V3::vectorize`] compiles.
 #[cfg(target_arch = "x86_64")]
-impl Doubles for V3 {
+impl F64x4Ops for V3 {
     type F64x4 = f64x4;
 
     #[inline(always)]
@@ -304,7 +304,7 @@ impl Doubles for V3 {
     #[inline(always)]
     fn reduce_sums(self, [a, b, c, d]: [f64x4; 4]) -> f64x4 {
         let (avx, a, b, c, d) = (self.avx, pulp::cast(a), pulp::cast(b), pulp::cast(c), pulp::cast(d));
-        // Of two: their first two lanes' sums below, and above those of the others.
+        // The sums of lanes 0 and 1 of both, then those of lanes 2 and 3.
         let pairs = |a, b| avx._mm256_add_pd(avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
         let (ab, cd) = (pairs(a, b), pairs(c, d));
         let crossed = avx._mm256_permute2f128_pd::<0x21>(ab, cd);
@@ -331,42 +331,42 @@ mod tests {
 
     /// Numbers whose products and sums need no rounding, so that both ways must agree with hand
     /// arithmetic.
-    fn check<D: Doubles>(doubles: D) {
-        let a = doubles.from_f32(&[1.5, -2.0, 0.0, 1e30]);
-        let b = doubles.from_f32(&[0.5, 4.0, -0.0, f32::NAN]);
-        let c = doubles.splat(-8.0);
-        let numbers = |four: D::F64x4| doubles.to_f32(four)[..3].to_vec();
-        assert_eq!(numbers(doubles.add(a, b)), [2.0, 2.0, 0.0]);
-        assert_eq!(numbers(doubles.sub(a, b)), [1.0, -6.0, 0.0]);
-        assert_eq!(numbers(doubles.mul(a, b)), [0.75, -8.0, 0.0]);
-        assert_eq!(numbers(doubles.div(a, b))[..2], [3.0, -0.5]);
-        assert_eq!(numbers(doubles.mul_add(a, b, c)), [-7.25, -16.0, -8.0]);
-        assert_eq!(numbers(doubles.mul_sub(a, b, c)), [8.75, 0.0, 8.0]);
-        assert_eq!(numbers(doubles.neg_mul_add(a, b, c)), [-8.75, 0.0, -8.0]);
-        assert_eq!(numbers(doubles.sqrt(doubles.mul(a, a))), [1.5, 2.0, 0.0]);
-        assert_eq!(numbers(doubles.abs(c)), [8.0; 3]);
-        assert_eq!(numbers(doubles.relaxed_max(doubles.from_array([1.0, 5.0, -3.0, 0.0]), a)), [1.5, 5.0, 0.0]);
-        let lanes = |four: D::F64x4| doubles.to_f32(four);
-        let v = doubles.from_array([1.0, 20.0, 300.0, 4000.0]);
-        assert_eq!(lanes(doubles.xyz0(v)), [1.0, 20.0, 300.0, 0.0]);
-        assert_eq!(doubles.splat_xyz(v).map(lanes), [[1.0; 4], [20.0; 4], [300.0; 4]]);
-        assert_eq!(lanes(doubles.yzx(v)), [20.0, 300.0, 1.0, 4000.0]);
-        assert_eq!(lanes(doubles.reduce_sum(v)), [4321.0; 4]);
-        let halves = doubles.mul(v, doubles.splat(0.5));
-        assert_eq!(lanes(doubles.reduce_sums([v, c, halves, v])), [4321.0, -32.0, 2160.5, 4321.0]);
-        assert_eq!(doubles.cmp_gt(a, b), 0b0001);
-        assert_eq!(doubles.cmp_gt(b, c), 0b0111);
+    fn check<D: F64x4Ops>(simd: D) {
+        let a = simd.from_f32(&[1.5, -2.0, 0.0, 1e30]);
+        let b = simd.from_f32(&[0.5, 4.0, -0.0, f32::NAN]);
+        let c = simd.splat(-8.0);
+        let numbers = |four: D::F64x4| simd.to_f32(four)[..3].to_vec();
+        assert_eq!(numbers(simd.add(a, b)), [2.0, 2.0, 0.0]);
+        assert_eq!(numbers(simd.sub(a, b)), [1.0, -6.0, 0.0]);
+        assert_eq!(numbers(simd.mul(a, b)), [0.75, -8.0, 0.0]);
+        assert_eq!(numbers(simd.div(a, b))[..2], [3.0, -0.5]);
+        assert_eq!(numbers(simd.mul_add(a, b, c)), [-7.25, -16.0, -8.0]);
+        assert_eq!(numbers(simd.mul_sub(a, b, c)), [8.75, 0.0, 8.0]);
+        assert_eq!(numbers(simd.neg_mul_add(a, b, c)), [-8.75, 0.0, -8.0]);
+        assert_eq!(numbers(simd.sqrt(simd.mul(a, a))), [1.5, 2.0, 0.0]);
+        assert_eq!(numbers(simd.abs(c)), [8.0; 3]);
+        assert_eq!(numbers(simd.relaxed_max(simd.from_array([1.0, 5.0, -3.0, 0.0]), a)), [1.5, 5.0, 0.0]);
+        let lanes = |four: D::F64x4| simd.to_f32(four);
+        let v = simd.from_array([1.0, 20.0, 300.0, 4000.0]);
+        assert_eq!(lanes(simd.xyz0(v)), [1.0, 20.0, 300.0, 0.0]);
+        assert_eq!(simd.splat_xyz(v).map(lanes), [[1.0; 4], [20.0; 4], [300.0; 4]]);
+        assert_eq!(lanes(simd.yzx(v)), [20.0, 300.0, 1.0, 4000.0]);
+        assert_eq!(lanes(simd.reduce_sum(v)), [4321.0; 4]);
+        let halves = simd.mul(v, simd.splat(0.5));
+        assert_eq!(lanes(simd.reduce_sums([v, c, halves, v])), [4321.0, -32.0, 2160.5, 4321.0]);
+        assert_eq!(simd.cmp_gt(a, b), 0b0001);
+        assert_eq!(simd.cmp_gt(b, c), 0b0111);
         // (1, 2, 3) x (4, 5, 6) = (-3, 6, -3), and their product is 32.
-        let v = [1.0, 2.0, 3.0].map(|x| doubles.splat(x));
-        let w = [4.0, 5.0, 6.0].map(|x| doubles.splat(x));
-        assert_eq!(doubles.cross3(v, w).map(|x| doubles.to_f32(x)[3]), [-3.0, 6.0, -3.0]);
-        assert_eq!(doubles.to_f32(doubles.dot3(v, w)), [32.0; 4]);
-        assert_eq!(doubles.to_f32(doubles.norm1(doubles.sub3(v, w))), [9.0; 4]);
+        let v = [1.0, 2.0, 3.0].map(|x| simd.splat(x));
+        let w = [4.0, 5.0, 6.0].map(|x| simd.splat(x));
+        assert_eq!(simd.cross3(v, w).map(|x| simd.to_f32(x)[3]), [-3.0, 6.0, -3.0]);
+        assert_eq!(simd.to_f32(simd.dot3(v, w)), [32.0; 4]);
+        assert_eq!(simd.to_f32(simd.norm1(simd.sub3(v, w))), [9.0; 4]);
     }
 
     #[test]
     fn both_ways_calculate() {
-        check(TwoFours);
+        check(BaselineSimd);
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = V3::try_new() {
             check(simd);
