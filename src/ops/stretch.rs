@@ -29,7 +29,7 @@ use std::ops::Range;
 
 use crate::machine::lanes::Lanes;
 use crate::machine::{Mask, Registers};
-use crate::math::lane_ops::{LaneTask, LaneOps};
+use crate::math::lane_ops::{LaneOps, LaneTask};
 use crate::ops::conversion::{self, Between, Conversion};
 use crate::ops::lane_kernel::{Binary, Bits, LaneKernel, Width};
 use crate::ops::op::Op;
