@@ -26,7 +26,7 @@ pub fn run(words: &[u32]) -> Result<(), String> {
     use anyhit::harness::smoke::{self, Options, Verdict};
     let Ok(module) = anyhit::module::load(&bytes(words)) else { return Ok(()) };
     let module: Arc<Module> = Arc::new(module);
-    let options = Options { budget: 1 << 10, total_fuel: 1 << 14, ..Options::default() };
+    let options = Options { fuel: 1 << 10, total_fuel: 1 << 14, ..Options::default() };
     let report = catch_unwind(AssertUnwindSafe(|| smoke::run(&module, options)));
     let report = report.map_err(|_| "smoke::run panicked".to_owned())?;
     match report.worst() {

@@ -33,10 +33,20 @@ pub fn printed(printed: &Printed) -> Result<bool> {
     Ok(!lines.is_empty())
 }
 
-/// A word to whoever typed the command, beside what it prints.
+/// Prints a hint for the user to standard error.
 pub fn hint(text: impl Display) {
-    // Nobody misses it where it cannot be written.
+    // A hint that cannot be written is no reason to fail.
     let _ = writeln!(stderr().lock(), "{text}");
+}
+
+/// Prints notes to standard error, a line each.
+pub fn notes(notes: &[String]) {
+    notes.iter().for_each(|note| hint(format_args!("note: {note}")));
+}
+
+/// Notes that the user gave a flag by its old name, which is still accepted.
+pub fn renamed_flag(old: &str, new: &str) {
+    hint(format_args!("note: `{old}` is now called `{new}`; the old name still works"));
 }
 
 /// The file that a picture is written to. All are PNG: another extension would promise what is not in the file.

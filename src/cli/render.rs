@@ -73,6 +73,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
         Some(path) => scene::load(path, &DiskFiles, &options)?,
         None => scene::demo::scene(&options)?,
     };
+    output::notes(&resolved.notes);
     let Some((output, image)) = output_of(&resolved) else {
         let message = "the scene has no output image: give one storage image `output = true`";
         return Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(resolved.path)));

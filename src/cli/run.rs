@@ -76,6 +76,7 @@ pub fn run(args: RunArgs) -> Result<()> {
         }
         false => args.by_itself.scene(&args.file)?,
     };
+    output::notes(&scene.notes);
     let mut assembled = scene::assemble(&scene)?;
     match args.memory.as_deref() {
         Some("robust") => assembled.resources.policy = MemoryPolicy::Robust,

@@ -28,10 +28,13 @@ pub struct SmokeArgs {
     /// The seed of all values
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// How many operations an invocation may spend at back edges and calls
-    #[arg(long, value_name = "N", default_value_t = Options::default().budget)]
-    budget: u64,
-    /// How many operations all runs of an entry point may spend, counted once for all lanes of a batch,
+    /// Instructions that an invocation may execute, counted at back edges and calls
+    #[arg(long, value_name = "N", default_value_t = Options::default().fuel)]
+    fuel: u64,
+    /// The old name of `--fuel`.
+    #[arg(long, value_name = "N", hide = true, conflicts_with = "fuel")]
+    budget: Option<u64>,
+    /// Operations that all runs of an entry point may execute, counted once for all lanes of a batch,
     /// before no further set of values is tried
     #[arg(long, value_name = "N", default_value_t = Options::default().total_fuel)]
     total_fuel: u64,
@@ -60,9 +63,12 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run.
 pub fn run(args: SmokeArgs) -> Result<()> {
     let module = Arc::new(module_file::read_or_compile(&args.module)?);
+    if args.budget.is_some() {
+        output::renamed_flag("--budget", "--fuel");
+    }
     let options = Options {
         seed: args.seed,
-        budget: args.budget,
+        fuel: args.budget.unwrap_or(args.fuel),
         total_fuel: args.total_fuel,
         time_limit: args.seconds,
     };

@@ -136,6 +136,7 @@ pub fn run(args: TestArgs) -> Result<()> {
             output::print(tell::summary(&report))?;
         }
     }
+    output::notes(&report.notes);
     verdict(&report)
 }
 

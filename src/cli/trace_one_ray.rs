@@ -78,6 +78,7 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
         Some(path) => load(path, &DiskFiles, &options)?,
         None => demo::scene(&options)?,
     };
+    output::notes(&scene.notes);
     let session = Session::new(scene)?;
     if args.stability.asks() {
         let (_, settled) = session.settle(&request)?;

@@ -7,7 +7,7 @@ use crate::harness::expect::{Difference, Expectations, Observed, OneRay};
 use crate::harness::run::{Watch, one_ray, run};
 use crate::harness::stability::perturb;
 use crate::scene::file::SceneFile;
-use crate::scene::read::{Document, Parse, Report, Table};
+use crate::scene::read::{Diagnostics, Document, Parse, Table};
 use crate::scene::{Assembled, DiskFiles, Files, Options, ResolvedScene, assemble, load};
 
 /// A scene, or one of its variants, that is to meet its expectations.
@@ -104,7 +104,7 @@ impl Case {
     pub fn of(scene: &Path) -> Result<Vec<Self>> {
         let text = String::from_utf8_lossy(&DiskFiles.read(scene)?).into_owned();
         // Other mistakes than of syntax are told when the case is run.
-        let report = Report::default();
+        let report = Diagnostics::default();
         let file = SceneFile::parse(scene, &text, &report)?;
         let root = file.document.root(&report);
         let rays = each_ray(&file.document, &report, |at, table| {
@@ -193,18 +193,19 @@ impl Case {
         let scene =
             load(&self.scene, &DiskFiles, &Options { size: self.size, variant, ..Options::default() })?;
         let assembled = assemble(&scene)?;
-        let expectations = Expectations::read(&scene.document)?;
-        let report = Report::default();
+        let mut expectations = Expectations::read(&scene.document)?;
+        let report = Diagnostics::default();
         let rays = each_ray(&scene.document, &report, |_, table| {
             table.has("expect").then(|| OneRay::parse(table.value("expect")?))
         });
+        expectations.notes.extend(report.take_notes());
         report.finish()?;
         Ok(Loaded { scene, assembled, expectations, rays: rays.into_iter().map(Option::flatten).collect() })
     }
 }
 
 /// Reads something of each `[[ray]]` of a document.
-fn each_ray<T>(document: &Document, report: &Report, read: impl Fn(usize, &Table<'_>) -> T) -> Vec<T> {
+fn each_ray<T>(document: &Document, report: &Diagnostics, read: impl Fn(usize, &Table<'_>) -> T) -> Vec<T> {
     let root = document.root(report);
     let rays = root.value("ray").and_then(|rays| rays.elements());
     let tables = rays.into_iter().flatten().filter_map(Table::new).enumerate();

@@ -165,7 +165,7 @@ fn split<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(u32,
     batch.follow(edges.iter().map(|&(target, mask)| (target, mask & live)))
 }
 
-/// Spends the budget of lanes at a back edge: as much as the loop has instructions, so that what a
+/// Consumes fuel of lanes at a back edge: as much as the loop has instructions, so that what a
 /// lane may do depends neither on its neighbours nor on the width of its batch nor on the optimizer.
 fn charge<const W: usize>(batch: &mut Batch<W>, program: &Program, to: u32, mask: Mask<W>) {
     if to <= batch.block {

@@ -66,10 +66,10 @@ pub struct Batch<const W: usize> {
     /// The lanes that have not been stopped.
     live: Mask<W>,
     /// Operations that each lane may spend at back edges and calls, less what it has spent without the others.
-    budget: [u64; W],
+    fuel: [u64; W],
     /// What every running lane has spent together with all others.
     spent: u64,
-    /// No live lane's budget is less.
+    /// No live lane's fuel is less.
     least: u64,
     /// Lanes that wait at later blocks, the lowest block last.
     waiting: Vec<Waiting<W>>,
@@ -95,7 +95,7 @@ impl<const W: usize> Batch<W> {
             hit_objects: HitObjects::default(),
             reorders: 0,
             live: Mask::NONE,
-            budget: [0; W],
+            fuel: [0; W],
             spent: 0,
             least: 0,
             waiting: Vec::new(),
@@ -103,8 +103,8 @@ impl<const W: usize> Batch<W> {
         }
     }
 
-    /// Puts the lanes of a mask at the beginning of a block, each with its instruction budget.
-    pub fn begin(&mut self, mask: Mask<W>, block: u32, op: u32, budget: u64) {
+    /// Puts the lanes of a mask at the beginning of a block, each with its fuel, counted in instructions.
+    pub fn begin(&mut self, mask: Mask<W>, block: u32, op: u32, fuel: u64) {
         self.mask = mask;
         self.live = mask;
         self.block = block;
@@ -114,9 +114,9 @@ impl<const W: usize> Batch<W> {
         self.accessed.clear();
         self.missed.clear();
         self.exits = [Exit::Returned; W];
-        self.budget = [budget; W];
+        self.fuel = [fuel; W];
         self.spent = 0;
-        self.least = budget;
+        self.least = fuel;
         self.waiting.clear();
         self.frames.clear();
         self.queries.clear();
@@ -206,7 +206,7 @@ impl<const W: usize> Batch<W> {
         } else if mask == self.live {
             self.spent += cost;
         } else {
-            mask.lanes().for_each(|lane| self.budget[lane] -= cost);
+            mask.lanes().for_each(|lane| self.fuel[lane] -= cost);
             self.least -= cost;
         }
     }
@@ -215,14 +215,14 @@ impl<const W: usize> Batch<W> {
     #[cold]
     fn spend_the_last(&mut self, mask: Mask<W>, cost: u64, op: u32) {
         let broke = Mask::from_fn(|lane| {
-            let left = self.budget[lane].saturating_sub(self.spent);
+            let left = self.fuel[lane].saturating_sub(self.spent);
             let charge = if mask.contains(lane) { cost } else { 0 };
-            self.budget[lane] = left.saturating_sub(charge);
+            self.fuel[lane] = left.saturating_sub(charge);
             left < charge
         });
         self.spent = 0;
-        self.trap(broke, TrapCode::BudgetSpent, op);
-        self.least = self.live.lanes().map(|lane| self.budget[lane]).min().unwrap_or(0);
+        self.trap(broke, TrapCode::OutOfFuel, op);
+        self.least = self.live.lanes().map(|lane| self.fuel[lane]).min().unwrap_or(0);
     }
 
     fn wait(&mut self, block: u32, mask: Mask<W>) {
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lane_without_budget_is_stopped() {
+    fn a_lane_without_fuel_is_stopped() {
         let mut batch = batch();
         batch.spend(Mask::ALL, 10, 0);
         assert_eq!(batch.mask.count(), 4);

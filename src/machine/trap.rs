@@ -36,8 +36,8 @@ pub enum TrapCode {
     SamplerMismatch,
     /// `OpUnreachable` was reached.
     Unreachable,
-    /// The instruction budget is spent.
-    BudgetSpent,
+    /// The invocation has executed as many instructions as its fuel allows.
+    OutOfFuel,
     /// The operands of a trace break a rule for rays; the report names it.
     InvalidTrace,
     /// The acceleration structure of a trace does not exist.
@@ -133,7 +133,7 @@ impl TrapCode {
                  unnormalized coordinates a 1D or 2D image (Vulkan, Instruction/Sampler/Image View Validation)"
             }
             Self::Unreachable => "OpUnreachable was reached",
-            Self::BudgetSpent => "the instruction budget is spent: an endless loop?",
+            Self::OutOfFuel => "the invocation ran out of fuel: an endless loop?",
             Self::InvalidTrace => "the operands of a trace break a rule",
             Self::AccelerationStructureMissing => "the acceleration structure of a trace does not exist",
             Self::RecursionTooDeep => "maxPipelineRayRecursionDepth is passed",

@@ -9,7 +9,7 @@ use crate::pipeline::launch::Stats;
 use crate::pipeline::tasks::{Done, Tasks};
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::workgroup::{Gang, Observers};
-use crate::pipeline::{DEFAULT_BUDGET, Event, check_subgroup_size};
+use crate::pipeline::{DEFAULT_FUEL, Event, check_subgroup_size};
 use crate::program::sharing::{self, Extent, Memory};
 use crate::program::{Program, WorkgroupLayout};
 
@@ -36,8 +36,8 @@ use crate::program::{Program, WorkgroupLayout};
 pub struct Compute {
     /// The shader.
     pub program: Arc<Program>,
-    /// Operations that an invocation may spend at back edges and calls.
-    pub budget: u64,
+    /// Instructions that an invocation may execute, counted at back edges and calls.
+    pub fuel: u64,
     /// `SubgroupSize`
     pub subgroup_size: u32,
     layout: WorkgroupLayout,
@@ -49,7 +49,7 @@ pub struct Compute {
 const TASK: u64 = 1024;
 
 impl Compute {
-    /// A compute shader with the default budget and subgroups of 32.
+    /// A compute shader with the default fuel and subgroups of 32.
     ///
     /// # Errors
     /// `InvalidArgument` where the program is of another stage.
@@ -62,7 +62,7 @@ impl Compute {
         };
         let subgroup_size = crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
         let mixes_atomics = sharing::mixes_workgroup_atomics(&program);
-        Ok(Self { program, budget: DEFAULT_BUDGET, subgroup_size, layout, mixes_atomics })
+        Ok(Self { program, fuel: DEFAULT_FUEL, subgroup_size, layout, mixes_atomics })
     }
 
     /// Returns the shader without any optimisation; see [`Program::unoptimized`].
@@ -73,10 +73,17 @@ impl Compute {
         Ok(Self { program: Arc::new(self.program.unoptimized()?), ..self.clone() })
     }
 
-    /// Sets how many operations an invocation may spend at back edges and calls.
+    /// Sets how many instructions an invocation may execute, counted at back edges and calls.
     #[must_use]
-    pub fn budget(self, operations: u64) -> Self {
-        Self { budget: operations, ..self }
+    pub fn fuel(self, instructions: u64) -> Self {
+        Self { fuel: instructions, ..self }
+    }
+
+    /// The old name of [`Compute::fuel`].
+    #[must_use]
+    #[deprecated = "call `fuel`"]
+    pub fn budget(self, instructions: u64) -> Self {
+        self.fuel(instructions)
     }
 
     /// Sets `SubgroupSize`: a power of two from 1 to 128.

@@ -48,8 +48,8 @@ pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
 pub(crate) use trapped::trap_error;
 
-/// Operations that an invocation may spend at back edges and calls, unless set otherwise.
-pub const DEFAULT_BUDGET: u64 = 1 << 28;
+/// The instructions that an invocation may execute, counted at back edges and calls, unless set otherwise.
+pub const DEFAULT_FUEL: u64 = 1 << 28;
 /// `maxPipelineRayRecursionDepth`, unless set otherwise; what NVIDIA's driver reports.
 pub const DEFAULT_RECURSION: u32 = 31;
 
@@ -64,8 +64,8 @@ pub struct Pipeline {
     pub sbt: Sbt,
     /// `maxPipelineRayRecursionDepth`
     pub max_recursion: u32,
-    /// Operations that an invocation may spend.
-    pub budget: u64,
+    /// Instructions that an invocation may execute, counted at back edges and calls.
+    pub fuel: u64,
     /// `SubgroupSize`
     pub subgroup_size: u32,
     /// What changes for every ray.
@@ -134,7 +134,7 @@ pub struct Builder {
     groups: Vec<Group>,
     sbt: Sbt,
     max_recursion: Option<u32>,
-    budget: Option<u64>,
+    fuel: Option<u64>,
     subgroup_size: Option<u32>,
     flags: PipelineFlags,
     device: DeviceProfile,
@@ -246,10 +246,16 @@ impl Builder {
         self
     }
 
-    /// Sets how many operations an invocation may spend at back edges and calls.
-    pub fn budget(&mut self, operations: u64) -> &mut Self {
-        self.budget = Some(operations);
+    /// Sets how many instructions an invocation may execute, counted at back edges and calls.
+    pub fn fuel(&mut self, instructions: u64) -> &mut Self {
+        self.fuel = Some(instructions);
         self
+    }
+
+    /// The old name of [`Builder::fuel`].
+    #[deprecated = "call `fuel`"]
+    pub fn budget(&mut self, instructions: u64) -> &mut Self {
+        self.fuel(instructions)
     }
 
     /// Sets `SubgroupSize`: a power of two from 1 to 128.
@@ -287,7 +293,7 @@ impl Builder {
             groups: self.groups.clone(),
             sbt: self.sbt.clone(),
             max_recursion,
-            budget: self.budget.unwrap_or(DEFAULT_BUDGET),
+            fuel: self.fuel.unwrap_or(DEFAULT_FUEL),
             subgroup_size: self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE),
             flags: self.flags,
             max_invocations: self.device.limits.max_ray_dispatch_invocation_count,

@@ -520,7 +520,7 @@ where
 fn begin<const W: usize>(pipeline: &Pipeline, running: &mut Running<W>, lanes: Mask<W>) {
     let program = &pipeline.programs[running.shader.0 as usize];
     running.lanes = lanes;
-    program.begin(&mut running.batch, lanes, pipeline.budget);
+    program.begin(&mut running.batch, lanes, pipeline.fuel);
 }
 
 /// Callables may nest this deep: Vulkan sets no limit but the stack's size.

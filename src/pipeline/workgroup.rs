@@ -144,7 +144,7 @@ where
                 continue;
             }
             let mask = Mask::first(lanes);
-            self.program.begin(&mut member.batch, mask, self.compute.budget);
+            self.program.begin(&mut member.batch, mask, self.compute.fuel);
             member.waiting.push(Waiting { block: member.batch.block, op: member.batch.op, mask });
             self.stats.count(self.program.stage, mask.count());
         }

@@ -245,16 +245,16 @@ impl Program {
         Batch::new(registers)
     }
 
-    /// Starts the lanes of a mask, whose invocations are set, with an instruction budget each.
+    /// Starts the lanes of a mask, whose invocations are set, each with its fuel, counted in instructions.
     ///
     /// Variables begin as zeros, so that what a shader reads before it writes does not depend on
     /// what ran in the batch before.
-    pub fn begin<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, budget: u64) {
+    pub fn begin<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, fuel: u64) {
         for &(first, count) in &self.variables {
             batch.registers.span_mut(first, count).fill(Lanes::splat(0));
         }
         self.refresh_inputs(batch, mask, false);
-        batch.begin(mask, 0, self.blocks[0].first, budget);
+        batch.begin(mask, 0, self.blocks[0].first, fuel);
     }
 
     /// Fills the registers of builtins again; only those that may change while running where so asked.

@@ -94,7 +94,7 @@ impl Payloads {
 /// See [`Payloads::writes_only`].
 fn writes_only(program: &Program) -> Option<Words> {
     let ends = |(at, block): (usize, &Block)| match &block.terminator {
-        // Onwards only: then it ends, whatever the budget of instructions is.
+        // Without back edges the program ends, however little fuel it has.
         Terminator::Branch(to) => *to as usize > at,
         Terminator::BranchConditional { then, other, .. } => (*then.min(other)) as usize > at,
         Terminator::Switch { cases, default, .. } => {

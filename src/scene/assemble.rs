@@ -271,8 +271,8 @@ fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::Dispatch) -> Resul
     let at = |error: Error| error.at(one.shader.place.clone());
     let program = shaders.program(&one.shader, Stage::Compute)?;
     let mut compute = Compute::new(program).map_err(at)?;
-    if let Some(operations) = shaders.scene.budget {
-        compute = compute.budget(operations);
+    if let Some(operations) = shaders.scene.fuel {
+        compute = compute.fuel(operations);
     }
     if let Some(size) = shaders.scene.subgroup_size {
         compute = compute.subgroup_size(size).map_err(at)?;
@@ -323,8 +323,8 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
     if let Some(depth) = scene.max_recursion_depth {
         builder.max_recursion(depth);
     }
-    if let Some(operations) = scene.budget {
-        builder.budget(operations);
+    if let Some(operations) = scene.fuel {
+        builder.fuel(operations);
     }
     if let Some(size) = scene.subgroup_size {
         builder.subgroup_size(size);

@@ -280,11 +280,11 @@ impl Parse for ScalarBytes {
 mod tests {
     use super::*;
     use crate::scene::files::EmbeddedFiles;
-    use crate::scene::read::{Document, Report};
+    use crate::scene::read::{Diagnostics, Document};
 
     fn encode(text: &str) -> Result<Vec<u8>> {
         let document = Document::parse("t.toml", text)?;
-        let report = Report::default();
+        let report = Diagnostics::default();
         let table = document.root(&report);
         let data: Option<Data> = table.required("x");
         table.finish();

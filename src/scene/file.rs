@@ -17,7 +17,7 @@ use crate::scene::data::Data;
 use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
-use crate::scene::read::{At, Document, Named, OneOrMore, Parse, Report, Source, Span, Table, Value};
+use crate::scene::read::{At, Diagnostics, Document, Named, OneOrMore, Parse, Source, Span, Table, Value};
 use crate::scene::resources::ResourceEntry;
 use crate::scene::specialization::SpecializationValue;
 
@@ -74,7 +74,7 @@ impl SceneFile {
     /// # Errors
     /// `InvalidScene` with the mistakes where nothing more can be read from the text: no TOML, no
     /// version, another version. All other mistakes go to the report.
-    pub fn parse(path: impl Into<PathBuf>, text: &str, report: &Report) -> Result<Self> {
+    pub fn parse(path: impl Into<PathBuf>, text: &str, report: &Diagnostics) -> Result<Self> {
         let document = Document::parse(path, text)?;
         version(&document)?;
         let root = document.root(report);
@@ -111,7 +111,7 @@ impl SceneFile {
 
 /// The version comes first: nothing else can be judged without it.
 fn version(document: &Document) -> Result<()> {
-    let report = Report::default();
+    let report = Diagnostics::default();
     let root = document.root(&report);
     let top = Span { source: document.source().clone(), range: 0..0 };
     let Some(value) = root.value("version") else {
@@ -277,8 +277,8 @@ pub struct PipelineEntry {
     pub max_recursion_depth: Option<u32>,
     /// Invocations a subgroup.
     pub subgroup_size: Option<u32>,
-    /// Operations that an invocation may spend.
-    pub budget: Option<u64>,
+    /// Instructions that an invocation may execute, counted at back edges and calls.
+    pub fuel: Option<u64>,
     /// What becomes of an access outside its buffer or image.
     pub memory: Option<MemoryPolicy>,
     /// The pipeline's flags.
@@ -302,7 +302,7 @@ impl Parse for PipelineEntry {
             hit: table.or("hit", Vec::new()),
             max_recursion_depth: table.optional("max_recursion_depth"),
             subgroup_size: subgroup_size.map(|size| size.value),
-            budget: table.optional("budget"),
+            fuel: table.optional_renamed("fuel", "budget"),
             memory: table.optional("memory"),
             flags: device::flags(&table),
         };

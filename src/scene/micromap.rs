@@ -116,10 +116,10 @@ pub(super) fn opacity_micromap(geometry: &Table<'_>) -> Option<Arc<OpacityMicrom
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::read::{Document, Report};
+    use crate::scene::read::{Diagnostics, Document};
 
     fn read(text: &str) -> crate::error::Result<Option<Arc<OpacityMicromap>>> {
-        let report = Report::default();
+        let report = Diagnostics::default();
         let document = Document::parse("scene.toml", text)?;
         let root = document.root(&report);
         let micromap = opacity_micromap(&root);

@@ -6,7 +6,7 @@ use crate::error::{Error, ErrorKind};
 use crate::scene::file::SceneFile;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::random::Random;
-use crate::scene::read::Report;
+use crate::scene::read::Diagnostics;
 use crate::scene::{Options, load};
 
 /// Reads the text as `s/a.toml` beside a few good and bad files.
@@ -295,7 +295,7 @@ fn noise_does_not_panic() {
             }
         }
         let text = String::from_utf8_lossy(&bytes);
-        let report = Report::default();
+        let report = Diagnostics::default();
         let parsed = SceneFile::parse("a.toml", &text, &report);
         let error = parsed.err().or_else(|| report.finish().err());
         if let Some(error) = error {

@@ -32,7 +32,7 @@ impl Source {
     }
 }
 
-/// A stretch of a [`Source`].
+/// A range of a [`Source`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Span {
     /// The file.
@@ -42,7 +42,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// The same stretch as an error's place.
+    /// The span as the place of an error.
     pub fn place(&self) -> Place {
         Place::Text {
             file: self.source.path.display().to_string(),
@@ -51,13 +51,13 @@ impl Span {
         }
     }
 
-    /// An error of this crate's scene kind that points here.
+    /// An error of the scene kind that points here.
     #[must_use]
     pub fn error(&self, message: impl Into<String>) -> Error {
         self.error_with(message, "")
     }
 
-    /// The same with words beside the caret.
+    /// An error of the scene kind that points here, with words beside the caret.
     #[must_use]
     pub fn error_with(&self, message: impl Into<String>, label: impl Into<String>) -> Error {
         Error::new(ErrorKind::InvalidScene, message).at_with(self.place(), label)
@@ -73,14 +73,33 @@ pub struct At<T> {
     pub span: Span,
 }
 
-/// The mistakes found so far.
+/// The mistakes found while a file is read, and notes for its author.
 #[derive(Debug, Default)]
-pub struct Report(RefCell<Vec<Error>>);
+pub struct Diagnostics {
+    errors: RefCell<Vec<Error>>,
+    notes: RefCell<Vec<String>>,
+}
 
-impl Report {
+impl Diagnostics {
     /// Adds a mistake.
     pub fn push(&self, error: Error) {
-        self.0.borrow_mut().push(error);
+        self.errors.borrow_mut().push(error);
+    }
+
+    /// Notes that a file uses an old name, which is still accepted.
+    fn renamed(&self, span: &Span, old: &str, new: &str) {
+        let Span { source, range } = span;
+        let line = source.text[..range.start].matches('\n').count() + 1;
+        let note = format!(
+            "{}:{line}: `{old}` is now called `{new}`; the old name still works",
+            source.path.display()
+        );
+        self.notes.borrow_mut().push(note);
+    }
+
+    /// The notes so far, which are forgotten: a line of text each.
+    pub fn take_notes(&self) -> Vec<String> {
+        self.notes.take()
     }
 
     /// Adds the error of a result and keeps its value.
@@ -90,7 +109,7 @@ impl Report {
 
     /// How many mistakes there are so far.
     pub fn len(&self) -> usize {
-        self.0.borrow().len()
+        self.errors.borrow().len()
     }
 
     /// Whether nothing is wrong so far.
@@ -101,7 +120,7 @@ impl Report {
     /// # Errors
     /// All mistakes as one error, where there are any.
     pub fn finish(self) -> Result<()> {
-        let errors = self.0.into_inner();
+        let errors = self.errors.into_inner();
         if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
     }
 }
@@ -132,7 +151,7 @@ impl Document {
     }
 
     /// The root table.
-    pub fn root<'a>(&'a self, report: &'a Report) -> Table<'a> {
+    pub fn root<'a>(&'a self, report: &'a Diagnostics) -> Table<'a> {
         let value = Value { node: &self.root, source: &self.source, report };
         Table::new(value).expect("bug in anyhit: the root of a TOML document is a table")
     }
@@ -155,6 +174,8 @@ pub trait Named: Copy + 'static {
     const WHAT: &'static str;
     /// All names.
     const NAMES: &'static [(&'static str, Self)];
+    /// Old names that are still accepted, each with the name that replaced it.
+    const RENAMED: &'static [(&'static str, &'static str)] = &[];
 }
 
 /// One TOML value with its place.
@@ -162,7 +183,7 @@ pub trait Named: Copy + 'static {
 pub struct Value<'a> {
     node: &'a Node,
     source: &'a Arc<Source>,
-    report: &'a Report,
+    report: &'a Diagnostics,
 }
 
 impl<'a> Value<'a> {
@@ -205,7 +226,7 @@ impl<'a> Value<'a> {
     }
 
     /// The report that mistakes go to.
-    pub fn report(&self) -> &'a Report {
+    pub fn report(&self) -> &'a Diagnostics {
         self.report
     }
 
@@ -229,7 +250,7 @@ impl Kept {
     }
 
     /// The value; mistakes go to a report.
-    pub fn value<'a>(&'a self, report: &'a Report) -> Value<'a> {
+    pub fn value<'a>(&'a self, report: &'a Diagnostics) -> Value<'a> {
         Value { node: &self.node, source: &self.source, report }
     }
 }
@@ -239,6 +260,8 @@ pub struct Table<'a> {
     value: Value<'a>,
     entries: &'a [Member],
     asked: RefCell<BTreeSet<&'static str>>,
+    /// Old keys that were read in place of the keys that replaced them.
+    renamed: RefCell<BTreeSet<&'static str>>,
     missing: RefCell<Vec<&'static str>>,
 }
 
@@ -246,7 +269,13 @@ impl<'a> Table<'a> {
     /// The value as a table; reports where it is none.
     pub fn new(value: Value<'a>) -> Option<Self> {
         let Toml::Table(entries) = value.toml() else { return value.expected("a table") };
-        Some(Self { value, entries, asked: RefCell::default(), missing: RefCell::default() })
+        Some(Self {
+            value,
+            entries,
+            asked: RefCell::default(),
+            renamed: RefCell::default(),
+            missing: RefCell::default(),
+        })
     }
 
     /// Where the table (or its header) stands.
@@ -255,7 +284,7 @@ impl<'a> Table<'a> {
     }
 
     /// The report that mistakes go to.
-    pub fn report(&self) -> &'a Report {
+    pub fn report(&self) -> &'a Diagnostics {
         self.value.report
     }
 
@@ -274,6 +303,21 @@ impl<'a> Table<'a> {
     /// A key that may be missing.
     pub fn optional<T: Parse>(&self, key: &'static str) -> Option<T> {
         T::parse(self.value(key)?)
+    }
+
+    /// A key that may be missing, or written with its old name, which is noted. A table with both names
+    /// has an unknown key.
+    pub fn optional_renamed<T: Parse>(&self, key: &'static str, old: &'static str) -> Option<T> {
+        if !self.has(key)
+            && let Some(member) = self.entries.iter().find(|member| member.key == old)
+        {
+            self.asked.borrow_mut().insert(key);
+            self.renamed.borrow_mut().insert(old);
+            let span = Span { source: self.value.source.clone(), range: member.key_range.clone() };
+            self.report().renamed(&span, old, key);
+            return T::parse(Value { node: &member.node, ..self.value });
+        }
+        self.optional(key)
     }
 
     /// A key that has a default.
@@ -303,8 +347,9 @@ impl<'a> Table<'a> {
     /// Reports every missing key, and every key that nobody asked for. Call it after the last key
     /// was asked for and before giving up over one of them.
     pub fn finish(&self) {
-        let asked = self.asked.borrow();
-        let unknown: Vec<_> = self.iter().filter(|(key, _)| !asked.contains(key.value.as_str())).collect();
+        let (asked, renamed) = (self.asked.borrow(), self.renamed.borrow());
+        let known = |key: &str| asked.contains(key) || renamed.contains(key);
+        let unknown: Vec<_> = self.iter().filter(|(key, _)| !known(&key.value)).collect();
         for key in self.missing.take() {
             // A misspelt key is one mistake, not two: the unknown key's message names this one.
             if nearest(key, unknown.iter().map(|(name, _)| name.value.as_str())).is_none() {
@@ -367,7 +412,11 @@ fn edit_distance(a: &str, b: &str) -> usize {
 
 impl<T: Named> Parse for T {
     fn parse(value: Value<'_>) -> Option<Self> {
-        let Some(name) = value.text() else { return value.expected(&format!("a string ({})", T::WHAT)) };
+        let Some(mut name) = value.text() else { return value.expected(&format!("a string ({})", T::WHAT)) };
+        if let Some((old, new)) = T::RENAMED.iter().find(|(old, _)| *old == name) {
+            value.report.renamed(&value.span(), old, new);
+            name = new;
+        }
         if let Some((_, found)) = T::NAMES.iter().find(|(known, _)| *known == name) {
             return Some(*found);
         }
@@ -506,7 +555,7 @@ mod tests {
 
     fn read<T>(text: &str, read: impl FnOnce(&Table<'_>) -> Option<T>) -> Result<T> {
         let document = Document::parse("t.toml", text)?;
-        let report = Report::default();
+        let report = Diagnostics::default();
         let table = document.root(&report);
         let value = read(&table);
         table.finish();
@@ -565,6 +614,21 @@ mod tests {
         let error = read("x = 'liner'", |t| t.required::<Filter>("x")).unwrap_err();
         assert!(error.render().contains("did you mean `linear`?"), "{error:?}");
         assert_eq!(read("x = 'nearest'", |t| t.required::<Filter>("x")).unwrap(), Filter::Nearest);
+    }
+
+    #[test]
+    fn an_old_key_is_read_and_noted() {
+        let document = Document::parse("t.toml", "\nradus = 2\n").unwrap();
+        let report = Diagnostics::default();
+        let table = document.root(&report);
+        assert_eq!(table.optional_renamed::<u32>("radius", "radus"), Some(2));
+        table.finish();
+        assert!(report.is_empty());
+        let note = "t.toml:2: `radus` is now called `radius`; the old name still works";
+        assert_eq!(report.take_notes(), [note]);
+        // With both names the old one is a mistake.
+        let both = read("radus = 2\nradius = 3\n", |t| t.optional_renamed::<u32>("radius", "radus"));
+        assert_eq!(both.unwrap_err().message(), "unknown key `radus`");
     }
 
     #[test]

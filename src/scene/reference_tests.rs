@@ -2,13 +2,13 @@
 
 use crate::error::Error;
 use crate::scene::file::SceneFile;
-use crate::scene::read::{Named, Report};
+use crate::scene::read::{Diagnostics, Named};
 
 const REFERENCE: &str = include_str!("../../docs/scene.md");
 
 /// The mistakes of a text, its syntax included.
 fn mistakes(text: &str) -> Result<(), Error> {
-    let report = Report::default();
+    let report = Diagnostics::default();
     SceneFile::parse("docs/scene.md", text, &report)?;
     report.finish()
 }

@@ -12,7 +12,7 @@ use crate::scene::file::{
 };
 use crate::scene::files::Files;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
-use crate::scene::read::{At, Document, Report, nearest};
+use crate::scene::read::{At, Diagnostics, Document, nearest};
 use crate::scene::resolved::{
     Dispatch, Group, HitGroup, ResolvedScene, Shader, ShaderBindingTable, ShaderCode, ShaderModule,
     ShaderRecord,
@@ -48,12 +48,12 @@ pub fn load(path: &Path, files: &dyn Files, options: &Options) -> Result<Resolve
     load_text(path, &text, files, options)
 }
 
-/// The same for a text at hand; `path` is where its relative paths start from.
+/// Reads a scene from a text; `path` is where its relative paths start from.
 ///
 /// # Errors
 /// As [`load`].
 pub fn load_text(path: &Path, text: &str, files: &dyn Files, options: &Options) -> Result<ResolvedScene> {
-    let report = Report::default();
+    let report = Diagnostics::default();
     let own = SceneFile::parse(path, text, &report)?;
     let mut parts = Vec::new();
     include(own, files, &report, &mut Vec::new(), &mut parts);
@@ -74,7 +74,7 @@ fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
 fn include(
     file: SceneFile,
     files: &dyn Files,
-    report: &Report,
+    report: &Diagnostics,
     open: &mut Vec<PathBuf>,
     parts: &mut Vec<SceneFile>,
 ) {
@@ -100,7 +100,7 @@ fn include(
 /// The parts of a scene as one: later definitions of a name replace earlier ones.
 struct Resolver<'a> {
     files: &'a dyn Files,
-    report: &'a Report,
+    report: &'a Diagnostics,
     options: Options,
     geometry: Vec<Entry<GeometryEntry>>,
     instances: Vec<InstanceEntry>,
@@ -120,7 +120,7 @@ struct Resolver<'a> {
 }
 
 impl<'a> Resolver<'a> {
-    fn new(parts: Vec<SceneFile>, files: &'a dyn Files, options: &Options, report: &'a Report) -> Self {
+    fn new(parts: Vec<SceneFile>, files: &'a dyn Files, options: &Options, report: &'a Diagnostics) -> Self {
         let own = parts.last().expect("bug in anyhit: a scene without a file").document.clone();
         let mut all = Self {
             files,
@@ -211,11 +211,12 @@ impl<'a> Resolver<'a> {
             pipeline_flags: self.pipeline.as_ref().map_or_else(Default::default, |pipeline| pipeline.flags),
             max_recursion_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_recursion_depth),
             subgroup_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.subgroup_size),
-            budget: self.pipeline.as_ref().and_then(|pipeline| pipeline.budget),
+            fuel: self.pipeline.as_ref().and_then(|pipeline| pipeline.fuel),
             memory: self.pipeline.as_ref().and_then(|pipeline| pipeline.memory).unwrap_or_default(),
             launch: self.launch,
             rays: self.rays,
             document: self.own,
+            notes: self.report.take_notes(),
         })
     }
 

@@ -41,8 +41,8 @@ pub struct ResolvedScene {
     pub max_recursion_depth: Option<u32>,
     /// Invocations a subgroup, where the scene says.
     pub subgroup_size: Option<u32>,
-    /// Operations that an invocation may spend, where the scene says.
-    pub budget: Option<u64>,
+    /// Instructions that an invocation may execute, counted at back edges and calls, where the scene says.
+    pub fuel: Option<u64>,
     /// What becomes of an access outside its buffer or image.
     pub memory: MemoryPolicy,
     /// Width, height and depth of the launch.
@@ -51,6 +51,8 @@ pub struct ResolvedScene {
     pub rays: Vec<RayEntry>,
     /// The scene's own document, whose `[expect]` the harness reads.
     pub document: Document,
+    /// Notes for the scene's author, a line each: old names that the scene uses.
+    pub notes: Vec<String>,
 }
 
 /// A file with shaders.

@@ -31,7 +31,7 @@ const STEPS: usize = 24;
 /// Cases that see what rewriting changes, with what that is.
 const EXCEPTIONS: [(&str, &str); 1] = [(
     "shaders/fail/control-flow/endless-loop",
-    "how many instructions a turn has decides where the budget is spent, and so at which line",
+    "how many instructions a turn has decides where the fuel runs out, and so at which line",
 )];
 
 fn root() -> &'static Path {

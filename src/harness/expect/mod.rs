@@ -27,7 +27,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::Costs;
 use crate::harness::stability::{Instability, StableExpectation};
 use crate::pipeline::Stats;
-use crate::scene::read::{At, Document, Parse, Report, Span, Table, Value, nearest};
+use crate::scene::read::{At, Diagnostics, Document, Parse, Span, Table, Value, nearest};
 
 /// How many differences of one table are shown.
 const SHOWN: usize = 6;
@@ -53,6 +53,8 @@ pub struct Expectations {
     pub printed: Option<PrintedExpectation>,
     /// `[expect.stable]`
     pub stable: Option<StableExpectation>,
+    /// Notes for the author, a line each: old names that the table uses.
+    pub notes: Vec<String>,
 }
 
 /// What a launch left behind, or a ray.
@@ -168,12 +170,14 @@ impl Expectations {
     /// # Errors
     /// All mistakes of the table as one error.
     pub fn read(document: &Document) -> Result<Self> {
-        let report = Report::default();
+        let report = Diagnostics::default();
         let root = document.root(&report);
         let read = root.value("expect").map_or(Some(Self::default()), Self::parse);
         drop(root);
+        let notes = report.take_notes();
         report.finish()?;
-        Ok(read.expect("bug in anyhit: expectations failed without a mistake"))
+        let read = read.expect("bug in anyhit: expectations failed without a mistake");
+        Ok(Self { notes, ..read })
     }
 
     /// Whether nothing is expected beside a launch without a trap.
@@ -309,6 +313,7 @@ impl Expectations {
             stats,
             printed,
             stable,
+            notes: Vec::new(),
         })
     }
 }

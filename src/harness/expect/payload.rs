@@ -3,7 +3,7 @@
 use crate::harness::expect::{Difference, Subject};
 use crate::harness::number::{Expected, Scalar, Tolerance};
 use crate::harness::value::Value as Found;
-use crate::scene::read::{Kept, Report, Span, Table, Value, nearest};
+use crate::scene::read::{Diagnostics, Kept, Span, Table, Value, nearest};
 use crate::scene::tree::Toml;
 
 /// A payload as it is expected: a table of some members, nested as the payload is. A payload of one
@@ -34,7 +34,7 @@ impl PayloadExpectation {
         tolerance: Tolerance,
         because: Option<&String>,
     ) -> Vec<Difference> {
-        let report = Report::default();
+        let report = Diagnostics::default();
         let mut comparison = Comparison { tolerance, because, differences: Vec::new() };
         comparison.compare(self.0.value(&report), found, "payload", 0);
         let mistakes = report.finish().err();

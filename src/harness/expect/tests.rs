@@ -115,18 +115,18 @@ fn hits_and_misses_of_rays() {
 
 #[test]
 fn traps_and_counts() {
-    let trap = format!("[expect.trap]\ncode = 'budget_spent'\nline = 3\nlaunch_id = [1, 0, 0]\n{BECAUSE}");
-    assert!(difference(&trap).contains("no trap; expected: the instruction budget is spent"));
+    let trap = format!("[expect.trap]\ncode = 'out_of_fuel'\nline = 3\nlaunch_id = [1, 0, 0]\n{BECAUSE}");
+    assert!(difference(&trap).contains("no trap; expected: the invocation ran out of fuel"));
     let with = |code: TrapCode, line: u32, id: &str| {
         let place = Place::Line { file: "a.rgen".into(), line, column: 0 };
         let error = Error::new(ErrorKind::Trap, code.message()).at(place).note(format!("launch id {id}"));
         let observed = Observed { trap: Some(error), ..observed() };
         expect(&trap).check(&observed).map_err(|error| error.render())
     };
-    assert_eq!(with(TrapCode::BudgetSpent, 3, "(1, 0, 0)"), Ok(()));
+    assert_eq!(with(TrapCode::OutOfFuel, 3, "(1, 0, 0)"), Ok(()));
     assert!(with(TrapCode::Unreachable, 3, "(1, 0, 0)").unwrap_err().contains("another trap"));
-    assert!(with(TrapCode::BudgetSpent, 4, "(1, 0, 0)").unwrap_err().contains("trapped elsewhere"));
-    assert!(with(TrapCode::BudgetSpent, 3, "(2, 0, 0)").unwrap_err().contains("another invocation"));
+    assert!(with(TrapCode::OutOfFuel, 4, "(1, 0, 0)").unwrap_err().contains("trapped elsewhere"));
+    assert!(with(TrapCode::OutOfFuel, 3, "(2, 0, 0)").unwrap_err().contains("another invocation"));
     assert!(difference(&format!("[expect.stats]\nrays = 4\n{BECAUSE}")).contains("expected 4, found 3"));
     let error = Error::new(ErrorKind::Trap, TrapCode::Unreachable.message());
     let observed = Observed { trap: Some(error), ..observed() };
@@ -154,7 +154,8 @@ fn mistakes_of_expectations() {
         mistake("[[expect.buffer]]\nname = 'a'\nbecause = 'x'\n").contains("numbers of one type are needed")
     );
     assert!(
-        mistake("[expect.trap]\ncode = 'budget'\nbecause = 'x'\n").contains("did you mean `budget_spent`?")
+        mistake("[expect.trap]\ncode = 'out_of_fule'\nbecause = 'x'\n")
+            .contains("did you mean `out_of_fuel`?")
     );
     assert!(
         mistake("[[expect.buffer]]\nname = 'a'\nf32 = 1\nulp = 1\nabsolute = 1\nbecause = 'x'\n")

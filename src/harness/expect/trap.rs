@@ -37,7 +37,7 @@ impl Named for TrapName {
         ("image_mismatch", Self(TrapCode::ImageMismatch)),
         ("sampler_mismatch", Self(TrapCode::SamplerMismatch)),
         ("unreachable", Self(TrapCode::Unreachable)),
-        ("budget_spent", Self(TrapCode::BudgetSpent)),
+        ("out_of_fuel", Self(TrapCode::OutOfFuel)),
         ("invalid_trace", Self(TrapCode::InvalidTrace)),
         ("acceleration_structure_missing", Self(TrapCode::AccelerationStructureMissing)),
         ("recursion_too_deep", Self(TrapCode::RecursionTooDeep)),
@@ -71,6 +71,7 @@ impl Named for TrapName {
         ("hit_object_not_hit", Self(TrapCode::HitObjectNotHit)),
         ("barrier_divergence", Self(TrapCode::BarrierDivergence)),
     ];
+    const RENAMED: &'static [(&'static str, &'static str)] = &[("budget_spent", "out_of_fuel")];
 }
 
 impl Parse for TrapExpectation {

@@ -24,7 +24,7 @@ use crate::machine::Buffer;
 use crate::module::Module;
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
-use crate::pipeline::DEFAULT_BUDGET;
+use crate::pipeline::DEFAULT_FUEL;
 use crate::program::Program;
 use crate::scene::read::nearest;
 
@@ -63,7 +63,7 @@ pub struct ShaderTest {
     object_record: Option<Arc<Buffer>>,
     calls: Option<Answer<CallableCall>>,
     reports: Option<Answer<Report>>,
-    budget: u64,
+    fuel: u64,
     /// The first mistake, told by [`ShaderTest::run`].
     mistake: Option<Error>,
 }
@@ -117,7 +117,7 @@ impl ShaderTest {
             object_record: None,
             calls: None,
             reports: None,
-            budget: DEFAULT_BUDGET,
+            fuel: DEFAULT_FUEL,
             mistake: None,
         })
     }
@@ -262,10 +262,17 @@ impl ShaderTest {
         self.on_report(|_| false)
     }
 
-    /// How many operations the shader may spend at back edges and calls.
+    /// Sets how many instructions the shader may execute, counted at back edges and calls.
     #[must_use]
-    pub fn budget(self, operations: u64) -> Self {
-        Self { budget: operations, ..self }
+    pub fn fuel(self, instructions: u64) -> Self {
+        Self { fuel: instructions, ..self }
+    }
+
+    /// The old name of [`ShaderTest::fuel`].
+    #[must_use]
+    #[deprecated = "call `fuel`"]
+    pub fn budget(self, instructions: u64) -> Self {
+        self.fuel(instructions)
     }
 
     /// Keeps the first mistake.

@@ -40,7 +40,7 @@ impl ShaderTest {
         let (invocation, attributes) = self.invocation()?;
         let mut batch: Batch<1> = program.batch();
         batch.invocations.set(0, invocation);
-        program.begin(&mut batch, Mask::ALL, self.budget);
+        program.begin(&mut batch, Mask::ALL, self.fuel);
         self.override_builtins(&mut batch);
         self.fill_payload(&mut batch)?;
         let attribute_rows = program.interface_registers(storage::HIT_ATTRIBUTE);

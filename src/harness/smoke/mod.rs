@@ -53,8 +53,8 @@ pub use report::{EntryReport, Reached, Report, Run, TrapReport, Verdict};
 pub struct Options {
     /// The seed of all values.
     pub seed: u64,
-    /// Operations that an invocation may spend at back edges and calls.
-    pub budget: u64,
+    /// Instructions that an invocation may execute, counted at back edges and calls.
+    pub fuel: u64,
     /// Operations, counted once for all lanes of a batch, after which no further set of values is
     /// tried on an entry point. The first is always tried.
     pub total_fuel: u64,
@@ -65,7 +65,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { seed: 1, budget: 1 << 18, total_fuel: 1 << 27, time_limit: None }
+        Self { seed: 1, fuel: 1 << 18, total_fuel: 1 << 27, time_limit: None }
     }
 }
 

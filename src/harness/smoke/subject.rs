@@ -48,8 +48,8 @@ const MOST_SETS: usize = 48;
 const PATIENCE: u32 = 4;
 /// The same while there is a trap that nothing got past.
 const LONG_PATIENCE: u32 = 12;
-/// Halvings of the budget of a shader that has once spent it.
-const LESS_BUDGET: u32 = 4;
+/// How often the fuel of a shader is halved once it has run out of it.
+const LESS_FUEL: u32 = 4;
 /// What a run counts beside its operations: making up its values takes time, too.
 const FUEL_OF_A_RUN: u64 = 1 << 14;
 /// What a ray counts beside its operations.
@@ -145,7 +145,7 @@ struct Learned {
     mended: Option<(String, Box<Trapped>)>,
     /// The one kind of geometry that there is, where a shader needs it.
     geometry: Option<Kind>,
-    /// Whether it spent its budget: then it has less of it from there on.
+    /// Whether it ran out of fuel: it has less of it from then on.
     is_spent: bool,
     /// Instructions, by their word offset, for which no resource is large enough.
     hopeless: BTreeSet<u32>,
@@ -230,10 +230,10 @@ impl Subject<'_> {
             let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
             let mut watch = Watch::new(program);
             let mut stand_in = StandIn::new(program, set.numbers);
-            let budget = self.options.budget >> if learned.is_spent { LESS_BUDGET } else { 0 };
-            let run = Once { way, program, given: &given, set, budget };
+            let fuel = self.options.fuel >> if learned.is_spent { LESS_FUEL } else { 0 };
+            let run = Once { way, program, given: &given, set, fuel };
             let trapped = run.run(&mut stand_in, &mut watch)?;
-            learned.is_spent |= trapped.as_ref().is_some_and(|trap| trap.code == TrapCode::BudgetSpent);
+            learned.is_spent |= trapped.as_ref().is_some_and(|trap| trap.code == TrapCode::OutOfFuel);
             let happened = stand_in.happened;
             let rays = (happened.traces + happened.ray_queries).saturating_mul(FUEL_OF_A_RAY);
             progress.fuel = progress.fuel.saturating_sub(watch.spent + rays + FUEL_OF_A_RUN);
@@ -367,14 +367,14 @@ impl Subject<'_> {
 
     /// Runs it once more where nobody watches, in its optimised form, which must end alike.
     fn check_unwatched(&self, way: Way, watched: &Try, values: Values, learned: &Learned) -> Result<()> {
-        // What only the budget ends takes long enough.
+        // What ends only for want of fuel takes long enough.
         if learned.is_spent {
             return Ok(());
         }
         let (program, scene) = (&self.program, || hits::scene(learned.geometry));
         let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
         let mut stand_in = StandIn::new(program, watched.set.numbers);
-        let run = Once { way, program, given: &given, set: watched.set, budget: self.options.budget };
+        let run = Once { way, program, given: &given, set: watched.set, fuel: self.options.fuel };
         let trapped = run.run(&mut stand_in, &mut ())?;
         let end = |trapped: &Option<Box<Trapped>>| trapped.as_ref().map(|trap| (trap.code, trap.offset));
         let (watched, unwatched) = (end(&watched.trapped), end(&trapped));
@@ -392,7 +392,7 @@ struct Once<'a> {
     program: &'a Arc<Program>,
     given: &'a Given,
     set: Set,
-    budget: u64,
+    fuel: u64,
 }
 
 impl Once<'_> {
@@ -402,9 +402,9 @@ impl Once<'_> {
         stand_in: &mut StandIn<'_>,
         observer: &mut O,
     ) -> Result<Option<Box<Trapped>>> {
-        let &Self { way, program, given, set, budget } = self;
+        let &Self { way, program, given, set, fuel } = self;
         if let Way::Dispatch = way {
-            let compute = Compute::new(program.clone())?.budget(budget);
+            let compute = Compute::new(program.clone())?.fuel(fuel);
             let groups = groups(compute.workgroup_size(), set.launch_size == LAUNCH);
             if !<O as Observer<LANES>>::active() {
                 return Ok(compute.run_to_trap::<LANES>(&given.resources, groups, &|_| ()).err());
@@ -413,7 +413,7 @@ impl Once<'_> {
             return Ok(compute.run_to_trap_observed(&given.resources, groups, &mut event, observer).err());
         }
         let mut builder = Pipeline::builder();
-        builder.budget(budget);
+        builder.fuel(fuel);
         let shader = builder.shader(program.clone());
         let data = |group| Record::with_data(group, &given.record);
         match way {

@@ -66,6 +66,8 @@ pub struct Report {
     pub perturbed: usize,
     /// Files that were written anew.
     pub renewed: Vec<PathBuf>,
+    /// Notes for the authors of the tests, a line each, each once: old names that files use.
+    pub notes: Vec<String>,
 }
 
 impl Suite {
@@ -99,6 +101,11 @@ impl Suite {
             report.coverage.add(done.coverage);
             report.shadow.add(&done.shadow);
             report.perturbed += done.perturbed;
+            for note in done.notes {
+                if !report.notes.contains(&note) {
+                    report.notes.push(note);
+                }
+            }
             Ok(())
         };
         if jobs == 1 || groups.len() <= 1 {
@@ -203,7 +210,8 @@ impl Suite {
             finished.push(Finished { name: test.name.clone(), file: file.clone(), outcome, took });
         }
         let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled));
-        Done { finished, coverage: coverage.unwrap_or_default(), shadow, perturbed }
+        let notes = [&loaded.scene.notes[..], &loaded.expectations.notes].concat();
+        Done { finished, coverage: coverage.unwrap_or_default(), shadow, perturbed, notes }
     }
 }
 
@@ -213,6 +221,7 @@ struct Done {
     coverage: Coverage,
     shadow: Shadow,
     perturbed: usize,
+    notes: Vec<String>,
 }
 
 impl Done {
@@ -229,7 +238,7 @@ impl Done {
             took: Duration::ZERO,
         });
         let (coverage, shadow) = (Coverage::default(), Shadow::default());
-        Self { finished: finished.collect(), coverage, shadow, perturbed: 0 }
+        Self { finished: finished.collect(), coverage, shadow, perturbed: 0, notes: Vec::new() }
     }
 }
 
