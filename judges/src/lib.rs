@@ -1,12 +1,15 @@
 //! Independent judges of the interpreter: what SPIRV-Tools makes of a module must mean the same.
 //!
 //! `tests/folding.rs` lets it fold instructions on constants, `tests/optimised.rs` lets it optimise
-//! every fixture, `tests/random_modules.rs` runs each of its passes alone on random modules, `tests/verdict.rs` lets it
-//! validate mutants of the fixtures. `.ci/judges` runs them.
+//! every fixture, `tests/random_modules.rs` runs each of its passes on random modules, `tests/verdict.rs`
+//! lets it validate mutants of the fixtures, `tests/smoke.rs` compares what `smoke` says of a module before and
+//! after `-O`. `.ci/judges` runs them.
 
 pub mod list;
 #[path = "../../tests/support/mutate.rs"]
 pub mod mutate;
+pub mod passes;
+pub mod process;
 #[path = "../../tests/support/recorded.rs"]
 pub mod recorded;
 pub mod verdict;

@@ -1,9 +1,6 @@
 //! What SPIRV-Tools says of a module, beside what this crate says.
 
-use std::io::{self, Read, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 
 use anyhit::Module;
@@ -44,65 +41,6 @@ pub fn theirs(words: &[u32]) -> Theirs {
         Some(diagnostic) => diagnostic.message,
         None => format!("{:?}", error.inner),
     })
-}
-
-/// The validator in a process of its own.
-pub struct Validators {
-    program: PathBuf,
-    child: Option<Child>,
-}
-
-impl Validators {
-    /// The program is that of `src/bin/validator.rs`.
-    pub fn new(program: &Path) -> Self {
-        Self { program: program.to_owned(), child: None }
-    }
-
-    /// What the validator says; `None` where it ended, as an assertion of its own did not hold.
-    pub fn ask(&mut self, words: &[u32]) -> Option<Theirs> {
-        let child = self.child.get_or_insert_with(|| {
-            let mut command = Command::new(&self.program);
-            command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
-            command.spawn().expect("the validator starts")
-        });
-        match exchange(child, words) {
-            Ok(complaint) if complaint.is_empty() => Some(Ok(())),
-            Ok(complaint) => Some(Err(complaint)),
-            Err(_) => {
-                self.stop();
-                None
-            }
-        }
-    }
-
-    fn stop(&mut self) {
-        if let Some(mut child) = self.child.take() {
-            drop(child.stdin.take());
-            let _ = child.wait();
-        }
-    }
-}
-
-impl Drop for Validators {
-    fn drop(&mut self) {
-        self.stop();
-    }
-}
-
-fn exchange(child: &mut Child, words: &[u32]) -> io::Result<String> {
-    let (Some(input), Some(output)) = (&mut child.stdin, &mut child.stdout) else {
-        return Err(io::ErrorKind::BrokenPipe.into());
-    };
-    let module = bytes(words);
-    let mut question = (module.len() as u32).to_le_bytes().to_vec();
-    question.extend(module);
-    input.write_all(&question)?;
-    input.flush()?;
-    let mut length = [0; 4];
-    output.read_exact(&mut length)?;
-    let mut complaint = vec![0; u32::from_le_bytes(length) as usize];
-    output.read_exact(&mut complaint)?;
-    Ok(String::from_utf8_lossy(&complaint).into_owned())
 }
 
 /// A message without what differs from module to module: numbers, names of ids and types. The rules' names

@@ -1,8 +1,8 @@
-//! Random modules with each pass of SPIRV-Tools alone: what a pass makes of a module must leave the same
+//! Random modules with each pass of SPIRV-Tools alone, and with all passes of `-O`: what a pass makes of a module must leave the same
 //! in memory, by the evaluator of `tests/random_modules/` and by the interpreter.
 //!
 //! `ANYHIT_RANDOM_MODULES` is how many modules are drawn, `ANYHIT_RANDOM_SEED` another seed,
-//! `ANYHIT_RANDOM_PASS` the one pass to run.
+//! `ANYHIT_RANDOM_FIRST` the number of the first module, `ANYHIT_RANDOM_PASS` the one pass to run.
 
 #![allow(dead_code, reason = "what the generator counts is for its own tests")]
 
@@ -26,135 +26,187 @@ mod run;
 mod types;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::Instant;
 
-use anyhit_judges::optimise_by;
+use anyhit_judges::passes::PASSES;
+use anyhit_judges::process::ToolProcess;
 use rayon::prelude::*;
-use spirv_tools::opt::Passes;
-
-/// The passes that must keep what a compute shader means. Not among them are those that relax precision,
-/// turn what they do not know into something else, are for other stages, or only print; nor five whose
-/// own assertions, or wrong pointers, end the process where they meet some of these modules:
-/// `ConditionalConstantPropagation`, `EliminateDeadMembers`, `InsertExtractElim`, `LoopPeeling` and
-/// `Simplification`.
-const PASSES: &[(&str, Passes)] = &[
-    ("AggressiveDCE", Passes::AggressiveDCE),
-    ("BlockMerge", Passes::BlockMerge),
-    ("CFGCleanup", Passes::CFGCleanup),
-    ("CodeSinking", Passes::CodeSinking),
-    ("CombineAccessChains", Passes::CombineAccessChains),
-    ("CompactIds", Passes::CompactIds),
-    ("CopyPropagateArrays", Passes::CopyPropagateArrays),
-    ("DeadBranchElim", Passes::DeadBranchElim),
-    ("DeadInsertElim", Passes::DeadInsertElim),
-    ("DeadVariableElimination", Passes::DeadVariableElimination),
-    ("EliminateDeadConstant", Passes::EliminateDeadConstant),
-    ("EliminateDeadFunctions", Passes::EliminateDeadFunctions),
-    ("FlattenDecoration", Passes::FlattenDecoration),
-    ("FoldSpecConstantOpAndComposite", Passes::FoldSpecConstantOpAndComposite),
-    ("IfConversion", Passes::IfConversion),
-    ("InlineExhaustive", Passes::InlineExhaustive),
-    ("LocalAccessChainConvert", Passes::LocalAccessChainConvert),
-    ("LocalMultiStoreElim", Passes::LocalMultiStoreElim),
-    ("LocalRedundancyElimination", Passes::LocalRedundancyElimination),
-    ("LocalSingleBlockLoadStoreElim", Passes::LocalSingleBlockLoadStoreElim),
-    ("LocalSingleStoreElim", Passes::LocalSingleStoreElim),
-    ("LoopInvariantCodeMotion", Passes::LoopInvariantCodeMotion),
-    ("LoopUnswitch", Passes::LoopUnswitch),
-    ("MergeReturn", Passes::MergeReturn),
-    ("PrivateToLocal", Passes::PrivateToLocal),
-    ("ReduceLoadSize", Passes::ReduceLoadSize),
-    ("RedundancyElimination", Passes::RedundancyElimination),
-    ("RemoveDuplicates", Passes::RemoveDuplicates),
-    ("RemoveUnusedInterfaceVariables", Passes::RemoveUnusedInterfaceVariables),
-    ("SSARewrite", Passes::SSARewrite),
-    ("StrengthReduction", Passes::StrengthReduction),
-    ("UnifyConstant", Passes::UnifyConstant),
-    ("VectorDCE", Passes::VectorDCE),
-];
 
 /// What became of a module under a pass.
+#[derive(Clone, Debug)]
 enum Outcome {
+    /// The pass leaves the module as it is.
+    Unchanged,
+    /// The pass changes the module, and not what it means.
     Same,
     /// The pass does not take the module.
     Refused(String),
+    /// An assertion of SPIRV-Tools did not hold, or it used a wrong pointer.
+    Aborted,
     /// The pass gave it another meaning, by the evaluator: not ours to judge.
     Changed(String),
+    /// What the pass made of it is refused, by the validator, too.
+    Invalid(String),
     /// The evaluator finds the same meaning, the interpreter another one.
     Wrong(String),
+}
+
+/// What all modules came to under one pass.
+#[derive(Default)]
+struct Tally {
+    counts: BTreeMap<&'static str, u64>,
+    /// The first module of a kind, and what was told of it.
+    first: BTreeMap<&'static str, (u64, String)>,
+    wrong: Vec<String>,
+}
+
+impl Tally {
+    fn note(&mut self, index: u64, outcome: Outcome) {
+        let (kind, told) = match outcome {
+            Outcome::Unchanged => ("unchanged", None),
+            Outcome::Same => ("same", None),
+            Outcome::Refused(problem) => ("refused", Some(problem)),
+            Outcome::Aborted => ("aborted", Some(String::new())),
+            Outcome::Changed(problem) => ("changed by the pass", Some(problem)),
+            Outcome::Invalid(problem) => ("made invalid by the pass", Some(problem)),
+            Outcome::Wrong(problem) => {
+                self.wrong.push(format!("module {index}: {problem}"));
+                ("WRONG", None)
+            }
+        };
+        *self.counts.entry(kind).or_default() += 1;
+        if let Some(problem) = told {
+            self.first_is(kind, index, problem);
+        }
+    }
+
+    fn first_is(&mut self, kind: &'static str, index: u64, problem: String) {
+        if self.first.get(kind).is_none_or(|(first, _)| index < *first) {
+            self.first.insert(kind, (index, problem));
+        }
+    }
+
+    fn merge(&mut self, other: Self) {
+        for (kind, count) in other.counts {
+            *self.counts.entry(kind).or_default() += count;
+        }
+        for (kind, (index, problem)) in other.first {
+            self.first_is(kind, index, problem);
+        }
+        self.wrong.extend(other.wrong);
+    }
+}
+
+/// What is done to each module: a pass by its number, or all of `-O`.
+#[derive(Clone, Copy)]
+enum Way {
+    Pass(usize),
+    Performance,
+}
+
+impl Way {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Pass(at) => PASSES[at].0,
+            Self::Performance => "-O",
+        }
+    }
 }
 
 #[test]
 fn each_pass_keeps_what_modules_mean() {
     let number = |name: &str| std::env::var(name).ok().and_then(|value| value.parse::<u64>().ok());
     let count = number("ANYHIT_RANDOM_MODULES").unwrap_or(150);
+    let first = number("ANYHIT_RANDOM_FIRST").unwrap_or(0);
     let seed = number("ANYHIT_RANDOM_SEED").unwrap_or(1);
     let wanted = std::env::var("ANYHIT_RANDOM_PASS").ok();
-    let mut wrong = Vec::new();
+    let ways: Vec<Way> = (0..PASSES.len())
+        .map(Way::Pass)
+        .chain([Way::Performance])
+        .filter(|way| wanted.as_ref().is_none_or(|wanted| wanted == way.name()))
+        .collect();
+    assert!(!ways.is_empty(), "no pass has the name {wanted:?}");
     let start = Instant::now();
-    let mut judged = 0;
-    for (name, pass) in PASSES {
-        if wanted.as_ref().is_some_and(|wanted| wanted != name) {
-            continue;
-        }
-        let outcomes: Vec<(u64, Outcome)> = (0..count)
-            .into_par_iter()
-            .filter_map(|index| Some((index, judge(seed, index, *pass)?)))
-            .collect();
-        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-        let mut first: BTreeMap<&str, String> = BTreeMap::new();
-        for (index, outcome) in outcomes {
-            let (kind, told) = match outcome {
-                Outcome::Same => ("same", None),
-                Outcome::Refused(problem) => ("refused", Some(problem)),
-                Outcome::Changed(problem) => ("changed by the pass", Some(problem)),
-                Outcome::Wrong(problem) => {
-                    wrong.push(format!("{name}, module {index} of seed {seed}: {problem}"));
-                    ("WRONG", None)
-                }
-            };
-            *counts.entry(kind).or_default() += 1;
-            if let Some(problem) = told {
-                first.entry(kind).or_insert(format!("module {index}: {problem}"));
-            }
-        }
-        judged += counts.get("same").copied().unwrap_or_default();
-        println!("{name}: {counts:?} {first:?}");
-    }
+    let program = Path::new(env!("CARGO_BIN_EXE_spirv_tools"));
+    let none = || ways.iter().map(|_| Tally::default()).collect::<Vec<_>>();
+    let tallies = (first..first + count)
+        .into_par_iter()
+        .fold(
+            || (ToolProcess::new(program), none()),
+            |(mut tools, mut tallies), index| {
+                let outcomes = judge(&mut tools, seed, index, &ways);
+                tallies.iter_mut().zip(outcomes).for_each(|(tally, outcome)| tally.note(index, outcome));
+                (tools, tallies)
+            },
+        )
+        .map(|(_, tallies)| tallies)
+        .reduce(none, |mut all, more| {
+            all.iter_mut().zip(more).for_each(|(all, more)| all.merge(more));
+            all
+        });
     let seconds = start.elapsed().as_secs_f64();
-    println!("{judged} modules judged in {seconds:.1} s: {:.0} an hour", judged as f64 / seconds * 3600.0);
+    let mut judged = 0;
+    let mut wrong = Vec::new();
+    for (way, tally) in ways.iter().zip(tallies) {
+        println!("{}: {:?} {:?}", way.name(), tally.counts, tally.first);
+        judged += tally.counts.get("same").copied().unwrap_or_default();
+        wrong.extend(tally.wrong.iter().map(|problem| format!("{}, seed {seed}, {problem}", way.name())));
+    }
+    println!(
+        "{count} modules, {judged} changed ones judged in {seconds:.1} s: {:.0} an hour",
+        judged as f64 / seconds * 3600.0
+    );
     assert!(wrong.is_empty(), "{}:\n{}", wrong.len(), wrong.join("\n"));
     assert!(judged > 0 || wanted.is_some(), "nothing was judged");
 }
 
-/// A module under a pass; `None` where the pass changes nothing, or the module costs too much.
-fn judge(seed: u64, index: u64, pass: Passes) -> Option<Outcome> {
+/// A module under each of the passes. Passes that make the same of it are judged once.
+fn judge(tools: &mut ToolProcess, seed: u64, index: u64, ways: &[Way]) -> Vec<Outcome> {
     let generated = generate::generate(seed, index);
     let words = emit::words(&generated.module);
-    let optimised = match optimise_by(&words, pass) {
-        Ok(optimised) => optimised,
-        Err(problem) => return Some(Outcome::Refused(problem)),
-    };
-    if optimised == words {
-        return None;
-    }
     let before = run::memory(&generated, seed);
     let evaluate = |words: &[u32]| evaluate::run(words, &before, generated.groups, generated.subgroup);
-    let expected = evaluate(&words).ok()?;
-    let changed = match evaluate(&optimised) {
-        Ok(found) => run::difference(&generated, &expected, &found),
-        Err(problem) => Some(problem),
+    // What costs too much is left to others.
+    let Ok(expected) = evaluate(&words) else { return Vec::new() };
+    let mut known: BTreeMap<Vec<u32>, Outcome> = BTreeMap::from([(words.clone(), Outcome::Unchanged)]);
+    let mut judge = |tools: &mut ToolProcess, optimised: Vec<u32>| {
+        if let Some(outcome) = known.get(&optimised) {
+            return outcome.clone();
+        }
+        let changed = match evaluate(&optimised) {
+            Ok(found) => run::difference(&generated, &expected, &found),
+            Err(problem) => Some(problem),
+        };
+        let mut check = |way: &str, found: &evaluate::Memory| {
+            run::difference(&generated, &expected, found)
+                .map_or(Ok(()), |difference| Err(format!("wrong ({way}): {difference}")))
+        };
+        let outcome = match changed {
+            Some(difference) => Outcome::Changed(difference),
+            None => match run::interpret(&optimised, &before, &generated, &mut check) {
+                Ok(()) => Outcome::Same,
+                Err(problem) if problem.starts_with("refused") => match tools.validate(&optimised) {
+                    Some(Err(complaint)) => Outcome::Invalid(complaint),
+                    _ => Outcome::Wrong(problem),
+                },
+                Err(problem) => Outcome::Wrong(problem),
+            },
+        };
+        known.insert(optimised, outcome.clone());
+        outcome
     };
-    if let Some(difference) = changed {
-        return Some(Outcome::Changed(difference));
+    let mut outcomes = Vec::new();
+    for way in ways {
+        let answer = match *way {
+            Way::Pass(pass) => tools.optimise_by(pass, &words),
+            Way::Performance => tools.optimise(&words),
+        };
+        outcomes.push(match answer {
+            None => Outcome::Aborted,
+            Some(Err(problem)) => Outcome::Refused(problem),
+            Some(Ok(optimised)) => judge(tools, optimised),
+        });
     }
-    let mut check = |way: &str, found: &evaluate::Memory| match run::difference(&generated, &expected, found)
-    {
-        Some(difference) => Err(format!("wrong ({way}): {difference}")),
-        None => Ok(()),
-    };
-    Some(match run::interpret(&optimised, &before, &generated, &mut check) {
-        Ok(()) => Outcome::Same,
-        Err(problem) => Outcome::Wrong(problem),
-    })
+    outcomes
 }

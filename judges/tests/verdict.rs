@@ -14,8 +14,9 @@ use std::sync::{Arc, Mutex};
 
 use anyhit_judges::list::{self, Entry};
 use anyhit_judges::mutate::{Original, Random};
+use anyhit_judges::process::ToolProcess;
 use anyhit_judges::recorded::{Recorded, digest};
-use anyhit_judges::verdict::{Ours, Validators, normalised, ours, run};
+use anyhit_judges::verdict::{Ours, normalised, ours, run};
 use anyhit_judges::words;
 
 #[path = "../../tests/support/files.rs"]
@@ -61,15 +62,9 @@ struct Tally {
 
 impl Tally {
     /// Whether the validator accepts a module; `None` where it could not tell.
-    fn judge(
-        &mut self,
-        validators: &mut Validators,
-        name: &str,
-        module: &[u32],
-        run_it: bool,
-    ) -> Option<bool> {
+    fn judge(&mut self, tools: &mut ToolProcess, name: &str, module: &[u32], run_it: bool) -> Option<bool> {
         let we = ours(module);
-        let Some(they) = validators.ask(module) else {
+        let Some(they) = tools.validate(module) else {
             self.undecided += 1;
             if let Ours::Panicked(text) = we {
                 self.bugs.entry(text).or_default().count += 1;
@@ -191,11 +186,11 @@ fn invalid_is_a_verdict() {
             for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
                 scope.spawn(|| {
                     let mut tally = Tally::default();
-                    let mut validators = Validators::new(Path::new(env!("CARGO_BIN_EXE_validator")));
+                    let mut tools = ToolProcess::new(Path::new(env!("CARGO_BIN_EXE_spirv_tools")));
                     while let Some(path) = paths.get(next.fetch_add(1, Ordering::Relaxed)) {
                         let name = path.strip_prefix(&fixtures).expect("a fixture").display().to_string();
                         let module = words(&std::fs::read(path).expect("a readable fixture"));
-                        tally.judge(&mut validators, &name, &module, true);
+                        tally.judge(&mut tools, &name, &module, true);
                         let Some(original) = Original::new(&module) else {
                             tally.unread.push(name);
                             continue;
@@ -205,8 +200,7 @@ fn invalid_is_a_verdict() {
                         for number in 0..mutants {
                             let (mutant, story) = original.mutant(&mut Random::of(&name, number as u64));
                             let told = format!("{name} #{number}: {story}");
-                            let accepted =
-                                tally.judge(&mut validators, &told, &mutant, number % RUN_EACH == 0);
+                            let accepted = tally.judge(&mut tools, &told, &mutant, number % RUN_EACH == 0);
                             if number < RECORDED {
                                 first.push((mutant, story));
                                 accepts.push(accepted == Some(true));

@@ -34,3 +34,25 @@ fn a_phi_behind_a_loop_has_the_value_of_the_last_turn() {
         assert_eq!(words[0], 3u32.pow((id as u32 & 3).max(1) - 1), "invocation {id}");
     }
 }
+
+/// The trap that ends an endless loop is the same with and without the optimizer where the loop's last instruction is
+/// a load that the optimizer eliminates: only what that load itself might have trapped at is not told.
+#[test]
+fn an_endless_loop_with_a_load_that_nobody_reads_ends_in_its_trap() {
+    let trap = Shader {
+        body: "
+            OpBranch %header
+            %header = OpLabel
+            OpLoopMerge %merge %latch None
+            OpBranch %latch
+            %latch = OpLabel
+            %pointer = OpAccessChain %ptr_StorageBuffer_uint %out %u0 %u0
+            %unread = OpLoad %uint %pointer
+            OpBranch %header
+            %merge = OpLabel",
+        invocations: Some(2),
+        ..Shader::default()
+    }
+    .refused();
+    assert!(trap.render().contains("OpBranch"), "{}", trap.render());
+}
