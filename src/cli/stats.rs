@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::accel::{Blas, Tlas};
 use crate::machine::{Binding, Descriptor};
 use crate::pipeline::{Bands, Stats};
-use crate::program::sharing::Memory;
+use crate::program::race_analysis::Memory;
 use crate::scene::Assembled;
 use crate::scene::image_entry::Image;
 

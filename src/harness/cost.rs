@@ -138,8 +138,8 @@ impl Observer<1> for Counter<'_> {
 /// The instructions of a program's blocks.
 fn instructions(program: &Arc<Program>) -> Vec<u64> {
     let mut counts = vec![0; program.blocks.len()];
-    for stretch in &program.stretches {
-        counts[stretch.block as usize] += u64::from(stretch.count);
+    for span in &program.instruction_spans {
+        counts[span.block as usize] += u64::from(span.count);
     }
     counts
 }

@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 use crate::machine::{Batch, Bindings, Lanes, Mask, Observer, Stop, TrapCode};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
-use crate::program::{Program, Run, Terminator, Unwatched};
+use crate::program::{OptimizedCode, Program, Superblock, Terminator};
 
 /// Runs a batch until it stops.
 pub fn run<const W: usize, O: Observer<W>>(
@@ -17,9 +17,9 @@ pub fn run<const W: usize, O: Observer<W>>(
 where
     LaneKernel: Width<W>,
 {
-    let Unwatched { ops, steps, runs } = &program.unwatched;
+    let OptimizedCode { ops, supercode, superblocks } = &program.optimized;
     let ops = if O::active() { &program.ops } else { ops };
-    let steps = steps.as_ref().filter(|_| LaneKernel::STRETCHES && !O::active());
+    let supercode = supercode.as_ref().filter(|_| LaneKernel::HAS_SUPEROPS && !O::active());
     loop {
         let block = &program.blocks[batch.block as usize];
         // Behind a stop a block goes on, it is not entered.
@@ -27,17 +27,25 @@ where
             observer.block(batch);
         }
         // Where nobody watches, blocks that follow each other are one.
-        let run =
-            if O::active() { Run { end: block.end, last: batch.block } } else { runs[batch.block as usize] };
-        while batch.op < run.end {
+        let superblock = if O::active() {
+            Superblock { end: block.end, last: batch.block }
+        } else {
+            superblocks[batch.block as usize]
+        };
+        while batch.op < superblock.end {
             if O::active() && !std::mem::take(&mut batch.paused) && observer.before(batch, batch.op) {
                 batch.paused = true;
                 return Stop::Paused;
             }
-            if let Some(steps) = steps {
-                batch.op =
-                    LaneKernel::stretch(&mut batch.registers, steps, ops, batch.op..run.end, batch.mask);
-                if batch.op == run.end {
+            if let Some(supercode) = supercode {
+                batch.op = LaneKernel::run_superops(
+                    &mut batch.registers,
+                    supercode,
+                    ops,
+                    batch.op..superblock.end,
+                    batch.mask,
+                );
+                if batch.op == superblock.end {
                     break;
                 }
             }
@@ -71,8 +79,8 @@ where
             }
             batch.op += 1;
         }
-        batch.block = run.last;
-        if !leave(batch, program, &program.blocks[run.last as usize].terminator, observer) {
+        batch.block = superblock.last;
+        if !leave(batch, program, &program.blocks[superblock.last as usize].terminator, observer) {
             return Stop::Done;
         }
     }

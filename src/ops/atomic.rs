@@ -5,7 +5,7 @@
 //! [`Op::order_dependent`], and a launch then runs it invocation by invocation. Integer additions,
 //! bit operations, minima and maxima whose result nobody reads commute each with its own kind:
 //! those run on all threads, unless others may reach the same memory ([`Update::commutes_with`],
-//! [`crate::program::sharing`]).
+//! [`crate::program::race_analysis`]).
 //!
 //! Of a vector of f16 each component is an operation of its own: "atomic operations on vectors only
 //! guarantee atomicity of each component" (`SPV_NV_shader_atomic_fp16_vector`, 3.49.18).

@@ -12,7 +12,7 @@ use pulp::x86::V3;
 
 use crate::machine::{Mask, Reg, Registers, Scalar};
 use crate::ops::op::Op;
-use crate::ops::stretch::Steps;
+use crate::ops::superop::SuperCode;
 
 /// Runs a kernel over all lanes of a batch.
 pub type Eval<const W: usize> = fn(&mut Registers<W>, Reg, &[Reg; 3]);
@@ -72,11 +72,11 @@ pub trait Width<const W: usize> {
     /// Writes the result's kernels for every lane.
     fn run(&self, registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
 
-    /// Whether batches of this width run stretches.
-    const STRETCHES: bool = false;
+    /// Whether batches of this width run superinstructions.
+    const HAS_SUPEROPS: bool = false;
 
-    /// Runs operations up to the first that ends a stretch, and says which; see [`Steps::run`].
-    fn stretch(_: &mut Registers<W>, _: &Steps, _: &[Op], range: Range<u32>, _: Mask<W>) -> u32 {
+    /// Runs superinstructions up to the first operation that has none, and returns its number; see [`SuperCode::run`].
+    fn run_superops(_: &mut Registers<W>, _: &SuperCode, _: &[Op], range: Range<u32>, _: Mask<W>) -> u32 {
         range.start
     }
 }
@@ -105,17 +105,17 @@ impl Width<64> for LaneKernel {
         (self.full)(registers, to, from);
     }
 
-    const STRETCHES: bool = true;
+    const HAS_SUPEROPS: bool = true;
 
     #[inline]
-    fn stretch(
+    fn run_superops(
         registers: &mut Registers<64>,
-        steps: &Steps,
+        code: &SuperCode,
         ops: &[Op],
         range: Range<u32>,
         mask: Mask<64>,
     ) -> u32 {
-        steps.run(registers, ops, range, mask)
+        code.run(registers, ops, range, mask)
     }
 }
 

@@ -2,7 +2,7 @@
 //! forgotten.
 //!
 //! That can be done where every invocation keeps to one row of the image, that of its launch index or the same
-//! counted from the other end ([`sharing`](crate::program::sharing)). A band is a stretch of the launch's order
+//! counted from the other end ([`race_analysis`](crate::program::race_analysis)). A band is a stretch of the launch's order
 //! that begins where a batch, a tile and a subgroup begin: so batches, schedule and counts are those of the
 //! whole launch, and so is every bit.
 
@@ -19,7 +19,7 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::{Launch, Stats};
 use crate::pipeline::order;
 use crate::program::Program;
-use crate::program::sharing::{Extent, OwnRow};
+use crate::program::race_analysis::{LaunchExtent, OwnRow};
 
 /// The widest batch, and the largest subgroup.
 const WIDEST: u32 = 128;
@@ -152,7 +152,7 @@ impl<'a> Launch<'a> {
             return Err(NotStreamed::Depth(depth));
         }
         let programs: Vec<&Program> = self.pipeline.programs.iter().map(|program| &**program).collect();
-        let extent = Extent { count: size, local: [1; 3], resources: self.resources };
+        let extent = LaunchExtent { count: size, local: [1; 3], resources: self.resources };
         let row = extent
             .own_row(&programs, image.binding)
             .map_err(|program| NotStreamed::Reached { stage: program.stage, name: program.name.clone() })?;

@@ -10,7 +10,7 @@ use crate::pipeline::tasks::{Done, Tasks};
 use crate::pipeline::trapped::Trapped;
 use crate::pipeline::workgroup::{Gang, Observers};
 use crate::pipeline::{DEFAULT_FUEL, Event, check_subgroup_size};
-use crate::program::sharing::{self, Extent, Memory};
+use crate::program::race_analysis::{self, LaunchExtent, Memory};
 use crate::program::{Program, WorkgroupLayout};
 
 /// A compute shader (`VkComputePipelineCreateInfo`), ready to be dispatched.
@@ -61,7 +61,7 @@ impl Compute {
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         };
         let subgroup_size = crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
-        let mixes_atomics = sharing::mixes_workgroup_atomics(&program);
+        let mixes_atomics = race_analysis::mixes_workgroup_atomics(&program);
         Ok(Self { program, fuel: DEFAULT_FUEL, subgroup_size, layout, mixes_atomics })
     }
 
@@ -254,7 +254,7 @@ impl Compute {
     /// that commute, where there is any; they then run on one thread, 64 together in their order,
     /// at every width.
     pub fn shared_memory(&self, groups: [u32; 3], resources: &Resources) -> Option<Memory> {
-        Extent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
+        LaunchExtent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
     }
 
     /// Runs one invocation after the other under an observer, in the order of the workgroups, on one

@@ -34,7 +34,7 @@ use crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::program::Program;
-use crate::program::sharing::{Extent, Memory};
+use crate::program::race_analysis::{LaunchExtent, Memory};
 
 pub use bands::{Band, Bands, NotStreamed, Streamed};
 pub use compute::Compute;
@@ -113,7 +113,7 @@ impl Pipeline {
     /// every width.
     pub fn shared_memory(&self, size: [u32; 3], resources: &Resources) -> Option<Memory> {
         let programs: Vec<&Program> = self.programs.iter().map(|program| &**program).collect();
-        Extent { count: size, local: [1; 3], resources }.shared(&programs)
+        LaunchExtent { count: size, local: [1; 3], resources }.shared(&programs)
     }
 
     /// Whether a shader needs the other invocations of its subgroup beside it.

@@ -30,14 +30,14 @@ use crate::ops::pointer::{Place as PointerPlace, Pointer, storage};
 use crate::ops::ray_query;
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
-use crate::program::forward::{forward_copies, live_stores};
+use crate::program::copy_propagation::{forward_copies, live_stores};
+use crate::program::dce::prune;
 use crate::program::payload::Payloads;
-use crate::program::prune::prune;
-use crate::program::reuse::{allocate_registers, superblocks};
-use crate::program::sharing::touches;
+use crate::program::race_analysis::accesses;
+use crate::program::regalloc::{allocate_registers, superblocks};
 use crate::program::verify::{Verifier, Version};
 use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
-use crate::program::{Block, Eliminated, Program, Scope, Stretch, Terminator, Unwatched};
+use crate::program::{Block, Eliminated, InstructionSpan, OptimizedCode, Program, Scope, Terminator};
 
 /// `OpacityMicromapIdKHR`
 const OPACITY_MICROMAP_ID: u32 = 6031;
@@ -139,7 +139,7 @@ fn translate(
         module,
         placed: Vec::new(),
         blocks: Vec::new(),
-        stretches: Vec::new(),
+        instruction_spans: Vec::new(),
         terminators: Vec::new(),
         first: 0,
         instructions: 0,
@@ -193,27 +193,31 @@ fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
     program.ops.shrink_to_fit();
     program.origins.shrink_to_fit();
     program.blocks.shrink_to_fit();
-    program.stretches.shrink_to_fit();
+    program.instruction_spans.shrink_to_fit();
     pass(program, "forward", &|program| forward_copies(program, addressed));
     pass(program, "live stores", &|program| {
         let stores = live_stores(program, addressed);
         prune(program, addressed, stores.as_deref());
     });
-    program.touches = touches(program);
+    program.accesses = accesses(program);
     program.eliminated = Eliminated {
         operations: (operations - program.ops.len()) as u32,
         builtins: (builtins - program.inputs.len()) as u32,
     };
     program.payloads = Payloads::of(program, addressed);
-    let runs = verify.then(|| superblocks(program));
-    let verifier = runs.and_then(|runs| Verifier::new(program, addressed, Some(&runs)));
+    let superblocks = verify.then(|| superblocks(program));
+    let verifier = superblocks.and_then(|superblocks| Verifier::new(program, addressed, Some(&superblocks)));
     let renamed = allocate_registers(program, addressed);
     if let Some(verifier) = verifier {
-        let after = Version { ops: program.unwatched.ops.clone(), ..Version::of(program) };
+        let after = Version { ops: program.optimized.ops.clone(), ..Version::of(program) };
         let renamed = |reg: Reg| renamed.get(reg.0 as usize).copied().unwrap_or(reg);
         expect_same(program, "reuse", verifier.compare(&after, &renamed));
-        if let Some(steps) = &program.unwatched.steps {
-            expect_same(program, "superinstructions", verifier.compare_steps(&after, &renamed, steps));
+        if let Some(supercode) = &program.optimized.supercode {
+            expect_same(
+                program,
+                "superinstructions",
+                verifier.compare_supercode(&after, &renamed, supercode),
+            );
         }
     }
 }
@@ -266,7 +270,7 @@ struct Lowering<'m> {
     /// By label: where it was placed.
     placed: Vec<u32>,
     blocks: Vec<Block>,
-    stretches: Vec<Stretch>,
+    instruction_spans: Vec<InstructionSpan>,
     /// By block: where its terminator comes from.
     terminators: Vec<Origin>,
     /// The first operation of the open block.
@@ -294,7 +298,7 @@ impl<'m> Lowering<'m> {
         self.decoder.ops.reserve_exact(operations);
         self.decoder.origins.reserve_exact(operations);
         self.blocks.reserve_exact(operations / 4);
-        self.stretches.reserve_exact(operations / 4);
+        self.instruction_spans.reserve_exact(operations / 4);
     }
 
     /// Opens a block under a label.
@@ -443,12 +447,18 @@ impl<'m> Lowering<'m> {
         self.instructions += 1;
         let (block, scope) = (self.blocks.len() as u32, self.decoder.origin.scope);
         let offset = instruction.offset;
-        match self.stretches.last_mut() {
+        match self.instruction_spans.last_mut() {
             Some(open) if (open.block, open.scope) == (block, scope) && open.last < offset => {
                 open.last = offset;
                 open.count += 1;
             }
-            _ => self.stretches.push(Stretch { block, scope, first: offset, last: offset, count: 1 }),
+            _ => self.instruction_spans.push(InstructionSpan {
+                block,
+                scope,
+                first: offset,
+                last: offset,
+                count: 1,
+            }),
         }
     }
 
@@ -514,8 +524,8 @@ impl<'m> Lowering<'m> {
             }
         }
         let mut counts = vec![0u32; blocks.len()];
-        for stretch in &self.stretches {
-            counts[stretch.block as usize] += stretch.count;
+        for span in &self.instruction_spans {
+            counts[span.block as usize] += span.count;
         }
         let mut instructions = 0u32;
         for (block, count) in blocks.iter_mut().zip(counts) {
@@ -530,11 +540,11 @@ impl<'m> Lowering<'m> {
             name: entry.name.clone(),
             ops: self.decoder.ops,
             silent: Vec::new(),
-            unwatched: Unwatched::default(),
+            optimized: OptimizedCode::default(),
             origins: [self.decoder.origins, self.terminators].concat(),
             scopes: self.scopes,
             blocks,
-            stretches: self.stretches,
+            instruction_spans: self.instruction_spans,
             register_count,
             constants,
             slots: self.decoder.slots,
@@ -542,7 +552,7 @@ impl<'m> Lowering<'m> {
             interface: self.decoder.interface,
             variables: self.decoder.variables,
             order_dependent: false,
-            touches: Vec::new(),
+            accesses: Vec::new(),
             uses_subgroups: false,
             workgroup,
             addresses_records: false,

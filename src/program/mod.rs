@@ -2,16 +2,16 @@
 
 mod call_graph;
 pub mod control_flow;
-mod forward;
+mod copy_propagation;
+pub mod dce;
 pub mod lower;
 mod missed_index;
 mod obstacles;
 pub mod payload;
 pub mod print;
-pub mod prune;
-mod reuse;
+pub mod race_analysis;
+mod regalloc;
 mod schedule;
-pub mod sharing;
 pub mod source_map;
 pub mod verify;
 pub mod workgroup;
@@ -29,13 +29,13 @@ use crate::module::{Id, Module};
 use crate::ops::decode::{InputRegisters, InterfaceRegisters, Origin, Slot};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
-use crate::ops::{atomic, memory, ray_rules, stretch};
+use crate::ops::{atomic, memory, ray_rules, superop};
 use crate::program::payload::Payloads;
-use crate::program::sharing::Touch;
+use crate::program::race_analysis::MemoryAccess;
 
 pub use lower::{Inlining, LowerOptions, Optimization, lower, lower_with};
 pub use obstacles::obstacles;
-pub use reuse::{Run, Unwatched};
+pub use regalloc::{OptimizedCode, Superblock};
 pub use workgroup::{DerivativeGroup, WorkgroupLayout};
 
 /// Where a block goes when its operations are done.
@@ -78,7 +78,7 @@ pub enum Terminator {
     Unreachable,
 }
 
-/// A stretch of operations that run one after the other.
+/// A basic block: operations that run one after the other, and a terminator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
     /// The first operation.
@@ -95,7 +95,7 @@ pub struct Block {
 /// Instructions of the module that follow each other and run in one block of a program. What was
 /// dropped as unused counts among them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stretch {
+pub struct InstructionSpan {
     /// The program's block.
     pub block: u32,
     /// The inlined call that they belong to; see [`Program::scopes`].
@@ -134,7 +134,7 @@ pub struct Program {
     /// here either. Empty in optimised programs.
     pub silent: Vec<bool>,
     /// The same as they run where nobody watches.
-    pub unwatched: Unwatched,
+    pub optimized: OptimizedCode,
     /// Where each operation comes from; behind them, where each block's terminator comes from.
     pub origins: Vec<Origin>,
     /// Inlined calls; the first is the entry point itself.
@@ -142,7 +142,7 @@ pub struct Program {
     /// All blocks in structured order; the entry point begins at 0.
     pub blocks: Vec<Block>,
     /// What the blocks run of the module, in the order in which they run it.
-    pub stretches: Vec<Stretch>,
+    pub instruction_spans: Vec<InstructionSpan>,
     /// How many registers a batch needs.
     pub register_count: u32,
     /// Registers that hold constants.
@@ -159,7 +159,7 @@ pub struct Program {
     /// [`crate::ops::atomic`].
     pub order_dependent: bool,
     /// How it reaches memory that all invocations reach.
-    pub touches: Vec<Touch>,
+    pub accesses: Vec<MemoryAccess>,
     /// Whether it needs the other invocations of its subgroup beside it.
     pub uses_subgroups: bool,
     /// The workgroups of a compute entry point.
@@ -238,7 +238,7 @@ impl Program {
 
     /// A batch with the constants in place, ready for [`Program::begin`].
     pub fn batch<const W: usize>(&self) -> Batch<W> {
-        let mut registers = Registers::new((self.register_count as usize).max(stretch::WINDOW));
+        let mut registers = Registers::new((self.register_count as usize).max(superop::DIRECT_REGISTERS));
         for &(reg, word) in &self.constants {
             registers[reg].0 = [word; W];
         }
@@ -297,7 +297,7 @@ impl Program {
         };
         let Some(chunk) = chunk else { return self.describe_texel(accessed?) };
         let bytes = chunk.width / 8 * chunk.count;
-        let stretch = match trap.code {
+        let extent = match trap.code {
             TrapCode::IndexOutOfBounds => String::new(),
             _ => format!("{bytes} bytes at offset {asked} of "),
         };
@@ -320,7 +320,7 @@ impl Program {
                 .unwrap_or_else(|| "a buffer chosen while running".to_owned()),
             BufferRef::Handle(handle) => self.describe_descriptor(handle)?,
         };
-        Some(format!("{stretch}{name}{size}"))
+        Some(format!("{extent}{name}{size}"))
     }
 
     fn describe_texel(&self, accessed: &Accessed) -> Option<String> {

@@ -8,7 +8,7 @@ use crate::ops::memory;
 use crate::ops::op::{Access, Op};
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing;
-use crate::program::forward::each_read;
+use crate::program::copy_propagation::each_read;
 use crate::program::{Block, Program, Terminator};
 
 /// Words of a payload, as bits; the highest stands for all that have no bit of their own.

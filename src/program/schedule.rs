@@ -1,6 +1,6 @@
 //! The order of regular operations between two irregular ones: each goes on with the result of the one
 //! before it, where an operation can, so that the value need not be stored and loaded in between
-//! ([`crate::ops::stretch`]).
+//! ([`crate::ops::superop`]).
 //!
 //! A regular operation neither traps nor stops, and has no effect beside the registers that it writes. Any order
 //! gives the same in which reads and writes of each register keep theirs.
@@ -8,14 +8,14 @@
 use crate::machine::Reg;
 use crate::ops::memory;
 use crate::ops::op::{Access, Op};
-use crate::program::reuse::is_idle;
+use crate::program::regalloc::is_idle;
 
 /// No entry.
 const NONE: u32 = u32::MAX;
 
 /// Orders operations; its memory serves one run after the other.
 pub(super) struct Schedule {
-    /// By register: the operation of this stretch that wrote it last, and the last of those that have read it
+    /// By register: the operation of this region that wrote it last, and the last of those that have read it
     /// since.
     registers: Vec<RegisterUse>,
     touched: Vec<u32>,
@@ -75,19 +75,19 @@ impl Schedule {
                 Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. })
             )
         };
-        for stretch in ops.chunk_by_mut(|a, b| regular(a) == regular(b)) {
-            if stretch.len() > 2 && regular(&stretch[0]) {
-                self.find_order(stretch);
+        for region in ops.chunk_by_mut(|a, b| regular(a) == regular(b)) {
+            if region.len() > 2 && regular(&region[0]) {
+                self.find_order(region);
                 if self.order.is_sorted() {
                     continue;
                 }
-                let sorted: Vec<Op> = self.order.iter().map(|&at| stretch[at as usize].clone()).collect();
-                stretch.iter_mut().zip(sorted).for_each(|(op, sorted)| *op = sorted);
+                let sorted: Vec<Op> = self.order.iter().map(|&at| region[at as usize].clone()).collect();
+                region.iter_mut().zip(sorted).for_each(|(op, sorted)| *op = sorted);
             }
         }
     }
 
-    /// Finds the order of the operations of a stretch.
+    /// Finds the order of the operations of a region.
     fn find_order(&mut self, ops: &[Op]) {
         self.find_edges(ops);
         self.find_followers();

@@ -14,11 +14,11 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::machine::Reg;
 use crate::ops::op::{Access, Op};
-use crate::ops::stretch::Steps;
+use crate::ops::superop::SuperCode;
 use crate::ops::symbolic::{Numbering, Reached, State, reaches_addressed};
-use crate::program::forward::each_read;
-use crate::program::reuse::is_idle;
-use crate::program::{Block, Program, Run, Terminator};
+use crate::program::copy_propagation::each_read;
+use crate::program::regalloc::is_idle;
+use crate::program::{Block, Program, Superblock, Terminator};
 
 /// Programs of more operations are not looked at.
 const MOST_OPERATIONS: usize = 20_000;
@@ -65,10 +65,10 @@ pub struct Verifier {
 }
 
 impl Verifier {
-    /// Before a pass; `runs` tells by block which ones make a superblock with it.
+    /// Before a pass; `known` tells by block which ones make a superblock with it.
     ///
     /// `None` where the program is too large to be looked at.
-    pub fn new(program: &Program, addressed: &[(Reg, u32)], runs: Option<&[Run]>) -> Option<Self> {
+    pub fn new(program: &Program, addressed: &[(Reg, u32)], known: Option<&[Superblock]>) -> Option<Self> {
         if program.ops.len() > MOST_OPERATIONS {
             return None;
         }
@@ -77,7 +77,7 @@ impl Verifier {
         let mut superblocks = Vec::new();
         let mut at = 0;
         while at < count as u32 {
-            let last = runs.map_or(at, |runs| runs[at as usize].last);
+            let last = known.map_or(at, |known| known[at as usize].last);
             superblocks.push((at, last));
             at = last + 1;
         }
@@ -309,11 +309,11 @@ impl Verifier {
     ///
     /// # Errors
     /// What differs, and where.
-    pub fn compare_steps(
+    pub fn compare_supercode(
         &self,
         after: &Version,
         renamed: &dyn Fn(Reg) -> Reg,
-        steps: &Steps,
+        supercode: &SuperCode,
     ) -> Result<(), String> {
         let known: FxHashMap<Reg, u32> = after.constants.iter().copied().collect();
         let seen: FxHashSet<Reg> = self.global.iter().chain(&self.results).map(|&reg| renamed(reg)).collect();
@@ -326,7 +326,7 @@ impl Verifier {
             let state = State::new(&begin, &self.reached);
             let range = Self::range(&after.blocks, superblock);
             let is_seen = |reg: Reg| seen.contains(&reg);
-            steps
+            supercode
                 .verify(&after.ops, range, &state, &mut numbering, &is_seen)
                 .map_err(|problem| format!("blocks {superblock:?}: {problem}"))?;
         }

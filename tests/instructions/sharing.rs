@@ -7,7 +7,7 @@ use anyhit::machine::format::{Component, Format};
 use anyhit::machine::image::{Image, Shape};
 use anyhit::machine::sampler::Sampler;
 use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
-use anyhit::program::sharing::{Extent, Memory};
+use anyhit::program::race_analysis::{LaunchExtent, Memory};
 
 use crate::run::Shader;
 
@@ -82,7 +82,7 @@ fn shared_with(body: &str, size: [u32; 3], resources: &Resources) -> Option<Memo
     );
     let shader =
         Shader { annotations: ANNOTATIONS, declarations: DECLARATIONS, body: &body, ..Shader::default() };
-    Extent { count: size, local: [1; 3], resources }.shared(&[&shader.program()])
+    LaunchExtent { count: size, local: [1; 3], resources }.shared(&[&shader.program()])
 }
 
 fn cell(index: &str) -> String {
@@ -273,7 +273,7 @@ fn the_shaders_of_a_pipeline_share_together() {
             .program()
     };
     let resources = Resources::default();
-    let extent = Extent { count: [40, 1, 1], local: [1; 3], resources: &resources };
+    let extent = LaunchExtent { count: [40, 1, 1], local: [1; 3], resources: &resources };
     let (add, sub, or) = (program("OpAtomicIAdd"), program("OpAtomicISub"), program("OpAtomicOr"));
     assert_eq!(extent.shared(&[&add, &sub]), None);
     assert_eq!(extent.shared(&[&or]), None);
@@ -303,7 +303,7 @@ fn a_buffer_that_has_an_address_is_reached_by_it() {
     for (addressed, expected) in [(&cells, Some(Memory::Addresses)), (&other, None)] {
         let mut resources = Resources::default().bind(0, 1, Descriptor::Buffer(cells.clone()));
         resources.memory.add_buffer(addressed);
-        let extent = Extent { count: [40, 1, 1], local: [1; 3], resources: &resources };
+        let extent = LaunchExtent { count: [40, 1, 1], local: [1; 3], resources: &resources };
         assert_eq!(extent.shared(&[&program]), expected);
     }
 }
@@ -332,7 +332,7 @@ fn an_element_chosen_while_running_is_one_of_its_binding() {
         ..Shader::default()
     };
     let resources = Resources::default();
-    let extent = Extent { count: [40, 1, 1], local: [1; 3], resources: &resources };
+    let extent = LaunchExtent { count: [40, 1, 1], local: [1; 3], resources: &resources };
     let many = Memory::Binding(Binding { set: 0, binding: 2 });
     assert_eq!(extent.shared(&[&shader.program()]), Some(many));
 }

@@ -30,9 +30,9 @@ impl Blocks {
 
     /// Adds what a program of the entry point has entered.
     pub fn enter(&mut self, program: &Program, counts: &Counts, shader: usize) {
-        let ran = program.stretches.iter().filter(|stretch| counts.entered(shader, stretch.block) > 0);
-        for stretch in ran {
-            self.entered.extend(self.all.range(stretch.first..=stretch.last));
+        let ran = program.instruction_spans.iter().filter(|span| counts.entered(shader, span.block) > 0);
+        for span in ran {
+            self.entered.extend(self.all.range(span.first..=span.last));
         }
     }
 

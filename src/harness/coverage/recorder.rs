@@ -169,16 +169,16 @@ impl Lines {
         // A line runs as often as the busiest of its blocks, in each inlined copy by itself.
         let mut lines: BTreeMap<(u32, u32, u32), u64> = BTreeMap::new();
         let mut entered: BTreeSet<u32> = BTreeSet::new();
-        for stretch in &program.stretches {
-            let count = ran.block(stretch.block);
-            let first = instructions.partition_point(|(offset, _)| *offset < stretch.first);
-            let all = instructions[first..].iter().take_while(|(offset, _)| *offset <= stretch.last);
+        for span in &program.instruction_spans {
+            let count = ran.block(span.block);
+            let first = instructions.partition_point(|(offset, _)| *offset < span.first);
+            let all = instructions[first..].iter().take_while(|(offset, _)| *offset <= span.last);
             for (offset, _) in all.filter(|(_, opcode)| !SILENT.contains(opcode)) {
                 let Some(Line { file, line, .. }) = debug.line_at(*offset) else { continue };
-                let known = lines.entry((stretch.scope, file, line)).or_default();
+                let known = lines.entry((span.scope, file, line)).or_default();
                 *known = count.max(*known);
-                if entered.insert(stretch.scope) {
-                    let function = program.scopes.get(stretch.scope as usize).map(|scope| scope.function);
+                if entered.insert(span.scope) {
+                    let function = program.scopes.get(span.scope as usize).map(|scope| scope.function);
                     let name = function.and_then(|id| function_name(&program.module, id));
                     if let (Some(name), Some(file)) = (name, names.get(file as usize)) {
                         let file = self.coverage.files.entry(file.clone()).or_default();
@@ -197,7 +197,7 @@ impl Lines {
     fn branches(&mut self, program: &Program, ran: &Ran<'_>, names: &[String]) {
         // The last instruction of a block is its branch.
         let last: BTreeMap<u32, u32> =
-            program.stretches.iter().map(|stretch| (stretch.block, stretch.last)).collect();
+            program.instruction_spans.iter().map(|span| (span.block, span.last)).collect();
         // By that instruction: inlined copies are one branch of the source.
         let mut branches: BTreeMap<u32, (u64, Vec<u64>)> = BTreeMap::new();
         for (block, offset) in last {

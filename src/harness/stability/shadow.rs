@@ -96,8 +96,8 @@ impl Plan {
 /// The word offset of the instruction that ends each block.
 pub(super) fn branch_offsets(program: &Program) -> Vec<u32> {
     let mut offsets = vec![0; program.blocks.len()];
-    for stretch in &program.stretches {
-        offsets[stretch.block as usize] = stretch.last;
+    for span in &program.instruction_spans {
+        offsets[span.block as usize] = span.last;
     }
     offsets
 }

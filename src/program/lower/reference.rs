@@ -6,7 +6,7 @@ use crate::ops::decode::Origin;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::ray_tracing;
-use crate::program::{Program, Run, Unwatched};
+use crate::program::{OptimizedCode, Program, Superblock};
 
 /// Makes a program ready to run as it was translated, given the optimised one of the same entry point.
 ///
@@ -15,12 +15,13 @@ use crate::program::{Program, Run, Unwatched};
 pub(super) fn complete(program: &mut Program, optimized: &Program) {
     program.silent = silent(program, optimized);
     program.order_dependent = optimized.order_dependent;
-    program.touches.clone_from(&optimized.touches);
+    program.accesses.clone_from(&optimized.accesses);
     program.uses_subgroups = program.ops.iter().any(|op| matches!(op, Op::Subgroup(_)));
     let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::Op::HitObjectRecordHandle { .. }));
     program.addresses_records = program.ops.iter().any(addresses);
-    let runs = (0..).zip(&program.blocks).map(|(last, block)| Run { end: block.end, last }).collect();
-    program.unwatched = Unwatched { ops: program.ops.clone(), steps: None, runs };
+    let superblocks =
+        (0..).zip(&program.blocks).map(|(last, block)| Superblock { end: block.end, last }).collect();
+    program.optimized = OptimizedCode { ops: program.ops.clone(), supercode: None, superblocks };
 }
 
 /// What tells the operations of one instruction apart: a load of a whole structure has several.

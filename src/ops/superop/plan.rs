@@ -9,22 +9,22 @@ use crate::machine::Reg;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::stretch::pairs::Shape;
-use crate::ops::stretch::{Function, Operands, Step, Steps, WINDOW, code, has};
+use crate::ops::superop::pairs::Shape;
+use crate::ops::superop::{DIRECT_REGISTERS, Function, Operands, SuperCode, SuperOp, has, opcode};
 
 /// What becomes of an operation's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Fate {
+pub struct ResultUse {
     /// How often it is read, where all that read it are operations of the same run that name its register
     /// alone, and no other operation writes that register; else `None`.
     pub reads: Option<u32>,
     /// Whether somebody reads its bits: anything but an operation that takes it for a float.
-    pub bits_seen: bool,
+    pub nan_payload_observed: bool,
 }
 
-impl Fate {
+impl ResultUse {
     /// Nothing is known.
-    pub const UNKNOWN: Self = Self { reads: None, bits_seen: true };
+    pub const UNKNOWN: Self = Self { reads: None, nan_payload_observed: true };
 }
 
 /// Whether an operation takes an operand for a float of 32 bits, so that all NaNs are the same to it.
@@ -67,14 +67,14 @@ fn address(kernel: &'static LaneKernel) -> usize {
     std::ptr::from_ref(kernel) as usize
 }
 
-/// An operation, or a pair, on its way to a step.
+/// An operation, or a pair, on its way to a superop.
 #[derive(Clone, Copy)]
 struct Planned {
     function: Function,
     to: u16,
     from: Operands<u16>,
     operands: usize,
-    fate: Fate,
+    result_use: ResultUse,
     /// Whether its first operand stands for two.
     twice: bool,
     /// Whether it gives a float that may be any NaN.
@@ -83,11 +83,11 @@ struct Planned {
 }
 
 impl Planned {
-    /// An operation that is no step.
-    fn other(at: usize, fate: Fate) -> Self {
+    /// An operation that is no superop.
+    fn other(at: usize, result_use: ResultUse) -> Self {
         let function = Function::Other;
         let from = Operands::default();
-        Self { function, to: 0, from, operands: 0, fate, twice: false, float: false, op: at as u32 }
+        Self { function, to: 0, from, operands: 0, result_use, twice: false, float: false, op: at as u32 }
     }
 
     /// Whether it has a code that reads constants as one word for all lanes: with this operand in the accumulator, counted
@@ -109,9 +109,10 @@ struct Constants(Vec<Option<u32>>);
 
 impl Constants {
     fn of(constants: &[(Reg, u32)]) -> Self {
-        let near = constants.iter().filter_map(|&(reg, constant)| Some((usize::from(word(reg)?), constant)));
-        let mut words = vec![None; near.clone().map(|(register, _)| register + 1).max().unwrap_or(0)];
-        near.for_each(|(register, constant)| words[register] = Some(constant));
+        let direct =
+            constants.iter().filter_map(|&(reg, constant)| Some((usize::from(word(reg)?), constant)));
+        let mut words = vec![None; direct.clone().map(|(register, _)| register + 1).max().unwrap_or(0)];
+        direct.for_each(|(register, constant)| words[register] = Some(constant));
         Self(words)
     }
 
@@ -120,16 +121,16 @@ impl Constants {
     }
 }
 
-/// Whether an operation that may be a step names a register behind the window.
-fn is_far(op: &Op) -> bool {
-    let far = |reg: &Reg| reg.0 as usize >= WINDOW;
+/// Whether an operation that may become a superinstruction names an extended register.
+fn is_extended_op(op: &Op) -> bool {
+    let extended = |reg: &Reg| reg.0 as usize >= DIRECT_REGISTERS;
     match op {
         Op::LaneKernel { kernel, to, from } => {
             let operands = kernel.operands.iter().zip(from).filter(|(words, _)| **words > 0);
-            far(to) || operands.into_iter().any(|(_, reg)| far(reg))
+            extended(to) || operands.into_iter().any(|(_, reg)| extended(reg))
         }
-        Op::Memory(memory::Op::Move { to, from }) => to != from && (far(to) || far(from)),
-        Op::Memory(memory::Op::MoveMasked { to, from }) => far(to) || far(from),
+        Op::Memory(memory::Op::Move { to, from }) => to != from && (extended(to) || extended(from)),
+        Op::Memory(memory::Op::MoveMasked { to, from }) => extended(to) || extended(from),
         _ => false,
     }
 }
@@ -138,57 +139,57 @@ fn is_far(op: &Op) -> bool {
 struct Held {
     /// The register that it stands for.
     register: u16,
-    /// The step that gave it.
-    step: usize,
+    /// The superop that gave it.
+    superop: usize,
     /// How often it is read, and was read from the accumulator.
     reads: Option<u32>,
     served: u32,
 }
 
-impl Steps {
+impl SuperCode {
     /// The steps of operations, `runs` of which follow each other without a choice. Nobody writes the registers of `constants`,
     /// which every batch has in all lanes.
     pub fn of(
         ops: &[Op],
         runs: impl IntoIterator<Item = Range<usize>>,
-        fates: &[Fate],
+        uses: &[ResultUse],
         constants: &[(Reg, u32)],
     ) -> Self {
-        let mut steps = Self::default();
+        let mut code = Self::default();
         let constants = Constants::of(constants);
         // A few operations that name registers behind the window run by themselves, so that all steps name registers
         // inside.
-        let far = ops.iter().filter(|op| is_far(op)).count();
-        let apart = far * 8 <= ops.len();
+        let count = ops.iter().filter(|op| is_extended_op(op)).count();
+        let apart = count * 8 <= ops.len();
         let mut planned = Vec::new();
         for run in runs {
             for at in run {
                 let op = &ops[at];
-                if apart && is_far(op) {
-                    planned.push(Planned::other(at, fates[at]));
+                if apart && is_extended_op(op) {
+                    planned.push(Planned::other(at, uses[at]));
                 } else {
-                    plan(at, op, fates[at], &constants, &mut planned);
+                    plan(at, op, uses[at], &constants, &mut planned);
                 }
             }
             let mut held = None;
-            planned.drain(..).for_each(|planned| steps.add(planned, &mut held, &constants));
-            steps.let_go(held);
+            planned.drain(..).for_each(|planned| code.add(planned, &mut held, &constants));
+            code.let_go(held);
         }
-        let window = |register: u16| usize::from(register) < WINDOW;
-        steps.wide = !steps
-            .steps
+        let direct = |register: u16| usize::from(register) < DIRECT_REGISTERS;
+        code.extended = !code
+            .superops
             .iter()
-            .all(|step| window(step.to) && step.from.iter().all(|&register| window(register)));
+            .all(|superop| direct(superop.to) && superop.from.iter().all(|&register| direct(register)));
         let mut first = 0;
-        steps.first = (0..=ops.len() as u32)
+        code.first = (0..=ops.len() as u32)
             .map(|op| {
-                while steps.ops.get(first).is_some_and(|&of| of < op) {
+                while code.op_of.get(first).is_some_and(|&of| of < op) {
                     first += 1;
                 }
                 first as u32
             })
             .collect();
-        steps
+        code
     }
 
     fn add(&mut self, mut planned: Planned, held: &mut Option<Held>, constants: &Constants) {
@@ -216,20 +217,24 @@ impl Steps {
         let function = planned.function;
         if let (Function::MoveMasked, 1, Some(held)) = (function, at, held.as_mut())
             && held.reads == Some(held.served)
-            && let Some(last) = self.steps.last_mut()
-            && last.code == code(Function::Settle, false, 1, true)
+            && let Some(last) = self.superops.last_mut()
+            && last.opcode == opcode(Function::Settle, false, 1, true)
         {
             // Nobody else needs what was settled: its register is left out.
-            *last = Step { code: code(Function::SettleMasked, false, 1, true), to: planned.to, ..*last };
+            *last =
+                SuperOp { opcode: opcode(Function::SettleMasked, false, 1, true), to: planned.to, ..*last };
             held.reads = None;
             return;
         }
-        let seen = planned.float && planned.fate.bits_seen;
-        let code_of = code(function, planned.is_uniform(at, constants), at, !seen);
-        self.push(Step { code: code_of, to: planned.to, from: planned.from }, planned.op);
+        let seen = planned.float && planned.result_use.nan_payload_observed;
+        let code = opcode(function, planned.is_uniform(at, constants), at, !seen);
+        self.push(SuperOp { opcode: code, to: planned.to, from: planned.from }, planned.op);
         if seen {
-            let settle =
-                Step { code: code(Function::Settle, false, 1, true), to: planned.to, from: planned.from };
+            let settle = SuperOp {
+                opcode: opcode(Function::Settle, false, 1, true),
+                to: planned.to,
+                from: planned.from,
+            };
             self.push(settle, planned.op);
         }
         match function {
@@ -238,42 +243,43 @@ impl Steps {
             Function::MoveMasked => {
                 if at == 0 {
                     self.let_go(held.take());
-                    let step = self.steps.len() - 1;
-                    *held = Some(Held { register: planned.from[0], step, reads: None, served: 0 });
+                    let superop = self.superops.len() - 1;
+                    *held = Some(Held { register: planned.from[0], superop, reads: None, served: 0 });
                 }
             }
             _ => {
                 self.let_go(held.take());
-                let step = self.steps.len() - 1;
-                *held = Some(Held { register: planned.to, step, reads: planned.fate.reads, served: 0 });
+                let superop = self.superops.len() - 1;
+                *held =
+                    Some(Held { register: planned.to, superop, reads: planned.result_use.reads, served: 0 });
             }
         }
     }
 
-    /// Whether a step names a register behind the window.
+    /// Whether a superinstruction names an extended register.
     #[cfg(test)]
-    pub fn is_wide(&self) -> bool {
-        self.wide
+    pub fn is_extended(&self) -> bool {
+        self.extended
     }
 
-    fn push(&mut self, step: Step, op: u32) {
-        self.steps.push(step);
-        self.ops.push(op);
+    fn push(&mut self, superop: SuperOp, op: u32) {
+        self.superops.push(superop);
+        self.op_of.push(op);
     }
 
     /// The accumulator takes another value: what all that need it had from there is not stored.
     fn let_go(&mut self, held: Option<Held>) {
-        if let Some(Held { step, reads: Some(reads), served, .. }) = held
+        if let Some(Held { superop, reads: Some(reads), served, .. }) = held
             && reads == served
         {
-            self.steps[step].code &= !1;
+            self.superops[superop].opcode &= !1;
         }
     }
 }
 
 /// Appends what an operation calculates: nothing where it does nothing, twice something where it is a
 /// clamp.
-fn plan(at: usize, op: &Op, fate: Fate, constants: &Constants, planned: &mut Vec<Planned>) {
+fn plan(at: usize, op: &Op, result_use: ResultUse, constants: &Constants, planned: &mut Vec<Planned>) {
     let known = match op {
         Op::Memory(memory::Op::Move { to, from }) if to == from => return,
         Op::LaneKernel { kernel, .. } => known(kernel),
@@ -281,15 +287,17 @@ fn plan(at: usize, op: &Op, fate: Fate, constants: &Constants, planned: &mut Vec
         Op::Memory(memory::Op::MoveMasked { .. }) => Some(Known::One(Function::MoveMasked)),
         _ => None,
     };
-    let steps = match known {
-        Some(Known::One(function)) => single(at, op, function, fate, constants).map(|one| push(planned, one)),
-        Some(Known::Clamp(both)) => clamped(at, op, both, fate).map(|both| {
+    let result = match known {
+        Some(Known::One(function)) => {
+            single(at, op, function, result_use, constants).map(|one| push(planned, one))
+        }
+        Some(Known::Clamp(both)) => clamped(at, op, both, result_use).map(|both| {
             both.into_iter().for_each(|one| push(planned, one));
         }),
         None => None,
     };
-    if steps.is_none() {
-        push(planned, Planned::other(at, fate));
+    if result.is_none() {
+        push(planned, Planned::other(at, result_use));
     }
 }
 
@@ -298,7 +306,7 @@ fn word(reg: Reg) -> Option<u16> {
     u16::try_from(reg.0).ok()
 }
 
-fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], fate: Fate) -> Option<[Planned; 2]> {
+fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], result_use: ResultUse) -> Option<[Planned; 2]> {
     let Op::LaneKernel { kernel, to, from } = op else { return None };
     let (to, [a, low, high]) = (word(*to)?, from.map(word));
     let (a, low, high) = (a?, low?, high?);
@@ -306,21 +314,27 @@ fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], fate: Fate) -> Opt
         return None;
     }
     let float = kernel.float_result == 32;
-    let half = |function, from, fate| Planned {
+    let half = |function, from, result_use| Planned {
         function,
         to,
         from: operands(from),
         operands: 2,
-        fate,
+        result_use,
         twice: false,
         float,
         op: at as u32,
     };
-    let inner = Fate { reads: Some(1), bits_seen: false };
-    Some([half(lower, [a, low, low], inner), half(upper, [to, high, high], fate)])
+    let inner = ResultUse { reads: Some(1), nan_payload_observed: false };
+    Some([half(lower, [a, low, low], inner), half(upper, [to, high, high], result_use)])
 }
 
-fn single(at: usize, op: &Op, function: Function, fate: Fate, constants: &Constants) -> Option<Planned> {
+fn single(
+    at: usize,
+    op: &Op,
+    function: Function,
+    result_use: ResultUse,
+    constants: &Constants,
+) -> Option<Planned> {
     let (to, from, operands, float) = match op {
         Op::LaneKernel { kernel, to, from } => {
             let operands = kernel.operands.iter().take_while(|&&words| words > 0).count();
@@ -339,7 +353,7 @@ fn single(at: usize, op: &Op, function: Function, fate: Fate, constants: &Consta
     if function.commutes() && constants.word(from[0]).is_some() && constants.word(from[1]).is_none() {
         from.swap(0, 1);
     }
-    Some(Planned { function, to, from, operands, fate, twice: false, float, op: at as u32 })
+    Some(Planned { function, to, from, operands, result_use, twice: false, float, op: at as u32 })
 }
 
 /// Those of an operation.
@@ -381,18 +395,18 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
         (next, others[0]) = (others[0], next);
     }
     if next == first.to
-        && first.fate.reads == Some(if second.twice { 2 } else { 1 })
+        && first.result_use.reads == Some(if second.twice { 2 } else { 1 })
         && let Some(known) = found(Shape::Chain)
     {
         return chain(known.3, &others[..last]);
     }
     if second.from[last] == first.to
-        && first.fate.reads == Some(1)
+        && first.result_use.reads == Some(1)
         && let Some(known) = found(Shape::Last)
     {
         return chain(known.3, &second.from[..last]);
     }
-    if first.fate.reads != Some(1) || second.operands != 2 {
+    if first.result_use.reads != Some(1) || second.operands != 2 {
         return None;
     }
     let [a, b, ..] = first.from;

@@ -1,14 +1,14 @@
-//! Steps of regular operations, run without leaving one loop.
+//! SuperCode of regular operations, run without leaving one loop.
 //!
 //! Most of what a shader does are some ninety regular instructions on 32-bit values, and moves. A
-//! [`Step`] names one of them by a code, and its loop over the lanes stands in the arm of one `match`,
-//! compiled for the processor's vectors as a whole. The result of each step stays in an *accumulator*, a
-//! register that the compiler keeps in vector registers from one step to the next: where a step needs what
+//! [`SuperOp`] names one of them by a code, and its loop over the lanes stands in the arm of one `match`,
+//! compiled for the processor's vectors as a whole. The result of each superop stays in an *accumulator*, a
+//! register that the compiler keeps in vector registers from one superop to the next: where a superop needs what
 //! the one before it gave, nothing is loaded, and what nobody else needs is never stored. Frequent pairs
-//! and chains of them have a code together, as the way from step to step takes time, too; each operation of them rounds as
+//! and chains of them have a code together, as the way from superop to superop takes time, too; each operation of them rounds as
 //! it does by itself.
 //!
-//! Registers write every NaN as the same bits ([`crate::machine::Scalar::to_words`]); here that is a step of its
+//! Registers write every NaN as the same bits ([`crate::machine::Scalar::to_words`]); here that is a superop of its
 //! own, `Settled`, and stands only behind results whose bits somebody may see: an operation on floats
 //! takes every NaN for the same.
 //!
@@ -36,44 +36,45 @@ use crate::ops::op::Op;
 use crate::ops::relational_logical::select;
 use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
 use pairs::{After, Shape, Then, ThenWith, WithItself};
-pub use plan::{Fate, takes_float};
+pub use plan::{ResultUse, takes_float};
 use words::{Chain, Last, One, Same, Settled, Three, Two, WithBoth, Words};
 
 /// What a stretch does at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Step {
+pub struct SuperOp {
     /// The function, which operand the accumulator is, and whether the result goes to its register, too.
-    code: u16,
+    opcode: u16,
     to: u16,
     from: Operands<u16>,
 }
 
-/// Of a step: three are what one operation has, chains of patterns have more. With eight the compiler loads their numbers as
+/// Of a superop: three are what one operation has, chains of patterns have more. With eight the compiler loads their numbers as
 /// one vector and takes it apart, which takes longer.
 type Operands<T> = [T; 6];
 
 /// The operations of a program in steps.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Steps {
-    steps: Vec<Step>,
-    /// The operation of each step.
-    ops: Vec<u32>,
-    /// The step with which each operation begins, and one more.
+pub struct SuperCode {
+    superops: Vec<SuperOp>,
+    /// The operation of each superop.
+    op_of: Vec<u32>,
+    /// The superop with which each operation begins, and one more.
     first: Vec<u32>,
-    /// Whether a step names a register behind the window.
-    wide: bool,
+    /// Whether a superinstruction names an extended register.
+    extended: bool,
 }
 
-/// The registers that steps name: a window, in which a number of one byte is always inside, or any.
+/// Registers as superinstructions name them: the direct ones, whose number is one byte and needs no
+/// bounds check, or any.
 trait RegisterFile<const W: usize> {
     fn register(&self, number: u16) -> &Lanes<W>;
     fn register_mut(&mut self, number: u16) -> &mut Lanes<W>;
 }
 
-/// How many registers a window has.
-pub const WINDOW: usize = 256;
+/// How many registers are direct: named by one byte. The others are extended.
+pub const DIRECT_REGISTERS: usize = 256;
 
-impl<const W: usize> RegisterFile<W> for [Lanes<W>; WINDOW] {
+impl<const W: usize> RegisterFile<W> for [Lanes<W>; DIRECT_REGISTERS] {
     #[inline(always)]
     fn register(&self, number: u16) -> &Lanes<W> {
         &self[usize::from(number as u8)]
@@ -113,17 +114,17 @@ fn apply<
 >(
     accumulator: &mut [u32; W],
     registers: &mut (impl RegisterFile<W> + ?Sized),
-    step: &Step,
+    superop: &SuperOp,
 ) {
     let held = Lanes(*accumulator);
     let register = |at: usize| {
         let reads = at < F::OPERANDS && at + 1 != AT && !has(UNIFORM, at);
-        if reads { registers.register(step.from[at]) } else { &held }
+        if reads { registers.register(superop.from[at]) } else { &held }
     };
     let word = |at: usize| {
         if at < F::OPERANDS && has(UNIFORM, at) {
             // What the compiler knows to be less than 32 it need not compare.
-            registers.register(step.from[at]).0[0] & if has(AMOUNTS, at) { 31 } else { !0 }
+            registers.register(superop.from[at]).0[0] & if has(AMOUNTS, at) { 31 } else { !0 }
         } else {
             0
         }
@@ -142,7 +143,7 @@ fn apply<
         ]);
     }
     if STORED {
-        registers.register_mut(step.to).0 = result;
+        registers.register_mut(superop.to).0 = result;
     }
     *accumulator = result;
 }
@@ -158,17 +159,17 @@ fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
     vectors: V,
     accumulator: &mut [u32; W],
     registers: &mut (impl RegisterFile<W> + ?Sized),
-    step: &Step,
+    superop: &SuperOp,
 ) {
     const { assert!(W.is_multiple_of(8)) }
     let held = *accumulator;
-    let floats = if AT == 0 { &registers.register(step.from[0]).0 } else { &held };
+    let floats = if AT == 0 { &registers.register(superop.from[0]).0 } else { &held };
     let mut result = [0; W];
     for (eight, to) in floats.as_chunks::<8>().0.iter().zip(result.as_chunks_mut::<8>().0) {
         *to = vectors.to_i32(vectors.load(&eight.map(f32::from_bits))).map(|integer| integer as u32);
     }
     if STORED {
-        registers.register_mut(step.to).0 = result;
+        registers.register_mut(superop.to).0 = result;
     }
     *accumulator = result;
 }
@@ -179,13 +180,13 @@ fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
 fn store<const W: usize, const AT: usize>(
     accumulator: &mut [u32; W],
     registers: &mut (impl RegisterFile<W> + ?Sized),
-    step: &Step,
+    superop: &SuperOp,
     running: Option<&Lanes<W>>,
 ) {
     if AT == 0 {
-        *accumulator = registers.register(step.from[0]).0;
+        *accumulator = registers.register(superop.from[0]).0;
     }
-    let to = registers.register_mut(step.to);
+    let to = registers.register_mut(superop.to);
     match running {
         None => to.0 = *accumulator,
         Some(running) => {
@@ -199,7 +200,7 @@ fn store<const W: usize, const AT: usize>(
 
 /// Codes of a function: whether some operands are read as one word for all lanes ([`Function::uniform`]), the operand that
 /// is the accumulator, and whether the result is stored.
-const fn code(function: Function, uniform: bool, at: usize, stored: bool) -> u16 {
+const fn opcode(function: Function, uniform: bool, at: usize, stored: bool) -> u16 {
     (function as u16) << 4 | (uniform as u16) << 3 | (at as u16) << 1 | stored as u16
 }
 
@@ -218,7 +219,7 @@ macro_rules! functions {
         three { $($three:ident $three_uniform:literal $three_amounts:literal $three_shape:ident $three_first:ident $three_second:ident $three_type:ty;)* }
         chains { $($chain:ident $chain_uniform:literal $chain_amounts:literal $chain_shape:ident $chain_first:ident $chain_second:ident $chain_type:ty;)* }
     ) => {
-        /// What a step calculates.
+        /// What a superop calculates.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         enum Function {
             Move,
@@ -297,149 +298,149 @@ macro_rules! functions {
 
         /// Runs steps; how many before one that ends the stretch.
         #[inline(always)]
-        fn run_steps<const W: usize, R: RegisterFile<W> + ?Sized, V: LaneOps>(
+        fn run_superops<const W: usize, R: RegisterFile<W> + ?Sized, V: LaneOps>(
             vectors: V,
             registers: &mut R,
-            steps: &[Step],
+            superops: &[SuperOp],
             running: Option<&Lanes<W>>,
         ) -> usize {
             let mut accumulator = [0; W];
             let acc = &mut accumulator;
-            let mut rest = steps.iter();
-            while let Some(step) = rest.next() {
-                match step.code {
-                    codes::Move::ROWS => apply::<W, One<Same>, 0, false, 0, 0>(acc, registers, step),
+            let mut rest = superops.iter();
+            while let Some(superop) = rest.next() {
+                match superop.opcode {
+                    codes::Move::REGISTERS => apply::<W, One<Same>, 0, false, 0, 0>(acc, registers, superop),
                     codes::Move::FIRST => {}
-                    codes::Move::ROWS_STORED => apply::<W, One<Same>, 0, true, 0, 0>(acc, registers, step),
-                    codes::Move::FIRST_STORED => apply::<W, One<Same>, 1, true, 0, 0>(acc, registers, step),
-                    codes::MoveMasked::ROWS_STORED => store::<W, 0>(acc, registers, step, running),
-                    codes::MoveMasked::FIRST_STORED => store::<W, 1>(acc, registers, step, running),
+                    codes::Move::REGISTERS_STORED => apply::<W, One<Same>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::Move::FIRST_STORED => apply::<W, One<Same>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::MoveMasked::REGISTERS_STORED => store::<W, 0>(acc, registers, superop, running),
+                    codes::MoveMasked::FIRST_STORED => store::<W, 1>(acc, registers, superop, running),
                     codes::SettleMasked::FIRST_STORED => {
-                        apply::<W, One<Settled>, 1, false, 0, 0>(acc, registers, step);
-                        store::<W, 1>(acc, registers, step, running);
+                        apply::<W, One<Settled>, 1, false, 0, 0>(acc, registers, superop);
+                        store::<W, 1>(acc, registers, superop, running);
                     }
-                    codes::FToS::ROWS => to_integers::<W, V, 0, false>(vectors, acc, registers, step),
-                    codes::FToS::ROWS_STORED => to_integers::<W, V, 0, true>(vectors, acc, registers, step),
-                    codes::FToS::FIRST => to_integers::<W, V, 1, false>(vectors, acc, registers, step),
-                    codes::FToS::FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, registers, step),
-                    codes::Square::FIRST => apply::<W, One<WithBoth<FMul>>, 1, false, 0, 0>(acc, registers, step),
-                    codes::Square::FIRST_STORED => apply::<W, One<WithBoth<FMul>>, 1, true, 0, 0>(acc, registers, step),
-                    codes::Settle::FIRST => apply::<W, One<Settled>, 1, false, 0, 0>(acc, registers, step),
-                    codes::Settle::FIRST_STORED => apply::<W, One<Settled>, 1, true, 0, 0>(acc, registers, step),
+                    codes::FToS::REGISTERS => to_integers::<W, V, 0, false>(vectors, acc, registers, superop),
+                    codes::FToS::REGISTERS_STORED => to_integers::<W, V, 0, true>(vectors, acc, registers, superop),
+                    codes::FToS::FIRST => to_integers::<W, V, 1, false>(vectors, acc, registers, superop),
+                    codes::FToS::FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, registers, superop),
+                    codes::Square::FIRST => apply::<W, One<WithBoth<FMul>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::Square::FIRST_STORED => apply::<W, One<WithBoth<FMul>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::Settle::FIRST => apply::<W, One<Settled>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::Settle::FIRST_STORED => apply::<W, One<Settled>, 1, true, 0, 0>(acc, registers, superop),
                     $(
-                    codes::$unary::ROWS => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, false, 0, 0>(acc, registers, step),
-                    codes::$unary::ROWS_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, true, 0, 0>(acc, registers, step),
-                    codes::$unary::FIRST => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, false, 0, 0>(acc, registers, step),
-                    codes::$unary::FIRST_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, true, 0, 0>(acc, registers, step),
+                    codes::$unary::REGISTERS => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$unary::REGISTERS_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$unary::FIRST => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$unary::FIRST_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, true, 0, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$conversion::ROWS => apply::<W, One<Between<$from, $into>>, 0, false, 0, 0>(acc, registers, step),
-                    codes::$conversion::ROWS_STORED => apply::<W, One<Between<$from, $into>>, 0, true, 0, 0>(acc, registers, step),
-                    codes::$conversion::FIRST => apply::<W, One<Between<$from, $into>>, 1, false, 0, 0>(acc, registers, step),
-                    codes::$conversion::FIRST_STORED => apply::<W, One<Between<$from, $into>>, 1, true, 0, 0>(acc, registers, step),
+                    codes::$conversion::REGISTERS => apply::<W, One<Between<$from, $into>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$conversion::REGISTERS_STORED => apply::<W, One<Between<$from, $into>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$conversion::FIRST => apply::<W, One<Between<$from, $into>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$conversion::FIRST_STORED => apply::<W, One<Between<$from, $into>>, 1, true, 0, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$commuting::ROWS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, 0, 0>(acc, registers, step),
-                    codes::$commuting::ROWS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, 0, 0>(acc, registers, step),
-                    codes::$commuting::FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, 0, 0>(acc, registers, step),
-                    codes::$commuting::FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, 0, 0>(acc, registers, step),
-                    codes::$commuting::UNIFORM_ROWS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, SECOND, 0>(acc, registers, step),
-                    codes::$commuting::UNIFORM_ROWS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, SECOND, 0>(acc, registers, step),
-                    codes::$commuting::UNIFORM_FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, SECOND, 0>(acc, registers, step),
-                    codes::$commuting::UNIFORM_FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, SECOND, 0>(acc, registers, step),
+                    codes::$commuting::REGISTERS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$commuting::REGISTERS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$commuting::FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$commuting::FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_REGISTERS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_REGISTERS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, SECOND, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$binary::ROWS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, 0, 0>(acc, registers, step),
-                    codes::$binary::ROWS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, 0, 0>(acc, registers, step),
-                    codes::$binary::FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, 0, 0>(acc, registers, step),
-                    codes::$binary::FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, 0, 0>(acc, registers, step),
-                    codes::$binary::SECOND => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, false, 0, 0>(acc, registers, step),
-                    codes::$binary::SECOND_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, true, 0, 0>(acc, registers, step),
-                    codes::$binary::UNIFORM_ROWS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, SECOND, 0>(acc, registers, step),
-                    codes::$binary::UNIFORM_ROWS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, SECOND, 0>(acc, registers, step),
-                    codes::$binary::UNIFORM_FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, SECOND, 0>(acc, registers, step),
-                    codes::$binary::UNIFORM_FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, SECOND, 0>(acc, registers, step),
+                    codes::$binary::REGISTERS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$binary::REGISTERS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$binary::FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$binary::FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$binary::SECOND => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$binary::SECOND_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_REGISTERS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_REGISTERS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, SECOND, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$shift::ROWS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, 0, 0>(acc, registers, step),
-                    codes::$shift::ROWS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, 0, 0>(acc, registers, step),
-                    codes::$shift::FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, 0, 0>(acc, registers, step),
-                    codes::$shift::FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, 0, 0>(acc, registers, step),
-                    codes::$shift::SECOND => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, false, 0, 0>(acc, registers, step),
-                    codes::$shift::SECOND_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, true, 0, 0>(acc, registers, step),
-                    codes::$shift::UNIFORM_ROWS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, SECOND, SECOND>(acc, registers, step),
-                    codes::$shift::UNIFORM_ROWS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, SECOND, SECOND>(acc, registers, step),
-                    codes::$shift::UNIFORM_FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, SECOND, SECOND>(acc, registers, step),
-                    codes::$shift::UNIFORM_FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, SECOND, SECOND>(acc, registers, step),
+                    codes::$shift::REGISTERS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$shift::REGISTERS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$shift::FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$shift::FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$shift::SECOND => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$shift::SECOND_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$shift::UNIFORM_REGISTERS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::UNIFORM_REGISTERS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::UNIFORM_FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::UNIFORM_FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, SECOND, SECOND>(acc, registers, superop),
                     )*
                     $(
-                    codes::$two::ROWS => apply::<W, Two<$two_type>, 0, false, 0, 0>(acc, registers, step),
-                    codes::$two::ROWS_STORED => apply::<W, Two<$two_type>, 0, true, 0, 0>(acc, registers, step),
-                    codes::$two::FIRST => apply::<W, Two<$two_type>, 1, false, 0, 0>(acc, registers, step),
-                    codes::$two::FIRST_STORED => apply::<W, Two<$two_type>, 1, true, 0, 0>(acc, registers, step),
-                    codes::$two::SECOND => apply::<W, Two<$two_type>, 2, false, 0, 0>(acc, registers, step),
-                    codes::$two::SECOND_STORED => apply::<W, Two<$two_type>, 2, true, 0, 0>(acc, registers, step),
-                    codes::$two::UNIFORM_ROWS => apply::<W, Two<$two_type>, 0, false, SECOND, $two_amounts>(acc, registers, step),
-                    codes::$two::UNIFORM_ROWS_STORED => apply::<W, Two<$two_type>, 0, true, SECOND, $two_amounts>(acc, registers, step),
-                    codes::$two::UNIFORM_FIRST => apply::<W, Two<$two_type>, 1, false, SECOND, $two_amounts>(acc, registers, step),
-                    codes::$two::UNIFORM_FIRST_STORED => apply::<W, Two<$two_type>, 1, true, SECOND, $two_amounts>(acc, registers, step),
+                    codes::$two::REGISTERS => apply::<W, Two<$two_type>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$two::REGISTERS_STORED => apply::<W, Two<$two_type>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$two::FIRST => apply::<W, Two<$two_type>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$two::FIRST_STORED => apply::<W, Two<$two_type>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$two::SECOND => apply::<W, Two<$two_type>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$two::SECOND_STORED => apply::<W, Two<$two_type>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$two::UNIFORM_REGISTERS => apply::<W, Two<$two_type>, 0, false, SECOND, $two_amounts>(acc, registers, superop),
+                    codes::$two::UNIFORM_REGISTERS_STORED => apply::<W, Two<$two_type>, 0, true, SECOND, $two_amounts>(acc, registers, superop),
+                    codes::$two::UNIFORM_FIRST => apply::<W, Two<$two_type>, 1, false, SECOND, $two_amounts>(acc, registers, superop),
+                    codes::$two::UNIFORM_FIRST_STORED => apply::<W, Two<$two_type>, 1, true, SECOND, $two_amounts>(acc, registers, superop),
                     )*
                     $(
-                    codes::$ternary::ROWS => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, false, 0, 0>(acc, registers, step),
-                    codes::$ternary::ROWS_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, true, 0, 0>(acc, registers, step),
-                    codes::$ternary::FIRST => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, false, 0, 0>(acc, registers, step),
-                    codes::$ternary::FIRST_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, true, 0, 0>(acc, registers, step),
-                    codes::$ternary::SECOND => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, false, 0, 0>(acc, registers, step),
-                    codes::$ternary::SECOND_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, true, 0, 0>(acc, registers, step),
-                    codes::$ternary::THIRD => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, false, 0, 0>(acc, registers, step),
-                    codes::$ternary::THIRD_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, true, 0, 0>(acc, registers, step),
+                    codes::$ternary::REGISTERS => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::REGISTERS_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::FIRST => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::FIRST_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::SECOND => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::SECOND_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::THIRD => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::THIRD_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, true, 0, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$three::ROWS => apply::<W, Three<$three_type>, 0, false, 0, 0>(acc, registers, step),
-                    codes::$three::ROWS_STORED => apply::<W, Three<$three_type>, 0, true, 0, 0>(acc, registers, step),
-                    codes::$three::FIRST => apply::<W, Three<$three_type>, 1, false, 0, 0>(acc, registers, step),
-                    codes::$three::FIRST_STORED => apply::<W, Three<$three_type>, 1, true, 0, 0>(acc, registers, step),
-                    codes::$three::SECOND => apply::<W, Three<$three_type>, 2, false, 0, 0>(acc, registers, step),
-                    codes::$three::SECOND_STORED => apply::<W, Three<$three_type>, 2, true, 0, 0>(acc, registers, step),
-                    codes::$three::THIRD => apply::<W, Three<$three_type>, 3, false, 0, 0>(acc, registers, step),
-                    codes::$three::THIRD_STORED => apply::<W, Three<$three_type>, 3, true, 0, 0>(acc, registers, step),
-                    codes::$three::UNIFORM_ROWS => apply::<W, Three<$three_type>, 0, false, $three_uniform, $three_amounts>(acc, registers, step),
-                    codes::$three::UNIFORM_ROWS_STORED => apply::<W, Three<$three_type>, 0, true, $three_uniform, $three_amounts>(acc, registers, step),
-                    codes::$three::UNIFORM_FIRST => apply::<W, Three<$three_type>, 1, false, $three_uniform, $three_amounts>(acc, registers, step),
-                    codes::$three::UNIFORM_FIRST_STORED => apply::<W, Three<$three_type>, 1, true, $three_uniform, $three_amounts>(acc, registers, step),
+                    codes::$three::REGISTERS => apply::<W, Three<$three_type>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$three::REGISTERS_STORED => apply::<W, Three<$three_type>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$three::FIRST => apply::<W, Three<$three_type>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$three::FIRST_STORED => apply::<W, Three<$three_type>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$three::SECOND => apply::<W, Three<$three_type>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$three::SECOND_STORED => apply::<W, Three<$three_type>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$three::THIRD => apply::<W, Three<$three_type>, 3, false, 0, 0>(acc, registers, superop),
+                    codes::$three::THIRD_STORED => apply::<W, Three<$three_type>, 3, true, 0, 0>(acc, registers, superop),
+                    codes::$three::UNIFORM_REGISTERS => apply::<W, Three<$three_type>, 0, false, $three_uniform, $three_amounts>(acc, registers, superop),
+                    codes::$three::UNIFORM_REGISTERS_STORED => apply::<W, Three<$three_type>, 0, true, $three_uniform, $three_amounts>(acc, registers, superop),
+                    codes::$three::UNIFORM_FIRST => apply::<W, Three<$three_type>, 1, false, $three_uniform, $three_amounts>(acc, registers, superop),
+                    codes::$three::UNIFORM_FIRST_STORED => apply::<W, Three<$three_type>, 1, true, $three_uniform, $three_amounts>(acc, registers, superop),
                     )*
                     $(
-                    codes::$chain::ROWS => apply::<W, $chain_type, 0, false, 0, 0>(acc, registers, step),
-                    codes::$chain::ROWS_STORED => apply::<W, $chain_type, 0, true, 0, 0>(acc, registers, step),
-                    codes::$chain::FIRST => apply::<W, $chain_type, 1, false, 0, 0>(acc, registers, step),
-                    codes::$chain::FIRST_STORED => apply::<W, $chain_type, 1, true, 0, 0>(acc, registers, step),
-                    codes::$chain::UNIFORM_ROWS => apply::<W, $chain_type, 0, false, $chain_uniform, $chain_amounts>(acc, registers, step),
-                    codes::$chain::UNIFORM_ROWS_STORED => apply::<W, $chain_type, 0, true, $chain_uniform, $chain_amounts>(acc, registers, step),
-                    codes::$chain::UNIFORM_FIRST => apply::<W, $chain_type, 1, false, $chain_uniform, $chain_amounts>(acc, registers, step),
-                    codes::$chain::UNIFORM_FIRST_STORED => apply::<W, $chain_type, 1, true, $chain_uniform, $chain_amounts>(acc, registers, step),
+                    codes::$chain::REGISTERS => apply::<W, $chain_type, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$chain::REGISTERS_STORED => apply::<W, $chain_type, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$chain::FIRST => apply::<W, $chain_type, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$chain::FIRST_STORED => apply::<W, $chain_type, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$chain::UNIFORM_REGISTERS => apply::<W, $chain_type, 0, false, $chain_uniform, $chain_amounts>(acc, registers, superop),
+                    codes::$chain::UNIFORM_REGISTERS_STORED => apply::<W, $chain_type, 0, true, $chain_uniform, $chain_amounts>(acc, registers, superop),
+                    codes::$chain::UNIFORM_FIRST => apply::<W, $chain_type, 1, false, $chain_uniform, $chain_amounts>(acc, registers, superop),
+                    codes::$chain::UNIFORM_FIRST_STORED => apply::<W, $chain_type, 1, true, $chain_uniform, $chain_amounts>(acc, registers, superop),
                     )*
-                    _ => return steps.len() - rest.len() - 1,
+                    _ => return superops.len() - rest.len() - 1,
                 }
             }
-            steps.len()
+            superops.len()
         }
     };
     (@codes $($name:ident)*) => {$(
         #[allow(dead_code)]
         pub mod $name {
-            use super::super::{Function, code};
-            pub const ROWS: u16 = code(Function::$name, false, 0, false);
-            pub const ROWS_STORED: u16 = code(Function::$name, false, 0, true);
-            pub const FIRST: u16 = code(Function::$name, false, 1, false);
-            pub const FIRST_STORED: u16 = code(Function::$name, false, 1, true);
-            pub const SECOND: u16 = code(Function::$name, false, 2, false);
-            pub const SECOND_STORED: u16 = code(Function::$name, false, 2, true);
-            pub const THIRD: u16 = code(Function::$name, false, 3, false);
-            pub const THIRD_STORED: u16 = code(Function::$name, false, 3, true);
-            pub const UNIFORM_ROWS: u16 = code(Function::$name, true, 0, false);
-            pub const UNIFORM_ROWS_STORED: u16 = code(Function::$name, true, 0, true);
-            pub const UNIFORM_FIRST: u16 = code(Function::$name, true, 1, false);
-            pub const UNIFORM_FIRST_STORED: u16 = code(Function::$name, true, 1, true);
+            use super::super::{Function, opcode};
+            pub const REGISTERS: u16 = opcode(Function::$name, false, 0, false);
+            pub const REGISTERS_STORED: u16 = opcode(Function::$name, false, 0, true);
+            pub const FIRST: u16 = opcode(Function::$name, false, 1, false);
+            pub const FIRST_STORED: u16 = opcode(Function::$name, false, 1, true);
+            pub const SECOND: u16 = opcode(Function::$name, false, 2, false);
+            pub const SECOND_STORED: u16 = opcode(Function::$name, false, 2, true);
+            pub const THIRD: u16 = opcode(Function::$name, false, 3, false);
+            pub const THIRD_STORED: u16 = opcode(Function::$name, false, 3, true);
+            pub const UNIFORM_REGISTERS: u16 = opcode(Function::$name, true, 0, false);
+            pub const UNIFORM_REGISTERS_STORED: u16 = opcode(Function::$name, true, 0, true);
+            pub const UNIFORM_FIRST: u16 = opcode(Function::$name, true, 1, false);
+            pub const UNIFORM_FIRST_STORED: u16 = opcode(Function::$name, true, 1, true);
         }
     )*};
 }
@@ -540,7 +541,7 @@ functions! {
     }
 }
 
-impl Steps {
+impl SuperCode {
     /// Runs operations until one that ends a stretch, or all of them, with what the processor has; the
     /// operation to go on with.
     #[inline]
@@ -557,9 +558,9 @@ impl Steps {
         let [mut first, end] = [range.start, range.end].map(|op| self.first[op as usize] as usize);
         let running = (!mask.is_all()).then(|| mask.words());
         loop {
-            let steps = &self.steps[first..end];
-            first += self.run_some(registers, steps, running.as_ref());
-            let Some(&op) = self.ops[..end].get(first) else { return range.end };
+            let superops = &self.superops[first..end];
+            first += self.run_some(registers, superops, running.as_ref());
+            let Some(&op) = self.op_of[..end].get(first) else { return range.end };
             // A lane kernel without a superinstruction.
             let Op::LaneKernel { kernel, to, from } = &ops[op as usize] else { return op };
             kernel.run(registers, *to, from);
@@ -571,14 +572,14 @@ impl Steps {
     fn run_some<const W: usize>(
         &self,
         registers: &mut Registers<W>,
-        steps: &[Step],
+        superops: &[SuperOp],
         running: Option<&Lanes<W>>,
     ) -> usize {
         let cpu_tier = registers.cpu_tier();
         let registers = registers.all_mut();
-        match if self.wide { None } else { registers.first_chunk_mut::<WINDOW>() } {
-            Some(registers) => cpu_tier.run_widest(Loop { registers, steps, running }),
-            None => cpu_tier.run_widest(Loop { registers, steps, running }),
+        match if self.extended { None } else { registers.first_chunk_mut::<DIRECT_REGISTERS>() } {
+            Some(registers) => cpu_tier.run_widest(Loop { registers, superops, running }),
+            None => cpu_tier.run_widest(Loop { registers, superops, running }),
         }
     }
 }
@@ -586,7 +587,7 @@ impl Steps {
 /// The loop with its arguments.
 struct Loop<'a, const W: usize, R: ?Sized> {
     registers: &'a mut R,
-    steps: &'a [Step],
+    superops: &'a [SuperOp],
     running: Option<&'a Lanes<W>>,
 }
 
@@ -595,7 +596,7 @@ impl<const W: usize, R: RegisterFile<W> + ?Sized> LaneTask for Loop<'_, W, R> {
 
     #[inline(always)]
     fn run<V: LaneOps>(self, vectors: V) -> usize {
-        run_steps(vectors, self.registers, self.steps, self.running)
+        run_superops(vectors, self.registers, self.superops, self.running)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::machine::Scalar;
 use crate::ops::lane_kernel::{Binary, Ternary, Unary};
-use crate::ops::stretch::Operands;
+use crate::ops::superop::Operands;
 
 /// A function of words, of which the first [`Words::OPERANDS`] count.
 pub trait Words {

@@ -14,7 +14,7 @@
 //! All other values keep their registers, so that everything outside (constants, interfaces, what loops carry,
 //! terminators) is as it was, and operations that can trap keep their numbers, by which traps name them.
 
-mod near;
+mod direct_registers;
 
 use std::ops::Range;
 
@@ -24,27 +24,27 @@ use smallvec::SmallVec;
 use crate::machine::Reg;
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::op::{Access, Op};
-use crate::ops::stretch::{Fate, Steps, takes_float};
+use crate::ops::superop::{ResultUse, SuperCode, takes_float};
 use crate::ops::{bit, memory};
-use crate::program::forward::{Shared, each_read};
+use crate::program::copy_propagation::{Shared, each_read};
 use crate::program::schedule::Schedule;
 use crate::program::{Program, Terminator};
-use near::{near_constants, near_values};
+use direct_registers::{rename_constants, rename_values};
 
 /// The operations of a program as a batch runs them that nobody watches.
 #[derive(Clone, Debug, Default)]
-pub struct Unwatched {
+pub struct OptimizedCode {
     /// One for each of [`Program::ops`].
     pub ops: Vec<Op>,
     /// The same as superinstructions; none in programs that are not optimised.
-    pub steps: Option<Steps>,
+    pub supercode: Option<SuperCode>,
     /// One for each of [`Program::blocks`].
-    pub runs: Vec<Run>,
+    pub superblocks: Vec<Superblock>,
 }
 
 /// What follows the beginning of a block without a choice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Run {
+pub struct Superblock {
     /// One past the last operation.
     pub end: u32,
     /// The last block, whose terminator ends the run.
@@ -60,11 +60,11 @@ enum Single {
 
 /// Makes the operations that run unwatched. By register: which one it is now, where it holds something beyond a run.
 pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
-    let runs = superblocks(program);
-    let starts = starts(program, &runs);
+    let superblocks = superblocks(program);
+    let starts = starts(program, &superblocks);
     let mut ops = program.ops.clone();
     let shared = Shared::of(program, addressed);
-    let values = Values::of(program, &mut ops, &starts, &shared);
+    let values = LocalValues::of(program, &mut ops, &starts, &shared);
     for op in &mut ops {
         // Whoever reads such a value later in the run is running now.
         if let Op::Memory(memory::Op::MoveMasked { to, from }) = *op
@@ -75,32 +75,32 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
     }
     let mut written = vec![0u32; program.register_count as usize];
     let mut copies = Copies::new(program.register_count);
-    for &(start, run) in &starts {
-        let run = program.blocks[start as usize].first as usize..run.end as usize;
-        forward(&mut ops, run, &values, &shared, &mut written, &mut copies);
+    for &(start, superblock) in &starts {
+        let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
+        forward(&mut ops, superblock, &values, &shared, &mut written, &mut copies);
     }
     // Tables by register are large: what follows takes their memory.
     drop((written, copies));
-    for &(start, run) in &starts {
-        let run = program.blocks[start as usize].first as usize..run.end as usize;
-        sign_casts(&mut ops[run], &program.constants);
+    for &(start, superblock) in &starts {
+        let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
+        sign_casts(&mut ops[superblock], &program.constants);
     }
     let mut schedule = Schedule::new(program.register_count);
-    for &(start, run) in &starts {
-        schedule.order(&mut ops[program.blocks[start as usize].first as usize..run.end as usize]);
+    for &(start, superblock) in &starts {
+        schedule.order(&mut ops[program.blocks[start as usize].first as usize..superblock.end as usize]);
     }
     drop(schedule);
-    let mut places = Places::new(program.register_count, values.vanishing());
+    let mut pool = RegisterPool::new(program.register_count, values.vanishing());
     let mut left: SmallVec<[Reg; 4]> = SmallVec::new();
     // Where a value is now, and the operation that reads it last.
     let mut place = vec![Reg(0); program.register_count as usize];
     let mut last = vec![0u32; program.register_count as usize];
-    for &(start, run) in &starts {
-        let run = program.blocks[start as usize].first as usize..run.end as usize;
-        for at in run.clone() {
+    for &(start, superblock) in &starts {
+        let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
+        for at in superblock.clone() {
             each_single(&mut ops[at], |reg, _| last[reg.0 as usize] = at as u32);
         }
-        for at in run {
+        for at in superblock {
             let op = &mut ops[at];
             if is_idle(op) {
                 continue;
@@ -116,29 +116,30 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
             });
             // A regular operation reads all lanes before it writes one: it may write where it read.
             if let Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. }) = op {
-                places.free.extend(left.drain(..));
+                pool.free.extend(left.drain(..));
             }
             each_single(op, |reg, single| {
                 let value = reg.0 as usize;
                 if single == Single::Write && values.is_local(*reg) {
-                    *reg = places.take();
+                    *reg = pool.take();
                     place[value] = *reg;
                     if last[value] == at as u32 {
                         left.push(*reg);
                     }
                 }
             });
-            places.free.extend(left.drain(..));
+            pool.free.extend(left.drain(..));
         }
     }
-    let fates = fates(program, &mut ops, &starts, &places);
-    let (taken, renamed) = near_values(program, &mut ops, &places, &shared, &values);
-    near_constants(program, &mut ops, &places, &taken);
-    program.register_count = places.next;
-    let ranges =
-        starts.iter().map(|&(start, run)| program.blocks[start as usize].first as usize..run.end as usize);
-    let steps = Steps::of(&ops, ranges, &fates, &program.constants);
-    program.unwatched = Unwatched { steps: Some(steps), ops, runs };
+    let result_uses = result_uses(program, &mut ops, &starts, &pool);
+    let (taken, renamed) = rename_values(program, &mut ops, &pool, &shared, &values);
+    rename_constants(program, &mut ops, &pool, &taken);
+    program.register_count = pool.next;
+    let ranges = starts
+        .iter()
+        .map(|&(start, superblock)| program.blocks[start as usize].first as usize..superblock.end as usize);
+    let supercode = SuperCode::of(&ops, ranges, &result_uses, &program.constants);
+    program.optimized = OptimizedCode { supercode: Some(supercode), ops, superblocks };
     renamed
 }
 
@@ -177,13 +178,18 @@ fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
 ///
 /// It is told of the registers as they are shared. Where a copy got the register of its original it is gone, and whoever read
 /// the copy reads the original now.
-fn fates(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], places: &Places) -> Vec<Fate> {
+fn result_uses(
+    program: &Program,
+    ops: &mut [Op],
+    starts: &[(u32, Superblock)],
+    pool: &RegisterPool,
+) -> Vec<ResultUse> {
     const NOBODY: u32 = u32::MAX;
-    let mut fates = vec![Fate::UNKNOWN; ops.len()];
+    let mut result_uses = vec![ResultUse::UNKNOWN; ops.len()];
     // By register: the operation whose result it holds.
-    let mut definition = vec![NOBODY; places.next as usize];
-    for &(start, run) in starts {
-        for at in program.blocks[start as usize].first as usize..run.end as usize {
+    let mut definition = vec![NOBODY; pool.next as usize];
+    for &(start, superblock) in starts {
+        for at in program.blocks[start as usize].first as usize..superblock.end as usize {
             let op = &mut ops[at];
             if is_idle(op) {
                 continue;
@@ -195,29 +201,30 @@ fn fates(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], places: &Plac
             let mut operand = 0;
             each_single(op, |reg, single| {
                 if single == Single::Read {
-                    if let Some(fate) = fates.get_mut(definition[reg.0 as usize] as usize) {
-                        fate.reads = fate.reads.map(|reads| reads + 1);
-                        fate.bits_seen |= !kernel.is_some_and(|kernel| takes_float(kernel, operand));
+                    if let Some(result_use) = result_uses.get_mut(definition[reg.0 as usize] as usize) {
+                        result_use.reads = result_use.reads.map(|reads| reads + 1);
+                        result_use.nan_payload_observed |=
+                            !kernel.is_some_and(|kernel| takes_float(kernel, operand));
                     }
                     operand += 1;
                 }
             });
             let defines = matches!(op, Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. }));
             each_single(op, |reg, single| {
-                if single == Single::Write && places.shares(*reg) {
+                if single == Single::Write && pool.shares(*reg) {
                     definition[reg.0 as usize] = if defines { at as u32 } else { NOBODY };
                     if defines {
-                        fates[at] = Fate { reads: Some(0), bits_seen: false };
+                        result_uses[at] = ResultUse { reads: Some(0), nan_payload_observed: false };
                     }
                 }
             });
         }
     }
-    fates
+    result_uses
 }
 
 /// The run that begins with each block.
-pub(super) fn superblocks(program: &Program) -> Vec<Run> {
+pub(super) fn superblocks(program: &Program) -> Vec<Superblock> {
     let blocks = &program.blocks;
     let mut ways = vec![0u32; blocks.len() + 1];
     let mut count = |block: u32| ways[block as usize] += 1;
@@ -237,24 +244,25 @@ pub(super) fn superblocks(program: &Program) -> Vec<Run> {
             Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
         }
     }
-    let mut runs: Vec<Run> = (0..).zip(blocks).map(|(last, block)| Run { end: block.end, last }).collect();
+    let mut superblocks: Vec<Superblock> =
+        (0..).zip(blocks).map(|(last, block)| Superblock { end: block.end, last }).collect();
     for at in (0..blocks.len().saturating_sub(1)).rev() {
         let next = &blocks[at + 1];
         let goes_on = blocks[at].terminator == Terminator::Branch(at as u32 + 1);
         if goes_on && ways[at + 1] == 1 && next.first == blocks[at].end {
-            runs[at] = runs[at + 1];
+            superblocks[at] = superblocks[at + 1];
         }
     }
-    runs
+    superblocks
 }
 
 /// The blocks at which runs begin, each with its run: together they are all blocks.
-fn starts(program: &Program, runs: &[Run]) -> Vec<(u32, Run)> {
+fn starts(program: &Program, superblocks: &[Superblock]) -> Vec<(u32, Superblock)> {
     let mut starts = Vec::new();
     let mut at = 0;
     while at < program.blocks.len() {
-        starts.push((at as u32, runs[at]));
-        at = runs[at].last as usize + 1;
+        starts.push((at as u32, superblocks[at]));
+        at = superblocks[at].last as usize + 1;
     }
     starts
 }
@@ -271,16 +279,16 @@ struct Copied {
 struct Copies {
     all: Vec<(Reg, Copied)>,
     /// By register: where its copy stands, and one more; 0 where it is none.
-    places: Vec<u32>,
+    pool: Vec<u32>,
 }
 
 impl Copies {
     fn new(registers: u32) -> Self {
-        Self { all: Vec::new(), places: vec![0; registers as usize] }
+        Self { all: Vec::new(), pool: vec![0; registers as usize] }
     }
 
     fn find(&mut self, reg: Reg) -> Option<&mut Copied> {
-        let place = self.places[reg.0 as usize].checked_sub(1)?;
+        let place = self.pool[reg.0 as usize].checked_sub(1)?;
         Some(&mut self.all[place as usize].1)
     }
 
@@ -289,13 +297,13 @@ impl Copies {
             Some(known) => *known = copy,
             None => {
                 self.all.push((reg, copy));
-                self.places[reg.0 as usize] = self.all.len() as u32;
+                self.pool[reg.0 as usize] = self.all.len() as u32;
             }
         }
     }
 
     fn clear(&mut self) {
-        self.all.drain(..).for_each(|(reg, _)| self.places[reg.0 as usize] = 0);
+        self.all.drain(..).for_each(|(reg, _)| self.pool[reg.0 as usize] = 0);
     }
 }
 
@@ -303,20 +311,20 @@ impl Copies {
 /// become idle. `written` has, for each register, one more than the operation that wrote it last.
 fn forward(
     ops: &mut [Op],
-    run: Range<usize>,
-    values: &Values,
+    superblock: Range<usize>,
+    values: &LocalValues,
     shared: &Shared,
     written: &mut [u32],
     copies: &mut Copies,
 ) {
-    if !ops[run.clone()].iter().any(|op| matches!(op, Op::Memory(memory::Op::Move { .. }))) {
+    if !ops[superblock.clone()].iter().any(|op| matches!(op, Op::Memory(memory::Op::Move { .. }))) {
         return;
     }
     copies.clear();
     // When the pipeline last had its turn.
     let mut stopped = 0;
     // First see which copies hold whenever they are read, then rename.
-    for at in run.clone() {
+    for at in superblock.clone() {
         let op = &mut ops[at];
         let at = at as u32;
         each_single(op, |reg, single| {
@@ -341,7 +349,7 @@ fn forward(
             _ => {}
         }
     }
-    for at in run {
+    for at in superblock {
         let op = &mut ops[at];
         each_single(op, |reg, single| {
             if let (Single::Read, Some(&mut Copied { from, good: true, .. })) = (single, copies.find(*reg)) {
@@ -363,7 +371,7 @@ pub(super) fn is_idle(op: &Op) -> bool {
 
 /// Registers to share: the one left last is taken next; at first the lowest, so that steps name few registers behind
 /// their window.
-struct Places {
+struct RegisterPool {
     next: u32,
     free: Vec<Reg>,
     /// As many of the free registers have never been taken.
@@ -372,7 +380,7 @@ struct Places {
     taken: Vec<bool>,
 }
 
-impl Places {
+impl RegisterPool {
     fn new(next: u32, free: Vec<Reg>) -> Self {
         Self { next, untaken: free.len(), free, taken: vec![false; next as usize] }
     }
@@ -400,11 +408,11 @@ impl Places {
 }
 
 /// Which registers hold values that live within one run.
-struct Values(Vec<Accesses>);
+struct LocalValues(Vec<RegisterUses>);
 
 /// How a register is accessed.
 #[derive(Clone)]
-struct Accesses {
+struct RegisterUses {
     /// The first block of the run that writes it first.
     home: u32,
     /// How often it is read or written by an operation that does not name it by itself.
@@ -415,19 +423,19 @@ struct Accesses {
     local: bool,
 }
 
-impl Values {
-    fn of(program: &Program, ops: &mut [Op], starts: &[(u32, Run)], shared: &Shared) -> Self {
+impl LocalValues {
+    fn of(program: &Program, ops: &mut [Op], starts: &[(u32, Superblock)], shared: &Shared) -> Self {
         const NOWHERE: u32 = u32::MAX;
-        let begin = |register| Accesses {
+        let begin = |register| RegisterUses {
             home: NOWHERE,
             together: 0,
             writes: 0,
             local: !shared.holds(Reg(register)),
         };
-        let mut registers: Vec<Accesses> = (0..program.register_count).map(begin).collect();
+        let mut registers: Vec<RegisterUses> = (0..program.register_count).map(begin).collect();
         program.constants.iter().for_each(|&(reg, _)| registers[reg.0 as usize].local = false);
-        for &(start, run) in starts {
-            for op in &mut ops[program.blocks[start as usize].first as usize..run.end as usize] {
+        for &(start, superblock) in starts {
+            for op in &mut ops[program.blocks[start as usize].first as usize..superblock.end as usize] {
                 op.accesses(|access| {
                     let (Access::Read(first, count) | Access::Write(first, count)) = access else { return };
                     let write = matches!(access, Access::Write(..));
@@ -525,7 +533,7 @@ mod tests {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/bench/arithmetic.rgen.spv");
         let module = crate::Module::open(path).expect("a valid fixture");
         let program = Program::of(&module, "main").expect("a supported fixture");
-        assert_eq!(program.unwatched.ops.len(), program.ops.len());
+        assert_eq!(program.optimized.ops.len(), program.ops.len());
         let named = |ops: &[Op]| {
             let mut registers = std::collections::HashSet::new();
             for op in ops.iter().filter(|op| !is_idle(op)) {
@@ -537,7 +545,7 @@ mod tests {
             }
             registers.len()
         };
-        let (plain, shared) = (named(&program.ops), named(&program.unwatched.ops));
+        let (plain, shared) = (named(&program.ops), named(&program.optimized.ops));
         assert!(shared * 2 < plain, "{shared} registers of {plain}");
         let moves = |ops: &[Op]| {
             let is_move = |op: &&Op| {
@@ -546,7 +554,7 @@ mod tests {
             };
             ops.iter().filter(is_move).count()
         };
-        assert!(moves(&program.unwatched.ops) < moves(&program.ops));
+        assert!(moves(&program.optimized.ops) < moves(&program.ops));
     }
 
     #[test]
@@ -566,7 +574,7 @@ mod tests {
 
     #[test]
     fn nobody_writes_the_row_of_a_constant() {
-        // Steps read one lane of it for all. What is watched does write registers that near constants took, but runs in batches
+        // SuperCode read one lane of it for all. What is watched does write registers that near constants took, but runs in batches
         // of its own.
         let folder = format!("{}/spirv-fixtures/bench", env!("CARGO_MANIFEST_DIR"));
         let mut programs = 0;
@@ -575,7 +583,7 @@ mod tests {
             let module = crate::Module::open(&path).expect("a valid fixture");
             let program = Program::of(&module, "main").expect("a supported fixture");
             programs += 1;
-            for op in program.unwatched.ops.iter().filter(|op| !is_idle(op)) {
+            for op in program.optimized.ops.iter().filter(|op| !is_idle(op)) {
                 op.accesses(|access| {
                     let Access::Write(first, count) = access else { return };
                     let written = first.0..first.0 + count;

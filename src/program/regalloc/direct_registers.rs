@@ -5,21 +5,21 @@ use rustc_hash::FxHashMap;
 use crate::machine::Reg;
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::stretch::WINDOW;
+use crate::ops::superop::DIRECT_REGISTERS;
 use crate::program::Program;
-use crate::program::forward::{Shared, each_read};
-use crate::program::reuse::{Places, Single, Values, each_single, is_idle};
+use crate::program::copy_propagation::{Shared, each_read};
+use crate::program::regalloc::{LocalValues, RegisterPool, Single, each_single, is_idle};
 
 /// Gives values behind the window of steps that live longer than a run a register in it, as long as there are any that nobody
 /// takes; which those are, and by register which one it is now. As they are written before they are read, it may be one that batches begin with zeros.
-pub(super) fn near_values(
+pub(super) fn rename_values(
     program: &Program,
     ops: &mut [Op],
-    places: &Places,
+    pool: &RegisterPool,
     shared: &Shared,
-    values: &Values,
+    values: &LocalValues,
 ) -> (Vec<Reg>, Vec<Reg>) {
-    let far = |register: u32| register as usize >= WINDOW;
+    let extended = |register: u32| register as usize >= DIRECT_REGISTERS;
     let registers = program.register_count as usize;
     let mut stays: Vec<bool> = (0..registers).map(|register| shared.holds(Reg(register as u32))).collect();
     let mut is_variable = vec![false; registers];
@@ -30,7 +30,7 @@ pub(super) fn near_values(
     program.blocks.iter().for_each(|block| each_read(&block.terminator, |reg| stays[reg.0 as usize] = true));
     // Registers of variables first: constants cannot have those.
     let is_variable = |reg: &Reg| is_variable[reg.0 as usize];
-    let untaken = places.untaken().iter().copied().filter(|reg| !far(reg.0));
+    let untaken = pool.untaken().iter().copied().filter(|reg| !extended(reg.0));
     let (mut order, others): (Vec<Reg>, Vec<Reg>) = untaken.partition(is_variable);
     order.extend(others);
     if order.is_empty() {
@@ -43,7 +43,7 @@ pub(super) fn near_values(
         each_single(op, |reg, _| {
             let register = reg.0 as usize;
             // Registers that values of one run share already stand behind all others.
-            if !far(reg.0) || register >= registers {
+            if !extended(reg.0) || register >= registers {
                 return;
             }
             if near[register] == *reg && taken < order.len() && !stays[register] && values.stands_alone(*reg)
@@ -59,22 +59,23 @@ pub(super) fn near_values(
 }
 
 /// Gives constants behind the window of steps a register in it, as long as there are any that nobody takes.
-pub(super) fn near_constants(program: &mut Program, ops: &mut [Op], places: &Places, taken: &[Reg]) {
-    let far = |reg: Reg| reg.0 as usize >= WINDOW;
-    let words: FxHashMap<Reg, u32> = program.constants.iter().copied().filter(|&(reg, _)| far(reg)).collect();
+pub(super) fn rename_constants(program: &mut Program, ops: &mut [Op], pool: &RegisterPool, taken: &[Reg]) {
+    let extended = |reg: Reg| reg.0 as usize >= DIRECT_REGISTERS;
+    let words: FxHashMap<Reg, u32> =
+        program.constants.iter().copied().filter(|&(reg, _)| extended(reg)).collect();
     let mut near: FxHashMap<Reg, Reg> = FxHashMap::default();
     // Every batch begins with zeros in variables, and keeps what constants it was made with.
-    let mut begins_as_zero = [false; WINDOW];
+    let mut begins_as_zero = [false; DIRECT_REGISTERS];
     for register in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
         if let Some(zero) = begins_as_zero.get_mut(register as usize) {
             *zero = true;
         }
     }
-    let mut untaken = places
+    let mut untaken = pool
         .untaken()
         .iter()
         .copied()
-        .filter(|&reg| !far(reg) && !begins_as_zero[reg.0 as usize] && !taken.contains(&reg))
+        .filter(|&reg| !extended(reg) && !begins_as_zero[reg.0 as usize] && !taken.contains(&reg))
         .peekable();
     if untaken.peek().is_none() {
         return;
@@ -85,7 +86,7 @@ pub(super) fn near_constants(program: &mut Program, ops: &mut [Op], places: &Pla
             op
         {
             each_single(op, |reg, single| {
-                if single != Single::Read || !far(*reg) {
+                if single != Single::Read || !extended(*reg) {
                     return;
                 }
                 let Some(&word) = words.get(reg) else { return };
@@ -112,12 +113,12 @@ mod tests {
             let module = crate::Module::open(path).expect("a valid fixture");
             let program = Program::of(&module, "main").expect("a supported fixture");
             assert!(
-                program.register_count as usize > WINDOW,
+                program.register_count as usize > DIRECT_REGISTERS,
                 "{name} has {} registers",
                 program.register_count
             );
             assert!(
-                program.unwatched.steps.as_ref().is_some_and(|steps| !steps.is_wide()),
+                program.optimized.supercode.as_ref().is_some_and(|code| !code.is_extended()),
                 "{name} names registers behind the window"
             );
         }
@@ -128,13 +129,13 @@ mod tests {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/bench/arithmetic.rgen.spv");
         let module = crate::Module::open(path).expect("a valid fixture");
         let mut program = Program::of(&module, "main").expect("a supported fixture");
-        let far = Reg(WINDOW as u32 + 40);
+        let extended = Reg(DIRECT_REGISTERS as u32 + 40);
         program.variables = vec![(Reg(10), 1)];
-        program.constants = vec![(far, 7)];
+        program.constants = vec![(extended, 7)];
         let kernel = crate::ops::arithmetic::IAdd.kernel(32).expect("a kernel of 32 bits");
-        let mut ops = [Op::LaneKernel { kernel, to: Reg(0), from: [Reg(1), far, Reg(1)] }];
-        near_constants(&mut program, &mut ops, &Places::new(400, vec![Reg(10), Reg(11)]), &[]);
+        let mut ops = [Op::LaneKernel { kernel, to: Reg(0), from: [Reg(1), extended, Reg(1)] }];
+        rename_constants(&mut program, &mut ops, &RegisterPool::new(400, vec![Reg(10), Reg(11)]), &[]);
         assert_eq!(ops, [Op::LaneKernel { kernel, to: Reg(0), from: [Reg(1), Reg(11), Reg(1)] }]);
-        assert_eq!(program.constants, [(far, 7), (Reg(11), 7)]);
+        assert_eq!(program.constants, [(extended, 7), (Reg(11), 7)]);
     }
 }

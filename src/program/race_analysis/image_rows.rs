@@ -1,7 +1,7 @@
 //! Which row of an image each invocation of a launch reaches: where it is its own, the image need not be there
 //! as a whole.
 
-use super::{Extent, Memory, Stored, Sum, Symbol, Touch, Trace};
+use super::{AffineExpr, LaunchExtent, Memory, MemoryAccess, Stored, Symbol, Trace};
 use crate::machine::Binding;
 use crate::ops::atomic::Target as AtomicTarget;
 use crate::ops::image::Op as ImageOp;
@@ -17,7 +17,7 @@ pub enum OwnRow {
     Mirrored,
 }
 
-impl Extent<'_> {
+impl LaunchExtent<'_> {
     /// The row of the image at a binding to which programs keep, whatever they do there: load, store,
     /// change by atomic instructions. Asking for the image's size is no matter.
     ///
@@ -28,8 +28,8 @@ impl Extent<'_> {
         programs: &[&'p Program],
         binding: Binding,
     ) -> std::result::Result<OwnRow, &'p Program> {
-        let touches: Vec<&Touch> = programs.iter().flat_map(|program| &program.touches).collect();
-        let stored = Stored::new(self, &touches);
+        let accesses: Vec<&MemoryAccess> = programs.iter().flat_map(|program| &program.accesses).collect();
+        let stored = Stored::new(self, &accesses);
         let mut row = None;
         for &program in programs.iter().filter(|program| program.bindings().any(|one| one == binding)) {
             for reached in texels(program, binding) {
@@ -43,7 +43,7 @@ impl Extent<'_> {
     }
 
     /// The row that a coordinate is.
-    fn row(&self, coordinate: &Sum, stored: &Stored) -> Option<OwnRow> {
+    fn row(&self, coordinate: &AffineExpr, stored: &Stored) -> Option<OwnRow> {
         // Coordinates have 32 bits, and so have these.
         let (mut constant, mut by) = (0_u32, 0_u32);
         for (symbols, factor) in &coordinate.0 {
@@ -77,7 +77,7 @@ impl Extent<'_> {
 
 /// The row of every access of a program that may reach a texel of the image at a binding; `None` where it is
 /// not known, or several.
-fn texels(program: &Program, binding: Binding) -> Vec<Option<Sum>> {
+fn texels(program: &Program, binding: Binding) -> Vec<Option<AffineExpr>> {
     let mut trace = Trace::new(program);
     let here = |memory: Memory| [Memory::Binding(binding), Memory::Unknown].contains(&memory);
     let mut rows = Vec::new();

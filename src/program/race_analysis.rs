@@ -14,7 +14,7 @@
 //! counts as what lies behind addresses. Plain accesses to workgroup memory are left out: it is
 //! there to be shared, between barriers.
 
-mod rows;
+mod image_rows;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ use crate::ops::memory::{
 use crate::ops::op::{Access, Op};
 use crate::program::Program;
 
-pub use rows::OwnRow;
+pub use image_rows::OwnRow;
 
 /// Where memory is reached from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -50,7 +50,7 @@ pub enum Memory {
 
 /// An access to memory that all invocations reach.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Touch {
+pub struct MemoryAccess {
     /// Where.
     pub memory: Memory,
     /// Whether it stores, plainly or by an atomic instruction.
@@ -59,13 +59,13 @@ pub struct Touch {
     pub atomic: Option<Update>,
     /// The place in it, where that is known: the bytes of a buffer, or one after the other the
     /// coordinates of a texel.
-    place: Option<SmallVec<[Reach; 3]>>,
+    place: Option<SmallVec<[AffineRange; 3]>>,
 }
 
 /// Numbers from a value on.
 #[derive(Clone, Debug, PartialEq)]
-struct Reach {
-    from: Sum,
+struct AffineRange {
+    from: AffineExpr,
     count: u64,
 }
 
@@ -85,12 +85,12 @@ enum Symbol {
 
 /// A sum of products, each with its factor; sorted.
 #[derive(Clone, Debug, PartialEq, Default)]
-struct Sum(SmallVec<[(SmallVec<[Symbol; 2]>, i64); 4]>);
+struct AffineExpr(SmallVec<[(SmallVec<[Symbol; 2]>, i64); 4]>);
 
 /// More terms, or factors of one, are not followed.
-const MOST: usize = 12;
+const MAX_TERMS: usize = 12;
 
-impl Sum {
+impl AffineExpr {
     fn constant(value: i64) -> Self {
         Self::of(SmallVec::new(), value)
     }
@@ -111,7 +111,7 @@ impl Sum {
             }
         }
         self.0.sort_unstable();
-        (self.0.len() <= MOST).then_some(self)
+        (self.0.len() <= MAX_TERMS).then_some(self)
     }
 
     fn times(&self, other: &Self) -> Option<Self> {
@@ -121,7 +121,7 @@ impl Sum {
                 let mut symbols = a.clone();
                 symbols.extend(b.iter().copied());
                 symbols.sort_unstable();
-                if symbols.len() > MOST {
+                if symbols.len() > MAX_TERMS {
                     return None;
                 }
                 product = product.plus(&Self::of(symbols, left.checked_mul(*right)?))?;
@@ -139,7 +139,7 @@ impl Sum {
 
 /// How many invocations a launch has along what tells them apart, and what it is given.
 #[derive(Clone, Copy, Debug)]
-pub struct Extent<'a> {
+pub struct LaunchExtent<'a> {
     /// `LaunchSizeKHR`, or `NumWorkgroups`.
     pub count: [u32; 3],
     /// `WorkgroupSize`; 1 in ray-tracing pipelines.
@@ -148,7 +148,7 @@ pub struct Extent<'a> {
     pub resources: &'a Resources,
 }
 
-impl Extent<'_> {
+impl LaunchExtent<'_> {
     /// The sides longer than 1, with what tells their invocations apart.
     fn sides(&self) -> impl Iterator<Item = (Symbol, u64)> {
         let of = |sides: [u32; 3], symbol: fn(u8) -> Symbol| {
@@ -159,7 +159,7 @@ impl Extent<'_> {
 
     /// The sides that a sum tells apart with steps of at least `count`; `None` where it may take one
     /// value twice.
-    fn told_apart(&self, sum: &Sum, count: u64) -> Option<SmallVec<[Symbol; 6]>> {
+    fn told_apart(&self, sum: &AffineExpr, count: u64) -> Option<SmallVec<[Symbol; 6]>> {
         let sides: SmallVec<[(Symbol, u64); 6]> = self.sides().collect();
         let mut steps: SmallVec<[(i64, u64, Symbol); 6]> = SmallVec::new();
         for (symbols, factor) in &sum.0 {
@@ -221,8 +221,8 @@ impl Extent<'_> {
     }
 
     /// Bindings one of whose buffers has a device address.
-    fn addressed(&self, touches: &[&Touch]) -> Vec<Binding> {
-        if !touches.iter().any(|touch| touch.memory == Memory::Addresses) {
+    fn addressed(&self, accesses: &[&MemoryAccess]) -> Vec<Binding> {
+        if !accesses.iter().any(|access| access.memory == Memory::Addresses) {
             return Vec::new();
         }
         let has_address = |descriptor: &Descriptor| {
@@ -237,12 +237,12 @@ impl Extent<'_> {
     }
 
     /// For each binding that a buffer or image of another one is bound to, too, the first of these.
-    fn one_memory(&self, touches: &[&Touch]) -> BTreeMap<Binding, Binding> {
-        let binding = |touch: &&Touch| match touch.memory {
+    fn one_memory(&self, accesses: &[&MemoryAccess]) -> BTreeMap<Binding, Binding> {
+        let binding = |access: &&MemoryAccess| match access.memory {
             Memory::Binding(binding) => Some(binding),
             _ => None,
         };
-        let mut bindings: Vec<Binding> = touches.iter().filter_map(binding).collect();
+        let mut bindings: Vec<Binding> = accesses.iter().filter_map(binding).collect();
         bindings.sort_unstable();
         bindings.dedup();
         let mut first = BTreeMap::new();
@@ -275,11 +275,11 @@ impl Extent<'_> {
 
     /// Whether every invocation has a place of its own for these accesses; `stored` tells of a binding
     /// whether something may be stored to it.
-    fn keeps_apart(&self, touches: &[&Touch], stored: impl Fn(Binding) -> bool) -> bool {
-        let Some(first) = touches[0].place.as_ref() else { return false };
+    fn keeps_apart(&self, accesses: &[&MemoryAccess], stored: impl Fn(Binding) -> bool) -> bool {
+        let Some(first) = accesses[0].place.as_ref() else { return false };
         let mut told: SmallVec<[Symbol; 6]> = SmallVec::new();
-        for (at, stretch) in first.iter().enumerate() {
-            let (_, rest) = stretch.from.split();
+        for (at, range) in first.iter().enumerate() {
+            let (_, rest) = range.from.split();
             let changes = |symbol: &Symbol| match symbol {
                 Symbol::Word(Some((binding, _)), _) => stored(*binding),
                 _ => false,
@@ -288,10 +288,10 @@ impl Extent<'_> {
                 return false;
             }
             let (mut low, mut high) = (i64::MAX, i64::MIN);
-            for touch in touches {
-                let Some(own) = touch.place.as_ref().and_then(|place| place.get(at)) else { return false };
+            for access in accesses {
+                let Some(own) = access.place.as_ref().and_then(|place| place.get(at)) else { return false };
                 let (constant, other) = own.from.split();
-                if other != rest || touch.place.as_ref().is_some_and(|place| place.len() != first.len()) {
+                if other != rest || access.place.as_ref().is_some_and(|place| place.len() != first.len()) {
                     return false;
                 }
                 (low, high) = (low.min(constant), high.max(constant.saturating_add_unsigned(own.count)));
@@ -305,13 +305,14 @@ impl Extent<'_> {
     /// `None` where there is none.
     pub fn shared(&self, programs: &[&Program]) -> Option<Memory> {
         self.sides().next()?;
-        let touches: Vec<&Touch> = programs.iter().flat_map(|program| &program.touches).collect();
-        let stored = Stored::new(self, &touches);
+        let accesses: Vec<&MemoryAccess> = programs.iter().flat_map(|program| &program.accesses).collect();
+        let stored = Stored::new(self, &accesses);
         stored.memories.iter().copied().find(|&memory| {
             let unknown = memory == Memory::Unknown;
-            let same =
-                |touch: &&&Touch| unknown || [memory, Memory::Unknown].contains(&stored.of(touch.memory));
-            let same: Vec<&Touch> = touches.iter().filter(same).copied().collect();
+            let same = |access: &&&MemoryAccess| {
+                unknown || [memory, Memory::Unknown].contains(&stored.of(access.memory))
+            };
+            let same: Vec<&MemoryAccess> = accesses.iter().filter(same).copied().collect();
             !commute(&same) && !self.keeps_apart(&same, |binding| stored.may_change(binding))
         })
     }
@@ -319,9 +320,9 @@ impl Extent<'_> {
 
 /// Whether all of these accesses are atomic and commute with each other, but for those that never
 /// meet.
-fn commute(touches: &[&Touch]) -> bool {
-    let pairs = touches.iter().enumerate().flat_map(|(at, a)| touches[at..].iter().map(move |b| (a, b)));
-    touches.iter().all(|touch| touch.atomic.is_some())
+fn commute(accesses: &[&MemoryAccess]) -> bool {
+    let pairs = accesses.iter().enumerate().flat_map(|(at, a)| accesses[at..].iter().map(move |b| (a, b)));
+    accesses.iter().all(|access| access.atomic.is_some())
         && pairs.into_iter().all(|(a, b)| {
             let commute = a.atomic.zip(b.atomic).is_some_and(|(a, b)| a.commutes_with(b));
             commute || never_meet(a, b)
@@ -329,12 +330,12 @@ fn commute(touches: &[&Touch]) -> bool {
 }
 
 /// Whether two accesses to one memory reach different places, whatever invocations make them.
-fn never_meet(a: &Touch, b: &Touch) -> bool {
+fn never_meet(a: &MemoryAccess, b: &MemoryAccess) -> bool {
     let (Some(a), Some(b)) = (&a.place, &b.place) else { return false };
     a.len() == b.len() && a.iter().zip(b).any(|(a, b)| a.avoids(b))
 }
 
-impl Reach {
+impl AffineRange {
     /// Whether no value of one is a value of the other, by what remains when they are divided by a
     /// power of two that all their terms are multiples of: numbers of 32 bits begin anew behind
     /// one.
@@ -359,14 +360,14 @@ struct Stored {
 }
 
 impl Stored {
-    fn new(extent: &Extent<'_>, touches: &[&Touch]) -> Self {
-        let first = extent.one_memory(touches);
-        let mut addressed = extent.addressed(touches);
+    fn new(extent: &LaunchExtent<'_>, accesses: &[&MemoryAccess]) -> Self {
+        let first = extent.one_memory(accesses);
+        let mut addressed = extent.addressed(accesses);
         // With one binding all that stand for the same.
         addressed.iter_mut().for_each(|binding| *binding = *first.get(binding).unwrap_or(binding));
         let mut all = Self { first, addressed, memories: Vec::new() };
         let mut memories: Vec<Memory> =
-            touches.iter().filter(|touch| touch.stores).map(|touch| all.of(touch.memory)).collect();
+            accesses.iter().filter(|access| access.stores).map(|access| all.of(access.memory)).collect();
         memories.sort_unstable();
         memories.dedup();
         all.memories = memories;
@@ -391,7 +392,7 @@ impl Stored {
 }
 
 /// The accesses of a program to memory that all invocations reach, each kind once.
-pub fn touches(program: &Program) -> Vec<Touch> {
+pub fn accesses(program: &Program) -> Vec<MemoryAccess> {
     let stores = program.ops.iter().any(|op| match op {
         Op::Memory(MemoryOp::BufferStore { .. }) | Op::Atomic(_) => true,
         Op::Image(op) => matches!(op, ImageOp::Write(_)),
@@ -408,10 +409,10 @@ pub fn touches(program: &Program) -> Vec<Touch> {
         return Vec::new();
     }
     let mut trace = Trace::new(program);
-    let mut found: Vec<Touch> = Vec::new();
-    let mut add = |touch: Option<Touch>| {
-        if let Some(touch) = touch.filter(|touch| !found.contains(touch)) {
-            found.push(touch);
+    let mut found: Vec<MemoryAccess> = Vec::new();
+    let mut add = |access: Option<MemoryAccess>| {
+        if let Some(access) = access.filter(|access| !found.contains(access)) {
+            found.push(access);
         }
     };
     for op in &program.ops {
@@ -421,9 +422,9 @@ pub fn touches(program: &Program) -> Vec<Touch> {
             Op::Image(ImageOp::Read(op)) => add(Some(trace.texel(&op.place, false, None))),
             Op::Image(ImageOp::Write(op)) => add(Some(trace.texel(&op.place, true, None))),
             // Which texels a sampler reads is not followed.
-            Op::Image(ImageOp::Sample(op)) => add(Some(Touch::anywhere(trace.handle(op.image)))),
+            Op::Image(ImageOp::Sample(op)) => add(Some(MemoryAccess::anywhere(trace.handle(op.image)))),
             Op::Image(ImageOp::Process(op)) => {
-                op.images().for_each(|image| add(Some(Touch::anywhere(trace.handle(image)))));
+                op.images().for_each(|image| add(Some(MemoryAccess::anywhere(trace.handle(image)))));
             }
             Op::Atomic(op) => {
                 let (stores, update) = (op.kind != Kind::Load, Some(op.update()));
@@ -439,7 +440,7 @@ pub fn touches(program: &Program) -> Vec<Touch> {
     found
 }
 
-impl Touch {
+impl MemoryAccess {
     /// A load from a place that is not known.
     fn anywhere(memory: Memory) -> Self {
         Self { memory, stores: false, atomic: None, place: None }
@@ -464,12 +465,17 @@ pub fn mixes_workgroup_atomics(program: &Program) -> bool {
     }
     // A pointer that may lead elsewhere counts as one that leads here.
     let mut trace = Trace::new(program);
-    let touch = |(chunk, update): &(Chunk, Update)| {
+    let access = |(chunk, update): &(Chunk, Update)| {
         let place = trace.reached(chunk, None);
-        Touch { memory: Memory::Unknown, stores: update.kind != Kind::Load, atomic: Some(*update), place }
+        MemoryAccess {
+            memory: Memory::Unknown,
+            stores: update.kind != Kind::Load,
+            atomic: Some(*update),
+            place,
+        }
     };
-    let touches: Vec<Touch> = found.iter().map(touch).collect();
-    !commute(&touches.iter().collect::<Vec<_>>())
+    let accesses: Vec<MemoryAccess> = found.iter().map(access).collect();
+    !commute(&accesses.iter().collect::<Vec<_>>())
 }
 
 /// No operation, or more than one.
@@ -482,7 +488,7 @@ struct Trace<'a> {
     /// The only operation that writes each register; [`NONE`], or [`SEVERAL`].
     writers: Vec<u32>,
     constants: FxHashMap<Reg, u32>,
-    known: FxHashMap<Reg, Option<Reach>>,
+    known: FxHashMap<Reg, Option<AffineRange>>,
 }
 
 impl<'a> Trace<'a> {
@@ -501,8 +507,8 @@ impl<'a> Trace<'a> {
         Self { program, writers, constants, known: FxHashMap::default() }
     }
 
-    /// The access to a stretch of a buffer; `None` for memory that is not shared, or only read.
-    fn bytes(&mut self, chunk: &Chunk, stores: bool, atomic: Option<Update>) -> Option<Touch> {
+    /// The access to a range of a buffer; `None` for memory that is not shared, or only read.
+    fn bytes(&mut self, chunk: &Chunk, stores: bool, atomic: Option<Update>) -> Option<MemoryAccess> {
         let mut address = None;
         let memory = match chunk.buffer {
             BufferRef::PushConstants | BufferRef::ShaderRecord | BufferRef::Workgroup => return None,
@@ -516,12 +522,12 @@ impl<'a> Trace<'a> {
                 Memory::Addresses
             }
         };
-        Some(Touch { memory, stores, atomic, place: self.reached(chunk, address) })
+        Some(MemoryAccess { memory, stores, atomic, place: self.reached(chunk, address) })
     }
 
     /// The bytes that an access reaches, counted from the beginning of the buffer, or as addresses.
-    fn reached(&mut self, chunk: &Chunk, address: Option<Reg>) -> Option<SmallVec<[Reach; 3]>> {
-        let mut base = Some(Reach { from: Sum::constant(chunk.offset.into()), count: 1 });
+    fn reached(&mut self, chunk: &Chunk, address: Option<Reg>) -> Option<SmallVec<[AffineRange; 3]>> {
+        let mut base = Some(AffineRange { from: AffineExpr::constant(chunk.offset.into()), count: 1 });
         if let Some(address) = address {
             base = plus(base, self.value(address));
         }
@@ -529,17 +535,17 @@ impl<'a> Trace<'a> {
             base = plus(base, self.value(index));
         }
         let bytes = u64::from(chunk.count) * u64::from(chunk.width / 8);
-        base.map(|stretch| {
-            SmallVec::from_iter([Reach { count: stretch.count - 1 + bytes, from: stretch.from }])
+        base.map(|range| {
+            SmallVec::from_iter([AffineRange { count: range.count - 1 + bytes, from: range.from }])
         })
     }
 
-    fn texel(&mut self, texel: &TexelPlace, stores: bool, atomic: Option<Update>) -> Touch {
+    fn texel(&mut self, texel: &TexelPlace, stores: bool, atomic: Option<Update>) -> MemoryAccess {
         let memory = self.handle(texel.image);
         let plain = texel.offset.is_none() && texel.level.is_none() && texel.sample.is_none();
-        let place: Option<SmallVec<[Reach; 3]>> =
+        let place: Option<SmallVec<[AffineRange; 3]>> =
             texel.coordinate.iter().map(|&reg| self.value(reg)).collect();
-        Touch { memory, stores, atomic, place: place.filter(|_| plain) }
+        MemoryAccess { memory, stores, atomic, place: place.filter(|_| plain) }
     }
 
     fn binding(&self, handle: u32) -> Memory {
@@ -572,7 +578,7 @@ impl<'a> Trace<'a> {
     }
 
     /// What a register holds, up to `count - 1` more; `None` where that is not known.
-    fn value(&mut self, reg: Reg) -> Option<Reach> {
+    fn value(&mut self, reg: Reg) -> Option<AffineRange> {
         if let Some(known) = self.known.get(&reg) {
             return known.clone();
         }
@@ -583,10 +589,10 @@ impl<'a> Trace<'a> {
         value
     }
 
-    fn fresh_value(&mut self, reg: Reg) -> Option<Reach> {
-        let exactly = |from| Some(Reach { from, count: 1 });
+    fn fresh_value(&mut self, reg: Reg) -> Option<AffineRange> {
+        let exactly = |from| Some(AffineRange { from, count: 1 });
         if let Some(&word) = self.constants.get(&reg) {
-            return exactly(Sum::constant(word.into()));
+            return exactly(AffineExpr::constant(word.into()));
         }
         let holds = |first: Reg, count: u32| (first.0..first.0 + count).contains(&reg.0);
         if let Some(input) = self.program.inputs.iter().find(|input| holds(input.first, input.count)) {
@@ -595,12 +601,12 @@ impl<'a> Trace<'a> {
         match *self.writer(reg)? {
             Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. }) => self.value(from),
             Op::Memory(MemoryOp::Index { base, index, stride, length, .. }) => {
-                let base = base.map_or_else(|| exactly(Sum::default()), |base| self.value(base));
+                let base = base.map_or_else(|| exactly(AffineExpr::default()), |base| self.value(base));
                 let by = match (self.value(index), length) {
                     (Some(index), _) => scaled(index, stride.into()),
                     (None, Length::Known(length)) => {
                         let count = u64::from(length.saturating_sub(1)) * u64::from(stride) + 1;
-                        Some(Reach { from: Sum::default(), count })
+                        Some(AffineRange { from: AffineExpr::default(), count })
                     }
                     (None, Length::Unknown) => None,
                 };
@@ -617,7 +623,7 @@ impl<'a> Trace<'a> {
                     },
                     _ => return None,
                 };
-                exactly(Sum::symbol(Symbol::Word(place, offset))).filter(|_| chunk.width == 32)
+                exactly(AffineExpr::symbol(Symbol::Word(place, offset))).filter(|_| chunk.width == 32)
             }
             Op::LaneKernel { kernel, from: [a, b, _], .. } => {
                 if is(kernel, IAdd.kernel(32)) || is(kernel, IAdd.kernel(64)) || is_address(kernel) {
@@ -634,7 +640,7 @@ impl<'a> Trace<'a> {
                     return minus(self.value(a), self.value(b));
                 }
                 if is(kernel, SNegate.kernel(32)) {
-                    return minus(exactly(Sum::default()), self.value(a));
+                    return minus(exactly(AffineExpr::default()), self.value(a));
                 }
                 if is(kernel, ShiftLeftLogical.kernel(32)) {
                     let by = *self.constants.get(&b)?;
@@ -647,17 +653,17 @@ impl<'a> Trace<'a> {
     }
 
     /// What a builtin's component is.
-    fn builtin(&self, number: u32, axis: u8) -> Option<Sum> {
+    fn builtin(&self, number: u32, axis: u8) -> Option<AffineExpr> {
         let size = self.program.workgroup.map_or([1; 3], |layout| layout.size).map(i64::from);
-        let of = |symbol, factor| Sum::of(SmallVec::from_slice(&[symbol]), factor);
+        let of = |symbol, factor| AffineExpr::of(SmallVec::from_slice(&[symbol]), factor);
         match number {
-            LAUNCH_ID | WORKGROUP_ID => Some(Sum::symbol(Symbol::Index(axis))),
-            LAUNCH_SIZE | NUM_WORKGROUPS => Some(Sum::symbol(Symbol::Size(axis))),
-            LOCAL_INVOCATION_ID => Some(Sum::symbol(Symbol::Local(axis))),
+            LAUNCH_ID | WORKGROUP_ID => Some(AffineExpr::symbol(Symbol::Index(axis))),
+            LAUNCH_SIZE | NUM_WORKGROUPS => Some(AffineExpr::symbol(Symbol::Size(axis))),
+            LOCAL_INVOCATION_ID => Some(AffineExpr::symbol(Symbol::Local(axis))),
             GLOBAL_INVOCATION_ID => {
-                of(Symbol::Index(axis), size[axis as usize]).plus(&Sum::symbol(Symbol::Local(axis)))
+                of(Symbol::Index(axis), size[axis as usize]).plus(&AffineExpr::symbol(Symbol::Local(axis)))
             }
-            LOCAL_INVOCATION_INDEX => Sum::symbol(Symbol::Local(0))
+            LOCAL_INVOCATION_INDEX => AffineExpr::symbol(Symbol::Local(0))
                 .plus(&of(Symbol::Local(1), size[0]))?
                 .plus(&of(Symbol::Local(2), size[0] * size[1])),
             _ => None,
@@ -673,21 +679,21 @@ fn is_address(kernel: &LaneKernel) -> bool {
     std::ptr::eq(kernel, &crate::ops::address::kernels::AddressPlus.kernels[0])
 }
 
-fn plus(a: Option<Reach>, b: Option<Reach>) -> Option<Reach> {
+fn plus(a: Option<AffineRange>, b: Option<AffineRange>) -> Option<AffineRange> {
     let (a, b) = (a?, b?);
-    Some(Reach { from: a.from.plus(&b.from)?, count: a.count.checked_add(b.count - 1)? })
+    Some(AffineRange { from: a.from.plus(&b.from)?, count: a.count.checked_add(b.count - 1)? })
 }
 
-fn minus(a: Option<Reach>, b: Option<Reach>) -> Option<Reach> {
+fn minus(a: Option<AffineRange>, b: Option<AffineRange>) -> Option<AffineRange> {
     let b = b?;
     // The numbers from `b` on, with their signs changed, begin at the last of them.
-    let last = b.from.plus(&Sum::constant(i64::try_from(b.count - 1).ok()?))?;
-    plus(a, Some(Reach { from: last.times(&Sum::constant(-1))?, ..b }))
+    let last = b.from.plus(&AffineExpr::constant(i64::try_from(b.count - 1).ok()?))?;
+    plus(a, Some(AffineRange { from: last.times(&AffineExpr::constant(-1))?, ..b }))
 }
 
-fn scaled(stretch: Reach, by: u64) -> Option<Reach> {
-    let count = (stretch.count - 1).checked_mul(by)?.checked_add(1)?;
-    Some(Reach { from: stretch.from.times(&Sum::constant(by.try_into().ok()?))?, count })
+fn scaled(range: AffineRange, by: u64) -> Option<AffineRange> {
+    let count = (range.count - 1).checked_mul(by)?.checked_add(1)?;
+    Some(AffineRange { from: range.from.times(&AffineExpr::constant(by.try_into().ok()?))?, count })
 }
 
 /// Builtins, numbers of the specification.

@@ -48,17 +48,17 @@ fn copy(to: u32, from: u32) -> Op {
 }
 
 /// The steps of operations that are one run.
-fn steps(ops: &[Op], fates: &[Fate]) -> Steps {
-    with_constants(ops, fates, &[])
+fn superops(ops: &[Op], uses: &[ResultUse]) -> SuperCode {
+    with_constants(ops, uses, &[])
 }
 
-fn with_constants(ops: &[Op], fates: &[Fate], constants: &[(Reg, u32)]) -> Steps {
-    Steps::of(ops, std::iter::once(0..ops.len()), fates, constants)
+fn with_constants(ops: &[Op], uses: &[ResultUse], constants: &[(Reg, u32)]) -> SuperCode {
+    SuperCode::of(ops, std::iter::once(0..ops.len()), uses, constants)
 }
 
 /// Runs steps on all that the processor has, and sees that the results agree.
 fn run(
-    steps: &Steps,
+    code: &SuperCode,
     registers: &mut Registers<64>,
     ops: &[Op],
     range: std::ops::Range<u32>,
@@ -66,7 +66,7 @@ fn run(
 ) -> u32 {
     let mut results = CpuTier::available().into_iter().map(|(level, cpu_tier)| {
         let mut ran = registers.clone().on(cpu_tier);
-        let end = steps.run(&mut ran, ops, range.clone(), mask);
+        let end = code.run(&mut ran, ops, range.clone(), mask);
         (level, ran, end)
     });
     let (_, mut first, end) = results.next().expect("the baseline");
@@ -91,8 +91,8 @@ fn one_by_one(ops: &[Op], round: u32) -> Registers<64> {
 }
 
 /// A value that the next operation alone reads, and its bits, or not.
-const fn once(bits_seen: bool) -> Fate {
-    Fate { reads: Some(1), bits_seen }
+const fn once(nan_payload_observed: bool) -> ResultUse {
+    ResultUse { reads: Some(1), nan_payload_observed }
 }
 
 fn operands(kernel: &LaneKernel) -> usize {
@@ -125,13 +125,14 @@ fn every_function_gives_what_its_row_gives_from_rows_and_from_the_accumulator() 
                 from[at - 1] = 4;
             }
             ops.push(kernel(function, 5, from));
-            for fate in [Fate::UNKNOWN, once(true)] {
-                let steps = steps(&ops, &[vec![fate; ops.len() - 1], vec![Fate::UNKNOWN]].concat());
+            for result_use in [ResultUse::UNKNOWN, once(true)] {
+                let code =
+                    superops(&ops, &[vec![result_use; ops.len() - 1], vec![ResultUse::UNKNOWN]].concat());
                 for round in 0..ROUNDS {
                     let mut ran = registers(round);
                     make_boolean(function, &mut ran);
                     let mut expected = ran.clone();
-                    let ended = run(&steps, &mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
+                    let ended = run(&code, &mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
                     assert_eq!(ended, ops.len() as u32);
                     Width::<64>::run(function, &mut expected, Reg(5), &[Reg(0), Reg(1), Reg(2)]);
                     assert_eq!(ran[Reg(5)], expected[Reg(5)], "{function:?} with its operand {at} at hand");
@@ -182,7 +183,7 @@ fn parts(function: Function, from: &[u32], kernels: &[Known], ops: &mut Vec<Op>)
 }
 
 /// What becomes of the results of operations that [`parts`] appended, where nobody sees but the last one's.
-fn fates(ops: &[Op]) -> Vec<Fate> {
+fn uses(ops: &[Op]) -> Vec<ResultUse> {
     let reads = |of: Reg| {
         let named = ops.iter().map(|op| match op {
             Op::LaneKernel { kernel, from, .. } => {
@@ -192,10 +193,11 @@ fn fates(ops: &[Op]) -> Vec<Fate> {
         });
         named.sum::<usize>() as u32
     };
-    let mut fates: Vec<Fate> =
-        (0..ops.len() as u32).map(|at| Fate { reads: Some(reads(Reg(at + 3))), bits_seen: false }).collect();
-    fates[ops.len() - 1] = Fate::UNKNOWN;
-    fates
+    let mut uses: Vec<ResultUse> = (0..ops.len() as u32)
+        .map(|at| ResultUse { reads: Some(reads(Reg(at + 3))), nan_payload_observed: false })
+        .collect();
+    uses[ops.len() - 1] = ResultUse::UNKNOWN;
+    uses
 }
 
 #[test]
@@ -205,11 +207,11 @@ fn a_pair_is_its_operations() {
         let mut ops = Vec::new();
         let from: Vec<u32> = (0..count(pair, &kernels) as u32).map(|at| at % 3).collect();
         let last = Reg(parts(pair, &from, &kernels, &mut ops));
-        let steps = steps(&ops, &fates(&ops));
-        assert_eq!((steps.steps[0].code >> 4, steps.steps.len() <= 2), (pair as u16, true), "{ops:?}");
+        let code = superops(&ops, &uses(&ops));
+        assert_eq!((code.superops[0].opcode >> 4, code.superops.len() <= 2), (pair as u16, true), "{ops:?}");
         for round in 0..ROUNDS {
             let mut ran = registers(round);
-            run(&steps, &mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
+            run(&code, &mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
             assert_eq!(ran[last], one_by_one(&ops, round)[last], "{ops:?}");
         }
     }
@@ -244,11 +246,11 @@ fn constants_read_as_one_word_give_what_their_rows_give() {
                     from[0] = 3;
                 }
                 let last = Reg(parts(function, &from, &kernels, &mut ops));
-                let steps = with_constants(&ops, &fates(&ops), &constants);
-                let code = steps.steps[usize::from(at_hand)].code;
+                let code = with_constants(&ops, &uses(&ops), &constants);
+                let found = code.superops[usize::from(at_hand)].opcode;
                 let uniform = amount < 32 || function.amounts() == 0;
-                let expected = self::code(function, uniform, usize::from(at_hand), false);
-                assert_eq!(code & !1, expected, "{function:?} of {ops:?}");
+                let expected = opcode(function, uniform, usize::from(at_hand), false);
+                assert_eq!(found & !1, expected, "{function:?} of {ops:?}");
                 count_uniform += u32::from(uniform);
                 for round in 0..ROUNDS {
                     let mut ran = registers(round);
@@ -266,7 +268,7 @@ fn constants_read_as_one_word_give_what_their_rows_give() {
                             _ => one_by_one.copy(Reg(3), Reg(0), Mask::ALL),
                         }
                     }
-                    run(&steps, &mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
+                    run(&code, &mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
                     assert_eq!(ran[last], one_by_one[last], "{function:?} of {ops:?}, {constants:x?}");
                 }
             }
@@ -280,14 +282,14 @@ fn a_constant_factor_stands_behind_the_other_one() {
     // 2.5 x, with x = 3, and what a register of constants holds beside the first lane is not looked at.
     let times = arithmetic::FMul.kernel(32).expect("a kernel");
     let ops = [kernel(times, 3, [4, 0, 4])];
-    let steps = with_constants(&ops, &[Fate::UNKNOWN], &[(Reg(4), 2.5f32.to_bits())]);
-    assert_eq!(steps.steps[0].code, code(Function::FMul, true, 0, false));
-    assert_eq!(steps.steps[0].from[..2], [0, 4]);
+    let code = with_constants(&ops, &[ResultUse::UNKNOWN], &[(Reg(4), 2.5f32.to_bits())]);
+    assert_eq!(code.superops[0].opcode, opcode(Function::FMul, true, 0, false));
+    assert_eq!(code.superops[0].from[..2], [0, 4]);
     let mut ran = registers(0);
     ran[Reg(0)].0 = [3f32.to_bits(); 64];
     ran[Reg(4)].0 = [f32::NAN.to_bits(); 64];
     ran[Reg(4)].0[0] = 2.5f32.to_bits();
-    run(&steps, &mut ran, &ops, 0..1, Mask::ALL);
+    run(&code, &mut ran, &ops, 0..1, Mask::ALL);
     assert_eq!(ran[Reg(3)].0, [7.5f32.to_bits(); 64]);
 }
 
@@ -297,15 +299,15 @@ fn a_square_reads_no_register() {
     let [minus, times] =
         [&arithmetic::FSub, &arithmetic::FMul].map(|family| family.kernel(32).expect("a kernel"));
     let ops = [kernel(minus, 3, [0, 1, 0]), kernel(times, 4, [3, 3, 3])];
-    let twice = Fate { reads: Some(2), bits_seen: false };
-    let steps = steps(&ops, &[twice, Fate::UNKNOWN]);
-    let codes: Vec<u16> = steps.steps.iter().map(|step| step.code).collect();
+    let twice = ResultUse { reads: Some(2), nan_payload_observed: false };
+    let code = superops(&ops, &[twice, ResultUse::UNKNOWN]);
+    let codes: Vec<u16> = code.superops.iter().map(|superop| superop.opcode).collect();
     let expected = [(Function::FSub, 0, false), (Function::Square, 1, false), (Function::Settle, 1, true)];
-    assert_eq!(codes, expected.map(|(function, at, stored)| code(function, false, at, stored)));
+    assert_eq!(codes, expected.map(|(function, at, stored)| opcode(function, false, at, stored)));
     let mut ran = registers(0);
     ran[Reg(0)].0 = [3f32.to_bits(); 64];
     ran[Reg(1)].0 = [5f32.to_bits(); 64];
-    run(&steps, &mut ran, &ops, 0..2, Mask::ALL);
+    run(&code, &mut ran, &ops, 0..2, Mask::ALL);
     assert_eq!(ran[Reg(4)].0, [4f32.to_bits(); 64]);
 }
 
@@ -314,11 +316,11 @@ fn a_clamp_is_a_greater_and_a_lesser_of_two() {
     let families = [&glsl::FClamp, &glsl::NClamp, &glsl::UClamp, &glsl::SClamp];
     for clamp in families.map(|family| family.kernel(32).expect("a kernel")) {
         let ops = [kernel(clamp, 3, [0, 1, 2])];
-        let steps = steps(&ops, &[Fate::UNKNOWN]);
-        assert!(steps.steps.iter().all(|step| step.code >> 4 != Function::Other as u16));
+        let code = superops(&ops, &[ResultUse::UNKNOWN]);
+        assert!(code.superops.iter().all(|superop| superop.opcode >> 4 != Function::Other as u16));
         for round in 0..ROUNDS {
             let mut ran = registers(round);
-            run(&steps, &mut ran, &ops, 0..1, Mask::ALL);
+            run(&code, &mut ran, &ops, 0..1, Mask::ALL);
             assert_eq!(ran[Reg(3)], one_by_one(&ops, round)[Reg(3)], "{clamp:?}");
         }
     }
@@ -329,10 +331,10 @@ fn what_the_next_step_alone_needs_is_not_stored() {
     let [add, times] =
         [&arithmetic::FSub, &arithmetic::FDiv].map(|family| family.kernel(32).expect("a kernel"));
     let ops = [kernel(add, 3, [0, 1, 0]), kernel(times, 4, [3, 2, 3]), kernel(add, 5, [2, 4, 2])];
-    let steps = steps(&ops, &[once(false), once(false), Fate::UNKNOWN]);
+    let code = superops(&ops, &[once(false), once(false), ResultUse::UNKNOWN]);
     for round in 0..ROUNDS {
         let mut ran = registers(round);
-        run(&steps, &mut ran, &ops, 0..3, Mask::ALL);
+        run(&code, &mut ran, &ops, 0..3, Mask::ALL);
         assert_eq!(ran[Reg(5)], one_by_one(&ops, round)[Reg(5)]);
         assert_eq!([ran[Reg(3)].0, ran[Reg(4)].0], [[0; 64]; 2]);
     }
@@ -343,13 +345,13 @@ fn a_nan_whose_bits_are_seen_has_the_bits_of_all() {
     // Infinity minus itself, to be stored and to be read as a float: quiet, positive, no payload.
     let subtract = arithmetic::FSub.kernel(32).expect("a kernel");
     let ops = [kernel(subtract, 3, [0, 0, 0]), kernel(subtract, 4, [3, 1, 3])];
-    for bits_seen in [true, false] {
-        let steps = steps(&ops, &[Fate { reads: None, bits_seen }, Fate::UNKNOWN]);
+    for nan_payload_observed in [true, false] {
+        let code = superops(&ops, &[ResultUse { reads: None, nan_payload_observed }, ResultUse::UNKNOWN]);
         let mut ran = registers(0);
         ran[Reg(0)].0 = [0x7F80_0000; 64];
-        run(&steps, &mut ran, &ops, 0..2, Mask::ALL);
+        run(&code, &mut ran, &ops, 0..2, Mask::ALL);
         assert_eq!(ran[Reg(4)].0, [0x7FC0_0000; 64]);
-        if bits_seen {
+        if nan_payload_observed {
             assert_eq!(ran[Reg(3)].0, [0x7FC0_0000; 64]);
         }
     }
@@ -362,10 +364,13 @@ fn a_store_leaves_the_lanes_alone_that_do_not_run() {
         Op::Memory(memory::Op::MoveMasked { to: Reg(5), from: Reg(4) }),
         kernel(arithmetic::IAdd.kernel(32).expect("a kernel"), 6, [5, 4, 5]),
     ];
-    let steps = steps(&ops, &[Fate { reads: Some(2), bits_seen: true }, Fate::UNKNOWN, Fate::UNKNOWN]);
+    let code = superops(
+        &ops,
+        &[ResultUse { reads: Some(2), nan_payload_observed: true }, ResultUse::UNKNOWN, ResultUse::UNKNOWN],
+    );
     let mut ran = registers(1);
     ran[Reg(5)].0 = [7; 64];
-    run(&steps, &mut ran, &ops, 0..3, Mask::first(3));
+    run(&code, &mut ran, &ops, 0..3, Mask::first(3));
     for lane in 0..64 {
         let word = ran[Reg(0)].0[lane];
         let stored = if lane < 3 { word } else { 7 };
@@ -382,12 +387,12 @@ fn a_float_is_settled_and_stored_at_once() {
         Op::Memory(memory::Op::MoveMasked { to: Reg(4), from: Reg(3) }),
         kernel(arithmetic::IAdd.kernel(32).expect("a kernel"), 5, [4, 4, 4]),
     ];
-    let steps = steps(&ops, &[once(true), Fate::UNKNOWN, Fate::UNKNOWN]);
-    assert_eq!(steps.steps.len(), 3);
+    let code = superops(&ops, &[once(true), ResultUse::UNKNOWN, ResultUse::UNKNOWN]);
+    assert_eq!(code.superops.len(), 3);
     let mut ran = registers(0);
     ran[Reg(0)].0 = [0xFF80_0000; 64];
     ran[Reg(4)].0 = [7; 64];
-    run(&steps, &mut ran, &ops, 0..3, Mask::first(5));
+    run(&code, &mut ran, &ops, 0..3, Mask::first(5));
     for lane in 0..64 {
         let stored: u32 = if lane < 5 { 0x7FC0_0000 } else { 7 };
         assert_eq!((ran[Reg(4)].0[lane], ran[Reg(5)].0[lane]), (stored, stored.wrapping_add(stored)));
@@ -397,13 +402,13 @@ fn a_float_is_settled_and_stored_at_once() {
 #[test]
 fn a_stretch_ends_before_an_irregular_operation_and_leaves_idle_ones_out() {
     let ops = [copy(5, 0), copy(1, 1), copy(2, 2), copy(6, 5), Op::Barrier, copy(7, 6)];
-    let steps = steps(&ops, &[Fate::UNKNOWN; 6]);
-    assert_eq!(steps.steps.len(), 4);
+    let code = superops(&ops, &[ResultUse::UNKNOWN; 6]);
+    assert_eq!(code.superops.len(), 4);
     let mut ran = registers(0);
-    assert_eq!(run(&steps, &mut ran, &ops, 0..6, Mask::ALL), 4);
+    assert_eq!(run(&code, &mut ran, &ops, 0..6, Mask::ALL), 4);
     assert_eq!(ran[Reg(6)], ran[Reg(0)]);
     assert_eq!(ran[Reg(7)].0, [0; 64]);
-    assert_eq!(run(&steps, &mut ran, &ops, 5..6, Mask::ALL), 6);
+    assert_eq!(run(&code, &mut ran, &ops, 5..6, Mask::ALL), 6);
     assert_eq!(ran[Reg(7)], ran[Reg(0)]);
 }
 

@@ -7,7 +7,7 @@ use crate::machine::Reg;
 use crate::ops::op::{Access, Op};
 use crate::ops::{memory, ray_tracing};
 use crate::program::Program;
-use crate::program::forward::each_read;
+use crate::program::copy_propagation::each_read;
 
 /// No entry.
 const NONE: u32 = u32::MAX;

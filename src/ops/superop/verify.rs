@@ -8,8 +8,8 @@ use rustc_hash::FxHashMap;
 use crate::machine::Reg;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::{Access, Op};
-use crate::ops::stretch::pairs::Shape;
-use crate::ops::stretch::{Function, Step, Steps, has, takes_float};
+use crate::ops::superop::pairs::Shape;
+use crate::ops::superop::{Function, SuperCode, SuperOp, has, takes_float};
 use crate::ops::symbolic::{Numbering, State, Value};
 
 /// What a register or the accumulator holds while superinstructions run.
@@ -102,9 +102,9 @@ struct Check<'a, 'b> {
     next: usize,
 }
 
-impl Steps {
-    /// Compares the steps of a range of operations that follow each other without a choice with the operations
-    /// themselves: where an operation is no step, and behind the last one for all registers that `is_seen` names, both
+impl SuperCode {
+    /// Compares the superops of a range of operations that follow each other without a choice with the operations
+    /// themselves: where an operation is no superop, and behind the last one for all registers that `is_seen` names, both
     /// must have left the same. `begin` is the state where the range begins.
     ///
     /// # Errors
@@ -128,12 +128,12 @@ impl Steps {
             next: range.start,
         };
         let [first, end] = [range.start, range.end].map(|op| self.first[op] as usize);
-        for (step, &op) in self.steps[first..end].iter().zip(&self.ops[first..end]) {
-            let number = step.code >> 4;
+        for (superop, &op) in self.superops[first..end].iter().zip(&self.op_of[first..end]) {
+            let number = superop.opcode >> 4;
             let function = function(number).ok_or_else(|| format!("no function has number {number}"))?;
             let done = match function {
                 Function::Other => check.other(op as usize),
-                _ => check.step(step, function),
+                _ => check.superop(superop, function),
             };
             done.map_err(|problem| {
                 format!("operation {op} ({:?}), {function:?}: {problem}", ops[op as usize])
@@ -171,20 +171,20 @@ impl Check<'_, '_> {
     }
 
     /// Whether a register holds what it must.
-    fn same(&mut self, reg: Reg, bits_seen: bool) -> Result<(), String> {
+    fn same(&mut self, reg: Reg, nan_payload_observed: bool) -> Result<(), String> {
         let expected = self.expected.get(reg, self.numbering);
         let found = self.get(reg);
         if expected != found.value {
             let [expected, found] = self.numbering.difference(expected, found.value);
             return Err(format!("r{} holds {found}, not {expected}", reg.0));
         }
-        match found.settled || !bits_seen {
+        match found.settled || !nan_payload_observed {
             true => Ok(()),
             false => Err(format!("r{} holds a NaN of any pattern", reg.0)),
         }
     }
 
-    /// An operation that is no step: what it reads must be there, and what it writes is.
+    /// An operation that is no superop: what it reads must be there, and what it writes is.
     fn other(&mut self, at: usize) -> Result<(), String> {
         self.expect_up_to(at);
         let op = &self.ops[at];
@@ -205,7 +205,7 @@ impl Check<'_, '_> {
             let is_seen = self.is_seen;
             reads.extend(self.found.keys().filter(|&&reg| is_seen(reg)).map(|&reg| (reg, true)));
         }
-        reads.into_iter().try_for_each(|(reg, bits_seen)| self.same(reg, bits_seen))?;
+        reads.into_iter().try_for_each(|(reg, nan_payload_observed)| self.same(reg, nan_payload_observed))?;
         self.expect_up_to(at + 1);
         let mut written: Vec<Reg> = Vec::new();
         op.accesses(|access| {
@@ -225,15 +225,15 @@ impl Check<'_, '_> {
         Ok(())
     }
 
-    fn step(&mut self, step: &Step, function: Function) -> Result<(), String> {
+    fn superop(&mut self, superop: &SuperOp, function: Function) -> Result<(), String> {
         let (uniform, at, stored) =
-            (step.code >> 3 & 1 == 1, usize::from(step.code >> 1 & 3), step.code & 1 == 1);
+            (superop.opcode >> 3 & 1 == 1, usize::from(superop.opcode >> 1 & 3), superop.opcode & 1 == 1);
         let held = |check: &Self| check.accumulator.ok_or("the accumulator holds nothing".to_owned());
-        let to = Reg(step.to.into());
+        let to = Reg(superop.to.into());
         match function {
             Function::MoveMasked | Function::SettleMasked => {
                 let mut held = match at {
-                    0 => self.get(Reg(step.from[0].into())),
+                    0 => self.get(Reg(superop.from[0].into())),
                     _ => held(self)?,
                 };
                 held.settled |= function == Function::SettleMasked;
@@ -254,7 +254,7 @@ impl Check<'_, '_> {
         let count = operand_count(function);
         let mut from = Vec::new();
         for operand in 0..count {
-            let reg = Reg(step.from[operand].into());
+            let reg = Reg(superop.from[operand].into());
             if uniform && has(function.uniform(), operand) {
                 let value = self.get(reg).value;
                 let word = self.numbering.word_of(value);
