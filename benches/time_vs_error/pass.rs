@@ -6,7 +6,7 @@ use anyhit::math::lane_ops::{LaneOps, LaneTask};
 use crate::contender::{Contender, Placed};
 use crate::scene::Scene;
 use crate::shape::Shape;
-use crate::tree::{Corners, Leaves, NodeRay, Tree};
+use crate::tree::{Corners, Leaves, TravRay, Tree};
 
 /// t, instance, primitive.
 pub type Hit = Option<(f32, u32, u32)>;
@@ -66,7 +66,7 @@ impl<C: Contender> LaneTask for Pass<'_, C> {
                     way.enter(simd, 0, ray.t_max);
                 }
                 Some(instances) => {
-                    let nodes = NodeRay::new(ray.origin, ray.direction);
+                    let nodes = TravRay::new(ray.origin, ray.direction);
                     instances.traverse(simd, &nodes, ray.t_max, &mut InWorld { way: &mut way, instances });
                 }
             }
@@ -90,7 +90,7 @@ impl<C: Contender> Way<'_, C> {
         let Field { scene, trees, .. } = self.field;
         let placed = &trees.placed[instance as usize].0;
         C::ready(self.prepared, self.ray, placed, &scene.bounds);
-        let nodes = NodeRay::in_object(self.ray, placed);
+        let nodes = TravRay::in_object(self.ray, placed);
         trees.primitives.traverse(simd, &nodes, limit, &mut InInstance { way: self, instance, placed })
     }
 }

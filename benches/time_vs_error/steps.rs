@@ -7,7 +7,7 @@ use crate::contender::{Contender, EXACT, ExactTriangles, Ours};
 use crate::pass::{Field, Trees};
 use crate::scene::Scene;
 use crate::shape::Shape;
-use crate::tree::{Leaves, NodeRay};
+use crate::tree::{Leaves, TravRay};
 
 /// The shares, over all leaves that rays reach in all instances.
 pub fn steps(scene: &Scene, trees: &Trees) -> String {
@@ -37,7 +37,7 @@ impl<C: Contender> LaneTask for Count<'_, C> {
         for ray in &scene.rays {
             for (placed, _) in &trees.placed {
                 C::ready(&mut ready, ray, placed, &scene.bounds);
-                let nodes = NodeRay::in_object(ray, placed);
+                let nodes = TravRay::in_object(ray, placed);
                 let mut tests =
                     Tests { field: &field, ready: &ready, object: placed.object(ray), counts: &mut counts };
                 trees.primitives.traverse(simd, &nodes, f32::INFINITY, &mut tests);

@@ -24,12 +24,12 @@ pub struct Tree {
 
 /// A ray for nodes; plain f32, and the boxes are padded instead.
 #[derive(Clone, Copy)]
-pub struct NodeRay {
+pub struct TravRay {
     origin: [f32; 3],
     inverse: [f32; 3],
 }
 
-impl NodeRay {
+impl TravRay {
     #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
         Self { origin, inverse: direction.map(|x| 1.0 / x) }
@@ -105,7 +105,7 @@ impl Tree {
     pub fn traverse<V: LaneOps>(
         &self,
         simd: V,
-        ray: &NodeRay,
+        ray: &TravRay,
         mut limit: f32,
         leaves: &mut impl Leaves,
     ) -> f32 {

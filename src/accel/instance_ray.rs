@@ -4,7 +4,7 @@
 use crate::accel::built_blas::{BuiltBlas, Drops, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::NodeRef;
-use crate::accel::node_ray::NodeRay;
+use crate::accel::trav_ray::TravRay;
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{BlockRay, ShearedRay};
@@ -18,7 +18,7 @@ pub struct InstanceRay {
     pub instance: u32,
     /// How many entries of the stack lie below it.
     pub base: usize,
-    pub node_ray: NodeRay,
+    pub trav_ray: TravRay,
     object_ray: ObjectRay,
     has_object_ray: bool,
     /// Whether object space is the world's, and the ray ordinary.
@@ -39,7 +39,7 @@ impl InstanceRay {
     pub const IDLE: Self = Self {
         instance: 0,
         base: 0,
-        node_ray: NodeRay::IDLE,
+        trav_ray: TravRay::IDLE,
         object_ray: ObjectRay::IDLE,
         has_object_ray: false,
         is_ordinary: false,
@@ -68,7 +68,7 @@ impl InstanceRay {
         let entered = match (bvh, tlas.transform(instance)) {
             (Some(bvh), Placed::InWorld) => {
                 self.approach = Approach::Simple;
-                self.is_ordinary = self.node_ray.set_simple(&trace.ray, bvh.scale());
+                self.is_ordinary = self.trav_ray.set_simple(&trace.ray, bvh.scale());
                 self.is_ordinary
             }
             (Some(bvh), Placed::Still(transform)) => self.enter_roughly(transform, bvh, &trace.ray),
@@ -83,7 +83,7 @@ impl InstanceRay {
         let Some(rough_ray) = transform.rough(ray) else { return false };
         self.approach = Approach::Rough;
         self.rough_ray = rough_ray;
-        self.node_ray.set_rough(&rough_ray, ray.t_min, bvh.scale())
+        self.trav_ray.set_rough(&rough_ray, ray.t_min, bvh.scale())
     }
 
     /// The same where the ray in object space must be known.
@@ -100,8 +100,8 @@ impl InstanceRay {
             self.approach_blocks(tlas, trace);
             return true;
         };
-        let node_ray = NodeRay::new(&self.object_ray, cull_t, bvh.bounds(), bvh.scale());
-        node_ray.map(|node_ray| self.node_ray = node_ray).is_some()
+        let trav_ray = TravRay::new(&self.object_ray, cull_t, bvh.bounds(), bvh.scale());
+        trav_ray.map(|trav_ray| self.trav_ray = trav_ray).is_some()
     }
 
     /// Finds out how the ray comes to an instance's blocks.

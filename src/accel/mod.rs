@@ -3,7 +3,7 @@
 //! A [`Blas`] holds geometries of one kind, a [`Tlas`] places BLASes as instances, and a [`Cursor`]
 //! carries one ray through them, stopping wherever a shader has to decide. Trees are built when the
 //! first ray arrives; they save work and change nothing: what a cursor reports is what a linear
-//! scan would (`cursor` states the order, `node_ray` proves that no hit is lost).
+//! scan would (`cursor` states the order, `trav_ray` proves that no hit is lost).
 
 mod binned_sah;
 pub mod blas;
@@ -16,7 +16,7 @@ pub mod micromap;
 pub mod motion;
 mod motion_bounds;
 mod node;
-mod node_ray;
+mod trav_ray;
 pub mod observer;
 pub mod packet;
 pub mod primitive;

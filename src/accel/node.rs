@@ -1,6 +1,6 @@
 //! The inner nodes of a wide BVH and the test of a ray against their boxes (derived in `trav_ray`).
 
-use crate::accel::node_ray::{NodeLimit, Slabs};
+use crate::accel::trav_ray::{NodeLimit, Slabs};
 use crate::math::f32x8::F32x8Ops;
 use crate::math::prefetch::prefetch;
 
@@ -133,7 +133,7 @@ impl Node {
 
     /// Intersects a ray with the boxes of the children. Returns for each child a lower bound of the
     /// rounded t of any hit in it (in the ray's units, see
-    /// [`NodeRay::absolute`](super::node_ray::NodeRay::absolute)), and a mask of the children that the
+    /// [`TravRay::absolute`](super::trav_ray::TravRay::absolute)), and a mask of the children that the
     /// ray may hit up to `limit`.
     #[inline(always)]
     pub fn intersect<E: F32x8Ops>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {

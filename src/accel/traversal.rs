@@ -7,7 +7,7 @@ use crate::accel::cursor::{Candidate, Cursor, Hits, TraceRay};
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Node, NodeRef, WIDTH};
-use crate::accel::node_ray::{NodeLimit, NodeRay, Slabs};
+use crate::accel::trav_ray::{NodeLimit, TravRay, Slabs};
 use crate::accel::observer::{HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};
 use crate::accel::rules::{
     is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible, presented,
@@ -71,7 +71,7 @@ impl Stack {
 
     /// Pushes an entry; `ray` is the ray of its tree.
     #[inline(always)]
-    fn push<const PLAIN: bool>(&mut self, entry: StackEntry, ray: &NodeRay) {
+    fn push<const PLAIN: bool>(&mut self, entry: StackEntry, ray: &TravRay) {
         self.entries.push(entry);
         if !PLAIN {
             self.push_floor(ray.absolute(entry.t_near()));
@@ -91,7 +91,7 @@ impl Stack {
 pub struct TraversalState {
     stack: Stack,
     /// The ray prepared for the nodes of the TLAS, if that has a tree.
-    world: NodeRay,
+    world: TravRay,
     instance_ray: InstanceRay,
     in_instance: bool,
 }
@@ -100,7 +100,7 @@ impl TraversalState {
     /// Placeholder value.
     pub const IDLE: Self = Self {
         stack: Stack { entries: Vec::new(), floors: Vec::new() },
-        world: NodeRay::IDLE,
+        world: TravRay::IDLE,
         instance_ray: InstanceRay::IDLE,
         in_instance: false,
     };
@@ -220,7 +220,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
         let TraversalState { stack, world, .. } = &mut *self.traversal;
         let root = match self.tlas.bvh() {
             None if self.tlas.is_list() => {
-                *world = NodeRay::from(ray.t_min);
+                *world = TravRay::from(ray.t_min);
                 NodeRef::leaf(0, count)
             }
             // No instance holds anything that can be hit.
@@ -228,9 +228,9 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             Some((bvh, _)) => {
                 if !world.set_simple(ray, bvh.scale()) {
                     let Some(object_ray) = ObjectRay::in_world(ray) else { return };
-                    let node_ray = NodeRay::new(&object_ray, ray.t_max, bvh.bounds(), bvh.scale());
-                    let Some(node_ray) = node_ray else { return };
-                    *world = node_ray;
+                    let trav_ray = TravRay::new(&object_ray, ray.t_max, bvh.bounds(), bvh.scale());
+                    let Some(trav_ray) = trav_ray else { return };
+                    *world = trav_ray;
                 }
                 bvh.root()
             }
@@ -294,14 +294,14 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             return InstanceVerdict::Entered;
         };
         if V::REASONS
-            && NodeRay::misses(instance_ray.object_ray(self.tlas, self.trace), self.hits.cull_t, bvh.bounds())
+            && TravRay::misses(instance_ray.object_ray(self.tlas, self.trace), self.hits.cull_t, bvh.bounds())
         {
             return InstanceVerdict::Missed;
         }
         instance_ray.base = stack.len();
         stack.push::<PLAIN>(
-            StackEntry::new(bvh.root(), instance_ray.node_ray.near_floor),
-            &instance_ray.node_ray,
+            StackEntry::new(bvh.root(), instance_ray.trav_ray.near_floor),
+            &instance_ray.trav_ray,
         );
         *in_instance = true;
         InstanceVerdict::Entered
@@ -314,8 +314,8 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
         let base = self.traversal.instance_ray.base;
         let built = self.tlas.instances()[number as usize].blas.built();
         let Some(bvh) = built.bvh() else { return };
-        let slabs = self.traversal.instance_ray.node_ray.slabs(simd);
-        let mut limit = self.traversal.instance_ray.node_ray.limit(self.hits.cull_t);
+        let slabs = self.traversal.instance_ray.trav_ray.slabs(simd);
+        let mut limit = self.traversal.instance_ray.trav_ray.limit(self.hits.cull_t);
         while self.traversal.stack.len() > base {
             let Some(entry) = self.traversal.stack.pop::<PLAIN>() else { return };
             if entry.t_near() > limit.0 {
@@ -327,7 +327,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                 self.observer.node(Some(number));
                 built.prefetch_leaves(bvh, child);
                 let TraversalState { stack, instance_ray, .. } = &mut *self.traversal;
-                let (ray, before) = ((&instance_ray.node_ray, &slabs), stack.len());
+                let (ray, before) = ((&instance_ray.trav_ray, &slabs), stack.len());
                 match push_children::<E, PLAIN>(stack, limit, bvh.node(child), ray) {
                     Some(nearest) => child = nearest.node(),
                     None => break,
@@ -347,7 +347,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                 if self.hits.is_enough() || !PLAIN && self.is_candidate_next() {
                     return;
                 }
-                limit = self.traversal.instance_ray.node_ray.limit(self.hits.cull_t);
+                limit = self.traversal.instance_ray.trav_ray.limit(self.hits.cull_t);
             }
         }
     }
@@ -489,7 +489,7 @@ fn push_children<E: F32x8Ops, const PLAIN: bool>(
     stack: &mut Stack,
     limit: NodeLimit,
     node: &Node,
-    (ray, slabs): (&NodeRay, &Slabs<E>),
+    (ray, slabs): (&TravRay, &Slabs<E>),
 ) -> Option<StackEntry> {
     let (near, mut rest) = node.intersect(slabs, limit);
     if rest == 0 {

@@ -12,7 +12,7 @@ use smallvec::SmallVec;
 
 use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, FAR, PrimRef, SahCost};
 use crate::accel::node::{Node, NodeRef, WIDTH};
-use crate::accel::node_ray::{round_down, round_up};
+use crate::accel::trav_ray::{round_down, round_up};
 use crate::geometry::Bounds;
 use crate::math::f32x4::F32x4;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};

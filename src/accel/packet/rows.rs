@@ -2,7 +2,7 @@
 
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::Node;
-use crate::accel::node_ray::{FAR_AWAY, NodeRay, ROUGH_SCALES, SHRINK, SIMPLE_SCALES, WIDEN};
+use crate::accel::trav_ray::{FAR_AWAY, TravRay, ROUGH_SCALES, SHRINK, SIMPLE_SCALES, WIDEN};
 use crate::accel::packet::MAX_RAYS;
 use crate::geometry::{ROUGH_SLACK, ROUGH_UNDERFLOW, Ray, Transform};
 use crate::math::f32x8::F32x8Ops;
@@ -93,7 +93,7 @@ impl Rays {
     }
 }
 
-/// Rays as the boxes of one tree see them: the numbers of [`NodeRay`]s that count t from 0.
+/// Rays as the boxes of one tree see them: the numbers of [`TravRay`]s that count t from 0.
 #[derive(Clone, Debug)]
 pub struct Rows {
     near_origin: [Row; 3],
@@ -123,7 +123,7 @@ impl Rows {
         downwards: [0; 3],
     };
 
-    /// Takes ordinary rays into a tree in world space ([`NodeRay::set_simple`]); a bit for each that starts
+    /// Takes ordinary rays into a tree in world space ([`TravRay::set_simple`]); a bit for each that starts
     /// near it.
     #[inline(always)]
     pub fn take_simple<E: F32x8Ops>(&mut self, simd: E, rays: &Rays, scale: f64, which: u64) -> u64 {
@@ -155,7 +155,7 @@ impl Rows {
         fit & which
     }
 
-    /// Takes ordinary rays into an instance's tree ([`Transform::rough`], [`NodeRay::set_rough`]); a bit for
+    /// Takes ordinary rays into an instance's tree ([`Transform::rough`], [`TravRay::set_rough`]); a bit for
     /// each that starts near it and whose direction is known well.
     #[inline(always)]
     pub fn take_rough<E: F32x8Ops>(
@@ -230,7 +230,7 @@ impl Rows {
     /// far reciprocal where it is not negative, and where it is every ray misses. The rest is
     /// mirrored.
     #[inline(always)]
-    pub fn around<E: F32x8Ops>(&self, simd: E, rays: &Rays, group: &Group) -> NodeRay {
+    pub fn around<E: F32x8Ops>(&self, simd: E, rays: &Rays, group: &Group) -> TravRay {
         // What is added to it does not count: neither extreme takes a NaN.
         let mut members = Row([f32::NAN; MAX_RAYS]);
         for (at, member) in members.0.iter_mut().enumerate() {
@@ -239,7 +239,7 @@ impl Rows {
             }
         }
         let members = (&members, group.rays);
-        let mut ray = NodeRay::from(extreme_of::<E, false>(simd, &rays.t_min, members));
+        let mut ray = TravRay::from(extreme_of::<E, false>(simd, &rays.t_min, members));
         ray.near_side = group.near_side;
         for axis in 0..3 {
             let (near, far) = (&self.near_origin[axis], &self.far_origin[axis]);
@@ -261,8 +261,8 @@ impl Rows {
 
     /// One ray of a group.
     #[inline(always)]
-    pub fn single(&self, rays: &Rays, at: usize, group: &Group) -> NodeRay {
-        let mut ray = NodeRay::from(rays.t_min.0[at]);
+    pub fn single(&self, rays: &Rays, at: usize, group: &Group) -> TravRay {
+        let mut ray = TravRay::from(rays.t_min.0[at]);
         ray.near_side = group.near_side;
         for axis in 0..3 {
             ray.near_origin[axis] = self.near_origin[axis].0[at];
