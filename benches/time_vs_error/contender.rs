@@ -220,8 +220,8 @@ impl ForBlocks for BlockRay {
     #[inline(always)]
     fn early(ray: &Ray, placed: &Placed, around: &Bounds) -> Option<Self> {
         match &placed.transform {
-            None => Self::simple(ray, around),
-            Some(transform) => Self::rough(&transform.rough(ray)?, around),
+            None => Self::world_space(ray, around),
+            Some(transform) => Self::approximate(&transform.approximate(ray)?, around),
         }
     }
 
@@ -235,7 +235,7 @@ impl ForBlocks for ShearedRay {
     #[inline(always)]
     fn early(ray: &Ray, placed: &Placed, around: &Bounds) -> Option<Self> {
         match &placed.transform {
-            None => Self::simple(ray),
+            None => Self::world_space(ray),
             Some(_) => BlockRay::early(ray, placed, around).as_ref().map(Self::of),
         }
     }

@@ -43,7 +43,7 @@ impl GeomPrim {
 pub enum Drops {
     /// A ray comes to test one or two of them: that pays for nothing.
     Never,
-    /// Where [`BlockRay::simple`] does.
+    /// Where [`BlockRay::world_space`] does.
     WhereSimple,
     /// For every ray.
     Always,

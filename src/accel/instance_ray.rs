@@ -4,11 +4,11 @@
 use crate::accel::built_blas::{BuiltBlas, Drops, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::NodeRef;
-use crate::accel::trav_ray::TravRay;
 use crate::accel::tlas::{Placed, Tlas};
+use crate::accel::trav_ray::TravRay;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{BlockRay, ShearedRay};
-use crate::geometry::{DoubleRay, ObjectRay, Ray, RoughRay, Transform};
+use crate::geometry::{ApproximateRay, DoubleRay, ObjectRay, Ray, Transform};
 use crate::math::f32x4::FmaOps;
 use crate::math::f64x4::F64x4Ops;
 
@@ -22,16 +22,16 @@ pub struct InstanceRay {
     object_ray: ObjectRay,
     has_object_ray: bool,
     /// Whether object space is the world's, and the ray ordinary.
-    is_ordinary: bool,
+    is_well_scaled: bool,
     block_ray: BlockRay,
     /// The same for triangles.
     sheared_ray: ShearedRay,
     /// Whether there is a ray for blocks, if it is known already.
     drops: bool,
     has_block_ray: bool,
-    approach: Approach,
+    ray_space: RaySpace,
     /// Where it came as one.
-    rough_ray: RoughRay,
+    approximate_ray: ApproximateRay,
 }
 
 impl InstanceRay {
@@ -42,13 +42,13 @@ impl InstanceRay {
         trav_ray: TravRay::IDLE,
         object_ray: ObjectRay::IDLE,
         has_object_ray: false,
-        is_ordinary: false,
+        is_well_scaled: false,
         block_ray: BlockRay::IDLE,
         sheared_ray: ShearedRay::IDLE,
         drops: false,
         has_block_ray: false,
-        approach: Approach::Prepared,
-        rough_ray: RoughRay::IDLE,
+        ray_space: RaySpace::Object,
+        approximate_ray: ApproximateRay::IDLE,
     };
 
     /// Takes the ray into an instance; `false` where it surely meets nothing before `cull_t` there.
@@ -64,14 +64,14 @@ impl InstanceRay {
         self.instance = instance;
         self.has_object_ray = false;
         self.has_block_ray = false;
-        self.is_ordinary = false;
+        self.is_well_scaled = false;
         let entered = match (bvh, tlas.transform(instance)) {
             (Some(bvh), Placed::InWorld) => {
-                self.approach = Approach::Simple;
-                self.is_ordinary = self.trav_ray.set_simple(&trace.ray, bvh.scale());
-                self.is_ordinary
+                self.ray_space = RaySpace::World;
+                self.is_well_scaled = self.trav_ray.set_world_space(&trace.ray, bvh.scale());
+                self.is_well_scaled
             }
-            (Some(bvh), Placed::Still(transform)) => self.enter_roughly(transform, bvh, &trace.ray),
+            (Some(bvh), Placed::Still(transform)) => self.enter_approximately(transform, bvh, &trace.ray),
             _ => false,
         };
         entered || self.enter_prepared(tlas, bvh, trace, cull_t)
@@ -79,17 +79,17 @@ impl InstanceRay {
 
     /// The same in f32 with bounds; `false` where that is not enough.
     #[inline(never)]
-    fn enter_roughly(&mut self, transform: &Transform, bvh: &WideBvh, ray: &Ray) -> bool {
-        let Some(rough_ray) = transform.rough(ray) else { return false };
-        self.approach = Approach::Rough;
-        self.rough_ray = rough_ray;
-        self.trav_ray.set_rough(&rough_ray, ray.t_min, bvh.scale())
+    fn enter_approximately(&mut self, transform: &Transform, bvh: &WideBvh, ray: &Ray) -> bool {
+        let Some(approximate_ray) = transform.approximate(ray) else { return false };
+        self.ray_space = RaySpace::Approximate;
+        self.approximate_ray = approximate_ray;
+        self.trav_ray.set_approximate(&approximate_ray, ray.t_min, bvh.scale())
     }
 
     /// The same where the ray in object space must be known.
     #[inline(never)]
     fn enter_prepared(&mut self, tlas: &Tlas, bvh: Option<&WideBvh>, trace: &TraceRay, cull_t: f32) -> bool {
-        self.approach = Approach::Prepared;
+        self.ray_space = RaySpace::Object;
         self.has_object_ray =
             tlas.set_object_ray(self.instance, &trace.ray, trace.time, &mut self.object_ray);
         if !self.has_object_ray {
@@ -97,7 +97,7 @@ impl InstanceRay {
         }
         let Some(bvh) = bvh else {
             // Blocks are dropped all the same.
-            self.approach_blocks(tlas, trace);
+            self.prepare_culling(tlas, trace);
             return true;
         };
         let trav_ray = TravRay::new(&self.object_ray, cull_t, bvh.bounds(), bvh.scale());
@@ -106,17 +106,17 @@ impl InstanceRay {
 
     /// Finds out how the ray comes to an instance's blocks.
     #[inline(always)]
-    fn approach_blocks(&mut self, tlas: &Tlas, trace: &TraceRay) {
-        self.approach = match tlas.transform(self.instance) {
-            Placed::InWorld => Approach::Simple,
-            Placed::Still(transform) => match transform.rough(&trace.ray) {
+    fn prepare_culling(&mut self, tlas: &Tlas, trace: &TraceRay) {
+        self.ray_space = match tlas.transform(self.instance) {
+            Placed::InWorld => RaySpace::World,
+            Placed::Still(transform) => match transform.approximate(&trace.ray) {
                 Some(ray) => {
-                    self.rough_ray = ray;
-                    Approach::Rough
+                    self.approximate_ray = ray;
+                    RaySpace::Approximate
                 }
-                None => Approach::Prepared,
+                None => RaySpace::Object,
             },
-            Placed::Moving => Approach::Prepared,
+            Placed::Moving => RaySpace::Object,
         };
     }
 
@@ -125,10 +125,10 @@ impl InstanceRay {
     pub fn arrive(&mut self, tlas: &Tlas, instance: u32, built: &BuiltBlas, trace: &TraceRay) {
         self.instance = instance;
         self.has_object_ray = false;
-        self.is_ordinary = false;
+        self.is_well_scaled = false;
         self.has_block_ray = false;
         if !built.tests_leaves(tlas.precision()) && built.drops() != Drops::Never {
-            self.approach_blocks(tlas, trace);
+            self.prepare_culling(tlas, trace);
         }
     }
 
@@ -183,10 +183,10 @@ impl InstanceRay {
             self.sheared_ray = ray.unwrap_or(ShearedRay::IDLE);
             return;
         }
-        let ray = match self.approach {
-            Approach::Simple => BlockRay::simple(&trace.ray, built.bounds()),
-            Approach::Rough => BlockRay::rough(&self.rough_ray, built.bounds()),
-            Approach::Prepared => None,
+        let ray = match self.ray_space {
+            RaySpace::World => BlockRay::world_space(&trace.ray, built.bounds()),
+            RaySpace::Approximate => BlockRay::approximate(&self.approximate_ray, built.bounds()),
+            RaySpace::Object => None,
         };
         self.drops = ray.is_some() || drops == Drops::Always;
         if let Some(ray) = ray {
@@ -200,16 +200,18 @@ impl InstanceRay {
     #[inline(always)]
     fn sheared_ray_for(&self, built: &BuiltBlas, trace: &TraceRay) -> Option<ShearedRay> {
         let bounds = built.bounds();
-        match self.approach {
-            Approach::Simple => {
+        match self.ray_space {
+            RaySpace::World => {
                 // Of an ordinary ray the tree's scale has said it.
-                if self.is_ordinary {
-                    return Some(ShearedRay::ordinary(&trace.ray));
+                if self.is_well_scaled {
+                    return Some(ShearedRay::well_scaled(&trace.ray));
                 }
-                if ShearedRay::reaches(bounds) { ShearedRay::simple(&trace.ray) } else { None }
+                if ShearedRay::reaches(bounds) { ShearedRay::world_space(&trace.ray) } else { None }
             }
-            Approach::Rough => BlockRay::rough(&self.rough_ray, bounds).as_ref().map(ShearedRay::of),
-            Approach::Prepared => None,
+            RaySpace::Approximate => {
+                BlockRay::approximate(&self.approximate_ray, bounds).as_ref().map(ShearedRay::of)
+            }
+            RaySpace::Object => None,
         }
     }
 }
@@ -224,7 +226,7 @@ pub struct ForLeaf<'a> {
 impl LeafRay for ForLeaf<'_> {
     #[inline(always)]
     fn double<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D> {
-        if self.instance_ray.is_ordinary {
+        if self.instance_ray.is_well_scaled {
             DoubleRay::in_world(simd, &self.trace.ray)
         } else {
             DoubleRay::of(simd, self.object())
@@ -239,11 +241,11 @@ impl LeafRay for ForLeaf<'_> {
 
 /// How the ray came into the instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Approach {
+enum RaySpace {
     /// As a simple ray of the world.
-    Simple,
+    World,
     /// In f32 with bounds.
-    Rough,
+    Approximate,
     /// In f64 with bounds.
-    Prepared,
+    Object,
 }

@@ -1,18 +1,18 @@
 //! Ray packets: coherent rays that traverse the BVH together.
 //!
-//! Rays of neighbouring invocations mostly visit the same nodes. Up to [`MAX_RAYS`] rays whose direction
-//! signs agree traverse a tree as one frustum (interval arithmetic, `rows::Rows::around`): a node is opened
+//! WorldRays of neighbouring invocations mostly visit the same nodes. Up to [`MAX_RAYS`] rays whose direction
+//! signs agree traverse a tree as one frustum (interval arithmetic, `ray_soa::RaySoA::frustum`): a node is opened
 //! once for all of them, in the order of the frustum's entries. Before it is opened each ray tests its box,
 //! eight rays at a time; if only a few rays hit it they continue singly. In a leaf the rays that hit it test
 //! its primitives one after the other, as single rays do. So each ray finds what it would find singly: the
 //! order in which primitives are tested does not matter (see `cursor`).
 //!
 //! This does not pay for incoherent rays. A packet that takes more steps than its rays would take singly is
-//! given up: its rays are traced by a [`Cursor`] each, and so are those of the next few packets. Rays that
-//! are not [well scaled](crate::geometry::Ray::is_ordinary), or start far from what they reach, are traced
+//! given up: its rays are traced by a [`Cursor`] each, and so are those of the next few packets. WorldRays that
+//! are not [well scaled](crate::geometry::Ray::is_well_scaled), or start far from what they reach, are traced
 //! by a cursor too.
 
-mod rows;
+mod ray_soa;
 mod traversal;
 
 use crate::accel::built_blas::GeomPrim;
@@ -21,7 +21,7 @@ use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::{NodeRef, WIDTH};
 use crate::accel::tlas::Tlas;
 use crate::geometry::{Intersection, Precision, Surface};
-use rows::{Rays, Row, Rows};
+use ray_soa::{PerRay, RaySoA, WorldRays};
 use traversal::PacketTraversal;
 
 /// The largest number of rays in a packet.
@@ -61,11 +61,11 @@ pub struct Packet {
     /// The cursor for rays that are traced singly.
     cursor: Cursor,
     instance_rays: Vec<InstanceRay>,
-    rays: Rays,
-    world: Rows,
-    rows: Rows,
+    rays: WorldRays,
+    world_soa: RaySoA,
+    instance_soa: RaySoA,
     /// For each ray the rounded t behind which no hit matters.
-    limits: Row,
+    limits: PerRay,
     /// A mask of the rays whose entry of `instance_rays` is not yet made for the current instance.
     stale: u64,
     /// A mask of the rays that have a hit.
@@ -146,10 +146,10 @@ impl Default for Packet {
         Self {
             cursor: Cursor::idle(),
             instance_rays: vec![InstanceRay::IDLE; MAX_RAYS],
-            rays: Rays::IDLE,
-            world: Rows::IDLE,
-            rows: Rows::IDLE,
-            limits: Row::IDLE,
+            rays: WorldRays::IDLE,
+            world_soa: RaySoA::IDLE,
+            instance_soa: RaySoA::IDLE,
+            limits: PerRay::IDLE,
             stale: 0,
             hit: 0,
             hits: [Found::IDLE; MAX_RAYS],

@@ -26,20 +26,20 @@
 
 use std::ops::RangeInclusive;
 
-use crate::geometry::{Bounds, ObjectRay, Ray, RoughRay};
+use crate::geometry::{ApproximateRay, Bounds, ObjectRay, Ray};
 use crate::math::f32x4::{F32x4, LANES};
 use crate::math::f32x8::F32x8Ops;
 
 /// The unit roundoff of f64.
 const U: f64 = 1.0 / 9_007_199_254_740_992.0;
 
-/// The largest t of interest, in the units of a [`NodeRay`].
+/// The largest t of interest, in the units of a [`TravRay`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeLimit(pub(super) f32);
 
 /// A ray made ready for the nodes of one tree.
 #[derive(Clone, Copy, Debug)]
-pub struct NodeRay {
+pub struct TravRay {
     /// Of each row three numbers count, one an axis.
     pub(super) near_origin: [f32; LANES],
     pub(super) far_origin: [f32; LANES],
@@ -53,7 +53,7 @@ pub struct NodeRay {
     pub(super) near_floor: f32,
 }
 
-/// The numbers of a [`NodeRay`] as its test takes them, each in all lanes.
+/// The numbers of a [`TravRay`] as its test takes them, each in all lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct Slabs<E: F32x8Ops> {
     pub(super) simd: E,
@@ -69,15 +69,15 @@ pub struct Slabs<E: F32x8Ops> {
 /// A ray is far away whose origin lies this many times the largest coordinate off.
 pub(super) const FAR_AWAY: f64 = 64.0;
 
-/// The scales of trees to which [simple](NodeRay::set_simple) and [rough](NodeRay::set_rough) rays come.
-pub(super) const SIMPLE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 60) as f32..=(1u64 << 60) as f32;
-pub(super) const ROUGH_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 20) as f32..=(1u64 << 20) as f32;
+/// The scales of trees to which [simple](TravRay::set_world_space) and [rough](TravRay::set_approximate) rays come.
+pub(super) const WORLD_SPACE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 60) as f32..=(1u64 << 60) as f32;
+pub(super) const APPROXIMATE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 20) as f32..=(1u64 << 20) as f32;
 
 /// The slack of a reciprocal, 2^-22 downwards and upwards.
 pub(super) const SHRINK: f64 = 1.0 - 1.0 / 4_194_304.0;
 pub(super) const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
 
-impl NodeRay {
+impl TravRay {
     /// Memory for a ray.
     pub const IDLE: Self = Self {
         near_origin: [0.0; LANES],
@@ -100,9 +100,9 @@ impl NodeRay {
     /// `t_min..=t_max`.
     #[inline]
     pub fn new(ray: &ObjectRay, t_max: f32, root: &Bounds, scale: f64) -> Option<Self> {
-        let mut simple = Self::IDLE;
-        if ray.is_in_world() && simple.set_simple(ray.world(), scale) {
-            return Some(simple);
+        let mut world_space = Self::IDLE;
+        if ray.is_in_world() && world_space.set_world_space(ray.world(), scale) {
+            return Some(world_space);
         }
         let (origin, _) = ray.origin_bounded();
         let (direction, bounds) = ray.direction_bounded();
@@ -117,18 +117,18 @@ impl NodeRay {
         Some(Self::counted_from(ray, 0.0, f64::INFINITY, scale))
     }
 
-    /// The common case in f32 throughout: a ray that [is ordinary](Ray::is_ordinary), in world space,
+    /// The common case in f32 throughout: a ray that [is ordinary](Ray::is_well_scaled), in world space,
     /// that starts near the tree. Says whether it is one.
     ///
     /// Scaling such numbers is exact. A reciprocal rounds once, and once more when it is shrunk or
     /// widened by 2^-22: 2^-23 of that is left, where the difference needs 2^-24.
     #[inline(always)]
-    pub fn set_simple(&mut self, ray: &Ray, scale: f64) -> bool {
+    pub fn set_world_space(&mut self, ray: &Ray, scale: f64) -> bool {
         let Ray { origin: [x, y, z], direction: [dx, dy, dz], t_min, .. } = *ray;
         let scale = scale as f32;
         let origin = F32x4::new([x, y, z, 0.0]) * F32x4::splat(scale);
         let near_by = F32x4::splat(FAR_AWAY as f32).cmp_ge(origin.abs()) == 0b1111;
-        if !(near_by && SIMPLE_SCALES.contains(&scale) && ray.is_ordinary()) {
+        if !(near_by && WORLD_SPACE_SCALES.contains(&scale) && ray.is_well_scaled()) {
             return false;
         }
         // A direction of -0 counts as upwards, like 0: both have an infinite reciprocal.
@@ -149,14 +149,14 @@ impl NodeRay {
     /// Scaling is exact. The origin's sum rounds, and so does a reciprocal's sum, its division and its
     /// product; the bounds of a rough ray are twice what is needed and pay for 6u of that.
     #[inline(always)]
-    pub fn set_rough(&mut self, ray: &RoughRay, t_min: f32, scale: f64) -> bool {
+    pub fn set_approximate(&mut self, ray: &ApproximateRay, t_min: f32, scale: f64) -> bool {
         let scale = scale as f32;
         let all = |x: f32| F32x4::splat(x);
         let origin = ray.origin * all(scale);
         let size = ray.direction.abs();
         let near_by = all(FAR_AWAY as f32).cmp_ge(origin.abs());
         let known = size.cmp_ge(ray.direction_error * all(4.0));
-        if !(near_by & known == 0b1111 && ROUGH_SCALES.contains(&scale)) {
+        if !(near_by & known == 0b1111 && APPROXIMATE_SCALES.contains(&scale)) {
             return false;
         }
         let slack = ray.origin_error * all(scale);
@@ -446,12 +446,13 @@ mod tests {
             SahCost { max_leaf_size: 1, traversal: 1.0, intersection: 1.0, split_below: 1.0 },
         )
         .expect("boxes");
-        let prepared = NodeRay::new(&object_ray, ray.t_max, bvh.bounds(), bvh.scale());
+        let prepared = TravRay::new(&object_ray, ray.t_max, bvh.bounds(), bvh.scale());
         let transform = matrix.as_ref().and_then(Transform::new);
-        let rough = transform.and_then(|transform| transform.rough(&ray)).and_then(|rough| {
-            let mut node_ray = NodeRay::IDLE;
-            node_ray.set_rough(&rough, ray.t_min, bvh.scale()).then_some(node_ray)
-        });
+        let approximate =
+            transform.and_then(|transform| transform.approximate(&ray)).and_then(|approximate| {
+                let mut trav_ray = TravRay::IDLE;
+                trav_ray.set_approximate(&approximate, ray.t_min, bvh.scale()).then_some(trav_ray)
+            });
         let (mut o, mut d) = (ray.origin.map(exact), ray.direction.map(exact));
         if let Some(m) = matrix {
             let from = std::array::from_fn(|k| &o[k] - exact(m[k][3]));
@@ -465,17 +466,17 @@ mod tests {
             if prepared.is_none() {
                 return Err(TestCaseError::fail(format!("the root is lost: {bounds:?}")));
             }
-            for node_ray in [&prepared, &rough].into_iter().flatten() {
+            for trav_ray in [&prepared, &approximate].into_iter().flatten() {
                 // From the root down to the box, each step must let the ray through.
                 let rounded = t.to_f32().value();
-                let limit = node_ray.limit(rounded);
+                let limit = trav_ray.limit(rounded);
                 let mut at = bvh.root();
-                prop_assert!(node_ray.absolute(node_ray.near_floor) <= rounded);
+                prop_assert!(trav_ray.absolute(trav_ray.near_floor) <= rounded);
                 while !at.is_leaf() {
                     let node: &Node = bvh.node(at);
-                    let (near, met) = node.intersect(&node_ray.slabs(BaselineSimd), limit);
+                    let (near, met) = node.intersect(&trav_ray.slabs(BaselineSimd), limit);
                     let entries: [f32; WIDTH] = std::array::from_fn(|slot| {
-                        if met >> slot & 1 != 0 { node_ray.absolute(near[slot]) } else { f32::INFINITY }
+                        if met >> slot & 1 != 0 { trav_ray.absolute(near[slot]) } else { f32::INFINITY }
                     });
                     let slot = (0..entries.len()).find(|&slot| holds(&bvh, node, slot, place));
                     let slot = slot.expect("every box is in the BVH");

@@ -7,12 +7,12 @@ use crate::accel::cursor::{Candidate, Cursor, Hits, TraceRay};
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Node, NodeRef, WIDTH};
-use crate::accel::trav_ray::{NodeLimit, TravRay, Slabs};
 use crate::accel::observer::{HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};
 use crate::accel::rules::{
     is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible, presented,
 };
 use crate::accel::tlas::{InstanceFlags, Tlas};
+use crate::accel::trav_ray::{NodeLimit, Slabs, TravRay};
 use crate::geometry::{FourTested, Intersection, ObjectRay, Precision};
 use crate::math::f32x8::{BaselineSimd, F32x8Ops};
 use crate::math::lane_ops::{LaneOps, LaneTask};
@@ -226,7 +226,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             // No instance holds anything that can be hit.
             None => return,
             Some((bvh, _)) => {
-                if !world.set_simple(ray, bvh.scale()) {
+                if !world.set_world_space(ray, bvh.scale()) {
                     let Some(object_ray) = ObjectRay::in_world(ray) else { return };
                     let trav_ray = TravRay::new(&object_ray, ray.t_max, bvh.bounds(), bvh.scale());
                     let Some(trav_ray) = trav_ray else { return };

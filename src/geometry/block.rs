@@ -47,7 +47,7 @@ pub use triangle::{ShearedRay, Triangles};
 /// How many primitives a block holds.
 pub use crate::math::f32x4::LANES;
 
-use crate::geometry::{Bounds, ObjectRay, Ray, RoughRay};
+use crate::geometry::{ApproximateRay, Bounds, ObjectRay, Ray};
 use crate::math::f32x4::F32x4;
 use crate::math::real::Real;
 
@@ -111,8 +111,8 @@ impl BlockRay {
     /// [`BoxRay`].
     #[inline]
     pub fn new(ray: &ObjectRay, around: &Bounds) -> Self {
-        let simple = if ray.is_in_world() { Self::simple(ray.world(), around) } else { None };
-        simple.unwrap_or_else(|| Self::prepare(ray, around).0)
+        let world_space = if ray.is_in_world() { Self::world_space(ray.world(), around) } else { None };
+        world_space.unwrap_or_else(|| Self::prepare(ray, around).0)
     }
 
     /// The common case in f32 throughout: a ray in world space that starts near the primitives, with a
@@ -122,7 +122,7 @@ impl BlockRay {
     /// at most: times 2^60 of distance that is less than a share of e), and e = 2^-60. 16u pays for 12u
     /// and for the roundings here.
     #[inline(always)]
-    pub fn simple(ray: &Ray, around: &Bounds) -> Option<Self> {
+    pub fn world_space(ray: &Ray, around: &Bounds) -> Option<Self> {
         let far = farthest(three(ray.origin), around);
         let (axis, most) = greatest(ray.direction);
         // Written so that a NaN does not fit.
@@ -154,7 +154,7 @@ impl BlockRay {
     ///
     /// The sums of the errors of o' and of d, the latter scaled as it is, are e and κ |E|.
     #[inline(always)]
-    pub fn rough(ray: &RoughRay, around: &Bounds) -> Option<Self> {
+    pub fn approximate(ray: &ApproximateRay, around: &Bounds) -> Option<Self> {
         let far = farthest(ray.origin, around);
         let (axis, most) = greatest(triple(ray.direction));
         let inverse = power_below(most);

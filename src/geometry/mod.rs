@@ -31,7 +31,8 @@ mod verdict;
 pub use bounds::Bounds;
 pub use four_tested::FourTested;
 pub use object_ray::{
-    DoubleRay, ObjectRay, ROUGH_SLACK, ROUGH_UNDERFLOW, RoughRay, Transform, world_to_object,
+    APPROXIMATE_ERROR, APPROXIMATE_UNDERFLOW, ApproximateRay, DoubleRay, ObjectRay, Transform,
+    world_to_object,
 };
 pub use ray::{Intersection, Ray, Surface};
 pub use verdict::Verdict;

@@ -55,13 +55,13 @@ pub struct Transform {
     /// the sum with the translation, and that seldom.
     is_exact: bool,
     /// The same in f32, where that is good for something.
-    rough: Option<Rough>,
+    approximate: Option<ApproximateInverse>,
 }
 
 /// An inverse transform in f32: columns of the linear part, and the translation that goes before. Of
 /// each row three numbers count.
 #[derive(Clone, Copy, Debug)]
-struct Rough {
+struct ApproximateInverse {
     columns: [[f32; 4]; 3],
     translation: [f32; 4],
 }
@@ -87,8 +87,8 @@ impl Transform {
         }
         let inverse = adjugate.map(|row| row.map(|x| x / determinant));
         let inverse_error = if sure { 6.0 * UNIT + 2.0 * error } else { f64::INFINITY };
-        let rough = Rough::new(m, &inverse).filter(|_| inverse_error <= 2f64.powi(-30));
-        Some(Self { matrix: *m, inverse, inverse_error, is_exact: is_monomial(m), rough })
+        let approximate = ApproximateInverse::new(m, &inverse).filter(|_| inverse_error <= 2f64.powi(-30));
+        Some(Self { matrix: *m, inverse, inverse_error, is_exact: is_monomial(m), approximate })
     }
 
     /// The matrix it was made from.
@@ -110,35 +110,40 @@ impl Transform {
     }
 
     /// A ray in object space in f32, with bounds; `None` where the ray [is not
-    /// ordinary](Ray::is_ordinary) or the transform too extreme.
+    /// ordinary](Ray::is_well_scaled) or the transform too extreme.
     ///
     /// An entry of the inverse is off by u (and 2^-30), u = 2^-24, the difference of origin and
     /// translation by u, a product and the two sums by 3u: together less than 6u of sum |inv_kj v_j|,
     /// for which 12u stand. A difference is at least 2^-84 where it is not 0, so that a product may
     /// underflow: 2^-100 pays for that. The direction's products don't.
     #[inline(always)]
-    pub fn rough(&self, ray: &Ray) -> Option<RoughRay> {
-        let rough = self.rough.as_ref().filter(|_| ray.is_ordinary())?;
-        let columns = rough.columns.map(F32x4::new);
+    pub fn approximate(&self, ray: &Ray) -> Option<ApproximateRay> {
+        let approximate = self.approximate.as_ref().filter(|_| ray.is_well_scaled())?;
+        let columns = approximate.columns.map(F32x4::new);
         let apply = |[x, y, z]: [F32x4; 3]| {
             let terms = [columns[0] * x, columns[1] * y, columns[2] * z];
             let sizes = terms.map(F32x4::abs);
-            (terms[0] + terms[1] + terms[2], (sizes[0] + sizes[1] + sizes[2]) * F32x4::splat(ROUGH_SLACK))
+            (
+                terms[0] + terms[1] + terms[2],
+                (sizes[0] + sizes[1] + sizes[2]) * F32x4::splat(APPROXIMATE_ERROR),
+            )
         };
-        let [bx, by, bz, _] = rough.translation;
+        let [bx, by, bz, _] = approximate.translation;
         let [x, y, z] = ray.origin;
         let (origin, origin_error) = apply([x - bx, y - by, z - bz].map(F32x4::splat));
         let (direction, direction_error) = apply(ray.direction.map(F32x4::splat));
-        let origin_error = origin_error + F32x4::splat(ROUGH_UNDERFLOW);
-        Some(RoughRay { origin, direction, origin_error, direction_error })
+        let origin_error = origin_error + F32x4::splat(APPROXIMATE_UNDERFLOW);
+        Some(ApproximateRay { origin, direction, origin_error, direction_error })
     }
 
-    /// What [`Transform::rough`] takes: the inverse's columns in f32, and the translation that goes before.
+    /// What [`Transform::approximate`] takes: the inverse's columns in f32, and the translation that goes before.
     /// `None` where the transform is too extreme.
     #[inline(always)]
-    pub fn rough_inverse(&self) -> Option<([[f32; 3]; 3], [f32; 3])> {
+    pub fn approximate_inverse(&self) -> Option<([[f32; 3]; 3], [f32; 3])> {
         let three = |[x, y, z, _]: [f32; 4]| [x, y, z];
-        self.rough.as_ref().map(|rough| (rough.columns.map(three), three(rough.translation)))
+        self.approximate
+            .as_ref()
+            .map(|approximate| (approximate.columns.map(three), three(approximate.translation)))
     }
 
     /// `A^-1 v` and a bound of each component's error, v known but for `v_error`, componentwise, which an
@@ -181,16 +186,16 @@ fn difference(a: f32, b: f32) -> (f64, f64) {
 }
 
 /// By which the sum of the magnitudes of a rough component's terms bounds its error: see
-/// [`Transform::rough`].
-pub const ROUGH_SLACK: f32 = 12.0 * ROUGH_UNIT;
+/// [`Transform::approximate`].
+pub const APPROXIMATE_ERROR: f32 = 12.0 * UNIT_F32;
 
 /// The unit roundoff of f32.
-const ROUGH_UNIT: f32 = 1.0 / 16_777_216.0;
+const UNIT_F32: f32 = 1.0 / 16_777_216.0;
 
 /// 2^-100, which pays for underflow of a rough origin's products.
-pub const ROUGH_UNDERFLOW: f32 = ROUGH_UNIT * ROUGH_UNIT * ROUGH_UNIT * ROUGH_UNIT / 16.0;
+pub const APPROXIMATE_UNDERFLOW: f32 = UNIT_F32 * UNIT_F32 * UNIT_F32 * UNIT_F32 / 16.0;
 
-impl Rough {
+impl ApproximateInverse {
     /// `None` where an entry is neither 0 nor of a magnitude from 2^-40 to 2^40, or the translation is
     /// not as an ordinary ray's origin.
     fn new(matrix: &[[f32; 4]; 3], inverse: &[[f64; 3]; 3]) -> Option<Self> {
@@ -208,7 +213,7 @@ impl Rough {
 /// A ray in object space in f32, with a bound of each component's error. Of each vector three numbers
 /// count, the fourth is no NaN.
 #[derive(Clone, Copy, Debug)]
-pub struct RoughRay {
+pub struct ApproximateRay {
     /// Where t is 0.
     pub origin: F32x4,
     /// The way per unit of t. A component is off by nothing where its bound is 0, and by at most half
@@ -220,7 +225,7 @@ pub struct RoughRay {
     pub direction_error: F32x4,
 }
 
-impl RoughRay {
+impl ApproximateRay {
     /// Memory for a ray.
     pub const IDLE: Self = Self {
         origin: F32x4::ZERO,

@@ -20,7 +20,7 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// The least magnitude but 0 of an [ordinary](Self::is_ordinary) ray's components: 2^-60.
+    /// The least magnitude but 0 of an [ordinary](Self::is_well_scaled) ray's components: 2^-60.
     pub const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
     /// The greatest: 2^60.
     pub const MOST: f32 = (1u64 << 60) as f32;
@@ -41,7 +41,7 @@ impl Ray {
     /// Whether each component of origin and direction is 0 or of a magnitude from 2^-60 to 2^60, the
     /// direction is not 0, and the interval holds no NaN.
     #[inline(always)]
-    pub fn is_ordinary(&self) -> bool {
+    pub fn is_well_scaled(&self) -> bool {
         let zero = F32x4::splat(0.0);
         let [ox, oy, oz] = self.origin;
         let [dx, dy, dz] = self.direction;

@@ -4,7 +4,7 @@ use crate::accel::built_blas::{BuiltBlas, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
-use crate::accel::packet::rows::{Group, Row, Rows};
+use crate::accel::packet::ray_soa::{Group, PerRay, RaySoA};
 use crate::accel::packet::{Found, MAX_RAYS, Packet};
 use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible, presented};
 use crate::accel::tlas::{Placed, Tlas};
@@ -76,7 +76,7 @@ impl PacketTraversal<'_> {
         let packet = &mut *self.packet;
         packet.hit = 0;
         packet.stack.clear();
-        packet.limits = Row([-1.0; MAX_RAYS]);
+        packet.limits = PerRay([-1.0; MAX_RAYS]);
         for (limit, trace) in packet.limits.0.iter_mut().zip(self.traces) {
             // An infinite t would let boxes at infinity pass.
             *limit = trace.ray.t_max.min(f32::MAX);
@@ -110,11 +110,11 @@ impl PacketTraversal<'_> {
     /// Traverses the tree over the instances.
     #[inline(always)]
     fn through_world<E: LaneOps>(&mut self, simd: E, bvh: &WideBvh, order: &[u32], rays: u64) {
-        let fit = self.packet.world.take_simple(simd, &self.packet.rays, bvh.scale(), rays);
+        let fit = self.packet.world_soa.take_world_space(simd, &self.packet.rays, bvh.scale(), rays);
         self.leave_to_single_rays(rays & !fit);
         let mut rest = fit;
         while rest != 0 {
-            let group = self.packet.world.first_group(rest);
+            let group = self.packet.world_soa.first_group(rest);
             rest &= !group.rays;
             let root = bvh.root();
             if root.is_leaf() {
@@ -137,13 +137,13 @@ impl PacketTraversal<'_> {
             return self.visit_singly(simd, group, bvh, bvh.root(), leaves);
         }
         let base = self.packet.stack.len();
-        let around = leaves.rows(self.packet).around(simd, &self.packet.rays, group);
-        let slabs = around.slabs(simd);
+        let frustum = leaves.ray_soa(self.packet).frustum(simd, &self.packet.rays, group);
+        let slabs = frustum.slabs(simd);
         let mut limit = self.packet.limits.greatest(simd, group.rays);
         let mut inner = Some(bvh.root());
         loop {
             if let Some(at) = inner.take() {
-                let (near, met) = bvh.node(at).intersect(&slabs, around.limit(limit));
+                let (near, met) = bvh.node(at).intersect(&slabs, frustum.limit(limit));
                 self.packet.push(near, met, at);
             }
             if self.packet.stack.len() <= base {
@@ -162,7 +162,7 @@ impl PacketTraversal<'_> {
             let node = bvh.node(at);
             let child = node.child(slot);
             let Packet { rays, limits, .. } = &*self.packet;
-            let met = leaves.rows(self.packet).met(simd, rays, group, (node, slot), limits);
+            let met = leaves.ray_soa(self.packet).met(simd, rays, group, (node, slot), limits);
             if child.is_leaf() {
                 leaves.visit_leaf(self, simd, child, met);
             } else if met.count_ones() <= FEW {
@@ -190,7 +190,7 @@ impl PacketTraversal<'_> {
         while rest != 0 {
             let ray = rest.trailing_zeros() as usize % MAX_RAYS;
             rest &= rest - 1;
-            let single = leaves.rows(self.packet).single(&self.packet.rays, ray, group);
+            let single = leaves.ray_soa(self.packet).single(&self.packet.rays, ray, group);
             let slabs = single.slabs(simd);
             let mut inner = Some(root);
             loop {
@@ -235,11 +235,13 @@ impl PacketTraversal<'_> {
         }
         let built = instance.blas.built();
         let placed = self.tlas.transform(number);
-        let Packet { rays: all, rows, .. } = &mut *self.packet;
+        let Packet { rays: all, instance_soa, .. } = &mut *self.packet;
         let fit = match (built.bvh(), placed) {
             (None, _) => rays,
-            (Some(bvh), Placed::InWorld) => rows.take_simple(simd, all, bvh.scale(), rays),
-            (Some(bvh), Placed::Still(transform)) => rows.take_rough(simd, all, transform, bvh.scale(), rays),
+            (Some(bvh), Placed::InWorld) => instance_soa.take_world_space(simd, all, bvh.scale(), rays),
+            (Some(bvh), Placed::Still(transform)) => {
+                instance_soa.take_approximate(simd, all, transform, bvh.scale(), rays)
+            }
             (Some(_), Placed::Moving) => 0,
         };
         self.leave_to_single_rays(rays & !fit);
@@ -253,7 +255,7 @@ impl PacketTraversal<'_> {
         };
         let mut rest = fit;
         while rest != 0 {
-            let group = self.packet.rows.first_group(rest);
+            let group = self.packet.instance_soa.first_group(rest);
             rest &= !group.rays;
             self.visit(simd, &group, bvh, &inside);
         }
@@ -367,7 +369,7 @@ struct Inside<'a> {
 /// What the leaves of a tree hold: instances or primitives.
 trait Leaves {
     /// The packet's rays in the space of the tree.
-    fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows;
+    fn ray_soa<'p>(&self, packet: &'p Packet) -> &'p RaySoA;
 
     /// Visits a leaf with some rays.
     fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, simd: E, leaf: NodeRef, rays: u64);
@@ -378,8 +380,8 @@ struct Instances<'a>(&'a [u32]);
 
 impl Leaves for Instances<'_> {
     #[inline(always)]
-    fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows {
-        &packet.world
+    fn ray_soa<'p>(&self, packet: &'p Packet) -> &'p RaySoA {
+        &packet.world_soa
     }
 
     #[inline(always)]
@@ -392,8 +394,8 @@ impl Leaves for Instances<'_> {
 
 impl Leaves for Inside<'_> {
     #[inline(always)]
-    fn rows<'p>(&self, packet: &'p Packet) -> &'p Rows {
-        &packet.rows
+    fn ray_soa<'p>(&self, packet: &'p Packet) -> &'p RaySoA {
+        &packet.instance_soa
     }
 
     #[inline(always)]

@@ -91,7 +91,7 @@ impl ShearedRay {
         growing: f32::INFINITY,
     };
 
-    /// Whether [`ShearedRay::simple`] is for triangles that lie within a box: no coordinate has a magnitude above 2^60.
+    /// Whether [`ShearedRay::world_space`] is for triangles that lie within a box: no coordinate has a magnitude above 2^60.
     #[inline(always)]
     pub fn reaches(around: &Bounds) -> bool {
         let size = three(around.min).abs().relaxed_max(three(around.max).abs());
@@ -101,23 +101,23 @@ impl ShearedRay {
     /// A ray in world space, for triangles that it [reaches](Self::reaches). `None` where no component of its direction has a
     /// magnitude of 2^-60 or more, or any of direction and origin one above 2^60.
     #[inline(always)]
-    pub fn simple(ray: &Ray) -> Option<Self> {
+    pub fn world_space(ray: &Ray) -> Option<Self> {
         let (axis, most) = greatest(ray.direction);
         let within = |v: [f32; 3]| F32x4::splat(Ray::MOST).cmp_ge(three(v).abs());
         let fits = within(ray.origin) & within(ray.direction) == ALL && most >= Ray::LEAST;
-        fits.then(|| Self::of_simple(axis, ray))
+        fits.then(|| Self::in_world_space(axis, ray))
     }
 
-    /// One of which that is known: that [is ordinary](Ray::is_ordinary).
+    /// One of which that is known: that [is ordinary](Ray::is_well_scaled).
     #[inline(always)]
-    pub fn ordinary(ray: &Ray) -> Self {
+    pub fn well_scaled(ray: &Ray) -> Self {
         let (axis, _) = greatest(ray.direction);
-        Self::of_simple(axis, ray)
+        Self::in_world_space(axis, ray)
     }
 
     /// ε is 0, and so is e but for what underflows. 13u is more than 12u.
     #[inline(always)]
-    fn of_simple(axis: usize, ray: &Ray) -> Self {
+    fn in_world_space(axis: usize, ray: &Ray) -> Self {
         Self::new(axis, &ray.origin, &ray.direction, 2.0 * TINY as f32, (13.0 * UNIT) as f32)
     }
 

@@ -95,10 +95,10 @@ impl One<'_> {
         let lane = self.index % LANES;
         // As it is prepared, and in an instance in f32 as well.
         let transform = self.matrix.and_then(Transform::new);
-        let rough = transform.and_then(|transform| transform.rough(ray.world()));
+        let approximate = transform.and_then(|transform| transform.approximate(ray.world()));
         let block_rays = |bounds: &Bounds| {
-            let rough = rough.and_then(|rough| BlockRay::rough(&rough, bounds));
-            [Some(BlockRay::new(ray, bounds)), rough].into_iter().flatten()
+            let approximate = approximate.and_then(|approximate| BlockRay::approximate(&approximate, bounds));
+            [Some(BlockRay::new(ray, bounds)), approximate].into_iter().flatten()
         };
         let (met, is_met) = match *self.shape {
             Shape::Triangle(vertices) => {
@@ -106,10 +106,10 @@ impl One<'_> {
                 let mut block = block::Triangles::EMPTY;
                 block.set(lane, vertices);
                 let world = Some(ray.world()).filter(|_| ray.is_in_world() && ShearedRay::reaches(&bounds));
-                let simple = world.and_then(ShearedRay::simple);
-                let ordinary = world.filter(|ray| ray.is_ordinary()).map(ShearedRay::ordinary);
+                let world_space = world.and_then(ShearedRay::world_space);
+                let well_scaled = world.filter(|ray| ray.is_well_scaled()).map(ShearedRay::well_scaled);
                 let sheared =
-                    block_rays(&bounds).map(|ray| ShearedRay::of(&ray)).chain(simple).chain(ordinary);
+                    block_rays(&bounds).map(|ray| ShearedRay::of(&ray)).chain(world_space).chain(well_scaled);
                 let both = |ray: &ShearedRay| {
                     block.met(BaselineSimd, ray) & CpuTier::new().run(Met { block: &block, ray })
                 };

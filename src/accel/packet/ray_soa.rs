@@ -2,9 +2,9 @@
 
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::Node;
-use crate::accel::trav_ray::{FAR_AWAY, TravRay, ROUGH_SCALES, SHRINK, SIMPLE_SCALES, WIDEN};
 use crate::accel::packet::MAX_RAYS;
-use crate::geometry::{ROUGH_SLACK, ROUGH_UNDERFLOW, Ray, Transform};
+use crate::accel::trav_ray::{APPROXIMATE_SCALES, FAR_AWAY, SHRINK, TravRay, WIDEN, WORLD_SPACE_SCALES};
+use crate::geometry::{APPROXIMATE_ERROR, APPROXIMATE_UNDERFLOW, Ray, Transform};
 use crate::math::f32x8::F32x8Ops;
 
 /// How many rays are operated on at once.
@@ -13,9 +13,9 @@ const EIGHT: usize = 8;
 /// A number of each ray.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub struct Row(pub [f32; MAX_RAYS]);
+pub struct PerRay(pub [f32; MAX_RAYS]);
 
-impl Row {
+impl PerRay {
     /// Memory for numbers.
     pub const IDLE: Self = Self([0.0; MAX_RAYS]);
 
@@ -34,27 +34,28 @@ impl Row {
     #[inline(always)]
     pub fn greatest<E: F32x8Ops>(&self, simd: E, rays: u64) -> f32 {
         let mut all = simd.splat(f32::NEG_INFINITY);
-        for at in eights_of(rays) {
+        for at in groups_of_eight(rays) {
             all = simd.max(self.load(simd, at), all);
         }
-        extreme::<E, true>(simd, all)
+        min_or_max::<E, true>(simd, all)
     }
 }
 
-/// Rays in world space.
+/// WorldRays in world space.
 #[derive(Clone, Debug)]
-pub struct Rays {
-    origin: [Row; 3],
-    direction: [Row; 3],
+pub struct WorldRays {
+    origin: [PerRay; 3],
+    direction: [PerRay; 3],
     /// Not -0.
-    t_min: Row,
+    t_min: PerRay,
 }
 
-impl Rays {
+impl WorldRays {
     /// Memory for rays.
-    pub const IDLE: Self = Self { origin: [Row::IDLE; 3], direction: [Row::IDLE; 3], t_min: Row::IDLE };
+    pub const IDLE: Self =
+        Self { origin: [PerRay::IDLE; 3], direction: [PerRay::IDLE; 3], t_min: PerRay::IDLE };
 
-    /// Takes up to 64 rays; a bit for each that [is ordinary](Ray::is_ordinary) and whose
+    /// Takes up to 64 rays; a bit for each that [is ordinary](Ray::is_well_scaled) and whose
     /// t is never negative.
     #[inline(always)]
     pub fn take<E: F32x8Ops>(&mut self, simd: E, traces: &[TraceRay]) -> u64 {
@@ -72,7 +73,7 @@ impl Rays {
         }
         let (least, most) = (simd.splat(Ray::LEAST), simd.splat(Ray::MOST));
         let zero = simd.splat(0.0);
-        let mut ordinary = 0;
+        let mut well_scaled = 0;
         for at in 0..whole / EIGHT {
             let (mut within, mut still) = (0xFF, 0xFF);
             for axis in 0..3 {
@@ -86,25 +87,25 @@ impl Rays {
                 within &= simd.cmp_ge(most, direction);
                 still &= no_way;
             }
-            ordinary |= u64::from(within & !still) << (at * EIGHT);
+            well_scaled |= u64::from(within & !still) << (at * EIGHT);
         }
         let given = u64::MAX >> (MAX_RAYS - traces.len().min(MAX_RAYS));
-        ordinary & valid & given
+        well_scaled & valid & given
     }
 }
 
-/// Rays as the boxes of one tree see them: the numbers of [`TravRay`]s that count t from 0.
+/// WorldRays as the boxes of one tree see them: the numbers of [`TravRay`]s that count t from 0.
 #[derive(Clone, Debug)]
-pub struct Rows {
-    near_origin: [Row; 3],
-    far_origin: [Row; 3],
-    near_reciprocal: [Row; 3],
-    far_reciprocal: [Row; 3],
+pub struct RaySoA {
+    near_origin: [PerRay; 3],
+    far_origin: [PerRay; 3],
+    near_reciprocal: [PerRay; 3],
+    far_reciprocal: [PerRay; 3],
     /// Per axis a bit for each ray that enters upper planes first.
     downwards: [u64; 3],
 }
 
-/// Rays of a packet that enter the same planes first.
+/// WorldRays of a packet that enter the same planes first.
 #[derive(Clone, Copy, Debug)]
 pub struct Group {
     /// A bit for each.
@@ -113,28 +114,34 @@ pub struct Group {
     pub near_side: [usize; 3],
 }
 
-impl Rows {
+impl RaySoA {
     /// Memory for rays.
     pub const IDLE: Self = Self {
-        near_origin: [Row::IDLE; 3],
-        far_origin: [Row::IDLE; 3],
-        near_reciprocal: [Row::IDLE; 3],
-        far_reciprocal: [Row::IDLE; 3],
+        near_origin: [PerRay::IDLE; 3],
+        far_origin: [PerRay::IDLE; 3],
+        near_reciprocal: [PerRay::IDLE; 3],
+        far_reciprocal: [PerRay::IDLE; 3],
         downwards: [0; 3],
     };
 
-    /// Takes ordinary rays into a tree in world space ([`TravRay::set_simple`]); a bit for each that starts
+    /// Takes ordinary rays into a tree in world space ([`TravRay::set_world_space`]); a bit for each that starts
     /// near it.
     #[inline(always)]
-    pub fn take_simple<E: F32x8Ops>(&mut self, simd: E, rays: &Rays, scale: f64, which: u64) -> u64 {
+    pub fn take_world_space<E: F32x8Ops>(
+        &mut self,
+        simd: E,
+        rays: &WorldRays,
+        scale: f64,
+        which: u64,
+    ) -> u64 {
         let scale = scale as f32;
-        if !SIMPLE_SCALES.contains(&scale) {
+        if !WORLD_SPACE_SCALES.contains(&scale) {
             return 0;
         }
         let scale = simd.splat(scale);
         let mut fit = 0;
         self.downwards = [0; 3];
-        for at in eights_of(which) {
+        for at in groups_of_eight(which) {
             let mut near_by = 0xFF;
             for axis in 0..3 {
                 let origin = simd.mul(rays.origin[axis].load(simd, at), scale);
@@ -155,27 +162,27 @@ impl Rows {
         fit & which
     }
 
-    /// Takes ordinary rays into an instance's tree ([`Transform::rough`], [`TravRay::set_rough`]); a bit for
+    /// Takes ordinary rays into an instance's tree ([`Transform::approximate`], [`TravRay::set_approximate`]); a bit for
     /// each that starts near it and whose direction is known well.
     #[inline(always)]
-    pub fn take_rough<E: F32x8Ops>(
+    pub fn take_approximate<E: F32x8Ops>(
         &mut self,
         simd: E,
-        rays: &Rays,
+        rays: &WorldRays,
         transform: &Transform,
         scale: f64,
         which: u64,
     ) -> u64 {
         let scale = scale as f32;
-        let Some((columns, translation)) = transform.rough_inverse() else { return 0 };
-        if !ROUGH_SCALES.contains(&scale) {
+        let Some((columns, translation)) = transform.approximate_inverse() else { return 0 };
+        if !APPROXIMATE_SCALES.contains(&scale) {
             return 0;
         }
         let (one, scale) = (simd.splat(1.0), simd.splat(scale));
         let rows = [0, 1, 2].map(|axis| columns.map(|column| column[axis]));
         let mut fit = 0;
         self.downwards = [0; 3];
-        for at in eights_of(which) {
+        for at in groups_of_eight(which) {
             let (mut offset, mut along) = ([one; 3], [one; 3]);
             for k in 0..3 {
                 offset[k] = simd.sub(rays.origin[k].load(simd, at), simd.splat(translation[k]));
@@ -183,9 +190,9 @@ impl Rows {
             }
             let mut fits = 0xFF;
             for (axis, row) in rows.into_iter().enumerate() {
-                let (origin, origin_error) = rough_component(simd, row, offset);
-                let (direction, direction_error) = rough_component(simd, row, along);
-                let origin_error = simd.add(origin_error, simd.splat(ROUGH_UNDERFLOW));
+                let (origin, origin_error) = approximate_component(simd, row, offset);
+                let (direction, direction_error) = approximate_component(simd, row, along);
+                let origin_error = simd.add(origin_error, simd.splat(APPROXIMATE_UNDERFLOW));
                 let origin = simd.mul(origin, scale);
                 let size = simd.abs(direction);
                 fits &= simd.cmp_ge(simd.splat(FAR_AWAY as f32), simd.abs(origin));
@@ -230,30 +237,30 @@ impl Rows {
     /// far reciprocal where it is not negative, and where it is every ray misses. The rest is
     /// mirrored.
     #[inline(always)]
-    pub fn around<E: F32x8Ops>(&self, simd: E, rays: &Rays, group: &Group) -> TravRay {
+    pub fn frustum<E: F32x8Ops>(&self, simd: E, rays: &WorldRays, group: &Group) -> TravRay {
         // What is added to it does not count: neither extreme takes a NaN.
-        let mut members = Row([f32::NAN; MAX_RAYS]);
+        let mut members = PerRay([f32::NAN; MAX_RAYS]);
         for (at, member) in members.0.iter_mut().enumerate() {
             if group.rays >> at & 1 != 0 {
                 *member = 0.0;
             }
         }
         let members = (&members, group.rays);
-        let mut ray = TravRay::from(extreme_of::<E, false>(simd, &rays.t_min, members));
+        let mut ray = TravRay::from(min_or_max_of::<E, false>(simd, &rays.t_min, members));
         ray.near_side = group.near_side;
         for axis in 0..3 {
             let (near, far) = (&self.near_origin[axis], &self.far_origin[axis]);
             let (slow, fast) = (&self.near_reciprocal[axis], &self.far_reciprocal[axis]);
             if group.near_side[axis] == 0 {
-                ray.near_origin[axis] = extreme_of::<E, true>(simd, near, members);
-                ray.far_origin[axis] = extreme_of::<E, false>(simd, far, members);
-                ray.near_reciprocal[axis] = extreme_of::<E, false>(simd, slow, members);
-                ray.far_reciprocal[axis] = extreme_of::<E, true>(simd, fast, members);
+                ray.near_origin[axis] = min_or_max_of::<E, true>(simd, near, members);
+                ray.far_origin[axis] = min_or_max_of::<E, false>(simd, far, members);
+                ray.near_reciprocal[axis] = min_or_max_of::<E, false>(simd, slow, members);
+                ray.far_reciprocal[axis] = min_or_max_of::<E, true>(simd, fast, members);
             } else {
-                ray.near_origin[axis] = extreme_of::<E, false>(simd, near, members);
-                ray.far_origin[axis] = extreme_of::<E, true>(simd, far, members);
-                ray.near_reciprocal[axis] = extreme_of::<E, true>(simd, slow, members);
-                ray.far_reciprocal[axis] = extreme_of::<E, false>(simd, fast, members);
+                ray.near_origin[axis] = min_or_max_of::<E, false>(simd, near, members);
+                ray.far_origin[axis] = min_or_max_of::<E, true>(simd, far, members);
+                ray.near_reciprocal[axis] = min_or_max_of::<E, true>(simd, slow, members);
+                ray.far_reciprocal[axis] = min_or_max_of::<E, false>(simd, fast, members);
             }
         }
         ray
@@ -261,7 +268,7 @@ impl Rows {
 
     /// One ray of a group.
     #[inline(always)]
-    pub fn single(&self, rays: &Rays, at: usize, group: &Group) -> TravRay {
+    pub fn single(&self, rays: &WorldRays, at: usize, group: &Group) -> TravRay {
         let mut ray = TravRay::from(rays.t_min.0[at]);
         ray.near_side = group.near_side;
         for axis in 0..3 {
@@ -279,10 +286,10 @@ impl Rows {
     pub fn met<E: F32x8Ops>(
         &self,
         simd: E,
-        rays: &Rays,
+        rays: &WorldRays,
         group: &Group,
         (node, slot): (&Node, usize),
-        limits: &Row,
+        limits: &PerRay,
     ) -> u64 {
         let mut planes = [[simd.splat(0.0); 2]; 3];
         for (axis, planes) in planes.iter_mut().enumerate() {
@@ -291,7 +298,7 @@ impl Rows {
                 [simd.splat(node.plane(axis, side, slot)), simd.splat(node.plane(axis, side ^ 1, slot))];
         }
         let mut met = 0;
-        for at in eights_of(group.rays) {
+        for at in groups_of_eight(group.rays) {
             let mut near = rays.t_min.load(simd, at);
             let mut far = limits.load(simd, at);
             for (axis, [first, last]) in planes.into_iter().enumerate() {
@@ -310,12 +317,12 @@ impl Rows {
 
 /// A component of a rough ray, and the bound of its error.
 #[inline(always)]
-fn rough_component<E: F32x8Ops>(simd: E, row: [f32; 3], v: [E::F32x8; 3]) -> (E::F32x8, E::F32x8) {
+fn approximate_component<E: F32x8Ops>(simd: E, row: [f32; 3], v: [E::F32x8; 3]) -> (E::F32x8, E::F32x8) {
     let x = simd.mul(simd.splat(row[0]), v[0]);
     let y = simd.mul(simd.splat(row[1]), v[1]);
     let z = simd.mul(simd.splat(row[2]), v[2]);
     let sizes = simd.add(simd.add(simd.abs(x), simd.abs(y)), simd.abs(z));
-    (simd.add(simd.add(x, y), z), simd.mul(sizes, simd.splat(ROUGH_SLACK)))
+    (simd.add(simd.add(x, y), z), simd.mul(sizes, simd.splat(APPROXIMATE_ERROR)))
 }
 
 /// A bit for each ray of an eight whose number is below 0.
@@ -326,18 +333,22 @@ fn below_zero<E: F32x8Ops>(simd: E, numbers: E::F32x8, at: usize) -> u64 {
 
 /// The greatest or the least of a row's numbers; a row and a bit say which count.
 #[inline(always)]
-fn extreme_of<E: F32x8Ops, const GREATEST: bool>(simd: E, row: &Row, (members, rays): (&Row, u64)) -> f32 {
+fn min_or_max_of<E: F32x8Ops, const GREATEST: bool>(
+    simd: E,
+    row: &PerRay,
+    (members, rays): (&PerRay, u64),
+) -> f32 {
     let mut all = simd.splat(if GREATEST { f32::NEG_INFINITY } else { f32::INFINITY });
-    for at in eights_of(rays) {
+    for at in groups_of_eight(rays) {
         let next = simd.add(row.load(simd, at), members.load(simd, at));
         all = if GREATEST { simd.max(next, all) } else { simd.min(next, all) };
     }
-    extreme::<E, GREATEST>(simd, all)
+    min_or_max::<E, GREATEST>(simd, all)
 }
 
 /// The greatest or the least of eight numbers.
 #[inline(always)]
-fn extreme<E: F32x8Ops, const GREATEST: bool>(simd: E, numbers: E::F32x8) -> f32 {
+fn min_or_max<E: F32x8Ops, const GREATEST: bool>(simd: E, numbers: E::F32x8) -> f32 {
     let lanes = simd.to_array(numbers);
     let beyond = |a: f32, b: f32| if (a > b) == GREATEST { a } else { b };
     let four = [0, 1, 2, 3].map(|at| beyond(lanes[at], lanes[at + 4]));
@@ -346,6 +357,6 @@ fn extreme<E: F32x8Ops, const GREATEST: bool>(simd: E, numbers: E::F32x8) -> f32
 
 /// The eights in which some rays lie.
 #[inline(always)]
-fn eights_of(rays: u64) -> impl Iterator<Item = usize> {
+fn groups_of_eight(rays: u64) -> impl Iterator<Item = usize> {
     (0..MAX_RAYS / EIGHT).filter(move |at| rays >> (at * EIGHT) & 0xFF != 0)
 }
