@@ -1,7 +1,7 @@
 //! What is compared: this crate in its three precisions, and formulas as they are published, in
 //! plain f32. Every contender has a test of a block of four and a test of one lane that passed it.
 
-use anyhit::geometry::block::{self, BlockRay, BoxRay, ShearedRay};
+use anyhit::geometry::block::{self, BoxRay, CullRay, ShearedRay};
 use anyhit::geometry::{Bounds, DoubleRay, Intersection, ObjectRay, Precision, Ray, Transform, Verdict};
 use anyhit::math::lane_ops::LaneOps;
 
@@ -16,7 +16,7 @@ pub struct Placed {
 impl Placed {
     /// The ray in object space.
     pub fn object(&self, ray: &Ray) -> ObjectRay {
-        let mut out = ObjectRay::IDLE;
+        let mut out = ObjectRay::EMPTY;
         self.bring(ray, &mut out);
         out
     }
@@ -38,14 +38,14 @@ pub trait Contender {
     type Block;
     /// A ray made ready for an instance.
     type Ready: Copy;
-    /// Memory for one.
-    const IDLE: Self::Ready;
+    /// Placeholder value.
+    const EMPTY: Self::Ready;
 
     fn block(shapes: &[Shape]) -> Self::Block;
     /// Makes a ray ready.
     fn ready(out: &mut Self::Ready, ray: &Ray, placed: &Placed, around: &Bounds);
     /// A bit for each lane that may be hit.
-    fn met<V: LaneOps>(simd: V, block: &Self::Block, ready: &Self::Ready) -> u32;
+    fn maybe_hit_mask<V: LaneOps>(simd: V, block: &Self::Block, ready: &Self::Ready) -> u32;
     /// The t of a lane; ray and instance are what it was made ready of.
     fn hit<V: LaneOps>(
         simd: V,
@@ -71,12 +71,12 @@ const fn precision(number: u8) -> Precision {
 }
 
 macro_rules! ours {
-    ($block:ty, $block_ray:ident, $simd:ident, $ready:ident => $met:expr, $shape:pat => $block_name:ident, $lane:ident, $set:expr $(, $caps:expr)?) => {
+    ($block:ty, $cull_ray:ident, $simd:ident, $ready:ident => $met:expr, $shape:pat => $block_name:ident, $lane:ident, $set:expr $(, $caps:expr)?) => {
         impl<const P: u8> Contender for Ours<$block, P> {
             type Block = $block;
-            type Ready = Ready<$block_ray>;
-            const IDLE: Self::Ready =
-                Ready { blocks: $block_ray::IDLE, object: ObjectRay::IDLE, has_object: false };
+            type Ready = Ready<$cull_ray>;
+            const EMPTY: Self::Ready =
+                Ready { blocks: $cull_ray::EMPTY, object: ObjectRay::EMPTY, has_object: false };
 
             fn block(shapes: &[Shape]) -> Self::Block {
                 let mut $block_name = <$block>::EMPTY;
@@ -93,7 +93,7 @@ macro_rules! ours {
             }
 
             #[inline(always)]
-            fn met<V: LaneOps>($simd: V, $block_name: &Self::Block, ready: &Self::Ready) -> u32 {
+            fn maybe_hit_mask<V: LaneOps>($simd: V, $block_name: &Self::Block, ready: &Self::Ready) -> u32 {
                 let $ready = &ready.blocks;
                 $met
             }
@@ -111,25 +111,25 @@ macro_rules! ours {
     };
 }
 
-ours!(block::Spheres, BlockRay, simd, ray => block.entered(simd, ray),
+ours!(block::Sphere4, CullRay, simd, ray => block.maybe_entered_mask(simd, ray),
     Shape::Sphere(center, radius) => block, lane, block.set(lane, center, radius));
-ours!(block::SweptEnds, BlockRay, simd, ray => block.met_closely(simd, ray),
+ours!(block::LinearSweptSphere4, CullRay, simd, ray => block.maybe_hit_mask_tight(simd, ray),
     Shape::Swept(positions, radii) => block, lane, block.set(lane, positions, radii), &[[true; 2]; block::LANES]);
-ours!(block::Triangles, ShearedRay, simd, ray => block.met(simd, ray),
+ours!(block::Triangle4, ShearedRay, simd, ray => block.maybe_hit_mask(simd, ray),
     Shape::Triangle(vertices) => block, lane, block.set(lane, vertices));
-ours!(block::Aabbs, BoxRay, _vectors, ray => block.met(ray),
+ours!(block::Aabb4, BoxRay, _vectors, ray => block.maybe_hit_mask(ray),
     Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));
 
 /// This crate with triangles and exactly, the f64 step on the processor's vectors: without a ray in object space where that is the
 /// world's.
 pub struct ExactTriangles;
 
-type Triangles = Ours<block::Triangles, EXACT>;
+type Triangles = Ours<block::Triangle4, EXACT>;
 
 impl Contender for ExactTriangles {
-    type Block = block::Triangles;
+    type Block = block::Triangle4;
     type Ready = Ready<ShearedRay>;
-    const IDLE: Self::Ready = Triangles::IDLE;
+    const EMPTY: Self::Ready = Triangles::EMPTY;
 
     fn block(shapes: &[Shape]) -> Self::Block {
         Triangles::block(shapes)
@@ -141,8 +141,8 @@ impl Contender for ExactTriangles {
     }
 
     #[inline(always)]
-    fn met<V: LaneOps>(simd: V, block: &Self::Block, ready: &Self::Ready) -> u32 {
-        Triangles::met(simd, block, ready)
+    fn maybe_hit_mask<V: LaneOps>(simd: V, block: &Self::Block, ready: &Self::Ready) -> u32 {
+        Triangles::maybe_hit_mask(simd, block, ready)
     }
 
     #[inline(always)]
@@ -172,7 +172,7 @@ impl Contender for ExactTriangles {
 
 #[cold]
 #[inline(never)]
-fn undecided(block: &block::Triangles, lane: usize, ray: &Ray, placed: &Placed) -> Option<Intersection> {
+fn undecided(block: &block::Triangle4, lane: usize, ray: &Ray, placed: &Placed) -> Option<Intersection> {
     block.intersect(lane, &placed.object(ray), Precision::Exact)
 }
 
@@ -216,7 +216,7 @@ pub trait ForBlocks: Sized {
     fn new(object: &ObjectRay, around: &Bounds) -> Self;
 }
 
-impl ForBlocks for BlockRay {
+impl ForBlocks for CullRay {
     #[inline(always)]
     fn early(ray: &Ray, placed: &Placed, around: &Bounds) -> Option<Self> {
         match &placed.transform {
@@ -236,13 +236,13 @@ impl ForBlocks for ShearedRay {
     fn early(ray: &Ray, placed: &Placed, around: &Bounds) -> Option<Self> {
         match &placed.transform {
             None => Self::world_space(ray),
-            Some(_) => BlockRay::early(ray, placed, around).as_ref().map(Self::of),
+            Some(_) => CullRay::early(ray, placed, around).as_ref().map(Self::of),
         }
     }
 
     #[inline(always)]
     fn new(object: &ObjectRay, around: &Bounds) -> Self {
-        Self::of(&BlockRay::new(object, around))
+        Self::of(&CullRay::new(object, around))
     }
 }
 

@@ -164,31 +164,31 @@ type Run<'a> = Box<dyn FnMut(&[Ray], &mut Vec<Hit>) + 'a>;
 fn contenders<'a>(scene: &'a Scene, trees: &'a Trees) -> Vec<(&'static str, Run<'a>)> {
     let mut out: Vec<(&'static str, Run<'a>)> = match scene.shapes[0] {
         Shape::Sphere(..) => vec![
-            ("Exact", runner::<Ours<block::Spheres, EXACT>>(scene, trees)),
-            ("Double", runner::<Ours<block::Spheres, DOUBLE>>(scene, trees)),
-            ("Float", runner::<Ours<block::Spheres, FLOAT>>(scene, trees)),
+            ("Exact", runner::<Ours<block::Sphere4, EXACT>>(scene, trees)),
+            ("Double", runner::<Ours<block::Sphere4, DOUBLE>>(scene, trees)),
+            ("Float", runner::<Ours<block::Sphere4, FLOAT>>(scene, trees)),
             ("recentred f32", runner::<RecentredSphere>(scene, trees)),
             ("naive f32", runner::<NaiveSphere>(scene, trees)),
         ],
         Shape::Swept(..) => vec![
-            ("Exact", runner::<Ours<block::SweptEnds, EXACT>>(scene, trees)),
-            ("Double", runner::<Ours<block::SweptEnds, DOUBLE>>(scene, trees)),
-            ("Float", runner::<Ours<block::SweptEnds, FLOAT>>(scene, trees)),
+            ("Exact", runner::<Ours<block::LinearSweptSphere4, EXACT>>(scene, trees)),
+            ("Double", runner::<Ours<block::LinearSweptSphere4, DOUBLE>>(scene, trees)),
+            ("Float", runner::<Ours<block::LinearSweptSphere4, FLOAT>>(scene, trees)),
             ("recentred f32", runner::<RoundCone<true>>(scene, trees)),
             ("naive f32", runner::<RoundCone<false>>(scene, trees)),
             ("capsule by distance", runner::<CapsuleByDistance>(scene, trees)),
         ],
         Shape::Triangle(_) => vec![
             ("Exact", runner::<ExactTriangles>(scene, trees)),
-            ("Double", runner::<Ours<block::Triangles, DOUBLE>>(scene, trees)),
-            ("Float", runner::<Ours<block::Triangles, FLOAT>>(scene, trees)),
+            ("Double", runner::<Ours<block::Triangle4, DOUBLE>>(scene, trees)),
+            ("Float", runner::<Ours<block::Triangle4, FLOAT>>(scene, trees)),
             ("Möller-Trumbore", runner::<MoellerTrumbore>(scene, trees)),
             ("Woop", runner::<Woop>(scene, trees)),
         ],
         Shape::Aabb(_) => vec![
-            ("Exact", runner::<Ours<block::Aabbs, EXACT>>(scene, trees)),
-            ("Double", runner::<Ours<block::Aabbs, DOUBLE>>(scene, trees)),
-            ("Float", runner::<Ours<block::Aabbs, FLOAT>>(scene, trees)),
+            ("Exact", runner::<Ours<block::Aabb4, EXACT>>(scene, trees)),
+            ("Double", runner::<Ours<block::Aabb4, DOUBLE>>(scene, trees)),
+            ("Float", runner::<Ours<block::Aabb4, FLOAT>>(scene, trees)),
             ("slabs f32", runner::<Slabs>(scene, trees)),
         ],
     };

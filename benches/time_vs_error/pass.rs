@@ -58,7 +58,7 @@ impl<C: Contender> LaneTask for Pass<'_, C> {
     #[inline(always)]
     fn run<V: LaneOps>(self, simd: V) {
         let field = self.field;
-        let mut prepared = C::IDLE;
+        let mut prepared = C::EMPTY;
         for ray in self.rays {
             let mut way = Way { field, ray, prepared: &mut prepared, best: None };
             match &field.trees.instances {
@@ -124,7 +124,7 @@ impl<C: Contender> Leaves for InInstance<'_, '_, C> {
         let Way { field, ray, prepared, best } = &mut *self.way;
         let numbers = &field.trees.primitives.blocks[block];
         let block = &field.blocks[block];
-        let mut met = C::met(simd, block, prepared) & ((1 << numbers.len()) - 1);
+        let mut met = C::maybe_hit_mask(simd, block, prepared) & ((1 << numbers.len()) - 1);
         while met != 0 {
             let lane = met.trailing_zeros() as usize;
             met &= met - 1;

@@ -13,10 +13,12 @@ use crate::tree::{Leaves, TravRay};
 pub fn steps(scene: &Scene, trees: &Trees) -> String {
     let cpu_tier = CpuTier::new();
     let counts = match scene.shapes[0] {
-        Shape::Sphere(..) => cpu_tier.run(Count(Field::<Ours<block::Spheres, EXACT>>::new(scene, trees))),
-        Shape::Swept(..) => cpu_tier.run(Count(Field::<Ours<block::SweptEnds, EXACT>>::new(scene, trees))),
+        Shape::Sphere(..) => cpu_tier.run(Count(Field::<Ours<block::Sphere4, EXACT>>::new(scene, trees))),
+        Shape::Swept(..) => {
+            cpu_tier.run(Count(Field::<Ours<block::LinearSweptSphere4, EXACT>>::new(scene, trees)))
+        }
         Shape::Triangle(_) => cpu_tier.run(Count(Field::<ExactTriangles>::new(scene, trees))),
-        Shape::Aabb(_) => cpu_tier.run(Count(Field::<Ours<block::Aabbs, EXACT>>::new(scene, trees))),
+        Shape::Aabb(_) => cpu_tier.run(Count(Field::<Ours<block::Aabb4, EXACT>>::new(scene, trees))),
     };
     let total = counts.iter().sum::<u64>();
     let [in_f32, in_f64, exactly] = counts.map(|count| 100.0 * count as f64 / total.max(1) as f64);
@@ -33,7 +35,7 @@ impl<C: Contender> LaneTask for Count<'_, C> {
         let Self(field) = self;
         let Field { scene, trees, .. } = &field;
         let mut counts = [0; 3];
-        let mut ready = C::IDLE;
+        let mut ready = C::EMPTY;
         for ray in &scene.rays {
             for (placed, _) in &trees.placed {
                 C::ready(&mut ready, ray, placed, &scene.bounds);
@@ -58,7 +60,7 @@ struct Tests<'a, C: Contender> {
 impl<C: Contender> Leaves for Tests<'_, C> {
     fn visit<V: LaneOps>(&mut self, simd: V, block: usize, limit: f32) -> f32 {
         let Field { scene, trees, blocks } = self.field;
-        let met = C::met(simd, &blocks[block], self.ready);
+        let met = C::maybe_hit_mask(simd, &blocks[block], self.ready);
         for (lane, &number) in trees.primitives.blocks[block].iter().enumerate() {
             let step = match met >> lane & 1 {
                 0 => 0,

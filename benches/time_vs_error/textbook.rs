@@ -29,7 +29,7 @@ pub trait Textbook {
     type Ray: Prepared;
 
     /// See [`Contender::met`].
-    fn met(block: &Self::Block, ray: &Self::Ray) -> u32;
+    fn maybe_hit_mask(block: &Self::Block, ray: &Self::Ray) -> u32;
     /// See [`Contender::hit`].
     fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32>;
 }
@@ -41,14 +41,14 @@ pub trait Lanes {
 
 /// A ray brought into object space.
 pub trait Prepared: Copy {
-    const IDLE: Self;
+    const EMPTY: Self;
     fn new(ray: &Ray, placed: &Placed) -> Self;
 }
 
 impl<T: Textbook> Contender for T {
     type Block = T::Block;
     type Ready = T::Ray;
-    const IDLE: T::Ray = T::Ray::IDLE;
+    const EMPTY: T::Ray = T::Ray::EMPTY;
 
     fn block(shapes: &[Shape]) -> Self::Block {
         T::Block::new(shapes)
@@ -60,8 +60,8 @@ impl<T: Textbook> Contender for T {
     }
 
     #[inline(always)]
-    fn met<V: LaneOps>(_: V, block: &Self::Block, ray: &T::Ray) -> u32 {
-        T::met(block, ray)
+    fn maybe_hit_mask<V: LaneOps>(_: V, block: &Self::Block, ray: &T::Ray) -> u32 {
+        T::maybe_hit_mask(block, ray)
     }
 
     #[inline(always)]
@@ -76,7 +76,7 @@ impl<T: Textbook> Contender for T {
 }
 
 impl Prepared for PlainRay {
-    const IDLE: Self =
+    const EMPTY: Self =
         Self { origin: [0.0; 3], direction: [0.0; 3], dd: 0.0, inverse: 0.0, t_min: 0.0, t_max: 0.0 };
 
     #[inline(always)]
@@ -179,7 +179,7 @@ impl Textbook for NaiveSphere {
     type Ray = PlainRay;
 
     #[inline(always)]
-    fn met(block: &SphereBlock, ray: &PlainRay) -> u32 {
+    fn maybe_hit_mask(block: &SphereBlock, ray: &PlainRay) -> u32 {
         let m = sub(splat(ray.origin), load(&block.center));
         let b = dot(m, splat(ray.direction));
         let r = F32x4::new(block.radius);
@@ -207,7 +207,7 @@ impl Textbook for RecentredSphere {
     type Ray = PlainRay;
 
     #[inline(always)]
-    fn met(block: &SphereBlock, ray: &PlainRay) -> u32 {
+    fn maybe_hit_mask(block: &SphereBlock, ray: &PlainRay) -> u32 {
         let d = splat(ray.direction);
         let m = sub(splat(ray.origin), load(&block.center));
         let s = dot(m, d) * F32x4::splat(ray.inverse);
@@ -266,7 +266,7 @@ impl<const RECENTRED: bool> Textbook for RoundCone<RECENTRED> {
     type Ray = PlainRay;
 
     #[inline(always)]
-    fn met(block: &SweptBlock, ray: &PlainRay) -> u32 {
+    fn maybe_hit_mask(block: &SweptBlock, ray: &PlainRay) -> u32 {
         let [p, q] = [load(&block.positions[0]), load(&block.positions[1])];
         let [r0, r1] = block.radii.map(F32x4::new);
         let d = splat(ray.direction);
@@ -335,7 +335,7 @@ impl Textbook for CapsuleByDistance {
     type Ray = PlainRay;
 
     #[inline(always)]
-    fn met(block: &SweptBlock, ray: &PlainRay) -> u32 {
+    fn maybe_hit_mask(block: &SweptBlock, ray: &PlainRay) -> u32 {
         let [p, q] = [load(&block.positions[0]), load(&block.positions[1])];
         let [r0, r1] = block.radii.map(F32x4::new);
         let r = r0.relaxed_max(r1);
@@ -404,7 +404,7 @@ impl Textbook for MoellerTrumbore {
     type Ray = PlainRay;
 
     #[inline(always)]
-    fn met(block: &TriangleBlock, ray: &PlainRay) -> u32 {
+    fn maybe_hit_mask(block: &TriangleBlock, ray: &PlainRay) -> u32 {
         let [a, b, c] = &block.vertices;
         let (v0, v1, v2) = (load(a), load(b), load(c));
         let d = splat(ray.direction);
@@ -442,7 +442,7 @@ pub struct WoopRay {
 }
 
 impl Prepared for WoopRay {
-    const IDLE: Self = Self { plain: PlainRay::IDLE, axes: [0; 3], shear: [0.0; 3] };
+    const EMPTY: Self = Self { plain: PlainRay::EMPTY, axes: [0; 3], shear: [0.0; 3] };
 
     #[inline(always)]
     fn new(ray: &Ray, placed: &Placed) -> Self {
@@ -461,7 +461,7 @@ impl Textbook for Woop {
     type Ray = WoopRay;
 
     #[inline(always)]
-    fn met(block: &TriangleBlock, ray: &WoopRay) -> u32 {
+    fn maybe_hit_mask(block: &TriangleBlock, ray: &WoopRay) -> u32 {
         let [x, y, z] = ray.axes;
         let origin = [x, y, z].map(|axis| F32x4::splat(ray.plain.origin[axis]));
         let [sx, sy] = [ray.shear[0], ray.shear[1]].map(F32x4::splat);
@@ -519,7 +519,7 @@ impl Lanes for BoxBlock {
 
 /// A ray and the reciprocals of its direction.
 impl Prepared for (PlainRay, [f32; 3]) {
-    const IDLE: Self = (PlainRay::IDLE, [0.0; 3]);
+    const EMPTY: Self = (PlainRay::EMPTY, [0.0; 3]);
 
     #[inline(always)]
     fn new(ray: &Ray, placed: &Placed) -> Self {
@@ -536,7 +536,7 @@ impl Textbook for Slabs {
     type Ray = (PlainRay, [f32; 3]);
 
     #[inline(always)]
-    fn met(block: &BoxBlock, (ray, inverse): &Self::Ray) -> u32 {
+    fn maybe_hit_mask(block: &BoxBlock, (ray, inverse): &Self::Ray) -> u32 {
         let mut near = F32x4::splat(ray.t_min);
         let mut far = F32x4::splat(ray.t_max);
         for i in 0..3 {

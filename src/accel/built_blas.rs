@@ -5,8 +5,8 @@ mod build;
 use crate::accel::blas::{GeometryFlags, between};
 use crate::accel::node::NodeRef;
 use crate::accel::wide_bvh::WideBvh;
-use crate::geometry::block::{self, BlockRay, LANES, ShearedRay};
-use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, triangle};
+use crate::geometry::block::{self, CullRay, LANES, ShearedRay};
+use crate::geometry::{Bounds, DoubleRay, Intersection, Intersection4, ObjectRay, Precision, triangle};
 use crate::math::f32x4::FmaOps;
 use crate::math::f64x4::F64x4Ops;
 use crate::math::prefetch::prefetch;
@@ -38,14 +38,14 @@ impl GeomPrim {
     const NONE: Self = Self { geometry: u32::MAX, primitive: u32::MAX };
 }
 
-/// Whether a ray is made ready for [`BuiltBlas::met`].
+/// Which rays are prepared for [`BuiltBlas::maybe_hit_mask`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Drops {
-    /// A ray comes to test one or two of them: that pays for nothing.
+pub enum Culling {
+    /// No ray: a ray tests only one or two primitives, so that preparing it does not pay.
     Never,
-    /// Where [`BlockRay::world_space`] does.
-    WhereSimple,
-    /// For every ray.
+    /// Rays that [`CullRay::world_space`] or [`CullRay::approximate`] can prepare.
+    WorldSpace,
+    /// Every ray.
     Always,
 }
 
@@ -61,11 +61,11 @@ pub trait LeafRay {
 /// The primitives, all of one kind, in blocks of four.
 #[derive(Debug)]
 enum Shapes {
-    Triangles(Vec<block::Triangles>),
-    Aabbs(Vec<block::Aabbs>),
-    Spheres(Vec<block::Spheres>),
+    Triangles(Vec<block::Triangle4>),
+    Aabbs(Vec<block::Aabb4>),
+    Spheres(Vec<block::Sphere4>),
     /// The blocks, and the caps of each primitive.
-    LinearSweptSpheres(Vec<block::SweptEnds>, Vec<[[bool; 2]; LANES]>),
+    LinearSweptSpheres(Vec<block::LinearSweptSphere4>, Vec<[[bool; 2]; LANES]>),
     /// In tree order the vertices at time 0 and at time 1; `None` is padding.
     MovingTriangles(Vec<Option<Keys>>),
 }
@@ -106,7 +106,7 @@ impl BuiltBlas {
             return;
         }
         if let Shapes::Triangles(blocks) = &self.shapes {
-            blocks.get(leaves).unwrap_or_default().iter().for_each(block::Triangles::prefetch);
+            blocks.get(leaves).unwrap_or_default().iter().for_each(block::Triangle4::prefetch);
         }
     }
 
@@ -150,13 +150,13 @@ impl BuiltBlas {
         self.has_pieces
     }
 
-    /// Which rays drop primitives by blocks.
+    /// Which rays cull primitives by blocks of four.
     #[inline(always)]
-    pub fn drops(&self) -> Drops {
+    pub fn culling(&self) -> Culling {
         match self.shapes {
-            Shapes::LinearSweptSpheres(..) => Drops::Always,
-            Shapes::Triangles(_) | Shapes::Spheres(_) => Drops::WhereSimple,
-            Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => Drops::Never,
+            Shapes::LinearSweptSpheres(..) => Culling::Always,
+            Shapes::Triangles(_) | Shapes::Spheres(_) => Culling::WorldSpace,
+            Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => Culling::Never,
         }
     }
 
@@ -178,46 +178,47 @@ impl BuiltBlas {
         (1 << leaf.count()) - 1
     }
 
-    /// A bit for each of a leaf's primitives that the ray's line does not surely miss; `CLOSELY`: fewer of those that
-    /// taper. Only for bodies that [drop](BuiltBlas::drops) some; triangles read the second ray.
+    /// A mask of the primitives of a leaf that the line of the ray may hit. `TIGHT` culls more of the swept
+    /// spheres that taper. Only for primitives that are [culled](BuiltBlas::culling) at all; triangles read
+    /// the second ray.
     #[inline(always)]
-    pub fn met<F: FmaOps, const CLOSELY: bool>(
+    pub fn maybe_hit_mask<F: FmaOps, const TIGHT: bool>(
         &self,
         simd: F,
         leaf: NodeRef,
-        (ray, sheared): (&BlockRay, &ShearedRay),
+        (ray, sheared): (&CullRay, &ShearedRay),
     ) -> u32 {
         let at = leaf.index();
-        let met = match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[at].met(simd, sheared),
-            Shapes::Spheres(blocks) => blocks[at].entered(simd, ray),
-            Shapes::LinearSweptSpheres(blocks, _) if CLOSELY => blocks[at].met_closely(simd, ray),
-            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].met(simd, ray),
+        let maybe_hit = match &self.shapes {
+            Shapes::Triangles(blocks) => blocks[at].maybe_hit_mask(simd, sheared),
+            Shapes::Spheres(blocks) => blocks[at].maybe_entered_mask(simd, ray),
+            Shapes::LinearSweptSpheres(blocks, _) if TIGHT => blocks[at].maybe_hit_mask_tight(simd, ray),
+            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].maybe_hit_mask(simd, ray),
             Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => u32::MAX,
         };
-        met & self.full_mask(leaf)
+        maybe_hit & self.full_mask(leaf)
     }
 
-    /// Whether [`BuiltBlas::tested`] decides about a whole leaf: that is better than to drop some.
+    /// Whether [`BuiltBlas::intersect_leaf`] tests whole leaves, which is faster than culling first.
     #[inline(always)]
     pub fn tests_leaves(&self, precision: Precision) -> bool {
         precision == Precision::Exact && matches!(self.shapes, Shapes::Triangles(_) | Shapes::Spheres(_))
     }
 
-    /// The exact test of all of a leaf's primitives, as far as f64 carries; what lies behind `limit`, a
-    /// rounded t, may be left out. Only for bodies that [test leaves](BuiltBlas::tests_leaves).
+    /// Tests all primitives of a leaf at once by the f64 filter; hits behind `limit`, a rounded t, may be
+    /// left out. Only if [`BuiltBlas::tests_leaves`].
     #[inline(always)]
-    pub fn tested<D: F64x4Ops>(
+    pub fn intersect_leaf<D: F64x4Ops>(
         &self,
         simd: D,
         leaf: NodeRef,
         ray: &mut impl LeafRay,
         limit: f32,
-    ) -> FourTested {
+    ) -> Intersection4 {
         match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[leaf.index()].tested(simd, &ray.double(simd), limit),
-            Shapes::Spheres(blocks) => blocks[leaf.index()].tested(simd, ray.object(), limit),
-            _ => FourTested::MISSED,
+            Shapes::Triangles(blocks) => blocks[leaf.index()].intersect4(simd, &ray.double(simd), limit),
+            Shapes::Spheres(blocks) => blocks[leaf.index()].intersect4(simd, ray.object(), limit),
+            _ => Intersection4::MISSED,
         }
     }
 

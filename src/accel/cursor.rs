@@ -279,7 +279,7 @@ impl Cursor {
         Self::fresh(trace)
     }
 
-    /// Memory for traversals.
+    /// A cursor that serves as a buffer for later traversals.
     pub(super) fn idle() -> Self {
         let ray = Ray::new([0.0; 3], [0.0; 3]);
         Self::fresh(TraceRay { ray, flags: RayFlags::default(), cull_mask: 0, time: 0.0 })
@@ -296,7 +296,7 @@ impl Cursor {
             reported: Vec::new(),
             any_opaque_hit_ends: false,
         };
-        Self { trace, traversal: TraversalState::IDLE, hits, state: State::Fresh }
+        Self { trace, traversal: TraversalState::EMPTY, hits, state: State::Fresh }
     }
 
     /// Begins another traversal in the memory of this one.

@@ -1,57 +1,57 @@
-//! A ray in the instance whose tree it is in, with what its tests need; parts that only some tests
-//! need are made by the first of them.
+//! The ray in the space of the instance that it traverses, in the forms that its tests need. Forms that
+//! only some tests need are made on first use.
 
-use crate::accel::built_blas::{BuiltBlas, Drops, LeafRay};
+use crate::accel::built_blas::{BuiltBlas, Culling, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::NodeRef;
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::trav_ray::TravRay;
 use crate::accel::wide_bvh::WideBvh;
-use crate::geometry::block::{BlockRay, ShearedRay};
+use crate::geometry::block::{CullRay, ShearedRay};
 use crate::geometry::{ApproximateRay, DoubleRay, ObjectRay, Ray, Transform};
 use crate::math::f32x4::FmaOps;
 use crate::math::f64x4::F64x4Ops;
 
-/// The instance that the upper end of the stack belongs to.
+/// The current instance of a traversal, and the ray in its space.
 #[derive(Clone, Debug)]
 pub struct InstanceRay {
     pub instance: u32,
-    /// How many entries of the stack lie below it.
+    /// The number of stack entries below those of this instance.
     pub base: usize,
     pub trav_ray: TravRay,
     object_ray: ObjectRay,
     has_object_ray: bool,
-    /// Whether object space is the world's, and the ray ordinary.
+    /// Whether object space is world space and the ray is well scaled.
     is_well_scaled: bool,
-    block_ray: BlockRay,
-    /// The same for triangles.
+    cull_ray: CullRay,
+    /// The ray that culls triangles.
     sheared_ray: ShearedRay,
-    /// Whether there is a ray for blocks, if it is known already.
-    drops: bool,
-    has_block_ray: bool,
+    /// Whether the ray culls primitives; valid once `has_cull_ray` is set.
+    culls: bool,
+    has_cull_ray: bool,
     ray_space: RaySpace,
-    /// Where it came as one.
+    /// The ray in f32; valid for [`RaySpace::Approximate`].
     approximate_ray: ApproximateRay,
 }
 
 impl InstanceRay {
-    /// Memory for a level.
-    pub const IDLE: Self = Self {
+    /// Placeholder value.
+    pub const EMPTY: Self = Self {
         instance: 0,
         base: 0,
-        trav_ray: TravRay::IDLE,
-        object_ray: ObjectRay::IDLE,
+        trav_ray: TravRay::EMPTY,
+        object_ray: ObjectRay::EMPTY,
         has_object_ray: false,
         is_well_scaled: false,
-        block_ray: BlockRay::IDLE,
-        sheared_ray: ShearedRay::IDLE,
-        drops: false,
-        has_block_ray: false,
+        cull_ray: CullRay::EMPTY,
+        sheared_ray: ShearedRay::EMPTY,
+        culls: false,
+        has_cull_ray: false,
         ray_space: RaySpace::Object,
-        approximate_ray: ApproximateRay::IDLE,
+        approximate_ray: ApproximateRay::EMPTY,
     };
 
-    /// Takes the ray into an instance; `false` where it surely meets nothing before `cull_t` there.
+    /// Takes the ray into an instance; `false` if it certainly hits nothing up to `cull_t` there.
     #[inline(always)]
     pub fn enter(
         &mut self,
@@ -63,7 +63,7 @@ impl InstanceRay {
     ) -> bool {
         self.instance = instance;
         self.has_object_ray = false;
-        self.has_block_ray = false;
+        self.has_cull_ray = false;
         self.is_well_scaled = false;
         let entered = match (bvh, tlas.transform(instance)) {
             (Some(bvh), Placed::InWorld) => {
@@ -77,7 +77,7 @@ impl InstanceRay {
         entered || self.enter_prepared(tlas, bvh, trace, cull_t)
     }
 
-    /// The same in f32 with bounds; `false` where that is not enough.
+    /// [`Self::enter`] by an f32 ray with error bounds; `false` if those do not suffice.
     #[inline(never)]
     fn enter_approximately(&mut self, transform: &Transform, bvh: &WideBvh, ray: &Ray) -> bool {
         let Some(approximate_ray) = transform.approximate(ray) else { return false };
@@ -86,7 +86,7 @@ impl InstanceRay {
         self.trav_ray.set_approximate(&approximate_ray, ray.t_min, bvh.scale())
     }
 
-    /// The same where the ray in object space must be known.
+    /// [`Self::enter`] by the f64 ray in object space.
     #[inline(never)]
     fn enter_prepared(&mut self, tlas: &Tlas, bvh: Option<&WideBvh>, trace: &TraceRay, cull_t: f32) -> bool {
         self.ray_space = RaySpace::Object;
@@ -96,7 +96,7 @@ impl InstanceRay {
             return false;
         }
         let Some(bvh) = bvh else {
-            // Blocks are dropped all the same.
+            // Without a BVH blocks of primitives are still culled.
             self.prepare_culling(tlas, trace);
             return true;
         };
@@ -104,7 +104,7 @@ impl InstanceRay {
         trav_ray.map(|trav_ray| self.trav_ray = trav_ray).is_some()
     }
 
-    /// Finds out how the ray comes to an instance's blocks.
+    /// Chooses the form of the ray that culls blocks of primitives.
     #[inline(always)]
     fn prepare_culling(&mut self, tlas: &Tlas, trace: &TraceRay) {
         self.ray_space = match tlas.transform(self.instance) {
@@ -120,19 +120,19 @@ impl InstanceRay {
         };
     }
 
-    /// Takes the ray into an instance whose boxes it does not test here.
+    /// Takes a ray of a packet into an instance whose BVH the packet traverses.
     #[inline(always)]
     pub fn arrive(&mut self, tlas: &Tlas, instance: u32, built: &BuiltBlas, trace: &TraceRay) {
         self.instance = instance;
         self.has_object_ray = false;
         self.is_well_scaled = false;
-        self.has_block_ray = false;
-        if !built.tests_leaves(tlas.precision()) && built.drops() != Drops::Never {
+        self.has_cull_ray = false;
+        if !built.tests_leaves(tlas.precision()) && built.culling() != Culling::Never {
             self.prepare_culling(tlas, trace);
         }
     }
 
-    /// The ray for all primitives of a leaf at once.
+    /// The ray for the tests of whole leaves.
     #[inline(always)]
     pub fn for_leaf<'a>(&'a mut self, tlas: &'a Tlas, trace: &'a TraceRay) -> ForLeaf<'a> {
         ForLeaf { instance_ray: self, tlas, trace }
@@ -149,9 +149,9 @@ impl InstanceRay {
         &self.object_ray
     }
 
-    /// A bit for each of a leaf's primitives that the ray may meet: [`BuiltBlas::met`].
+    /// A mask of the primitives of a leaf that the ray may hit, by [`BuiltBlas::maybe_hit_mask`].
     #[inline(always)]
-    pub fn met<F: FmaOps, const CLOSELY: bool>(
+    pub fn maybe_hit_mask<F: FmaOps, const TIGHT: bool>(
         &mut self,
         simd: F,
         tlas: &Tlas,
@@ -159,64 +159,64 @@ impl InstanceRay {
         leaf: NodeRef,
         trace: &TraceRay,
     ) -> u32 {
-        if !self.has_block_ray {
-            self.has_block_ray = true;
-            self.make_block_ray(tlas, built, trace);
+        if !self.has_cull_ray {
+            self.has_cull_ray = true;
+            self.make_cull_ray(tlas, built, trace);
         }
-        if self.drops {
-            built.met::<F, CLOSELY>(simd, leaf, (&self.block_ray, &self.sheared_ray))
+        if self.culls {
+            built.maybe_hit_mask::<F, TIGHT>(simd, leaf, (&self.cull_ray, &self.sheared_ray))
         } else {
             built.full_mask(leaf)
         }
     }
 
     #[inline(always)]
-    fn make_block_ray(&mut self, tlas: &Tlas, built: &BuiltBlas, trace: &TraceRay) {
-        let drops = built.drops();
-        if drops == Drops::Never {
-            self.drops = false;
+    fn make_cull_ray(&mut self, tlas: &Tlas, built: &BuiltBlas, trace: &TraceRay) {
+        let culling = built.culling();
+        if culling == Culling::Never {
+            self.culls = false;
             return;
         }
         if built.has_triangles() {
             let ray = self.sheared_ray_for(built, trace);
-            self.drops = ray.is_some();
-            self.sheared_ray = ray.unwrap_or(ShearedRay::IDLE);
+            self.culls = ray.is_some();
+            self.sheared_ray = ray.unwrap_or(ShearedRay::EMPTY);
             return;
         }
         let ray = match self.ray_space {
-            RaySpace::World => BlockRay::world_space(&trace.ray, built.bounds()),
-            RaySpace::Approximate => BlockRay::approximate(&self.approximate_ray, built.bounds()),
+            RaySpace::World => CullRay::world_space(&trace.ray, built.bounds()),
+            RaySpace::Approximate => CullRay::approximate(&self.approximate_ray, built.bounds()),
             RaySpace::Object => None,
         };
-        self.drops = ray.is_some() || drops == Drops::Always;
+        self.culls = ray.is_some() || culling == Culling::Always;
         if let Some(ray) = ray {
-            self.block_ray = ray;
-        } else if self.drops {
-            self.block_ray = BlockRay::new(self.object_ray(tlas, trace), built.bounds());
+            self.cull_ray = ray;
+        } else if self.culls {
+            self.cull_ray = CullRay::new(self.object_ray(tlas, trace), built.bounds());
         }
     }
 
-    /// The ray for blocks of triangles, where there is a simple one.
+    /// The ray that culls triangles, if it can be prepared in f32.
     #[inline(always)]
     fn sheared_ray_for(&self, built: &BuiltBlas, trace: &TraceRay) -> Option<ShearedRay> {
         let bounds = built.bounds();
         match self.ray_space {
             RaySpace::World => {
-                // Of an ordinary ray the tree's scale has said it.
+                // For a well-scaled ray the scale of the tree implies this.
                 if self.is_well_scaled {
                     return Some(ShearedRay::well_scaled(&trace.ray));
                 }
                 if ShearedRay::reaches(bounds) { ShearedRay::world_space(&trace.ray) } else { None }
             }
             RaySpace::Approximate => {
-                BlockRay::approximate(&self.approximate_ray, bounds).as_ref().map(ShearedRay::of)
+                CullRay::approximate(&self.approximate_ray, bounds).as_ref().map(ShearedRay::of)
             }
             RaySpace::Object => None,
         }
     }
 }
 
-/// The ray of a level, for a leaf.
+/// The ray of an instance for tests of whole leaves.
 pub struct ForLeaf<'a> {
     instance_ray: &'a mut InstanceRay,
     tlas: &'a Tlas,
@@ -239,13 +239,13 @@ impl LeafRay for ForLeaf<'_> {
     }
 }
 
-/// How the ray came into the instance.
+/// The form in which the ray entered the instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum RaySpace {
-    /// As a simple ray of the world.
+    /// Object space is world space: the f32 ray as given.
     World,
-    /// In f32 with bounds.
+    /// The f32 ray in object space, with error bounds.
     Approximate,
-    /// In f64 with bounds.
+    /// The f64 ray in object space, with error bounds.
     Object,
 }

@@ -148,8 +148,8 @@ impl Node {
             near = simd.max(simd.mul(enter, ray.near_reciprocal[axis]), near);
             far = simd.min(simd.mul(leave, ray.far_reciprocal[axis]), far);
         }
-        let met = simd.cmp_ge(far, near);
-        (simd.to_array(near), met & self.filled)
+        let maybe_hit = simd.cmp_ge(far, near);
+        (simd.to_array(near), maybe_hit & self.filled)
     }
 
     /// Prefetches the node into the L1 cache.

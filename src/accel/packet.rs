@@ -95,7 +95,7 @@ struct Found {
 
 impl Found {
     /// Placeholder value.
-    const IDLE: Self = Self {
+    const EMPTY: Self = Self {
         instance: 0,
         ordered_index: 0,
         intersection: Intersection { t: 0.0, attributes: [0.0; 2], surface: Surface::Aabb },
@@ -145,14 +145,14 @@ impl Default for Packet {
     fn default() -> Self {
         Self {
             cursor: Cursor::idle(),
-            instance_rays: vec![InstanceRay::IDLE; MAX_RAYS],
-            rays: WorldRays::IDLE,
-            world_soa: RaySoA::IDLE,
-            instance_soa: RaySoA::IDLE,
-            limits: PerRay::IDLE,
+            instance_rays: vec![InstanceRay::EMPTY; MAX_RAYS],
+            rays: WorldRays::EMPTY,
+            world_soa: RaySoA::EMPTY,
+            instance_soa: RaySoA::EMPTY,
+            limits: PerRay::EMPTY,
             stale: 0,
             hit: 0,
-            hits: [Found::IDLE; MAX_RAYS],
+            hits: [Found::EMPTY; MAX_RAYS],
             stack: Vec::new(),
             steps: 0,
             single_steps: 0,
@@ -207,11 +207,11 @@ impl Packet {
 
     /// Pushes the children of a node that `met` names, the nearest on top.
     #[inline(always)]
-    fn push(&mut self, near: [f32; WIDTH], mut met: u32, node: NodeRef) {
+    fn push(&mut self, near: [f32; WIDTH], mut maybe_hit: u32, node: NodeRef) {
         let bottom = self.stack.len();
-        while met != 0 {
-            let slot = met.trailing_zeros() as usize % WIDTH;
-            met &= met - 1;
+        while maybe_hit != 0 {
+            let slot = maybe_hit.trailing_zeros() as usize % WIDTH;
+            maybe_hit &= maybe_hit - 1;
             self.stack.push(StackEntry::new(near[slot], node, slot));
             let top = &mut self.stack[bottom..];
             let mut at = top.len() - 1;

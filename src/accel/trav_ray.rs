@@ -78,8 +78,8 @@ pub(super) const SHRINK: f64 = 1.0 - 1.0 / 4_194_304.0;
 pub(super) const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
 
 impl TravRay {
-    /// Memory for a ray.
-    pub const IDLE: Self = Self {
+    /// Placeholder value.
+    pub const EMPTY: Self = Self {
         near_origin: [0.0; LANES],
         far_origin: [0.0; LANES],
         near_reciprocal: [0.0; LANES],
@@ -92,7 +92,7 @@ impl TravRay {
 
     /// A ray that only knows where it starts, for what has no tree.
     pub fn from(t_min: f32) -> Self {
-        Self { t_min, near_floor: t_min + 0.0, ..Self::IDLE }
+        Self { t_min, near_floor: t_min + 0.0, ..Self::EMPTY }
     }
 
     /// Prepares a ray for a tree with the given root box (in the tree's space, not scaled) and
@@ -100,7 +100,7 @@ impl TravRay {
     /// `t_min..=t_max`.
     #[inline]
     pub fn new(ray: &ObjectRay, t_max: f32, root: &Bounds, scale: f64) -> Option<Self> {
-        let mut world_space = Self::IDLE;
+        let mut world_space = Self::EMPTY;
         if ray.is_in_world() && world_space.set_world_space(ray.world(), scale) {
             return Some(world_space);
         }
@@ -210,7 +210,7 @@ impl TravRay {
             t_shift,
             t_min,
             near_floor: if t_shift == 0.0 { t_min + 0.0 } else { 0.0 },
-            ..Self::IDLE
+            ..Self::EMPTY
         };
         let shift = f64::from(t_shift);
         for axis in 0..3 {
@@ -450,7 +450,7 @@ mod tests {
         let transform = matrix.as_ref().and_then(Transform::new);
         let approximate =
             transform.and_then(|transform| transform.approximate(&ray)).and_then(|approximate| {
-                let mut trav_ray = TravRay::IDLE;
+                let mut trav_ray = TravRay::EMPTY;
                 trav_ray.set_approximate(&approximate, ray.t_min, bvh.scale()).then_some(trav_ray)
             });
         let (mut o, mut d) = (ray.origin.map(exact), ray.direction.map(exact));
@@ -474,9 +474,9 @@ mod tests {
                 prop_assert!(trav_ray.absolute(trav_ray.near_floor) <= rounded);
                 while !at.is_leaf() {
                     let node: &Node = bvh.node(at);
-                    let (near, met) = node.intersect(&trav_ray.slabs(BaselineSimd), limit);
+                    let (near, maybe_hit) = node.intersect(&trav_ray.slabs(BaselineSimd), limit);
                     let entries: [f32; WIDTH] = std::array::from_fn(|slot| {
-                        if met >> slot & 1 != 0 { trav_ray.absolute(near[slot]) } else { f32::INFINITY }
+                        if maybe_hit >> slot & 1 != 0 { trav_ray.absolute(near[slot]) } else { f32::INFINITY }
                     });
                     let slot = (0..entries.len()).find(|&slot| holds(&bvh, node, slot, place));
                     let slot = slot.expect("every box is in the BVH");

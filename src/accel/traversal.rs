@@ -13,7 +13,7 @@ use crate::accel::rules::{
 };
 use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::accel::trav_ray::{NodeLimit, Slabs, TravRay};
-use crate::geometry::{FourTested, Intersection, ObjectRay, Precision};
+use crate::geometry::{Intersection, Intersection4, ObjectRay, Precision};
 use crate::math::f32x8::{BaselineSimd, F32x8Ops};
 use crate::math::lane_ops::{LaneOps, LaneTask};
 
@@ -98,10 +98,10 @@ pub struct TraversalState {
 
 impl TraversalState {
     /// Placeholder value.
-    pub const IDLE: Self = Self {
+    pub const EMPTY: Self = Self {
         stack: Stack { entries: Vec::new(), floors: Vec::new() },
-        world: TravRay::IDLE,
-        instance_ray: InstanceRay::IDLE,
+        world: TravRay::EMPTY,
+        instance_ray: InstanceRay::EMPTY,
         in_instance: false,
     };
 
@@ -151,7 +151,7 @@ impl<V: TraversalObserver, const PLAIN: bool> LaneTask for TraversalTask<'_, V, 
     #[inline(always)]
     fn run<E: LaneOps>(self, simd: E) -> bool {
         let Self { traversal, hits, trace, tlas, observer, start } = self;
-        Traversal::<V, PLAIN> { traversal, hits, trace, tlas, observer, tested: FourTested::MISSED }
+        Traversal::<V, PLAIN> { traversal, hits, trace, tlas, observer, leaf_hits: Intersection4::MISSED }
             .resume(simd, start)
     }
 }
@@ -164,7 +164,7 @@ struct Traversal<'a, V, const PLAIN: bool> {
     tlas: &'a Tlas,
     observer: &'a mut V,
     /// The results for the current leaf, if all its primitives are tested at once.
-    tested: FourTested,
+    leaf_hits: Intersection4,
 }
 
 impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
@@ -339,11 +339,11 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             }
             if child.is_leaf() {
                 built.prefetch_geom_prims(child);
-                let met = self.met(simd, built, child);
-                if met == 0 {
+                let maybe_hit = self.maybe_hit_mask(simd, built, child);
+                if maybe_hit == 0 {
                     continue;
                 }
-                self.test(built, child, met);
+                self.test(built, child, maybe_hit);
                 if self.hits.is_enough() || !PLAIN && self.is_candidate_next() {
                     return;
                 }
@@ -358,36 +358,36 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
         let mut leaves = built.leaves();
         let Some(first) = leaves.next() else { return };
         // Preparing a ray for culling does not pay for a single block.
-        let met = if built.tests_leaves(self.tlas.precision()) {
-            self.met(simd, built, first)
+        let maybe_hit = if built.tests_leaves(self.tlas.precision()) {
+            self.maybe_hit_mask(simd, built, first)
         } else {
             built.full_mask(first)
         };
-        self.test(built, first, met);
+        self.test(built, first, maybe_hit);
         for leaf in leaves {
             if self.hits.is_enough() {
                 break;
             }
-            let met = self.met(simd, built, leaf);
-            self.test(built, leaf, met);
+            let maybe_hit = self.maybe_hit_mask(simd, built, leaf);
+            self.test(built, leaf, maybe_hit);
         }
     }
 
     /// A mask of the primitives of a leaf that the ray may hit.
     #[inline(always)]
-    fn met<E: LaneOps>(&mut self, simd: E, built: &BuiltBlas, leaf: NodeRef) -> u32 {
+    fn maybe_hit_mask<E: LaneOps>(&mut self, simd: E, built: &BuiltBlas, leaf: NodeRef) -> u32 {
         let instance_ray = &mut self.traversal.instance_ray;
-        let met = if V::REASONS {
+        let maybe_hit = if V::REASONS {
             built.full_mask(leaf)
         } else if built.tests_leaves(self.tlas.precision()) {
             let mut ray = instance_ray.for_leaf(self.tlas, self.trace);
-            self.tested = built.tested(simd, leaf, &mut ray, self.hits.cull_t);
-            self.tested.met() & built.full_mask(leaf)
+            self.leaf_hits = built.intersect_leaf(simd, leaf, &mut ray, self.hits.cull_t);
+            self.leaf_hits.maybe_hit_mask() & built.full_mask(leaf)
         } else {
-            instance_ray.met::<E, true>(simd, self.tlas, built, leaf, self.trace)
+            instance_ray.maybe_hit_mask::<E, true>(simd, self.tlas, built, leaf, self.trace)
         };
-        self.observer.missed(leaf.count() - met.count_ones());
-        met
+        self.observer.missed(leaf.count() - maybe_hit.count_ones());
+        maybe_hit
     }
 
     /// Tests the primitives of a leaf that a mask names.
@@ -427,8 +427,8 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             if !V::QUIET && built.has_pieces() && !self.hits.is_first_report(hit_primitive()) {
                 continue;
             }
-            let tested = self.tested.hit(lane).filter(|_| !V::REASONS && built.tests_leaves(precision));
-            let found = match tested {
+            let leaf_hits = self.leaf_hits.hit(lane).filter(|_| !V::REASONS && built.tests_leaves(precision));
+            let found = match leaf_hits {
                 None => {
                     let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
                     built.intersect((leaf, lane), ray, self.trace.time, precision)

@@ -2,7 +2,7 @@
 //! surely misses.
 //!
 //! Most primitives of a leaf are missed, and a miss needs no t: only its sign of one or two
-//! polynomials. [`BlockRay`] is the ray in f32 with bounds of what that cost; each `met` evaluates
+//! polynomials. [`CullRay`] is the ray in f32 with bounds of what that cost; each `met` evaluates
 //! its primitive's silhouette for four lanes and keeps a lane unless the bound proves a miss. What
 //! is kept goes to `intersect`, which decides. So a block changes nothing but time; there is one
 //! implementation for all machines (`math::f32x4`).
@@ -39,10 +39,10 @@ mod linear_swept_sphere;
 mod sphere;
 mod triangle;
 
-pub use aabb::{Aabbs, BoxRay};
-pub use linear_swept_sphere::SweptEnds;
-pub use sphere::Spheres;
-pub use triangle::{ShearedRay, Triangles};
+pub use aabb::{Aabb4, BoxRay};
+pub use linear_swept_sphere::LinearSweptSphere4;
+pub use sphere::Sphere4;
+pub use triangle::{ShearedRay, Triangle4};
 
 /// How many primitives a block holds.
 pub use crate::math::f32x4::LANES;
@@ -65,7 +65,7 @@ const MARGIN: f64 = 1.0 + 1.0 / 262_144.0;
 
 /// A ray made ready for the blocks of one BLAS.
 #[derive(Clone, Copy, Debug)]
-pub struct BlockRay {
+pub struct CullRay {
     origin: [f32; 3],
     /// Its greatest component is of a magnitude from 1 to 2.
     direction: [f32; 3],
@@ -85,7 +85,7 @@ pub struct BlockRay {
     cone: [f32; 3],
 }
 
-/// What [`BlockRay::prepare`] knows besides.
+/// What [`CullRay::prepare`] knows besides.
 struct Errors {
     /// Of each component.
     origin: [f64; 3],
@@ -93,9 +93,9 @@ struct Errors {
     t0: f64,
 }
 
-impl BlockRay {
-    /// Memory for a ray; for it, all is met.
-    pub const IDLE: Self = Self {
+impl CullRay {
+    /// Placeholder value, which culls nothing.
+    pub const EMPTY: Self = Self {
         origin: [0.0; 3],
         direction: [0.0; 3],
         axis: 0,
@@ -191,7 +191,7 @@ impl BlockRay {
 
         let (axis, most) = greatest(d);
         let inverse = 1.0 / most;
-        let mut out = Self { axis, ..Self::IDLE };
+        let mut out = Self { axis, ..Self::EMPTY };
         const U: f64 = f64::EPSILON;
         // Bounds of each component, in f64 with twice the error that theory asks for.
         let mut origin_error = [0.0; 3];
@@ -238,7 +238,7 @@ impl BlockRay {
     }
 }
 
-/// [`BlockRay::cone`], of the numbers beside it.
+/// [`CullRay::cone`], of the numbers beside it.
 #[inline(always)]
 fn cone(growing: f32, reach: f32, length: f32) -> [f32; 3] {
     [5.5 * reach * length, 10.0 * growing * length, length * length]
@@ -339,10 +339,10 @@ mod tests {
 
     #[test]
     fn each_lane_is_dropped_by_its_own_primitive() {
-        let mut spheres = Spheres::EMPTY;
-        let mut swept = SweptEnds::EMPTY;
-        let mut triangles = Triangles::EMPTY;
-        let mut boxes = Aabbs::EMPTY;
+        let mut spheres = Sphere4::EMPTY;
+        let mut swept = LinearSweptSphere4::EMPTY;
+        let mut triangles = Triangle4::EMPTY;
+        let mut boxes = Aabb4::EMPTY;
         for lane in 0..LANES {
             // Of half-width (lane + 1) / 4 about the axis.
             let half = (lane + 1) as f32 / 4.0;
@@ -354,23 +354,27 @@ mod tests {
         // Between the half-widths, a thousandth outside of one and inside the next.
         for (x, kept) in [(0.1, 0b1111), (0.251, 0b1110), (0.501, 0b1100), (0.751, 0b1000), (1.001, 0)] {
             for ray in rays(x) {
-                assert_eq!(boxes.met(&BoxRay::new(&ray, &UNIT_BOX)), kept, "{x} {ray:?}");
-                let ray = BlockRay::new(&ray, &UNIT_BOX);
-                assert_eq!(spheres.met(BaselineSimd, &ray), kept, "{x} {ray:?}");
-                assert_eq!(triangles.met(BaselineSimd, &ShearedRay::of(&ray)), kept, "{x} {ray:?}");
+                assert_eq!(boxes.maybe_hit_mask(&BoxRay::new(&ray, &UNIT_BOX)), kept, "{x} {ray:?}");
+                let ray = CullRay::new(&ray, &UNIT_BOX);
+                assert_eq!(spheres.maybe_hit_mask(BaselineSimd, &ray), kept, "{x} {ray:?}");
+                assert_eq!(
+                    triangles.maybe_hit_mask(BaselineSimd, &ShearedRay::of(&ray)),
+                    kept,
+                    "{x} {ray:?}"
+                );
                 // Its bound is looser: radii within 2 in a hundred.
-                assert_eq!(swept.met(BaselineSimd, &ray) & kept, kept, "{x} {ray:?}");
+                assert_eq!(swept.maybe_hit_mask(BaselineSimd, &ray) & kept, kept, "{x} {ray:?}");
             }
             for ray in rays(x * 1.02) {
-                let ray = BlockRay::new(&ray, &UNIT_BOX);
-                assert_eq!(swept.met(BaselineSimd, &ray), kept, "{x} {ray:?}");
+                let ray = CullRay::new(&ray, &UNIT_BOX);
+                assert_eq!(swept.maybe_hit_mask(BaselineSimd, &ray), kept, "{x} {ray:?}");
             }
         }
     }
 
     #[test]
     fn spheres_that_are_entered_behind_the_origin_are_dropped_on_request() {
-        let mut spheres = Spheres::EMPTY;
+        let mut spheres = Sphere4::EMPTY;
         // Around the origin, ahead of it, behind it, and beside it with the centre a little ahead.
         for (lane, (x, z)) in [(0.0, 0.25), (0.0, -0.5), (0.0, 0.5), (0.25, -0.01)].into_iter().enumerate() {
             spheres.set(lane, [x, 0.0, z], 0.3);
@@ -378,9 +382,9 @@ mod tests {
         let along = Ray::new([0.0; 3], [0.0, 0.0, -0.5]);
         // A negative t counts where the interval says so.
         for (ray, kept) in [(along, 0b1010), (along.with_interval(-9.0, 9.0), 0b1111)] {
-            let ray = BlockRay::new(&ObjectRay::new(&ray, None).unwrap(), &UNIT_BOX);
+            let ray = CullRay::new(&ObjectRay::new(&ray, None).unwrap(), &UNIT_BOX);
             assert_eq!(
-                (spheres.met(BaselineSimd, &ray), spheres.entered(BaselineSimd, &ray)),
+                (spheres.maybe_hit_mask(BaselineSimd, &ray), spheres.maybe_entered_mask(BaselineSimd, &ray)),
                 (0b1111, kept)
             );
         }
@@ -388,16 +392,14 @@ mod tests {
 
     #[test]
     fn what_is_not_known_drops_nothing() {
-        let mut spheres = Spheres::EMPTY;
+        let mut spheres = Sphere4::EMPTY;
         spheres.set(0, [1.0; 3], 0.125);
         let still = Ray::new([0.0; 3], [0.0; 3]);
         let huge = Ray::new([3e38, 0.0, 0.0], [0.0, 3e38, 0.0]);
         for ray in [still, huge] {
-            let ray = BlockRay::new(
-                &ObjectRay::new(&ray, None).unwrap(),
-                &Bounds { min: [0.0; 3], max: [3e38; 3] },
-            );
-            assert_eq!(spheres.met(BaselineSimd, &ray) & 1, 1);
+            let ray =
+                CullRay::new(&ObjectRay::new(&ray, None).unwrap(), &Bounds { min: [0.0; 3], max: [3e38; 3] });
+            assert_eq!(spheres.maybe_hit_mask(BaselineSimd, &ray) & 1, 1);
         }
     }
 }

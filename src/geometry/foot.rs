@@ -79,8 +79,8 @@ pub(super) struct Footing {
 }
 
 impl Footing {
-    /// Memory.
-    pub const IDLE: Self = Self {
+    /// Placeholder value.
+    pub const EMPTY: Self = Self {
         inverse: 0.0,
         slowness: 0.0,
         growing: f64::INFINITY,

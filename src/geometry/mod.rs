@@ -7,7 +7,7 @@
 //! [`Precision`] trades that away. A t beyond the range of `f32` is no hit: no shader could be told.
 //!
 //! Before any of that, [`block`] drops four at a time what a ray surely misses, or decides about four at once in
-//! f64 ([`FourTested`]).
+//! f64 ([`Intersection4`]).
 //!
 //! The interval of a ray is the caller's t_min and t_max. A traversal that has found a hit compares
 //! the *rounded* t of later ones itself: shrinking `t_max` to a rounded t would make ties depend on
@@ -20,7 +20,7 @@ pub mod aabb;
 pub mod block;
 mod bounds;
 mod foot;
-mod four_tested;
+mod intersection4;
 pub mod linear_swept_sphere;
 mod object_ray;
 pub mod ray;
@@ -29,7 +29,7 @@ pub mod triangle;
 mod verdict;
 
 pub use bounds::Bounds;
-pub use four_tested::FourTested;
+pub use intersection4::Intersection4;
 pub use object_ray::{
     APPROXIMATE_ERROR, APPROXIMATE_UNDERFLOW, ApproximateRay, DoubleRay, ObjectRay, Transform,
     world_to_object,

@@ -226,8 +226,8 @@ pub struct ApproximateRay {
 }
 
 impl ApproximateRay {
-    /// Memory for a ray.
-    pub const IDLE: Self = Self {
+    /// Placeholder value.
+    pub const EMPTY: Self = Self {
         origin: F32x4::ZERO,
         direction: F32x4::ZERO,
         origin_error: F32x4::ZERO,
@@ -271,7 +271,7 @@ impl ObjectRay {
     /// The ray in world space. `None` where it holds a NaN or an infinite origin or direction.
     #[inline]
     pub fn in_world(ray: &Ray) -> Option<Self> {
-        let mut out = Self::IDLE;
+        let mut out = Self::EMPTY;
         out.set_in_world(ray).then_some(out)
     }
 
@@ -279,12 +279,12 @@ impl ObjectRay {
     /// origin or direction.
     #[inline]
     pub fn in_instance(ray: &Ray, transform: &Transform) -> Option<Self> {
-        let mut out = Self::IDLE;
+        let mut out = Self::EMPTY;
         out.set_in_instance(ray, transform).then_some(out)
     }
 
-    /// Memory for a ray.
-    pub const IDLE: Self = Self {
+    /// Placeholder value.
+    pub const EMPTY: Self = Self {
         world: Ray { origin: [0.0; 3], direction: [0.0; 3], t_min: 0.0, t_max: 0.0 },
         matrix: None,
         origin: [0.0; 3],
@@ -294,7 +294,7 @@ impl ObjectRay {
         origin_slack: 0.0,
         direction_slack: 0.0,
         direction_norm: 0.0,
-        footing: Footing::IDLE,
+        footing: Footing::EMPTY,
     };
 
     /// [`ObjectRay::in_world`] in the memory of this one; says whether there is one.

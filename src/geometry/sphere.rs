@@ -36,7 +36,7 @@
 
 mod four;
 
-pub(super) use four::tested;
+pub(super) use four::intersect4;
 
 use crate::geometry::foot::{self, Foot};
 use crate::geometry::object_ray::{ObjectRay, View};

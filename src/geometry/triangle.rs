@@ -33,8 +33,8 @@
 mod four;
 mod one;
 
-pub(super) use four::tested;
-pub(super) use one::tested as tested_one;
+pub(super) use four::intersect4;
+pub(super) use one::intersect_simd;
 
 use crate::geometry::object_ray::{DoubleRay, ObjectRay};
 use crate::geometry::verdict::Verdict;
@@ -61,7 +61,7 @@ pub fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3], precision: Precision)
 
 #[inline(always)]
 fn in_f64(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Intersection> {
-    tested_one(BaselineSimd, &DoubleRay::of(BaselineSimd, ray), vertices)
+    intersect_simd(BaselineSimd, &DoubleRay::of(BaselineSimd, ray), vertices)
 }
 
 /// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.

@@ -7,7 +7,7 @@
 
 mod boxes;
 
-use anyhit::geometry::block::{self, BlockRay, BoxRay, LANES, ShearedRay};
+use anyhit::geometry::block::{self, BoxRay, CullRay, LANES, ShearedRay};
 use anyhit::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
     world_to_object,
@@ -79,9 +79,9 @@ fn spheres() {
             assert_eq!(object.is_some(), line.is_some(), "{case:?} {ray:?}");
             let (object, expected) = (object?, line?.sphere(center, radius));
             if let Some(bounds) = sphere::bounds(center, radius) {
-                let mut block = block::Spheres::EMPTY;
+                let mut block = block::Sphere4::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, center, radius));
-                let met = block.met(BaselineSimd, &BlockRay::new(&object, &bounds));
+                let met = block.maybe_hit_mask(BaselineSimd, &CullRay::new(&object, &bounds));
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = sphere::intersect(&object, center, radius, Precision::Exact);
@@ -105,10 +105,11 @@ fn linear_swept_spheres() {
             let found = linear_swept_sphere::intersect(&object, positions, radii, caps, Precision::Exact);
             let expected = line.linear_swept_sphere(positions, radii, caps);
             if let Some(bounds) = linear_swept_sphere::bounds(positions, radii) {
-                let mut block = block::SweptEnds::EMPTY;
+                let mut block = block::LinearSweptSphere4::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, positions, radii));
-                let block_ray = BlockRay::new(&object, &bounds);
-                let met = block.met(BaselineSimd, &block_ray) & block.met_closely(BaselineSimd, &block_ray);
+                let cull_ray = CullRay::new(&object, &bounds);
+                let met = block.maybe_hit_mask(BaselineSimd, &cull_ray)
+                    & block.maybe_hit_mask_tight(BaselineSimd, &cull_ray);
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = agree(found, expected, &ray, false, &case)?;
@@ -139,10 +140,10 @@ fn triangles() {
             let found = triangle::intersect(&object, vertices, Precision::Exact);
             let expected = line.triangle(vertices);
             if let Some(bounds) = triangle::bounds(vertices) {
-                let mut block = block::Triangles::EMPTY;
+                let mut block = block::Triangle4::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, vertices));
-                let sheared = ShearedRay::of(&BlockRay::new(&object, &bounds));
-                let met = block.met(BaselineSimd, &sheared);
+                let sheared = ShearedRay::of(&CullRay::new(&object, &bounds));
+                let met = block.maybe_hit_mask(BaselineSimd, &sheared);
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             let found = agree(found, expected, &ray, true, &case)?;
@@ -168,9 +169,9 @@ fn boxes() {
             let found = aabb::intersect(&object, min, max, Precision::Exact);
             let expected = line.aabb(min, max, ray.t_min, ray.t_max);
             if let Some(bounds) = aabb::bounds(min, max) {
-                let mut block = block::Aabbs::EMPTY;
+                let mut block = block::Aabb4::EMPTY;
                 (0..LANES).for_each(|lane| block.set(lane, min, max));
-                let met = block.met(&BoxRay::new(&object, &bounds));
+                let met = block.maybe_hit_mask(&BoxRay::new(&object, &bounds));
                 assert_kept(met, expected.is_some(), &ray, &case);
             }
             match (found, expected) {

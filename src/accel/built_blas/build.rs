@@ -258,7 +258,7 @@ impl Shapes {
         let data = |geom_prim: &GeomPrim| &geometries[geom_prim.geometry as usize].data;
         match geometries.first().map(|geometry| geometry.data.kind()) {
             Some(GeometryKind::Triangles) | None => {
-                Self::Triangles(blocks(geom_prims, block::Triangles::EMPTY, |block, lane, geom_prim| {
+                Self::Triangles(blocks(geom_prims, block::Triangle4::EMPTY, |block, lane, geom_prim| {
                     let GeometryData::Triangles { vertices, indices, transform } = data(geom_prim) else {
                         mixed()
                     };
@@ -266,14 +266,14 @@ impl Shapes {
                 }))
             }
             Some(GeometryKind::Aabbs) => {
-                Self::Aabbs(blocks(geom_prims, block::Aabbs::EMPTY, |block, lane, geom_prim| {
+                Self::Aabbs(blocks(geom_prims, block::Aabb4::EMPTY, |block, lane, geom_prim| {
                     let GeometryData::Aabbs(boxes) = data(geom_prim) else { mixed() };
                     let (min, max) = corners(boxes[geom_prim.primitive as usize]);
                     block.set(lane, min, max);
                 }))
             }
             Some(GeometryKind::Spheres) => {
-                Self::Spheres(blocks(geom_prims, block::Spheres::EMPTY, |block, lane, geom_prim| {
+                Self::Spheres(blocks(geom_prims, block::Sphere4::EMPTY, |block, lane, geom_prim| {
                     let GeometryData::Spheres { positions, radii, indices } = data(geom_prim) else {
                         mixed()
                     };
@@ -284,7 +284,7 @@ impl Shapes {
                 }))
             }
             Some(GeometryKind::LinearSweptSpheres) => {
-                let ends = blocks(geom_prims, block::SweptEnds::EMPTY, |block, lane, geom_prim| {
+                let ends = blocks(geom_prims, block::LinearSweptSphere4::EMPTY, |block, lane, geom_prim| {
                     let GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, .. } =
                         data(geom_prim)
                     else {

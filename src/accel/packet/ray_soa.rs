@@ -1,4 +1,4 @@
-//! The rays of a packet side by side (structure of arrays).
+//! The rays of a packet as a structure of arrays (SoA).
 
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::Node;
@@ -7,19 +7,19 @@ use crate::accel::trav_ray::{APPROXIMATE_SCALES, FAR_AWAY, SHRINK, TravRay, WIDE
 use crate::geometry::{APPROXIMATE_ERROR, APPROXIMATE_UNDERFLOW, Ray, Transform};
 use crate::math::f32x8::F32x8Ops;
 
-/// How many rays are operated on at once.
+/// The number of rays in a SIMD register.
 const EIGHT: usize = 8;
 
-/// A number of each ray.
+/// One number for each ray of a packet.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct PerRay(pub [f32; MAX_RAYS]);
 
 impl PerRay {
-    /// Memory for numbers.
-    pub const IDLE: Self = Self([0.0; MAX_RAYS]);
+    /// Placeholder value.
+    pub const EMPTY: Self = Self([0.0; MAX_RAYS]);
 
-    /// The numbers of eight rays.
+    /// Loads the numbers of the eight rays of group `at`.
     #[inline(always)]
     fn load<E: F32x8Ops>(&self, simd: E, at: usize) -> E::F32x8 {
         simd.load(&self.0.as_chunks().0[at % (MAX_RAYS / EIGHT)])
@@ -30,7 +30,7 @@ impl PerRay {
         self.0.as_chunks_mut().0[at % (MAX_RAYS / EIGHT)] = simd.to_array(numbers);
     }
 
-    /// The greatest of the numbers in all eights in which some rays lie.
+    /// The maximum over all groups of eight that hold one of the given rays.
     #[inline(always)]
     pub fn greatest<E: F32x8Ops>(&self, simd: E, rays: u64) -> f32 {
         let mut all = simd.splat(f32::NEG_INFINITY);
@@ -41,28 +41,28 @@ impl PerRay {
     }
 }
 
-/// WorldRays in world space.
+/// The rays of a packet in world space.
 #[derive(Clone, Debug)]
 pub struct WorldRays {
     origin: [PerRay; 3],
     direction: [PerRay; 3],
-    /// Not -0.
+    /// The least t; not -0.
     t_min: PerRay,
 }
 
 impl WorldRays {
-    /// Memory for rays.
-    pub const IDLE: Self =
-        Self { origin: [PerRay::IDLE; 3], direction: [PerRay::IDLE; 3], t_min: PerRay::IDLE };
+    /// Placeholder value.
+    pub const EMPTY: Self =
+        Self { origin: [PerRay::EMPTY; 3], direction: [PerRay::EMPTY; 3], t_min: PerRay::EMPTY };
 
-    /// Takes up to 64 rays; a bit for each that [is ordinary](Ray::is_well_scaled) and whose
+    /// Takes up to 64 rays; returns a mask of those that [are well scaled](Ray::is_well_scaled) and whose
     /// t is never negative.
     #[inline(always)]
     pub fn take<E: F32x8Ops>(&mut self, simd: E, traces: &[TraceRay]) -> u64 {
         let mut valid = 0;
         let (whole, first) = (traces.len().next_multiple_of(EIGHT).min(MAX_RAYS), traces[0]);
         for at in 0..whole {
-            // Beyond the end stands the first once more.
+            // Pad with the first ray.
             let ray = traces.get(at).unwrap_or(&first).ray;
             for axis in 0..3 {
                 self.origin[axis].0[at] = ray.origin[axis];
@@ -101,31 +101,31 @@ pub struct RaySoA {
     far_origin: [PerRay; 3],
     near_reciprocal: [PerRay; 3],
     far_reciprocal: [PerRay; 3],
-    /// Per axis a bit for each ray that enters upper planes first.
+    /// For each axis a mask of the rays that enter upper planes first.
     downwards: [u64; 3],
 }
 
 /// WorldRays of a packet that enter the same planes first.
 #[derive(Clone, Copy, Debug)]
 pub struct Group {
-    /// A bit for each.
+    /// A mask of the rays.
     pub rays: u64,
-    /// Per axis which plane is entered first: 0 the lower, 1 the upper.
+    /// For each axis the plane that is entered first: 0 the lower, 1 the upper.
     pub near_side: [usize; 3],
 }
 
 impl RaySoA {
-    /// Memory for rays.
-    pub const IDLE: Self = Self {
-        near_origin: [PerRay::IDLE; 3],
-        far_origin: [PerRay::IDLE; 3],
-        near_reciprocal: [PerRay::IDLE; 3],
-        far_reciprocal: [PerRay::IDLE; 3],
+    /// Placeholder value.
+    pub const EMPTY: Self = Self {
+        near_origin: [PerRay::EMPTY; 3],
+        far_origin: [PerRay::EMPTY; 3],
+        near_reciprocal: [PerRay::EMPTY; 3],
+        far_reciprocal: [PerRay::EMPTY; 3],
         downwards: [0; 3],
     };
 
-    /// Takes ordinary rays into a tree in world space ([`TravRay::set_world_space`]); a bit for each that starts
-    /// near it.
+    /// Prepares well-scaled rays for a tree in world space ([`TravRay::set_world_space`]); returns a mask of
+    /// those that start near it.
     #[inline(always)]
     pub fn take_world_space<E: F32x8Ops>(
         &mut self,
@@ -162,8 +162,9 @@ impl RaySoA {
         fit & which
     }
 
-    /// Takes ordinary rays into an instance's tree ([`Transform::approximate`], [`TravRay::set_approximate`]); a bit for
-    /// each that starts near it and whose direction is known well.
+    /// Prepares well-scaled rays for the tree of an instance ([`Transform::approximate`],
+    /// [`TravRay::set_approximate`]); returns a mask of those that start near it and whose direction has a
+    /// small error.
     #[inline(always)]
     pub fn take_approximate<E: F32x8Ops>(
         &mut self,
@@ -200,7 +201,7 @@ impl RaySoA {
                 let direction = simd.add(direction, simd.splat(0.0));
                 let sign = simd.signum(direction);
                 self.downwards[axis] |= below_zero(simd, direction, at);
-                // Outwards on both sides, whichever comes first.
+                // Widen the slab on both sides.
                 let slack = simd.mul(simd.mul(origin_error, scale), sign);
                 let slow = simd.div(one, simd.mul(simd.add(size, direction_error), scale));
                 let fast = simd.div(one, simd.mul(simd.sub(size, direction_error), scale));
@@ -216,7 +217,7 @@ impl RaySoA {
         fit & which
     }
 
-    /// Those of some rays, at least one, that enter the same planes first as the first of them.
+    /// The group of those of some rays, at least one, whose direction signs are those of the first.
     #[inline(always)]
     pub fn first_group(&self, rays: u64) -> Group {
         let first = rays & rays.wrapping_neg();
@@ -229,16 +230,15 @@ impl RaySoA {
         group
     }
 
-    /// A ray of intervals that meets every box that one of a group meets.
+    /// The frustum of a group by interval arithmetic: a ray that hits every box that one of them hits.
     ///
-    /// Let them go upwards on an axis. With the greatest near origin and the least near reciprocal,
-    /// `(low - o) / d` is the least of all where it is positive, and where it is not it does not count:
-    /// no t is negative. `(high - o) / d` is the greatest with the least far origin and the greatest
-    /// far reciprocal where it is not negative, and where it is every ray misses. The rest is
-    /// mirrored.
+    /// Let the directions on an axis be positive. The greatest near origin and the least near reciprocal
+    /// give the least `(low - o) / d` if that is positive; if not it does not matter, as t is not negative.
+    /// The least far origin and the greatest far reciprocal give the greatest `(high - o) / d` if that is
+    /// not negative; if it is every ray misses. Negative directions are mirrored.
     #[inline(always)]
     pub fn frustum<E: F32x8Ops>(&self, simd: E, rays: &WorldRays, group: &Group) -> TravRay {
-        // What is added to it does not count: neither extreme takes a NaN.
+        // A sum with NaN is ignored by minimum and maximum.
         let mut members = PerRay([f32::NAN; MAX_RAYS]);
         for (at, member) in members.0.iter_mut().enumerate() {
             if group.rays >> at & 1 != 0 {
@@ -266,7 +266,7 @@ impl RaySoA {
         ray
     }
 
-    /// One ray of a group.
+    /// A single ray of a group.
     #[inline(always)]
     pub fn single(&self, rays: &WorldRays, at: usize, group: &Group) -> TravRay {
         let mut ray = TravRay::from(rays.t_min.0[at]);
@@ -280,10 +280,10 @@ impl RaySoA {
         ray
     }
 
-    /// A bit for each ray of a group that does not surely miss the box of a node's child before its limit:
-    /// for each the test of [`Node::intersect`].
+    /// A mask of the rays of a group that may hit the box of a child of a node up to their limits: the
+    /// test of [`Node::intersect`] for each ray.
     #[inline(always)]
-    pub fn met<E: F32x8Ops>(
+    pub fn maybe_hit_mask<E: F32x8Ops>(
         &self,
         simd: E,
         rays: &WorldRays,
@@ -297,7 +297,7 @@ impl RaySoA {
             *planes =
                 [simd.splat(node.plane(axis, side, slot)), simd.splat(node.plane(axis, side ^ 1, slot))];
         }
-        let mut met = 0;
+        let mut maybe_hit = 0;
         for at in groups_of_eight(group.rays) {
             let mut near = rays.t_min.load(simd, at);
             let mut far = limits.load(simd, at);
@@ -309,13 +309,13 @@ impl RaySoA {
                 near = simd.max(simd.mul(enter, slow), near);
                 far = simd.min(simd.mul(leave, fast), far);
             }
-            met |= u64::from(simd.cmp_ge(far, near)) << (at * EIGHT);
+            maybe_hit |= u64::from(simd.cmp_ge(far, near)) << (at * EIGHT);
         }
-        met & group.rays
+        maybe_hit & group.rays
     }
 }
 
-/// A component of a rough ray, and the bound of its error.
+/// A component of an approximate ray, and a bound of its error.
 #[inline(always)]
 fn approximate_component<E: F32x8Ops>(simd: E, row: [f32; 3], v: [E::F32x8; 3]) -> (E::F32x8, E::F32x8) {
     let x = simd.mul(simd.splat(row[0]), v[0]);
@@ -325,13 +325,13 @@ fn approximate_component<E: F32x8Ops>(simd: E, row: [f32; 3], v: [E::F32x8; 3]) 
     (simd.add(simd.add(x, y), z), simd.mul(sizes, simd.splat(APPROXIMATE_ERROR)))
 }
 
-/// A bit for each ray of an eight whose number is below 0.
+/// A mask of the rays of a group of eight whose number is below 0.
 #[inline(always)]
 fn below_zero<E: F32x8Ops>(simd: E, numbers: E::F32x8, at: usize) -> u64 {
     u64::from(!simd.cmp_ge(numbers, simd.splat(0.0)) & 0xFF) << (at * EIGHT)
 }
 
-/// The greatest or the least of a row's numbers; a row and a bit say which count.
+/// The maximum or minimum of the numbers of some rays, which are given as 0 or NaN and as a mask.
 #[inline(always)]
 fn min_or_max_of<E: F32x8Ops, const GREATEST: bool>(
     simd: E,
@@ -346,7 +346,7 @@ fn min_or_max_of<E: F32x8Ops, const GREATEST: bool>(
     min_or_max::<E, GREATEST>(simd, all)
 }
 
-/// The greatest or the least of eight numbers.
+/// The maximum or minimum of eight lanes.
 #[inline(always)]
 fn min_or_max<E: F32x8Ops, const GREATEST: bool>(simd: E, numbers: E::F32x8) -> f32 {
     let lanes = simd.to_array(numbers);
@@ -355,7 +355,7 @@ fn min_or_max<E: F32x8Ops, const GREATEST: bool>(simd: E, numbers: E::F32x8) -> 
     beyond(beyond(four[0], four[2]), beyond(four[1], four[3]))
 }
 
-/// The eights in which some rays lie.
+/// The groups of eight that hold one of the given rays.
 #[inline(always)]
 fn groups_of_eight(rays: u64) -> impl Iterator<Item = usize> {
     (0..MAX_RAYS / EIGHT).filter(move |at| rays >> (at * EIGHT) & 0xFF != 0)

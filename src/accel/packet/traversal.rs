@@ -9,7 +9,7 @@ use crate::accel::packet::{Found, MAX_RAYS, Packet};
 use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible, presented};
 use crate::accel::tlas::{Placed, Tlas};
 use crate::accel::wide_bvh::WideBvh;
-use crate::geometry::{DoubleRay, FourTested, Intersection, ObjectRay};
+use crate::geometry::{DoubleRay, Intersection, Intersection4, ObjectRay};
 use crate::math::f64x4::F64x4Ops;
 use crate::math::lane_ops::{LaneOps, LaneTask};
 
@@ -143,8 +143,8 @@ impl PacketTraversal<'_> {
         let mut inner = Some(bvh.root());
         loop {
             if let Some(at) = inner.take() {
-                let (near, met) = bvh.node(at).intersect(&slabs, frustum.limit(limit));
-                self.packet.push(near, met, at);
+                let (near, maybe_hit) = bvh.node(at).intersect(&slabs, frustum.limit(limit));
+                self.packet.push(near, maybe_hit, at);
             }
             if self.packet.stack.len() <= base {
                 return;
@@ -162,11 +162,12 @@ impl PacketTraversal<'_> {
             let node = bvh.node(at);
             let child = node.child(slot);
             let Packet { rays, limits, .. } = &*self.packet;
-            let met = leaves.ray_soa(self.packet).met(simd, rays, group, (node, slot), limits);
+            let maybe_hit =
+                leaves.ray_soa(self.packet).maybe_hit_mask(simd, rays, group, (node, slot), limits);
             if child.is_leaf() {
-                leaves.visit_leaf(self, simd, child, met);
-            } else if met.count_ones() <= FEW {
-                self.visit_singly(simd, &Group { rays: met, ..*group }, bvh, child, leaves);
+                leaves.visit_leaf(self, simd, child, maybe_hit);
+            } else if maybe_hit.count_ones() <= FEW {
+                self.visit_singly(simd, &Group { rays: maybe_hit, ..*group }, bvh, child, leaves);
             } else {
                 inner = Some(child);
                 continue;
@@ -195,8 +196,9 @@ impl PacketTraversal<'_> {
             let mut inner = Some(root);
             loop {
                 if let Some(at) = inner.take() {
-                    let (near, met) = bvh.node(at).intersect(&slabs, single.limit(self.packet.limits.0[ray]));
-                    self.packet.push(near, met, at);
+                    let (near, maybe_hit) =
+                        bvh.node(at).intersect(&slabs, single.limit(self.packet.limits.0[ray]));
+                    self.packet.push(near, maybe_hit, at);
                 }
                 if self.packet.stack.len() <= base {
                     break;
@@ -271,18 +273,19 @@ impl PacketTraversal<'_> {
             let at = rays.trailing_zeros() as usize % MAX_RAYS;
             rays &= rays - 1;
             let trace = &traces[at];
-            let mut tested = FourTested::MISSED;
+            let mut leaf_hits = Intersection4::MISSED;
             let mut rest = if whole {
                 let limit = self.packet.limits.0[at];
-                tested = built.tested(simd, leaf, &mut InPacket { traversal: self, inside, at }, limit);
-                tested.met() & built.full_mask(leaf)
+                leaf_hits =
+                    built.intersect_leaf(simd, leaf, &mut InPacket { traversal: self, inside, at }, limit);
+                leaf_hits.maybe_hit_mask() & built.full_mask(leaf)
             } else {
-                self.instance_ray(inside, at).met::<E, false>(simd, tlas, built, leaf, trace)
+                self.instance_ray(inside, at).maybe_hit_mask::<E, false>(simd, tlas, built, leaf, trace)
             };
             while rest != 0 {
                 let lane = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                let found = match tested.hit(lane) {
+                let found = match leaf_hits.hit(lane) {
                     None => {
                         let ray = self.instance_ray(inside, at).object_ray(tlas, trace);
                         built.intersect((leaf, lane), ray, 0.0, precision)

@@ -14,7 +14,7 @@
 //! it is exactly 0: then reciprocals are infinite and only the side of the origin counts; a NaN (0
 //! times infinity) confines nothing.
 
-use super::{ALL, BlockRay, LANES, Row};
+use super::{ALL, CullRay, LANES, Row};
 use crate::geometry::Bounds;
 use crate::geometry::{Intersection, ObjectRay, Precision, aabb};
 use crate::math::error_bound::{round_down, round_up};
@@ -24,7 +24,7 @@ use crate::math::prefetch::prefetch;
 /// Up to four boxes.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
-pub struct Aabbs {
+pub struct Aabb4 {
     /// The least coordinates, then the greatest.
     sides: [[Row; 3]; 2],
 }
@@ -41,8 +41,8 @@ pub struct BoxRay {
 }
 
 impl BoxRay {
-    /// Memory for a ray; it confines nothing.
-    pub const IDLE: Self = Self {
+    /// Placeholder value, whose slabs are unbounded.
+    pub const EMPTY: Self = Self {
         near_origin: [f32::NAN; 3],
         far_origin: [f32::NAN; 3],
         near_reciprocal: [0.0; 3],
@@ -52,8 +52,8 @@ impl BoxRay {
 
     /// Makes a ray ready for boxes that lie within the given one (object space).
     pub fn new(object_ray: &ObjectRay, around: &Bounds) -> Self {
-        let mut out = Self::IDLE;
-        let (ray, errors) = BlockRay::prepare(object_ray, around);
+        let mut out = Self::EMPTY;
+        let (ray, errors) = CullRay::prepare(object_ray, around);
         let Some(errors) = errors else { return out };
         let (origin_error, direction_error) = (errors.origin, errors.direction);
         // Points behind the moved origin would need the bounds mirrored.
@@ -85,7 +85,7 @@ impl BoxRay {
 const SHRINK: f64 = 1.0 - 1.0 / 1_048_576.0;
 const WIDEN: f64 = 1.0 + 1.0 / 1_048_576.0;
 
-impl Aabbs {
+impl Aabb4 {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { sides: [[[0.0; LANES]; 3]; 2] };
 
@@ -107,7 +107,7 @@ impl Aabbs {
 
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline]
-    pub fn met(&self, slabs: &BoxRay) -> u32 {
+    pub fn maybe_hit_mask(&self, slabs: &BoxRay) -> u32 {
         let mut near = F32x4::splat(0.0);
         let mut far = F32x4::splat(f32::INFINITY);
         for i in 0..3 {

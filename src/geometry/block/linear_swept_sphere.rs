@@ -58,7 +58,7 @@
 //! for |V| < 1 alone, and 2^-126 pays for what V S V and R^2 lose. *Overflow:* |V| S is multiplied by |V| then, so that an infinite
 //! product is greater than any finite R^2 indeed.
 
-use super::{ALL, BlockRay, LANES, Row, load, norm1, sub};
+use super::{ALL, CullRay, LANES, Row, load, norm1, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_sphere};
 use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::prefetch::prefetch;
@@ -66,7 +66,7 @@ use crate::math::prefetch::prefetch;
 /// Up to four linear swept spheres without their caps: two lines of cache, where a ray that meets none reads nothing more.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub struct SweptEnds {
+pub struct LinearSweptSphere4 {
     positions: [[Row; 3]; 2],
     radii: [Row; 2],
 }
@@ -85,7 +85,7 @@ struct Beside {
     apart: F32x4,
 }
 
-impl SweptEnds {
+impl LinearSweptSphere4 {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { positions: [[[0.0; LANES]; 3]; 2], radii: [[0.0; LANES]; 2] };
 
@@ -109,7 +109,7 @@ impl SweptEnds {
 
     /// A bit for each lane of which the ray's line does not surely miss the cylinder of its greater radius.
     #[inline(always)]
-    pub fn met<F: FmaOps>(&self, simd: F, ray: &BlockRay) -> u32 {
+    pub fn maybe_hit_mask<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         let Beside { square, apart, .. } = self.beside(simd, ray);
         let radius = F32x4::new(self.radii[0]).relaxed_max(F32x4::new(self.radii[1]));
         let room = simd.fma(radius * radius, square, F32x4::splat(f32::MIN_POSITIVE));
@@ -119,7 +119,7 @@ impl SweptEnds {
     /// A bit for each lane of which the ray's line does not surely miss the cone: fewer, for half as many operations again. Pays for
     /// rays that go by themselves, whose next branches wait for it.
     #[inline(always)]
-    pub fn met_closely<F: FmaOps>(&self, simd: F, ray: &BlockRay) -> u32 {
+    pub fn maybe_hit_mask_tight<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         let Beside { from_start, across, square, length, apart } = self.beside(simd, ray);
         let [r0, r1] = self.radii.map(F32x4::new);
         let slope = r1 - r0;
@@ -136,7 +136,7 @@ impl SweptEnds {
 
     /// Where the ray's line passes the axes' lines.
     #[inline(always)]
-    fn beside<F: FmaOps>(&self, simd: F, ray: &BlockRay) -> Beside {
+    fn beside<F: FmaOps>(&self, simd: F, ray: &CullRay) -> Beside {
         let p0 = load(&self.positions[0]);
         let axis = sub(load(&self.positions[1]), p0);
         let from_start = sub(ray.origins(), p0);

@@ -13,8 +13,8 @@
 //! table E.M > |E| (e + c |M|) proves that; it is asked for rays whose interval begins at 0 or later
 //! and whose origin was not moved.
 
-use super::{ALL, BlockRay, LANES, Row, load, sub};
-use crate::geometry::{FourTested, Intersection, ObjectRay, Precision, sphere};
+use super::{ALL, CullRay, LANES, Row, load, sub};
+use crate::geometry::{Intersection, Intersection4, ObjectRay, Precision, sphere};
 use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::f64x4::F64x4Ops;
 use crate::math::prefetch::prefetch;
@@ -22,12 +22,12 @@ use crate::math::prefetch::prefetch;
 /// Up to four spheres.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub struct Spheres {
+pub struct Sphere4 {
     center: [Row; 3],
     radius: Row,
 }
 
-impl Spheres {
+impl Sphere4 {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { center: [[0.0; LANES]; 3], radius: [0.0; LANES] };
 
@@ -49,18 +49,18 @@ impl Spheres {
 
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline(always)]
-    pub fn met<F: FmaOps>(&self, simd: F, ray: &BlockRay) -> u32 {
+    pub fn maybe_hit_mask<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         self.met_from(simd, ray, F32x4::splat(f32::INFINITY))
     }
 
     /// The same, without lanes that are surely entered behind the origin, if ever.
     #[inline(always)]
-    pub fn entered<F: FmaOps>(&self, simd: F, ray: &BlockRay) -> u32 {
+    pub fn maybe_entered_mask<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         self.met_from(simd, ray, F32x4::splat(ray.behind))
     }
 
     #[inline(always)]
-    fn met_from<F: FmaOps>(&self, simd: F, ray: &BlockRay, behind: F32x4) -> u32 {
+    fn met_from<F: FmaOps>(&self, simd: F, ray: &CullRay, behind: F32x4) -> u32 {
         let d = ray.directions();
         let m = sub(ray.origins(), load(&self.center));
         let q = simd.fma_cross(d, m);
@@ -70,8 +70,8 @@ impl Spheres {
 
     /// The step from the foot for all lanes.
     #[inline(always)]
-    pub fn tested<D: F64x4Ops>(&self, simd: D, ray: &ObjectRay, limit: f32) -> FourTested {
-        sphere::tested(simd, ray, (&self.center, &self.radius), limit)
+    pub fn intersect4<D: F64x4Ops>(&self, simd: D, ray: &ObjectRay, limit: f32) -> Intersection4 {
+        sphere::intersect4(simd, ray, (&self.center, &self.radius), limit)
     }
 
     /// Where a ray enters the sphere in a lane: [`sphere::intersect`].

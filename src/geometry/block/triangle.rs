@@ -43,12 +43,12 @@
 //!
 //! # Branches
 //! Whoever asks which are met can go on, on nearly every leaf, with what the areas' signs say as they are; that they say it with
-//! certainty is known some steps later. So [`Triangles::met`] looks at that in a branch of its own, which the processor
+//! certainty is known some steps later. So [`Triangle4::met`] looks at that in a branch of its own, which the processor
 //! foresees: nothing waits for it.
 
-use super::{ALL, BlockRay, LANES, MOST, Row, TINY, UNIT, greatest, three};
+use super::{ALL, CullRay, LANES, MOST, Row, TINY, UNIT, greatest, three};
 use crate::geometry::triangle;
-use crate::geometry::{Bounds, DoubleRay, FourTested, Intersection, ObjectRay, Precision, Ray, Verdict};
+use crate::geometry::{Bounds, DoubleRay, Intersection, Intersection4, ObjectRay, Precision, Ray, Verdict};
 use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::f64x4::F64x4Ops;
 use crate::math::prefetch::prefetch;
@@ -82,8 +82,8 @@ const AXES: [[Axis; 3]; 3] =
     [[Axis::Y, Axis::Z, Axis::X], [Axis::Z, Axis::X, Axis::Y], [Axis::X, Axis::Y, Axis::Z]];
 
 impl ShearedRay {
-    /// Memory for a ray; for it, all is met.
-    pub const IDLE: Self = Self {
+    /// Placeholder value, which culls nothing.
+    pub const EMPTY: Self = Self {
         axes: AXES[2],
         origin: [0.0; 3],
         shear: [0.0; 2],
@@ -123,7 +123,7 @@ impl ShearedRay {
 
     /// Any other.
     #[inline(always)]
-    pub fn of(ray: &BlockRay) -> Self {
+    pub fn of(ray: &CullRay) -> Self {
         // With its margins; written so that a NaN is not known well.
         let is_known = ray.growing <= 0.25;
         let fixed = if is_known { ray.fixed + ray.fixed } else { f32::INFINITY };
@@ -159,11 +159,11 @@ impl ShearedRay {
 /// Up to four triangles.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
-pub struct Triangles {
+pub struct Triangle4 {
     vertices: [[Row; 3]; 3],
 }
 
-impl Triangles {
+impl Triangle4 {
     /// None; a lane that is not set means nothing.
     pub const EMPTY: Self = Self { vertices: [[[0.0; LANES]; 3]; 3] };
 
@@ -185,7 +185,7 @@ impl Triangles {
 
     /// A bit for each lane that the ray's line does not surely miss.
     #[inline(always)]
-    pub fn met<F: FmaOps>(&self, simd: F, ray: &ShearedRay) -> u32 {
+    pub fn maybe_hit_mask<F: FmaOps>(&self, simd: F, ray: &ShearedRay) -> u32 {
         let [a, b, c] = &self.vertices;
         let ([ax, ay, az], [bx, by, bz], [cx, cy, cz]) =
             (ray.seen(simd, a), ray.seen(simd, b), ray.seen(simd, c));
@@ -194,17 +194,17 @@ impl Triangles {
         let least = areas[0].relaxed_min(areas[1]).relaxed_min(areas[2]);
         let most = areas[0].relaxed_max(areas[1]).relaxed_max(areas[2]);
         let zero = F32x4::ZERO;
-        let met = least.cmp_ge(zero) | zero.cmp_ge(most);
+        let maybe_hit = least.cmp_ge(zero) | zero.cmp_ge(most);
 
         let squares = |x: F32x4, y: F32x4, z: F32x4| simd.fma(x, x, simd.fma(y, y, z * z));
         let across = squares(ax, bx, cx) + squares(ay, by, cy);
         let around = across + squares(az, bz, cz);
         let p = simd.fma(F32x4::splat(ray.growing), around.sqrt(), F32x4::splat(ray.fixed));
         let missed = most.relaxed_min(zero - least).cmp_gt(p * (across.sqrt() + p));
-        if met | missed != ALL {
+        if maybe_hit | missed != ALL {
             return not_surely(missed);
         }
-        met
+        maybe_hit
     }
 
     /// The vertices of the triangle in a lane.
@@ -217,14 +217,19 @@ impl Triangles {
 
     /// The f64 step for one lane.
     #[inline(always)]
-    pub fn tested_one<D: F64x4Ops>(&self, simd: D, lane: usize, ray: &DoubleRay<D>) -> Verdict<Intersection> {
-        triangle::tested_one(simd, ray, self.vertices(lane))
+    pub fn intersect_simd<D: F64x4Ops>(
+        &self,
+        simd: D,
+        lane: usize,
+        ray: &DoubleRay<D>,
+    ) -> Verdict<Intersection> {
+        triangle::intersect_simd(simd, ray, self.vertices(lane))
     }
 
     /// The f64 step for all lanes.
     #[inline(always)]
-    pub fn tested<D: F64x4Ops>(&self, simd: D, ray: &DoubleRay<D>, limit: f32) -> FourTested {
-        triangle::tested(simd, ray, &self.vertices, limit)
+    pub fn intersect4<D: F64x4Ops>(&self, simd: D, ray: &DoubleRay<D>, limit: f32) -> Intersection4 {
+        triangle::intersect4(simd, ray, &self.vertices, limit)
     }
 
     /// Where a ray meets the triangle in a lane: [`triangle::intersect`].

@@ -2,7 +2,7 @@
 //! `geometry::foot`, lane by lane. A product that goes into a sum unrounded is off by less than those allow.
 
 use crate::geometry::foot::Footing;
-use crate::geometry::four_tested::{ALL, Ends, FourTested};
+use crate::geometry::intersection4::{ALL, Ends, Intersection4};
 use crate::geometry::object_ray::ObjectRay;
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;
@@ -10,12 +10,12 @@ use crate::math::f64x4::F64x4Ops;
 /// Tests the spheres whose centres and radii stand in rows; what lies behind `limit`, a rounded t, may be
 /// left out. Lanes without a sphere mean nothing.
 #[inline(always)]
-pub fn tested<D: F64x4Ops>(
+pub fn intersect4<D: F64x4Ops>(
     simd: D,
     ray: &ObjectRay,
     (center, radius): (&[[f32; 4]; 3], &[f32; 4]),
     limit: f32,
-) -> FourTested {
+) -> Intersection4 {
     let Footing { inverse, slowness, growing, fixed, interval: (t_min, t_max) } = ray.footing;
     let [x, y, z] = ray.direction;
     let direction = [simd.splat(x), simd.splat(y), simd.splat(z)];
@@ -39,12 +39,12 @@ pub fn tested<D: F64x4Ops>(
     let beside = simd.mul(square, simd.splat(1.0 - 3.0 * growing));
     let missed = simd.cmp_gt(beside, simd.mul(near, near));
     if missed == ALL {
-        return FourTested::MISSED;
+        return Intersection4::MISSED;
     }
     let room = simd.mul_sub(radius, radius, square);
     let sure = simd.mul_add(simd.splat(16.0), reach, simd.mul(simd.splat(0.125), radius));
     let entered = simd.cmp_ge(room, simd.mul(sure, sure)) & simd.cmp_gt(radius, simd.splat(0.0));
-    let mut out = FourTested { undecided: ALL & !(missed | entered), ..FourTested::MISSED };
+    let mut out = Intersection4 { undecided: ALL & !(missed | entered), ..Intersection4::MISSED };
     if entered == 0 {
         return out;
     }

@@ -2,25 +2,25 @@
 //! lane. A product that goes into a sum unrounded is off by less than the bounds allow.
 
 use crate::geometry::Surface;
-use crate::geometry::four_tested::{ALL, Divisor, FourTested};
+use crate::geometry::intersection4::{ALL, Divisor, Intersection4};
 use crate::geometry::object_ray::DoubleRay;
 use crate::math::error_bound::two_units;
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;
 
 /// All are missed.
-const MISSED: FourTested =
-    FourTested { surfaces: [Surface::TriangleBack, Surface::TriangleFront], ..FourTested::MISSED };
+const MISSED: Intersection4 =
+    Intersection4 { surfaces: [Surface::TriangleBack, Surface::TriangleFront], ..Intersection4::MISSED };
 
 /// Tests the triangles whose vertices stand in rows; what lies behind `limit`, a rounded t, may be
 /// left out. Lanes without a triangle mean nothing.
 #[inline(always)]
-pub fn tested<D: F64x4Ops>(
+pub fn intersect4<D: F64x4Ops>(
     simd: D,
     ray: &DoubleRay<D>,
     vertices: &[[[f32; 4]; 3]; 3],
     limit: f32,
-) -> FourTested {
+) -> Intersection4 {
     let DoubleRay { origin, direction, origin_error, slack, direction_norm, t_min, t_max } = *ray;
     let (v0, v1, v2) = (point(simd, &vertices[0]), point(simd, &vertices[1]), point(simd, &vertices[2]));
     let d = simd.splat_xyz(direction);
@@ -56,7 +56,7 @@ pub fn tested<D: F64x4Ops>(
     }
     let of_det = Signs::of(simd, det, e_det);
     let inside = of_alpha.certain() & of_beta.certain() & of_gamma.certain() & of_det.certain();
-    let mut out = FourTested { undecided: ALL & !(missed | inside), marked: of_det.positive, ..MISSED };
+    let mut out = Intersection4 { undecided: ALL & !(missed | inside), marked: of_det.positive, ..MISSED };
     let inside = inside & !missed;
     if inside == 0 {
         return out;

@@ -15,7 +15,7 @@
 //! processor foresees it, and whoever takes the t waits for no bound.
 
 use crate::geometry::Intersection;
-use crate::geometry::four_tested::{ALL, Divisor};
+use crate::geometry::intersection4::{ALL, Divisor};
 use crate::geometry::object_ray::DoubleRay;
 use crate::geometry::triangle::facing;
 use crate::geometry::verdict::Verdict;
@@ -24,7 +24,7 @@ use crate::math::f64x4::F64x4Ops;
 
 /// Tests a triangle.
 #[inline(always)]
-pub fn tested<D: F64x4Ops>(
+pub fn intersect_simd<D: F64x4Ops>(
     simd: D,
     ray: &DoubleRay<D>,
     [v0, v1, v2]: [[f32; 3]; 3],

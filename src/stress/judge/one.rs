@@ -1,6 +1,6 @@
 //! Judges the answers about one primitive: hit or miss, the surface, t and the attributes.
 
-use crate::geometry::block::{self, BlockRay, BoxRay, LANES, ShearedRay};
+use crate::geometry::block::{self, BoxRay, CullRay, LANES, ShearedRay};
 use crate::geometry::{
     Bounds, DoubleRay, Intersection, ObjectRay, Precision, Ray, Surface, Transform, Verdict, aabb,
     linear_swept_sphere, sphere, triangle,
@@ -26,7 +26,7 @@ pub fn intersect(shape: &Shape, ray: &ObjectRay, precision: Precision) -> Option
 
 /// The test of a block of triangles, on vectors.
 struct Met<'a> {
-    block: &'a block::Triangles,
+    block: &'a block::Triangle4,
     ray: &'a ShearedRay,
 }
 
@@ -35,13 +35,13 @@ impl LaneTask for Met<'_> {
 
     #[inline(always)]
     fn run<V: LaneOps>(self, simd: V) -> u32 {
-        self.block.met(simd, self.ray)
+        self.block.maybe_hit_mask(simd, self.ray)
     }
 }
 
 /// The test of a triangle of it, on vectors.
 struct Tested<'a> {
-    block: &'a block::Triangles,
+    block: &'a block::Triangle4,
     lane: usize,
     ray: &'a ObjectRay,
     /// Whether it is to be taken as one in world space.
@@ -96,49 +96,51 @@ impl One<'_> {
         // As it is prepared, and in an instance in f32 as well.
         let transform = self.matrix.and_then(Transform::new);
         let approximate = transform.and_then(|transform| transform.approximate(ray.world()));
-        let block_rays = |bounds: &Bounds| {
-            let approximate = approximate.and_then(|approximate| BlockRay::approximate(&approximate, bounds));
-            [Some(BlockRay::new(ray, bounds)), approximate].into_iter().flatten()
+        let cull_rays = |bounds: &Bounds| {
+            let approximate = approximate.and_then(|approximate| CullRay::approximate(&approximate, bounds));
+            [Some(CullRay::new(ray, bounds)), approximate].into_iter().flatten()
         };
         let (met, is_met) = match *self.shape {
             Shape::Triangle(vertices) => {
                 let Some(bounds) = triangle::bounds(vertices) else { return Ok(()) };
-                let mut block = block::Triangles::EMPTY;
+                let mut block = block::Triangle4::EMPTY;
                 block.set(lane, vertices);
                 let world = Some(ray.world()).filter(|_| ray.is_in_world() && ShearedRay::reaches(&bounds));
                 let world_space = world.and_then(ShearedRay::world_space);
                 let well_scaled = world.filter(|ray| ray.is_well_scaled()).map(ShearedRay::well_scaled);
                 let sheared =
-                    block_rays(&bounds).map(|ray| ShearedRay::of(&ray)).chain(world_space).chain(well_scaled);
+                    cull_rays(&bounds).map(|ray| ShearedRay::of(&ray)).chain(world_space).chain(well_scaled);
                 let both = |ray: &ShearedRay| {
-                    block.met(BaselineSimd, ray) & CpuTier::new().run(Met { block: &block, ray })
+                    block.maybe_hit_mask(BaselineSimd, ray) & CpuTier::new().run(Met { block: &block, ray })
                 };
                 (sheared.fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
             }
             Shape::MovingTriangle(_) => return Ok(()),
             Shape::Aabb([min, max]) => {
                 let Some(bounds) = aabb::bounds(min, max) else { return Ok(()) };
-                let mut block = block::Aabbs::EMPTY;
+                let mut block = block::Aabb4::EMPTY;
                 block.set(lane, min, max);
                 let is_met = self.line.aabb(min, max, ray.t_min(), ray.t_max()).is_some();
-                (block.met(&BoxRay::new(ray, &bounds)), is_met)
+                (block.maybe_hit_mask(&BoxRay::new(ray, &bounds)), is_met)
             }
             Shape::Sphere { center, radius } => {
                 let Some(bounds) = sphere::bounds(center, radius) else { return Ok(()) };
-                let mut block = block::Spheres::EMPTY;
+                let mut block = block::Sphere4::EMPTY;
                 block.set(lane, center, radius);
                 (
-                    block_rays(&bounds).fold(u32::MAX, |met, ray| met & block.met(BaselineSimd, &ray)),
+                    cull_rays(&bounds)
+                        .fold(u32::MAX, |met, ray| met & block.maybe_hit_mask(BaselineSimd, &ray)),
                     expected.is_some(),
                 )
             }
             Shape::LinearSweptSphere { positions, radii, .. } => {
                 let Some(bounds) = linear_swept_sphere::bounds(positions, radii) else { return Ok(()) };
-                let mut block = block::SweptEnds::EMPTY;
+                let mut block = block::LinearSweptSphere4::EMPTY;
                 block.set(lane, positions, radii);
-                let both =
-                    |ray: &BlockRay| block.met(BaselineSimd, ray) & block.met_closely(BaselineSimd, ray);
-                (block_rays(&bounds).fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
+                let both = |ray: &CullRay| {
+                    block.maybe_hit_mask(BaselineSimd, ray) & block.maybe_hit_mask_tight(BaselineSimd, ray)
+                };
+                (cull_rays(&bounds).fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
             }
         };
         let kept = met >> lane & 1 != 0;
@@ -165,7 +167,7 @@ impl One<'_> {
         let found = intersect(self.shape, &object, self.precision);
         let place = || format!("primitive {index} over {t_min:e}..{t_max:e}");
         if let (Shape::Triangle(vertices), Precision::Exact) = (self.shape, self.precision) {
-            let mut block = block::Triangles::EMPTY;
+            let mut block = block::Triangle4::EMPTY;
             let lane = index % LANES;
             block.set(lane, *vertices);
             // In world space both ways of taking a ray.
@@ -177,7 +179,7 @@ impl One<'_> {
                     Verdict::Undecided => true,
                 };
                 if !agrees {
-                    return fail(format!("{}: {tested:?} on simd, otherwise {found:?}", place()));
+                    return fail(format!("{}: {tested:?} with SIMD, otherwise {found:?}", place()));
                 }
             }
         }

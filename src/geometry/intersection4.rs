@@ -10,7 +10,7 @@ pub(super) const ALL: u32 = 0b1111;
 
 /// Which of four primitives are hit and where, as far as f64 carries.
 #[derive(Clone, Copy, Debug)]
-pub struct FourTested {
+pub struct Intersection4 {
     /// A bit for each that is hit, within the interval.
     pub(super) hits: u32,
     /// A bit for each of which the bounds can't tell.
@@ -23,7 +23,7 @@ pub struct FourTested {
     pub(super) attributes: [[f32; 4]; 2],
 }
 
-impl FourTested {
+impl Intersection4 {
     /// All are missed.
     pub const MISSED: Self = Self {
         hits: 0,
@@ -36,7 +36,7 @@ impl FourTested {
 
     /// A bit for each primitive that is not surely missed.
     #[inline(always)]
-    pub fn met(&self) -> u32 {
+    pub fn maybe_hit_mask(&self) -> u32 {
         self.hits | self.undecided
     }
 
