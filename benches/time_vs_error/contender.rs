@@ -154,9 +154,9 @@ impl Contender for ExactTriangles {
     ) -> Option<f32> {
         // Not one test of either ray, which would be taken apart where both ways meet.
         let tested = if placed.transform.is_none() {
-            block.tested_one(simd, lane, &DoubleRay::in_world(simd, ray))
+            block.intersect_simd(simd, lane, &DoubleRay::in_world(simd, ray))
         } else {
-            block.tested_one(simd, lane, &DoubleRay::of(simd, ready.object((ray, placed))))
+            block.intersect_simd(simd, lane, &DoubleRay::of(simd, ready.object((ray, placed))))
         };
         let found = match tested {
             Verdict::Hit(found) => Some(found),

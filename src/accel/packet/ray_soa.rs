@@ -94,7 +94,7 @@ impl WorldRays {
     }
 }
 
-/// WorldRays as the boxes of one tree see them: the numbers of [`TravRay`]s that count t from 0.
+/// The rays of a packet prepared for the nodes of one tree: the fields of [`TravRay`]s without t shift.
 #[derive(Clone, Debug)]
 pub struct RaySoA {
     near_origin: [PerRay; 3],
@@ -105,7 +105,7 @@ pub struct RaySoA {
     downwards: [u64; 3],
 }
 
-/// WorldRays of a packet that enter the same planes first.
+/// Rays of a packet whose directions have the same signs.
 #[derive(Clone, Copy, Debug)]
 pub struct Group {
     /// A mask of the rays.

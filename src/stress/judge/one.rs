@@ -58,7 +58,7 @@ impl LaneTask for Tested<'_> {
         } else {
             DoubleRay::of(simd, self.ray)
         };
-        self.block.tested_one(simd, self.lane, &ray)
+        self.block.intersect_simd(simd, self.lane, &ray)
     }
 }
 
