@@ -52,7 +52,7 @@ pub struct Batch<const W: usize> {
     pub exits: [Exit; W],
     /// The byte offset or device address that a lane asked for, meaningful once the access has
     /// stopped it.
-    pub asked: [u64; W],
+    pub fault_value: [u64; W],
     /// The indices that were outside their arrays, whether or not an access follows them.
     pub missed: MissedIndices<W>,
     /// The ray queries that variables hold.
@@ -88,7 +88,7 @@ impl<const W: usize> Batch<W> {
             paused: false,
             silent: false,
             exits: [Exit::Returned; W],
-            asked: [0; W],
+            fault_value: [0; W],
             accessed: Vec::new(),
             missed: MissedIndices::default(),
             queries: RayQueries::default(),

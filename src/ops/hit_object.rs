@@ -227,7 +227,7 @@ fn trace(words: &[u32], flags: RayFlags) -> TraceRay {
 
 fn legal<const W: usize>(batch: &mut Batch<W>, lane: usize, trace: &TraceRay) -> Result<(), TrapCode> {
     trace.check().map_err(|broken| {
-        batch.asked[lane] = broken as u64;
+        batch.fault_value[lane] = broken as u64;
         TrapCode::InvalidHitObject
     })
 }

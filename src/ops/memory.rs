@@ -406,17 +406,17 @@ fn locate<'a, const W: usize>(
     let index = chunk.index.map_or(0, |reg| registers[reg].0[lane]);
     let offset = u64::from(chunk.offset) + u64::from(index);
     let base = if let BufferRef::Address(reg) = chunk.buffer { address(registers, reg, lane) } else { 0 };
-    let asked = base.wrapping_add(offset);
+    let fault_value = base.wrapping_add(offset);
     let found = find((registers, lane), invocations, bindings, chunk.buffer);
-    let (buffer, start, size) = found.map_err(|code| (code, asked))?;
+    let (buffer, start, size) = found.map_err(|code| (code, fault_value))?;
     let outside = offset + u64::from(chunk.width / 8 * chunk.count) > size;
     match chunk.buffer {
-        _ if index == OUT_OF_BOUNDS => Err((TrapCode::IndexOutOfBounds, asked)),
-        BufferRef::Address(_) if outside => Err((TrapCode::AddressOutOfBounds, asked)),
-        BufferRef::Address(_) if !asked.is_multiple_of(chunk.alignment.max(1).into()) => {
-            Err((TrapCode::AddressMisaligned, asked))
+        _ if index == OUT_OF_BOUNDS => Err((TrapCode::IndexOutOfBounds, fault_value)),
+        BufferRef::Address(_) if outside => Err((TrapCode::AddressOutOfBounds, fault_value)),
+        BufferRef::Address(_) if !fault_value.is_multiple_of(chunk.alignment.max(1).into()) => {
+            Err((TrapCode::AddressMisaligned, fault_value))
         }
-        _ if outside => Err((TrapCode::BufferOutOfBounds, asked)),
+        _ if outside => Err((TrapCode::BufferOutOfBounds, fault_value)),
         _ => Ok((buffer, start + offset)),
     }
 }
@@ -517,11 +517,11 @@ pub fn each_access<const W: usize>(
             let done = access(&mut batch.registers, lane, buffer, offset);
             done.ok_or((TrapCode::BufferOutOfBounds, offset))
         });
-        if let Err((code, asked)) = done {
-            failed.push((lane, code, asked));
+        if let Err((code, fault_value)) = done {
+            failed.push((lane, code, fault_value));
         }
     }
-    for (lane, code, asked) in failed {
+    for (lane, code, fault_value) in failed {
         let found = find((&batch.registers, lane), &batch.invocations, bindings, chunk.buffer);
         let bounds = matches!(code, TrapCode::BufferOutOfBounds | TrapCode::IndexOutOfBounds);
         let robust = |buffer: &Buffer| bindings.is_robust() || buffer.is_null();
@@ -529,7 +529,7 @@ pub fn each_access<const W: usize>(
             && robust(buffer)
             && !is_workgroup(&batch.registers, lane, chunk.buffer)
         {
-            let offset = if code == TrapCode::IndexOutOfBounds { u64::MAX } else { asked };
+            let offset = if code == TrapCode::IndexOutOfBounds { u64::MAX } else { fault_value };
             let place = Outside { buffer, start: *start, size: *size, offset };
             outside(&mut batch.registers, lane, place);
             continue;
@@ -540,13 +540,13 @@ pub fn each_access<const W: usize>(
             _ => None,
         };
         let accessed = match (found, handle) {
-            _ if matches!(chunk.buffer, BufferRef::Address(_)) => Accessed::near(asked, bindings),
+            _ if matches!(chunk.buffer, BufferRef::Address(_)) => Accessed::near(fault_value, bindings),
             (Ok((_, _, size)), handle) => Some(Accessed::Buffer { handle, size }),
             (Err(_), Some(handle)) => Some(Accessed::descriptor(handle, bindings)),
             (Err(_), None) => None,
         };
         accessed.into_iter().for_each(|accessed| batch.remember_access(lane, accessed));
-        batch.asked[lane] = asked;
+        batch.fault_value[lane] = fault_value;
         stop(batch, Mask::lane(lane), code);
     }
 }

@@ -47,7 +47,7 @@ pub mod subgroup;
 pub mod superop;
 pub mod support;
 pub mod symbolic;
-pub mod twin;
+pub mod shadow_op;
 
 use rspirv::spirv::Op as Opcode;
 

@@ -298,7 +298,7 @@ fn initialize<const W: usize>(
         let mut words = [0; OPERANDS as usize];
         let read = batch.registers.lane_words(operands, OPERANDS, lane);
         words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
-        let mut asked = u64::from(words[0]) | u64::from(words[1]) << 32;
+        let mut fault_value = u64::from(words[0]) | u64::from(words[1]) << 32;
         let done = query.register(&batch.registers, lane).and_then(|register| {
             let tlas = bindings.acceleration_structure([words[0], words[1]]);
             let tlas = tlas.ok_or(TrapCode::AccelerationStructureMissing)?;
@@ -310,7 +310,7 @@ fn initialize<const W: usize>(
             let ray = Ray { origin: float3(4), t_min, direction: float3(8), t_max };
             let trace = TraceRay { ray, flags: RayFlags(words[2]), cull_mask: words[3], time: 0.0 };
             if let Err(broken) = trace.check() {
-                asked = broken as u64;
+                fault_value = broken as u64;
                 return Err(TrapCode::InvalidRayQuery);
             }
             let handle = batch.registers[register].0[lane];
@@ -318,7 +318,7 @@ fn initialize<const W: usize>(
             Ok(())
         });
         if let Err(code) = done {
-            batch.asked[lane] = asked;
+            batch.fault_value[lane] = fault_value;
             memory::trap(batch, Mask::lane(lane), code);
         }
     }

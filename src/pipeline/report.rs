@@ -61,7 +61,7 @@ impl<const W: usize> IntersectionReport<W> {
             match any_hit.filter(|_| !candidate.opaque) {
                 Some(shader) if !trace.suits(pipeline, shader) => {
                     let op = batch.op - 1;
-                    batch.asked[lane] = shader.0.into();
+                    batch.fault_value[lane] = shader.0.into();
                     batch.trap(Mask::lane(lane), TrapCode::PayloadMismatch, op);
                 }
                 None => {

@@ -438,7 +438,7 @@ where
         let given = payload::scalars_given(&self.pipeline.programs[below.shader.0 as usize], data);
         if !payload::takes(&self.pipeline.programs[shader.0 as usize], given) {
             let op = below.batch.op - 1;
-            lanes.lanes().for_each(|lane| below.batch.asked[lane] = shader.0.into());
+            lanes.lanes().for_each(|lane| below.batch.fault_value[lane] = shader.0.into());
             below.batch.trap(lanes, TrapCode::PayloadMismatch, op);
             return;
         }

@@ -91,7 +91,7 @@ mod tests {
         let trapped = |task: u64| Trapped {
             launch_id: [task as u32, 0, 0],
             code: TrapCode::Unreachable,
-            asked: 0,
+            fault_value: 0,
             shader: Shader(0),
             offset: 0,
             error: Error::new(ErrorKind::Trap, "a trap"),

@@ -110,9 +110,9 @@ where
             };
             match refused {
                 None => lanes = lanes | Mask::lane(lane),
-                Some((code, asked)) => {
+                Some((code, fault_value)) => {
                     let op = batch.op - 1;
-                    batch.asked[lane] = asked;
+                    batch.fault_value[lane] = fault_value;
                     batch.trap(Mask::lane(lane), code, op);
                 }
             }
@@ -188,7 +188,7 @@ where
             let code = trace.trapped(lane).unwrap_or(TrapCode::Callee);
             let asks = [TrapCode::HitRecordMissing, TrapCode::MissRecordMissing, TrapCode::PayloadMismatch];
             if asks.contains(&code) {
-                below.batch.asked[lane] = trace.records[lane];
+                below.batch.fault_value[lane] = trace.records[lane];
             }
             below.batch.trap(Mask::lane(lane), code, op);
         }

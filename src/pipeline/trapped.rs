@@ -20,7 +20,7 @@ pub struct Trapped {
     /// Why.
     pub code: TrapCode,
     /// The offset or device address that an access asked for.
-    pub asked: u64,
+    pub fault_value: u64,
     /// The shader.
     pub shader: Shader,
     /// The instruction, in words from the start of the shader's module.
@@ -55,10 +55,10 @@ where
             launch_id[1],
             launch_id[2]
         ));
-        let asked = running.batch.asked[lane];
-        error = missing_record(&self.pipeline.sbt, trap.code, asked).into_iter().fold(error, Error::note);
+        let fault_value = running.batch.fault_value[lane];
+        error = missing_record(&self.pipeline.sbt, trap.code, fault_value).into_iter().fold(error, Error::note);
         if trap.code == TrapCode::PayloadMismatch {
-            error = self.mismatch(running, trap.op, asked).into_iter().flatten().fold(error, Error::note);
+            error = self.mismatch(running, trap.op, fault_value).into_iter().flatten().fold(error, Error::note);
         }
         let callers = self.frames.iter().rev().filter_map(|frame| match frame {
             ShaderCallFrame::Shader(caller) => Some(caller),
@@ -81,8 +81,8 @@ where
             };
         }
         let offset = program.origins.get(trap.op as usize).map_or(0, |origin| origin.offset);
-        let (code, asked, shader) = (trap.code, running.batch.asked[lane], running.shader);
-        self.trapped = Some(Trapped { launch_id, code, asked, shader, offset, error });
+        let (code, fault_value, shader) = (trap.code, running.batch.fault_value[lane], running.shader);
+        self.trapped = Some(Trapped { launch_id, code, fault_value, shader, offset, error });
     }
 }
 
@@ -134,9 +134,9 @@ pub(crate) fn trap_error<const W: usize>(
     trap: Trap,
 ) -> Error {
     let error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
-    let (asked, accessed) = (batch.asked[lane], batch.accessed(lane));
-    let index = program.describe_index(trap, asked, accessed, |op| batch.missed.last(op, lane));
-    let access = program.describe_access(trap, asked, accessed);
+    let (fault_value, accessed) = (batch.fault_value[lane], batch.accessed(lane));
+    let index = program.describe_index(trap, fault_value, accessed, |op| batch.missed.last(op, lane));
+    let access = program.describe_access(trap, fault_value, accessed);
     let bound = match trap.code {
         TrapCode::DescriptorMissing => program.describe_bound(accessed),
         _ => None,

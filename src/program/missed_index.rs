@@ -35,7 +35,7 @@ impl Program {
     pub fn describe_index(
         &self,
         trap: Trap,
-        asked: u64,
+        fault_value: u64,
         accessed: Option<&Accessed>,
         missed: impl Fn(u32) -> Option<(u64, u32)>,
     ) -> Option<String> {
@@ -46,7 +46,7 @@ impl Program {
                 let ((_, index), at) = found.max()?;
                 self.describe_missed(at, index)
             }
-            TrapCode::BufferOutOfBounds => self.describe_element(trap.op, asked, accessed?),
+            TrapCode::BufferOutOfBounds => self.describe_element(trap.op, fault_value, accessed?),
             _ => None,
         }
     }
@@ -117,7 +117,7 @@ impl Program {
     }
 
     /// The element of a runtime array that an access beyond the end of its buffer asked for.
-    fn describe_element(&self, op: u32, asked: u64, accessed: &Accessed) -> Option<String> {
+    fn describe_element(&self, op: u32, fault_value: u64, accessed: &Accessed) -> Option<String> {
         let Accessed::Buffer { size, .. } = *accessed else { return None };
         let index = match &self.ops[op as usize] {
             Op::Memory(memory::Op::BufferLoad { chunk, .. } | memory::Op::BufferStore { chunk, .. }) => {
@@ -139,7 +139,7 @@ impl Program {
         // Behind an array of blocks without an end is that of the block.
         let step = steps.iter().rfind(|step| self.count(step.from).is_none())?;
         let (offset, stride) = (step.offset?, u64::from(stride.max(1)));
-        let index = u32::try_from(asked.checked_sub(offset)? / stride).ok()?;
+        let index = u32::try_from(fault_value.checked_sub(offset)? / stride).ok()?;
         let count = size.saturating_sub(offset) / stride;
         let elements = if count == 1 { "element" } else { "elements" };
         let index = self.describe_value(step.index, index);

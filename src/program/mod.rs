@@ -271,16 +271,16 @@ impl Program {
     }
 
     /// What an access that trapped asked for: where, and of which buffer or image.
-    pub fn describe_access(&self, trap: Trap, asked: u64, accessed: Option<&Accessed>) -> Option<String> {
+    pub fn describe_access(&self, trap: Trap, fault_value: u64, accessed: Option<&Accessed>) -> Option<String> {
         if let TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject = trap.code {
             // The rule that was broken, by its number.
             let opcode = *self.module.words.get(self.origins.get(trap.op as usize)?.offset as usize)?;
-            let broken = *RayRule::ALL.get(asked as usize)?;
+            let broken = *RayRule::ALL.get(fault_value as usize)?;
             return Some(ray_rules::describe(opcode as u16, broken));
         }
         if trap.code == TrapCode::AccelerationStructureMissing {
             // What is no descriptor is a device address, which may not be known here.
-            let (handle, high) = (asked as u32, (asked >> 32) as u32);
+            let (handle, high) = (fault_value as u32, (fault_value >> 32) as u32);
             let name = self.describe_descriptor(handle).filter(|_| high == STRUCTURE_HANDLE)?;
             return Some(format!("{name} holds none"));
         }
@@ -299,7 +299,7 @@ impl Program {
         let bytes = chunk.width / 8 * chunk.count;
         let extent = match trap.code {
             TrapCode::IndexOutOfBounds => String::new(),
-            _ => format!("{bytes} bytes at offset {asked} of "),
+            _ => format!("{bytes} bytes at offset {fault_value} of "),
         };
         let (handle, size) = match accessed {
             Some(&Accessed::Buffer { handle, size }) => (handle, format!(", which has {size} bytes")),
@@ -309,8 +309,8 @@ impl Program {
         let name = match chunk.buffer {
             BufferRef::Address(_) => {
                 let near = accessed.filter(|_| trap.code != TrapCode::NullPointer);
-                let near = near.and_then(|accessed| self.describe_address(asked, accessed));
-                return Some(format!("{bytes} bytes at address {asked:#x}{}", near.unwrap_or_default()));
+                let near = near.and_then(|accessed| self.describe_address(fault_value, accessed));
+                return Some(format!("{bytes} bytes at address {fault_value:#x}{}", near.unwrap_or_default()));
             }
             BufferRef::PushConstants => "the push constants".to_owned(),
             BufferRef::ShaderRecord => "the shader record".to_owned(),
@@ -349,12 +349,12 @@ impl Program {
     }
 
     /// How a device address lies to the buffer that is nearest.
-    fn describe_address(&self, asked: u64, accessed: &Accessed) -> Option<String> {
+    fn describe_address(&self, fault_value: u64, accessed: &Accessed) -> Option<String> {
         let Accessed::Address { start, size, handle } = *accessed else { return None };
         let name = handle.and_then(|handle| self.describe_descriptor(handle));
         let name = name.map_or_else(String::new, |name| format!(" {name}"));
-        let place = match (asked.checked_sub(start), asked.checked_sub(start.saturating_add(size))) {
-            (None, _) => format!("{} bytes before the nearest buffer,", start - asked),
+        let place = match (fault_value.checked_sub(start), fault_value.checked_sub(start.saturating_add(size))) {
+            (None, _) => format!("{} bytes before the nearest buffer,", start - fault_value),
             (Some(offset), None) => format!("offset {offset} of the buffer"),
             (Some(_), Some(0)) => "at the end of the buffer".to_owned(),
             (Some(_), Some(behind)) => format!("{behind} bytes behind the end of the nearest buffer,"),

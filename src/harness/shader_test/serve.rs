@@ -49,7 +49,7 @@ impl ShaderTest {
             Ok(trace) => trace,
             Err(broken) => {
                 let op = batch.op - 1;
-                batch.asked[0] = broken as u64;
+                batch.fault_value[0] = broken as u64;
                 batch.trap(Mask::ALL, TrapCode::InvalidTrace, op);
                 return Ok(None);
             }

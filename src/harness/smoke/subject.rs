@@ -275,7 +275,7 @@ impl Subject<'_> {
             _ => false,
         };
         let content = lost.then(|| self.content(trapped)).flatten();
-        let place = region_of(trapped.asked).and_then(|region| *given.places.get(region)?);
+        let place = region_of(trapped.fault_value).and_then(|region| *given.places.get(region)?);
         if let (Some(content), Some(place)) = (content, place)
             && learned.known.len() < MOST_ADDRESSES
         {
@@ -283,7 +283,7 @@ impl Subject<'_> {
         }
         let beyond = match trapped.code {
             TrapCode::BufferOutOfBounds | TrapCode::AddressOutOfBounds => {
-                trapped.asked & u64::from(u32::MAX) < MOST_OFFSET
+                trapped.fault_value & u64::from(u32::MAX) < MOST_OFFSET
             }
             TrapCode::ImageOutOfBounds => true,
             TrapCode::DescriptorMissing | TrapCode::IndexOutOfBounds => self.has_runtime_descriptors(),

@@ -16,7 +16,7 @@ use crate::harness::stability::place::Programs;
 use crate::harness::stability::probe;
 use crate::harness::stability::watcher::{Memory, Watcher};
 use crate::ops::op::Op;
-use crate::ops::twin::{Twin, twin};
+use crate::ops::shadow_op::{ShadowOp, shadow_op};
 use crate::program::Program;
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -65,7 +65,7 @@ fn trapped(outcome: Result<()>) -> Result<Option<Error>> {
 pub(super) struct Plan {
     pub programs: Programs,
     /// By shader and operation.
-    pub twins: Vec<Vec<Twin>>,
+    pub shadow_ops: Vec<Vec<ShadowOp>>,
     /// By shader and block: the word offset of the branch.
     pub branches: Vec<Vec<u32>>,
     /// What the pipeline adds to every ray's flags.
@@ -77,14 +77,14 @@ pub(super) struct Plan {
 impl Plan {
     fn new(scene: &ResolvedScene, assembled: &Assembled) -> Self {
         let programs = Programs::of(scene, assembled);
-        let twins = |program: &Arc<Program>| {
-            let of = |op: &Op| if let Op::LaneKernel { kernel, .. } = op { twin(kernel) } else { Twin::None };
+        let shadow_ops = |program: &Arc<Program>| {
+            let of = |op: &Op| if let Op::LaneKernel { kernel, .. } = op { shadow_op(kernel) } else { ShadowOp::None };
             program.ops.iter().map(of).collect()
         };
-        let twins = programs.all.iter().map(twins).collect();
+        let shadow_ops = programs.all.iter().map(shadow_ops).collect();
         let branches = programs.all.iter().map(|program| branch_offsets(program)).collect();
         let flags = assembled.pipeline.flags.ray_flags();
-        Self { programs, twins, branches, flags, memory: Mutex::default() }
+        Self { programs, shadow_ops, branches, flags, memory: Mutex::default() }
     }
 
     /// See there.

@@ -15,7 +15,7 @@ use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{self, Chunk};
 use crate::ops::op::{Access, Op};
 use crate::ops::pointer::storage;
-use crate::ops::twin::{Scratch, Twin};
+use crate::ops::shadow_op::{Scratch, ShadowOp};
 use crate::ops::{ray_query, ray_tracing};
 use crate::pipeline::Event;
 use crate::program::Terminator;
@@ -86,32 +86,32 @@ impl<'a> Watcher<'a> {
         Some(self.found.entry((shader, offset)).or_default())
     }
 
-    /// Runs the twin of a kernel and compares.
+    /// Runs the shadow operation of a kernel and compares.
     fn kernel(
         &mut self,
         batch: &Batch<1>,
         offset: u32,
-        twin: Twin,
+        shadow_op: ShadowOp,
         (kernel, to, from): (&LaneKernel, Reg, &[Reg; 3]),
     ) {
         let Some(frame) = self.frames.last_mut() else { return };
         let read = |at: usize| bits(batch, from[at], kernel.operands[at].max(1));
         let result = bits(batch, to, kernel.words);
-        match twin {
-            Twin::None => frame.forget(to, kernel.words),
-            Twin::Select => {
+        match shadow_op {
+            ShadowOp::None => frame.forget(to, kernel.words),
+            ShadowOp::Select => {
                 let chosen = if read(0) != 0 { from[1] } else { from[2] };
                 let entry = frame.entry(chosen);
                 frame.set(to, entry);
             }
-            Twin::Same => {
+            ShadowOp::Identity => {
                 let width = kernel.float_operands[0];
                 let value = frame.value(from[0], read(0)).unwrap_or_else(|| float(read(0), width));
                 frame.set(to, Some(Entry { bits: result, value }));
                 let error = relative(float(read(0), width), value);
                 self.compare(offset, kernel, result, to, (value, error, ""));
             }
-            Twin::Logical => {
+            ShadowOp::Logical => {
                 let known = [0, 1].map(|at| frame.value(from[at], read(at)));
                 if known == [None, None] {
                     return frame.forget(to, 1);
@@ -120,7 +120,7 @@ impl<'a> Watcher<'a> {
                 let value = self.scratch.run(kernel, [operands[0], operands[1], 0]) as f64;
                 frame.set(to, Some(Entry { bits: result, value }));
             }
-            Twin::Number(wide) | Twin::Comparison(wide) | Twin::Integer(wide) => {
+            ShadowOp::Number(wide) | ShadowOp::Comparison(wide) | ShadowOp::Integer(wide) => {
                 let mut operands = [0; 3];
                 let (mut worst, mut known) = (0.0_f64, false);
                 for at in 0..3 {
@@ -136,7 +136,7 @@ impl<'a> Watcher<'a> {
                         operands[at] = value.to_bits();
                     }
                 }
-                let decides = !matches!(twin, Twin::Number(_));
+                let decides = !matches!(shadow_op, ShadowOp::Number(_));
                 if decides && !known {
                     return frame.forget(to, kernel.words);
                 }
@@ -154,8 +154,8 @@ impl<'a> Watcher<'a> {
                 if value != result
                     && let Some(found) = self.note(offset)
                 {
-                    match twin {
-                        Twin::Comparison(_) => found.comparisons += 1,
+                    match shadow_op {
+                        ShadowOp::Comparison(_) => found.comparisons += 1,
                         _ => found.integers += 1,
                     }
                 }
@@ -480,7 +480,7 @@ impl Probe for Watcher<'_> {
         match &program.ops[at] {
             Op::LaneKernel { kernel, to, from } => {
                 let offset = program.origins[at].offset;
-                self.kernel(batch, offset, plan.twins[shader][at], (kernel, *to, from));
+                self.kernel(batch, offset, plan.shadow_ops[shader][at], (kernel, *to, from));
             }
             Op::Memory(op) => self.moves(batch, bindings, op),
             Op::RayQuery(op) => self.query(batch, program.origins[at].offset, op),
