@@ -13,7 +13,7 @@ use crate::harness::value::Value;
 use crate::module::interface::Stage;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Module};
-use crate::ops::decode::Decoder;
+use crate::ops::translate::Translator;
 
 /// Fields of a layout that an error shows.
 const SHOWN: usize = 24;
@@ -395,7 +395,7 @@ fn shorten(lines: &mut Vec<String>) {
 /// that is no number.
 pub fn array_length(module: &Module, length: Id) -> usize {
     let known = module.scalar_value(length);
-    let computed = || Decoder::new(module, Stage::RayGeneration).array_length(length).ok().map(u64::from);
+    let computed = || Translator::new(module, Stage::RayGeneration).array_length(length).ok().map(u64::from);
     known.or_else(computed).and_then(|length| length.try_into().ok()).unwrap_or(0)
 }
 

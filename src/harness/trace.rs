@@ -16,8 +16,8 @@ use crate::harness::scene::Scene;
 use crate::harness::told::{Explain, Told, What};
 use crate::harness::value::Value;
 use crate::machine::printed::Line;
-use crate::ops::decode::InterfaceRegisters;
 use crate::ops::pointer::storage;
+use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::{Band, Bands, Event, Launch, Pipeline, PipelineObserver, RayOperands, Stats, Streamed};
 use crate::program::Program;
 

@@ -20,14 +20,14 @@ use crate::error::Result;
 use crate::machine::{Batch, Bindings, Mask, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::decode::{Decoder, Words, registers_from};
 use crate::ops::image::access::TexelPlace;
 use crate::ops::image::reader::Reader;
 use crate::ops::memory::{BufferRef, Chunk, computed_register, each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Place, Pointer};
+use crate::ops::translate::{Translator, Words, registers_from};
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
     Opcode::AtomicLoad,
     Opcode::AtomicStore,
@@ -162,7 +162,7 @@ impl Op {
             Target::Buffer(chunk) => chunk.accesses(visit),
             Target::Texel(place) => place.registers().for_each(|reg| visit(Access::Read(reg, 1))),
             &Target::Registers { first, index } => {
-                // A computed register's whole variable is told to the decoder as addressed.
+                // A computed register's whole variable is told to the translator as addressed.
                 if let Some(index) = index {
                     visit(Access::Read(index, 1));
                 } else {
@@ -361,8 +361,8 @@ fn float(kind: Kind, width: u32, old: u64, value: u64) -> u64 {
     }
 }
 
-/// Decodes atomic instructions; `false` for an instruction of another section.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates atomic instructions; `false` for an instruction of another section.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     let kind = match opcode {
         Opcode::AtomicLoad => Kind::Load,
         Opcode::AtomicStore | Opcode::AtomicExchange => Kind::Exchange,
@@ -381,88 +381,90 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         Opcode::AtomicFMaxEXT => Kind::FMax,
         _ => return Ok(false),
     };
-    let id = decoder.id(instruction, 0)?;
-    let pointer = decoder.pointer(id)?;
-    let width = match *decoder.module.ty(pointer.pointee) {
+    let id = translator.id(instruction, 0)?;
+    let pointer = translator.pointer(id)?;
+    let width = match *translator.module.ty(pointer.pointee) {
         Type::Int { width, .. } | Type::Float { width, encoding: None } => width,
         Type::Vector { component, count } => {
-            half_vector(decoder, opcode, (component, count))?;
-            return components(decoder, instruction, (kind, count), &pointer).map(|()| true);
+            half_vector(translator, opcode, (component, count))?;
+            return components(translator, instruction, (kind, count), &pointer).map(|()| true);
         }
-        _ => return Err(decoder.invalid("an atomic instruction on what is no scalar")),
+        _ => return Err(translator.invalid("an atomic instruction on what is no scalar")),
     };
     if width == 8 {
-        return Err(decoder.invalid("an atomic instruction on 8 bits"));
+        return Err(translator.invalid("an atomic instruction on 8 bits"));
     }
     // Behind the pointer stand scope and semantics (two for a comparison), then the operands.
-    let none = decoder.wide_constant(0)?;
+    let none = translator.wide_constant(0)?;
     let (value, comparator) = match opcode {
         Opcode::AtomicLoad => (none, none),
-        Opcode::AtomicIIncrement | Opcode::AtomicIDecrement => (decoder.wide_constant(1)?, none),
+        Opcode::AtomicIIncrement | Opcode::AtomicIDecrement => (translator.wide_constant(1)?, none),
         Opcode::AtomicCompareExchange => {
-            (scalar(decoder, instruction, 4, width)?, scalar(decoder, instruction, 5, width)?)
+            (scalar(translator, instruction, 4, width)?, scalar(translator, instruction, 5, width)?)
         }
-        _ => (scalar(decoder, instruction, 3, width)?, none),
+        _ => (scalar(translator, instruction, 3, width)?, none),
     };
-    let target = target(decoder, &pointer, width, 1)?;
-    let to = emit(decoder, (kind, width, (0, 1)), target, (value, comparator))?;
+    let target = target(translator, &pointer, width, 1)?;
+    let to = emit(translator, (kind, width, (0, 1)), target, (value, comparator))?;
     let words = registers_from(to, width.div_ceil(32));
-    decoder.result(instruction, SmallVec::from_slice(&words));
+    translator.result(instruction, SmallVec::from_slice(&words));
     Ok(true)
 }
 
 /// Appends an operation; where the value that was there goes.
 fn emit(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     (kind, width, component): (Kind, u32, (u32, u32)),
     target: Target,
     (value, comparator): (Reg, Reg),
 ) -> Result<Reg> {
-    let to = decoder.fresh(width.div_ceil(32))?;
+    let to = translator.fresh(width.div_ceil(32))?;
     if let Target::Registers { .. } = target {
-        decoder.forget();
+        translator.forget();
     }
     let op = Op { kind, width, component, target, to, value, comparator };
-    decoder.emit(Operation::Atomic(Box::new(op)));
+    translator.emit(Operation::Atomic(Box::new(op)));
     Ok(to)
 }
 
 /// Refuses vectors that atomic instructions must not be used with.
-fn half_vector(decoder: &Decoder<'_>, opcode: Opcode, (component, count): (TypeId, u32)) -> Result<()> {
+fn half_vector(translator: &Translator<'_>, opcode: Opcode, (component, count): (TypeId, u32)) -> Result<()> {
     const FLOAT16_VECTOR: u32 = Capability::AtomicFloat16VectorNV as u32;
     const SECTION: &str = "(SPV_NV_shader_atomic_fp16_vector, Validation Rules)";
     let takes_vectors = matches!(
         opcode,
         Opcode::AtomicExchange | Opcode::AtomicFAddEXT | Opcode::AtomicFMinEXT | Opcode::AtomicFMaxEXT
     );
-    let halves = matches!(*decoder.module.ty(component), Type::Float { width: 16, encoding: None });
+    let halves = matches!(*translator.module.ty(component), Type::Float { width: 16, encoding: None });
     if !(takes_vectors && halves && matches!(count, 2 | 4)) {
-        return Err(decoder.invalid(format!(
+        return Err(translator.invalid(format!(
             "an atomic instruction on a vector; additions, minima, maxima and exchanges take those of two or four \
              16-bit floats {SECTION}"
         )));
     }
-    if !decoder.module.capabilities.contains(&FLOAT16_VECTOR) {
+    if !translator.module.capabilities.contains(&FLOAT16_VECTOR) {
         let message = format!("an atomic instruction on a vector needs AtomicFloat16VectorNV {SECTION}");
-        return Err(decoder.invalid(message));
+        return Err(translator.invalid(message));
     }
     Ok(())
 }
 
 /// An operation for each component of a vector of f16.
 fn components(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     instruction: &Instruction,
     (kind, count): (Kind, u32),
     pointer: &Pointer,
 ) -> Result<()> {
-    let values = decoder.operand(instruction, 3)?;
+    let values = translator.operand(instruction, 3)?;
     if values.len() as u32 != count {
-        return Err(decoder.invalid("the operand of an atomic instruction has another type than the memory"));
+        return Err(
+            translator.invalid("the operand of an atomic instruction has another type than the memory")
+        );
     }
-    let none = decoder.wide_constant(0)?;
+    let none = translator.wide_constant(0)?;
     let stride = match pointer.place {
-        Place::Buffer(_) if pointer.is_packed(decoder) => 4,
+        Place::Buffer(_) if pointer.is_packed(translator) => 4,
         Place::Buffer(_) => pointer.component_stride.unwrap_or(2),
         _ => 1,
     };
@@ -471,46 +473,46 @@ fn components(
         let component = component as u32;
         let mut part = pointer.clone();
         let offset = component.checked_mul(stride).and_then(|bytes| part.offset.checked_add(bytes));
-        part.offset = offset.ok_or_else(|| decoder.unsupported("an offset beyond 4 GiB"))?;
-        let target = target(decoder, &part, 16, count)?;
-        words.push(emit(decoder, (kind, 16, (component, count)), target, (value, none))?);
+        part.offset = offset.ok_or_else(|| translator.unsupported("an offset beyond 4 GiB"))?;
+        let target = target(translator, &part, 16, count)?;
+        words.push(emit(translator, (kind, 16, (component, count)), target, (value, none))?);
     }
-    decoder.result(instruction, words);
+    translator.result(instruction, words);
     Ok(())
 }
 
 /// The first register of an operand that must be a scalar of a width.
-fn scalar(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize, width: u32) -> Result<Reg> {
-    let words = decoder.operand(instruction, at)?;
+fn scalar(translator: &mut Translator<'_>, instruction: &Instruction, at: usize, width: u32) -> Result<Reg> {
+    let words = translator.operand(instruction, at)?;
     match words.first() {
         Some(&first) if words.len() as u32 == width.div_ceil(32) => Ok(first),
-        _ => Err(decoder.invalid("the operand of an atomic instruction has another type than the memory")),
+        _ => Err(translator.invalid("the operand of an atomic instruction has another type than the memory")),
     }
 }
 
-fn target(decoder: &mut Decoder<'_>, pointer: &Pointer, width: u32, count: u32) -> Result<Target> {
+fn target(translator: &mut Translator<'_>, pointer: &Pointer, width: u32, count: u32) -> Result<Target> {
     match pointer.place {
         Place::Texel(ref place) if (width == 64) == place.view.wide && width * count >= 32 => {
             Ok(Target::Texel(place.clone()))
         }
-        Place::Texel(_) => Err(decoder.invalid("an atomic instruction on a texel of another width")),
+        Place::Texel(_) => Err(translator.invalid("an atomic instruction on a texel of another width")),
         Place::Buffer(buffer) => {
             let (count, part) = if width == 64 { (2, 32) } else { (1, width) };
             let (offset, index) = (pointer.offset, pointer.index);
             Ok(Target::Buffer(Chunk { buffer, offset, index, width: part, count, alignment: 1 }))
         }
-        Place::Registers { constant: true, .. } => Err(decoder.invalid("an atomic on an input variable")),
+        Place::Registers { constant: true, .. } => Err(translator.invalid("an atomic on an input variable")),
         Place::Registers { first, .. } => {
             let first = first.plus(pointer.offset);
             if pointer.index.is_some() {
-                decoder.addressed.push((first, width.div_ceil(32)));
+                translator.addressed.push((first, width.div_ceil(32)));
             }
             Ok(Target::Registers { first, index: pointer.index })
         }
         Place::ComputedRegisters => {
             Ok(Target::Registers { first: pointer.pointed_registers(), index: pointer.index })
         }
-        Place::Descriptors { .. } => Err(decoder.invalid("an atomic instruction on a descriptor")),
+        Place::Descriptors { .. } => Err(translator.invalid("an atomic instruction on a descriptor")),
     }
 }
 

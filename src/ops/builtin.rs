@@ -7,7 +7,7 @@ use crate::machine::invocation::{HitOf, InvocationField as Field, Invocations, O
 use crate::machine::{Lanes, Mask};
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::decode::Decoder;
+use crate::ops::translate::Translator;
 
 /// A builtin variable of the Input storage class.
 pub struct Builtin {
@@ -378,23 +378,23 @@ pub fn letter(stage: Stage) -> char {
 ///
 /// # Errors
 /// `InvalidModule` with the rule's VUID.
-pub fn check(decoder: &Decoder<'_>, builtin: &'static Builtin, ty: TypeId) -> Result<()> {
-    if !builtin.stages.contains(letter(decoder.stage)) {
-        let message = format!("the builtin {} cannot be read in {}", builtin.name, decoder.stage.name());
-        return Err(decoder.invalid(message).note(format!("VUID-{}", builtin.vuids[0])));
+pub fn check(translator: &Translator<'_>, builtin: &'static Builtin, ty: TypeId) -> Result<()> {
+    if !builtin.stages.contains(letter(translator.stage)) {
+        let message = format!("the builtin {} cannot be read in {}", builtin.name, translator.stage.name());
+        return Err(translator.invalid(message).note(format!("VUID-{}", builtin.vuids[0])));
     }
-    if !matches(decoder, builtin.shape, ty) {
-        let found = decoder.module.describe_type(ty);
+    if !matches(translator, builtin.shape, ty) {
+        let found = translator.module.describe_type(ty);
         let message =
             format!("the builtin {} must be {}, not {found}", builtin.name, builtin.shape.describe());
-        return Err(decoder.invalid(message).note(format!("VUID-{}", builtin.vuids[2])));
+        return Err(translator.invalid(message).note(format!("VUID-{}", builtin.vuids[2])));
     }
     Ok(())
 }
 
 /// Whether a type has a shape.
-pub fn matches(decoder: &Decoder<'_>, shape: Shape, ty: TypeId) -> bool {
-    let module = decoder.module;
+pub fn matches(translator: &Translator<'_>, shape: Shape, ty: TypeId) -> bool {
+    let module = translator.module;
     let is_float = |ty| matches!(module.ty(ty), Type::Float { width: 32, encoding: None });
     let is_int = |ty| matches!(module.ty(ty), Type::Int { width: 32, .. });
     let is_float3 =

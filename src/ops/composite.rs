@@ -9,14 +9,14 @@ use crate::machine::Reg;
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::address;
-use crate::ops::decode::{Decoder, Words, registers_from};
 use crate::ops::integer_operand::Reading;
 use crate::ops::linear_algebra;
 use crate::ops::memory::{self, Length};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select::SelectWord;
+use crate::ops::translate::{Translator, Words, registers_from};
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
     Opcode::CompositeConstruct,
     Opcode::CompositeConstructReplicateEXT,
@@ -33,181 +33,185 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::Bitcast,
 ];
 
-/// Decodes composite instructions; `false` for an instruction of another section.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates composite instructions; `false` for an instruction of another section.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
         Opcode::CompositeConstruct => {
-            let ty = decoder.result_type(instruction)?;
-            check_constituents(decoder, ty, decoder.operands(instruction), true)?;
+            let ty = translator.result_type(instruction)?;
+            check_constituents(translator, ty, translator.operands(instruction), true)?;
             let mut words = Words::new();
-            for &id in decoder.operands(instruction) {
-                words.extend(decoder.words(crate::module::Id(id))?);
+            for &id in translator.operands(instruction) {
+                words.extend(translator.words(crate::module::Id(id))?);
             }
-            check_count(decoder, instruction, &words)?;
-            decoder.result(instruction, words);
+            check_count(translator, instruction, &words)?;
+            translator.result(instruction, words);
         }
         Opcode::CompositeConstructReplicateEXT => {
-            let part = decoder.id(instruction, 0)?;
-            let ty = decoder.result_type(instruction)?;
-            let words = replicate(decoder, ty, part)?;
-            decoder.result(instruction, words);
+            let part = translator.id(instruction, 0)?;
+            let ty = translator.result_type(instruction)?;
+            let words = replicate(translator, ty, part)?;
+            translator.result(instruction, words);
         }
         Opcode::CompositeExtract => {
-            let composite = decoder.id(instruction, 0)?;
-            let ty = decoder.type_of(composite)?;
-            let words = decoder.words(composite)?;
-            let indices = &decoder.operands(instruction)[1..];
-            let (first, count) = part(decoder, ty, indices)?;
-            decoder.result(instruction, words[first..first + count].into());
+            let composite = translator.id(instruction, 0)?;
+            let ty = translator.type_of(composite)?;
+            let words = translator.words(composite)?;
+            let indices = &translator.operands(instruction)[1..];
+            let (first, count) = part(translator, ty, indices)?;
+            translator.result(instruction, words[first..first + count].into());
         }
         Opcode::CompositeInsert => {
-            let object = decoder.operand(instruction, 0)?;
-            let composite = decoder.id(instruction, 1)?;
-            let ty = decoder.type_of(composite)?;
-            let mut words = decoder.words(composite)?;
-            let indices = &decoder.operands(instruction)[2..];
-            let (first, count) = part(decoder, ty, indices)?;
+            let object = translator.operand(instruction, 0)?;
+            let composite = translator.id(instruction, 1)?;
+            let ty = translator.type_of(composite)?;
+            let mut words = translator.words(composite)?;
+            let indices = &translator.operands(instruction)[2..];
+            let (first, count) = part(translator, ty, indices)?;
             if object.len() != count {
-                return Err(decoder.invalid("the object inserted has another type than the part it replaces"));
+                return Err(
+                    translator.invalid("the object inserted has another type than the part it replaces")
+                );
             }
             words[first..first + count].copy_from_slice(&object);
-            decoder.result(instruction, words);
+            translator.result(instruction, words);
         }
         Opcode::VectorShuffle => {
-            let (a, b) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
-            let width = decoder.type_of(a).and_then(|ty| decoder.scalar_width(ty))?;
-            let ty = decoder.result_type(instruction)?;
-            let component = |ty: TypeId| match *decoder.module.ty(ty) {
+            let (a, b) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
+            let width = translator.type_of(a).and_then(|ty| translator.scalar_width(ty))?;
+            let ty = translator.result_type(instruction)?;
+            let component = |ty: TypeId| match *translator.module.ty(ty) {
                 Type::Vector { component, .. } => Some(component),
                 _ => None,
             };
-            let parts = [decoder.type_of(a)?, decoder.type_of(b)?, ty].map(component);
+            let parts = [translator.type_of(a)?, translator.type_of(b)?, ty].map(component);
             if parts[0].is_none() || parts.iter().any(|&part| part != parts[0]) {
-                return Err(decoder.invalid("a shuffle takes and gives vectors of one component type"));
+                return Err(translator.invalid("a shuffle takes and gives vectors of one component type"));
             }
-            let mut components = decoder.components(a)?;
-            components.extend(decoder.components(b)?);
-            let undefined = decoder.wide_constant(0)?;
+            let mut components = translator.components(a)?;
+            components.extend(translator.components(b)?);
+            let undefined = translator.wide_constant(0)?;
             let mut chosen = Words::new();
-            for &literal in &decoder.operands(instruction)[2..] {
+            for &literal in &translator.operands(instruction)[2..] {
                 let component = match literal {
                     u32::MAX => undefined,
                     _ => *components
                         .get(literal as usize)
-                        .ok_or_else(|| decoder.invalid(format!("component {literal} of a shuffle")))?,
+                        .ok_or_else(|| translator.invalid(format!("component {literal} of a shuffle")))?,
                 };
                 chosen.push(component);
             }
-            let words = decoder.spread(&chosen, width);
-            decoder.result(instruction, words);
+            let words = translator.spread(&chosen, width);
+            translator.result(instruction, words);
         }
         Opcode::VectorExtractDynamic => {
-            let vector = decoder.id(instruction, 0)?;
-            let index = decoder.id(instruction, 1)?;
-            let words = decoder.words(vector)?;
-            let count = decoder.component_count(decoder.type_of(vector)?);
+            let vector = translator.id(instruction, 0)?;
+            let index = translator.id(instruction, 1)?;
+            let words = translator.words(vector)?;
+            let count = translator.component_count(translator.type_of(vector)?);
             let each = words.len() as u32 / count.max(1);
-            let first = decoder.consecutive(&words)?;
-            decoder.addressed.push((first, words.len() as u32));
-            let index = scaled(decoder, index, each, count)?;
-            let to = decoder.fresh(each)?;
-            decoder.emit(Op::Memory(memory::Op::Gather { to, count: each, first, index }));
-            decoder.result(instruction, registers_from(to, each));
+            let first = translator.consecutive(&words)?;
+            translator.addressed.push((first, words.len() as u32));
+            let index = scaled(translator, index, each, count)?;
+            let to = translator.fresh(each)?;
+            translator.emit(Op::Memory(memory::Op::Gather { to, count: each, first, index }));
+            translator.result(instruction, registers_from(to, each));
         }
         Opcode::VectorInsertDynamic => {
-            let vector = decoder.id(instruction, 0)?;
-            let component = decoder.operand(instruction, 1)?;
-            let index = decoder.id(instruction, 2)?;
-            let words = decoder.words(vector)?;
-            let count = decoder.component_count(decoder.type_of(vector)?);
+            let vector = translator.id(instruction, 0)?;
+            let component = translator.operand(instruction, 1)?;
+            let index = translator.id(instruction, 2)?;
+            let words = translator.words(vector)?;
+            let count = translator.component_count(translator.type_of(vector)?);
             let each = component.len() as u32;
-            let to = decoder.fresh(words.len() as u32)?;
+            let to = translator.fresh(words.len() as u32)?;
             for (at, &from) in words.iter().enumerate() {
-                decoder.emit(Op::Memory(memory::Op::Move { to: to.plus(at as u32), from }));
+                translator.emit(Op::Memory(memory::Op::Move { to: to.plus(at as u32), from }));
             }
-            decoder.addressed.push((to, words.len() as u32));
-            let index = scaled(decoder, index, each, count)?;
-            let from = decoder.consecutive(&component)?;
-            decoder.emit(Op::Memory(memory::Op::Scatter { from, count: each, first: to, index }));
-            decoder.result(instruction, registers_from(to, words.len() as u32));
+            translator.addressed.push((to, words.len() as u32));
+            let index = scaled(translator, index, each, count)?;
+            let from = translator.consecutive(&component)?;
+            translator.emit(Op::Memory(memory::Op::Scatter { from, count: each, first: to, index }));
+            translator.result(instruction, registers_from(to, words.len() as u32));
         }
         Opcode::Transpose => {
-            let matrix = decoder.id(instruction, 0)?;
-            let columns = columns(decoder, matrix)?;
-            let width = scalar_width_of_matrix(decoder, matrix)?;
+            let matrix = translator.id(instruction, 0)?;
+            let columns = columns(translator, matrix)?;
+            let width = scalar_width_of_matrix(translator, matrix)?;
             let rows = columns.first().map_or(0, SmallVec::len);
-            linear_algebra::check_shape(decoder, instruction, rows, columns.len())?;
-            if !linear_algebra::have_one_scalar_type(decoder, instruction)? {
-                return Err(decoder.invalid("a transposed matrix has the component type of the matrix"));
+            linear_algebra::check_shape(translator, instruction, rows, columns.len())?;
+            if !linear_algebra::have_one_scalar_type(translator, instruction)? {
+                return Err(translator.invalid("a transposed matrix has the component type of the matrix"));
             }
             let transposed: Words =
                 (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
-            let words = decoder.spread(&transposed, width);
-            decoder.result(instruction, words);
+            let words = translator.spread(&transposed, width);
+            translator.result(instruction, words);
         }
         Opcode::CopyObject => {
-            let id = decoder.id(instruction, 0)?;
-            let value = decoder.value(id)?;
+            let id = translator.id(instruction, 0)?;
+            let value = translator.value(id)?;
             if let Some(result) = instruction.result {
-                decoder.define(result, value);
+                translator.define(result, value);
             }
         }
         Opcode::CopyLogical => {
-            let (from, to) = (decoder.id(instruction, 0)?, decoder.result_type(instruction)?);
-            let from = decoder.type_of(from)?;
-            if decoder.scalars(from)? != decoder.scalars(to)? {
-                let [from, to] = [from, to].map(|ty| decoder.module.describe_type(ty));
-                return Err(decoder.invalid(format!("OpCopyLogical of {from} to {to}, which do not match")));
+            let (from, to) = (translator.id(instruction, 0)?, translator.result_type(instruction)?);
+            let from = translator.type_of(from)?;
+            if translator.scalars(from)? != translator.scalars(to)? {
+                let [from, to] = [from, to].map(|ty| translator.module.describe_type(ty));
+                return Err(
+                    translator.invalid(format!("OpCopyLogical of {from} to {to}, which do not match"))
+                );
             }
-            let words = decoder.operand(instruction, 0)?;
-            check_count(decoder, instruction, &words)?;
-            decoder.result(instruction, words);
+            let words = translator.operand(instruction, 0)?;
+            check_count(translator, instruction, &words)?;
+            translator.result(instruction, words);
         }
         Opcode::Undef => {
-            let ty = decoder.result_type(instruction)?;
-            let words = decoder.zero(ty)?;
-            decoder.result(instruction, words);
+            let ty = translator.result_type(instruction)?;
+            let words = translator.zero(ty)?;
+            translator.result(instruction, words);
         }
         Opcode::Select => {
-            let condition = decoder.components_of_bool(instruction, 0)?;
-            let objects = [decoder.id(instruction, 1)?, decoder.id(instruction, 2)?];
-            let (a, b) = (decoder.carried(objects[0])?, decoder.carried(objects[1])?);
+            let condition = translator.components_of_bool(instruction, 0)?;
+            let objects = [translator.id(instruction, 1)?, translator.id(instruction, 2)?];
+            let (a, b) = (translator.carried(objects[0])?, translator.carried(objects[1])?);
             if a.len() != b.len() || a.is_empty() {
-                return Err(decoder.invalid("the objects of a select differ in type"));
+                return Err(translator.invalid("the objects of a select differ in type"));
             }
             // A vector of conditions chooses component by component, a scalar the whole object.
             let each = a.len() / condition.len().max(1);
             let mut words = Words::new();
-            let first = decoder.fresh(a.len() as u32)?;
+            let first = translator.fresh(a.len() as u32)?;
             let mut folded = true;
             for at in 0..a.len() {
                 let from = [condition[(at / each.max(1)).min(condition.len() - 1)], a[at], b[at]];
-                if let Some(word) = decoder.constant_word(from[0]) {
+                if let Some(word) = translator.constant_word(from[0]) {
                     words.push(if word != 0 { from[1] } else { from[2] });
                     continue;
                 }
                 folded = false;
                 let to = first.plus(at as u32);
-                decoder.emit(Op::LaneKernel { kernel: &SelectWord.kernels[0], to, from });
+                translator.emit(Op::LaneKernel { kernel: &SelectWord.kernels[0], to, from });
                 words.push(to);
             }
             if !folded && condition.len() > 1 {
                 // Known and computed conditions may be mixed: keep the words of a pair together.
-                let start = decoder.consecutive(&words)?;
+                let start = translator.consecutive(&words)?;
                 words = registers_from(start, words.len() as u32);
             }
-            decoder.result(instruction, words);
+            translator.result(instruction, words);
         }
         Opcode::Bitcast => {
-            let words = bitcast(decoder, instruction)?;
-            decoder.result(instruction, words);
+            let words = bitcast(translator, instruction)?;
+            translator.result(instruction, words);
         }
         _ => return Ok(false),
     }
     Ok(true)
 }
 
-impl Decoder<'_> {
+impl Translator<'_> {
     /// The registers of an operand that is a bool or a vector of bools.
     fn components_of_bool(&mut self, instruction: &Instruction, at: usize) -> Result<Words> {
         let id = self.id(instruction, at)?;
@@ -217,80 +221,81 @@ impl Decoder<'_> {
 }
 
 /// A composite all of whose constituents are one value.
-pub fn replicate(decoder: &mut Decoder<'_>, ty: TypeId, part: crate::module::Id) -> Result<Words> {
-    let element = match *decoder.module.ty(ty) {
+pub fn replicate(translator: &mut Translator<'_>, ty: TypeId, part: crate::module::Id) -> Result<Words> {
+    let element = match *translator.module.ty(ty) {
         Type::Vector { component: element, .. }
         | Type::Matrix { column: element, .. }
         | Type::Array { element, .. } => Some(element),
         _ => None,
     };
-    if let (Some(element), Some(found)) = (element, decoder.module.type_of(part))
+    if let (Some(element), Some(found)) = (element, translator.module.type_of(part))
         && element != found
     {
-        let [name, found] = [ty, found].map(|ty| decoder.module.describe_type(ty));
-        return Err(decoder.invalid(format!("a {name} is not made of copies of a {found}")));
+        let [name, found] = [ty, found].map(|ty| translator.module.describe_type(ty));
+        return Err(translator.invalid(format!("a {name} is not made of copies of a {found}")));
     }
-    let words = decoder.words(part)?;
-    let count = decoder.word_count(ty)? as usize;
+    let words = translator.words(part)?;
+    let count = translator.word_count(ty)? as usize;
     if words.is_empty() || !count.is_multiple_of(words.len()) {
-        let name = decoder.module.describe_type(ty);
-        return Err(decoder.invalid(format!("the constituent repeated does not make a {name}")));
+        let name = translator.module.describe_type(ty);
+        return Err(translator.invalid(format!("the constituent repeated does not make a {name}")));
     }
     Ok(words.iter().copied().cycle().take(count).collect())
 }
 
 /// The first register of each component of each column of a matrix.
-pub fn columns(decoder: &mut Decoder<'_>, matrix: crate::module::Id) -> Result<Vec<Words>> {
-    let ty = decoder.type_of(matrix)?;
-    let Type::Matrix { column, count } = *decoder.module.ty(ty) else {
-        return Err(decoder.invalid("a matrix is needed here"));
+pub fn columns(translator: &mut Translator<'_>, matrix: crate::module::Id) -> Result<Vec<Words>> {
+    let ty = translator.type_of(matrix)?;
+    let Type::Matrix { column, count } = *translator.module.ty(ty) else {
+        return Err(translator.invalid("a matrix is needed here"));
     };
-    let each = decoder.scalar_width(column)?.div_ceil(32) as usize;
-    let words = decoder.words(matrix)?;
+    let each = translator.scalar_width(column)?.div_ceil(32) as usize;
+    let words = translator.words(matrix)?;
     let components: Words = words.chunks(each).map(|chunk| chunk[0]).collect();
     Ok(components.chunks((components.len() / count.max(1) as usize).max(1)).map(Words::from_slice).collect())
 }
 
 /// Bits of a matrix's scalars.
-pub fn scalar_width_of_matrix(decoder: &Decoder<'_>, matrix: crate::module::Id) -> Result<u32> {
-    match *decoder.module.ty(decoder.type_of(matrix)?) {
-        Type::Matrix { column, .. } => decoder.scalar_width(column),
-        _ => Err(decoder.invalid("a matrix is needed here")),
+pub fn scalar_width_of_matrix(translator: &Translator<'_>, matrix: crate::module::Id) -> Result<u32> {
+    match *translator.module.ty(translator.type_of(matrix)?) {
+        Type::Matrix { column, .. } => translator.scalar_width(column),
+        _ => Err(translator.invalid("a matrix is needed here")),
     }
 }
 
 /// Where the part that literal indices name lies among the words of a composite.
-fn part(decoder: &mut Decoder<'_>, mut ty: TypeId, indices: &[u32]) -> Result<(usize, usize)> {
+fn part(translator: &mut Translator<'_>, mut ty: TypeId, indices: &[u32]) -> Result<(usize, usize)> {
     let mut first = 0;
     for &index in indices {
-        let outside =
-            |decoder: &Decoder<'_>| decoder.invalid(format!("index {index} of a composite is too big"));
-        ty = match *decoder.module.ty(ty) {
+        let outside = |translator: &Translator<'_>| {
+            translator.invalid(format!("index {index} of a composite is too big"))
+        };
+        ty = match *translator.module.ty(ty) {
             Type::Struct { ref members, .. } => {
-                let member = members.get(index as usize).ok_or_else(|| outside(decoder))?;
+                let member = members.get(index as usize).ok_or_else(|| outside(translator))?;
                 for member in &members[..index as usize] {
-                    first += decoder.word_count(member.ty)?;
+                    first += translator.word_count(member.ty)?;
                 }
                 member.ty
             }
             Type::Vector { component: element, count } | Type::Matrix { column: element, count } => {
                 if index >= count {
-                    return Err(outside(decoder));
+                    return Err(outside(translator));
                 }
-                first += index * decoder.word_count(element)?;
+                first += index * translator.word_count(element)?;
                 element
             }
             Type::Array { element, length, .. } => {
-                if index >= decoder.array_length(length)? {
-                    return Err(outside(decoder));
+                if index >= translator.array_length(length)? {
+                    return Err(outside(translator));
                 }
-                first += index * decoder.word_count(element)?;
+                first += index * translator.word_count(element)?;
                 element
             }
-            _ => return Err(decoder.invalid("an index into what is no composite")),
+            _ => return Err(translator.invalid("an index into what is no composite")),
         };
     }
-    Ok((first as usize, decoder.word_count(ty)? as usize))
+    Ok((first as usize, translator.word_count(ty)? as usize))
 }
 
 /// Holds the constituents of a composite against its type; those of a vector may be vectors where `joined`
@@ -298,13 +303,13 @@ fn part(decoder: &mut Decoder<'_>, mut ty: TypeId, indices: &[u32]) -> Result<(u
 ///
 /// # Errors
 /// `InvalidModule`
-pub fn check_constituents(decoder: &Decoder<'_>, ty: TypeId, ids: &[u32], joined: bool) -> Result<()> {
-    let types = ids.iter().map(|&id| decoder.module.type_of(crate::module::Id(id)));
+pub fn check_constituents(translator: &Translator<'_>, ty: TypeId, ids: &[u32], joined: bool) -> Result<()> {
+    let types = ids.iter().map(|&id| translator.module.type_of(crate::module::Id(id)));
     let is = |found: Option<TypeId>, part: TypeId| found.is_none_or(|found| found == part);
-    let fits = match *decoder.module.ty(ty) {
+    let fits = match *translator.module.ty(ty) {
         Type::Vector { component, count } => {
             let parts: Vec<Option<TypeId>> = types.collect();
-            let part = |found: Option<TypeId>| match found.map(|found| decoder.module.ty(found)) {
+            let part = |found: Option<TypeId>| match found.map(|found| translator.module.ty(found)) {
                 Some(&Type::Vector { component, count }) if joined => (Some(component), count),
                 _ => (found, 1),
             };
@@ -323,53 +328,53 @@ pub fn check_constituents(decoder: &Decoder<'_>, ty: TypeId, ids: &[u32], joined
     if fits {
         return Ok(());
     }
-    let name = decoder.module.describe_type(ty);
-    Err(decoder.invalid(format!("the constituents do not make a {name}")))
+    let name = translator.module.describe_type(ty);
+    Err(translator.invalid(format!("the constituents do not make a {name}")))
 }
 
-fn check_count(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &Words) -> Result<()> {
-    let ty = decoder.result_type(instruction)?;
-    if decoder.word_count(ty)? as usize != words.len() {
-        let name = decoder.module.describe_type(ty);
-        return Err(decoder.invalid(format!("the constituents do not make a {name}")));
+fn check_count(translator: &mut Translator<'_>, instruction: &Instruction, words: &Words) -> Result<()> {
+    let ty = translator.result_type(instruction)?;
+    if translator.word_count(ty)? as usize != words.len() {
+        let name = translator.module.describe_type(ty);
+        return Err(translator.invalid(format!("the constituents do not make a {name}")));
     }
     Ok(())
 }
 
 /// The register offset of a component.
-fn scaled(decoder: &mut Decoder<'_>, index: crate::module::Id, stride: u32, count: u32) -> Result<Reg> {
-    let index = decoder.integer(index, Reading::Index)?;
-    let to = decoder.fresh(1)?;
+fn scaled(translator: &mut Translator<'_>, index: crate::module::Id, stride: u32, count: u32) -> Result<Reg> {
+    let index = translator.integer(index, Reading::Index)?;
+    let to = translator.fresh(1)?;
     let length = Length::Known(count);
-    decoder.emit(Op::Memory(memory::Op::Index { to, base: None, index, stride, length }));
+    translator.emit(Op::Memory(memory::Op::Index { to, base: None, index, stride, length }));
     Ok(to)
 }
 
 /// Bits of a scalar; a device address has 64.
-fn bits(decoder: &Decoder<'_>, ty: TypeId) -> Result<u32> {
-    match decoder.module.ty(ty) {
-        Type::Pointer { .. } if address::is_physical(decoder, ty) => Ok(64),
-        Type::Pointer { .. } => Err(decoder.unsupported("OpBitcast of a logical pointer")),
-        Type::Int { .. } | Type::Float { .. } => decoder.scalar_width(ty),
-        &Type::Vector { component, .. } => bits(decoder, component),
+fn bits(translator: &Translator<'_>, ty: TypeId) -> Result<u32> {
+    match translator.module.ty(ty) {
+        Type::Pointer { .. } if address::is_physical(translator, ty) => Ok(64),
+        Type::Pointer { .. } => Err(translator.unsupported("OpBitcast of a logical pointer")),
+        Type::Int { .. } | Type::Float { .. } => translator.scalar_width(ty),
+        &Type::Vector { component, .. } => bits(translator, component),
         _ => {
-            let name = decoder.module.describe_type(ty);
-            Err(decoder.invalid(format!(
+            let name = translator.module.describe_type(ty);
+            Err(translator.invalid(format!(
                 "OpBitcast takes and gives numbers, vectors of them and pointers, not {name}"
             )))
         }
     }
 }
 
-fn bitcast(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words> {
-    let id = decoder.id(instruction, 0)?;
-    let (source, target) = (decoder.type_of(id)?, decoder.result_type(instruction)?);
-    let (from, to) = (bits(decoder, source)?, bits(decoder, target)?);
-    if from * decoder.component_count(source) != to * decoder.component_count(target) {
-        let [source, target] = [source, target].map(|ty| decoder.module.describe_type(ty));
-        return Err(decoder.invalid(format!("OpBitcast of {source} to {target}, which has other bits")));
+fn bitcast(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Words> {
+    let id = translator.id(instruction, 0)?;
+    let (source, target) = (translator.type_of(id)?, translator.result_type(instruction)?);
+    let (from, to) = (bits(translator, source)?, bits(translator, target)?);
+    if from * translator.component_count(source) != to * translator.component_count(target) {
+        let [source, target] = [source, target].map(|ty| translator.module.describe_type(ty));
+        return Err(translator.invalid(format!("OpBitcast of {source} to {target}, which has other bits")));
     }
-    let words = decoder.words(id)?;
+    let words = translator.words(id)?;
     if from == to || (from >= 32 && to == 32) {
         return Ok(words);
     }
@@ -377,7 +382,7 @@ fn bitcast(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words
         (32, 64) => {
             let mut pairs = Words::new();
             for pair in words.chunks_exact(2) {
-                let first = decoder.pair(pair[0], pair[1])?;
+                let first = translator.pair(pair[0], pair[1])?;
                 pairs.extend([first, first.plus(1)]);
             }
             Ok(pairs)
@@ -387,12 +392,12 @@ fn bitcast(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words
             let mut packed: Vec<Reg> = Vec::new();
             if from < 32 {
                 for group in words.chunks((32 / from) as usize) {
-                    let mut sum = decoder.constant(0)?;
+                    let mut sum = translator.constant(0)?;
                     for (at, &part) in group.iter().enumerate() {
-                        let by = decoder.constant(from * at as u32)?;
+                        let by = translator.constant(from * at as u32)?;
                         let moved =
-                            decoder.emit_family(&crate::ops::bit::ShiftLeftLogical, 32, &[part, by])?;
-                        sum = decoder.emit_family(&crate::ops::bit::BitwiseOr, 32, &[sum, moved])?;
+                            translator.emit_family(&crate::ops::bit::ShiftLeftLogical, 32, &[part, by])?;
+                        sum = translator.emit_family(&crate::ops::bit::BitwiseOr, 32, &[sum, moved])?;
                     }
                     packed.push(sum);
                 }
@@ -403,23 +408,27 @@ fn bitcast(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words
             match to {
                 64 => {
                     for pair in packed.chunks_exact(2) {
-                        let first = decoder.pair(pair[0], pair[1])?;
+                        let first = translator.pair(pair[0], pair[1])?;
                         result.extend([first, first.plus(1)]);
                     }
                 }
                 32 => result.extend(packed),
                 _ => {
-                    let count = decoder.result_type(instruction).map(|ty| decoder.component_count(ty))?;
-                    let mask = decoder.constant((1 << to) - 1)?;
+                    let count =
+                        translator.result_type(instruction).map(|ty| translator.component_count(ty))?;
+                    let mask = translator.constant((1 << to) - 1)?;
                     'all: for &word in &packed {
                         for at in 0..32 / to {
                             if result.len() as u32 == count {
                                 break 'all;
                             }
-                            let by = decoder.constant(to * at)?;
-                            let moved =
-                                decoder.emit_family(&crate::ops::bit::ShiftRightLogical, 32, &[word, by])?;
-                            result.push(decoder.emit_family(
+                            let by = translator.constant(to * at)?;
+                            let moved = translator.emit_family(
+                                &crate::ops::bit::ShiftRightLogical,
+                                32,
+                                &[word, by],
+                            )?;
+                            result.push(translator.emit_family(
                                 &crate::ops::bit::BitwiseAnd,
                                 32,
                                 &[moved, mask],

@@ -15,8 +15,8 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Instruction};
 use crate::ops::address::is_physical;
 use crate::ops::conversion::encoded;
-use crate::ops::decode::Decoder;
 use crate::ops::op::{Access, Op as Operation};
+use crate::ops::translate::Translator;
 
 /// The name of the instruction set.
 pub const SET: &str = "NonSemantic.DebugPrintf";
@@ -105,55 +105,55 @@ impl Scalar {
     }
 }
 
-/// Decodes a call of the instruction set; operands begin behind set and number.
+/// Translates a call of the instruction set; operands begin behind set and number.
 ///
 /// # Errors
 /// `InvalidModule` where the format is no string, `UnsupportedModule` where an argument cannot be printed.
-pub fn decode(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()> {
-    let format = decoder.id(instruction, 2)?;
-    let Some(format) = decoder.module.debug_info.strings.get(&format).cloned() else {
-        let error = decoder.invalid("the format of a DebugPrintf is no OpString");
+pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let format = translator.id(instruction, 2)?;
+    let Some(format) = translator.module.debug_info.strings.get(&format).cloned() else {
+        let error = translator.invalid("the format of a DebugPrintf is no OpString");
         return Err(error.note("NonSemantic.DebugPrintf, Format"));
     };
     let mut arguments = Vec::new();
-    for &id in &decoder.operands(instruction)[3..] {
+    for &id in &translator.operands(instruction)[3..] {
         let id = Id(id);
-        if let Some(text) = decoder.module.debug_info.strings.get(&id) {
+        if let Some(text) = translator.module.debug_info.strings.get(&id) {
             arguments.push(Argument::Text(text.clone()));
             continue;
         }
-        let ty = decoder.type_of(id)?;
-        arguments.push(if is_physical(decoder, ty) {
-            let words = decoder.carried(id)?;
-            let address = decoder.pair(words[0], words[1])?;
+        let ty = translator.type_of(id)?;
+        arguments.push(if is_physical(translator, ty) {
+            let words = translator.carried(id)?;
+            let address = translator.pair(words[0], words[1])?;
             Argument::Numbers { scalar: Scalar::Int(64, false), components: vec![address] }
         } else {
-            let scalar = scalar(decoder, ty)?;
-            let mut components = decoder.components(id)?.to_vec();
-            if let Some(format) = decoder.float_format(ty) {
+            let scalar = scalar(translator, ty)?;
+            let mut components = translator.components(id)?.to_vec();
+            if let Some(format) = translator.float_format(ty) {
                 for component in &mut components {
-                    *component = encoded::widened(decoder, format, *component)?.0;
+                    *component = encoded::widened(translator, format, *component)?.0;
                 }
             }
             Argument::Numbers { scalar, components }
         });
     }
-    decoder.emit(Operation::Print(Op { format, arguments: arguments.into() }));
+    translator.emit(Operation::Print(Op { format, arguments: arguments.into() }));
     // The call has a result of type void, which nothing may use.
     Ok(())
 }
 
-fn scalar(decoder: &Decoder<'_>, ty: TypeId) -> Result<Scalar> {
-    match *decoder.module.ty(ty) {
+fn scalar(translator: &Translator<'_>, ty: TypeId) -> Result<Scalar> {
+    match *translator.module.ty(ty) {
         Type::Bool => Ok(Scalar::Bool),
         Type::Int { width, signed } => Ok(Scalar::Int(width, signed)),
         Type::Float { width, encoding: None } => Ok(Scalar::Float(width)),
         // As f32: see `widened`.
         Type::Float { .. } => Ok(Scalar::Float(32)),
-        Type::Vector { component, .. } => scalar(decoder, component),
+        Type::Vector { component, .. } => scalar(translator, component),
         _ => {
-            let name = decoder.module.describe_type(ty);
-            Err(decoder.unsupported(format!(
+            let name = translator.module.describe_type(ty);
+            Err(translator.unsupported(format!(
                 "DebugPrintf prints scalars, vectors, strings and device addresses, not {name}"
             )))
         }

@@ -12,11 +12,11 @@ use crate::error::Result;
 use crate::machine::Reg;
 use crate::module::Instruction;
 use crate::ops::arithmetic::{FAdd, FSub};
-use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::FAbs;
 use crate::ops::subgroup::{self, From};
+use crate::ops::translate::{Translator, Words};
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
     Opcode::DPdx,
     Opcode::DPdy,
@@ -29,46 +29,47 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::FwidthCoarse,
 ];
 
-/// Decodes derivatives; `false` for an instruction of another section.
+/// Translates derivatives; `false` for an instruction of another section.
 ///
 /// # Errors
 /// `InvalidModule` where the entry point declares no derivative group.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }
-    if !decoder.derivatives {
+    if !translator.derivatives {
         let name = crate::module::names::opcode_name(instruction.opcode);
-        return Err(decoder.invalid(format!(
+        return Err(translator.invalid(format!(
             "{name} needs a fragment stage, or compute with a derivative group \
              (SPV_KHR_compute_shader_derivatives)"
         )));
     }
-    let id = decoder.id(instruction, 0)?;
-    let width = decoder.type_of(id).and_then(|ty| decoder.scalar_width(ty))?;
+    let id = translator.id(instruction, 0)?;
+    let width = translator.type_of(id).and_then(|ty| translator.scalar_width(ty))?;
     let mut result = Words::new();
-    for value in decoder.components(id)? {
+    for value in translator.components(id)? {
         let first = match opcode {
-            Opcode::DPdx | Opcode::DPdxFine | Opcode::DPdxCoarse => derivative(decoder, value, width, 0)?,
-            Opcode::DPdy | Opcode::DPdyFine | Opcode::DPdyCoarse => derivative(decoder, value, width, 1)?,
+            Opcode::DPdx | Opcode::DPdxFine | Opcode::DPdxCoarse => derivative(translator, value, width, 0)?,
+            Opcode::DPdy | Opcode::DPdyFine | Opcode::DPdyCoarse => derivative(translator, value, width, 1)?,
             _ => {
-                let sides = [derivative(decoder, value, width, 0)?, derivative(decoder, value, width, 1)?];
-                let x = decoder.emit_family(&FAbs, width, &sides[..1])?;
-                let y = decoder.emit_family(&FAbs, width, &sides[1..])?;
-                decoder.emit_family(&FAdd, width, &[x, y])?
+                let sides =
+                    [derivative(translator, value, width, 0)?, derivative(translator, value, width, 1)?];
+                let x = translator.emit_family(&FAbs, width, &sides[..1])?;
+                let y = translator.emit_family(&FAbs, width, &sides[1..])?;
+                translator.emit_family(&FAdd, width, &[x, y])?
             }
         };
         result.push(first);
     }
-    let words = decoder.spread(&result, width);
-    decoder.result(instruction, words);
+    let words = translator.spread(&result, width);
+    translator.result(instruction, words);
     Ok(true)
 }
 
 /// The derivative of a float along x (0) or y (1).
-pub fn derivative(decoder: &mut Decoder<'_>, value: Reg, width: u32, axis: u32) -> Result<Reg> {
+pub fn derivative(translator: &mut Translator<'_>, value: Reg, width: u32, axis: u32) -> Result<Reg> {
     let words = width.div_ceil(32);
-    let above = subgroup::read(decoder, From::QuadSet(1 << axis), value, words)?;
-    let below = subgroup::read(decoder, From::QuadClear(1 << axis), value, words)?;
-    decoder.emit_family(&FSub, width, &[above, below])
+    let above = subgroup::read(translator, From::QuadSet(1 << axis), value, words)?;
+    let below = subgroup::read(translator, From::QuadClear(1 << axis), value, words)?;
+    translator.emit_family(&FSub, width, &[above, below])
 }

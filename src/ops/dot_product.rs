@@ -9,7 +9,7 @@ use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{IAdd, IMul};
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::decode::{Decoder, Words};
+use crate::ops::translate::{Translator, Words};
 
 /// Kernels of packed components and of saturating sums.
 pub mod kernels {
@@ -27,12 +27,12 @@ pub mod kernels {
     }
 }
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[Opcode] =
     &[Opcode::SDot, Opcode::UDot, Opcode::SUDot, Opcode::SDotAccSat, Opcode::UDotAccSat, Opcode::SUDotAccSat];
 
-/// Decodes dot products of integers; `false` for any other instruction.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates dot products of integers; `false` for any other instruction.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     // Signs of the components of both operands, and whether there is an accumulator.
     let ([left, right], accumulates) = match opcode {
         Opcode::SDot => ([true, true], false),
@@ -43,43 +43,43 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         Opcode::SUDotAccSat => ([true, false], true),
         _ => return Ok(false),
     };
-    check(decoder, instruction, [left, right], accumulates)?;
-    let ty = decoder.result_type(instruction)?;
-    let width = decoder.scalar_width(ty)?;
-    let (a, b) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
-    let a = components(decoder, a, left, width)?;
-    let b = components(decoder, b, right, width)?;
+    check(translator, instruction, [left, right], accumulates)?;
+    let ty = translator.result_type(instruction)?;
+    let width = translator.scalar_width(ty)?;
+    let (a, b) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
+    let a = components(translator, a, left, width)?;
+    let b = components(translator, b, right, width)?;
     if a.len() != b.len() || a.is_empty() {
-        return Err(decoder.invalid("the vectors of a dot product differ in size"));
+        return Err(translator.invalid("the vectors of a dot product differ in size"));
     }
-    let mut sum = decoder.emit_family(&IMul, width, &[a[0], b[0]])?;
+    let mut sum = translator.emit_family(&IMul, width, &[a[0], b[0]])?;
     for (&a, &b) in a.iter().zip(&b).skip(1) {
-        let product = decoder.emit_family(&IMul, width, &[a, b])?;
-        sum = decoder.emit_family(&IAdd, width, &[sum, product])?;
+        let product = translator.emit_family(&IMul, width, &[a, b])?;
+        sum = translator.emit_family(&IAdd, width, &[sum, product])?;
     }
     if accumulates {
-        let accumulator = decoder.operand(instruction, 2)?[0];
+        let accumulator = translator.operand(instruction, 2)?[0];
         let family = if left { &kernels::SSaturatingAdd } else { &kernels::USaturatingAdd };
-        sum = decoder.emit_family(family, width, &[sum, accumulator])?;
+        sum = translator.emit_family(family, width, &[sum, accumulator])?;
     }
-    let words = decoder.spread(&[sum], width);
-    decoder.result(instruction, words);
+    let words = translator.spread(&[sum], width);
+    translator.result(instruction, words);
     Ok(true)
 }
 
 /// Holds the types against the extension: vectors of integers, or 32 bits packed; of no sign where their
 /// components have none.
 fn check(
-    decoder: &Decoder<'_>,
+    translator: &Translator<'_>,
     instruction: &Instruction,
     signs: [bool; 2],
     accumulates: bool,
 ) -> Result<()> {
-    let module = decoder.module;
-    let result = decoder.result_type(instruction)?;
+    let module = translator.module;
+    let result = translator.result_type(instruction)?;
     let invalid = |what: &str| {
         let name = crate::module::names::opcode_name(instruction.opcode);
-        Err(decoder.invalid(format!("{name}: {what} (SPV_KHR_integer_dot_product)")))
+        Err(translator.invalid(format!("{name}: {what} (SPV_KHR_integer_dot_product)")))
     };
     let Type::Int { width: result_width, signed: result_signed } = *module.ty(result) else {
         return invalid("the result is an integer");
@@ -89,7 +89,7 @@ fn check(
     }
     let mut vectors = [None; 2];
     for (at, signed) in signs.into_iter().enumerate() {
-        let ty = decoder.type_of(decoder.id(instruction, at)?)?;
+        let ty = translator.type_of(translator.id(instruction, at)?)?;
         let (scalar, count) = match *module.ty(ty) {
             Type::Vector { component, count } => (component, count),
             _ => (ty, 1),
@@ -99,7 +99,9 @@ fn check(
                 "the operands are vectors of integers, or integers of 32 bits with packed components",
             );
         };
-        if count == 1 && (width != 32 || decoder.operands(instruction).len() < 3 + usize::from(accumulates)) {
+        if count == 1
+            && (width != 32 || translator.operands(instruction).len() < 3 + usize::from(accumulates))
+        {
             return invalid("an operand that is no vector has 32 bits and a packed vector format");
         }
         if count > 1 && !signed && own {
@@ -114,24 +116,24 @@ fn check(
     if vectors[0] != vectors[1] {
         return invalid("the operands have the same bits and components");
     }
-    if accumulates && decoder.type_of(decoder.id(instruction, 2)?)? != result {
+    if accumulates && translator.type_of(translator.id(instruction, 2)?)? != result {
         return invalid("the accumulator has the type of the result");
     }
     Ok(())
 }
 
 /// The components of a vector, or of four bytes packed in a scalar, in the width of the result.
-fn components(decoder: &mut Decoder<'_>, id: Id, signed: bool, width: u32) -> Result<Words> {
-    let ty = decoder.type_of(id)?;
-    let mut parts = decoder.components(id)?;
-    let mut from = decoder.scalar_width(ty)?;
-    if let Type::Int { width: 32, .. } = decoder.module.ty(ty) {
+fn components(translator: &mut Translator<'_>, id: Id, signed: bool, width: u32) -> Result<Words> {
+    let ty = translator.type_of(id)?;
+    let mut parts = translator.components(id)?;
+    let mut from = translator.scalar_width(ty)?;
+    if let Type::Int { width: 32, .. } = translator.module.ty(ty) {
         let family = if signed { &kernels::SByte } else { &kernels::UByte };
         let packed = parts[0];
         parts.clear();
         for at in 0..4 {
-            let shift = decoder.constant(8 * at)?;
-            parts.push(decoder.emit_family(family, 32, &[packed, shift])?);
+            let shift = translator.constant(8 * at)?;
+            parts.push(translator.emit_family(family, 32, &[packed, shift])?);
         }
         from = 32;
     }
@@ -139,7 +141,7 @@ fn components(decoder: &mut Decoder<'_>, id: Id, signed: bool, width: u32) -> Re
     let mut widened = Words::new();
     for part in parts {
         let component: Reg = match conversion::kernel(kind, from, width) {
-            Some(kernel) => decoder.emit_kernel(kernel, &[part])?,
+            Some(kernel) => translator.emit_kernel(kernel, &[part])?,
             None => part,
         };
         widened.push(component);

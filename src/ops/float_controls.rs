@@ -29,8 +29,8 @@ use crate::math::float::Float;
 use crate::math::toward_zero::{self, Format, Number};
 use crate::module::interface::EntryPoint;
 use crate::ops::conversion::encoded::Rounding;
-use crate::ops::decode::Decoder;
 use crate::ops::lane_kernel::LaneKernel;
+use crate::ops::translate::Translator;
 
 /// The widths that an entry point's modes name, as a mask of 16, 32 and 64.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,28 +74,28 @@ impl FloatControls {
     }
 }
 
-/// A kernel's operation under the decoder's float controls.
+/// A kernel's operation under the translator's float controls.
 ///
 /// # Errors
 /// Where there is no room for its result.
-pub fn controlled(decoder: &mut Decoder<'_>, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
-    let FloatControls { flush, toward_zero } = decoder.float_controls;
+pub fn controlled(translator: &mut Translator<'_>, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
+    let FloatControls { flush, toward_zero } = translator.float_controls;
     let mut operands: [Reg; 3] = [from.first().copied().unwrap_or(Reg(0)); 3];
     for (at, &reg) in from.iter().enumerate() {
         let width = kernel.float_operands[at];
-        operands[at] = if flush & width != 0 { flushed(decoder, width, reg)? } else { reg };
+        operands[at] = if flush & width != 0 { flushed(translator, width, reg)? } else { reg };
     }
     let cut = (toward_zero & kernel.float_result != 0).then(|| counterpart(kernel)).flatten();
-    let result = decoder.emit_uncontrolled(cut.unwrap_or(kernel), &operands[..from.len()])?;
+    let result = translator.emit_uncontrolled(cut.unwrap_or(kernel), &operands[..from.len()])?;
     match flush & kernel.float_result {
         0 => Ok(result),
-        width => flushed(decoder, width, result),
+        width => flushed(translator, width, result),
     }
 }
 
-fn flushed(decoder: &mut Decoder<'_>, width: u32, reg: Reg) -> Result<Reg> {
+fn flushed(translator: &mut Translator<'_>, width: u32, reg: Reg) -> Result<Reg> {
     match Flushed.kernel(width) {
-        Some(kernel) => decoder.emit_uncontrolled(kernel, &[reg]),
+        Some(kernel) => translator.emit_uncontrolled(kernel, &[reg]),
         None => Ok(reg),
     }
 }

@@ -16,11 +16,11 @@ use crate::ops::memory;
 use crate::ops::object;
 use crate::ops::op::Access;
 
-pub use decode::{OPCODES, decode};
+pub use translate::{OPCODES, translate};
 pub use getters::Getter;
 
-mod decode;
 mod getters;
+mod translate;
 
 /// Words of the operands of the instructions that record a miss: ray flags, miss index, origin (3),
 /// t min, direction (3), t max, time.

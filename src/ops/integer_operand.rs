@@ -9,8 +9,8 @@ use crate::machine::Reg;
 use crate::module::Id;
 use crate::module::ty::Type;
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::decode::{Decoder, Words};
 use crate::ops::lane_kernel::LaneKernel;
+use crate::ops::translate::{Translator, Words};
 
 /// Kernels that bring an integer to one word.
 pub mod saturate {
@@ -42,7 +42,7 @@ pub enum Reading {
     Coordinate,
 }
 
-impl Decoder<'_> {
+impl Translator<'_> {
     /// The components of an integer scalar or vector, one word each.
     ///
     /// # Errors
@@ -65,7 +65,7 @@ impl Decoder<'_> {
     /// The one word of an integer scalar.
     ///
     /// # Errors
-    /// As [`Decoder::integers`], and for a vector.
+    /// As [`Translator::integers`], and for a vector.
     pub fn integer(&mut self, id: Id, reading: Reading) -> Result<Reg> {
         match self.integers(id, reading)?[..] {
             [word] => Ok(word),

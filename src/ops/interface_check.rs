@@ -12,8 +12,8 @@ use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::names::storage_class_name;
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::builtin;
-use crate::ops::decode::Decoder;
 use crate::ops::pointer::storage;
+use crate::ops::translate::Translator;
 
 /// What Vulkan says of a storage class of ray tracing.
 struct StorageRule {
@@ -84,18 +84,22 @@ const INSTRUCTION_STAGES: &[(Opcode, &str)] = &[
 /// `InvalidModule` with the rule: a builtin in another stage, storage class or type than its own, a
 /// ray-tracing storage class in another stage, two incoming variables, a write to hit attributes
 /// outside an intersection shader, an instruction of another stage.
-pub fn check(decoder: &mut Decoder<'_>, entry: &EntryPoint, variables: &[InterfaceVariable]) -> Result<()> {
-    let before = decoder.origin;
-    let module = decoder.module;
+pub fn check(
+    translator: &mut Translator<'_>,
+    entry: &EntryPoint,
+    variables: &[InterfaceVariable],
+) -> Result<()> {
+    let before = translator.origin;
+    let module = translator.module;
     for variable in variables {
-        decoder.origin.offset = offset(module, variable.id);
-        check_builtin(decoder, variable)?;
-        check_storage(decoder, variable)?;
+        translator.origin.offset = offset(module, variable.id);
+        check_builtin(translator, variable)?;
+        check_storage(translator, variable)?;
     }
     for rule in STORAGE_RULES {
         let mut all = variables.iter().filter(|variable| variable.storage_class == rule.class);
         if let (Some(vuid), Some(first), Some(second)) = (rule.single, all.next(), all.next()) {
-            decoder.origin.offset = offset(module, second.id);
+            translator.origin.offset = offset(module, second.id);
             let message = format!(
                 "%{} and %{} are both {} variables of `{}`: one is allowed",
                 first.id.0,
@@ -103,7 +107,7 @@ pub fn check(decoder: &mut Decoder<'_>, entry: &EntryPoint, variables: &[Interfa
                 storage_class_name(rule.class),
                 entry.name
             );
-            return Err(decoder.invalid(message).note(vuid));
+            return Err(translator.invalid(message).note(vuid));
         }
     }
     let attributes: Vec<Id> = variables
@@ -111,42 +115,42 @@ pub fn check(decoder: &mut Decoder<'_>, entry: &EntryPoint, variables: &[Interfa
         .filter(|variable| variable.storage_class == storage::HIT_ATTRIBUTE)
         .map(|variable| variable.id)
         .collect();
-    check_instructions(decoder, entry, &attributes)?;
-    decoder.origin = before;
+    check_instructions(translator, entry, &attributes)?;
+    translator.origin = before;
     Ok(())
 }
 
-fn check_builtin(decoder: &Decoder<'_>, variable: &InterfaceVariable) -> Result<()> {
+fn check_builtin(translator: &Translator<'_>, variable: &InterfaceVariable) -> Result<()> {
     let (Some(number), Some(ty)) = (variable.builtin, variable.ty) else { return Ok(()) };
     let Some(builtin) = builtin::find(number) else { return Ok(()) };
     if variable.storage_class != storage::INPUT {
         let found = storage_class_name(variable.storage_class);
         let message = format!("the builtin {} is in storage class {found}, not Input", builtin.name);
-        return Err(decoder.invalid(message).note(format!("VUID-{}", builtin.vuids[1])));
+        return Err(translator.invalid(message).note(format!("VUID-{}", builtin.vuids[1])));
     }
-    builtin::check(decoder, builtin, ty)
+    builtin::check(translator, builtin, ty)
 }
 
-fn check_storage(decoder: &Decoder<'_>, variable: &InterfaceVariable) -> Result<()> {
+fn check_storage(translator: &Translator<'_>, variable: &InterfaceVariable) -> Result<()> {
     let rule = STORAGE_RULES.iter().find(|rule| rule.class == variable.storage_class);
-    let Some(rule) = rule.filter(|rule| !rule.stages.contains(builtin::letter(decoder.stage))) else {
+    let Some(rule) = rule.filter(|rule| !rule.stages.contains(builtin::letter(translator.stage))) else {
         return Ok(());
     };
-    let (class, stage) = (storage_class_name(rule.class), decoder.stage.name());
+    let (class, stage) = (storage_class_name(rule.class), translator.stage.name());
     let message = format!("a {class} variable cannot be used in {stage}");
-    Err(decoder.invalid(message).note(rule.vuid))
+    Err(translator.invalid(message).note(rule.vuid))
 }
 
-fn check_instructions(decoder: &mut Decoder<'_>, entry: &EntryPoint, attributes: &[Id]) -> Result<()> {
-    let module = decoder.module;
-    let letter = builtin::letter(decoder.stage);
+fn check_instructions(translator: &mut Translator<'_>, entry: &EntryPoint, attributes: &[Id]) -> Result<()> {
+    let module = translator.module;
+    let letter = builtin::letter(translator.stage);
     for function in module.call_tree(entry.function) {
         for instruction in module.functions[function as usize].blocks.iter().flat_map(|b| &b.instructions) {
-            decoder.origin.offset = instruction.offset;
+            translator.origin.offset = instruction.offset;
             let limited = INSTRUCTION_STAGES.iter().find(|(opcode, _)| *opcode as u16 == instruction.opcode);
             if let Some((opcode, _)) = limited.filter(|(_, stages)| !stages.contains(letter)) {
-                let message = format!("Op{opcode:?} cannot stand in {}", decoder.stage.name());
-                return Err(decoder.invalid(message).note("SPV_KHR_ray_tracing"));
+                let message = format!("Op{opcode:?} cannot stand in {}", translator.stage.name());
+                return Err(translator.invalid(message).note("SPV_KHR_ray_tracing"));
             }
             let writes = || {
                 let pointer = module.operands(instruction).first().copied();
@@ -154,12 +158,12 @@ fn check_instructions(decoder: &mut Decoder<'_>, entry: &EntryPoint, attributes:
             };
             let stores = instruction.opcode == Opcode::Store as u16;
             if stores
-                && decoder.stage != Stage::Intersection
+                && translator.stage != Stage::Intersection
                 && !attributes.is_empty()
                 && writes().is_some_and(|variable| attributes.contains(&variable))
             {
-                let message = format!("hit attributes are written in {}", decoder.stage.name());
-                return Err(decoder.invalid(message).note("VUID-StandaloneSpirv-HitAttributeKHR-04703"));
+                let message = format!("hit attributes are written in {}", translator.stage.name());
+                return Err(translator.invalid(message).note("VUID-StandaloneSpirv-HitAttributeKHR-04703"));
             }
         }
     }
@@ -243,7 +247,7 @@ mod tests {
 
     fn check_first(module: &Arc<Module>) -> Result<()> {
         let entry = &module.entry_points[0];
-        check(&mut Decoder::new(module, entry.stage), entry, &module.interface_of(entry))
+        check(&mut Translator::new(module, entry.stage), entry, &module.interface_of(entry))
     }
 
     fn rule(result: Result<()>) -> Option<String> {

@@ -13,14 +13,14 @@ use crate::ops::arithmetic::{self, extended};
 use crate::ops::bit::{self, field};
 use crate::ops::conversion::encoded::{self, Rounding};
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::parts;
 use crate::ops::integer_operand::Reading;
 use crate::ops::lane_kernel::{InstructionSet, OpFamily, family};
 use crate::ops::relational_logical as logical;
+use crate::ops::translate::{Translator, Words};
 use crate::ops::{amd, componentwise, debug_printf, linear_algebra};
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
     Opcode::ConvertFToU,
     Opcode::ConvertFToS,
@@ -44,7 +44,7 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::ExtInst,
 ];
 
-/// `GLSL.std.450` instructions decoded here.
+/// `GLSL.std.450` instructions translated here.
 pub const GLSL: &[GlslStd450Op] = &[
     GlslStd450Op::Modf,
     GlslStd450Op::ModfStruct,
@@ -64,8 +64,8 @@ pub const GLSL: &[GlslStd450Op] = &[
     GlslStd450Op::UnpackDouble2x32,
 ];
 
-/// Decodes the instructions of this file; `false` for any other.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates the instructions of this file; `false` for any other.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     let conversion = match opcode {
         Opcode::ConvertFToU => Some(Conversion::FToU),
         Opcode::ConvertFToS => Some(Conversion::FToS),
@@ -77,206 +77,221 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         _ => None,
     };
     if let Some(conversion) = conversion {
-        convert(decoder, conversion, instruction)?;
+        convert(translator, conversion, instruction)?;
         return Ok(true);
     }
     match opcode {
-        Opcode::IAddCarry => pair_of(decoder, instruction, &arithmetic::IAdd, &extended::Carry)?,
-        Opcode::ISubBorrow => pair_of(decoder, instruction, &arithmetic::ISub, &extended::Borrow)?,
-        Opcode::UMulExtended => pair_of(decoder, instruction, &arithmetic::IMul, &extended::UMulHigh)?,
-        Opcode::SMulExtended => pair_of(decoder, instruction, &arithmetic::IMul, &extended::SMulHigh)?,
+        Opcode::IAddCarry => pair_of(translator, instruction, &arithmetic::IAdd, &extended::Carry)?,
+        Opcode::ISubBorrow => pair_of(translator, instruction, &arithmetic::ISub, &extended::Borrow)?,
+        Opcode::UMulExtended => pair_of(translator, instruction, &arithmetic::IMul, &extended::UMulHigh)?,
+        Opcode::SMulExtended => pair_of(translator, instruction, &arithmetic::IMul, &extended::SMulHigh)?,
         Opcode::BitFieldInsert => {
-            let width = width(decoder, instruction, 0)?;
-            let (base, insert) = (components(decoder, instruction, 0)?, components(decoder, instruction, 1)?);
-            let (offset, count) = (bits(decoder, instruction, 2)?, bits(decoder, instruction, 3)?);
-            let mask = decoder.emit_family(&field::FieldMask, width, &[offset, count])?;
+            let width = width(translator, instruction, 0)?;
+            let (base, insert) =
+                (components(translator, instruction, 0)?, components(translator, instruction, 1)?);
+            let (offset, count) = (bits(translator, instruction, 2)?, bits(translator, instruction, 3)?);
+            let mask = translator.emit_family(&field::FieldMask, width, &[offset, count])?;
             let mut result = Words::new();
             for (&base, &insert) in base.iter().zip(&insert) {
-                let moved = decoder.emit_family(&bit::ShiftLeftLogical, width, &[insert, offset])?;
-                result.push(decoder.emit_family(&field::FieldMerge, width, &[mask, moved, base])?);
+                let moved = translator.emit_family(&bit::ShiftLeftLogical, width, &[insert, offset])?;
+                result.push(translator.emit_family(&field::FieldMerge, width, &[mask, moved, base])?);
             }
-            finish(decoder, instruction, &result, width);
+            finish(translator, instruction, &result, width);
         }
         Opcode::BitFieldSExtract | Opcode::BitFieldUExtract => {
-            let width = width(decoder, instruction, 0)?;
-            let base = components(decoder, instruction, 0)?;
-            let (offset, count) = (bits(decoder, instruction, 1)?, bits(decoder, instruction, 2)?);
+            let width = width(translator, instruction, 0)?;
+            let base = components(translator, instruction, 0)?;
+            let (offset, count) = (bits(translator, instruction, 1)?, bits(translator, instruction, 2)?);
             let signed = opcode == Opcode::BitFieldSExtract;
             let family = if signed { &field::FieldSExtract } else { &field::FieldUExtract };
             let mut result = Words::new();
             for &base in &base {
-                result.push(decoder.emit_family(family, width, &[base, offset, count])?);
+                result.push(translator.emit_family(family, width, &[base, offset, count])?);
             }
-            finish(decoder, instruction, &result, width);
+            finish(translator, instruction, &result, width);
         }
         Opcode::Any | Opcode::All => {
-            let words = decoder.operand(instruction, 0)?;
+            let words = translator.operand(instruction, 0)?;
             let family = if opcode == Opcode::Any { &logical::LogicalOr } else { &logical::LogicalAnd };
             let mut result = words[0];
             for &word in &words[1..] {
-                result = decoder.emit_family(family, 0, &[result, word])?;
+                result = translator.emit_family(family, 0, &[result, word])?;
             }
-            decoder.result(instruction, SmallVec::from_slice(&[result]));
+            translator.result(instruction, SmallVec::from_slice(&[result]));
         }
         // What a shader promises of a value changes none.
         Opcode::ExpectKHR => {
-            let words = decoder.operand(instruction, 0)?;
-            decoder.result(instruction, words);
+            let words = translator.operand(instruction, 0)?;
+            translator.result(instruction, words);
         }
         Opcode::AssumeTrueKHR => {}
         Opcode::ReadClockKHR => {
-            let words = decoder.read_clock()?;
-            decoder.result(instruction, words);
+            let words = translator.read_clock()?;
+            translator.result(instruction, words);
         }
-        Opcode::ExtInst => return extended_instruction(decoder, instruction).map(|()| true),
+        Opcode::ExtInst => return extended_instruction(translator, instruction).map(|()| true),
         _ => return Ok(false),
     }
     Ok(true)
 }
 
-fn width(decoder: &Decoder<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
-    let ty = decoder.type_of(decoder.id(instruction, at)?)?;
-    decoder.scalar_width(ty)
+fn width(translator: &Translator<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
+    let ty = translator.type_of(translator.id(instruction, at)?)?;
+    translator.scalar_width(ty)
 }
 
-fn components(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Words> {
-    let id = decoder.id(instruction, at)?;
-    decoder.components(id)
+fn components(translator: &mut Translator<'_>, instruction: &Instruction, at: usize) -> Result<Words> {
+    let id = translator.id(instruction, at)?;
+    translator.components(id)
 }
 
 /// The offset or count of a bit field, an integer of any width.
-fn bits(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Reg> {
-    let id = decoder.id(instruction, at)?;
-    decoder.integer(id, Reading::Unsigned)
+fn bits(translator: &mut Translator<'_>, instruction: &Instruction, at: usize) -> Result<Reg> {
+    let id = translator.id(instruction, at)?;
+    translator.integer(id, Reading::Unsigned)
 }
 
-fn finish(decoder: &mut Decoder<'_>, instruction: &Instruction, components: &[Reg], width: u32) {
-    let words = decoder.spread(components, width);
-    decoder.result(instruction, words);
+fn finish(translator: &mut Translator<'_>, instruction: &Instruction, components: &[Reg], width: u32) {
+    let words = translator.spread(components, width);
+    translator.result(instruction, words);
 }
 
-fn convert(decoder: &mut Decoder<'_>, conversion: Conversion, instruction: &Instruction) -> Result<()> {
-    let operand = decoder.type_of(decoder.id(instruction, 0)?)?;
-    let ty = decoder.result_type(instruction)?;
-    let (from, to) = (decoder.scalar_width(operand)?, decoder.scalar_width(ty)?);
+fn convert(translator: &mut Translator<'_>, conversion: Conversion, instruction: &Instruction) -> Result<()> {
+    let operand = translator.type_of(translator.id(instruction, 0)?)?;
+    let ty = translator.result_type(instruction)?;
+    let (from, to) = (translator.scalar_width(operand)?, translator.scalar_width(ty)?);
     let takes_float = matches!(conversion, Conversion::FToU | Conversion::FToS | Conversion::F);
     let gives_float = matches!(conversion, Conversion::SToF | Conversion::UToF | Conversion::F);
-    let [source, target] = [operand, ty].map(|ty| decoder.float_format(ty));
+    let [source, target] = [operand, ty].map(|ty| translator.float_format(ty));
     if source.is_some() != takes_float || target.is_some() != gives_float {
         let name = crate::module::names::opcode_name(instruction.opcode);
-        let [operand, ty] = [operand, ty].map(|ty| decoder.module.describe_type(ty));
-        return Err(decoder.invalid(format!("{name} from {operand} to {ty} (SPIR-V 3.3.11)")));
+        let [operand, ty] = [operand, ty].map(|ty| translator.module.describe_type(ty));
+        return Err(translator.invalid(format!("{name} from {operand} to {ty} (SPIR-V 3.3.11)")));
     }
-    let rounding = Rounding::of(decoder, instruction.result)?;
-    let modes = decoder.float_controls;
-    decoder.float_controls = modes.rounding(to, rounding);
+    let rounding = Rounding::of(translator, instruction.result)?;
+    let modes = translator.float_controls;
+    translator.float_controls = modes.rounding(to, rounding);
     let mut result = Words::new();
-    for component in components(decoder, instruction, 0)? {
+    for component in components(translator, instruction, 0)? {
         let (value, from) = match source {
-            Some(source) if Some(source) != target => encoded::widened(decoder, source, component)?,
+            Some(source) if Some(source) != target => encoded::widened(translator, source, component)?,
             _ => (component, from),
         };
         result.push(match target {
             Some(target) if source != Some(target) => {
-                encoded::narrowed(decoder, (conversion, from), (target, rounding), value)?
+                encoded::narrowed(translator, (conversion, from), (target, rounding), value)?
             }
-            _ => encoded::between(decoder, conversion, (from, to), value)?,
+            _ => encoded::between(translator, conversion, (from, to), value)?,
         });
     }
-    decoder.float_controls = modes;
-    finish(decoder, instruction, &result, to);
+    translator.float_controls = modes;
+    finish(translator, instruction, &result, to);
     Ok(())
 }
 
 /// The two members of an extended operation: low part, then carry or high part.
 fn pair_of(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     instruction: &Instruction,
     low: &'static OpFamily,
     high: &'static OpFamily,
 ) -> Result<()> {
-    let width = width(decoder, instruction, 0)?;
-    let (a, b) = (components(decoder, instruction, 0)?, components(decoder, instruction, 1)?);
+    let width = width(translator, instruction, 0)?;
+    let (a, b) = (components(translator, instruction, 0)?, components(translator, instruction, 1)?);
     if a.len() != b.len() {
-        return Err(decoder.invalid("the operands of an extended operation differ in size"));
+        return Err(translator.invalid("the operands of an extended operation differ in size"));
     }
     let mut members = [Words::new(), Words::new()];
     for (&a, &b) in a.iter().zip(&b) {
-        members[0].push(decoder.emit_family(low, width, &[a, b])?);
-        members[1].push(decoder.emit_family(high, width, &[a, b])?);
+        members[0].push(translator.emit_family(low, width, &[a, b])?);
+        members[1].push(translator.emit_family(high, width, &[a, b])?);
     }
     let members = members.concat();
-    finish(decoder, instruction, &members, width);
+    finish(translator, instruction, &members, width);
     Ok(())
 }
 
-fn extended_instruction(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()> {
-    let (set, number) = (decoder.id(instruction, 0)?, decoder.literal(instruction, 1)?);
-    let name = match decoder.module.definition(set) {
+fn extended_instruction(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let (set, number) = (translator.id(instruction, 0)?, translator.literal(instruction, 1)?);
+    let name = match translator.module.definition(set) {
         Some(crate::module::Definition::InstructionSet(at)) => {
-            decoder.module.instruction_sets[at as usize].as_str()
+            translator.module.instruction_sets[at as usize].as_str()
         }
-        _ => return Err(decoder.invalid(format!("%{} is no instruction set", set.0))),
+        _ => return Err(translator.invalid(format!("%{} is no instruction set", set.0))),
     };
     if name == debug_printf::SET {
-        return debug_printf::decode(decoder, instruction);
+        return debug_printf::translate(translator, instruction);
     }
     if name.starts_with("NonSemantic.") {
         return Ok(());
     }
-    if amd::decode(decoder, name, number, instruction)? {
+    if amd::translate(translator, name, number, instruction)? {
         return Ok(());
     }
     if name != "GLSL.std.450" {
-        return Err(decoder.unsupported(format!("the instruction set {name}")));
+        return Err(translator.unsupported(format!("the instruction set {name}")));
     }
     if let Some(family) = family(InstructionSet::Glsl, number) {
-        return componentwise(decoder, family, instruction, 2);
+        return componentwise(translator, family, instruction, 2);
     }
     let known = GlslStd450Op::from_u32(number);
     let done = match known {
         Some(number) => {
-            linear_algebra::decode_glsl(decoder, number, instruction)?
-                || decode_glsl(decoder, number, instruction)?
+            linear_algebra::translate_glsl(translator, number, instruction)?
+                || translate_glsl(translator, number, instruction)?
         }
         None => false,
     };
     if done {
         return Ok(());
     }
-    Err(decoder.unsupported(crate::module::names::ext_inst_name(name, number).into_owned()))
+    Err(translator.unsupported(crate::module::names::ext_inst_name(name, number).into_owned()))
 }
 
-fn decode_glsl(decoder: &mut Decoder<'_>, number: GlslStd450Op, instruction: &Instruction) -> Result<bool> {
+fn translate_glsl(
+    translator: &mut Translator<'_>,
+    number: GlslStd450Op,
+    instruction: &Instruction,
+) -> Result<bool> {
     use GlslStd450Op as G;
     match number {
         G::Modf | G::ModfStruct => {
-            split(decoder, instruction, [&parts::ModfFraction, &crate::ops::glsl::Trunc], number == G::Modf)?;
+            split(
+                translator,
+                instruction,
+                [&parts::ModfFraction, &crate::ops::glsl::Trunc],
+                number == G::Modf,
+            )?;
         }
         G::Frexp | G::FrexpStruct => {
-            split(decoder, instruction, [&parts::FrexpMantissa, &parts::FrexpExponent], number == G::Frexp)?;
+            split(
+                translator,
+                instruction,
+                [&parts::FrexpMantissa, &parts::FrexpExponent],
+                number == G::Frexp,
+            )?;
         }
-        G::PackSnorm4x8 => pack(decoder, instruction, &parts::Snorm8, 8)?,
-        G::PackUnorm4x8 => pack(decoder, instruction, &parts::Unorm8, 8)?,
-        G::PackSnorm2x16 => pack(decoder, instruction, &parts::Snorm16, 16)?,
-        G::PackUnorm2x16 => pack(decoder, instruction, &parts::Unorm16, 16)?,
-        G::PackHalf2x16 => pack(decoder, instruction, &parts::Half, 16)?,
-        G::UnpackSnorm4x8 => unpack(decoder, instruction, &parts::FromSnorm8, 8)?,
-        G::UnpackUnorm4x8 => unpack(decoder, instruction, &parts::FromUnorm8, 8)?,
-        G::UnpackSnorm2x16 => unpack(decoder, instruction, &parts::FromSnorm16, 16)?,
-        G::UnpackUnorm2x16 => unpack(decoder, instruction, &parts::FromUnorm16, 16)?,
-        G::UnpackHalf2x16 => unpack(decoder, instruction, &parts::FromHalf, 16)?,
+        G::PackSnorm4x8 => pack(translator, instruction, &parts::Snorm8, 8)?,
+        G::PackUnorm4x8 => pack(translator, instruction, &parts::Unorm8, 8)?,
+        G::PackSnorm2x16 => pack(translator, instruction, &parts::Snorm16, 16)?,
+        G::PackUnorm2x16 => pack(translator, instruction, &parts::Unorm16, 16)?,
+        G::PackHalf2x16 => pack(translator, instruction, &parts::Half, 16)?,
+        G::UnpackSnorm4x8 => unpack(translator, instruction, &parts::FromSnorm8, 8)?,
+        G::UnpackUnorm4x8 => unpack(translator, instruction, &parts::FromUnorm8, 8)?,
+        G::UnpackSnorm2x16 => unpack(translator, instruction, &parts::FromSnorm16, 16)?,
+        G::UnpackUnorm2x16 => unpack(translator, instruction, &parts::FromUnorm16, 16)?,
+        G::UnpackHalf2x16 => unpack(translator, instruction, &parts::FromHalf, 16)?,
         G::PackDouble2x32 => {
-            let words = decoder.operand(instruction, 2)?;
+            let words = translator.operand(instruction, 2)?;
             let &[low, high] = &words[..] else {
-                return Err(decoder.invalid("a vector of two is needed here"));
+                return Err(translator.invalid("a vector of two is needed here"));
             };
-            let first = decoder.pair(low, high)?;
-            decoder.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
+            let first = translator.pair(low, high)?;
+            translator.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
         }
         G::UnpackDouble2x32 => {
-            let words = decoder.operand(instruction, 2)?;
-            decoder.result(instruction, words);
+            let words = translator.operand(instruction, 2)?;
+            translator.result(instruction, words);
         }
         _ => return Ok(false),
     }
@@ -285,57 +300,58 @@ fn decode_glsl(decoder: &mut Decoder<'_>, number: GlslStd450Op, instruction: &In
 
 /// `Modf` and `Frexp`: the first part is the result, the second goes to a pointer or a member.
 fn split(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     instruction: &Instruction,
     families: [&'static OpFamily; 2],
     to_pointer: bool,
 ) -> Result<()> {
-    let width = width(decoder, instruction, 2)?;
-    let operand_type = decoder.type_of(decoder.id(instruction, 2)?)?;
-    let operand = components(decoder, instruction, 2)?;
+    let width = width(translator, instruction, 2)?;
+    let operand_type = translator.type_of(translator.id(instruction, 2)?)?;
+    let operand = components(translator, instruction, 2)?;
     let mut results = [Words::new(), Words::new()];
     for &component in &operand {
         for (result, family) in results.iter_mut().zip(families) {
             let kernel = family.kernel(width);
-            let kernel = kernel.ok_or_else(|| decoder.unsupported(format!("{width}-bit {}", family.name)))?;
-            let first = decoder.emit_kernel(kernel, &[component])?;
+            let kernel =
+                kernel.ok_or_else(|| translator.unsupported(format!("{width}-bit {}", family.name)))?;
+            let first = translator.emit_kernel(kernel, &[component])?;
             result.extend((0..kernel.words).map(|word| first.plus(word)));
         }
     }
     let [first, mut second] = results;
     let pointer = match to_pointer {
         true => {
-            let id = decoder.id(instruction, 3)?;
-            Some(decoder.pointer(id)?)
+            let id = translator.id(instruction, 3)?;
+            Some(translator.pointer(id)?)
         }
         false => None,
     };
     let ty = match &pointer {
         Some(pointer) => pointer.pointee,
         None => {
-            let ty = decoder.result_type(instruction)?;
-            match decoder.module.ty(ty) {
+            let ty = translator.result_type(instruction)?;
+            match translator.module.ty(ty) {
                 Type::Struct { members, .. } if members.len() == 2 => members[1].ty,
-                _ => return Err(decoder.invalid("the result is a struct of two members here")),
+                _ => return Err(translator.invalid("the result is a struct of two members here")),
             }
         }
     };
-    check_second(decoder, families[0], operand_type, ty)?;
+    check_second(translator, families[0], operand_type, ty)?;
     // An exponent has 32 bits, or 16 (SPV_AMD_gpu_shader_int16).
     if std::ptr::eq(families[1], &parts::FrexpExponent)
-        && let Some(kernel) = conversion::kernel(Conversion::S, 32, decoder.scalar_width(ty)?)
+        && let Some(kernel) = conversion::kernel(Conversion::S, 32, translator.scalar_width(ty)?)
     {
         let exponents =
-            second.iter().map(|&word| decoder.emit_kernel(kernel, &[word])).collect::<Result<Words>>()?;
-        second = decoder.spread(&exponents, decoder.scalar_width(ty)?);
+            second.iter().map(|&word| translator.emit_kernel(kernel, &[word])).collect::<Result<Words>>()?;
+        second = translator.spread(&exponents, translator.scalar_width(ty)?);
     }
     if let Some(pointer) = pointer {
-        crate::ops::load_store::store(decoder, &pointer, &second)?;
-        decoder.result(instruction, first);
+        crate::ops::load_store::store(translator, &pointer, &second)?;
+        translator.result(instruction, first);
     } else {
         let mut words = first;
         words.extend(second);
-        decoder.result(instruction, words);
+        translator.result(instruction, words);
     }
     Ok(())
 }
@@ -343,19 +359,19 @@ fn split(
 /// The whole part of `Modf` is of its operand's type, the exponent of `Frexp` an integer of 32 bits, or of 16
 /// with `SPV_AMD_gpu_shader_int16`.
 fn check_second(
-    decoder: &Decoder<'_>,
+    translator: &Translator<'_>,
     first: &'static OpFamily,
     operand: crate::module::ty::TypeId,
     ty: crate::module::ty::TypeId,
 ) -> Result<()> {
-    let scalar = match *decoder.module.ty(ty) {
+    let scalar = match *translator.module.ty(ty) {
         Type::Vector { component, .. } => component,
         _ => ty,
     };
     let (fits, needed) = match std::ptr::eq(first, &parts::FrexpMantissa) {
         true => (
-            matches!(decoder.module.ty(scalar), Type::Int { width: 16 | 32, .. })
-                && decoder.component_count(ty) == decoder.component_count(operand),
+            matches!(translator.module.ty(scalar), Type::Int { width: 16 | 32, .. })
+                && translator.component_count(ty) == translator.component_count(operand),
             "an integer of 32 bits for each component (16 with SPV_AMD_gpu_shader_int16)",
         ),
         false => (ty == operand, "the type of the operand"),
@@ -363,40 +379,40 @@ fn check_second(
     if fits {
         return Ok(());
     }
-    let name = decoder.module.describe_type(ty);
-    Err(decoder
+    let name = translator.module.describe_type(ty);
+    Err(translator
         .invalid(format!("the second part of Modf or Frexp is of type {name}, where {needed} must be")))
 }
 
 fn pack(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     instruction: &Instruction,
     family: &'static OpFamily,
     bits: u32,
 ) -> Result<()> {
-    let mut sum = decoder.constant(0)?;
-    for (at, component) in components(decoder, instruction, 2)?.into_iter().enumerate() {
-        let by = decoder.constant(bits * at as u32)?;
-        let part = decoder.emit_family(family, 32, &[component, by])?;
-        sum = decoder.emit_family(&bit::BitwiseOr, 32, &[sum, part])?;
+    let mut sum = translator.constant(0)?;
+    for (at, component) in components(translator, instruction, 2)?.into_iter().enumerate() {
+        let by = translator.constant(bits * at as u32)?;
+        let part = translator.emit_family(family, 32, &[component, by])?;
+        sum = translator.emit_family(&bit::BitwiseOr, 32, &[sum, part])?;
     }
-    decoder.result(instruction, SmallVec::from_slice(&[sum]));
+    translator.result(instruction, SmallVec::from_slice(&[sum]));
     Ok(())
 }
 
 fn unpack(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     instruction: &Instruction,
     family: &'static OpFamily,
     bits: u32,
 ) -> Result<()> {
-    let id: Id = decoder.id(instruction, 2)?;
-    let word = decoder.words(id)?[0];
+    let id: Id = translator.id(instruction, 2)?;
+    let word = translator.words(id)?[0];
     let mut words = Words::new();
     for at in 0..32 / bits {
-        let by = decoder.constant(bits * at)?;
-        words.push(decoder.emit_family(family, 32, &[word, by])?);
+        let by = translator.constant(bits * at)?;
+        words.push(translator.emit_family(family, 32, &[word, by])?);
     }
-    decoder.result(instruction, words);
+    translator.result(instruction, words);
     Ok(())
 }

@@ -24,7 +24,7 @@ pub enum InstructionSet {
     Core,
     /// `GLSL.std.450`.
     Glsl,
-    /// Not an instruction of its own, but part of what one is decoded to.
+    /// Not an instruction of its own, but part of what one is translated to.
     Internal,
 }
 

@@ -13,11 +13,11 @@ use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{FAdd, FMul, FNegate, FSub};
 use crate::ops::composite::{columns, scalar_width_of_matrix};
 use crate::ops::conversion::encoded;
-use crate::ops::decode::{Decoder, Words};
 use crate::ops::glsl::{InverseSqrt, Sqrt};
 use crate::ops::relational_logical::{FOrdLessThan, select::SelectWord};
+use crate::ops::translate::{Translator, Words};
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
     Opcode::Dot,
     Opcode::VectorTimesScalar,
@@ -28,7 +28,7 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::OuterProduct,
 ];
 
-/// `GLSL.std.450` instructions decoded here.
+/// `GLSL.std.450` instructions translated here.
 pub const GLSL: &[GlslStd450Op] = &[
     GlslStd450Op::Determinant,
     GlslStd450Op::MatrixInverse,
@@ -43,19 +43,19 @@ pub const GLSL: &[GlslStd450Op] = &[
 
 /// Float arithmetic at one width.
 struct Scalars<'a, 'm> {
-    decoder: &'a mut Decoder<'m>,
+    translator: &'a mut Translator<'m>,
     width: u32,
 }
 
 impl Scalars<'_, '_> {
     fn add(&mut self, a: Reg, b: Reg) -> Result<Reg> {
-        self.decoder.emit_family(&FAdd, self.width, &[a, b])
+        self.translator.emit_family(&FAdd, self.width, &[a, b])
     }
     fn sub(&mut self, a: Reg, b: Reg) -> Result<Reg> {
-        self.decoder.emit_family(&FSub, self.width, &[a, b])
+        self.translator.emit_family(&FSub, self.width, &[a, b])
     }
     fn mul(&mut self, a: Reg, b: Reg) -> Result<Reg> {
-        self.decoder.emit_family(&FMul, self.width, &[a, b])
+        self.translator.emit_family(&FMul, self.width, &[a, b])
     }
     fn dot(&mut self, a: &[Reg], b: &[Reg]) -> Result<Reg> {
         let mut sum = self.mul(a[0], b[0])?;
@@ -68,20 +68,20 @@ impl Scalars<'_, '_> {
     /// A float constant of this width.
     fn number(&mut self, value: f64) -> Result<Reg> {
         match self.width {
-            16 => self.decoder.constant(crate::math::float::half_of(value).to_bits().into()),
-            32 => self.decoder.constant((value as f32).to_bits()),
-            _ => self.decoder.wide_constant(value.to_bits()),
+            16 => self.translator.constant(crate::math::float::half_of(value).to_bits().into()),
+            32 => self.translator.constant((value as f32).to_bits()),
+            _ => self.translator.wide_constant(value.to_bits()),
         }
     }
     /// Chooses between two scalars.
     fn select(&mut self, condition: Reg, a: Reg, b: Reg) -> Result<Reg> {
         let kernel = &SelectWord.kernels[0];
-        let low = self.decoder.emit_kernel(kernel, &[condition, a, b])?;
+        let low = self.translator.emit_kernel(kernel, &[condition, a, b])?;
         if self.width < 64 {
             return Ok(low);
         }
-        let high = self.decoder.emit_kernel(kernel, &[condition, a.plus(1), b.plus(1)])?;
-        self.decoder.pair(low, high)
+        let high = self.translator.emit_kernel(kernel, &[condition, a.plus(1), b.plus(1)])?;
+        self.translator.pair(low, high)
     }
     /// The determinant by expansion along the first column.
     fn determinant(&mut self, columns: &[Words]) -> Result<Reg> {
@@ -103,7 +103,7 @@ impl Scalars<'_, '_> {
                         Some(sum) => self.add(sum, term)?,
                     });
                 }
-                sum.ok_or_else(|| self.decoder.invalid("a determinant of nothing"))
+                sum.ok_or_else(|| self.translator.invalid("a determinant of nothing"))
             }
         }
     }
@@ -120,31 +120,34 @@ impl Scalars<'_, '_> {
     }
 }
 
-/// Decodes core instructions; `false` for an instruction of another section.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates core instructions; `false` for an instruction of another section.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }
-    let (a, b) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
-    let is_matrix = |decoder: &Decoder<'_>, id| {
-        decoder.module.type_of(id).is_some_and(|ty| matches!(decoder.module.ty(ty), Type::Matrix { .. }))
+    let (a, b) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
+    let is_matrix = |translator: &Translator<'_>, id| {
+        translator
+            .module
+            .type_of(id)
+            .is_some_and(|ty| matches!(translator.module.ty(ty), Type::Matrix { .. }))
     };
-    let width = match is_matrix(decoder, a) {
-        true => scalar_width_of_matrix(decoder, a)?,
-        false => decoder.type_of(a).and_then(|ty| decoder.scalar_width(ty))?,
+    let width = match is_matrix(translator, a) {
+        true => scalar_width_of_matrix(translator, a)?,
+        false => translator.type_of(a).and_then(|ty| translator.scalar_width(ty))?,
     };
-    let components = |decoder: &mut Decoder<'_>, id: Id| match is_matrix(decoder, id) {
-        true => columns(decoder, id).map(|columns| columns.concat().into()),
-        false => decoder.components(id),
+    let components = |translator: &mut Translator<'_>, id: Id| match is_matrix(translator, id) {
+        true => columns(translator, id).map(|columns| columns.concat().into()),
+        false => translator.components(id),
     };
-    let left: Words = components(decoder, a)?;
-    let right: Words = components(decoder, b)?;
-    let columns_of_a = if is_matrix(decoder, a) { columns(decoder, a)? } else { Vec::new() };
-    let columns_of_b = if is_matrix(decoder, b) { columns(decoder, b)? } else { Vec::new() };
-    if decoder.type_of(a).is_ok_and(|ty| decoder.float_format(ty) == Some(FloatFormat::BFloat16)) {
-        return dot_of_bfloat16(decoder, instruction, &left, &right);
+    let left: Words = components(translator, a)?;
+    let right: Words = components(translator, b)?;
+    let columns_of_a = if is_matrix(translator, a) { columns(translator, a)? } else { Vec::new() };
+    let columns_of_b = if is_matrix(translator, b) { columns(translator, b)? } else { Vec::new() };
+    if translator.type_of(a).is_ok_and(|ty| translator.float_format(ty) == Some(FloatFormat::BFloat16)) {
+        return dot_of_bfloat16(translator, instruction, &left, &right);
     }
-    let mut scalars = Scalars { decoder, width };
+    let mut scalars = Scalars { translator, width };
     let mut result = Words::new();
     let agree = match opcode {
         Opcode::Dot => left.len() == right.len(),
@@ -163,12 +166,12 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         }
         _ => None,
     };
-    let agree = agree && have_one_scalar_type(scalars.decoder, instruction)?;
+    let agree = agree && have_one_scalar_type(scalars.translator, instruction)?;
     if let Some((columns, rows)) = shape {
-        check_shape(scalars.decoder, instruction, columns, rows)?;
+        check_shape(scalars.translator, instruction, columns, rows)?;
     }
     if !agree || left.is_empty() || right.is_empty() {
-        return Err(scalars.decoder.invalid("the operands of a product do not fit together"));
+        return Err(scalars.translator.invalid("the operands of a product do not fit together"));
     }
     match opcode {
         Opcode::Dot => result.push(scalars.dot(&left, &right)?),
@@ -199,8 +202,8 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
             }
         }
     }
-    let words = decoder.spread(&result, width);
-    decoder.result(instruction, words);
+    let words = translator.spread(&result, width);
+    translator.result(instruction, words);
     Ok(true)
 }
 
@@ -209,33 +212,33 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
 /// implementation-defined whether intermediate values are rounded" (`SPV_KHR_bfloat16`, "FP
 /// Encoding").
 fn dot_of_bfloat16(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     instruction: &Instruction,
     left: &[Reg],
     right: &[Reg],
 ) -> Result<bool> {
     const DOT_PRODUCT: u32 = Capability::BFloat16DotProductKHR as u32;
-    if !decoder.module.capabilities.contains(&DOT_PRODUCT) {
+    if !translator.module.capabilities.contains(&DOT_PRODUCT) {
         let message = "OpDot of bfloat16_t needs the capability BFloat16DotProductKHR (SPV_KHR_bfloat16, \
                        Arithmetic Instructions)";
-        return Err(decoder.invalid(message));
+        return Err(translator.invalid(message));
     }
-    let second = decoder.type_of(decoder.id(instruction, 1)?)?;
-    let same = [second, decoder.result_type(instruction)?]
+    let second = translator.type_of(translator.id(instruction, 1)?)?;
+    let same = [second, translator.result_type(instruction)?]
         .iter()
-        .all(|&ty| decoder.float_format(ty) == Some(FloatFormat::BFloat16));
+        .all(|&ty| translator.float_format(ty) == Some(FloatFormat::BFloat16));
     if !same || left.len() != right.len() {
-        return Err(decoder.invalid("the operands of a product do not fit together"));
+        return Err(translator.invalid("the operands of a product do not fit together"));
     }
     let mut wide = [Words::new(), Words::new()];
     for (wide, narrow) in wide.iter_mut().zip([left, right]) {
         for &component in narrow {
-            wide.push(encoded::widened(decoder, FloatFormat::BFloat16, component)?.0);
+            wide.push(encoded::widened(translator, FloatFormat::BFloat16, component)?.0);
         }
     }
-    let sum = Scalars { decoder, width: 32 }.dot(&wide[0], &wide[1])?;
-    let result = decoder.emit_family(&encoded::ToBFloat16, 32, &[sum])?;
-    decoder.result(instruction, SmallVec::from_slice(&[result]));
+    let sum = Scalars { translator, width: 32 }.dot(&wide[0], &wide[1])?;
+    let result = translator.emit_family(&encoded::ToBFloat16, 32, &[sum])?;
+    translator.result(instruction, SmallVec::from_slice(&[result]));
     Ok(true)
 }
 
@@ -244,59 +247,59 @@ fn dot_of_bfloat16(
 /// # Errors
 /// `InvalidModule` where the result is no matrix of so many columns and rows.
 pub fn check_shape(
-    decoder: &Decoder<'_>,
+    translator: &Translator<'_>,
     instruction: &Instruction,
     columns: usize,
     rows: usize,
 ) -> Result<()> {
-    let ty = decoder.result_type(instruction)?;
-    if let Type::Matrix { column, count } = *decoder.module.ty(ty)
+    let ty = translator.result_type(instruction)?;
+    if let Type::Matrix { column, count } = *translator.module.ty(ty)
         && count as usize == columns
-        && decoder.component_count(column) as usize == rows
+        && translator.component_count(column) as usize == rows
     {
         return Ok(());
     }
     let (name, opcode) =
-        (decoder.module.describe_type(ty), crate::module::names::opcode_name(instruction.opcode));
-    Err(decoder.invalid(format!("{opcode} gives {columns} columns of {rows} here, and no {name}")))
+        (translator.module.describe_type(ty), crate::module::names::opcode_name(instruction.opcode));
+    Err(translator.invalid(format!("{opcode} gives {columns} columns of {rows} here, and no {name}")))
 }
 
 /// Whether the result and all operands have scalars of one type, a float.
-pub fn have_one_scalar_type(decoder: &Decoder<'_>, instruction: &Instruction) -> Result<bool> {
+pub fn have_one_scalar_type(translator: &Translator<'_>, instruction: &Instruction) -> Result<bool> {
     let scalar = |mut ty| {
         while let Type::Vector { component: part, .. } | Type::Matrix { column: part, .. } =
-            *decoder.module.ty(ty)
+            *translator.module.ty(ty)
         {
             ty = part;
         }
         ty
     };
-    let result = scalar(decoder.result_type(instruction)?);
-    for &id in decoder.operands(instruction) {
-        if scalar(decoder.type_of(Id(id))?) != result {
+    let result = scalar(translator.result_type(instruction)?);
+    for &id in translator.operands(instruction) {
+        if scalar(translator.type_of(Id(id))?) != result {
             return Ok(false);
         }
     }
-    Ok(matches!(decoder.module.ty(result), Type::Float { .. }))
+    Ok(matches!(translator.module.ty(result), Type::Float { .. }))
 }
 
-/// Decodes a `GLSL.std.450` instruction; its operands begin after set and number.
-pub fn decode_glsl(
-    decoder: &mut Decoder<'_>,
+/// Translates a `GLSL.std.450` instruction; its operands begin after set and number.
+pub fn translate_glsl(
+    translator: &mut Translator<'_>,
     number: GlslStd450Op,
     instruction: &Instruction,
 ) -> Result<bool> {
     if !GLSL.contains(&number) {
         return Ok(false);
     }
-    let first = decoder.id(instruction, 2)?;
+    let first = translator.id(instruction, 2)?;
     if matches!(number, GlslStd450Op::Determinant | GlslStd450Op::MatrixInverse) {
-        let width = scalar_width_of_matrix(decoder, first)?;
-        let columns = columns(decoder, first)?;
+        let width = scalar_width_of_matrix(translator, first)?;
+        let columns = columns(translator, first)?;
         if columns.iter().any(|column| column.len() != columns.len()) {
-            return Err(decoder.invalid("a square matrix is needed here"));
+            return Err(translator.invalid("a square matrix is needed here"));
         }
-        let mut scalars = Scalars { decoder, width };
+        let mut scalars = Scalars { translator, width };
         let determinant = scalars.determinant(&columns)?;
         let mut result = Words::new();
         if number == GlslStd450Op::Determinant {
@@ -305,7 +308,7 @@ pub fn decode_glsl(
             // The adjugate over the determinant: element (row i, column j) is the cofactor (j, i).
             let one = scalars.number(1.0)?;
             let scale =
-                scalars.decoder.emit_family(&crate::ops::arithmetic::FDiv, width, &[one, determinant])?;
+                scalars.translator.emit_family(&crate::ops::arithmetic::FDiv, width, &[one, determinant])?;
             for column in 0..columns.len() {
                 for row in 0..columns.len() {
                     let minor = match columns.len() {
@@ -314,23 +317,23 @@ pub fn decode_glsl(
                     };
                     let cofactor = match (row + column) % 2 {
                         0 => minor,
-                        _ => scalars.decoder.emit_family(&FNegate, width, &[minor])?,
+                        _ => scalars.translator.emit_family(&FNegate, width, &[minor])?,
                     };
                     result.push(scalars.mul(cofactor, scale)?);
                 }
             }
         }
-        let words = decoder.spread(&result, width);
-        decoder.result(instruction, words);
+        let words = translator.spread(&result, width);
+        translator.result(instruction, words);
         return Ok(true);
     }
-    let width = decoder.type_of(first).and_then(|ty| decoder.scalar_width(ty))?;
+    let width = translator.type_of(first).and_then(|ty| translator.scalar_width(ty))?;
     let mut operands: SmallVec<[Words; 3]> = SmallVec::new();
-    for &id in &decoder.operands(instruction)[2..] {
-        operands.push(decoder.components(Id(id))?);
+    for &id in &translator.operands(instruction)[2..] {
+        operands.push(translator.components(Id(id))?);
     }
     let size = operands[0].len();
-    let mut s = Scalars { decoder, width };
+    let mut s = Scalars { translator, width };
     let expected = match number {
         GlslStd450Op::Length | GlslStd450Op::Normalize => 1,
         GlslStd450Op::FaceForward | GlslStd450Op::Refract => 3,
@@ -338,7 +341,7 @@ pub fn decode_glsl(
     };
     let vectors = if number == GlslStd450Op::Refract { 2 } else { expected };
     if operands.len() < expected || size == 0 || operands[..vectors].iter().any(|v| v.len() != size) {
-        return Err(s.decoder.invalid("the operands do not fit together"));
+        return Err(s.translator.invalid("the operands do not fit together"));
     }
     let a = operands[0].clone();
     let b = operands.get(1).cloned().unwrap_or_default();
@@ -354,22 +357,22 @@ pub fn decode_glsl(
             }
             // The length of a scalar is its magnitude, which the square root of its square is not.
             if size == 1 {
-                result.push(s.decoder.emit_family(&crate::ops::glsl::FAbs, width, &[v[0]])?);
+                result.push(s.translator.emit_family(&crate::ops::glsl::FAbs, width, &[v[0]])?);
             } else {
                 let dot = s.dot(&v, &v)?;
-                result.push(s.decoder.emit_family(&Sqrt, width, &[dot])?);
+                result.push(s.translator.emit_family(&Sqrt, width, &[dot])?);
             }
         }
         GlslStd450Op::Normalize => {
             let dot = s.dot(&a, &a)?;
-            let scale = s.decoder.emit_family(&InverseSqrt, width, &[dot])?;
+            let scale = s.translator.emit_family(&InverseSqrt, width, &[dot])?;
             for &component in &a {
                 result.push(s.mul(component, scale)?);
             }
         }
         GlslStd450Op::Cross => {
             if size != 3 {
-                return Err(s.decoder.invalid("a cross product takes vectors of three components"));
+                return Err(s.translator.invalid("a cross product takes vectors of three components"));
             }
             for at in 0..3 {
                 let (next, last) = ((at + 1) % 3, (at + 2) % 3);
@@ -381,9 +384,9 @@ pub fn decode_glsl(
         GlslStd450Op::FaceForward => {
             let dot = s.dot(&c, &b)?;
             let zero = s.number(0.0)?;
-            let facing = s.decoder.emit_family(&FOrdLessThan, width, &[dot, zero])?;
+            let facing = s.translator.emit_family(&FOrdLessThan, width, &[dot, zero])?;
             for &component in &a {
-                let flipped = s.decoder.emit_family(&FNegate, width, &[component])?;
+                let flipped = s.translator.emit_family(&FNegate, width, &[component])?;
                 result.push(s.select(facing, component, flipped)?);
             }
         }
@@ -408,8 +411,8 @@ pub fn decode_glsl(
             let squared_eta = s.mul(eta, eta)?;
             let product = s.mul(squared_eta, rest)?;
             let k = s.sub(one, product)?;
-            let total = s.decoder.emit_family(&FOrdLessThan, width, &[k, zero])?;
-            let root = s.decoder.emit_family(&Sqrt, width, &[k])?;
+            let total = s.translator.emit_family(&FOrdLessThan, width, &[k, zero])?;
+            let root = s.translator.emit_family(&Sqrt, width, &[k])?;
             let along = s.mul(eta, dot)?;
             let scale = s.add(along, root)?;
             for at in 0..size {
@@ -420,18 +423,18 @@ pub fn decode_glsl(
             }
         }
     }
-    let words = decoder.spread(&result, width);
-    decoder.result(instruction, words);
+    let words = translator.spread(&result, width);
+    translator.result(instruction, words);
     Ok(true)
 }
 
 /// The ratio of `Refract`, which may be of another width than the vectors.
 fn eta(s: &mut Scalars<'_, '_>, instruction: &Instruction, reg: Reg) -> Result<Reg> {
     use crate::ops::conversion::{Conversion, kernel};
-    let id = s.decoder.id(instruction, 4)?;
-    let from = s.decoder.type_of(id).and_then(|ty| s.decoder.scalar_width(ty))?;
+    let id = s.translator.id(instruction, 4)?;
+    let from = s.translator.type_of(id).and_then(|ty| s.translator.scalar_width(ty))?;
     match kernel(Conversion::F, from, s.width) {
-        Some(kernel) => s.decoder.emit_kernel(kernel, &[reg]),
+        Some(kernel) => s.translator.emit_kernel(kernel, &[reg]),
         None => Ok(reg),
     }
 }

@@ -1,7 +1,7 @@
 //! The instruction set: one file per section of the SPIR-V specification.
 //!
 //! Regular instructions are kernels ([`kernel`]): a scalar closure each. Irregular ones are a variant of
-//! their section's `Op` with an arm in its `decode` and its `eval`. [`decode`] turns ids into kernels
+//! their section's `Op` with an arm in its `translate` and its `eval`. [`translate`] turns ids into kernels
 //! of registers, so that composites cost nothing when the program runs.
 
 pub mod address;
@@ -15,7 +15,6 @@ pub mod composite;
 pub mod constant;
 pub mod conversion;
 pub mod debug_printf;
-pub mod decode;
 pub mod derivative;
 pub mod dot_product;
 #[cfg(test)]
@@ -43,11 +42,12 @@ pub mod ray_rules;
 pub mod ray_tracing;
 pub mod relational_logical;
 pub mod seen;
+pub mod shadow_op;
 pub mod subgroup;
 pub mod superop;
 pub mod support;
 pub mod symbolic;
-pub mod shadow_op;
+pub mod translate;
 
 use rspirv::spirv::Op as Opcode;
 
@@ -55,9 +55,9 @@ use crate::error::Result;
 use crate::machine::Reg;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::Conversion;
-use crate::ops::decode::{Decoder, Words};
 use crate::ops::integer_operand::Reading;
 use crate::ops::lane_kernel::{InstructionSet, OpFamily};
+use crate::ops::translate::{Translator, Words};
 
 /// The families of every section.
 pub static SECTIONS: &[&[&OpFamily]] = &[
@@ -69,85 +69,93 @@ pub static SECTIONS: &[&[&OpFamily]] = &[
     relational_logical::FAMILIES,
 ];
 
-/// [`decode_instruction`] for an instruction of a function, whose result is held against its type.
+/// [`translate_instruction`] for an instruction of a function, whose result is held against its type.
 ///
 /// # Errors
 /// As there.
-pub fn decode_number(decoder: &mut Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
+pub fn translate_checked(
+    translator: &mut Translator<'_>,
+    number: u16,
+    instruction: &Instruction,
+) -> Result<()> {
     if number == Opcode::Nop as u16 {
         return Ok(());
     }
-    decode_instruction(decoder, number, instruction)?;
-    decoder.check_result(instruction)
+    translate_instruction(translator, number, instruction)?;
+    translator.check_result(instruction)
 }
 
-/// Decodes an instruction that is neither a terminator nor a matter of control flow.
+/// Translates an instruction that is neither a terminator nor a matter of control flow.
 ///
 /// # Errors
 /// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it, or does not
 /// know its opcode, `number`.
-pub fn decode_instruction(decoder: &mut Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
-    operand_types::check(decoder, number, instruction)?;
+pub fn translate_instruction(
+    translator: &mut Translator<'_>,
+    number: u16,
+    instruction: &Instruction,
+) -> Result<()> {
+    operand_types::check(translator, number, instruction)?;
     if let Some(family) = lane_kernel::family(InstructionSet::Core, number.into()) {
-        return componentwise(decoder, family, instruction, 0);
+        return componentwise(translator, family, instruction, 0);
     }
     let Some(opcode) = Opcode::from_u32(number.into()) else {
-        return Err(decoder.unsupported(format!("opcode {number} is not known")));
+        return Err(translator.unsupported(format!("opcode {number} is not known")));
     };
-    let done = composite::decode(decoder, opcode, instruction)?
-        || pointer::decode(decoder, opcode, instruction)?
-        || address::decode(decoder, opcode, instruction)?
-        || dot_product::decode(decoder, opcode, instruction)?
-        || subgroup::decode(decoder, opcode, instruction)?
-        || derivative::decode(decoder, opcode, instruction)?
-        || atomic::decode(decoder, opcode, instruction)?
-        || barrier::decode(decoder, opcode, instruction)?
-        || linear_algebra::decode(decoder, opcode, instruction)?
-        || irregular::decode(decoder, opcode, instruction)?
-        || ray_tracing::decode(decoder, opcode, instruction)?
-        || ray_query::decode(decoder, opcode, instruction)?
-        || hit_object::decode(decoder, opcode, instruction)?
-        || image::decode(decoder, opcode, instruction)?;
+    let done = composite::translate(translator, opcode, instruction)?
+        || pointer::translate(translator, opcode, instruction)?
+        || address::translate(translator, opcode, instruction)?
+        || dot_product::translate(translator, opcode, instruction)?
+        || subgroup::translate(translator, opcode, instruction)?
+        || derivative::translate(translator, opcode, instruction)?
+        || atomic::translate(translator, opcode, instruction)?
+        || barrier::translate(translator, opcode, instruction)?
+        || linear_algebra::translate(translator, opcode, instruction)?
+        || irregular::translate(translator, opcode, instruction)?
+        || ray_tracing::translate(translator, opcode, instruction)?
+        || ray_query::translate(translator, opcode, instruction)?
+        || hit_object::translate(translator, opcode, instruction)?
+        || image::translate(translator, opcode, instruction)?;
     if done {
         return Ok(());
     }
     let name = crate::module::names::opcode_name(instruction.opcode);
-    Err(decoder.unsupported(format!("{name} is not supported")))
+    Err(translator.unsupported(format!("{name} is not supported")))
 }
 
 /// Applies a family's kernel to each component of the operands from `first` on.
 pub fn componentwise(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     family: &'static OpFamily,
     instruction: &Instruction,
     first: usize,
 ) -> Result<()> {
-    let ids = &decoder.operands(instruction)[first..];
+    let ids = &translator.operands(instruction)[first..];
     let arity = family.kernels[0].operands.iter().filter(|&&words| words > 0).count();
     if ids.len() < arity {
-        return Err(decoder.invalid(format!("{} takes {arity} operands", family.name)));
+        return Err(translator.invalid(format!("{} takes {arity} operands", family.name)));
     }
-    let ty = decoder.type_of(Id(ids[0]))?;
-    let width = decoder.scalar_width(ty)?;
+    let ty = translator.type_of(Id(ids[0]))?;
+    let width = translator.scalar_width(ty)?;
     let kernel = family.kernel(width);
     let kernel =
-        kernel.ok_or_else(|| decoder.unsupported(format!("{} on {width}-bit operands", family.name)))?;
+        kernel.ok_or_else(|| translator.unsupported(format!("{} on {width}-bit operands", family.name)))?;
     let mut operands: [Words; 3] = Default::default();
     for at in 0..arity {
         let id = Id(ids[at]);
         operands[at] = match free_width(family, at) {
-            Some(reading) => decoder.integers(id, reading)?,
-            None if decoder.type_of(id)? == ty => decoder.components_of(id, width)?,
+            Some(reading) => translator.integers(id, reading)?,
+            None if translator.type_of(id)? == ty => translator.components_of(id, width)?,
             None => {
-                let (components, own) = decoder.components_of_width(id)?;
+                let (components, own) = translator.components_of_width(id)?;
                 if own != width {
-                    return Err(decoder.invalid(format!("operand {at} of {} has {own} bits", family.name)));
+                    return Err(translator.invalid(format!("operand {at} of {} has {own} bits", family.name)));
                 }
                 components
             }
         };
         if operands[at].len() != operands[0].len() {
-            return Err(decoder.invalid(format!("the operands of {} differ in size", family.name)));
+            return Err(translator.invalid(format!("the operands of {} differ in size", family.name)));
         }
     }
     let mut words = Words::new();
@@ -156,17 +164,17 @@ pub fn componentwise(
         for (from, operand) in from.iter_mut().zip(&operands[..arity]) {
             *from = operand[component];
         }
-        let to = decoder.emit_kernel(kernel, &from[..arity])?;
+        let to = translator.emit_kernel(kernel, &from[..arity])?;
         words.push(to);
         if kernel.words == 2 {
             words.push(to.plus(1));
         }
     }
     if std::ptr::eq(family, &bit::BitCount) {
-        words = counts(decoder, instruction, &words)?;
+        words = counts(translator, instruction, &words)?;
     }
     // Constants of 64 bits may be shared, but each pair lies together; the rest needs nothing.
-    decoder.result(instruction, words);
+    translator.result(instruction, words);
     Ok(())
 }
 
@@ -183,9 +191,10 @@ fn free_width(family: &'static OpFamily, at: usize) -> Option<Reading> {
 }
 
 /// Numbers of one word, unsigned and below 256, in the width of the result.
-fn counts(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &[Reg]) -> Result<Words> {
-    let width = decoder.result_type(instruction).and_then(|ty| decoder.scalar_width(ty))?;
+fn counts(translator: &mut Translator<'_>, instruction: &Instruction, words: &[Reg]) -> Result<Words> {
+    let width = translator.result_type(instruction).and_then(|ty| translator.scalar_width(ty))?;
     let Some(kernel) = conversion::kernel(Conversion::U, 32, width) else { return Ok(words.into()) };
-    let counts = words.iter().map(|&word| decoder.emit_kernel(kernel, &[word])).collect::<Result<Words>>()?;
-    Ok(decoder.spread(&counts, width))
+    let counts =
+        words.iter().map(|&word| translator.emit_kernel(kernel, &[word])).collect::<Result<Words>>()?;
+    Ok(translator.spread(&counts, width))
 }

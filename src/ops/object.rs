@@ -6,10 +6,10 @@ use crate::machine::object::ObjectRef;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Instruction, Module};
 use crate::ops::builtin::{self, Shape};
-use crate::ops::decode::{Decoder, registers_from};
 use crate::ops::memory::Place;
 use crate::ops::op::Access;
 use crate::ops::pointer::storage;
+use crate::ops::translate::{Translator, registers_from};
 
 /// Reports the registers that an operation reads to find an object (see [`crate::ops::op::Op::accesses`]).
 pub fn accesses(object: ObjectRef, visit: &mut impl FnMut(Access)) {
@@ -43,35 +43,39 @@ pub fn holds_object(module: &Module, ty: TypeId) -> bool {
 /// # Errors
 /// `InvalidModule` where it is no pointer to such an object in Function or Private storage
 /// (SPIR-V, "Universal Validation Rules"; SPV_KHR_ray_query, SPV_EXT_shader_invocation_reorder).
-pub fn object(decoder: &mut Decoder<'_>, id: Id, is_wanted: impl Fn(&Type) -> bool) -> Result<ObjectRef> {
+pub fn object(
+    translator: &mut Translator<'_>,
+    id: Id,
+    is_wanted: impl Fn(&Type) -> bool,
+) -> Result<ObjectRef> {
     const RULES: &str =
         "SPV_KHR_ray_query, SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder";
-    if !matches!(decoder.module.ty(decoder.type_of(id)?), Type::Pointer { .. }) {
-        return Err(decoder.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES));
+    if !matches!(translator.module.ty(translator.type_of(id)?), Type::Pointer { .. }) {
+        return Err(translator.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES));
     }
-    let pointer = decoder.pointer(id)?;
-    if !is_wanted(decoder.module.ty(pointer.pointee)) {
-        let found = decoder.module.describe_type(pointer.pointee);
+    let pointer = translator.pointer(id)?;
+    if !is_wanted(translator.module.ty(pointer.pointee)) {
+        let found = translator.module.describe_type(pointer.pointee);
         let message = format!("%{} points to {found}, which is not what is used here", id.0);
-        return Err(decoder.invalid(message).note(RULES));
+        return Err(translator.invalid(message).note(RULES));
     }
     if !matches!(pointer.storage_class, storage::FUNCTION | storage::PRIVATE) {
         let class = crate::module::names::storage_class_name(pointer.storage_class);
-        let found = decoder.module.describe_type(pointer.pointee);
+        let found = translator.module.describe_type(pointer.pointee);
         let error =
-            decoder.invalid(format!("{found} in storage class {class}: it must be Function or Private"));
-        return Err(error.note(extension(decoder.module.ty(pointer.pointee))));
+            translator.invalid(format!("{found} in storage class {class}: it must be Function or Private"));
+        return Err(error.note(extension(translator.module.ty(pointer.pointee))));
     }
     match (&pointer.place, pointer.index) {
         (&Place::Registers { first, .. }, None) => Ok(ObjectRef::Register(first.plus(pointer.offset))),
         (&Place::Registers { first, count, .. }, Some(index)) => {
-            decoder.addressed.push((first, count));
+            translator.addressed.push((first, count));
             Ok(ObjectRef::Computed { first: first.plus(pointer.offset), index })
         }
         (Place::ComputedRegisters, Some(index)) => {
             Ok(ObjectRef::Computed { first: pointer.pointed_registers(), index })
         }
-        _ => Err(decoder.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES)),
+        _ => Err(translator.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES)),
     }
 }
 
@@ -88,12 +92,12 @@ fn extension(ty: &Type) -> &'static str {
 ///
 /// # Errors
 /// `InvalidModule`
-pub fn check_moved(decoder: &Decoder<'_>, ty: TypeId) -> Result<()> {
-    if !holds_object(decoder.module, ty) {
+pub fn check_moved(translator: &Translator<'_>, ty: TypeId) -> Result<()> {
+    if !holds_object(translator.module, ty) {
         return Ok(());
     }
-    let found = decoder.module.describe_type(ty);
-    let error = decoder
+    let found = translator.module.describe_type(ty);
+    let error = translator
         .invalid(format!("{found} cannot be loaded, stored or copied: only pointers to it can be used"));
     Err(error.note("SPV_KHR_ray_query, SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"))
 }
@@ -102,11 +106,11 @@ pub fn check_moved(decoder: &Decoder<'_>, ty: TypeId) -> Result<()> {
 ///
 /// # Errors
 /// `InvalidModule` where the type has another shape.
-pub fn result(decoder: &mut Decoder<'_>, instruction: &Instruction, shape: Shape) -> Result<Reg> {
-    let ty = decoder.result_type(instruction)?;
-    if !builtin::matches(decoder, shape, ty) {
+pub fn result(translator: &mut Translator<'_>, instruction: &Instruction, shape: Shape) -> Result<Reg> {
+    let ty = translator.result_type(instruction)?;
+    if !builtin::matches(translator, shape, ty) {
         let name = crate::module::names::opcode_name(instruction.opcode);
-        let found = decoder.module.describe_type(ty);
+        let found = translator.module.describe_type(ty);
         // The validator lets the lengths of arrays pass, and knows fewer of these instructions.
         let rule = if name.starts_with("OpRayQuery") {
             "SPV_KHR_ray_query, SPV_KHR_ray_tracing_position_fetch, SPV_NV_linear_swept_spheres"
@@ -114,9 +118,9 @@ pub fn result(decoder: &mut Decoder<'_>, instruction: &Instruction, shape: Shape
             "SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"
         };
         let message = format!("the result of {name} must be {}, not {found}", shape.describe());
-        return Err(decoder.invalid(message).note(rule));
+        return Err(translator.invalid(message).note(rule));
     }
-    let to = decoder.fresh(shape.words())?;
-    decoder.result(instruction, registers_from(to, shape.words()));
+    let to = translator.fresh(shape.words())?;
+    translator.result(instruction, registers_from(to, shape.words()));
     Ok(to)
 }

@@ -1,8 +1,8 @@
 //! Which types the operands of an instruction may have (SPIR-V 3.3 and `GLSL.std.450`, section 2, as
-//! spirv-val reads them): held against an instruction before it is decoded, so that what decodes it
+//! spirv-val reads them): held against an instruction before it is translated, so that what translates it
 //! may rely on them.
 //!
-//! Types that this crate only carries, and floats of another encoding, are left to whoever decodes
+//! Types that this crate only carries, and floats of another encoding, are left to whoever translates
 //! the instruction.
 
 mod rules;
@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::module::names::{ext_inst_name, opcode_name};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
-use crate::ops::decode::Decoder;
+use crate::ops::translate::Translator;
 
 pub use rules::{Rule, core, glsl};
 
@@ -96,15 +96,15 @@ struct Numeric {
 ///
 /// # Errors
 /// `InvalidModule`
-pub fn check(decoder: &Decoder<'_>, number: u16, instruction: &Instruction) -> Result<()> {
+pub fn check(translator: &Translator<'_>, number: u16, instruction: &Instruction) -> Result<()> {
     const EXT_INST: u16 = rspirv::spirv::Op::ExtInst as u16;
-    let operands = decoder.operands(instruction);
+    let operands = translator.operands(instruction);
     let (rule, operands, name) = match (number, operands) {
         (EXT_INST, &[set, number, ref operands @ ..]) => {
-            let Some(Definition::InstructionSet(at)) = decoder.module.definition(Id(set)) else {
+            let Some(Definition::InstructionSet(at)) = translator.module.definition(Id(set)) else {
                 return Ok(());
             };
-            let set = decoder.module.instruction_sets[at as usize].as_str();
+            let set = translator.module.instruction_sets[at as usize].as_str();
             if set != "GLSL.std.450" {
                 return Ok(());
             }
@@ -112,7 +112,9 @@ pub fn check(decoder: &Decoder<'_>, number: u16, instruction: &Instruction) -> R
             let name = ext_inst_name(set, number);
             if operands.len() != rule.operands.len() {
                 let count = rule.operands.len();
-                return Err(decoder.invalid(format!("{name} takes {count} operands, not {}", operands.len())));
+                return Err(
+                    translator.invalid(format!("{name} takes {count} operands, not {}", operands.len()))
+                );
             }
             (rule, operands, name)
         }
@@ -121,21 +123,21 @@ pub fn check(decoder: &Decoder<'_>, number: u16, instruction: &Instruction) -> R
             (rule, operands, opcode_name(number))
         }
     };
-    let mut checked = Checked { decoder, name: &name, types: [None; MOST], count: 0 };
+    let mut checked = Checked { translator, name: &name, types: [None; MOST], count: 0 };
     if rule.result != Must::Any {
-        let ty = decoder.result_type(instruction)?;
+        let ty = translator.result_type(instruction)?;
         checked.position(rule.result, ty)?;
     } else {
-        checked.types[0] = instruction.result_type.and_then(|id| decoder.module.type_with_id(id));
+        checked.types[0] = instruction.result_type.and_then(|id| translator.module.type_with_id(id));
         checked.count = 1;
     }
     for (&must, &operand) in rule.operands.iter().zip(operands) {
         match must {
             Must::Any => {
-                checked.push(decoder.module.type_of(Id(operand)));
+                checked.push(translator.module.type_of(Id(operand)));
             }
             _ => {
-                let ty = decoder.type_of(Id(operand))?;
+                let ty = translator.type_of(Id(operand))?;
                 checked.position(must, ty)?;
             }
         }
@@ -148,7 +150,7 @@ const MOST: usize = 12;
 
 /// The positions so far of an instruction that is checked.
 struct Checked<'a, 'm> {
-    decoder: &'a Decoder<'m>,
+    translator: &'a Translator<'m>,
     name: &'a str,
     types: [Option<TypeId>; MOST],
     count: usize,
@@ -168,18 +170,18 @@ impl Checked<'_, '_> {
         if self.is(must, ty) {
             return Ok(());
         }
-        let module = self.decoder.module;
+        let module = self.translator.module;
         let found = module.describe_type(ty);
         let name = self.name;
         let needed = self.describe(must);
         let which = if at == 0 { "the result".to_owned() } else { format!("operand {at}") };
         let message = format!("{which} of {name} is of type {found}, where {needed} must be");
-        Err(self.decoder.invalid(message).note(format!("the section of {name} in its specification")))
+        Err(self.translator.invalid(message).note(format!("the section of {name} in its specification")))
     }
 
     /// Whether a type is what a position must be; what rules do not know passes.
     fn is(&self, must: Must, ty: TypeId) -> bool {
-        let module = self.decoder.module;
+        let module = self.translator.module;
         if is_foreign(module, ty) {
             return true;
         }
@@ -256,12 +258,12 @@ impl Checked<'_, '_> {
     }
 
     fn numeric(&self, at: usize) -> Option<Numeric> {
-        numeric(self.decoder.module, self.types.get(at).copied().flatten()?)
+        numeric(self.translator.module, self.types.get(at).copied().flatten()?)
     }
 
     /// What a position must be, in words.
     fn describe(&self, must: Must) -> String {
-        let module = self.decoder.module;
+        let module = self.translator.module;
         let name = |at: usize| {
             let ty = self.types.get(at).copied().flatten();
             let ty = ty.map_or_else(|| "unknown".to_owned(), |ty| module.describe_type(ty));

@@ -7,13 +7,13 @@ use crate::machine::resource::{ELEMENT_BITS, MAX_SLOTS};
 use crate::machine::{Binding, Bindings, REGISTER_POINTER, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Instruction};
-use crate::ops::decode::{Decoder, InputRegisters, InterfaceRegisters, Slot, Words};
 use crate::ops::image::access::TexelPlace;
 use crate::ops::integer_operand::Reading;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
 use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::object::check_moved;
 use crate::ops::op::Op;
+use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator, Words};
 use crate::ops::{address, builtin};
 
 /// Storage classes, numbers of the specification.
@@ -103,12 +103,12 @@ impl Pointer {
     /// Whether it leads into memory without a layout of its own, where each scalar takes as many
     /// words as in registers: workgroup memory, unless its variables are blocks
     /// (`WorkgroupMemoryExplicitLayoutKHR`).
-    pub fn is_packed(&self, decoder: &Decoder<'_>) -> bool {
-        self.storage_class == storage::WORKGROUP && !decoder.workgroup_blocks
+    pub fn is_packed(&self, translator: &Translator<'_>) -> bool {
+        self.storage_class == storage::WORKGROUP && !translator.workgroup_blocks
     }
 }
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[rspirv::spirv::Op] = &[
     rspirv::spirv::Op::Load,
     rspirv::spirv::Op::Store,
@@ -153,25 +153,25 @@ pub fn pointer_word_count(storage_class: u32) -> u32 {
 }
 
 /// The pointer that a variable at module scope is; its registers or slot are made on first use.
-pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
-    let variable = decoder.module.variables[index as usize].clone();
+pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> {
+    let variable = translator.module.variables[index as usize].clone();
     let id = variable.id;
-    let Type::Pointer { pointee: Some(pointee), .. } = *decoder.module.ty(variable.pointer) else {
-        return Err(decoder.invalid(format!("variable %{} has no pointer type", id.0)));
+    let Type::Pointer { pointee: Some(pointee), .. } = *translator.module.ty(variable.pointer) else {
+        return Err(translator.invalid(format!("variable %{} has no pointer type", id.0)));
     };
     let pointer = |place| Pointer::new(place, pointee, variable.storage_class);
     match variable.storage_class {
         storage::INPUT => {
-            let number = decoder.module.decorations.literal(id, 11);
+            let number = translator.module.decorations.literal(id, 11);
             let Some(number) = number else {
-                return Err(user_defined_input(decoder, id, pointee));
+                return Err(user_defined_input(translator, id, pointee));
             };
             let builtin = builtin::find(number).ok_or_else(|| {
-                decoder.unsupported(format!("the builtin {}", crate::module::names::builtin_name(number)))
+                translator.unsupported(format!("the builtin {}", crate::module::names::builtin_name(number)))
             })?;
-            let count = decoder.word_count(pointee)?;
-            let first = decoder.fresh(count)?;
-            decoder.inputs.push(InputRegisters { builtin, first, count });
+            let count = translator.word_count(pointee)?;
+            let first = translator.fresh(count)?;
+            translator.inputs.push(InputRegisters { builtin, first, count });
             Ok(pointer(Place::Registers { first, count, constant: !builtin.volatile }))
         }
         storage::PRIVATE
@@ -182,13 +182,13 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
         | storage::INCOMING_RAY_PAYLOAD
         | storage::HIT_OBJECT_ATTRIBUTE_NV
         | storage::HIT_OBJECT_ATTRIBUTE_EXT => {
-            let count = decoder.word_count(pointee)?;
-            let first = decoder.fresh(count)?;
+            let count = translator.word_count(pointee)?;
+            let first = translator.fresh(count)?;
             let scalars = match variable.storage_class {
                 storage::CALLABLE_DATA
                 | storage::INCOMING_CALLABLE_DATA
                 | storage::RAY_PAYLOAD
-                | storage::INCOMING_RAY_PAYLOAD => decoder.scalars(pointee)?,
+                | storage::INCOMING_RAY_PAYLOAD => translator.scalars(pointee)?,
                 _ => 0,
             };
             let registers = InterfaceRegisters {
@@ -199,34 +199,35 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
                 count,
                 scalars,
             };
-            decoder.interface.push(registers);
-            decoder.variables.push((first, count));
+            translator.interface.push(registers);
+            translator.variables.push((first, count));
             Ok(pointer(Place::Registers { first, count, constant: false }))
         }
         storage::WORKGROUP => {
-            let offset = decoder.allocate_workgroup(pointee)?;
+            let offset = translator.allocate_workgroup(pointee)?;
             Ok(Pointer { offset, ..pointer(Place::Buffer(BufferRef::Workgroup)) })
         }
         storage::PUSH_CONSTANT => Ok(pointer(Place::Buffer(BufferRef::PushConstants))),
         storage::SHADER_RECORD_BUFFER => Ok(pointer(Place::Buffer(BufferRef::ShaderRecord))),
         storage::UNIFORM_CONSTANT | storage::UNIFORM | storage::STORAGE_BUFFER => {
-            let decorations = &decoder.module.decorations;
+            let decorations = &translator.module.decorations;
             let (Some(set), Some(binding)) = (decorations.literal(id, 34), decorations.literal(id, 33))
             else {
-                return Err(decoder.invalid(format!(
+                return Err(translator.invalid(format!(
                     "variable %{} has no DescriptorSet and Binding (VUID-StandaloneSpirv-UniformConstant-06677)",
                     id.0
                 )));
             };
             // A block without an instance name goes by its own.
-            let block = || decoder.module.name(decoder.module.id_of_type(pointee)?);
-            let name = decoder.module.name(id).or_else(block).unwrap_or_default().to_string();
-            let slot = decoder.slots.len() as u32;
-            if decoder.slots.len() == MAX_SLOTS {
-                return Err(decoder.unsupported(format!("more than {MAX_SLOTS} descriptor bindings")));
+            let block = || translator.module.name(translator.module.id_of_type(pointee)?);
+            let name = translator.module.name(id).or_else(block).unwrap_or_default().to_string();
+            let slot = translator.slots.len() as u32;
+            if translator.slots.len() == MAX_SLOTS {
+                return Err(translator.unsupported(format!("more than {MAX_SLOTS} descriptor bindings")));
             }
-            decoder.slots.push(Slot { binding: Binding { set, binding }, name });
-            let array = matches!(decoder.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
+            translator.slots.push(Slot { binding: Binding { set, binding }, name });
+            let array =
+                matches!(translator.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
             let buffers = variable.storage_class != storage::UNIFORM_CONSTANT;
             Ok(match (buffers, array) {
                 (true, false) => pointer(Place::Buffer(BufferRef::Handle(Bindings::handle(slot, 0)))),
@@ -235,75 +236,77 @@ pub fn variable(decoder: &mut Decoder<'_>, index: u32) -> Result<Pointer> {
         }
         other => {
             let name = crate::module::names::storage_class_name(other);
-            Err(decoder.unsupported(format!("variables of storage class {name}")))
+            Err(translator.unsupported(format!("variables of storage class {name}")))
         }
     }
 }
 
 /// The error of an input variable that is no builtin: nothing comes before the stages that run here.
-fn user_defined_input(decoder: &Decoder<'_>, id: Id, pointee: TypeId) -> Error {
+fn user_defined_input(translator: &Translator<'_>, id: Id, pointee: TypeId) -> Error {
     /// `Location`
     const LOCATION: u32 = 30;
     let message = format!("input variable %{} is no builtin", id.0);
-    let members = matches!(decoder.module.ty(pointee), Type::Struct { .. });
-    if members || decoder.module.decorations.find(id, LOCATION).is_some() {
-        return decoder.unsupported(message);
+    let members = matches!(translator.module.ty(pointee), Type::Struct { .. });
+    if members || translator.module.decorations.find(id, LOCATION).is_some() {
+        return translator.unsupported(message);
     }
-    decoder.invalid(message + ", and has no Location").note("VUID-StandaloneSpirv-Location-04916")
+    translator.invalid(message + ", and has no Location").note("VUID-StandaloneSpirv-Location-04916")
 }
 
 /// A pointer as words that a phi, a select or a call can carry. The null pointer is zeros, and so
 /// is what a variable holds before anything is stored there; no other pointer begins with zeros.
-pub fn pointer_words(decoder: &mut Decoder<'_>, pointer: &Pointer) -> Result<Words> {
+pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Words> {
     match pointer.place {
         Place::Registers { first, count, .. } => {
-            decoder.addressed.push((first, count));
-            decoder.forget();
-            let base = decoder.constant(REGISTER_POINTER + first.0 + pointer.offset)?;
-            Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
+            translator.addressed.push((first, count));
+            translator.forget();
+            let base = translator.constant(REGISTER_POINTER + first.0 + pointer.offset)?;
+            Ok(SmallVec::from_slice(&[shifted(translator, pointer.index, base)?]))
         }
         Place::ComputedRegisters => {
-            let base = decoder.constant(pointer.offset)?;
-            Ok(SmallVec::from_slice(&[shifted(decoder, pointer.index, base)?]))
+            let base = translator.constant(pointer.offset)?;
+            Ok(SmallVec::from_slice(&[shifted(translator, pointer.index, base)?]))
         }
         Place::Buffer(buffer) => {
             let handle = match buffer {
-                BufferRef::Handle(handle) => decoder.constant(handle)?,
+                BufferRef::Handle(handle) => translator.constant(handle)?,
                 BufferRef::Computed(reg) => reg,
-                BufferRef::PushConstants => decoder.constant(memory::PUSH_CONSTANTS_HANDLE)?,
-                BufferRef::ShaderRecord => decoder.constant(memory::SHADER_RECORD_HANDLE)?,
-                BufferRef::Workgroup => decoder.constant(memory::WORKGROUP_HANDLE)?,
+                BufferRef::PushConstants => translator.constant(memory::PUSH_CONSTANTS_HANDLE)?,
+                BufferRef::ShaderRecord => translator.constant(memory::SHADER_RECORD_HANDLE)?,
+                BufferRef::Workgroup => translator.constant(memory::WORKGROUP_HANDLE)?,
                 BufferRef::Address(base) => {
-                    let first = address::address(decoder, pointer, base)?;
+                    let first = address::address(translator, pointer, base)?;
                     return Ok(SmallVec::from_slice(&[first, first.plus(1)]));
                 }
             };
-            let base = decoder.constant(pointer.offset)?;
-            Ok(SmallVec::from_slice(&[handle, shifted(decoder, pointer.index, base)?]))
+            let base = translator.constant(pointer.offset)?;
+            Ok(SmallVec::from_slice(&[handle, shifted(translator, pointer.index, base)?]))
         }
         Place::Descriptors { first, buffers, .. } => {
-            let base = decoder.constant(Bindings::element_handle(first, pointer.offset))?;
-            let handle = shifted(decoder, pointer.index, base)?;
+            let base = translator.constant(Bindings::element_handle(first, pointer.offset))?;
+            let handle = shifted(translator, pointer.index, base)?;
             if !buffers {
                 return Ok(SmallVec::from_slice(&[handle]));
             }
-            let offset = decoder.constant(0)?;
+            let offset = translator.constant(0)?;
             Ok(SmallVec::from_slice(&[handle, offset]))
         }
-        Place::Texel(_) => Err(decoder.unsupported("a pointer to a texel as a value")),
+        Place::Texel(_) => Err(translator.unsupported("a pointer to a texel as a value")),
     }
 }
 
 /// The pointer that words written by [`pointer_words`] mean.
-pub fn pointer_from_words(decoder: &mut Decoder<'_>, ty: TypeId, words: &[Reg]) -> Result<Pointer> {
-    let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *decoder.module.ty(ty) else {
-        return Err(decoder.invalid("a pointer is needed here"));
+pub fn pointer_from_words(translator: &mut Translator<'_>, ty: TypeId, words: &[Reg]) -> Result<Pointer> {
+    let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *translator.module.ty(ty) else {
+        return Err(translator.invalid("a pointer is needed here"));
     };
     let (place, index) = match (storage_class, words) {
         (storage::PHYSICAL_STORAGE_BUFFER, &[low, high]) => {
-            (Place::Buffer(BufferRef::Address(decoder.pair(low, high)?)), None)
+            (Place::Buffer(BufferRef::Address(translator.pair(low, high)?)), None)
         }
-        (storage::UNIFORM | storage::STORAGE_BUFFER, &[handle, _]) if is_buffer_array(decoder, pointee) => {
+        (storage::UNIFORM | storage::STORAGE_BUFFER, &[handle, _])
+            if is_buffer_array(translator, pointee) =>
+        {
             (Place::Descriptors { first: 0, array: true, buffers: true }, Some(handle))
         }
         (
@@ -315,7 +318,8 @@ pub fn pointer_from_words(decoder: &mut Decoder<'_>, ty: TypeId, words: &[Reg]) 
             &[handle, offset],
         ) => (Place::Buffer(BufferRef::Computed(handle)), Some(offset)),
         (storage::UNIFORM_CONSTANT, &[handle]) => {
-            let array = matches!(decoder.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
+            let array =
+                matches!(translator.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
             (Place::Descriptors { first: 0, array, buffers: false }, Some(handle))
         }
         (storage::PRIVATE | storage::FUNCTION | storage::INPUT, &[register]) => {
@@ -326,43 +330,43 @@ pub fn pointer_from_words(decoder: &mut Decoder<'_>, ty: TypeId, words: &[Reg]) 
         }
         _ => {
             let name = crate::module::names::storage_class_name(storage_class);
-            return Err(decoder.unsupported(format!("pointers to {name} as values")));
+            return Err(translator.unsupported(format!("pointers to {name} as values")));
         }
     };
     Ok(Pointer { index, ..Pointer::new(place, pointee, storage_class) })
 }
 
 /// Whether a type is an array of blocks, each in a buffer of its own.
-fn is_buffer_array(decoder: &Decoder<'_>, mut ty: TypeId) -> bool {
+fn is_buffer_array(translator: &Translator<'_>, mut ty: TypeId) -> bool {
     let mut array = false;
-    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *decoder.module.ty(ty) {
+    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *translator.module.ty(ty) {
         (ty, array) = (element, true);
     }
-    array && matches!(decoder.module.ty(ty), Type::Struct { block: true, .. })
+    array && matches!(translator.module.ty(ty), Type::Struct { block: true, .. })
 }
 
 /// How many descriptors a type of a binding takes; arrays of arrays count through.
-pub fn descriptor_count(decoder: &mut Decoder<'_>, mut ty: TypeId) -> Result<u32> {
+pub fn descriptor_count(translator: &mut Translator<'_>, mut ty: TypeId) -> Result<u32> {
     let mut count = 1u32;
-    while let Type::Array { element, length, .. } = *decoder.module.ty(ty) {
-        let length = decoder.array_length(length)?;
-        count = count.checked_mul(length).ok_or_else(|| decoder.invalid("too many descriptors"))?;
+    while let Type::Array { element, length, .. } = *translator.module.ty(ty) {
+        let length = translator.array_length(length)?;
+        count = count.checked_mul(length).ok_or_else(|| translator.invalid("too many descriptors"))?;
         ty = element;
     }
     Ok(count)
 }
 
 /// A computed offset and a constant one together.
-pub fn shifted(decoder: &mut Decoder<'_>, index: Option<Reg>, base: Reg) -> Result<Reg> {
+pub fn shifted(translator: &mut Translator<'_>, index: Option<Reg>, base: Reg) -> Result<Reg> {
     let Some(index) = index else { return Ok(base) };
-    if decoder.constant_word(base) == Some(0) {
+    if translator.constant_word(base) == Some(0) {
         return Ok(index);
     }
     // Saturating, so that an offset that is out of bounds stays it.
-    let to = decoder.fresh(1)?;
-    let one = decoder.constant(1)?;
-    let scale = decoder.constant_word(base).unwrap_or(0);
-    decoder.emit(Op::Memory(memory::Op::Index {
+    let to = translator.fresh(1)?;
+    let one = translator.constant(1)?;
+    let scale = translator.constant_word(base).unwrap_or(0);
+    translator.emit(Op::Memory(memory::Op::Index {
         to,
         base: Some(index),
         index: one,
@@ -373,25 +377,25 @@ pub fn shifted(decoder: &mut Decoder<'_>, index: Option<Reg>, base: Reg) -> Resu
 }
 
 /// `OpAccessChain` and its kin: follows indices from a pointer.
-pub fn follow(decoder: &mut Decoder<'_>, mut pointer: Pointer, indices: &[u32]) -> Result<Pointer> {
+pub fn follow(translator: &mut Translator<'_>, mut pointer: Pointer, indices: &[u32]) -> Result<Pointer> {
     for &index in indices {
-        pointer = step(decoder, pointer, crate::module::Id(index))?;
+        pointer = step(translator, pointer, crate::module::Id(index))?;
     }
     Ok(pointer)
 }
 
-fn step(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: crate::module::Id) -> Result<Pointer> {
-    let packed = pointer.is_packed(decoder);
+fn step(translator: &mut Translator<'_>, mut pointer: Pointer, index: crate::module::Id) -> Result<Pointer> {
+    let packed = pointer.is_packed(translator);
     let in_buffer = matches!(pointer.place, Place::Buffer(_)) && !packed;
-    match *decoder.module.ty(pointer.pointee) {
+    match *translator.module.ty(pointer.pointee) {
         Type::Struct { ref members, .. } => {
-            let at = decoder.constant_integer(index)? as usize;
+            let at = translator.constant_integer(index)? as usize;
             let Some(member) = members.get(at) else {
-                return Err(decoder.invalid(format!("member {at} of a struct that has {}", members.len())));
+                return Err(translator.invalid(format!("member {at} of a struct that has {}", members.len())));
             };
             if in_buffer {
                 let offset = member.offset.ok_or_else(|| {
-                    decoder.not_laid_out(
+                    translator.not_laid_out(
                         pointer.storage_class,
                         format!("member {at} of a buffer's struct has no Offset decoration"),
                     )
@@ -401,51 +405,51 @@ fn step(decoder: &mut Decoder<'_>, mut pointer: Pointer, index: crate::module::I
             } else {
                 let unit = if packed { 4 } else { 1 };
                 for member in &members[..at] {
-                    pointer.offset += decoder.word_count(member.ty)? * unit;
+                    pointer.offset += translator.word_count(member.ty)? * unit;
                 }
             }
             pointer.pointee = member.ty;
             Ok(pointer)
         }
         Type::Array { element, length, stride } => {
-            let length = decoder.array_length(length)?;
-            element_step(decoder, pointer, index, element, stride, Length::Known(length))
+            let length = translator.array_length(length)?;
+            element_step(translator, pointer, index, element, stride, Length::Known(length))
         }
         Type::RuntimeArray { element, stride } => {
-            element_step(decoder, pointer, index, element, stride, Length::Unknown)
+            element_step(translator, pointer, index, element, stride, Length::Unknown)
         }
         Type::Matrix { column, count } => {
             let stride = match (in_buffer, pointer.matrix) {
                 (false, _) => None,
                 (true, Some(layout)) if layout.row_major => {
                     pointer.component_stride = Some(layout.stride);
-                    Some(decoder.scalar_width(column)? / 8)
+                    Some(translator.scalar_width(column)? / 8)
                 }
                 (true, Some(layout)) => Some(layout.stride),
                 (true, None) => {
-                    return Err(decoder.not_laid_out(
+                    return Err(translator.not_laid_out(
                         pointer.storage_class,
                         "a buffer's matrix has no MatrixStride decoration",
                     ));
                 }
             };
-            element_step(decoder, pointer, index, column, stride, Length::Known(count))
+            element_step(translator, pointer, index, column, stride, Length::Known(count))
         }
         Type::Vector { component, count } => {
-            let bytes = decoder.scalar_width(component)? / 8;
+            let bytes = translator.scalar_width(component)? / 8;
             let stride =
                 if in_buffer { Some(pointer.component_stride.take().unwrap_or(bytes)) } else { None };
-            element_step(decoder, pointer, index, component, stride, Length::Known(count))
+            element_step(translator, pointer, index, component, stride, Length::Known(count))
         }
         _ => {
-            let name = decoder.module.describe_type(pointer.pointee);
-            Err(decoder.invalid(format!("an access chain goes into {name}")))
+            let name = translator.module.describe_type(pointer.pointee);
+            Err(translator.invalid(format!("an access chain goes into {name}")))
         }
     }
 }
 
 fn element_step(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     mut pointer: Pointer,
     index: crate::module::Id,
     element: TypeId,
@@ -453,16 +457,16 @@ fn element_step(
     length: Length,
 ) -> Result<Pointer> {
     let stride = match pointer.place {
-        Place::Buffer(_) if pointer.is_packed(decoder) => decoder.word_count(element)? * 4,
+        Place::Buffer(_) if pointer.is_packed(translator) => translator.word_count(element)? * 4,
         Place::Buffer(_) => stride.ok_or_else(|| {
-            decoder.not_laid_out(pointer.storage_class, "a buffer's array has no ArrayStride decoration")
+            translator.not_laid_out(pointer.storage_class, "a buffer's array has no ArrayStride decoration")
         })?,
-        Place::Descriptors { .. } => descriptor_count(decoder, element)?,
-        _ => decoder.word_count(element)?,
+        Place::Descriptors { .. } => descriptor_count(translator, element)?,
+        _ => translator.word_count(element)?,
     };
     pointer.pointee = element;
-    let index = decoder.integer(index, Reading::Index)?;
-    let constant = decoder.constant_word(index);
+    let index = translator.integer(index, Reading::Index)?;
+    let constant = translator.constant_word(index);
     // A handle's upper bits name the slot: an array without an end must not reach them.
     let length = match (&pointer.place, length) {
         (Place::Descriptors { .. }, Length::Unknown) => Length::Known(1 << ELEMENT_BITS),
@@ -476,13 +480,13 @@ fn element_step(
     match fits.and_then(|bytes| pointer.offset.checked_add(bytes)) {
         Some(offset) => pointer.offset = offset,
         None => {
-            let to = decoder.fresh(1)?;
+            let to = translator.fresh(1)?;
             let base = pointer.index;
-            decoder.emit(Op::Memory(memory::Op::Index { to, base, index, stride, length }));
+            translator.emit(Op::Memory(memory::Op::Index { to, base, index, stride, length }));
             pointer.index = Some(to);
         }
     }
-    let is_array = matches!(decoder.module.ty(element), Type::Array { .. } | Type::RuntimeArray { .. });
+    let is_array = matches!(translator.module.ty(element), Type::Array { .. } | Type::RuntimeArray { .. });
     if let Place::Descriptors { first, buffers: true, .. } = pointer.place
         && !is_array
     {
@@ -491,8 +495,8 @@ fn element_step(
         let buffer = match pointer.index.take() {
             None => BufferRef::Handle(handle),
             Some(index) => {
-                let handle = decoder.constant(handle)?;
-                BufferRef::Computed(shifted(decoder, Some(index), handle)?)
+                let handle = translator.constant(handle)?;
+                BufferRef::Computed(shifted(translator, Some(index), handle)?)
             }
         };
         pointer.place = Place::Buffer(buffer);
@@ -503,73 +507,73 @@ fn element_step(
 
 /// The alignment among memory operands that begin at a position: a mask, then a literal where its
 /// second bit is set.
-fn alignment(decoder: &Decoder<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
+fn alignment(translator: &Translator<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
     const ALIGNED: u32 = 2;
-    match decoder.operands(instruction).get(at) {
-        Some(mask) if mask & ALIGNED != 0 => decoder.literal(instruction, at + 1),
+    match translator.operands(instruction).get(at) {
+        Some(mask) if mask & ALIGNED != 0 => translator.literal(instruction, at + 1),
         _ => Ok(1),
     }
 }
 
-/// Decodes the memory instructions; `false` for an instruction of another section.
-pub fn decode(
-    decoder: &mut Decoder<'_>,
+/// Translates the memory instructions; `false` for an instruction of another section.
+pub fn translate(
+    translator: &mut Translator<'_>,
     opcode: rspirv::spirv::Op,
     instruction: &Instruction,
 ) -> Result<bool> {
     use rspirv::spirv::Op as Opcode;
     match opcode {
         Opcode::Load => {
-            let id = decoder.id(instruction, 0)?;
-            let pointer = decoder.pointer(id)?;
-            check_moved(decoder, pointer.pointee)?;
-            let alignment = alignment(decoder, instruction, 1)?;
-            let words = load_aligned(decoder, &pointer, alignment)?;
-            decoder.result(instruction, words);
+            let id = translator.id(instruction, 0)?;
+            let pointer = translator.pointer(id)?;
+            check_moved(translator, pointer.pointee)?;
+            let alignment = alignment(translator, instruction, 1)?;
+            let words = load_aligned(translator, &pointer, alignment)?;
+            translator.result(instruction, words);
         }
         Opcode::Store => {
-            let (to, from) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
-            let pointer = decoder.pointer(to)?;
-            check_moved(decoder, pointer.pointee)?;
-            let words = decoder.words(from)?;
-            let alignment = alignment(decoder, instruction, 2)?;
-            store_aligned(decoder, &pointer, &words, alignment)?;
+            let (to, from) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
+            let pointer = translator.pointer(to)?;
+            check_moved(translator, pointer.pointee)?;
+            let words = translator.words(from)?;
+            let alignment = alignment(translator, instruction, 2)?;
+            store_aligned(translator, &pointer, &words, alignment)?;
         }
         Opcode::CopyMemory => {
-            let (to, from) = (decoder.id(instruction, 0)?, decoder.id(instruction, 1)?);
-            let from = decoder.pointer(from)?;
-            check_moved(decoder, from.pointee)?;
-            let to = decoder.pointer(to)?;
-            let words = load(decoder, &from)?;
-            store(decoder, &to, &words)?;
+            let (to, from) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
+            let from = translator.pointer(from)?;
+            check_moved(translator, from.pointee)?;
+            let to = translator.pointer(to)?;
+            let words = load(translator, &from)?;
+            store(translator, &to, &words)?;
         }
         Opcode::AccessChain | Opcode::InBoundsAccessChain => {
-            let base = decoder.id(instruction, 0)?;
-            let pointer = decoder.pointer(base)?;
-            let indices = &decoder.operands(instruction)[1..];
-            let pointer = follow(decoder, pointer, indices)?;
+            let base = translator.id(instruction, 0)?;
+            let pointer = translator.pointer(base)?;
+            let indices = &translator.operands(instruction)[1..];
+            let pointer = follow(translator, pointer, indices)?;
             if let Some(id) = instruction.result {
-                decoder.define(id, crate::ops::decode::Value::Pointer(pointer.into()));
+                translator.define(id, crate::ops::translate::Value::Pointer(pointer.into()));
             }
         }
         Opcode::ArrayLength => {
-            let structure = decoder.id(instruction, 0)?;
-            let member = decoder.literal(instruction, 1)?;
-            let pointer = decoder.pointer(structure)?;
-            let Type::Struct { members, .. } = decoder.module.ty(pointer.pointee).clone() else {
-                return Err(decoder.invalid("OpArrayLength of what is no struct"));
+            let structure = translator.id(instruction, 0)?;
+            let member = translator.literal(instruction, 1)?;
+            let pointer = translator.pointer(structure)?;
+            let Type::Struct { members, .. } = translator.module.ty(pointer.pointee).clone() else {
+                return Err(translator.invalid("OpArrayLength of what is no struct"));
             };
             let layout = members.get(member as usize).and_then(|member| {
-                let Type::RuntimeArray { stride, .. } = decoder.module.ty(member.ty) else { return None };
+                let Type::RuntimeArray { stride, .. } = translator.module.ty(member.ty) else { return None };
                 Some((member.offset?, (*stride)?))
             });
             let (Some((offset, stride)), Place::Buffer(buffer)) = (layout, &pointer.place) else {
-                return Err(decoder.invalid("OpArrayLength of what is no runtime array in a buffer"));
+                return Err(translator.invalid("OpArrayLength of what is no runtime array in a buffer"));
             };
-            let to = decoder.fresh(1)?;
+            let to = translator.fresh(1)?;
             let buffer = *buffer;
-            decoder.emit(Op::Memory(memory::Op::ArrayLength { to, buffer, offset, stride }));
-            decoder.result(instruction, SmallVec::from_slice(&[to]));
+            translator.emit(Op::Memory(memory::Op::ArrayLength { to, buffer, offset, stride }));
+            translator.result(instruction, SmallVec::from_slice(&[to]));
         }
         _ => return Ok(false),
     }

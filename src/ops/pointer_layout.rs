@@ -11,8 +11,8 @@ use smallvec::SmallVec;
 use crate::error::Result;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
-use crate::ops::decode::{Decoder, Value};
 use crate::ops::pointer::{Place, Pointer};
+use crate::ops::translate::{Translator, Value};
 
 /// The layout of matrices below, and the bytes between the components of the vector pointed to,
 /// where they do not touch: as in [`Pointer`].
@@ -22,23 +22,23 @@ pub type Layout = (Option<MatrixLayout>, Option<u32>);
 ///
 /// # Errors
 /// `UnsupportedModule` where they do not.
-pub fn complete(decoder: &Decoder<'_>, id: Id, pointer: &mut Pointer) -> Result<()> {
-    let module = decoder.module;
+pub fn complete(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) -> Result<()> {
+    let module = translator.module;
     let concerned = match module.ty(pointer.pointee) {
         Type::Vector { .. } => true,
         _ => ends_in_matrix(module, pointer.pointee),
     };
-    if !concerned || !matches!(pointer.place, Place::Buffer(_)) || pointer.is_packed(decoder) {
+    if !concerned || !matches!(pointer.place, Place::Buffer(_)) || pointer.is_packed(translator) {
         return Ok(());
     }
-    let mut trace = Trace { decoder, module, seen: HashSet::new() };
+    let mut trace = Trace { translator, module, seen: HashSet::new() };
     match *trace.layouts(id) {
         // Nothing is loaded or stored through null: any layout will do.
         [] => pointer.matrix = Some(MatrixLayout { stride: 16, row_major: false }),
         [layout] => (pointer.matrix, pointer.component_stride) = layout,
         _ => {
             let message = "a pointer that may lead into matrices of different layouts";
-            return Err(decoder.unsupported(message));
+            return Err(translator.unsupported(message));
         }
     }
     Ok(())
@@ -54,7 +54,7 @@ pub fn ends_in_matrix(module: &Module, mut ty: TypeId) -> bool {
 
 /// A search through what defines pointers.
 struct Trace<'a, 'm> {
-    decoder: &'a Decoder<'m>,
+    translator: &'a Translator<'m>,
     module: &'m Module,
     /// Ids on the way: a loop adds nothing to what it began with.
     seen: HashSet<Id>,
@@ -64,7 +64,7 @@ type Layouts = SmallVec<[Layout; 1]>;
 
 impl Trace<'_, '_> {
     fn layouts(&mut self, id: Id) -> Layouts {
-        if let Some(Value::Pointer(known)) = self.decoder.local(id) {
+        if let Some(Value::Pointer(known)) = self.translator.local(id) {
             return SmallVec::from_slice(&[(known.matrix, known.component_stride)]);
         }
         if !self.seen.insert(id) {

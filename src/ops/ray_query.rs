@@ -17,11 +17,11 @@ use crate::machine::{Batch, Bindings, Mask, RayQuery, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::builtin::{Shape, floats};
-use crate::ops::decode::Decoder;
 use crate::ops::memory;
 use crate::ops::object::{self, object, result};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::seen::{Seen, put, word};
+use crate::ops::translate::Translator;
 
 /// Words of the operands of `OpRayQueryInitializeKHR`: acceleration structure (2), ray flags, cull
 /// mask, origin (3), t min, direction (3), t max.
@@ -345,7 +345,7 @@ fn seen(query: &RayQuery, committed: bool) -> Result<Seen<'_>, TrapCode> {
     Ok(Seen { tlas: query.tlas(), trace: query.trace(), candidate, t, committed })
 }
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
     Opcode::RayQueryInitializeKHR,
     Opcode::RayQueryTerminateKHR,
@@ -381,66 +381,68 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::RayQueryGetIntersectionLSSHitValueNV,
 ];
 
-/// Decodes ray query instructions; `false` for an instruction of another section.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates ray query instructions; `false` for an instruction of another section.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }
-    let id = decoder.id(instruction, 0)?;
-    let query = object(decoder, id, |ty| matches!(ty, Type::RayQuery))?;
+    let id = translator.id(instruction, 0)?;
+    let query = object(translator, id, |ty| matches!(ty, Type::RayQuery))?;
     let op = match opcode {
         Opcode::RayQueryInitializeKHR => {
             let mut words: SmallVec<[Reg; 12]> = SmallVec::new();
             for at in 1..8 {
-                words.extend(decoder.operand(instruction, at)?);
+                words.extend(translator.operand(instruction, at)?);
             }
             if words.len() != OPERANDS as usize {
-                return Err(decoder.invalid("the operands of OpRayQueryInitializeKHR have wrong types"));
+                return Err(translator.invalid("the operands of OpRayQueryInitializeKHR have wrong types"));
             }
-            let operands = decoder.consecutive(&words)?;
-            let micromaps = match decoder.micromap_mode {
-                Some(mode) => decoder.constant_integer(mode)? != 0,
+            let operands = translator.consecutive(&words)?;
+            let micromaps = match translator.micromap_mode {
+                Some(mode) => translator.constant_integer(mode)? != 0,
                 None => true,
             };
             Op::Initialize { query, operands, micromaps }
         }
-        Opcode::RayQueryProceedKHR => Op::Proceed { query, to: result(decoder, instruction, Shape::Bool)? },
+        Opcode::RayQueryProceedKHR => {
+            Op::Proceed { query, to: result(translator, instruction, Shape::Bool)? }
+        }
         Opcode::RayQueryTerminateKHR => Op::Terminate { query },
         Opcode::RayQueryConfirmIntersectionKHR => Op::Confirm { query },
-        Opcode::RayQueryGenerateIntersectionKHR => match decoder.operand(instruction, 1)?[..] {
+        Opcode::RayQueryGenerateIntersectionKHR => match translator.operand(instruction, 1)?[..] {
             [t] => Op::Generate { query, t },
-            _ => return Err(decoder.invalid("a hit distance must be a 32-bit float")),
+            _ => return Err(translator.invalid("a hit distance must be a 32-bit float")),
         },
         Opcode::RayQueryGetIntersectionTypeKHR => {
-            let committed = committed(decoder, instruction)?;
-            Op::Type { query, committed, to: result(decoder, instruction, Shape::Int)? }
+            let committed = committed(translator, instruction)?;
+            Op::Type { query, committed, to: result(translator, instruction, Shape::Int)? }
         }
         Opcode::RayQueryGetIntersectionCandidateAABBOpaqueKHR => {
             let getter = &AABB_OPAQUE;
-            Op::Get { query, committed: false, getter, to: result(decoder, instruction, getter.shape)? }
+            Op::Get { query, committed: false, getter, to: result(translator, instruction, getter.shape)? }
         }
         _ => {
             if let Some(getter) = RAY_GETTERS.iter().find(|getter| getter.opcode == opcode) {
-                Op::GetRay { query, getter, to: result(decoder, instruction, getter.shape)? }
+                Op::GetRay { query, getter, to: result(translator, instruction, getter.shape)? }
             } else if let Some(getter) = GETTERS.iter().find(|getter| getter.opcode == opcode) {
-                let committed = committed(decoder, instruction)?;
-                Op::Get { query, committed, getter, to: result(decoder, instruction, getter.shape)? }
+                let committed = committed(translator, instruction)?;
+                Op::Get { query, committed, getter, to: result(translator, instruction, getter.shape)? }
             } else {
                 return Ok(false);
             }
         }
     };
-    decoder.emit(Operation::RayQuery(op));
+    translator.emit(Operation::RayQuery(op));
     Ok(true)
 }
 
 /// The operand Intersection: 0 for the candidate, 1 for what is committed.
-fn committed(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<bool> {
-    let id = decoder.id(instruction, 1)?;
-    match decoder.constant_integer(id)? {
+fn committed(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
+    let id = translator.id(instruction, 1)?;
+    match translator.constant_integer(id)? {
         0 => Ok(false),
         1 => Ok(true),
-        other => Err(decoder.invalid(format!(
+        other => Err(translator.invalid(format!(
             "the operand Intersection is {other}: it must be 0 (candidate) or 1 (committed) (SPV_KHR_ray_query)"
         ))),
     }

@@ -8,13 +8,13 @@ use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Reg, Stop};
 use crate::module::{Id, Instruction};
-use crate::ops::decode::Decoder;
 use crate::ops::memory::{self, Place};
 use crate::ops::object;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::storage;
+use crate::ops::translate::Translator;
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
     Opcode::TraceRayKHR,
     Opcode::ExecuteCallableKHR,
@@ -147,56 +147,58 @@ impl Timed {
 /// Where the operands of these instructions are described. The validator knows no rules for those of NVIDIA.
 const RULES: &str = "SPV_KHR_ray_tracing, SPV_NV_ray_tracing, SPV_NV_ray_tracing_motion_blur";
 
-/// Decodes ray-tracing instructions; `false` for an instruction of another section.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates ray-tracing instructions; `false` for an instruction of another section.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
         Opcode::TraceRayKHR | Opcode::TraceNV | Opcode::TraceRayMotionNV | Opcode::TraceMotionNV => {
             let moves = matches!(opcode, Opcode::TraceRayMotionNV | Opcode::TraceMotionNV);
             let count = if moves { 11 } else { 10 };
             let mut words: SmallVec<[Reg; 16]> = SmallVec::new();
             for at in 0..count {
-                words.extend(decoder.operand(instruction, at)?);
+                words.extend(translator.operand(instruction, at)?);
             }
             if !moves {
-                words.push(decoder.constant(0)?);
+                words.push(translator.constant(0)?);
             }
             if words.len() != TRACE_OPERANDS as usize {
                 let name = crate::module::names::opcode_name(instruction.opcode);
-                return Err(decoder.invalid(format!("the operands of {name} have wrong types")).note(RULES));
+                return Err(translator
+                    .invalid(format!("the operands of {name} have wrong types"))
+                    .note(RULES));
             }
-            let operands = decoder.consecutive(&words)?;
+            let operands = translator.consecutive(&words)?;
             let classes = &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD];
-            let payload = named_variable(decoder, opcode, instruction, count, classes)?;
-            decoder.emit(Operation::Stop(Op::TraceRay { operands, payload }));
-            decoder.forget();
+            let payload = named_variable(translator, opcode, instruction, count, classes)?;
+            translator.emit(Operation::Stop(Op::TraceRay { operands, payload }));
+            translator.forget();
         }
         Opcode::ExecuteCallableKHR | Opcode::ExecuteCallableNV => {
-            let index = decoder.operand(instruction, 0)?;
+            let index = translator.operand(instruction, 0)?;
             let classes = &[storage::CALLABLE_DATA, storage::INCOMING_CALLABLE_DATA];
-            let data = named_variable(decoder, opcode, instruction, 1, classes)?;
+            let data = named_variable(translator, opcode, instruction, 1, classes)?;
             let Some(&index) = index.first() else {
-                return Err(decoder.invalid("an SBT index without a value").note(RULES));
+                return Err(translator.invalid("an SBT index without a value").note(RULES));
             };
-            decoder.emit(Operation::Stop(Op::ExecuteCallable { index, data }));
-            decoder.forget();
+            translator.emit(Operation::Stop(Op::ExecuteCallable { index, data }));
+            translator.forget();
         }
         Opcode::ReportIntersectionKHR => {
-            let (t, hit_kind) = (decoder.operand(instruction, 0)?, decoder.operand(instruction, 1)?);
+            let (t, hit_kind) = (translator.operand(instruction, 0)?, translator.operand(instruction, 1)?);
             let (&[t], &[hit_kind]) = (&t[..], &hit_kind[..]) else {
-                return Err(decoder.invalid("the operands of OpReportIntersectionKHR have wrong types"));
+                return Err(translator.invalid("the operands of OpReportIntersectionKHR have wrong types"));
             };
-            let accepted = decoder.fresh(1)?;
-            decoder.emit(Operation::Stop(Op::ReportIntersection { t, hit_kind, accepted }));
-            decoder.forget();
-            decoder.result(instruction, SmallVec::from_slice(&[accepted]));
+            let accepted = translator.fresh(1)?;
+            translator.emit(Operation::Stop(Op::ReportIntersection { t, hit_kind, accepted }));
+            translator.forget();
+            translator.result(instruction, SmallVec::from_slice(&[accepted]));
         }
         Opcode::ConvertUToAccelerationStructureKHR => {
-            let words = decoder.operand(instruction, 0)?;
+            let words = translator.operand(instruction, 0)?;
             let &[low, high] = &words[..] else {
-                return Err(decoder.invalid("a device address has 64 bits"));
+                return Err(translator.invalid("a device address has 64 bits"));
             };
-            let first = decoder.pair(low, high)?;
-            decoder.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
+            let first = translator.pair(low, high)?;
+            translator.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
         }
         _ => return Ok(false),
     }
@@ -205,10 +207,10 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
 
 /// The variable that `SPV_NV_ray_tracing` names by its `Location`. There is none where nothing reads
 /// or writes the payload: optimizers remove a variable that no instruction names by its id.
-fn variable_at(decoder: &mut Decoder<'_>, location: Id, classes: &[u32]) -> Result<Option<Id>> {
+fn variable_at(translator: &mut Translator<'_>, location: Id, classes: &[u32]) -> Result<Option<Id>> {
     const LOCATION: u32 = 30;
-    let location = decoder.constant_integer(location)?;
-    let module = decoder.module;
+    let location = translator.constant_integer(location)?;
+    let module = translator.module;
     let found = module.variables.iter().find(|variable| {
         let own = module.decorations.literal(variable.id, LOCATION).map(u64::from);
         classes.contains(&variable.storage_class) && own == Some(location)
@@ -218,38 +220,38 @@ fn variable_at(decoder: &mut Decoder<'_>, location: Id, classes: &[u32]) -> Resu
 
 /// The registers of the payload or callable data variable that an operand names.
 fn named_variable(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     opcode: Opcode,
     instruction: &Instruction,
     at: usize,
     classes: &[u32],
 ) -> Result<RegSpan> {
-    let mut id = decoder.id(instruction, at)?;
+    let mut id = translator.id(instruction, at)?;
     if matches!(opcode, Opcode::TraceNV | Opcode::TraceMotionNV | Opcode::ExecuteCallableNV) {
-        match variable_at(decoder, id, classes)? {
+        match variable_at(translator, id, classes)? {
             Some(variable) => id = variable,
             // A register of its own, so that no variable of the interface begins there.
-            None => return Ok(RegSpan { first: decoder.fresh(1)?, count: 0 }),
+            None => return Ok(RegSpan { first: translator.fresh(1)?, count: 0 }),
         }
     }
-    variable_span(decoder, id, classes)
+    variable_span(translator, id, classes)
 }
 
 /// The registers of a whole variable of one of some storage classes.
-pub(super) fn variable_span(decoder: &mut Decoder<'_>, id: Id, classes: &[u32]) -> Result<RegSpan> {
-    let pointer = decoder.pointer(id)?;
+pub(super) fn variable_span(translator: &mut Translator<'_>, id: Id, classes: &[u32]) -> Result<RegSpan> {
+    let pointer = translator.pointer(id)?;
     if !classes.contains(&pointer.storage_class) {
         let name = crate::module::names::storage_class_name;
         let wanted: Vec<_> = classes.iter().map(|&class| name(class)).collect();
         let found = name(pointer.storage_class);
         let wanted = wanted.join(" or ");
         let message = format!("a variable in storage class {found}: {wanted} is needed here");
-        return Err(decoder.invalid(message).note(RULES));
+        return Err(translator.invalid(message).note(RULES));
     }
     match pointer {
         memory::Pointer { place: Place::Registers { first, .. }, index: None, offset, pointee, .. } => {
-            Ok(RegSpan { first: first.plus(offset), count: decoder.word_count(pointee)? })
+            Ok(RegSpan { first: first.plus(offset), count: translator.word_count(pointee)? })
         }
-        _ => Err(decoder.unsupported("a payload that is no whole variable")),
+        _ => Err(translator.unsupported("a payload that is no whole variable")),
     }
 }

@@ -151,7 +151,10 @@ mod tests {
         let from_int = ShadowOp::Number(convert(Conversion::SToF, 32, 64));
         assert_eq!(shadow_op(convert(Conversion::SToF, 32, 32)), from_int);
         assert_eq!(shadow_op(&float_controls::Flushed.kernels[1]), ShadowOp::Identity);
-        assert_eq!(shadow_op(kernel(&float_controls::FAddTowardZero, 32)), ShadowOp::Number(kernel(&FAdd, 64)));
+        assert_eq!(
+            shadow_op(kernel(&float_controls::FAddTowardZero, 32)),
+            ShadowOp::Number(kernel(&FAdd, 64))
+        );
     }
 
     #[test]

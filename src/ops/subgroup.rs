@@ -15,13 +15,13 @@ use crate::machine::{Batch, Reg, Registers};
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::decode::{Decoder, Words, registers_from};
 use crate::ops::integer_operand::Reading;
 use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::op::{Access, Op as Operation};
+use crate::ops::translate::{Translator, Words, registers_from};
 use crate::ops::{arithmetic, bit, glsl, relational_logical};
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
     Opcode::GroupNonUniformElect,
     Opcode::GroupNonUniformAll,
@@ -346,8 +346,8 @@ fn combine(
     Some(sum)
 }
 
-/// Decodes subgroup instructions; `false` for an instruction of another section.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates subgroup instructions; `false` for an instruction of another section.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     use Opcode as O;
     if !OPCODES.contains(&opcode) {
         return Ok(false);
@@ -383,48 +383,48 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         O::GroupNonUniformShuffleDown => Kind::Read(From::Down),
         O::GroupNonUniformQuadBroadcast => Kind::Read(From::Quad),
         O::GroupNonUniformQuadSwap => Kind::Read(From::QuadSwap),
-        O::GroupNonUniformRotateKHR => Kind::Read(From::Rotate(cluster(decoder, instruction, 3)?)),
+        O::GroupNonUniformRotateKHR => Kind::Read(From::Rotate(cluster(translator, instruction, 3)?)),
         O::GroupNonUniformInverseBallot => Kind::Extract { own: true },
         O::GroupNonUniformBallotBitExtract => Kind::Extract { own: false },
         O::GroupNonUniformBallotFindLSB => Kind::Bits(Bits::Lowest),
         O::GroupNonUniformBallotFindMSB => Kind::Bits(Bits::Highest),
         O::GroupNonUniformBallotBitCount => {
-            let operation = decoder.literal(instruction, 1)?;
+            let operation = translator.literal(instruction, 1)?;
             let bits = match GroupOperation::from_u32(operation) {
                 Some(GroupOperation::Reduce) => Bits::Count,
                 Some(GroupOperation::InclusiveScan) => Bits::CountInclusive,
                 Some(GroupOperation::ExclusiveScan) => Bits::CountExclusive,
-                _ => return Err(decoder.invalid("a group operation that counts no bits")),
+                _ => return Err(translator.invalid("a group operation that counts no bits")),
             };
-            let value = decoder.id(instruction, 2)?;
-            emit(decoder, instruction, Kind::Bits(bits), Some(value), None)?;
+            let value = translator.id(instruction, 2)?;
+            emit(translator, instruction, Kind::Bits(bits), Some(value), None)?;
             return Ok(true);
         }
-        _ => return arithmetic(decoder, opcode, instruction).map(|()| true),
+        _ => return arithmetic(translator, opcode, instruction).map(|()| true),
     };
-    let count = decoder.operands(instruction).len();
-    let id = |decoder: &Decoder<'_>, at: usize| {
-        if at < count { decoder.id(instruction, at).map(Some) } else { Ok(None) }
+    let count = translator.operands(instruction).len();
+    let id = |translator: &Translator<'_>, at: usize| {
+        if at < count { translator.id(instruction, at).map(Some) } else { Ok(None) }
     };
-    let value = if kind == Kind::Elect { None } else { id(decoder, first)? };
-    let operand = if kind == Kind::Elect { None } else { id(decoder, first + 1)? };
-    emit(decoder, instruction, kind, value, operand)?;
+    let value = if kind == Kind::Elect { None } else { id(translator, first)? };
+    let operand = if kind == Kind::Elect { None } else { id(translator, first + 1)? };
+    emit(translator, instruction, kind, value, operand)?;
     Ok(true)
 }
 
-fn cluster(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
-    match decoder.operands(instruction).get(at) {
+fn cluster(translator: &mut Translator<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
+    match translator.operands(instruction).get(at) {
         None => Ok(0),
-        Some(&id) => match decoder.constant_integer(Id(id))? {
+        Some(&id) => match translator.constant_integer(Id(id))? {
             size @ 1..=128 if size.is_power_of_two() => Ok(size as u32),
             // Undefined where it is executed, not a broken rule.
-            size => Err(decoder.unsupported(format!("a cluster of {size} invocations"))),
+            size => Err(translator.unsupported(format!("a cluster of {size} invocations"))),
         },
     }
 }
 
 fn emit(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     instruction: &Instruction,
     kind: Kind,
     value: Option<Id>,
@@ -432,30 +432,30 @@ fn emit(
 ) -> Result<()> {
     let mut registers = [(Reg(0), 0); 2];
     if let Some(id) = value {
-        let words = decoder.words(id)?;
-        registers[0] = (decoder.consecutive(&words)?, words.len() as u32);
+        let words = translator.words(id)?;
+        registers[0] = (translator.consecutive(&words)?, words.len() as u32);
     }
     if let Some(id) = operand {
         // An invocation's place, or a bit's, an integer of any width.
         registers[1] = match kind {
-            Kind::Read(_) | Kind::Extract { .. } => (decoder.integer(id, Reading::Unsigned)?, 1),
+            Kind::Read(_) | Kind::Extract { .. } => (translator.integer(id, Reading::Unsigned)?, 1),
             _ => {
-                let words = decoder.words(id)?;
-                (decoder.consecutive(&words)?, words.len() as u32)
+                let words = translator.words(id)?;
+                (translator.consecutive(&words)?, words.len() as u32)
             }
         };
     }
-    let ty = decoder.result_type(instruction)?;
-    let results = decoder.word_count(ty)?;
+    let ty = translator.result_type(instruction)?;
+    let results = translator.word_count(ty)?;
     if let Kind::Bits(_) = kind {
         // Counted in 32 bits, and given in those of the result.
-        let counted = append(decoder, kind, 1, registers)?;
-        let width = decoder.scalar_width(ty)?;
+        let counted = append(translator, kind, 1, registers)?;
+        let width = translator.scalar_width(ty)?;
         let first = match conversion::kernel(Conversion::U, 32, width) {
-            Some(kernel) => decoder.emit_kernel(kernel, &[counted])?,
+            Some(kernel) => translator.emit_kernel(kernel, &[counted])?,
             None => counted,
         };
-        decoder.result(instruction, registers_from(first, results));
+        translator.result(instruction, registers_from(first, results));
         return Ok(());
     }
     let fits = match kind {
@@ -464,34 +464,48 @@ fn emit(
         _ => results == 1,
     };
     if !fits {
-        return Err(decoder.invalid("a subgroup instruction with a result of another type"));
+        return Err(translator.invalid("a subgroup instruction with a result of another type"));
     }
-    let to = append(decoder, kind, results, registers)?;
-    decoder.result(instruction, registers_from(to, results));
+    let to = append(translator, kind, results, registers)?;
+    translator.result(instruction, registers_from(to, results));
     Ok(())
 }
 
 /// Appends an operation on a value and a second operand, each its first register and how many there are, and gives the
 /// first register of the result.
-fn append(decoder: &mut Decoder<'_>, kind: Kind, results: u32, from: [(Reg, u32); 2]) -> Result<Reg> {
-    let to = decoder.fresh(results)?;
+fn append(translator: &mut Translator<'_>, kind: Kind, results: u32, from: [(Reg, u32); 2]) -> Result<Reg> {
+    let to = translator.fresh(results)?;
     let [(value, values), (operand, operands)] = from;
-    decoder.emit(Operation::Subgroup(Box::new(Op { kind, to, results, value, values, operand, operands })));
+    translator.emit(Operation::Subgroup(Box::new(Op {
+        kind,
+        to,
+        results,
+        value,
+        values,
+        operand,
+        operands,
+    })));
     Ok(to)
 }
 
 /// Reads a value of some words from another invocation that the own place tells.
-pub fn read(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32) -> Result<Reg> {
-    append(decoder, Kind::Read(from), words, [(value, words), (Reg(0), 0)])
+pub fn read(translator: &mut Translator<'_>, from: From, value: Reg, words: u32) -> Result<Reg> {
+    append(translator, Kind::Read(from), words, [(value, words), (Reg(0), 0)])
 }
 
 /// The same from one that an operand tells.
-pub fn read_at(decoder: &mut Decoder<'_>, from: From, value: Reg, words: u32, operand: Reg) -> Result<Reg> {
-    append(decoder, Kind::Read(from), words, [(value, words), (operand, 1)])
+pub fn read_at(
+    translator: &mut Translator<'_>,
+    from: From,
+    value: Reg,
+    words: u32,
+    operand: Reg,
+) -> Result<Reg> {
+    append(translator, Kind::Read(from), words, [(value, words), (operand, 1)])
 }
 
 /// Reductions and scans, component by component.
-fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+fn arithmetic(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
     use Opcode as O;
     let (family, identity): (&'static OpFamily, fn(u32) -> u64) = match opcode {
         O::GroupNonUniformIAdd | O::GroupIAddNonUniformAMD => (&arithmetic::IAdd, |_| 0),
@@ -515,49 +529,49 @@ fn arithmetic(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         O::GroupNonUniformLogicalOr => (&relational_logical::LogicalOr, |_| 0),
         _ => (&relational_logical::LogicalNotEqual, |_| 0),
     };
-    let ty = decoder.result_type(instruction)?;
-    let width = decoder.scalar_width(ty)?;
+    let ty = translator.result_type(instruction)?;
+    let width = translator.scalar_width(ty)?;
     let kernel = family.kernel(width);
     let kernel =
-        kernel.ok_or_else(|| decoder.unsupported(format!("{} on {width}-bit operands", family.name)))?;
-    let operation = decoder.literal(instruction, 1)?;
+        kernel.ok_or_else(|| translator.unsupported(format!("{} on {width}-bit operands", family.name)))?;
+    let operation = translator.literal(instruction, 1)?;
     let identity = {
         let bits = identity(width);
-        if kernel.words == 2 { decoder.wide_constant(bits)? } else { decoder.constant(bits as u32)? }
+        if kernel.words == 2 { translator.wide_constant(bits)? } else { translator.constant(bits as u32)? }
     };
     let (over, partitioned) = match GroupOperation::from_u32(operation) {
         Some(GroupOperation::Reduce) => (Over::Cluster(0), false),
         Some(GroupOperation::InclusiveScan) => (Over::Inclusive, false),
         Some(GroupOperation::ExclusiveScan) => (Over::Exclusive(identity), false),
-        Some(GroupOperation::ClusteredReduce) => (Over::Cluster(cluster(decoder, instruction, 3)?), false),
+        Some(GroupOperation::ClusteredReduce) => (Over::Cluster(cluster(translator, instruction, 3)?), false),
         Some(GroupOperation::PartitionedReduceEXT) => (Over::Cluster(0), true),
         Some(GroupOperation::PartitionedInclusiveScanEXT) => (Over::Inclusive, true),
         Some(GroupOperation::PartitionedExclusiveScanEXT) => (Over::Exclusive(identity), true),
-        _ => return Err(decoder.invalid(format!("group operation {operation}"))),
+        _ => return Err(translator.invalid(format!("group operation {operation}"))),
     };
     let kind = Kind::Combine { kernel, over, partitioned };
     let partition = if partitioned {
-        let words = decoder.operand(instruction, 3)?;
+        let words = translator.operand(instruction, 3)?;
         if words.len() != 4 {
-            return Err(decoder.invalid("a partition that is no vector of four"));
+            return Err(translator.invalid("a partition that is no vector of four"));
         }
-        (decoder.consecutive(&words)?, 4)
+        (translator.consecutive(&words)?, 4)
     } else {
         (Reg(0), 0)
     };
-    let id = decoder.id(instruction, 2)?;
+    let id = translator.id(instruction, 2)?;
     if !matches!(
-        decoder.module.ty(decoder.type_of(id)?),
+        translator.module.ty(translator.type_of(id)?),
         Type::Bool | Type::Int { .. } | Type::Float { .. } | Type::Vector { .. }
     ) {
-        return Err(decoder.invalid("a group operation on what is no scalar or vector"));
+        return Err(translator.invalid("a group operation on what is no scalar or vector"));
     }
     let mut words = Words::new();
-    for value in decoder.components(id)? {
-        let to = append(decoder, kind, kernel.words, [(value, kernel.words), partition])?;
+    for value in translator.components(id)? {
+        let to = append(translator, kind, kernel.words, [(value, kernel.words), partition])?;
         words.extend((0..kernel.words).map(|word| to.plus(word)));
     }
-    decoder.result(instruction, words);
+    translator.result(instruction, words);
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! What runs, what does not yet, and what this crate will not run.
 //!
 //! Computed from the instruction set itself: an instruction runs where a family of kernels has its
-//! number, or a section lists it among the opcodes that it decodes. The rest is classed by hand in
+//! number, or a section lists it among the opcodes that it translates. The rest is classed by hand in
 //! `lists`, mostly by the capability that an instruction needs; a test walks rspirv's grammar and
 //! fails where one is classed nowhere.
 
@@ -198,7 +198,7 @@ fn section_of(op: Opcode) -> Option<&'static str> {
             return Some(group);
         }
     }
-    let decoded = [
+    let translated = [
         ("composites", composite::OPCODES),
         ("memory", pointer::OPCODES),
         ("pointers and device addresses", address::OPCODES),
@@ -215,7 +215,7 @@ fn section_of(op: Opcode) -> Option<&'static str> {
         ("hit objects", hit_object::OPCODES),
         ("conversion, carries, bit fields", irregular::OPCODES),
     ];
-    let listed = decoded.iter().find(|(_, opcodes)| opcodes.contains(&op)).map(|&(group, _)| group);
+    let listed = translated.iter().find(|(_, opcodes)| opcodes.contains(&op)).map(|&(group, _)| group);
     listed.or_else(|| lists::group_of(lists::READ_BY_MODULE_AND_PROGRAM, op))
 }
 
@@ -240,10 +240,10 @@ mod tests {
     use crate::error::ErrorKind;
     use crate::module::assemble::Assembler;
     use crate::module::interface::Stage;
-    use crate::ops::decode::Decoder;
-    use crate::ops::decode_number;
+    use crate::ops::translate::Translator;
+    use crate::ops::translate_checked;
 
-    /// Whether the sections' decoders refuse an opcode as one that none of them knows.
+    /// Whether the sections' translators refuse an opcode as one that none of them knows.
     ///
     /// The operands are ids that nothing defines, so that every other outcome is another error.
     fn is_refused(number: u16) -> bool {
@@ -259,9 +259,9 @@ mod tests {
             result: Some(Id(u32::MAX)),
             operands: start..start + 16,
         };
-        let mut decoder = Decoder::new(&module, Stage::ClosestHit);
+        let mut translator = Translator::new(&module, Stage::ClosestHit);
         let name = opcode_name(number);
-        match decode_number(&mut decoder, number, &instruction) {
+        match translate_checked(&mut translator, number, &instruction) {
             Ok(()) => false,
             Err(error) => {
                 error.kind() == ErrorKind::UnsupportedModule
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn the_decoders_know_what_is_called_supported_and_nothing_else() {
+    fn the_translators_know_what_is_called_supported_and_nothing_else() {
         let mut counts = [0; 2];
         let mut wrong = Vec::new();
         for entry in INSTRUCTION_TABLE.iter() {

@@ -4,8 +4,8 @@ use crate::machine::Reg;
 use crate::machine::stop::RegSpan;
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::decode::InterfaceRegisters;
 use crate::ops::pointer::storage;
+use crate::ops::translate::InterfaceRegisters;
 use crate::program::Program;
 
 /// The variable of a shader's interface whose rows it gives.

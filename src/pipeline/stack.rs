@@ -11,9 +11,9 @@ use crate::machine::{
     Batch, Bindings, Exit, Invocation, Lanes, Mask, Observer, Reg, Registers, Resources, Stop, TrapCode,
 };
 use crate::module::interface::Stage;
-use crate::ops::decode::InterfaceRegisters;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
+use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{RayOperands, Stats};

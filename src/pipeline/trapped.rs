@@ -56,9 +56,11 @@ where
             launch_id[2]
         ));
         let fault_value = running.batch.fault_value[lane];
-        error = missing_record(&self.pipeline.sbt, trap.code, fault_value).into_iter().fold(error, Error::note);
+        error =
+            missing_record(&self.pipeline.sbt, trap.code, fault_value).into_iter().fold(error, Error::note);
         if trap.code == TrapCode::PayloadMismatch {
-            error = self.mismatch(running, trap.op, fault_value).into_iter().flatten().fold(error, Error::note);
+            error =
+                self.mismatch(running, trap.op, fault_value).into_iter().flatten().fold(error, Error::note);
         }
         let callers = self.frames.iter().rev().filter_map(|frame| match frame {
             ShaderCallFrame::Shader(caller) => Some(caller),

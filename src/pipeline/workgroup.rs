@@ -228,7 +228,8 @@ where
             "in {stage} `{name}`, workgroup {group}, local invocation {local}, global invocation id {global}"
         ));
         let offset = self.program.origins.get(trap.op as usize).map_or(0, |origin| origin.offset);
-        let (launch_id, code, fault_value) = (invocations.launch_id(lane), trap.code, batch.fault_value[lane]);
+        let (launch_id, code, fault_value) =
+            (invocations.launch_id(lane), trap.code, batch.fault_value[lane]);
         self.trapped = Some(Trapped { launch_id, code, fault_value, shader: Shader(0), offset, error });
     }
 }

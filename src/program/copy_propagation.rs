@@ -1,7 +1,7 @@
 //! Takes moves away that lowering leaves behind: copies of registers that can be read where they are, and
 //! stores to variables that nothing reads any more.
 //!
-//! Shader compilers keep locals in variables. Within a block the decoder has forwarded what is
+//! Shader compilers keep locals in variables. Within a block the translator has forwarded what is
 //! stored to what is loaded; what remains is a load that copies a variable's register, and the store
 //! itself, often dead.
 //!

@@ -19,8 +19,6 @@ use crate::machine::{Exit, Reg};
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
-use crate::ops::decode::{Decoder, Origin, Value, Words};
-use crate::ops::decode_number;
 use crate::ops::float_controls::FloatControls;
 use crate::ops::interface_check;
 use crate::ops::load_store;
@@ -28,6 +26,8 @@ use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::pointer::{Place as PointerPlace, Pointer, storage};
 use crate::ops::ray_query;
+use crate::ops::translate::{Origin, Translator, Value, Words};
+use crate::ops::translate_checked;
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::copy_propagation::{forward_copies, live_stores};
@@ -135,7 +135,7 @@ fn translate(
         return Err(Error::new(ErrorKind::InvalidModule, message).at(Place::Word(entry.offset as usize)));
     };
     let mut lowering = Lowering {
-        decoder: Decoder::new(module, entry.stage),
+        translator: Translator::new(module, entry.stage),
         module,
         placed: Vec::new(),
         blocks: Vec::new(),
@@ -150,16 +150,16 @@ fn translate(
         standing: FxHashMap::default(),
         queue: VecDeque::new(),
     };
-    lowering.decoder.float_controls = FloatControls::of(entry);
-    lowering.decoder.optimizes = optimization == Optimization::Full;
+    lowering.translator.float_controls = FloatControls::of(entry);
+    lowering.translator.optimizes = optimization == Optimization::Full;
     lowering.make_room(function);
     let variables = module.interface_of(entry);
-    interface_check::check(&mut lowering.decoder, entry, &variables)?;
-    lowering.decoder.micromap_mode = entry.modes.iter().find_map(|(mode, operands)| match operands[..] {
+    interface_check::check(&mut lowering.translator, entry, &variables)?;
+    lowering.translator.micromap_mode = entry.modes.iter().find_map(|(mode, operands)| match operands[..] {
         [id] if *mode == OPACITY_MICROMAP_ID => Some(Id(id)),
         _ => None,
     });
-    lowering.decoder.derivatives = entry.stage == Stage::Compute && DerivativeGroup::of(entry).is_some();
+    lowering.translator.derivatives = entry.stage == Stage::Compute && DerivativeGroup::of(entry).is_some();
     let start = lowering.label();
     lowering.begin(start);
     lowering.initialize_globals(&variables)?;
@@ -170,7 +170,7 @@ fn translate(
     let workgroup = match entry.stage {
         Stage::Compute => {
             refuse_pipeline(&lowering)?;
-            Some(WorkgroupLayout::of(&mut lowering.decoder, entry)?)
+            Some(WorkgroupLayout::of(&mut lowering.translator, entry)?)
         }
         _ => None,
     };
@@ -231,8 +231,8 @@ fn expect_same(program: &Program, pass: &str, compared: std::result::Result<(), 
 
 /// Refuses what only a ray-tracing pipeline can serve.
 fn refuse_pipeline(lowering: &Lowering<'_>) -> Result<()> {
-    let decoder = &lowering.decoder;
-    let stop = decoder.ops.iter().position(|op| matches!(op, Op::Stop(_)));
+    let translator = &lowering.translator;
+    let stop = translator.ops.iter().position(|op| matches!(op, Op::Stop(_)));
     let exits = lowering
         .blocks
         .iter()
@@ -240,8 +240,8 @@ fn refuse_pipeline(lowering: &Lowering<'_>) -> Result<()> {
     if stop.is_none() && !exits {
         return Ok(());
     }
-    let error = decoder.invalid("an instruction of ray-tracing pipelines in GLCompute");
-    let place = stop.map(|at| Place::Word(decoder.origins[at].offset as usize));
+    let error = translator.invalid("an instruction of ray-tracing pipelines in GLCompute");
+    let place = stop.map(|at| Place::Word(translator.origins[at].offset as usize));
     Err(place.map_or(error.clone(), |place| error.at(place)).note("SPV_KHR_ray_tracing, execution models"))
 }
 
@@ -265,7 +265,7 @@ struct Standing {
 
 /// A block whose targets are labels, not places yet.
 struct Lowering<'m> {
-    decoder: Decoder<'m>,
+    translator: Translator<'m>,
     module: &'m Module,
     /// By label: where it was placed.
     placed: Vec<u32>,
@@ -295,8 +295,8 @@ impl<'m> Lowering<'m> {
     /// Makes room for about an operation an instruction and a block for four, as what outgrows its room is all copied.
     fn make_room(&mut self, entry: u32) {
         let operations = self.sizes[entry as usize].instructions.min(INLINE_TOTAL as u64) as usize;
-        self.decoder.ops.reserve_exact(operations);
-        self.decoder.origins.reserve_exact(operations);
+        self.translator.ops.reserve_exact(operations);
+        self.translator.origins.reserve_exact(operations);
         self.blocks.reserve_exact(operations / 4);
         self.instruction_spans.reserve_exact(operations / 4);
     }
@@ -304,15 +304,15 @@ impl<'m> Lowering<'m> {
     /// Opens a block under a label.
     fn begin(&mut self, label: u32) {
         self.placed[label as usize] = self.blocks.len() as u32;
-        self.first = self.decoder.ops.len() as u32;
-        self.decoder.forget();
+        self.first = self.translator.ops.len() as u32;
+        self.translator.forget();
     }
 
     /// Closes the open block.
     fn end(&mut self, terminator: Terminator) {
-        let end = self.decoder.ops.len() as u32;
+        let end = self.translator.ops.len() as u32;
         self.blocks.push(Block { first: self.first, end, terminator, instructions: 0 });
-        self.terminators.push(self.decoder.origin);
+        self.terminators.push(self.translator.origin);
     }
 
     /// Variables of module scope that have an initialiser.
@@ -323,17 +323,17 @@ impl<'m> Lowering<'m> {
             let Some(initializer) = variable.initializer.filter(|_| reachable.contains(&variable.id)) else {
                 continue;
             };
-            let pointer = self.decoder.pointer(variable.id)?;
-            let words = self.decoder.words(initializer)?;
+            let pointer = self.translator.pointer(variable.id)?;
+            let words = self.translator.words(initializer)?;
             if pointer.storage_class == storage::WORKGROUP {
                 // Workgroup memory begins as zeros.
-                if words.iter().all(|&word| self.decoder.constant_word(word) == Some(0)) {
+                if words.iter().all(|&word| self.translator.constant_word(word) == Some(0)) {
                     continue;
                 }
                 let message = "a variable in workgroup memory is initialised with another value than null";
-                return Err(self.decoder.invalid(message).note("VUID-StandaloneSpirv-OpVariable-04734"));
+                return Err(self.translator.invalid(message).note("VUID-StandaloneSpirv-OpVariable-04734"));
             }
-            load_store::store(&mut self.decoder, &pointer, &words)?;
+            load_store::store(&mut self.translator, &pointer, &words)?;
         }
         Ok(())
     }
@@ -343,7 +343,7 @@ impl<'m> Lowering<'m> {
         let module = self.module;
         let order = structured_order(module, function);
         if order.is_empty() {
-            return Err(self.decoder.unsupported(format!(
+            return Err(self.translator.unsupported(format!(
                 "{} has no body: linked functions are not supported",
                 module.describe_id(function.id)
             )));
@@ -355,11 +355,11 @@ impl<'m> Lowering<'m> {
             // They open their block.
             let instructions = function.blocks[block].instructions.iter();
             for phi in instructions.take_while(|instruction| instruction.opcode == opcode::PHI) {
-                self.decoder.origin.offset = phi.offset;
-                let ty = self.decoder.result_type(phi)?;
-                let count = self.decoder.word_count(ty)?;
-                let words = self.decoder.fresh_words(count)?;
-                self.decoder.result(phi, words);
+                self.translator.origin.offset = phi.offset;
+                let ty = self.translator.result_type(phi)?;
+                let count = self.translator.word_count(ty)?;
+                let words = self.translator.fresh_words(count)?;
+                self.translator.result(phi, words);
             }
         }
         for (position, &block) in order.iter().enumerate() {
@@ -372,7 +372,7 @@ impl<'m> Lowering<'m> {
                 self.begin(label);
             }
             for instruction in &block.instructions {
-                self.decoder.origin.offset = instruction.offset;
+                self.translator.origin.offset = instruction.offset;
                 let place = Site { function, block: block.label, labels: &labels, plan };
                 self.instruction(instruction, &place)?;
                 // A phi's own registers are written for the running lanes only, by the edges to it.
@@ -387,10 +387,10 @@ impl<'m> Lowering<'m> {
 
     /// Gives a value registers that only the running lanes write.
     fn keep(&mut self, id: Id) -> Result<()> {
-        match self.decoder.value(id)? {
+        match self.translator.value(id)? {
             Value::Words(words) => {
                 let kept = self.keep_words(&words)?;
-                self.decoder.define(id, Value::Words(kept));
+                self.translator.define(id, Value::Words(kept));
             }
             Value::Pointer(pointer) => {
                 let mut kept = pointer.clone();
@@ -408,25 +408,25 @@ impl<'m> Lowering<'m> {
                     }
                     _ => {}
                 }
-                self.decoder.define(id, Value::Pointer(kept));
+                self.translator.define(id, Value::Pointer(kept));
             }
         }
         Ok(())
     }
 
     fn keep_words(&mut self, words: &[Reg]) -> Result<Words> {
-        if words.iter().all(|&reg| self.decoder.constant_word(reg).is_some()) {
+        if words.iter().all(|&reg| self.translator.constant_word(reg).is_some()) {
             return Ok(words.into());
         }
-        let kept = self.decoder.fresh_words(words.len() as u32)?;
+        let kept = self.translator.fresh_words(words.len() as u32)?;
         for (&to, &from) in kept.iter().zip(words) {
-            self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+            self.translator.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
         }
         Ok(kept)
     }
 
     fn instruction(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
-        self.decoder.tick();
+        self.translator.tick();
         self.note(instruction);
         match instruction.opcode {
             opcode::PHI | opcode::LOOP_MERGE | opcode::SELECTION_MERGE => Ok(()),
@@ -438,14 +438,14 @@ impl<'m> Lowering<'m> {
             | opcode::TERMINATE_RAY => self.terminator(instruction, place),
             opcode::IGNORE_INTERSECTION_NV => self.exit(Exit::Ignored),
             opcode::TERMINATE_RAY_NV => self.exit(Exit::Terminated),
-            number => decode_number(&mut self.decoder, number, instruction),
+            number => translate_checked(&mut self.translator, number, instruction),
         }
     }
 
     /// Notes that the open block runs an instruction.
     fn note(&mut self, instruction: &Instruction) {
         self.instructions += 1;
-        let (block, scope) = (self.blocks.len() as u32, self.decoder.origin.scope);
+        let (block, scope) = (self.blocks.len() as u32, self.translator.origin.scope);
         let offset = instruction.offset;
         match self.instruction_spans.last_mut() {
             Some(open) if (open.block, open.scope) == (block, scope) && open.last < offset => {
@@ -464,7 +464,7 @@ impl<'m> Lowering<'m> {
 
     /// Ends the invocation in the middle of a block; what follows is never reached.
     fn exit(&mut self, exit: Exit) -> Result<()> {
-        self.decoder.set_clock()?;
+        self.translator.set_clock()?;
         self.end(Terminator::Exit(exit));
         let label = self.label();
         self.begin(label);
@@ -472,26 +472,26 @@ impl<'m> Lowering<'m> {
     }
 
     fn variable(&mut self, instruction: &Instruction) -> Result<()> {
-        let ty = self.decoder.result_type(instruction)?;
+        let ty = self.translator.result_type(instruction)?;
         let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *self.module.ty(ty) else {
-            return Err(self.decoder.invalid("OpVariable has no pointer type"));
+            return Err(self.translator.invalid("OpVariable has no pointer type"));
         };
-        let count = self.decoder.word_count(pointee)?;
-        let first = self.decoder.fresh(count)?;
-        self.decoder.variables.push((first, count));
+        let count = self.translator.word_count(pointee)?;
+        let first = self.translator.fresh(count)?;
+        self.translator.variables.push((first, count));
         let place = PointerPlace::Registers { first, count, constant: false };
         let pointer = Pointer::new(place, pointee, storage_class);
         // A query of a function that runs again is not the query that it was.
-        if self.decoder.origin.scope != 0 && is_query(self.module, pointee) {
-            self.decoder.emit(Op::RayQuery(ray_query::Op::Forget { first, count }));
+        if self.translator.origin.scope != 0 && is_query(self.module, pointee) {
+            self.translator.emit(Op::RayQuery(ray_query::Op::Forget { first, count }));
         }
         if self.module.operands(instruction).len() > 1 {
-            let initializer = self.decoder.id(instruction, 1)?;
-            let words = self.decoder.words(initializer)?;
-            load_store::store(&mut self.decoder, &pointer, &words)?;
+            let initializer = self.translator.id(instruction, 1)?;
+            let words = self.translator.words(initializer)?;
+            load_store::store(&mut self.translator, &pointer, &words)?;
         }
         if let Some(id) = instruction.result {
-            self.decoder.define(id, Value::Pointer(pointer.into()));
+            self.translator.define(id, Value::Pointer(pointer.into()));
         }
         Ok(())
     }
@@ -532,25 +532,25 @@ impl<'m> Lowering<'m> {
             instructions = instructions.saturating_add(count);
             block.instructions = instructions;
         }
-        let constants = self.decoder.constant_registers().collect();
-        let register_count = self.decoder.register_count();
+        let constants = self.translator.constant_registers().collect();
+        let register_count = self.translator.register_count();
         let program = Program {
             module: module.clone(),
             stage: entry.stage,
             name: entry.name.clone(),
-            ops: self.decoder.ops,
+            ops: self.translator.ops,
             silent: Vec::new(),
             optimized: OptimizedCode::default(),
-            origins: [self.decoder.origins, self.terminators].concat(),
+            origins: [self.translator.origins, self.terminators].concat(),
             scopes: self.scopes,
             blocks,
             instruction_spans: self.instruction_spans,
             register_count,
             constants,
-            slots: self.decoder.slots,
-            inputs: self.decoder.inputs,
-            interface: self.decoder.interface,
-            variables: self.decoder.variables,
+            slots: self.translator.slots,
+            inputs: self.translator.inputs,
+            interface: self.translator.interface,
+            variables: self.translator.variables,
             order_dependent: false,
             accesses: Vec::new(),
             uses_subgroups: false,
@@ -559,7 +559,7 @@ impl<'m> Lowering<'m> {
             eliminated: Eliminated::default(),
             payloads: Payloads::default(),
         };
-        (program, self.decoder.addressed)
+        (program, self.translator.addressed)
     }
 }
 

@@ -26,9 +26,9 @@ use crate::machine::{
 };
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
-use crate::ops::decode::{InputRegisters, InterfaceRegisters, Origin, Slot};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
+use crate::ops::translate::{InputRegisters, InterfaceRegisters, Origin, Slot};
 use crate::ops::{atomic, memory, ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
@@ -271,7 +271,12 @@ impl Program {
     }
 
     /// What an access that trapped asked for: where, and of which buffer or image.
-    pub fn describe_access(&self, trap: Trap, fault_value: u64, accessed: Option<&Accessed>) -> Option<String> {
+    pub fn describe_access(
+        &self,
+        trap: Trap,
+        fault_value: u64,
+        accessed: Option<&Accessed>,
+    ) -> Option<String> {
         if let TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject = trap.code {
             // The rule that was broken, by its number.
             let opcode = *self.module.words.get(self.origins.get(trap.op as usize)?.offset as usize)?;
@@ -310,7 +315,10 @@ impl Program {
             BufferRef::Address(_) => {
                 let near = accessed.filter(|_| trap.code != TrapCode::NullPointer);
                 let near = near.and_then(|accessed| self.describe_address(fault_value, accessed));
-                return Some(format!("{bytes} bytes at address {fault_value:#x}{}", near.unwrap_or_default()));
+                return Some(format!(
+                    "{bytes} bytes at address {fault_value:#x}{}",
+                    near.unwrap_or_default()
+                ));
             }
             BufferRef::PushConstants => "the push constants".to_owned(),
             BufferRef::ShaderRecord => "the shader record".to_owned(),
@@ -353,12 +361,13 @@ impl Program {
         let Accessed::Address { start, size, handle } = *accessed else { return None };
         let name = handle.and_then(|handle| self.describe_descriptor(handle));
         let name = name.map_or_else(String::new, |name| format!(" {name}"));
-        let place = match (fault_value.checked_sub(start), fault_value.checked_sub(start.saturating_add(size))) {
-            (None, _) => format!("{} bytes before the nearest buffer,", start - fault_value),
-            (Some(offset), None) => format!("offset {offset} of the buffer"),
-            (Some(_), Some(0)) => "at the end of the buffer".to_owned(),
-            (Some(_), Some(behind)) => format!("{behind} bytes behind the end of the nearest buffer,"),
-        };
+        let place =
+            match (fault_value.checked_sub(start), fault_value.checked_sub(start.saturating_add(size))) {
+                (None, _) => format!("{} bytes before the nearest buffer,", start - fault_value),
+                (Some(offset), None) => format!("offset {offset} of the buffer"),
+                (Some(_), Some(0)) => "at the end of the buffer".to_owned(),
+                (Some(_), Some(behind)) => format!("{behind} bytes behind the end of the nearest buffer,"),
+            };
         Some(format!(": {place}{name} at {start:#x}, which has {size} bytes"))
     }
 

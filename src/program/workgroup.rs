@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::module::Id;
 use crate::module::interface::EntryPoint;
-use crate::ops::decode::Decoder;
+use crate::ops::translate::Translator;
 
 /// Execution modes, numbers of the specification.
 const LOCAL_SIZE: u32 = 17;
@@ -60,16 +60,16 @@ impl DerivativeGroup {
 }
 
 impl WorkgroupLayout {
-    /// What an entry point declares, once its instructions are decoded: a constant decorated with
+    /// What an entry point declares, once its instructions are translated: a constant decorated with
     /// `WorkgroupSize` goes before `LocalSizeId` and `LocalSize` (SPIR-V, Built-In).
     ///
     /// # Errors
     /// `InvalidModule` where nothing tells the size (VUID-StandaloneSpirv-None-10685) or it is zero;
     /// `UnsupportedModule` for sizes beyond those of any device.
-    pub fn of(decoder: &mut Decoder<'_>, entry: &EntryPoint) -> Result<Self> {
+    pub fn of(translator: &mut Translator<'_>, entry: &EntryPoint) -> Result<Self> {
         let derivatives = DerivativeGroup::of(entry);
-        decoder.origin.offset = entry.offset;
-        let module = decoder.module;
+        translator.origin.offset = entry.offset;
+        let module = translator.module;
         let decorated = module
             .constants
             .iter()
@@ -77,18 +77,20 @@ impl WorkgroupLayout {
         let mode = |number| entry.modes.iter().find(|(mode, _)| *mode == number).map(|(_, words)| words);
         let literal = decorated.is_none() && mode(LOCAL_SIZE_ID).is_none();
         let sides: Vec<u64> = if let Some(constant) = decorated {
-            let words = decoder.words(constant.id)?;
-            words.iter().filter_map(|&reg| decoder.constant_word(reg)).map(u64::from).collect()
+            let words = translator.words(constant.id)?;
+            words.iter().filter_map(|&reg| translator.constant_word(reg)).map(u64::from).collect()
         } else if let Some(ids) = mode(LOCAL_SIZE_ID) {
-            ids.iter().map(|&id| decoder.constant_integer(Id(id))).collect::<Result<_>>()?
+            ids.iter().map(|&id| translator.constant_integer(Id(id))).collect::<Result<_>>()?
         } else if let Some(sides) = mode(LOCAL_SIZE) {
             sides.iter().map(|&side| u64::from(side)).collect()
         } else {
             let message = format!("compute entry point `{}` declares no workgroup size", entry.name);
-            return Err(decoder.invalid(message).note("VUID-StandaloneSpirv-None-10685"));
+            return Err(translator.invalid(message).note("VUID-StandaloneSpirv-None-10685"));
         };
         let &[x, y, z] = &sides[..] else {
-            return Err(decoder.invalid(format!("entry point `{}`: a workgroup has three sides", entry.name)));
+            return Err(
+                translator.invalid(format!("entry point `{}`: a workgroup has three sides", entry.name))
+            );
         };
         let count = x.checked_mul(y).and_then(|area| area.checked_mul(z));
         match count {
@@ -96,7 +98,7 @@ impl WorkgroupLayout {
                 let message =
                     format!("entry point `{}`: a workgroup of {x} x {y} x {z} invocations", entry.name);
                 // Of constants only the validator asks it: specialization may make them others.
-                Err(if literal { decoder.invalid(message) } else { decoder.unsupported(message) })
+                Err(if literal { translator.invalid(message) } else { translator.unsupported(message) })
             }
             Some(1..=MAX_INVOCATIONS) => {
                 if let Some(rule) = derivatives.and_then(|group| group.broken_rule([x, y, z])) {
@@ -104,12 +106,12 @@ impl WorkgroupLayout {
                         "entry point `{}`: a workgroup of {x} x {y} x {z} invocations does not fall into quads",
                         entry.name
                     );
-                    return Err(decoder.invalid(message).note(rule));
+                    return Err(translator.invalid(message).note(rule));
                 }
-                let (size, memory) = ([x as u32, y as u32, z as u32], decoder.workgroup_size);
+                let (size, memory) = ([x as u32, y as u32, z as u32], translator.workgroup_size);
                 Ok(Self { size, memory, derivatives })
             }
-            _ => Err(decoder.unsupported(format!(
+            _ => Err(translator.unsupported(format!(
                 "entry point `{}`: a workgroup of {x} x {y} x {z} invocations; at most {MAX_INVOCATIONS} run here",
                 entry.name
             ))),

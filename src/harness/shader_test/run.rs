@@ -14,8 +14,8 @@ use crate::interp;
 use crate::machine::stop::Stop;
 use crate::machine::{Batch, Exit, Mask, Reg};
 use crate::module::interface::Stage;
-use crate::ops::decode::InterfaceRegisters;
 use crate::ops::pointer::storage;
+use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::{Event, Pipeline, Shader, trap_error};
 
 impl ShaderTest {

@@ -14,8 +14,8 @@ use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::Module;
 use crate::module::interface::InterfaceVariable;
 use crate::module::ty::{ImageType, Type, TypeId};
-use crate::ops::decode::InterfaceRegisters;
 use crate::ops::pointer::storage;
+use crate::ops::translate::InterfaceRegisters;
 use crate::program::Program;
 use crate::scene::image::declared_format;
 

@@ -78,7 +78,9 @@ impl Plan {
     fn new(scene: &ResolvedScene, assembled: &Assembled) -> Self {
         let programs = Programs::of(scene, assembled);
         let shadow_ops = |program: &Arc<Program>| {
-            let of = |op: &Op| if let Op::LaneKernel { kernel, .. } = op { shadow_op(kernel) } else { ShadowOp::None };
+            let of = |op: &Op| {
+                if let Op::LaneKernel { kernel, .. } = op { shadow_op(kernel) } else { ShadowOp::None }
+            };
             program.ops.iter().map(of).collect()
         };
         let shadow_ops = programs.all.iter().map(shadow_ops).collect();

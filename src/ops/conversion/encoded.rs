@@ -15,8 +15,8 @@ use crate::math::float_format::{self, FloatFormat};
 use crate::module::Id;
 use crate::module::check_encoding::SATURATED;
 use crate::ops::conversion::{Conversion, kernel};
-use crate::ops::decode::Decoder;
 use crate::ops::lane_kernel::OpFamily;
+use crate::ops::translate::Translator;
 
 lane_kernels! {
     /// A bfloat16 as f32.
@@ -57,19 +57,20 @@ impl Rounding {
     ///
     /// # Errors
     /// `InvalidModule` for a mode that Vulkan does not have.
-    pub fn of(decoder: &Decoder<'_>, result: Option<Id>) -> Result<Self> {
+    pub fn of(translator: &Translator<'_>, result: Option<Id>) -> Result<Self> {
         const FP_ROUNDING_MODE: u32 = 39;
         let Some(id) = result else { return Ok(Self::Undecorated) };
-        if decoder.module.decorations.find(id, SATURATED).is_some() {
+        if translator.module.decorations.find(id, SATURATED).is_some() {
             return Ok(Self::Saturated);
         }
-        match decoder.module.decorations.literal(id, FP_ROUNDING_MODE) {
+        match translator.module.decorations.literal(id, FP_ROUNDING_MODE) {
             None => Ok(Self::Undecorated),
             Some(0) => Ok(Self::Nearest),
             Some(1) => Ok(Self::TowardZero),
             Some(mode) => {
                 let vuid = "VUID-StandaloneSpirv-FPRoundingMode-04675";
-                Err(decoder.invalid(format!("FPRoundingMode {mode}, which is neither RTE nor RTZ ({vuid})")))
+                Err(translator
+                    .invalid(format!("FPRoundingMode {mode}, which is neither RTE nor RTZ ({vuid})")))
             }
         }
     }
@@ -79,14 +80,14 @@ impl Rounding {
 ///
 /// # Errors
 /// Where there is no room for the result.
-pub fn widened(decoder: &mut Decoder<'_>, format: FloatFormat, value: Reg) -> Result<(Reg, u32)> {
+pub fn widened(translator: &mut Translator<'_>, format: FloatFormat, value: Reg) -> Result<(Reg, u32)> {
     let (family, width): (&OpFamily, u32) = match format {
         FloatFormat::BFloat16 => (&FromBFloat16, 16),
         FloatFormat::E4M3 => (&FromE4M3, 8),
         FloatFormat::E5M2 => (&FromE5M2, 8),
         _ => return Ok((value, format.width())),
     };
-    Ok((decoder.emit_family(family, width, &[value])?, 32))
+    Ok((translator.emit_family(family, width, &[value])?, 32))
 }
 
 /// A number of a type, on its way into a format by a conversion from that type.
@@ -94,7 +95,7 @@ pub fn widened(decoder: &mut Decoder<'_>, format: FloatFormat, value: Reg) -> Re
 /// # Errors
 /// `UnsupportedModule` where there is no such conversion.
 pub fn narrowed(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     (conversion, from): (Conversion, u32),
     (format, rounding): (FloatFormat, Rounding),
     value: Reg,
@@ -108,10 +109,10 @@ pub fn narrowed(
         (FloatFormat::E4M3, _) => (&ToE4M3, exact),
         (FloatFormat::E5M2, Rounding::Saturated) => (&ToE5M2Saturated, exact),
         (FloatFormat::E5M2, _) => (&ToE5M2, exact),
-        _ => return between(decoder, conversion, (from, format.width()), value),
+        _ => return between(translator, conversion, (from, format.width()), value),
     };
-    let value = between(decoder, conversion, (from, through), value)?;
-    decoder.emit_family(family, through, &[value])
+    let value = between(translator, conversion, (from, through), value)?;
+    translator.emit_family(family, through, &[value])
 }
 
 /// A conversion between two widths.
@@ -119,15 +120,15 @@ pub fn narrowed(
 /// # Errors
 /// `UnsupportedModule` where there is no such conversion.
 pub fn between(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     conversion: Conversion,
     (from, to): (u32, u32),
     value: Reg,
 ) -> Result<Reg> {
     match kernel(conversion, from, to) {
-        Some(kernel) => decoder.emit_kernel(kernel, &[value]),
+        Some(kernel) => translator.emit_kernel(kernel, &[value]),
         None if from == to => Ok(value),
-        None => Err(decoder.unsupported(format!("a conversion from {from} to {to} bits"))),
+        None => Err(translator.unsupported(format!("a conversion from {from} to {to} bits"))),
     }
 }
 

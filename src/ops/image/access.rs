@@ -11,7 +11,6 @@ use crate::machine::image::{Image, Position};
 use crate::machine::{Accessed, Batch, Bindings, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
-use crate::ops::decode::{Decoder, Value, Words};
 use crate::ops::image::operands::Operands;
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, check_texel, view_of};
@@ -19,6 +18,7 @@ use crate::ops::image::{Op, Texel, texel_result};
 use crate::ops::integer_operand::Reading;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Place, Pointer};
+use crate::ops::translate::{Translator, Value, Words};
 
 /// A texel by integer coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +39,7 @@ pub struct TexelPlace {
 
 impl TexelPlace {
     fn new(
-        decoder: &Decoder<'_>,
+        translator: &Translator<'_>,
         view: View,
         image: Reg,
         coordinate: Words,
@@ -49,7 +49,7 @@ impl TexelPlace {
         let layer = usize::from(dimension.is_arrayed() || dimension.is_cube());
         let count = dimension.axes() + layer;
         if coordinate.len() < count {
-            return Err(decoder.invalid(format!("a texel of this image has {count} coordinates")));
+            return Err(translator.invalid(format!("a texel of this image has {count} coordinates")));
         }
         Ok(Self {
             view,
@@ -212,73 +212,77 @@ impl Write {
     }
 }
 
-/// Decodes accesses to single texels; `false` for any other instruction.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates accesses to single texels; `false` for any other instruction.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
         Opcode::ImageFetch | Opcode::ImageRead | Opcode::ImageSparseFetch | Opcode::ImageSparseRead => {
-            let operands = Operands::read(decoder, instruction, 2, false)?;
-            let place = place(decoder, instruction, &operands)?;
+            let operands = Operands::read(translator, instruction, 2, false)?;
+            let place = place(translator, instruction, &operands)?;
             let sparse = matches!(opcode, Opcode::ImageSparseFetch | Opcode::ImageSparseRead);
-            let to = texel_result(decoder, instruction, sparse, true)?;
+            let to = texel_result(translator, instruction, sparse, true)?;
             if to.wide != place.view.wide {
-                return Err(decoder.invalid("the texel's type is not the image's Sampled Type"));
+                return Err(translator.invalid("the texel's type is not the image's Sampled Type"));
             }
-            decoder.emit(Operation::Image(Op::Read(Box::new(Read { to, place }))));
+            translator.emit(Operation::Image(Op::Read(Box::new(Read { to, place }))));
         }
         Opcode::ImageWrite => {
-            let operands = Operands::read(decoder, instruction, 3, false)?;
-            let place = place(decoder, instruction, &operands)?;
-            let id = decoder.id(instruction, 2)?;
-            let ty = decoder.type_of(id)?;
-            check_texel(decoder, decoder.id(instruction, 0)?, ty)?;
-            let wide = decoder.scalar_width(ty)? == 64;
+            let operands = Operands::read(translator, instruction, 3, false)?;
+            let place = place(translator, instruction, &operands)?;
+            let id = translator.id(instruction, 2)?;
+            let ty = translator.type_of(id)?;
+            check_texel(translator, translator.id(instruction, 0)?, ty)?;
+            let wide = translator.scalar_width(ty)? == 64;
             if wide != place.view.wide {
-                return Err(decoder.invalid("the texel's type is not the image's Sampled Type"));
+                return Err(translator.invalid("the texel's type is not the image's Sampled Type"));
             }
-            let components = decoder.components(id)?;
-            let zero = decoder.wide_constant(0)?;
+            let components = translator.components(id)?;
+            let zero = translator.wide_constant(0)?;
             let from = std::array::from_fn(|at| components.get(at).copied().unwrap_or(zero));
             let class = operands.class.unwrap_or(place.view.class);
-            decoder.emit(Operation::Image(Op::Write(Box::new(Write { from, class, place }))));
+            translator.emit(Operation::Image(Op::Write(Box::new(Write { from, class, place }))));
         }
-        Opcode::ImageTexelPointer => texel_pointer(decoder, instruction)?,
+        Opcode::ImageTexelPointer => texel_pointer(translator, instruction)?,
         _ => return Ok(false),
     }
     Ok(true)
 }
 
-fn place(decoder: &mut Decoder<'_>, instruction: &Instruction, operands: &Operands) -> Result<TexelPlace> {
-    let id = decoder.id(instruction, 0)?;
-    let view = view_of(decoder, id)?;
-    let image = decoder.words(id)?[0];
-    let coordinate = integers(decoder, instruction)?;
-    TexelPlace::new(decoder, view, image, coordinate, operands)
+fn place(
+    translator: &mut Translator<'_>,
+    instruction: &Instruction,
+    operands: &Operands,
+) -> Result<TexelPlace> {
+    let id = translator.id(instruction, 0)?;
+    let view = view_of(translator, id)?;
+    let image = translator.words(id)?[0];
+    let coordinate = integers(translator, instruction)?;
+    TexelPlace::new(translator, view, image, coordinate, operands)
 }
 
 /// The integer coordinates of operand 1.
-fn integers(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words> {
-    let id = decoder.id(instruction, 1)?;
-    decoder.integers(id, Reading::Coordinate)
+fn integers(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Words> {
+    let id = translator.id(instruction, 1)?;
+    translator.integers(id, Reading::Coordinate)
 }
 
-fn texel_pointer(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<()> {
-    let ty = decoder.result_type(instruction)?;
-    let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *decoder.module.ty(ty) else {
-        return Err(decoder.invalid("OpImageTexelPointer gives a pointer"));
+fn texel_pointer(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let ty = translator.result_type(instruction)?;
+    let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *translator.module.ty(ty) else {
+        return Err(translator.invalid("OpImageTexelPointer gives a pointer"));
     };
-    let id = decoder.id(instruction, 0)?;
-    let view = view_of(decoder, id)?;
-    let variable = decoder.pointer(id)?;
-    let image = crate::ops::load_store::load(decoder, &variable)?[0];
-    let coordinate = integers(decoder, instruction)?;
-    let sample = decoder.id(instruction, 2)?;
-    let sample = decoder.integer(sample, Reading::Coordinate)?;
+    let id = translator.id(instruction, 0)?;
+    let view = view_of(translator, id)?;
+    let variable = translator.pointer(id)?;
+    let image = crate::ops::load_store::load(translator, &variable)?[0];
+    let coordinate = integers(translator, instruction)?;
+    let sample = translator.id(instruction, 2)?;
+    let sample = translator.integer(sample, Reading::Coordinate)?;
     let sample = Some(sample).filter(|_| view.multisampled);
     let operands = Operands { sample, ..Operands::default() };
-    let place = TexelPlace::new(decoder, view, image, coordinate, &operands)?;
+    let place = TexelPlace::new(translator, view, image, coordinate, &operands)?;
     let pointer = Pointer::new(Place::Texel(Box::new(place)), pointee, storage_class);
     if let Some(id) = instruction.result {
-        decoder.define(id, Value::Pointer(pointer.into()));
+        translator.define(id, Value::Pointer(pointer.into()));
     }
     Ok(())
 }

@@ -13,7 +13,6 @@ use crate::machine::sampler::AddressMode;
 use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
-use crate::ops::decode::{Decoder, Words};
 use crate::ops::derivative::derivative;
 use crate::ops::image::Op;
 use crate::ops::image::filter::Lookup;
@@ -21,6 +20,7 @@ use crate::ops::image::operands::Operands;
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::op::{Access, Op as Operation};
+use crate::ops::translate::{Translator, Words};
 
 /// A query for a footprint.
 #[derive(Clone, Debug, PartialEq)]
@@ -130,33 +130,34 @@ impl Footprint {
     }
 }
 
-/// Decodes the instruction; `false` for any other.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates the instruction; `false` for any other.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     if opcode != Opcode::ImageSampleFootprintNV {
         return Ok(false);
     }
-    let id = decoder.id(instruction, 0)?;
-    let view = view_of(decoder, id)?;
-    let &[image, sampler] = &decoder.words(id)?[..] else {
-        return Err(decoder.invalid("a sampled image is needed here"));
+    let id = translator.id(instruction, 0)?;
+    let view = view_of(translator, id)?;
+    let &[image, sampler] = &translator.words(id)?[..] else {
+        return Err(translator.invalid("a sampled image is needed here"));
     };
     if !matches!(view.dimension, Dimension::D2 | Dimension::D3) || view.multisampled {
         return Err(
-            decoder.invalid("only planes and volumes have footprints (SPV_NV_shader_image_footprint)")
+            translator.invalid("only planes and volumes have footprints (SPV_NV_shader_image_footprint)")
         );
     }
     let axes = view.dimension.axes();
-    let coordinate: Words = decoder.operand(instruction, 1)?[..].into();
+    let coordinate: Words = translator.operand(instruction, 1)?[..].into();
     if coordinate.len() < axes {
-        return Err(decoder.invalid(format!("{} coordinates for this image", coordinate.len())));
+        return Err(translator.invalid(format!("{} coordinates for this image", coordinate.len())));
     }
     let coordinate: Words = coordinate[..axes].into();
-    let [granularity, coarse] = [decoder.operand(instruction, 2)?[0], decoder.operand(instruction, 3)?[0]];
-    let explicit = decoder.operands(instruction).get(4).is_some_and(|mask| mask & 6 != 0);
-    let mut operands = Operands::read(decoder, instruction, 4, !explicit)?;
+    let [granularity, coarse] =
+        [translator.operand(instruction, 2)?[0], translator.operand(instruction, 3)?[0]];
+    let explicit = translator.operands(instruction).get(4).is_some_and(|mask| mask & 6 != 0);
+    let mut operands = Operands::read(translator, instruction, 4, !explicit)?;
     if !explicit {
-        if !decoder.derivatives {
-            return Err(decoder.invalid(
+        if !translator.derivatives {
+            return Err(translator.invalid(
                 "OpImageSampleFootprintNV needs implicit derivatives, which only fragment stages have, and compute \
                  with a derivative group: give the image operand Lod or Grad",
             ));
@@ -164,21 +165,21 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         let mut gradients = [Words::new(), Words::new()];
         for (axis, gradient) in gradients.iter_mut().enumerate() {
             for &part in &coordinate {
-                gradient.push(derivative(decoder, part, 32, axis as u32)?);
+                gradient.push(derivative(translator, part, 32, axis as u32)?);
             }
         }
         operands.gradients = Some(gradients);
     }
-    let ty = decoder.result_type(instruction)?;
-    let registers = decoder.word_count(ty)?;
-    let fits = matches!(decoder.module.ty(ty), Type::Struct { members, .. } if members.len() == 6);
+    let ty = translator.result_type(instruction)?;
+    let registers = translator.word_count(ty)?;
+    let fits = matches!(translator.module.ty(ty), Type::Struct { members, .. } if members.len() == 6);
     if !fits || registers as usize != 2 * axes + 5 {
         return Err(
-            decoder.invalid("a footprint is a struct of a bool, anchor, offset, mask, level, granularity")
+            translator.invalid("a footprint is a struct of a bool, anchor, offset, mask, level, granularity")
         );
     }
-    let to = decoder.fresh(registers)?;
-    decoder.emit(Operation::Image(Op::Footprint(Box::new(Footprint {
+    let to = translator.fresh(registers)?;
+    translator.emit(Operation::Image(Op::Footprint(Box::new(Footprint {
         to,
         registers,
         view,
@@ -189,6 +190,6 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         coarse,
         operands,
     }))));
-    decoder.result(instruction, (0..registers).map(|register| to.plus(register)).collect());
+    translator.result(instruction, (0..registers).map(|register| to.plus(register)).collect());
     Ok(true)
 }

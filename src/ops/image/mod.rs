@@ -31,11 +31,11 @@ use crate::error::Result;
 use crate::machine::{Accessed, Batch, Bindings, Mask, Reg, Registers, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
-use crate::ops::decode::{Decoder, Words};
 use crate::ops::image::reader::Reader;
 use crate::ops::op::Access;
+use crate::ops::translate::{Translator, Words};
 
-/// Opcodes decoded here; see [`IMPLICIT`] too.
+/// Opcodes translated here; see [`IMPLICIT`] too.
 pub const OPCODES: &[Opcode] = &[
     Opcode::SampledImage,
     Opcode::Image,
@@ -191,38 +191,38 @@ impl Texel {
     }
 }
 
-/// Decodes image instructions; `false` for an instruction of another section.
+/// Translates image instructions; `false` for an instruction of another section.
 ///
 /// # Errors
 /// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
         Opcode::SampledImage => {
-            let (image, sampler) = (decoder.operand(instruction, 0)?, decoder.operand(instruction, 1)?);
-            decoder.result(instruction, SmallVec::from_slice(&[image[0], sampler[0]]));
+            let (image, sampler) = (translator.operand(instruction, 0)?, translator.operand(instruction, 1)?);
+            translator.result(instruction, SmallVec::from_slice(&[image[0], sampler[0]]));
         }
         Opcode::Image => {
-            let words = decoder.operand(instruction, 0)?;
-            decoder.result(instruction, SmallVec::from_slice(&words[..1]));
+            let words = translator.operand(instruction, 0)?;
+            translator.result(instruction, SmallVec::from_slice(&words[..1]));
         }
         // Code 0 says that all texels were resident, and no other code is ever made.
         Opcode::ImageSparseTexelsResident => {
-            let resident = decoder.constant(1)?;
-            decoder.result(instruction, SmallVec::from_slice(&[resident]));
+            let resident = translator.constant(1)?;
+            translator.result(instruction, SmallVec::from_slice(&[resident]));
         }
-        _ if IMPLICIT.contains(&opcode) && !decoder.derivatives => {
+        _ if IMPLICIT.contains(&opcode) && !translator.derivatives => {
             let name = crate::module::names::opcode_name(instruction.opcode);
-            return Err(decoder.invalid(format!(
+            return Err(translator.invalid(format!(
                 "{name} needs implicit derivatives, which only fragment stages have, and compute with a derivative \
                  group (SPIR-V 3.3.10, \"{name}\"): give the level of detail or gradients explicitly"
             )));
         }
         _ => {
-            return Ok(sample::decode(decoder, opcode, instruction)?
-                || access::decode(decoder, opcode, instruction)?
-                || query::decode(decoder, opcode, instruction)?
-                || footprint::decode(decoder, opcode, instruction)?
-                || processing::decode(decoder, opcode, instruction)?);
+            return Ok(sample::translate(translator, opcode, instruction)?
+                || access::translate(translator, opcode, instruction)?
+                || query::translate(translator, opcode, instruction)?
+                || footprint::translate(translator, opcode, instruction)?
+                || processing::translate(translator, opcode, instruction)?);
         }
     }
     Ok(true)
@@ -231,31 +231,33 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
 /// The registers of an instruction's texel, and its result made of them; a sparse one stands behind its
 /// residency code. `checked` says that it comes from the image of operand 0.
 fn texel_result(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     instruction: &Instruction,
     sparse: bool,
     checked: bool,
 ) -> Result<Texel> {
-    let mut ty = decoder.result_type(instruction)?;
+    let mut ty = translator.result_type(instruction)?;
     let mut words = Words::new();
     if sparse {
-        ty = match decoder.module.ty(ty) {
+        ty = match translator.module.ty(ty) {
             Type::Struct { members, .. } if members.len() == 2 => members[1].ty,
-            _ => return Err(decoder.invalid("a sparse image instruction gives a struct of code and texel")),
+            _ => {
+                return Err(translator.invalid("a sparse image instruction gives a struct of code and texel"));
+            }
         };
-        words.push(decoder.constant(0)?);
+        words.push(translator.constant(0)?);
     }
     if checked {
-        view::check_texel(decoder, decoder.id(instruction, 0)?, ty)?;
+        view::check_texel(translator, translator.id(instruction, 0)?, ty)?;
     }
-    let width = decoder.scalar_width(ty)?;
-    let texel = Texel { to: Reg(0), count: decoder.component_count(ty), wide: width == 64 };
+    let width = translator.scalar_width(ty)?;
+    let texel = Texel { to: Reg(0), count: translator.component_count(ty), wide: width == 64 };
     if texel.count > 4 {
-        return Err(decoder.invalid("a texel has at most four components"));
+        return Err(translator.invalid("a texel has at most four components"));
     }
-    let texel = Texel { to: decoder.fresh(texel.registers())?, ..texel };
+    let texel = Texel { to: translator.fresh(texel.registers())?, ..texel };
     words.extend((0..texel.registers()).map(|register| texel.to.plus(register)));
-    decoder.result(instruction, words);
+    translator.result(instruction, words);
     Ok(texel)
 }
 
@@ -280,8 +282,8 @@ mod tests {
                 result: Some(Id(2)),
                 operands: 0..0,
             };
-            let mut decoder = Decoder::new(&module, Stage::ClosestHit);
-            let error = decode(&mut decoder, opcode, &instruction).unwrap_err();
+            let mut translator = Translator::new(&module, Stage::ClosestHit);
+            let error = decode(&mut translator, opcode, &instruction).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::InvalidModule, "{opcode:?}");
             let name = format!("Op{opcode:?}");
             assert!(error.message().starts_with(&name), "{error}");

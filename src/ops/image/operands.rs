@@ -6,10 +6,10 @@ use crate::machine::format::Class;
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::decode::{Decoder, Words};
 use crate::ops::image::filter::Lod;
 use crate::ops::image::reader::Reader;
 use crate::ops::integer_operand::Reading;
+use crate::ops::translate::{Translator, Words};
 
 const BIAS: u32 = 0x1;
 const LOD: u32 = 0x2;
@@ -58,62 +58,62 @@ impl Operands {
     /// `InvalidModule` for `Bias`, which needs an implicit level of detail; `UnsupportedModule` for
     /// unknown bits.
     pub fn read(
-        decoder: &mut Decoder<'_>,
+        translator: &mut Translator<'_>,
         instruction: &Instruction,
         at: usize,
         implicit: bool,
     ) -> Result<Self> {
         let mut operands = Self::default();
-        let Some((&mask, ids)) = decoder.operands(instruction).get(at..).and_then(<[u32]>::split_first)
+        let Some((&mask, ids)) = translator.operands(instruction).get(at..).and_then(<[u32]>::split_first)
         else {
             return Ok(operands);
         };
         let mut ids = ids.iter();
-        let mut words = |decoder: &mut Decoder<'_>| match ids.next() {
-            Some(&id) => number(decoder, Id(id)),
-            None => Err(decoder.invalid("an image operand is missing")),
+        let mut words = |translator: &mut Translator<'_>| match ids.next() {
+            Some(&id) => number(translator, Id(id)),
+            None => Err(translator.invalid("an image operand is missing")),
         };
         if mask & BIAS != 0 && implicit {
-            operands.bias = words(decoder)?.first().copied();
+            operands.bias = words(translator)?.first().copied();
         } else if mask & BIAS != 0 {
-            return Err(decoder.invalid(
+            return Err(translator.invalid(
                 "the image operand Bias is only for implicit levels of detail, which this instruction lacks \
                  (SPIR-V 3.14)",
             ));
         }
         if mask & LOD != 0 {
-            operands.lod = words(decoder)?.first().copied();
+            operands.lod = words(translator)?.first().copied();
         }
         if mask & GRAD != 0 {
-            operands.gradients = Some([words(decoder)?, words(decoder)?]);
+            operands.gradients = Some([words(translator)?, words(translator)?]);
         }
         for bit in [CONST_OFFSET, OFFSET] {
             if mask & bit != 0 {
-                operands.offset = Some(words(decoder)?);
+                operands.offset = Some(words(translator)?);
             }
         }
         if mask & CONST_OFFSETS != 0 {
-            operands.offsets = Some(words(decoder)?);
+            operands.offsets = Some(words(translator)?);
         }
         if mask & SAMPLE != 0 {
-            operands.sample = words(decoder)?.first().copied();
+            operands.sample = words(translator)?.first().copied();
         }
         if mask & MIN_LOD != 0 {
-            operands.min_lod = words(decoder)?.first().copied();
+            operands.min_lod = words(translator)?.first().copied();
         }
         for bit in [MAKE_TEXEL_AVAILABLE, MAKE_TEXEL_VISIBLE] {
             if mask & bit != 0 {
-                words(decoder)?;
+                words(translator)?;
             }
         }
         if mask & OFFSETS != 0 {
-            operands.offsets = Some(words(decoder)?);
+            operands.offsets = Some(words(translator)?);
         }
         operands.class = match mask & (SIGN_EXTEND | ZERO_EXTEND) {
             0 => None,
             SIGN_EXTEND => Some(Class::Sint),
             ZERO_EXTEND => Some(Class::Uint),
-            _ => return Err(decoder.invalid("both SignExtend and ZeroExtend")),
+            _ => return Err(translator.invalid("both SignExtend and ZeroExtend")),
         };
         let known = BIAS
             | LOD
@@ -132,12 +132,14 @@ impl Operands {
             | NONTEMPORAL
             | OFFSETS;
         if mask & !known != 0 {
-            return Err(decoder.unsupported(format!("image operands {:#x}", mask & !known)));
+            return Err(translator.unsupported(format!("image operands {:#x}", mask & !known)));
         }
         if operands.offset.as_ref().is_some_and(|offset| offset.len() > 3)
             || operands.offsets.as_ref().is_some_and(|offsets| offsets.len() != 8)
         {
-            return Err(decoder.invalid("offsets of texels have one to three components, or four times two"));
+            return Err(
+                translator.invalid("offsets of texels have one to three components, or four times two")
+            );
         }
         Ok(operands)
     }
@@ -176,20 +178,20 @@ impl Operands {
 ///
 /// # Errors
 /// `UnsupportedModule` for arrays of numbers of other than 32 bits.
-pub fn number(decoder: &mut Decoder<'_>, id: Id) -> Result<Words> {
-    let ty = decoder.type_of(id)?;
-    let scalar = match *decoder.module.ty(ty) {
+pub fn number(translator: &mut Translator<'_>, id: Id) -> Result<Words> {
+    let ty = translator.type_of(id)?;
+    let scalar = match *translator.module.ty(ty) {
         Type::Vector { component, .. } => component,
         _ => ty,
     };
-    match *decoder.module.ty(scalar) {
-        Type::Int { .. } => decoder.integers(id, Reading::Coordinate),
+    match *translator.module.ty(scalar) {
+        Type::Int { .. } => translator.integers(id, Reading::Coordinate),
         Type::Float { .. } => {
-            let (components, width) = decoder.components_of_width(id)?;
+            let (components, width) = translator.components_of_width(id)?;
             let Some(kernel) = conversion::kernel(Conversion::F, width, 32) else { return Ok(components) };
-            components.iter().map(|&component| decoder.emit_kernel(kernel, &[component])).collect()
+            components.iter().map(|&component| translator.emit_kernel(kernel, &[component])).collect()
         }
-        _ => decoder.words(id),
+        _ => translator.words(id),
     }
 }
 

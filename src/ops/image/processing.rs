@@ -15,12 +15,12 @@ use crate::machine::image::{Dimension, Image, Position};
 use crate::machine::sampler::{ReductionMode, Sampler};
 use crate::machine::{Reg, TrapCode};
 use crate::module::{Id, Instruction};
-use crate::ops::decode::{Decoder, Words};
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
 use crate::ops::op::{Access, Op as Operation};
+use crate::ops::translate::{Translator, Words};
 
 /// The longest side of a box (`maxBoxFilterBlockSize`).
 const MOST_BOX: f32 = 64.0;
@@ -300,7 +300,7 @@ impl Blocks<'_> {
     }
 }
 
-/// Opcodes decoded here.
+/// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
     Opcode::ImageSampleWeightedQCOM,
     Opcode::ImageBoxFilterQCOM,
@@ -312,20 +312,20 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::ImageBlockMatchGatherSADQCOM,
 ];
 
-/// Decodes image processing; `false` for any other instruction.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates image processing; `false` for any other instruction.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     use Opcode::*;
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }
     let planes = [Dimension::D2];
-    let target = sampled(decoder, instruction, 0, &planes)?;
-    let coordinate = pair(decoder, instruction, 1)?;
+    let target = sampled(translator, instruction, 0, &planes)?;
+    let coordinate = pair(translator, instruction, 1)?;
     let kind = match opcode {
-        ImageBoxFilterQCOM => Kind::Box(pair(decoder, instruction, 2)?),
+        ImageBoxFilterQCOM => Kind::Box(pair(translator, instruction, 2)?),
         ImageSampleWeightedQCOM => {
             let kinds = [Dimension::D2Array, Dimension::D1Array];
-            Kind::Weighted(sampled(decoder, instruction, 2, &kinds)?)
+            Kind::Weighted(sampled(translator, instruction, 2, &kinds)?)
         }
         _ => {
             let squared = matches!(
@@ -338,40 +338,42 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 _ => Times::Window,
             };
             Kind::Match {
-                reference: sampled(decoder, instruction, 2, &planes)?,
-                at: pair(decoder, instruction, 3)?,
-                size: pair(decoder, instruction, 4)?,
+                reference: sampled(translator, instruction, 2, &planes)?,
+                at: pair(translator, instruction, 3)?,
+                size: pair(translator, instruction, 4)?,
                 squared,
                 times,
             }
         }
     };
-    let to = texel_result(decoder, instruction, false, false)?;
-    decoder.emit(Operation::Image(Op::Process(Box::new(Process { to, target, coordinate, kind }))));
+    let to = texel_result(translator, instruction, false, false)?;
+    translator.emit(Operation::Image(Op::Process(Box::new(Process { to, target, coordinate, kind }))));
     Ok(true)
 }
 
 fn sampled(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     instruction: &Instruction,
     at: usize,
     dimensions: &[Dimension],
 ) -> Result<Sampled> {
-    let id: Id = decoder.id(instruction, at)?;
-    let view = view_of(decoder, id)?;
-    let &[image, sampler] = &decoder.words(id)?[..] else {
-        return Err(decoder.invalid("a sampled image is needed here"));
+    let id: Id = translator.id(instruction, at)?;
+    let view = view_of(translator, id)?;
+    let &[image, sampler] = &translator.words(id)?[..] else {
+        return Err(translator.invalid("a sampled image is needed here"));
     };
     if !dimensions.contains(&view.dimension) || view.multisampled || view.class != Class::Float {
-        return Err(decoder.invalid("image processing of another kind of image (SPV_QCOM_image_processing)"));
+        return Err(
+            translator.invalid("image processing of another kind of image (SPV_QCOM_image_processing)")
+        );
     }
     Ok(Sampled { view, image, sampler })
 }
 
-fn pair(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Words> {
-    let words = decoder.operand(instruction, at)?;
+fn pair(translator: &mut Translator<'_>, instruction: &Instruction, at: usize) -> Result<Words> {
+    let words = translator.operand(instruction, at)?;
     match words.len() {
         2 => Ok(words),
-        count => Err(decoder.invalid(format!("{count} words where a vector of two must be"))),
+        count => Err(translator.invalid(format!("{count} words where a vector of two must be"))),
     }
 }

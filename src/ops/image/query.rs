@@ -6,12 +6,12 @@ use crate::error::Result;
 use crate::machine::image::Dimension;
 use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
-use crate::ops::decode::Decoder;
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
 use crate::ops::integer_operand::Reading;
 use crate::ops::op::{Access, Op as Operation};
+use crate::ops::translate::Translator;
 
 /// What is asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,22 +76,22 @@ impl Query {
     }
 }
 
-/// Decodes queries; `false` for any other instruction.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates queries; `false` for any other instruction.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     let question = match opcode {
         Opcode::ImageQuerySize => Question::Size(None),
         Opcode::ImageQuerySizeLod => {
-            let level = decoder.id(instruction, 1)?;
-            Question::Size(Some(decoder.integer(level, Reading::Coordinate)?))
+            let level = translator.id(instruction, 1)?;
+            Question::Size(Some(translator.integer(level, Reading::Coordinate)?))
         }
         Opcode::ImageQueryLevels => Question::Levels,
         Opcode::ImageQuerySamples => Question::Samples,
         _ => return Ok(false),
     };
-    let id = decoder.id(instruction, 0)?;
-    let view = view_of(decoder, id)?;
-    let image = decoder.words(id)?[0];
-    let to = texel_result(decoder, instruction, false, false)?;
-    decoder.emit(Operation::Image(Op::Query(Query { to, view, image, question })));
+    let id = translator.id(instruction, 0)?;
+    let view = view_of(translator, id)?;
+    let image = translator.words(id)?[0];
+    let to = texel_result(translator, instruction, false, false)?;
+    translator.emit(Operation::Image(Op::Query(Query { to, view, image, question })));
     Ok(true)
 }

@@ -9,7 +9,6 @@ use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::arithmetic::FDiv;
-use crate::ops::decode::{Decoder, Words};
 use crate::ops::derivative::derivative;
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::operands::{self, Operands};
@@ -18,6 +17,7 @@ use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{Op, Texel, texel_result};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::{Access, Op as Operation};
+use crate::ops::translate::{Translator, Words};
 
 /// What is made of the texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -123,8 +123,8 @@ fn components(dimension: Dimension) -> usize {
     if dimension.is_cube() { 3 } else { dimension.axes() }
 }
 
-/// Decodes sampling and gathering; `false` for any other instruction.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates sampling and gathering; `false` for any other instruction.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     use Opcode::*;
     let implicit = super::IMPLICIT.contains(&opcode);
     let (compared, projected, gathers, sparse) = match opcode {
@@ -147,41 +147,41 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         ImageSparseDrefGather => (true, false, true, true),
         _ => return Ok(false),
     };
-    let id = decoder.id(instruction, 0)?;
-    let view = view_of(decoder, id)?;
-    let &[image, sampler] = &decoder.words(id)?[..] else {
-        return Err(decoder.invalid("a sampled image is needed here"));
+    let id = translator.id(instruction, 0)?;
+    let view = view_of(translator, id)?;
+    let &[image, sampler] = &translator.words(id)?[..] else {
+        return Err(translator.invalid("a sampled image is needed here"));
     };
     if view.multisampled || view.dimension == Dimension::Buffer {
-        return Err(decoder.invalid(
+        return Err(translator.invalid(
             "texel buffers and multisampled images are fetched or read, not sampled (SPIR-V 3.3.10)",
         ));
     }
-    let third = if compared || gathers { Some(decoder.operand(instruction, 2)?[0]) } else { None };
+    let third = if compared || gathers { Some(translator.operand(instruction, 2)?[0]) } else { None };
     let at = 2 + usize::from(third.is_some());
-    let mut operands = Operands::read(decoder, instruction, at, implicit)?;
-    let mut coordinate = floats(decoder, instruction)?;
+    let mut operands = Operands::read(translator, instruction, at, implicit)?;
+    let mut coordinate = floats(translator, instruction)?;
     let dimension = view.dimension;
     let queries = opcode == ImageQueryLod;
     // A query has no array coordinate.
     let count = components(dimension) + usize::from(dimension.is_arrayed() && !queries);
     if coordinate.len() < count + usize::from(projected) {
-        return Err(decoder.invalid(format!("{} coordinates for this image", coordinate.len())));
+        return Err(translator.invalid(format!("{} coordinates for this image", coordinate.len())));
     }
     if projected && (dimension.is_arrayed() || dimension.is_cube()) {
-        return Err(decoder.invalid("projection of an array or a cube (SPIR-V 3.3.10)"));
+        return Err(translator.invalid("projection of an array or a cube (SPIR-V 3.3.10)"));
     }
     if gathers
         && !matches!(dimension, Dimension::D2 | Dimension::D2Array | Dimension::Cube | Dimension::CubeArray)
     {
-        return Err(decoder.invalid("only planes and cubes are gathered (SPIR-V 3.3.10)"));
+        return Err(translator.invalid("only planes and cubes are gathered (SPIR-V 3.3.10)"));
     }
     let mut third = third;
     if implicit && projected {
         // The derivatives are those of the coordinates after the division.
         let divisor = coordinate[count];
         for value in coordinate[..count].iter_mut().chain(third.as_mut()) {
-            *value = decoder.emit_uncontrolled(divide(), &[*value, divisor])?;
+            *value = translator.emit_uncontrolled(divide(), &[*value, divisor])?;
         }
     }
     if implicit {
@@ -189,17 +189,17 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         let mut gradients = [Words::new(), Words::new()];
         for (axis, gradient) in gradients.iter_mut().enumerate() {
             for &part in &coordinate[..components(dimension)] {
-                gradient.push(derivative(decoder, part, 32, axis as u32)?);
+                gradient.push(derivative(translator, part, 32, axis as u32)?);
             }
         }
         operands.gradients = Some(gradients);
     }
     let short = |gradient: &Words| gradient.len() < components(dimension);
     if operands.gradients.iter().flatten().any(short) {
-        return Err(decoder.invalid("gradients with fewer components than the coordinate"));
+        return Err(translator.invalid("gradients with fewer components than the coordinate"));
     }
     if !gathers && operands.lod.is_none() && operands.gradients.is_none() {
-        return Err(decoder
+        return Err(translator
             .invalid("an explicit level of detail needs the image operand Lod or Grad (SPIR-V 3.3.10)"));
     }
     let divisor = (projected && !implicit).then(|| coordinate[count]);
@@ -209,7 +209,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         _ if queries => Kind::Level,
         _ => Kind::Filter,
     };
-    let to = texel_result(decoder, instruction, sparse, !queries)?;
+    let to = texel_result(translator, instruction, sparse, !queries)?;
     let sample = Sample {
         to,
         kind,
@@ -221,7 +221,7 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         reference: third.filter(|_| compared),
         operands,
     };
-    decoder.emit(Operation::Image(Op::Sample(Box::new(sample))));
+    translator.emit(Operation::Image(Op::Sample(Box::new(sample))));
     Ok(true)
 }
 
@@ -230,17 +230,17 @@ fn divide() -> &'static LaneKernel {
 }
 
 /// The coordinates of operand 1.
-fn floats(decoder: &mut Decoder<'_>, instruction: &Instruction) -> Result<Words> {
-    let id = decoder.id(instruction, 1)?;
-    let ty = decoder.type_of(id)?;
-    let scalar = match *decoder.module.ty(ty) {
+fn floats(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Words> {
+    let id = translator.id(instruction, 1)?;
+    let ty = translator.type_of(id)?;
+    let scalar = match *translator.module.ty(ty) {
         Type::Vector { component, .. } => component,
         _ => ty,
     };
-    if !matches!(decoder.module.ty(scalar), Type::Float { .. }) {
-        return Err(decoder
+    if !matches!(translator.module.ty(scalar), Type::Float { .. }) {
+        return Err(translator
             .invalid("the coordinate of a sample is a float scalar or vector")
             .note("SPIR-V 3.3.10: unless the Kernel capability is declared, it must be floating point"));
     }
-    operands::number(decoder, id)
+    operands::number(translator, id)
 }

@@ -6,8 +6,8 @@ use crate::machine::image::{Dimension, Image};
 use crate::machine::{Bindings, Descriptor, TrapCode};
 use crate::module::Id;
 use crate::module::ty::{ImageType, Type, TypeId};
-use crate::ops::decode::Decoder;
 use crate::ops::memory::OUT_OF_BOUNDS;
+use crate::ops::translate::Translator;
 
 /// An `OpTypeImage`, as far as running needs it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,43 +58,43 @@ impl View {
 }
 
 /// The view that an image or sampled image has by its type.
-pub fn view_of(decoder: &Decoder<'_>, id: Id) -> Result<View> {
-    view(decoder, &image_type(decoder, id)?)
+pub fn view_of(translator: &Translator<'_>, id: Id) -> Result<View> {
+    view(translator, &image_type(translator, id)?)
 }
 
 /// Holds the type of a texel that is read or written against the image's `Sampled Type`.
 ///
 /// # Errors
 /// `InvalidModule` where they differ.
-pub fn check_texel(decoder: &Decoder<'_>, image: Id, texel: TypeId) -> Result<()> {
-    let sampled = image_type(decoder, image)?.sampled_type;
-    let component = match *decoder.module.ty(texel) {
+pub fn check_texel(translator: &Translator<'_>, image: Id, texel: TypeId) -> Result<()> {
+    let sampled = image_type(translator, image)?.sampled_type;
+    let component = match *translator.module.ty(texel) {
         Type::Vector { component, .. } => component,
         _ => texel,
     };
-    if component == sampled || *decoder.module.ty(sampled) == Type::Void {
+    if component == sampled || *translator.module.ty(sampled) == Type::Void {
         return Ok(());
     }
-    let [texel, sampled] = [texel, sampled].map(|ty| decoder.module.describe_type(ty));
+    let [texel, sampled] = [texel, sampled].map(|ty| translator.module.describe_type(ty));
     let message = format!("a texel of type {texel} of an image whose Sampled Type is {sampled}");
-    Err(decoder.invalid(message).note("SPIR-V 3.3.10: its components are the same as Sampled Type"))
+    Err(translator.invalid(message).note("SPIR-V 3.3.10: its components are the same as Sampled Type"))
 }
 
-fn image_type(decoder: &Decoder<'_>, id: Id) -> Result<ImageType> {
-    let mut ty = decoder.type_of(id)?;
-    if let Type::Pointer { pointee: Some(pointee), .. } = *decoder.module.ty(ty) {
+fn image_type(translator: &Translator<'_>, id: Id) -> Result<ImageType> {
+    let mut ty = translator.type_of(id)?;
+    if let Type::Pointer { pointee: Some(pointee), .. } = *translator.module.ty(ty) {
         ty = pointee;
     }
-    if let Type::SampledImage(image) = *decoder.module.ty(ty) {
+    if let Type::SampledImage(image) = *translator.module.ty(ty) {
         ty = image;
     }
-    match *decoder.module.ty(ty) {
+    match *translator.module.ty(ty) {
         Type::Image(image) => Ok(image),
-        _ => Err(decoder.invalid(format!("%{} is no image", id.0))),
+        _ => Err(translator.invalid(format!("%{} is no image", id.0))),
     }
 }
 
-fn view(decoder: &Decoder<'_>, image: &ImageType) -> Result<View> {
+fn view(translator: &Translator<'_>, image: &ImageType) -> Result<View> {
     let dimension = match (image.dim, image.arrayed) {
         (0, false) => Dimension::D1,
         (0, true) => Dimension::D1Array,
@@ -104,25 +104,24 @@ fn view(decoder: &Decoder<'_>, image: &ImageType) -> Result<View> {
         (3, false) => Dimension::Cube,
         (3, true) => Dimension::CubeArray,
         (5, false) => Dimension::Buffer,
-        (4, _) => return Err(decoder.unsupported("images of Dim Rect, which Vulkan does not have")),
-        (6, _) => return Err(decoder.unsupported("subpass images, which only fragment stages have")),
+        (4, _) => return Err(translator.unsupported("images of Dim Rect, which Vulkan does not have")),
+        (6, _) => return Err(translator.unsupported("subpass images, which only fragment stages have")),
         (dim, _) => {
             let arrayed = if image.arrayed { ", arrayed" } else { "" };
-            return Err(decoder.unsupported(format!("images of Dim {dim}{arrayed}")));
+            return Err(translator.unsupported(format!("images of Dim {dim}{arrayed}")));
         }
     };
-    let (class, width) = match *decoder.module.ty(image.sampled_type) {
+    let (class, width) = match *translator.module.ty(image.sampled_type) {
         Type::Float { width, encoding: None } => (Class::Float, width),
         Type::Int { width, signed: true } => (Class::Sint, width),
         Type::Int { width, signed: false } => (Class::Uint, width),
         _ => {
-            return Err(
-                decoder.invalid("a Sampled Type that is no number (VUID-StandaloneSpirv-OpTypeImage-04656)")
-            );
+            return Err(translator
+                .invalid("a Sampled Type that is no number (VUID-StandaloneSpirv-OpTypeImage-04656)"));
         }
     };
     if width != 32 && !(width == 64 && class != Class::Float) {
-        return Err(decoder.unsupported(format!(
+        return Err(translator.unsupported(format!(
             "a Sampled Type of {width} bits (VUID-StandaloneSpirv-OpTypeImage-04656 has 32, and 64-bit integers)"
         )));
     }

@@ -30,7 +30,7 @@ static INT_TERNARY: Rule = rule(Be(INT), &[Like(INT, 0), Like(INT, 0), Like(INT,
 static UINT_BINARY: Rule = rule(Be(UINT), &[Same(0), Same(0)]);
 static BOOL_BINARY: Rule = rule(Be(BOOL), &[Same(0), Same(0)]);
 
-/// The rule of an opcode; `None` where its decoder checks for itself.
+/// The rule of an opcode; `None` where its translator checks for itself.
 pub fn core(number: u16) -> Option<&'static Rule> {
     Some(match Op::from_u32(number.into())? {
         Op::FNegate => &FLOAT_UNARY,

@@ -14,19 +14,20 @@ use crate::program::lower::{Lowering, Return, Site, opcode};
 
 impl Lowering<'_> {
     pub(super) fn terminator(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
-        self.decoder.set_clock()?;
+        self.translator.set_clock()?;
         match instruction.opcode {
             opcode::BRANCH => {
-                let target = self.decoder.id(instruction, 0)?;
+                let target = self.translator.id(instruction, 0)?;
                 self.edge_moves(place, target)?;
                 let label = self.target(place, target)?;
                 self.end(Terminator::Branch(label));
             }
             opcode::BRANCH_CONDITIONAL => {
-                operand_types::check(&self.decoder, instruction.opcode, instruction)?;
-                let condition = self.decoder.operand(instruction, 0)?[0];
-                let targets = [self.decoder.id(instruction, 1)?, self.decoder.id(instruction, 2)?];
-                if let Some(known) = self.decoder.constant_word(condition).filter(|_| self.decoder.optimizes)
+                operand_types::check(&self.translator, instruction.opcode, instruction)?;
+                let condition = self.translator.operand(instruction, 0)?[0];
+                let targets = [self.translator.id(instruction, 1)?, self.translator.id(instruction, 2)?];
+                if let Some(known) =
+                    self.translator.constant_word(condition).filter(|_| self.translator.optimizes)
                 {
                     let target = targets[usize::from(known == 0)];
                     self.edge_moves(place, target)?;
@@ -41,8 +42,8 @@ impl Lowering<'_> {
                 self.edges(place, edges)?;
             }
             opcode::SWITCH => {
-                operand_types::check(&self.decoder, instruction.opcode, instruction)?;
-                let selector = self.decoder.operand(instruction, 0)?;
+                operand_types::check(&self.translator, instruction.opcode, instruction)?;
+                let selector = self.translator.operand(instruction, 0)?;
                 let words = self.module.switch_literal_words(instruction);
                 let operands = self.module.operands(instruction);
                 let mut edges = Vec::new();
@@ -53,8 +54,8 @@ impl Lowering<'_> {
                     cases.push((value, self.edge(place, Id(case[words]), &mut edges)?));
                 }
                 // Narrow selectors lie zero-extended in their register, their literals may be sign-extended.
-                let ty = self.decoder.type_of(Id(operands[0]))?;
-                let width = self.decoder.scalar_width(ty)?;
+                let ty = self.translator.type_of(Id(operands[0]))?;
+                let width = self.translator.scalar_width(ty)?;
                 if width < 32 {
                     cases.iter_mut().for_each(|(value, _)| *value &= (1 << width) - 1);
                 }
@@ -64,11 +65,11 @@ impl Lowering<'_> {
             }
             opcode::RETURN => self.leave(place),
             opcode::RETURN_VALUE => {
-                let value = self.decoder.id(instruction, 0)?;
-                let words = self.decoder.carried(value)?;
+                let value = self.translator.id(instruction, 0)?;
+                let words = self.translator.carried(value)?;
                 if let Return::Inlined { result, .. } | Return::StandingAlone { result } = place.plan {
                     for (&to, from) in result.iter().zip(words) {
-                        self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+                        self.translator.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
                     }
                 }
                 self.leave(place);
@@ -78,7 +79,7 @@ impl Lowering<'_> {
             opcode::TERMINATE_RAY => self.end(Terminator::Exit(Exit::Terminated)),
             other => {
                 let name = crate::module::names::opcode_name(other);
-                return Err(self.decoder.unsupported(format!("{name} in a ray-tracing stage")));
+                return Err(self.translator.unsupported(format!("{name} in a ray-tracing stage")));
             }
         }
         Ok(())
@@ -95,7 +96,7 @@ impl Lowering<'_> {
 
     fn target(&self, place: &Site<'_>, target: Id) -> Result<u32> {
         let label = block_of(self.module, place.function, target).and_then(|block| place.labels[block]);
-        label.ok_or_else(|| self.decoder.invalid(format!("a branch to %{}, which is no block", target.0)))
+        label.ok_or_else(|| self.translator.invalid(format!("a branch to %{}, which is no block", target.0)))
     }
 
     /// The label that a conditional edge goes to: a block of its own where the target has phis.
@@ -129,11 +130,13 @@ impl Lowering<'_> {
             let pairs = self.module.operands(phi).chunks_exact(2);
             let from = pairs.clone().find(|pair| Id(pair[1]) == place.block).map(|pair| Id(pair[0]));
             let (Some(from), Some(id)) = (from, phi.result) else {
-                self.decoder.origin.offset = phi.offset;
-                return Err(self.decoder.invalid(format!("a phi has no value for block %{}", place.block.0)));
+                self.translator.origin.offset = phi.offset;
+                return Err(self
+                    .translator
+                    .invalid(format!("a phi has no value for block %{}", place.block.0)));
             };
-            let to = self.decoder.words(id)?;
-            let from = self.decoder.carried(from)?;
+            let to = self.translator.words(id)?;
+            let from = self.translator.carried(from)?;
             if to != from {
                 moves.extend(to.into_iter().zip(from));
             }
@@ -143,13 +146,13 @@ impl Lowering<'_> {
             let mut targets: SmallVec<[Reg; 8]> = moves.iter().map(|&(to, _)| to).collect();
             targets.sort_unstable();
             for (_, from) in moves.iter_mut().filter(|(_, from)| targets.binary_search(from).is_ok()) {
-                let saved = self.decoder.fresh(1)?;
-                self.decoder.emit(Op::Memory(memory::Op::Move { to: saved, from: *from }));
+                let saved = self.translator.fresh(1)?;
+                self.translator.emit(Op::Memory(memory::Op::Move { to: saved, from: *from }));
                 *from = saved;
             }
         }
         for (to, from) in moves {
-            self.decoder.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+            self.translator.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
         }
         Ok(())
     }

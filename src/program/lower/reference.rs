@@ -2,10 +2,10 @@
 
 use rustc_hash::FxHashMap;
 
-use crate::ops::decode::Origin;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::ray_tracing;
+use crate::ops::translate::Origin;
 use crate::program::{OptimizedCode, Program, Superblock};
 
 /// Makes a program ready to run as it was translated, given the optimised one of the same entry point.

@@ -10,15 +10,15 @@ use crate::module::Instruction;
 use crate::module::interface::Stage;
 use crate::module::ty::Type;
 use crate::ops::builtin::Shape;
-use crate::ops::decode::Decoder;
 use crate::ops::hit_object::getters::GETTERS;
 use crate::ops::hit_object::{MISS_OPERANDS, Op, hit_operands};
 use crate::ops::object::{self, result};
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::{self, TRACE_OPERANDS, variable_span};
+use crate::ops::translate::Translator;
 
-/// Opcodes decoded here, beside those of `GETTERS`.
+/// Opcodes translated here, beside those of `GETTERS`.
 pub const OPCODES: &[Opcode] = &[
     Opcode::HitObjectTraceRayEXT,
     Opcode::HitObjectTraceRayNV,
@@ -96,21 +96,21 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::HitObjectGetLSSRadiiNV,
 ];
 
-/// Decodes hit object instructions; `false` for an instruction of another section.
-pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+/// Translates hit object instructions; `false` for an instruction of another section.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }
-    check_stage(decoder, opcode, instruction)?;
+    check_stage(translator, opcode, instruction)?;
     if matches!(opcode, Opcode::ReorderThreadWithHintEXT | Opcode::ReorderThreadWithHintNV) {
-        emit(decoder, Op::Reorder);
+        emit(translator, Op::Reorder);
         return Ok(true);
     }
-    let id = decoder.id(instruction, 0)?;
-    let object = object::object(decoder, id, |ty| matches!(ty, Type::HitObject { .. }))?;
+    let id = translator.id(instruction, 0)?;
+    let object = object::object(translator, id, |ty| matches!(ty, Type::HitObject { .. }))?;
     if let Some(getter) = GETTERS.iter().find(|getter| getter.opcodes.contains(&opcode)) {
-        let to = result(decoder, instruction, getter.shape)?;
-        emit(decoder, Op::Get { object, getter, to });
+        let to = result(translator, instruction, getter.shape)?;
+        emit(translator, Op::Get { object, getter, to });
         return Ok(true);
     }
     match opcode {
@@ -121,31 +121,31 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
         | Opcode::HitObjectTraceRayMotionNV
         | Opcode::HitObjectTraceMotionReorderExecuteEXT => {
             let end = if moves(opcode) { 12 } else { 11 };
-            let operands = timed(decoder, instruction, 1..end, moves(opcode), TRACE_OPERANDS)?;
-            let payload = payload(decoder, instruction, end)?;
-            decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectTrace { object, operands, payload }));
-            decoder.forget();
+            let operands = timed(translator, instruction, 1..end, moves(opcode), TRACE_OPERANDS)?;
+            let payload = payload(translator, instruction, end)?;
+            translator.emit(Operation::Stop(ray_tracing::Op::HitObjectTrace { object, operands, payload }));
+            translator.forget();
             if matches!(
                 opcode,
                 Opcode::HitObjectTraceReorderExecuteEXT | Opcode::HitObjectTraceMotionReorderExecuteEXT
             ) {
-                emit(decoder, Op::Reorder);
-                decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectExecute { object, payload }));
+                emit(translator, Op::Reorder);
+                translator.emit(Operation::Stop(ray_tracing::Op::HitObjectExecute { object, payload }));
             }
         }
         Opcode::HitObjectExecuteShaderEXT
         | Opcode::HitObjectExecuteShaderNV
         | Opcode::HitObjectReorderExecuteShaderEXT => {
-            let payload = payload(decoder, instruction, 1)?;
+            let payload = payload(translator, instruction, 1)?;
             if opcode == Opcode::HitObjectReorderExecuteShaderEXT {
-                emit(decoder, Op::Reorder);
+                emit(translator, Op::Reorder);
             }
-            decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectExecute { object, payload }));
-            decoder.forget();
+            translator.emit(Operation::Stop(ray_tracing::Op::HitObjectExecute { object, payload }));
+            translator.forget();
         }
         Opcode::HitObjectGetShaderRecordBufferHandleEXT | Opcode::HitObjectGetShaderRecordBufferHandleNV => {
-            let to = result(decoder, instruction, Shape::Int2)?;
-            decoder.emit(Operation::Stop(ray_tracing::Op::HitObjectRecordHandle { object, to }));
+            let to = result(translator, instruction, Shape::Int2)?;
+            translator.emit(Operation::Stop(ray_tracing::Op::HitObjectRecordHandle { object, to }));
         }
         Opcode::HitObjectRecordHitNV
         | Opcode::HitObjectRecordHitWithIndexNV
@@ -156,62 +156,62 @@ pub fn decode(decoder: &mut Decoder<'_>, opcode: Opcode, instruction: &Instructi
                 Opcode::HitObjectRecordHitWithIndexNV | Opcode::HitObjectRecordHitWithIndexMotionNV
             );
             let end = 12 - usize::from(with_index) + usize::from(moves(opcode));
-            let operands = timed(decoder, instruction, 1..end, moves(opcode), hit_operands(with_index))?;
-            let attributes = attributes(decoder, instruction, end)?;
-            emit(decoder, Op::RecordHit { object, operands, with_index, attributes });
+            let operands = timed(translator, instruction, 1..end, moves(opcode), hit_operands(with_index))?;
+            let attributes = attributes(translator, instruction, end)?;
+            emit(translator, Op::RecordHit { object, operands, with_index, attributes });
         }
         Opcode::HitObjectRecordMissEXT | Opcode::HitObjectRecordMissMotionEXT => {
             let end = if moves(opcode) { 8 } else { 7 };
-            let operands = timed(decoder, instruction, 1..end, moves(opcode), MISS_OPERANDS)?;
-            emit(decoder, Op::RecordMiss { object, operands });
+            let operands = timed(translator, instruction, 1..end, moves(opcode), MISS_OPERANDS)?;
+            emit(translator, Op::RecordMiss { object, operands });
         }
         Opcode::HitObjectRecordMissNV | Opcode::HitObjectRecordMissMotionNV => {
             // These have no ray flags.
-            let mut words: Words = SmallVec::from_slice(&[decoder.constant(0)?]);
+            let mut words: Words = SmallVec::from_slice(&[translator.constant(0)?]);
             let end = if moves(opcode) { 7 } else { 6 };
             for at in 1..end {
-                words.extend(decoder.operand(instruction, at)?);
+                words.extend(translator.operand(instruction, at)?);
             }
             if !moves(opcode) {
-                words.push(decoder.constant(0)?);
+                words.push(translator.constant(0)?);
             }
-            let operands = whole(decoder, instruction, &words, MISS_OPERANDS)?;
-            emit(decoder, Op::RecordMiss { object, operands });
+            let operands = whole(translator, instruction, &words, MISS_OPERANDS)?;
+            emit(translator, Op::RecordMiss { object, operands });
         }
         Opcode::HitObjectRecordEmptyEXT | Opcode::HitObjectRecordEmptyNV => {
-            emit(decoder, Op::RecordEmpty { object });
+            emit(translator, Op::RecordEmpty { object });
         }
         Opcode::HitObjectRecordFromQueryEXT => {
-            let query = decoder.id(instruction, 1)?;
-            let query = object::object(decoder, query, |ty| matches!(ty, Type::RayQuery))?;
-            let record = scalar(decoder, instruction, 2)?;
-            let attributes = attributes(decoder, instruction, 3)?;
-            let has_kind = decoder.operands(instruction).len() > 4;
-            let hit_kind = if has_kind { Some(scalar(decoder, instruction, 4)?) } else { None };
+            let query = translator.id(instruction, 1)?;
+            let query = object::object(translator, query, |ty| matches!(ty, Type::RayQuery))?;
+            let record = scalar(translator, instruction, 2)?;
+            let attributes = attributes(translator, instruction, 3)?;
+            let has_kind = translator.operands(instruction).len() > 4;
+            let hit_kind = if has_kind { Some(scalar(translator, instruction, 4)?) } else { None };
             let op = Op::RecordFromQuery { object, query, record, attributes, hit_kind };
-            emit(decoder, op);
+            emit(translator, op);
         }
         Opcode::HitObjectSetShaderBindingTableRecordIndexEXT => {
-            let record = scalar(decoder, instruction, 1)?;
-            emit(decoder, Op::SetRecord { object, record });
+            let record = scalar(translator, instruction, 1)?;
+            emit(translator, Op::SetRecord { object, record });
         }
         Opcode::HitObjectGetAttributesEXT | Opcode::HitObjectGetAttributesNV => {
-            let to = attributes(decoder, instruction, 1)?;
-            emit(decoder, Op::GetAttributes { object, to });
-            decoder.forget();
+            let to = attributes(translator, instruction, 1)?;
+            emit(translator, Op::GetAttributes { object, to });
+            translator.forget();
         }
         // OpReorderThreadWithHitObject*
-        _ => emit(decoder, Op::Reorder),
+        _ => emit(translator, Op::Reorder),
     }
     Ok(true)
 }
 
-fn emit(decoder: &mut Decoder<'_>, op: Op) {
-    decoder.emit(Operation::HitObject(Box::new(op)));
+fn emit(translator: &mut Translator<'_>, op: Op) {
+    translator.emit(Operation::HitObject(Box::new(op)));
 }
 
 /// Hit objects are for three stages, reordering for one.
-fn check_stage(decoder: &Decoder<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+fn check_stage(translator: &Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
     let reorders = matches!(
         opcode,
         Opcode::ReorderThreadWithHintEXT
@@ -222,7 +222,7 @@ fn check_stage(decoder: &Decoder<'_>, opcode: Opcode, instruction: &Instruction)
             | Opcode::HitObjectTraceReorderExecuteEXT
             | Opcode::HitObjectTraceMotionReorderExecuteEXT
     );
-    let allowed = match decoder.stage {
+    let allowed = match translator.stage {
         Stage::RayGeneration => true,
         Stage::ClosestHit | Stage::Miss => !reorders,
         _ => false,
@@ -232,8 +232,8 @@ fn check_stage(decoder: &Decoder<'_>, opcode: Opcode, instruction: &Instruction)
     }
     let name = crate::module::names::opcode_name(instruction.opcode);
     let stages = if reorders { "ray generation" } else { "ray generation, closest hit and miss" };
-    let found = decoder.stage.name();
-    Err(decoder.invalid(format!(
+    let found = translator.stage.name();
+    Err(translator.invalid(format!(
         "{name} in {found}: it is allowed only in {stages} (SPV_EXT_shader_invocation_reorder)"
     )))
 }
@@ -256,7 +256,7 @@ fn moves(opcode: Opcode) -> bool {
 
 /// Operands in consecutive registers, the last of them a time, which is 0 where none is given.
 fn timed(
-    decoder: &mut Decoder<'_>,
+    translator: &mut Translator<'_>,
     instruction: &Instruction,
     range: std::ops::Range<usize>,
     has_time: bool,
@@ -264,36 +264,41 @@ fn timed(
 ) -> Result<Reg> {
     let mut words = Words::new();
     for at in range {
-        words.extend(decoder.operand(instruction, at)?);
+        words.extend(translator.operand(instruction, at)?);
     }
     if !has_time {
-        words.push(decoder.constant(0)?);
+        words.push(translator.constant(0)?);
     }
-    whole(decoder, instruction, &words, count)
+    whole(translator, instruction, &words, count)
 }
 
-fn whole(decoder: &mut Decoder<'_>, instruction: &Instruction, words: &[Reg], count: u32) -> Result<Reg> {
+fn whole(
+    translator: &mut Translator<'_>,
+    instruction: &Instruction,
+    words: &[Reg],
+    count: u32,
+) -> Result<Reg> {
     if words.len() != count as usize {
         let name = crate::module::names::opcode_name(instruction.opcode);
-        let error = decoder.invalid(format!("the operands of {name} have wrong types"));
+        let error = translator.invalid(format!("the operands of {name} have wrong types"));
         return Err(error.note("SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"));
     }
-    decoder.consecutive(words)
+    translator.consecutive(words)
 }
 
-fn scalar(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<Reg> {
-    match decoder.operand(instruction, at)?[..] {
+fn scalar(translator: &mut Translator<'_>, instruction: &Instruction, at: usize) -> Result<Reg> {
+    match translator.operand(instruction, at)?[..] {
         [reg] => Ok(reg),
-        _ => Err(decoder.invalid(format!("operand {at} must be a 32-bit integer"))),
+        _ => Err(translator.invalid(format!("operand {at} must be a 32-bit integer"))),
     }
 }
 
-fn payload(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<RegSpan> {
-    let id = decoder.id(instruction, at)?;
-    variable_span(decoder, id, &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD])
+fn payload(translator: &mut Translator<'_>, instruction: &Instruction, at: usize) -> Result<RegSpan> {
+    let id = translator.id(instruction, at)?;
+    variable_span(translator, id, &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD])
 }
 
-fn attributes(decoder: &mut Decoder<'_>, instruction: &Instruction, at: usize) -> Result<RegSpan> {
-    let id = decoder.id(instruction, at)?;
-    variable_span(decoder, id, &[storage::HIT_OBJECT_ATTRIBUTE_EXT, storage::HIT_OBJECT_ATTRIBUTE_NV])
+fn attributes(translator: &mut Translator<'_>, instruction: &Instruction, at: usize) -> Result<RegSpan> {
+    let id = translator.id(instruction, at)?;
+    variable_span(translator, id, &[storage::HIT_OBJECT_ATTRIBUTE_EXT, storage::HIT_OBJECT_ATTRIBUTE_NV])
 }

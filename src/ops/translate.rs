@@ -1,6 +1,6 @@
 //! From an instruction of a module to operations on registers.
 //!
-//! A [`Decoder`] holds what is known of each id: the registers of its words, or where a pointer leads.
+//! A [`Translator`] holds what is known of each id: the registers of its words, or where a pointer leads.
 //! Composites vanish here: extracting, inserting and shuffling only rearrange the list of registers.
 
 mod values;
@@ -45,7 +45,7 @@ pub struct InterfaceRegisters {
     pub first: Reg,
     /// How many registers.
     pub count: u32,
-    /// Of payloads and callable data, a fingerprint of their scalars; see [`Decoder::scalars`].
+    /// Of payloads and callable data, a fingerprint of their scalars; see [`Translator::scalars`].
     pub scalars: u64,
 }
 
@@ -80,7 +80,7 @@ pub struct Origin {
 const MAX_REGISTERS: u32 = 1 << 20;
 
 /// Turns instructions into operations; see the module's text.
-pub struct Decoder<'m> {
+pub struct Translator<'m> {
     /// The module.
     pub module: &'m Module,
     /// The stage of the entry point that is lowered.
@@ -131,14 +131,14 @@ pub struct Decoder<'m> {
     time: u32,
     /// By type: how many words a value takes.
     word_counts: Vec<Option<u32>>,
-    /// Whether a constant of the module is decoded.
+    /// Whether a constant of the module is translated.
     pub(super) in_constant: bool,
     /// Registers in which operations on constants run: two of the result, and two of each operand.
     folding: Registers<1>,
 }
 
-impl<'m> Decoder<'m> {
-    /// A decoder for an entry point of a module.
+impl<'m> Translator<'m> {
+    /// A translator for an entry point of a module.
     pub fn new(module: &'m Module, stage: Stage) -> Self {
         Self {
             module,
@@ -329,7 +329,7 @@ impl<'m> Decoder<'m> {
         self.emit_uncontrolled(kernel, from)
     }
 
-    /// As [`Decoder::emit_kernel`], without regard to the float controls.
+    /// As [`Translator::emit_kernel`], without regard to the float controls.
     pub fn emit_uncontrolled(&mut self, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
         let first = from.first().copied().unwrap_or(Reg(0));
         let operands = std::array::from_fn(|at| from.get(at).copied().unwrap_or(first));
@@ -346,7 +346,7 @@ impl<'m> Decoder<'m> {
         Ok(to)
     }
 
-    /// As [`Decoder::emit_kernel`], for the kernel of a family for operands of `width` bits.
+    /// As [`Translator::emit_kernel`], for the kernel of a family for operands of `width` bits.
     pub fn emit_family(&mut self, family: &'static OpFamily, width: u32, from: &[Reg]) -> Result<Reg> {
         match family.kernel(width) {
             Some(kernel) => self.emit_kernel(kernel, from),
@@ -449,7 +449,7 @@ impl<'m> Decoder<'m> {
         self.values.local(id)
     }
 
-    /// How many ids of functions stand for something: what [`Decoder::leave`] goes back to.
+    /// How many ids of functions stand for something: what [`Translator::leave`] goes back to.
     pub fn locals(&self) -> usize {
         self.values.locals()
     }
@@ -559,7 +559,7 @@ impl<'m> Decoder<'m> {
         self.carried(id)
     }
 
-    /// The same for phis, selects and calls, through which [`Decoder::pointer`] traces a pointer back.
+    /// The same for phis, selects and calls, through which [`Translator::pointer`] traces a pointer back.
     pub fn carried(&mut self, id: Id) -> Result<Words> {
         match self.value(id)? {
             Value::Words(words) => Ok(words),

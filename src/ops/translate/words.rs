@@ -11,10 +11,10 @@ use crate::math::float_format::FloatFormat;
 use crate::module::Id;
 use crate::module::constant::ConstantValue;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::decode::{Decoder, MAX_REGISTERS, Origin, Words};
 use crate::ops::memory;
+use crate::ops::translate::{MAX_REGISTERS, Origin, Translator, Words};
 
-impl Decoder<'_> {
+impl Translator<'_> {
     /// How many words a value of a type takes in registers.
     pub fn word_count(&mut self, ty: TypeId) -> Result<u32> {
         if let Some(count) = self.word_counts[ty.0 as usize] {
@@ -26,7 +26,8 @@ impl Decoder<'_> {
     }
 
     fn count_words(&mut self, ty: TypeId) -> Result<u32> {
-        let too_big = |decoder: &Self| decoder.unsupported("a value of this type is too big for registers");
+        let too_big =
+            |translator: &Self| translator.unsupported("a value of this type is too big for registers");
         Ok(match self.module.ty(ty).clone() {
             Type::Void => 0,
             Type::Bool | Type::Image(_) | Type::Sampler | Type::RayQuery | Type::HitObject { .. } => 1,
