@@ -16,8 +16,8 @@ use crate::ops::memory;
 use crate::ops::object;
 use crate::ops::op::Access;
 
-pub use translate::{OPCODES, translate};
 pub use getters::Getter;
+pub use translate::{OPCODES, translate};
 
 mod getters;
 mod translate;

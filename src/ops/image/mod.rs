@@ -283,7 +283,7 @@ mod tests {
                 operands: 0..0,
             };
             let mut translator = Translator::new(&module, Stage::ClosestHit);
-            let error = decode(&mut translator, opcode, &instruction).unwrap_err();
+            let error = translate(&mut translator, opcode, &instruction).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::InvalidModule, "{opcode:?}");
             let name = format!("Op{opcode:?}");
             assert!(error.message().starts_with(&name), "{error}");
