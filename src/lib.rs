@@ -13,7 +13,7 @@
 //! component for all lanes of a batch, so a `vec3` is three registers and composites vanish here:
 //! extracting and shuffling only rearrange lists of registers. What remains are [lane kernels](ops::lane_kernel),
 //! one scalar function each, and blocks in structured order, which is what lets lanes that part at
-//! a branch meet again. What nothing reads is dropped, builtins included.
+//! a branch meet again. Dead code is eliminated, builtins that nothing reads included.
 //!
 //! **A scene** is a [`accel::Tlas`] of instances over [`accel::Blas`]es. Whether a ray meets a
 //! primitive is decided exactly for the given floats ([`geometry`]): first in floating point with a
@@ -66,9 +66,9 @@
 //!
 //! # Layers
 //!
-//! Imports go one way, and a test enforces it: `cli -> harness -> debug, recording -> scene ->
-//! {pipeline, compile} -> interp -> program -> ops -> {module, machine -> accel} -> geometry ->
-//! math -> error`.
+//! Imports go one way, and a test enforces it: `cli -> harness -> {debug, recording, stress,
+//! check_math} -> scene -> {pipeline, compile} -> interp -> program -> ops -> {module, machine ->
+//! accel} -> geometry -> math -> error`.
 
 #![deny(unsafe_code)]
 
@@ -95,11 +95,11 @@ pub mod stress;
 
 pub use error::{Error, ErrorKind, Result};
 pub use geometry::Ray;
+pub use harness::explain::Explain;
 pub use harness::hit::Hit;
 pub use harness::instance::Instance;
 pub use harness::scene::Scene;
 pub use harness::shader_test::ShaderTest;
-pub use harness::told::Explain;
 pub use module::Module;
 pub use pipeline::Pipeline;
 pub use program::Program;

@@ -9,7 +9,7 @@ use anyhit::harness::texels::plane;
 use anyhit::machine::format::{Component, Format};
 use anyhit::machine::image::{Image, Shape};
 use anyhit::pipeline::{Launch, NotStreamed, Stats, Streamed};
-use anyhit::scene::{self, DiskFiles, Options};
+use anyhit::scene::{self, DiskFiles, LoadOptions};
 use anyhit::{Error, ErrorKind, Module, Pipeline, Program, Scene};
 use pretty_assertions::assert_eq;
 
@@ -261,7 +261,7 @@ fn whoever_takes_bands_may_end_it() {
 #[test]
 fn both_demo_scenes_can_be_streamed() {
     for file in ["scenes/swept-spheres.toml", "scenes/swept-spheres-slang.toml"] {
-        let options = Options { size: Some([32_768, 32_768]), streams: true, ..Options::default() };
+        let options = LoadOptions { size: Some([32_768, 32_768]), streams: true, ..LoadOptions::default() };
         let resolved = scene::load(file.as_ref(), &DiskFiles, &options).expect("a scene");
         let output = resolved.output().expect("an output");
         let assembled = scene::assemble_without(&resolved, output).expect("shaders");

@@ -78,10 +78,10 @@ fn rendering(path: &Path, found: &str) -> Result<(), Failed> {
 }
 
 fn scene(case: &Case) -> anyhit::error::Result<anyhit::scene::ResolvedScene> {
-    let options = anyhit::scene::Options {
+    let options = anyhit::scene::LoadOptions {
         size: case.size,
         variant: case.variant.as_ref().map(|one| one.0),
-        ..anyhit::scene::Options::default()
+        ..anyhit::scene::LoadOptions::default()
     };
     anyhit::scene::load(&case.scene, &anyhit::scene::DiskFiles, &options)
 }

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhit::ErrorKind;
-use anyhit::compile::{DebugInfo, Language, Optimize, Options, Source, compile, content_hash, tool};
+use anyhit::compile::{CompileOptions, DebugInfo, Language, Optimize, Source, compile, content_hash, tool};
 use anyhit::error::Place;
 
 const GLSL_MISS: &str = "#version 460\n#extension GL_EXT_ray_tracing : require\n\
@@ -54,7 +54,7 @@ impl Drop for Folder {
 
 /// The first place of the report about a source that does not compile: file and text meant.
 fn place_of_mistake(source: &Source) -> (String, String) {
-    let error = compile(source, &Options::default()).unwrap_err();
+    let error = compile(source, &CompileOptions::default()).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::InvalidSource, "{error:?}");
     match error.places().next() {
         Some((Place::Text { file, text, span }, _)) => (file.clone(), text[span.clone()].to_owned()),
@@ -66,7 +66,7 @@ fn place_of_mistake(source: &Source) -> (String, String) {
 #[cfg_attr(not(feature = "glsl"), ignore = "needs the feature `glsl`")]
 fn glsl_becomes_spirv_1_6() {
     let source = Source::from_text("a.rmiss", GLSL_MISS).unwrap();
-    let spirv = compile(&source, &Options::default()).unwrap();
+    let spirv = compile(&source, &CompileOptions::default()).unwrap();
     assert_eq!(spirv[..8], SPIRV_1_6);
 }
 
@@ -75,7 +75,7 @@ fn glsl_becomes_spirv_1_6() {
 fn glsl_debug_info_adds_lines_or_nonsemantic_instructions() {
     let source = Source::from_text("a.rmiss", GLSL_MISS).unwrap();
     let with = |debug| {
-        let spirv = compile(&source, &Options { debug, ..Options::default() }).unwrap();
+        let spirv = compile(&source, &CompileOptions { debug, ..CompileOptions::default() }).unwrap();
         let found = opcodes(&spirv);
         (found.contains(&OP_LINE), found.contains(&OP_EXT_INST))
     };
@@ -89,7 +89,8 @@ fn glsl_debug_info_adds_lines_or_nonsemantic_instructions() {
 fn glsl_debug_info_carries_the_text_as_written() {
     let text = format!("{GLSL_MISS}// as written\n");
     let source = Source::from_text("a.rmiss", text).unwrap();
-    let spirv = compile(&source, &Options { debug: DebugInfo::Full, ..Options::default() }).unwrap();
+    let spirv =
+        compile(&source, &CompileOptions { debug: DebugInfo::Full, ..CompileOptions::default() }).unwrap();
     let copies = spirv.windows(13).filter(|bytes| bytes == b"// as written").count();
     assert_eq!(copies, 1);
     assert_eq!(spirv.windows(9).filter(|bytes| bytes == b"#version ").count(), 1);
@@ -99,7 +100,7 @@ fn glsl_debug_info_carries_the_text_as_written() {
 #[cfg_attr(not(feature = "glsl"), ignore = "needs the feature `glsl`")]
 fn a_mistake_in_glsl_is_shown_in_the_text() {
     let source = Source::from_text("a.rmiss", GLSL_MISS.replace("vec4(1.0)", "blue")).unwrap();
-    let report = compile(&source, &Options::default()).unwrap_err().render();
+    let report = compile(&source, &CompileOptions::default()).unwrap_err().render();
     assert!(report.contains("'blue': undeclared identifier"), "{report}");
     assert!(report.contains("a.rmiss:4:"), "{report}");
 }
@@ -125,7 +126,8 @@ fn a_mistake_in_an_include_is_shown_there() {
 fn a_missing_include_is_an_error() {
     let text = GLSL_MISS
         .replace("layout", "#extension GL_GOOGLE_include_directive : require\n#include \"x.glsl\"\nlayout");
-    let error = compile(&Source::from_text("a.rmiss", text).unwrap(), &Options::default()).unwrap_err();
+    let error =
+        compile(&Source::from_text("a.rmiss", text).unwrap(), &CompileOptions::default()).unwrap_err();
     assert!(error.render().contains("x.glsl"), "{error:?}");
 }
 
@@ -167,15 +169,16 @@ fn a_named_glslang_is_used_and_must_exist() {
 fn a_build_without_glslang_calls_an_installed_one_or_says_how_to_get_it() {
     let source = Source::from_text("a.rmiss", GLSL_MISS).unwrap();
     if tool(Language::Glsl(anyhit::compile::Stage::Miss)).is_ok() {
-        assert_eq!(compile(&source, &Options::default()).unwrap()[..8], SPIRV_1_6);
+        assert_eq!(compile(&source, &CompileOptions::default()).unwrap()[..8], SPIRV_1_6);
         let text = GLSL_MISS.replace("vec4(1.0)", "blue");
-        let report =
-            compile(&Source::from_text("a.rmiss", text).unwrap(), &Options::default()).unwrap_err().render();
+        let report = compile(&Source::from_text("a.rmiss", text).unwrap(), &CompileOptions::default())
+            .unwrap_err()
+            .render();
         assert!(report.contains("'blue': undeclared identifier"), "{report}");
         assert!(report.contains("a.rmiss:4:"), "{report}");
     } else {
         let _ = writeln!(std::io::stderr(), "no glslang is installed: only its absence is tested");
-        let error = compile(&source, &Options::default()).unwrap_err();
+        let error = compile(&source, &CompileOptions::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::UnsupportedTool);
         assert!(error.render().contains("--features glsl"), "{error:?}");
     }
@@ -197,7 +200,7 @@ fn slang_keeps_the_names_of_entry_points() {
     }
     let source = Source::from_text("a.slang", SLANG_MISS).unwrap();
     for optimize in [Optimize::Default, Optimize::Off] {
-        let spirv = compile(&source, &Options { optimize, ..Options::default() }).unwrap();
+        let spirv = compile(&source, &CompileOptions { optimize, ..CompileOptions::default() }).unwrap();
         assert_eq!(spirv[..4], SPIRV_1_6[..4]);
         assert!(spirv.windows(4).any(|bytes| bytes == b"sky\0"));
     }
@@ -233,7 +236,7 @@ fn slang_debug_info_adds_nonsemantic_instructions() {
     }
     let source = Source::from_text("a.slang", SLANG_MISS).unwrap();
     let with = |debug| {
-        let spirv = compile(&source, &Options { debug, ..Options::default() }).unwrap();
+        let spirv = compile(&source, &CompileOptions { debug, ..CompileOptions::default() }).unwrap();
         opcodes(&spirv).contains(&OP_EXT_INST)
     };
     assert!(!with(DebugInfo::Names));
@@ -268,7 +271,7 @@ fn includes_from(folder: &Folder, source: &str, header: &str, header_text: &str)
     std::fs::create_dir_all(folder.0.join("common")).unwrap();
     folder.write(&format!("common/{header}"), header_text);
     let read = || Source::read_in(&folder.0, source).unwrap();
-    let options = Options::default();
+    let options = CompileOptions::default();
     assert_eq!(compile(&read(), &options).unwrap_err().kind(), ErrorKind::InvalidSource);
     let with = || read().include_folders(["nowhere", "common"]);
     compile(&with(), &options).unwrap();
@@ -276,7 +279,7 @@ fn includes_from(folder: &Folder, source: &str, header: &str, header_text: &str)
     folder.write(&format!("common/{header}"), &header_text.replace("1.0", "blue"));
     let (file, _) = place_of_mistake(&with());
     assert_eq!(Path::new(&file), Path::new("common").join(header));
-    // The same by hand, on the command line.
+    // The command line compiles it to the same words.
     folder.write(&format!("common/{header}"), header_text);
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
     command.args(["compile", source, "-I", "common", "-o", "out.spv"]).current_dir(&folder.0);

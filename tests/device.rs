@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhit::error::Error;
-use anyhit::scene::{DiskFiles, Options, assemble, load_text};
+use anyhit::scene::{DiskFiles, LoadOptions, assemble, load_text};
 
 /// A ball and a capsule seen by the probe of `shaders/pass/conformance`, with more lines.
 fn scene(before: &str, pipeline: &str) -> String {
@@ -19,7 +19,8 @@ fn scene(before: &str, pipeline: &str) -> String {
 fn refused(before: &str, pipeline: &str) -> Option<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass/conformance/scene.toml");
     let text = scene(before, pipeline);
-    let found = load_text(&root, &text, &DiskFiles, &Options::default()).and_then(|scene| assemble(&scene));
+    let found =
+        load_text(&root, &text, &DiskFiles, &LoadOptions::default()).and_then(|scene| assemble(&scene));
     let render =
         |error: Error| error.render() + &error.others().iter().map(Error::render).collect::<String>();
     found.err().map(render)
@@ -106,7 +107,8 @@ fn refused_to_move(case: &str, flags: &str) -> Option<String> {
          [shaders]\nraygen = '../../../../spirv-fixtures/pass/motion-blur/{case}/main.rgen.spv'\n\
          [pipeline]\nraygen = 'raygen'\nmiss = ['miss']\nhit = [{{ closest_hit = 'closest' }}]\n{flags}"
     );
-    let found = load_text(&root, &text, &DiskFiles, &Options::default()).and_then(|scene| assemble(&scene));
+    let found =
+        load_text(&root, &text, &DiskFiles, &LoadOptions::default()).and_then(|scene| assemble(&scene));
     found.err().map(|error| error.render() + &error.others().iter().map(Error::render).collect::<String>())
 }
 
@@ -137,7 +139,7 @@ fn what_moves_needs_a_pipeline_that_allows_it() {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders/pass/motion-blur/ray-queries/scene.toml");
     let text =
         std::fs::read_to_string(&queries).expect("a case").replace("[pipeline]", "[pipeline]\nflags = []");
-    let scene = load_text(&queries, &text, &DiskFiles, &Options::default()).expect("a scene");
+    let scene = load_text(&queries, &text, &DiskFiles, &LoadOptions::default()).expect("a scene");
     assert!(assemble(&scene).is_ok(), "a ray query needs no flag of a pipeline");
 }
 
@@ -150,7 +152,8 @@ fn refused_to_bind(structure: &str, outputs: &str) -> Option<String> {
          [geometry.ball]\ntype = 'spheres'\npositions = [[0, 0, 0]]\nradii = 1\n[[instance]]\ngeometry = 'ball'\n\
          [resources.scene]\nbinding = 0\n{structure}\n[resources.outputs]\nbinding = 1\n{outputs}\n"
     );
-    let found = load_text(&root, &text, &DiskFiles, &Options::default()).and_then(|scene| assemble(&scene));
+    let found =
+        load_text(&root, &text, &DiskFiles, &LoadOptions::default()).and_then(|scene| assemble(&scene));
     found.err().map(|error| error.render() + &error.others().iter().map(Error::render).collect::<String>())
 }
 
@@ -201,7 +204,7 @@ fn presets_limit_what_a_pipeline_takes_by_itself() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass/conformance/scene.toml");
     let depth = |before: &str| {
         let text = scene(before, "");
-        let scene = load_text(&root, &text, &DiskFiles, &Options::default()).expect("a scene");
+        let scene = load_text(&root, &text, &DiskFiles, &LoadOptions::default()).expect("a scene");
         assemble(&scene).expect("a pipeline").pipeline.max_recursion
     };
     assert_eq!(depth(""), 31);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhit::machine::image::Image;
 use anyhit::ops::lane_kernel::{LaneKernel, Width};
-use anyhit::scene::{self, DiskFiles, Options};
+use anyhit::scene::{self, DiskFiles, LoadOptions};
 
 /// The picture of a scene as 8-bit channels, as they are saved.
 fn picture<const W: usize>(name: &str) -> Vec<[u8; 3]>
@@ -12,7 +12,7 @@ where
     LaneKernel: Width<W>,
 {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
-    let options = Options { size: Some([192, 108]), ..Options::default() };
+    let options = LoadOptions { size: Some([192, 108]), ..LoadOptions::default() };
     let resolved = scene::load(&path, &DiskFiles, &options).expect("a valid scene");
     let output = resolved.output().expect("an output image");
     let (set, binding) = (output.set, output.binding);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhit::machine::Descriptor;
 use anyhit::program::{Inlining, LowerOptions, Terminator, lower_with};
-use anyhit::scene::{self, Assembled, DiskFiles, Options};
+use anyhit::scene::{self, Assembled, DiskFiles, LoadOptions};
 
 #[path = "support/files.rs"]
 mod files;
@@ -28,7 +28,7 @@ fn real_calls_and_inlined_ones_agree() {
     let mut cases = 0;
     let scenes = files::with_extension(&root, "toml");
     for path in scenes.into_iter().filter(|path| path.ends_with("scene.toml")) {
-        let resolved = scene::load(&path, &DiskFiles, &Options::default()).expect("a valid scene");
+        let resolved = scene::load(&path, &DiskFiles, &LoadOptions::default()).expect("a valid scene");
         let Ok(inlined) = scene::assemble(&resolved) else { continue };
         let mut real = scene::assemble(&resolved).expect("what was assembled once");
         for program in &mut real.pipeline.programs {

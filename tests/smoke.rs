@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::harness::smoke::{self, EntryReport, Options, Reached, Report, Verdict};
+use anyhit::harness::smoke::{self, EntryReport, Reached, SmokeOptions, SmokeReport, Verdict};
 use anyhit::module;
 use rspirv::spirv::Op;
 
@@ -12,9 +12,9 @@ mod assembly;
 #[path = "support/files.rs"]
 mod files;
 
-fn run(bytes: &[u8]) -> Report {
+fn run(bytes: &[u8]) -> SmokeReport {
     let module = Arc::new(module::load(bytes).expect("a module"));
-    smoke::run(&module, Options::default())
+    smoke::run(&module, SmokeOptions::default())
 }
 
 /// Every entry point ends in `ok` or in a trap that names its rule and place; what is meant to pass mostly does,
@@ -54,7 +54,7 @@ fn a_broken_rule_is_told() {
 #[test]
 fn a_report_is_the_same_every_time() {
     let bytes = std::fs::read("spirv-fixtures/fail/trace/invalid-ray/main.rgen.spv").expect("a fixture");
-    let json = |report: &Report| serde_json::to_string(report).expect("JSON");
+    let json = |report: &SmokeReport| serde_json::to_string(report).expect("JSON");
     assert_eq!(json(&run(&bytes)), json(&run(&bytes)));
     let parsed: serde_json::Value = serde_json::from_str(&json(&run(&bytes))).expect("JSON");
     let entry = &parsed["entry_points"][0];
@@ -206,7 +206,7 @@ fn opcode(instruction: &[u32]) -> Op {
     Op::from_u32(instruction[0] & 0xffff).expect("an opcode")
 }
 
-fn run_words(words: &[u32]) -> Report {
+fn run_words(words: &[u32]) -> SmokeReport {
     run(&words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<_>>())
 }
 
@@ -281,7 +281,7 @@ const TRAPPING: usize = 103;
 const UNREACHED: usize = 0;
 
 /// What must not change with what means nothing to the machine.
-fn essence(report: &Report) -> Vec<String> {
+fn essence(report: &SmokeReport) -> Vec<String> {
     let entry = |entry: &EntryReport| {
         let runs = entry
             .runs
@@ -489,14 +489,14 @@ fn what_is_too_small_is_made_larger() {
 fn fuel_ends_the_search_and_says_so() {
     let bytes = ray_generation("", &guarded(&number("%0", "OpIEqual %bool %n %77"), BACKWARDS));
     let module = Arc::new(module::load(&bytes).expect("a module"));
-    let of = |options: Options| {
+    let of = |options: SmokeOptions| {
         let report = smoke::run(&module, options);
         let reached = coverage(&report.entry_points[0]);
         (reached.sets, reached.cut_short)
     };
-    let little = Options { total_fuel: 1, ..Options::default() };
+    let little = SmokeOptions { total_fuel: 1, ..SmokeOptions::default() };
     assert_eq!(of(little), (1, Some("fuel")));
-    let no_time = Options { time_limit: Some(std::time::Duration::ZERO), ..Options::default() };
+    let no_time = SmokeOptions { time_limit: Some(std::time::Duration::ZERO), ..SmokeOptions::default() };
     assert_eq!(of(no_time), (1, Some("time")));
 }
 

@@ -246,8 +246,9 @@ fn a_suite_is_held_to_stable_outputs_where_asked() {
 #[test]
 fn watched_dispatches_and_buffers_have_shadows() -> Result<()> {
     use anyhit::debug::session::{Request, Session};
-    use anyhit::scene::{DiskFiles, Options, assemble, load};
-    let scene = load("shaders/pass/arithmetic/basics/scene.toml".as_ref(), &DiskFiles, &Options::default())?;
+    use anyhit::scene::{DiskFiles, LoadOptions, assemble, load};
+    let scene =
+        load("shaders/pass/arithmetic/basics/scene.toml".as_ref(), &DiskFiles, &LoadOptions::default())?;
     let assembled = assemble(&scene)?;
     let (found, trap) = shadow(&scene, &assembled)?;
     assert!(trap.is_none() && found.results > 0);

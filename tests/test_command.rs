@@ -504,7 +504,10 @@ fn json_tells_everything() {
         json!({ "file": "tests/test-command/payload.test.toml", "line": 11 })
     );
     assert_eq!(test["line"]["line"], 13);
-    assert!(test["explanation"].as_str().is_some_and(|story| story.contains("candidate")), "{test}");
+    assert!(
+        test["explanation"].as_str().is_some_and(|transcript| transcript.contains("candidate")),
+        "{test}"
+    );
 }
 
 #[test]

@@ -120,9 +120,9 @@ fn a_hit_object_is_traced_and_then_executed() {
 #[test]
 fn a_sphere_is_hit_where_algebra_says() {
     // (4 - t)^2 = 1 has the roots 3 and 5; the normal at (0, 0, 1) is that point itself.
-    let story = told("sphere", &[]);
-    assert_eq!(story["version"], 1);
-    let ray = &story["root"];
+    let transcript = told("sphere", &[]);
+    assert_eq!(transcript["version"], 1);
+    let ray = &transcript["root"];
     assert_eq!(ray["kind"], "trace");
     let hit = &ray["hit"];
     assert_eq!(
@@ -141,13 +141,13 @@ fn a_sphere_is_hit_where_algebra_says() {
     assert_eq!(member(&ray["payload_after"], "normal"), &json!([0.0, 0.0, 1.0]));
     assert_eq!(member(&ray["payload_after"], "t"), 3.0);
     let counts = json!({ "rays": 1, "ray_queries": 0, "shaders": { "ClosestHitKHR": 1 } });
-    assert_eq!(story["counts"], counts);
+    assert_eq!(transcript["counts"], counts);
 }
 
 #[test]
 fn a_miss_names_its_record_and_shader() {
-    let story = told("sphere", &["--ray", "beside"]);
-    let ray = &story["root"];
+    let transcript = told("sphere", &["--ray", "beside"]);
+    let ray = &transcript["root"];
     assert_eq!(ray["hit"], Value::Null);
     assert_eq!((&ray["record"]["table"], &ray["record"]["index"]), (&json!("miss"), &json!(0)));
     assert_eq!(ray["instances"][0]["tested"][0]["verdict"], "missed");
@@ -178,8 +178,8 @@ fn a_ray_has_a_time_where_something_moves() {
     let scene = "shaders/pass/motion-blur/traces/scene.toml";
     // The first instance goes from z = 0 to z = -4: at a quarter of the way t = 4 + 1.
     let output = run(&[scene, "--json", "--ray", "0,0,4 0,0,-1", "--time", "0.25"]);
-    let story: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-    let ray = &story["root"];
+    let transcript: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let ray = &transcript["root"];
     assert_eq!((&ray["time"], &ray["hit"]["t"]), (&json!(0.25), &json!(5.0)));
     assert_eq!(ray["hit"]["object_ray_origin"], json!([0.0, 0.0, 5.0]));
     assert_eq!(ray["instances"][0]["moves"], true);
@@ -197,8 +197,8 @@ fn a_ray_has_a_time_where_something_moves() {
 fn any_hit_ignores_the_first_triangle_and_takes_the_second() {
     // From z = 10 downwards the triangles lie at t = 8, 9, 10; even primitives are ignored. The
     // triangle (-1, -1), (1, -1), (0, 2) has its centroid at the origin.
-    let story = told("any-hit", &[]);
-    let ray = &story["root"]["steps"][0];
+    let transcript = told("any-hit", &[]);
+    let ray = &transcript["root"]["steps"][0];
     let decisions = ray["decisions"].as_array().unwrap();
     let seen: Vec<_> = decisions
         .iter()
@@ -213,7 +213,7 @@ fn any_hit_ignores_the_first_triangle_and_takes_the_second() {
     let payload = &ray["payload_after"];
     assert_eq!((member(payload, "seen"), member(payload, "ignored")), (&json!(2), &json!(1)));
     // outputs[0] = vec4(seen, ignored, committed, t)
-    let write = &story["writes"][0];
+    let write = &transcript["writes"][0];
     assert_eq!((&write["resource"], &write["member"]), (&json!("outputs"), &json!("outputs[0]")));
     assert_eq!(write["after"]["value"], json!([2.0, 1.0, 1.0, 9.0]));
 }
@@ -262,15 +262,15 @@ fn an_intersection_shader_reports_twice() {
 #[test]
 fn the_demo_traces_a_shadow_ray_from_a_closest_hit_shader() {
     let output = run(&["--json"]);
-    let story: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let ray = &story["root"]["steps"][0];
+    let transcript: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let ray = &transcript["root"]["steps"][0];
     assert_eq!(ray["depth"], 1);
     assert!(ray["called_at"]["file"].as_str().unwrap().ends_with("main.rgen"));
     assert!(ray["called_at"]["text"].as_str().unwrap().starts_with("traceRayEXT("));
     let shadow = &ray["shader"]["steps"][0];
     assert_eq!((&shadow["depth"], &shadow["miss_index"]), (&json!(2), &json!(1)));
     assert_eq!(shadow["flags"]["names"], json!(["TerminateOnFirstHitKHR", "SkipClosestHitShaderKHR"]));
-    assert_eq!(story["writes"][0]["at"], json!({ "texel": [470, 220, 0] }));
+    assert_eq!(transcript["writes"][0]["at"], json!({ "texel": [470, 220, 0] }));
 }
 
 #[test]
@@ -292,14 +292,14 @@ fn a_trap_is_told_with_its_line_and_ends_with_code_2() {
     assert!(stdout.contains("TRAPPED: a buffer is accessed outside its range at "), "{stdout}");
     assert!(stderr.contains("main.rgen:11"), "{stderr}");
     assert!(stderr.contains("^^^"), "{stderr}");
-    let story = told("trap", &["--pixel", "5,0"]);
-    let exit = &story["root"]["exit"];
+    let transcript = told("trap", &["--pixel", "5,0"]);
+    let exit = &transcript["root"]["exit"];
     assert_eq!((&exit["how"], &exit["at"]["line"]), (&json!("trapped"), &json!(11)));
-    assert_eq!(story["trap"]["message"], "a buffer is accessed outside its range");
+    assert_eq!(transcript["trap"]["message"], "a buffer is accessed outside its range");
     // Its neighbour is well: 2 * 5 from inputs[4].
-    let story = told("trap", &["--pixel", "4,0"]);
+    let transcript = told("trap", &["--pixel", "4,0"]);
     assert_eq!(
-        (&story["writes"][0]["member"], &story["writes"][0]["after"]["value"]),
+        (&transcript["writes"][0]["member"], &transcript["writes"][0]["after"]["value"]),
         (&json!("outputs[4]"), &json!(10.0))
     );
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::cli::output;
-use crate::compile::{DebugInfo, Optimize, Options, Source, compile, fixtures};
+use crate::compile::{CompileOptions, DebugInfo, Optimize, Source, compile, fixtures};
 use crate::error::{Error, ErrorKind, Result};
 
 /// Compiles GLSL, WGSL, Slang or HLSL to SPIR-V.
@@ -58,7 +58,7 @@ fn compile_sources(args: &CompileArgs) -> Result<()> {
         Some("0") => Optimize::Off,
         Some(_) => Optimize::High,
     };
-    let options = Options { debug, optimize };
+    let options = CompileOptions { debug, optimize };
     let mut errors = Vec::new();
     for path in &args.sources {
         let mut file = path.file_name().unwrap_or_default().to_owned();

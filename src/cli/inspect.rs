@@ -33,7 +33,7 @@ pub struct InspectArgs {
 /// What reading and loading the module reports.
 pub fn run(args: InspectArgs) -> Result<()> {
     let module = Arc::new(module_file::read(&args.module)?);
-    let report = Report::of(&module);
+    let report = ModuleReport::of(&module);
     if !args.json {
         return output::print(format_args!("{}\n{}", args.module.display(), report.text()));
     }
@@ -44,7 +44,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
 
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
-struct Report {
+struct ModuleReport {
     version: String,
     generator: String,
     addressing_model: String,
@@ -105,7 +105,7 @@ struct Variable {
     builtin: Option<String>,
 }
 
-impl Report {
+impl ModuleReport {
     fn of(module: &Arc<Module>) -> Self {
         let blocks = module.functions.iter().flat_map(|function| &function.blocks);
         let debug = &module.debug_info;

@@ -17,7 +17,7 @@ use crate::pipeline::{Band, Bands, Streamed};
 use crate::scene::image::{stream_png, write_png};
 use crate::scene::image_entry::Image;
 use crate::scene::resources::{Output, Resource};
-use crate::scene::{self, Assembled, DiskFiles, Options, ResolvedScene, resolved};
+use crate::scene::{self, Assembled, DiskFiles, LoadOptions, ResolvedScene, resolved};
 
 /// Renders a scene: launches its ray generation shader over an image and saves the image.
 ///
@@ -66,7 +66,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
         let message = "`--json` is for --shadow and --perturb";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
-    let options = Options { size: args.size, precision: args.precision, streams: true, ..Options::default() };
+    let options =
+        LoadOptions { size: args.size, precision: args.precision, streams: true, ..LoadOptions::default() };
     let begin = Instant::now();
     let file = args.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
     let resolved = match &args.scene {

@@ -1,6 +1,6 @@
 //! `anyhit run`: runs a scene, or a module's compute shader by itself, and shows what it left.
 
-mod by_itself;
+mod bare_module;
 mod dump;
 
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::geometry::Precision;
 use crate::machine::MemoryPolicy;
 use crate::scene::image::write_png;
-use crate::scene::{self, DiskFiles, Options};
+use crate::scene::{self, DiskFiles, LoadOptions};
 
 /// Runs a scene's launch and dispatches, or a module's compute shader by itself.
 ///
@@ -27,7 +27,7 @@ pub struct RunArgs {
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
-    by_itself: by_itself::Arguments,
+    bare_module: bare_module::Arguments,
     /// Show a buffer or an image afterwards: its name in the scene, or its binding; typed (the
     /// default), hex or json
     #[arg(long, value_name = "WHAT[=FORMAT]")]
@@ -65,8 +65,8 @@ pub fn run(args: RunArgs) -> Result<()> {
     let is_scene = args.file.extension().is_some_and(|extension| extension == "toml");
     let scene = match is_scene {
         true => {
-            args.by_itself.refuse()?;
-            let options = Options { precision: args.precision, ..Options::default() };
+            args.bare_module.refuse()?;
+            let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
             scene::load(&args.file, &DiskFiles, &options)?
         }
         false if args.precision.is_some() => {
@@ -74,7 +74,7 @@ pub fn run(args: RunArgs) -> Result<()> {
                 "`--precision` needs a scene: a module by itself meets no geometry".into(),
             ));
         }
-        false => args.by_itself.scene(&args.file)?,
+        false => args.bare_module.scene(&args.file)?,
     };
     output::notes(&scene.notes);
     let mut assembled = scene::assemble(&scene)?;

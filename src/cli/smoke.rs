@@ -8,7 +8,7 @@ use clap::Args;
 
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::smoke::{self, Options, Report, Verdict};
+use crate::harness::smoke::{self, SmokeOptions, SmokeReport, Verdict};
 
 /// Runs every ray-tracing and compute entry point of a module on made-up inputs.
 ///
@@ -29,14 +29,14 @@ pub struct SmokeArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Instructions that an invocation may execute, counted at back edges and calls
-    #[arg(long, value_name = "N", default_value_t = Options::default().fuel)]
+    #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().fuel)]
     fuel: u64,
     /// The old name of `--fuel`.
     #[arg(long, value_name = "N", hide = true, conflicts_with = "fuel")]
     budget: Option<u64>,
     /// Operations that all runs of an entry point may execute, counted once for all lanes of a batch,
     /// before no further set of values is tried
-    #[arg(long, value_name = "N", default_value_t = Options::default().total_fuel)]
+    #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().total_fuel)]
     total_fuel: u64,
     /// Try no further sets of values after this time; the report then depends on the machine
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
@@ -66,7 +66,7 @@ pub fn run(args: SmokeArgs) -> Result<()> {
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");
     }
-    let options = Options {
+    let options = SmokeOptions {
         seed: args.seed,
         fuel: args.budget.unwrap_or(args.fuel),
         total_fuel: args.total_fuel,
@@ -84,7 +84,7 @@ pub fn run(args: SmokeArgs) -> Result<()> {
 }
 
 /// The worst verdict as an error, for the exit code.
-fn ended(report: &Report, min_coverage: f64) -> Result<()> {
+fn ended(report: &SmokeReport, min_coverage: f64) -> Result<()> {
     let worst = report.worst();
     let kind = match worst {
         Verdict::Ok | Verdict::OutOfScope => return covered(report, min_coverage),
@@ -110,7 +110,7 @@ fn ended(report: &Report, min_coverage: f64) -> Result<()> {
 }
 
 /// Whether every entry point entered enough of its blocks.
-fn covered(report: &Report, percent: f64) -> Result<()> {
+fn covered(report: &SmokeReport, percent: f64) -> Result<()> {
     let reached = report.entry_points.iter().filter_map(|entry| Some((entry, entry.coverage.as_ref()?)));
     let few: Vec<_> = reached.filter(|(_, reached)| !reached.is_at_least(percent)).collect();
     if few.is_empty() {

@@ -9,7 +9,7 @@ use crate::cli::output;
 use crate::cli::stability::StabilityArgs;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
-use crate::harness::suite::{Options, Outcome, Report, Shard, Suite, junit, tell};
+use crate::harness::suite::{Outcome, Shard, Suite, SuiteOptions, SuiteReport, junit, report};
 
 /// Runs test cases: scenes with `[expect]` and `*.test.toml` files of rays.
 ///
@@ -71,7 +71,7 @@ enum Format {
     /// Text for people
     #[default]
     Plain,
-    /// The same, with an annotation for each failure that GitHub shows at the shader's line
+    /// Text, with an annotation for each failure that GitHub shows at the shader's line
     Github,
     /// One JSON object
     Json,
@@ -108,7 +108,7 @@ pub fn run(args: TestArgs) -> Result<()> {
     }
     match args.format {
         Format::Json => {
-            let mut json = tell::json(&report, args.coverage.is_some());
+            let mut json = report::json(&report, args.coverage.is_some());
             if args.stability.shadow() {
                 json["shadow"] = report.shadow.json(None);
             }
@@ -119,7 +119,7 @@ pub fn run(args: TestArgs) -> Result<()> {
         }
         Format::Plain | Format::Github => {
             if args.coverage.is_some() {
-                output::print(tell::coverage(&report.coverage))?;
+                output::print(report::coverage(&report.coverage))?;
             }
             if args.stability.shadow() {
                 output::print(format_args!("\n{}\n", report.shadow.text()))?;
@@ -133,17 +133,17 @@ pub fn run(args: TestArgs) -> Result<()> {
                 );
                 output::print(format_args!("\n{told}\n"))?;
             }
-            output::print(tell::summary(&report))?;
+            output::print(report::summary(&report))?;
         }
     }
     output::notes(&report.notes);
     verdict(&report)
 }
 
-fn execute(args: &TestArgs, suite: &Suite) -> Result<Report> {
+fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
     let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let colour = !plain && args.format == Format::Plain && stdout().is_terminal();
-    let options = Options {
+    let options = SuiteOptions {
         jobs: args.jobs.map_or(0, usize::from),
         all_widths: args.all_widths,
         check_optimizer: args.check_optimizer,
@@ -158,15 +158,15 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<Report> {
     };
     suite.run(&options, &mut |finished| match args.format {
         Format::Json => Ok(()),
-        Format::Plain => output::print(tell::text(finished, colour)),
+        Format::Plain => output::print(report::text(finished, colour)),
         Format::Github => {
-            output::print(format_args!("{}{}", tell::text(finished, false), tell::github(finished)))
+            output::print(format_args!("{}{}", report::text(finished, false), report::github(finished)))
         }
     })
 }
 
 /// The error that becomes the exit code; everything about it is printed already.
-fn verdict(report: &Report) -> Result<()> {
+fn verdict(report: &SuiteReport) -> Result<()> {
     let mut failed = 0;
     for finished in &report.finished {
         match &finished.outcome {

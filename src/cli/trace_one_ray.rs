@@ -13,7 +13,7 @@ use crate::debug::session::{Request, Session};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
 use crate::scene::file::GivenRay;
-use crate::scene::{DiskFiles, Options, demo, load};
+use crate::scene::{DiskFiles, LoadOptions, demo, load};
 
 /// Traces one ray and tells everything that happened to it.
 ///
@@ -73,7 +73,7 @@ pub struct TraceOneRayArgs {
 /// before it is printed.
 pub fn run(args: TraceOneRayArgs) -> Result<()> {
     let request = args.request()?;
-    let options = Options { precision: args.precision, ..Options::default() };
+    let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
     let scene = match &args.scene {
         Some(path) => load(path, &DiskFiles, &options)?,
         None => demo::scene(&options)?,
@@ -84,18 +84,18 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
         let (_, settled) = session.settle(&request)?;
         return args.stability.run(session.scene(), session.assembled(), Some(&settled), args.json);
     }
-    let (mut story, trap) = session.tell(&request)?;
+    let (mut transcript, trap) = session.run(&request)?;
     if args.scene.is_none() {
-        story.scene = "swept-spheres (part of the program)".into();
+        transcript.scene = "swept-spheres (part of the program)".into();
     }
     if args.json {
-        let json = serde_json::to_string_pretty(&story)
+        let json = serde_json::to_string_pretty(&transcript)
             .map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;
         output::print(format_args!("{json}\n"))?;
     } else {
         let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
         let look = Look { colour: !plain && stdout().is_terminal(), all: args.all };
-        output::print(render::text(&story, look))?;
+        output::print(render::text(&transcript, look))?;
     }
     trap.map_or(Ok(()), Err)
 }

@@ -54,7 +54,7 @@ enum Judge {
 
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
-struct Report {
+struct VerifyReport {
     files: Vec<File>,
     /// Limits that were passed, in words.
     failures: Vec<String>,
@@ -83,7 +83,7 @@ pub fn run(args: VerifyArgs) -> Result<()> {
         }
     }
     let failures: Vec<String> = files.iter().flat_map(|file| args.failures(file)).collect();
-    let report = Report { files, failures };
+    let report = VerifyReport { files, failures };
     if args.json {
         let json = serde_json::to_string_pretty(&report)
             .map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;

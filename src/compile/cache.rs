@@ -18,7 +18,7 @@ use std::sync::Once;
 use std::time::{Duration, SystemTime};
 
 use super::source::bytes_hash;
-use super::{Language, Options, Source, compile, content_hash, glslang_tool, slang};
+use super::{CompileOptions, Language, Source, compile, content_hash, glslang_tool, slang};
 use crate::error::Result;
 
 /// The environment variable that names the folder.
@@ -44,18 +44,18 @@ const MAGIC: &str = "anyhit module 1";
 ///
 /// # Errors
 /// As [`compile()`].
-pub fn compile_once(source: &Source, options: &Options) -> Result<Vec<u8>> {
+pub fn compile_once(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
     match folder() {
         Some(folder) => compile_once_in(&folder, source, options),
         None => compile(source, options),
     }
 }
 
-/// The same with a folder at hand.
+/// Compiles as [`compile_once`] does, with the cache in a given folder.
 ///
 /// # Errors
 /// As [`compile()`].
-pub fn compile_once_in(folder: &Path, source: &Source, options: &Options) -> Result<Vec<u8>> {
+pub fn compile_once_in(folder: &Path, source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
     let key = key(source, options)?;
     let path = folder.join(&key);
     if let Some(spirv) = fs::read(&path).ok().and_then(|entry| content(&key, &entry)) {
@@ -138,7 +138,7 @@ fn user_cache() -> Option<PathBuf> {
 }
 
 /// The hash of everything that a module depends on.
-fn key(source: &Source, options: &Options) -> Result<String> {
+fn key(source: &Source, options: &CompileOptions) -> Result<String> {
     let compiler = match source.language() {
         #[cfg(feature = "glsl")]
         Language::Glsl(_) if !glslang_tool::asked_for() => super::tool(source.language())?,
@@ -197,16 +197,16 @@ mod tests {
     fn a_source_is_compiled_once_and_again_when_anything_changes() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let take = |name: &str, text: &str, options: &Options| {
+        let take = |name: &str, text: &str, options: &CompileOptions| {
             compile_once_in(folder, &Source::from_text(name, text).unwrap(), options).unwrap()
         };
-        let first = take("a.wgsl", SHADER, &Options::default());
+        let first = take("a.wgsl", SHADER, &CompileOptions::default());
         assert_eq!(entries(folder).len(), 1);
-        assert_eq!(take("a.wgsl", SHADER, &Options::default()), first);
+        assert_eq!(take("a.wgsl", SHADER, &CompileOptions::default()), first);
         assert_eq!(entries(folder).len(), 1);
-        take("a.wgsl", &format!("{SHADER}// more\n"), &Options::default());
-        take("b.wgsl", SHADER, &Options::default());
-        take("a.wgsl", SHADER, &Options::from_flags(["-g"]).unwrap());
+        take("a.wgsl", &format!("{SHADER}// more\n"), &CompileOptions::default());
+        take("b.wgsl", SHADER, &CompileOptions::default());
+        take("a.wgsl", SHADER, &CompileOptions::from_flags(["-g"]).unwrap());
         assert_eq!(entries(folder).len(), 4);
     }
 
@@ -214,7 +214,7 @@ mod tests {
     fn what_is_taken_comes_from_the_disk_and_a_broken_entry_is_made_again() {
         let folder = tempfile::tempdir().unwrap();
         let source = Source::from_text("a.wgsl", SHADER).unwrap();
-        let take = || compile_once_in(folder.path(), &source, &Options::default()).unwrap();
+        let take = || compile_once_in(folder.path(), &source, &CompileOptions::default()).unwrap();
         let module = take();
         let path = entries(folder.path()).remove(0);
         let key = path.file_name().unwrap().to_str().unwrap().to_owned();
@@ -273,7 +273,7 @@ mod tests {
         let modules: Vec<_> = std::thread::scope(|scope| {
             let take = || {
                 let source = Source::from_text("a.wgsl", SHADER).unwrap();
-                compile_once_in(folder.path(), &source, &Options::default()).unwrap()
+                compile_once_in(folder.path(), &source, &CompileOptions::default()).unwrap()
             };
             let threads: Vec<_> = (0..8).map(|_| scope.spawn(take)).collect();
             threads.into_iter().map(|thread| thread.join().unwrap()).collect()
@@ -288,10 +288,10 @@ mod tests {
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
         let source = Source::from_text("a.wgsl", SHADER).unwrap();
-        assert!(compile_once_in(&file, &source, &Options::default()).is_ok());
+        assert!(compile_once_in(&file, &source, &CompileOptions::default()).is_ok());
         let wrong = Source::from_text("a.wgsl", "fn main() -> f32 {}").unwrap();
         for _ in 0..2 {
-            let error = compile_once_in(folder.path(), &wrong, &Options::default()).unwrap_err();
+            let error = compile_once_in(folder.path(), &wrong, &CompileOptions::default()).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::InvalidSource);
         }
     }

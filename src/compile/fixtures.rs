@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::source::bytes_hash;
-use super::{Language, Options, Source, compile, content_hash, tool};
+use super::{CompileOptions, Language, Source, compile, content_hash, tool};
 use crate::error::{Error, ErrorKind, Place, Result};
 
 /// The folder of the sources, in the root of the repository.
@@ -57,7 +57,7 @@ struct Wanted {
 
 /// What [`regenerate`] did.
 #[derive(Debug, Default)]
-pub struct Report {
+pub struct FixtureReport {
     /// Fixtures written, by name.
     pub written: Vec<String>,
     /// The number of fixtures that were in step already.
@@ -75,10 +75,10 @@ pub struct Report {
 ///
 /// # Errors
 /// What [`compile`] reports about the sources, all in one; [`ErrorKind::Io`].
-pub fn regenerate(root: &Path, force: bool) -> Result<Report> {
+pub fn regenerate(root: &Path, force: bool) -> Result<FixtureReport> {
     let folder = root.join(FIXTURES);
     let mut records = read_records(&folder)?;
-    let mut report = Report::default();
+    let mut report = FixtureReport::default();
     let mut errors = Vec::new();
     let wanted = wanted(root)?;
     for fixture in &wanted {
@@ -165,7 +165,7 @@ fn stale(record: Option<&Record>, flags: &str, source: &str, module: Option<&[u8
 
 fn make(source: &Source, flags: &str) -> Result<(Vec<u8>, String)> {
     let tool = tool(source.language())?;
-    let options = Options::from_flags(flags.split_whitespace())?;
+    let options = CompileOptions::from_flags(flags.split_whitespace())?;
     Ok((compile(source, &options)?, tool))
 }
 

@@ -7,11 +7,11 @@ use glslang::{
     SpirvVersion, Target, VulkanVersion,
 };
 
-use super::{DebugInfo, Options, Source, Stage, bytes, glslang_debug, message};
+use super::{CompileOptions, DebugInfo, Source, Stage, bytes, glslang_debug, message};
 use crate::error::{Error, ErrorKind, Result};
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
-pub(super) fn compile(source: &Source, stage: Stage, options: &Options) -> Result<Vec<u8>> {
+pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -> Result<Vec<u8>> {
     if source.text().contains('\0') {
         let text = format!("{}: the text holds a zero byte", source.name());
         return Err(Error::new(ErrorKind::InvalidSource, text));

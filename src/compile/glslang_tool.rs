@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use super::outside::{Desk, Tool, said};
-use super::{DebugInfo, Optimize, Options, Source, Stage, message};
+use super::{CompileOptions, DebugInfo, Optimize, Source, Stage, message};
 use crate::error::{Error, ErrorKind, Result};
 
 /// The environment variable that names the tool to use, also where glslang is built in.
@@ -19,7 +19,7 @@ pub(super) fn asked_for() -> bool {
 }
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
-pub(super) fn compile(source: &Source, stage: Stage, options: &Options) -> Result<Vec<u8>> {
+pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -> Result<Vec<u8>> {
     let tool = tool()?;
     let desk = Desk::new(source)?;
     let mut command = Command::new(&tool.path);

@@ -7,12 +7,12 @@
 //! `shaders/`.
 //!
 //! ```
-//! use anyhit::compile::{Options, Source, compile};
+//! use anyhit::compile::{CompileOptions, Source, compile};
 //!
 //! let source = Source::from_text("double.wgsl", "@group(0) @binding(0) var<storage, read_write> x: array<f32>;
 //!     @compute @workgroup_size(1) fn double() { x[0] *= 2.0; }")?;
 //! # #[cfg(feature = "wgsl")] {
-//! let spirv = compile(&source, &Options::default())?;
+//! let spirv = compile(&source, &CompileOptions::default())?;
 //! assert_eq!(spirv[..4], [0x03, 0x02, 0x23, 0x07]);
 //! # }
 //! # Ok::<(), anyhit::Error>(())
@@ -41,7 +41,7 @@ use crate::error::{Error, ErrorKind, Result};
 
 /// How to compile.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Options {
+pub struct CompileOptions {
     /// What the module tells about its source.
     pub debug: DebugInfo,
     /// Whether the compiler optimises. Only `slangc` does; glslang is built without its optimiser,
@@ -74,7 +74,7 @@ pub enum Optimize {
     High,
 }
 
-impl Options {
+impl CompileOptions {
     /// The options that command line flags stand for: `-g`, `-gVS` (or `-g2`), `-O0`, `-O2`.
     ///
     /// # Errors
@@ -107,7 +107,7 @@ impl Options {
 /// [`ErrorKind::InvalidSource`] with the places that the compiler named;
 /// [`ErrorKind::UnsupportedTool`] where this build or machine lacks the compiler;
 /// [`ErrorKind::Io`] where a file cannot be read or written.
-pub fn compile(source: &Source, options: &Options) -> Result<Vec<u8>> {
+pub fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
     match source.language() {
         #[cfg(feature = "glsl")]
         Language::Glsl(stage) if !glslang_tool::asked_for() => glsl::compile(source, stage, options),
@@ -155,9 +155,9 @@ mod tests {
 
     #[test]
     fn flags_become_options() {
-        let options = Options::from_flags(["-gVS", "-O0"]).unwrap();
-        assert_eq!(options, Options { debug: DebugInfo::Full, optimize: Optimize::Off });
-        let error = Options::from_flags(["-O3"]).unwrap_err();
+        let options = CompileOptions::from_flags(["-gVS", "-O0"]).unwrap();
+        assert_eq!(options, CompileOptions { debug: DebugInfo::Full, optimize: Optimize::Off });
+        let error = CompileOptions::from_flags(["-O3"]).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         assert!(error.message().contains("-O3"), "{error}");
     }

@@ -3,12 +3,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{DebugInfo, Language, Options, Source, compile_once};
+use super::{CompileOptions, DebugInfo, Language, Source, compile_once};
 use crate::error::{Error, Place, Result};
 use crate::module::{Module, load};
 
 /// How a source is compiled unless told otherwise: with lines, so that a trap can name its own.
-const OPTIONS: Options = Options { debug: DebugInfo::Lines, optimize: super::Optimize::Default };
+const OPTIONS: CompileOptions =
+    CompileOptions { debug: DebugInfo::Lines, optimize: super::Optimize::Default };
 
 impl Module {
     /// Opens a module: a file of SPIR-V, or a source in GLSL, WGSL, Slang or HLSL by its extension,
@@ -66,7 +67,7 @@ impl Module {
     ///
     /// # Errors
     /// As [`Module::open`].
-    pub fn compile(source: &Source, options: &Options) -> Result<Arc<Self>> {
+    pub fn compile(source: &Source, options: &CompileOptions) -> Result<Arc<Self>> {
         let spirv = compile_once(source, options)?;
         let module = load(&spirv).map_err(|error| error.at(Place::File(source.name().into())))?;
         Ok(Arc::new(module))

@@ -4,14 +4,14 @@ use std::path::Path;
 use std::process::Command;
 
 use super::outside::{Desk, Tool, said};
-use super::{DebugInfo, Optimize, Options, Source, message};
+use super::{CompileOptions, DebugInfo, Optimize, Source, message};
 use crate::error::Result;
 
 /// What `slangc` says where the library beside it is missing that optimises SPIR-V.
 const NO_OPTIMIZER: &str = "failed to load downstream compiler 'spirv-opt'";
 
 /// Compiles all entry points of a source into one module, each under its own name.
-pub(super) fn compile(source: &Source, options: &Options) -> Result<Vec<u8>> {
+pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
     let desk = Desk::new(source)?;
     let folders = source.outside_folders()?;
     let run = |optimize| {

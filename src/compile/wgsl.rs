@@ -3,14 +3,14 @@
 use naga::back::spv;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use super::{DebugInfo, Options, Source, bytes};
+use super::{CompileOptions, DebugInfo, Source, bytes};
 use crate::error::{Error, ErrorKind, Place, Result};
 
 /// naga has no constant for its version; a test compares this with `Cargo.lock`.
 pub(super) const NAGA_VERSION: &str = "30.0.1";
 
 /// Compiles to SPIR-V 1.6, or the version that naga raises it to.
-pub(super) fn compile(source: &Source, options: &Options) -> Result<Vec<u8>> {
+pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
     let text = source.text();
     let mut front = naga::front::wgsl::Frontend::new_with_options(naga::front::wgsl::Options {
         parse_doc_comments: false,
@@ -74,7 +74,7 @@ mod tests {
 
     fn report(text: &str) -> String {
         let source = Source::from_text("a.wgsl", text).unwrap();
-        let error = compile(&source, &Options::default()).unwrap_err();
+        let error = compile(&source, &CompileOptions::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidSource);
         error.render()
     }
@@ -114,7 +114,7 @@ mod tests {
             var<incoming_ray_payload> payload: Payload;\n\
             @miss @incoming_payload(payload) fn sky() { payload.colour = vec3f(0.5); }\n";
         let source = Source::from_text("a.wgsl", text).unwrap();
-        let spirv = compile(&source, &Options::default()).unwrap();
+        let spirv = compile(&source, &CompileOptions::default()).unwrap();
         assert_eq!(spirv[..4], [3, 2, 0x23, 7]);
     }
 }

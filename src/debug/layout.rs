@@ -1,6 +1,6 @@
 //! Which part of a buffer's type a byte belongs to.
 
-use crate::debug::values::Value;
+use crate::debug::values::TypedValue;
 use crate::machine::Binding;
 use crate::module::Module;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
@@ -53,8 +53,8 @@ impl<'a> Layout<'a> {
     }
 
     /// The value of a part from its words.
-    pub fn value(&self, part: &Part, words: &[u32]) -> Value {
-        Value::of_type(self.module, part.ty, words)
+    pub fn value(&self, part: &Part, words: &[u32]) -> TypedValue {
+        TypedValue::of_type(self.module, part.ty, words)
     }
 
     fn find(

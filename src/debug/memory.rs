@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::debug::layout::Layout;
-use crate::debug::story::{Target, Write};
-use crate::debug::values::{self, Value};
+use crate::debug::transcript::{ChangedPlace, MemoryChange};
+use crate::debug::values::{self, TypedValue};
 use crate::machine::format::Class;
 use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
@@ -47,7 +47,7 @@ impl Snapshot {
         pipeline: &Pipeline,
         resources: &Resources,
         id: Option<[u32; 3]>,
-    ) -> (Vec<Write>, usize) {
+    ) -> (Vec<MemoryChange>, usize) {
         let output = scene.output().map(|output| Binding { set: output.set, binding: output.binding });
         let mut all = Vec::new();
         for (at, descriptor) in descriptors(resources) {
@@ -61,7 +61,7 @@ impl Snapshot {
                 _ => continue,
             };
             let name = name(scene, at.0);
-            all.extend(changes.into_iter().map(|Change { target, member, before, after }| Write {
+            all.extend(changes.into_iter().map(|Change { target, member, before, after }| MemoryChange {
                 resource: name.clone(),
                 set: at.0.set,
                 binding: at.0.binding,
@@ -78,10 +78,10 @@ impl Snapshot {
 }
 
 struct Change {
-    target: Target,
+    target: ChangedPlace,
     member: Option<String>,
-    before: Value,
-    after: Value,
+    before: TypedValue,
+    after: TypedValue,
 }
 
 /// Changed texels of the first mip level, and one that is wanted in any case.
@@ -95,7 +95,7 @@ fn texels(before: &Image, after: &Image, wanted: Option<[u32; 3]>) -> Vec<Change
         let bits = |image: &Image| image.load(number as usize);
         if bits(before) != bits(after) || wanted == Some(at) {
             let (before, after) = (colour(before, bits(before)), colour(after, bits(after)));
-            changes.push(Change { target: Target::Texel(at), member: None, before, after });
+            changes.push(Change { target: ChangedPlace::Texel(at), member: None, before, after });
         }
     }
     changes
@@ -117,7 +117,7 @@ fn parts(layout: Option<Layout<'_>>, before: &[u32], after: &[u32]) -> Vec<Chang
                 let words = (part.offset / 4) as usize..((part.offset + part.size) / 4) as usize;
                 done = words.end;
                 Change {
-                    target: Target::Byte(part.offset),
+                    target: ChangedPlace::Byte(part.offset),
                     before: layout.value(&part, &before[words.clone()]),
                     after: layout.value(&part, &after[words]),
                     member: Some(part.path),
@@ -125,9 +125,9 @@ fn parts(layout: Option<Layout<'_>>, before: &[u32], after: &[u32]) -> Vec<Chang
             }
             None => {
                 let word =
-                    |word: u32| Value { ty: "uint".into(), content: values::Content::Uint(word.into()) };
+                    |word: u32| TypedValue { ty: "uint".into(), content: values::Content::Uint(word.into()) };
                 let (before, after) = (word(before[at]), word(after[at]));
-                Change { target: Target::Byte(byte), member: None, before, after }
+                Change { target: ChangedPlace::Byte(byte), member: None, before, after }
             }
         });
     }
@@ -151,7 +151,7 @@ fn words(buffer: &Buffer) -> Vec<u32> {
 }
 
 /// A texel as a shader reads it, without the components that the format lacks.
-fn colour(image: &Image, bits: u128) -> Value {
+fn colour(image: &Image, bits: u128) -> TypedValue {
     let format = image.format();
     let (prefix, scalar) = match (format.class(), format.is_wide()) {
         (Class::Float, _) => ("", "float"),
@@ -167,9 +167,9 @@ fn colour(image: &Image, bits: u128) -> Value {
     };
     let parts: Vec<_> = format.decode(bits).into_iter().take(format.channels.into()).map(component).collect();
     match <[values::Content; 1]>::try_from(parts) {
-        Ok([content]) => Value { ty: scalar.to_owned(), content },
+        Ok([content]) => TypedValue { ty: scalar.to_owned(), content },
         Err(parts) => {
-            Value { ty: format!("{prefix}vec{}", parts.len()), content: values::Content::List(parts) }
+            TypedValue { ty: format!("{prefix}vec{}", parts.len()), content: values::Content::List(parts) }
         }
     }
 }

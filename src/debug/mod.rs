@@ -1,7 +1,7 @@
 //! Why a ray went as it did.
 //!
-//! A [`session`] runs one invocation or one ray under an observer and reads what the pipeline told
-//! into a [`story`]: a tree of plain data, with names instead of indices and typed values instead
+//! A [`session`] runs one invocation or one ray under an observer and reads the pipeline's events
+//! into a [`transcript`]: a tree of plain data, with names instead of indices and typed values instead
 //! of words. [`render`] makes text of it, and its JSON is the tree itself. Nothing here reads or
 //! writes a file or a terminal.
 
@@ -14,8 +14,8 @@ mod query_reader;
 pub mod reader;
 pub mod render;
 pub mod session;
-pub mod story;
+pub mod transcript;
 pub mod values;
 
 pub use session::{Request, Session};
-pub use story::Story;
+pub use transcript::Transcript;

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use crate::accel::{HitKind, Tlas};
-use crate::debug::story::{Flags, ShaderLabel, SourceLine};
+use crate::debug::transcript::{Flags, ShaderLabel, SourceLine};
 use crate::error::Place;
 use crate::geometry::Surface;
 use crate::pipeline::{Group, Pipeline, Shader};

@@ -1,4 +1,4 @@
-//! What the ray queries of one run of a shader did, read into steps of its story.
+//! Reads the events of the ray queries of one shader run into steps of its transcript.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::accel::{Tlas, TraceRay};
 use crate::debug::names;
 use crate::debug::reader::Reader;
-use crate::debug::story::{QueryCandidate, QueryEnd, RayQuery, Step};
+use crate::debug::transcript::{QueryCandidate, QueryEnd, QueryReport, Step};
 use crate::debug::values::Float;
 use crate::machine::{RayQueryEvent, RayQueryStep};
 use crate::program::Program;
@@ -39,23 +39,24 @@ impl<'a> Queries<'a> {
         if let RayQueryStep::Initialize(tlas, trace) = what {
             let called_at = self.program.and_then(|program| names::source_line(program, op));
             let traversal = reader.traversal(called_at, &tlas, &trace);
-            let story = RayQuery { traversal, candidates: Vec::new(), hit: None, end: QueryEnd::Underway };
+            let transcript =
+                QueryReport { traversal, candidates: Vec::new(), hit: None, end: QueryEnd::Underway };
             self.known.insert(query, Known { step: steps.len(), tlas, trace, closest: None });
-            steps.push(Step::RayQuery(Box::new(story)));
+            steps.push(Step::RayQuery(Box::new(transcript)));
             return;
         }
         let Some(known) = self.known.get_mut(&query) else { return };
-        let Some(Step::RayQuery(story)) = steps.get_mut(known.step) else { return };
+        let Some(Step::RayQuery(transcript)) = steps.get_mut(known.step) else { return };
         match what {
             RayQueryStep::Initialize(..) => {}
-            RayQueryStep::Node(instance) => story.traversal.open(instance),
-            RayQueryStep::Instance(instance, verdict) => story.traversal.reach(instance, verdict),
+            RayQueryStep::Node(instance) => transcript.traversal.open(instance),
+            RayQueryStep::Instance(instance, verdict) => transcript.traversal.reach(instance, verdict),
             RayQueryStep::Primitive(place, verdict) => {
-                story.traversal.test(place, verdict, &mut known.closest);
+                transcript.traversal.test(place, verdict, &mut known.closest);
             }
-            RayQueryStep::Proceed(None) if story.end == QueryEnd::Terminated => {}
-            RayQueryStep::Proceed(None) => story.end = QueryEnd::Complete,
-            RayQueryStep::Proceed(Some(candidate)) => story.candidates.push(QueryCandidate {
+            RayQueryStep::Proceed(None) if transcript.end == QueryEnd::Terminated => {}
+            RayQueryStep::Proceed(None) => transcript.end = QueryEnd::Complete,
+            RayQueryStep::Proceed(Some(candidate)) => transcript.candidates.push(QueryCandidate {
                 instance: candidate.instance,
                 geometry: candidate.geometry,
                 primitive: candidate.primitive,
@@ -66,19 +67,19 @@ impl<'a> Queries<'a> {
                 generated: Vec::new(),
             }),
             RayQueryStep::Confirm => {
-                if let Some(candidate) = story.candidates.last_mut() {
+                if let Some(candidate) = transcript.candidates.last_mut() {
                     candidate.confirmed = true;
                 }
             }
             RayQueryStep::Generate(t) => {
-                if let Some(candidate) = story.candidates.last_mut() {
+                if let Some(candidate) = transcript.candidates.last_mut() {
                     candidate.generated.push(Float::F32(t));
                 }
             }
-            RayQueryStep::Terminate => story.end = QueryEnd::Terminated,
+            RayQueryStep::Terminate => transcript.end = QueryEnd::Terminated,
             RayQueryStep::Commit(hit) => {
                 known.closest = Some(known.closest.map_or(hit.t, |closest| closest.min(hit.t)));
-                story.hit = Some(reader.hit(&known.tlas, &known.trace, &hit));
+                transcript.hit = Some(reader.hit(&known.tlas, &known.trace, &hit));
             }
         }
     }

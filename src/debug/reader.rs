@@ -1,4 +1,4 @@
-//! Events of a pipeline at one lane, read into the tree of a story.
+//! Reads the events of a pipeline at one lane into the tree of a transcript.
 
 use std::iter::Peekable;
 use std::sync::Arc;
@@ -10,11 +10,11 @@ use crate::accel::{
 };
 use crate::debug::names::{self, Names};
 use crate::debug::query_reader::Queries;
-use crate::debug::story::{
-    Arithmetic, Decision, Ending, Hit, How, Instance, InstanceVerdict, NamedValue, Primitive,
-    PrimitiveVerdict, RecordChoice, ShaderRun, SourceLine, Step, Trace, Traversal,
+use crate::debug::transcript::{
+    Arithmetic, Decision, Ending, ExitKind, HitReport, InstanceOutcome, InstanceReport, NamedValue,
+    PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderRun, SourceLine, Step, Trace, Traversal,
 };
-use crate::debug::values::{Content, Float, Value};
+use crate::debug::values::{Content, Float, TypedValue};
 use crate::geometry::{Intersection, Surface};
 use crate::machine::Exit;
 use crate::module::ty::TypeId;
@@ -74,7 +74,7 @@ impl<'a> Reader<'a> {
             .find_map(|class| program.interface_registers(class))
             .map(|rows| rows.ty);
         let attribute = program.interface_registers(storage::HIT_ATTRIBUTE).map(|rows| rows.ty);
-        let of = |ty: Option<TypeId>, words: &[u32]| Some(Value::of_type(&program.module, ty?, words));
+        let of = |ty: Option<TypeId>, words: &[u32]| Some(TypedValue::of_type(&program.module, ty?, words));
         let steps = self.steps(Some(program));
         let (exit, after) = match self.events.next() {
             Some(Event::Leave { exit, payload, .. }) => (exit, payload),
@@ -86,7 +86,7 @@ impl<'a> Reader<'a> {
                 .iter()
                 .map(|(builtin, words)| NamedValue {
                     name: builtin.name,
-                    value: Value::of_builtin(builtin, words),
+                    value: TypedValue::of_builtin(builtin, words),
                 })
                 .collect(),
             attributes: of(attribute, &attributes),
@@ -158,8 +158,9 @@ impl<'a> Reader<'a> {
                 }
                 Event::Traced { payload: after } => {
                     let ty = self.payload_type(caller, ran, after.len());
-                    let of =
-                        |words: &[u32]| ty.map(|(program, ty)| Value::of_type(&program.module, ty, words));
+                    let of = |words: &[u32]| {
+                        ty.map(|(program, ty)| TypedValue::of_type(&program.module, ty, words))
+                    };
                     trace.payload_before = of(&payload);
                     trace.payload_after = of(&after);
                     return Some(trace);
@@ -228,8 +229,8 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn instances(&self, tlas: &Arc<Tlas>) -> Vec<Instance> {
-        let one = |(number, instance): (usize, &accel::Instance)| Instance {
+    fn instances(&self, tlas: &Arc<Tlas>) -> Vec<InstanceReport> {
+        let one = |(number, instance): (usize, &accel::Instance)| InstanceReport {
             instance: number as u32,
             geometry: self.names.geometry(tlas, number as u32).to_vec(),
             primitive_kind: instance.blas.kind().map(|kind| kind.to_string()),
@@ -239,7 +240,7 @@ impl<'a> Reader<'a> {
             transformed: instance.motion.is_some()
                 || instance.transform != [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
             moves: instance.motion.is_some() || instance.blas.moves(),
-            verdict: InstanceVerdict::NotReached,
+            verdict: InstanceOutcome::NotReached,
             nodes: 0,
             tested: Vec::new(),
         };
@@ -299,7 +300,7 @@ impl<'a> Reader<'a> {
         "the group has no closest-hit shader".into()
     }
 
-    pub(super) fn hit(&self, tlas: &Arc<Tlas>, operands: &TraceRay, committed: &Committed) -> Hit {
+    pub(super) fn hit(&self, tlas: &Arc<Tlas>, operands: &TraceRay, committed: &Committed) -> HitReport {
         let Committed { candidate, t, hit_kind } = *committed;
         let instance = &tlas.instances()[candidate.instance as usize];
         let ray = operands.ray;
@@ -311,7 +312,7 @@ impl<'a> Reader<'a> {
         let (origin, direction) = object_ray
             .map_or((ray.origin, ray.direction), |ray| (ray.object_origin_f32(), ray.object_direction_f32()));
         let data = instance.blas.primitive(candidate.geometry, candidate.primitive, operands.time);
-        Hit {
+        HitReport {
             instance: candidate.instance,
             custom_index: instance.custom_index,
             geometry: candidate.geometry,
@@ -364,16 +365,16 @@ fn confirmed(candidate: &Candidate, shader: Option<&ShaderRun>) -> Option<f32> {
         };
         return shader?.steps.iter().filter_map(accepted).reduce(f32::min);
     }
-    let kept = shader.is_none_or(|run| matches!(run.exit.how, How::Returned | How::Terminated));
+    let kept = shader.is_none_or(|run| matches!(run.exit.how, ExitKind::Returned | ExitKind::Terminated));
     kept.then_some(candidate.intersection.t)
 }
 
 fn ending(program: &Program, exit: Exit) -> Ending {
     let (how, trap) = match exit {
-        Exit::Returned => (How::Returned, None),
-        Exit::Ignored => (How::Ignored, None),
-        Exit::Terminated => (How::Terminated, None),
-        Exit::Trapped(trap) => (How::Trapped, Some(trap)),
+        Exit::Returned => (ExitKind::Returned, None),
+        Exit::Ignored => (ExitKind::Ignored, None),
+        Exit::Terminated => (ExitKind::Terminated, None),
+        Exit::Trapped(trap) => (ExitKind::Trapped, Some(trap)),
     };
     Ending {
         how,
@@ -382,31 +383,31 @@ fn ending(program: &Program, exit: Exit) -> Ending {
     }
 }
 
-fn instance_verdict(verdict: Seen) -> InstanceVerdict {
+fn instance_verdict(verdict: Seen) -> InstanceOutcome {
     match verdict {
-        Seen::Entered => InstanceVerdict::Entered,
-        Seen::Masked => InstanceVerdict::Masked,
-        Seen::Skipped => InstanceVerdict::Skipped,
-        Seen::Missed => InstanceVerdict::MissedBox,
+        Seen::Entered => InstanceOutcome::Entered,
+        Seen::Masked => InstanceOutcome::Masked,
+        Seen::Skipped => InstanceOutcome::Skipped,
+        Seen::Missed => InstanceOutcome::MissedBox,
     }
 }
 
-fn primitive(place: HitPrimitive, verdict: Tested, known: &mut Option<f32>) -> Primitive {
+fn primitive(place: HitPrimitive, verdict: Tested, known: &mut Option<f32>) -> PrimitiveReport {
     let (verdict, found) = match verdict {
-        Tested::Missed => (PrimitiveVerdict::Missed, None),
-        Tested::OutsideInterval(found) => (PrimitiveVerdict::OutsideInterval, Some(found)),
-        Tested::Transparent(found) => (PrimitiveVerdict::Transparent, Some(found)),
-        Tested::CulledByOpacity(found) => (PrimitiveVerdict::CulledByOpacity, Some(found)),
-        Tested::CulledByFace(found) => (PrimitiveVerdict::CulledByFace, Some(found)),
-        Tested::Behind(found) => (PrimitiveVerdict::Behind, Some(found)),
-        Tested::Opaque(found) => (PrimitiveVerdict::Opaque, Some(found)),
-        Tested::Candidate(found) => (PrimitiveVerdict::Candidate, Some(found)),
+        Tested::Missed => (PrimitiveOutcome::Missed, None),
+        Tested::OutsideInterval(found) => (PrimitiveOutcome::OutsideInterval, Some(found)),
+        Tested::Transparent(found) => (PrimitiveOutcome::Transparent, Some(found)),
+        Tested::CulledByOpacity(found) => (PrimitiveOutcome::CulledByOpacity, Some(found)),
+        Tested::CulledByFace(found) => (PrimitiveOutcome::CulledByFace, Some(found)),
+        Tested::Behind(found) => (PrimitiveOutcome::Behind, Some(found)),
+        Tested::Opaque(found) => (PrimitiveOutcome::Opaque, Some(found)),
+        Tested::Candidate(found) => (PrimitiveOutcome::Candidate, Some(found)),
     };
-    let behind = known.filter(|_| verdict == PrimitiveVerdict::Behind).map(Float::F32);
-    if let (PrimitiveVerdict::Opaque, Some(found)) = (verdict, found) {
+    let behind = known.filter(|_| verdict == PrimitiveOutcome::Behind).map(Float::F32);
+    if let (PrimitiveOutcome::Opaque, Some(found)) = (verdict, found) {
         *known = Some(found.t);
     }
-    Primitive {
+    PrimitiveReport {
         geometry: place.geometry,
         primitive: place.primitive,
         verdict,
@@ -450,5 +451,5 @@ fn numbers(primitive: accel::Primitive) -> Vec<NamedValue> {
 }
 
 fn named(name: &'static str, ty: &str, content: Content) -> NamedValue {
-    NamedValue { name, value: Value { ty: ty.to_owned(), content } }
+    NamedValue { name, value: TypedValue { ty: ty.to_owned(), content } }
 }

@@ -1,15 +1,16 @@
-//! A story as text for people.
+//! Renders a transcript as text.
 
 mod query;
 
 use std::collections::BTreeMap;
 
 use crate::debug::page::{Ink, Page, grouped};
-use crate::debug::story::{
-    Decision, Hit, How, Instance, InstanceVerdict, NamedValue, Primitive, PrimitiveVerdict, RecordChoice,
-    ShaderLabel, ShaderRun, SourceLine, Step, Story, Target, Trace, Traversal, Write,
+use crate::debug::transcript::{
+    ChangedPlace, Decision, ExitKind, HitReport, InstanceOutcome, InstanceReport, MemoryChange, NamedValue,
+    PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderLabel, ShaderRun, SourceLine, Step, Trace,
+    Transcript, Traversal,
 };
-use crate::debug::values::{Content, Float, Value};
+use crate::debug::values::{Content, Float, TypedValue};
 
 /// Primitives of an instance that are shown one by one, unless all are wanted.
 const NEAREST: usize = 6;
@@ -30,10 +31,10 @@ pub struct Look {
     pub all: bool,
 }
 
-/// The story as text.
-pub fn text(story: &Story, look: Look) -> String {
+/// Renders a transcript as text.
+pub fn text(transcript: &Transcript, look: Look) -> String {
     let mut writer = Writer { page: Page::new(look.colour), all: look.all };
-    writer.story(story);
+    writer.transcript(transcript);
     writer.page.finish()
 }
 
@@ -54,16 +55,16 @@ struct Writer {
 /// A ray's way with what came of it.
 struct Way<'a> {
     traversal: &'a Traversal,
-    hit: Option<&'a Hit>,
+    hit: Option<&'a HitReport>,
     /// Instance, geometry and primitive of the candidates that were shown.
     shown: Vec<[u32; 3]>,
 }
 
 impl Writer {
-    fn story(&mut self, story: &Story) {
-        let mut title = vec![story.scene.clone()];
-        title.extend(story.ray_name.iter().map(|name| format!("ray \"{name}\"")));
-        if let Some(launch) = &story.launch {
+    fn transcript(&mut self, transcript: &Transcript) {
+        let mut title = vec![transcript.scene.clone()];
+        title.extend(transcript.ray_name.iter().map(|name| format!("ray \"{name}\"")));
+        if let Some(launch) = &transcript.launch {
             let [x, y, z] = launch.id;
             let [width, height, depth] = launch.size;
             title.push(match depth {
@@ -74,13 +75,13 @@ impl Writer {
         let title = title.join(", ");
         self.page.line(title);
         self.page.gap();
-        self.step(&story.root);
+        self.step(&transcript.root);
         self.page.gap();
-        self.result(story);
-        if !story.printed.is_empty() {
+        self.result(transcript);
+        if !transcript.printed.is_empty() {
             self.page.gap();
             self.page.line("printed");
-            for line in story.printed.iter().flat_map(|text| text.lines()) {
+            for line in transcript.printed.iter().flat_map(|text| text.lines()) {
                 self.page.line(format!("  {line}"));
             }
         }
@@ -165,9 +166,9 @@ impl Writer {
             self.page.line(format_args!("{nodes} of the tree over the instances opened"));
         }
         // The interesting ones first where not all are shown: those that have something to tell.
-        let mut shown: Vec<&Instance> = instances.iter().collect();
+        let mut shown: Vec<&InstanceReport> = instances.iter().collect();
         if !self.all && shown.len() > INSTANCES {
-            shown.retain(|one| one.verdict == InstanceVerdict::Entered);
+            shown.retain(|one| one.verdict == InstanceOutcome::Entered);
             shown.truncate(INSTANCES);
         }
         for instance in &shown {
@@ -186,7 +187,7 @@ impl Writer {
         }
     }
 
-    fn instance(&mut self, instance: &Instance, way: &Way<'_>) {
+    fn instance(&mut self, instance: &InstanceReport, way: &Way<'_>) {
         let names = match &instance.geometry[..] {
             [] => String::new(),
             names => format!(" `{}`", names.join("`, `")),
@@ -197,21 +198,21 @@ impl Writer {
             count => format!("{} {kind}", grouped(count as u64)),
         };
         let verdict = match instance.verdict {
-            InstanceVerdict::Entered => self.page.ink(Ink::Kept, "entered"),
-            InstanceVerdict::Masked => {
+            InstanceOutcome::Entered => self.page.ink(Ink::Kept, "entered"),
+            InstanceOutcome::Masked => {
                 let text = "dropped: its mask and the ray's cull mask share no bit";
                 self.page.ink(Ink::Dim, text)
             }
-            InstanceVerdict::Skipped => {
+            InstanceOutcome::Skipped => {
                 let boxes = instance.primitive_kind.as_deref().is_some_and(|kind| kind.contains("AABB"));
                 let flag = if boxes { "SkipAABBsKHR" } else { "SkipTrianglesKHR" };
                 self.page.ink(Ink::Dim, format_args!("dropped: the ray's flag {flag} skips {kind}"))
             }
-            InstanceVerdict::MissedBox => self.page.ink(
+            InstanceOutcome::MissedBox => self.page.ink(
                 Ink::Dim,
                 "dropped: the ray passes by the box around it, or meets it outside the interval",
             ),
-            InstanceVerdict::NotReached => self.page.ink(
+            InstanceOutcome::NotReached => self.page.ink(
                 Ink::Dim,
                 "not reached: its box is missed or lies behind a hit, or the search ended before",
             ),
@@ -220,14 +221,14 @@ impl Writer {
         let head = format!("instance {}{names}: {of}{moves}", instance.instance);
         self.page
             .line(format_args!("{head}; mask {}: {verdict}", masks(instance.mask, way.traversal.cull_mask)));
-        if instance.verdict == InstanceVerdict::Entered {
+        if instance.verdict == InstanceOutcome::Entered {
             self.tested(instance, way);
         }
     }
 
-    fn tested(&mut self, instance: &Instance, way: &Way<'_>) {
+    fn tested(&mut self, instance: &InstanceReport, way: &Way<'_>) {
         let tested = &instance.tested;
-        let mut counts: BTreeMap<PrimitiveVerdict, u64> = BTreeMap::new();
+        let mut counts: BTreeMap<PrimitiveOutcome, u64> = BTreeMap::new();
         for one in tested {
             *counts.entry(one.verdict).or_default() += 1;
         }
@@ -239,8 +240,8 @@ impl Writer {
         let sum = if words.is_empty() { String::new() } else { format!(": {}", words.join(", ")) };
         let all = grouped(instance.primitives as u64);
         self.page.line(format_args!("  {nodes}{} of {all} primitives tested{sum}", tested.len()));
-        let mut shown: Vec<&Primitive> =
-            tested.iter().filter(|one| self.all || one.verdict != PrimitiveVerdict::Missed).collect();
+        let mut shown: Vec<&PrimitiveReport> =
+            tested.iter().filter(|one| self.all || one.verdict != PrimitiveOutcome::Missed).collect();
         shown.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
         let left = if self.all { 0 } else { shown.len().saturating_sub(NEAREST) };
         shown.truncate(shown.len() - left);
@@ -256,34 +257,34 @@ impl Writer {
         }
     }
 
-    fn primitive(&mut self, one: &Primitive, is_hit: bool, is_decided: bool) {
+    fn primitive(&mut self, one: &PrimitiveReport, is_hit: bool, is_decided: bool) {
         let place = format!("geometry {}, primitive {}", one.geometry, one.primitive);
         let met = match (one.t, one.surface) {
             (Some(t), Some(surface)) => format!(", t {t}, {surface}"),
             _ => String::new(),
         };
         let verdict = match one.verdict {
-            PrimitiveVerdict::Opaque if is_hit => self.page.ink(Ink::Kept, "opaque hit, the closest"),
-            PrimitiveVerdict::Opaque => self.page.ink(Ink::Dim, "opaque hit, then a closer one was found"),
-            PrimitiveVerdict::Candidate if is_decided => self.page.ink(Ink::Kept, "candidate, see below"),
-            PrimitiveVerdict::Candidate => {
+            PrimitiveOutcome::Opaque if is_hit => self.page.ink(Ink::Kept, "opaque hit, the closest"),
+            PrimitiveOutcome::Opaque => self.page.ink(Ink::Dim, "opaque hit, then a closer one was found"),
+            PrimitiveOutcome::Candidate if is_decided => self.page.ink(Ink::Kept, "candidate, see below"),
+            PrimitiveOutcome::Candidate => {
                 self.page.ink(Ink::Dim, "candidate whose turn did not come: a closer hit ended the search")
             }
-            PrimitiveVerdict::Behind => {
+            PrimitiveOutcome::Behind => {
                 let behind = one.behind.map_or_else(String::new, |t| format!(" at t {t}"));
                 self.page.ink(Ink::Dim, format_args!("dropped: behind a known hit{behind}"))
             }
-            PrimitiveVerdict::OutsideInterval => self.page.ink(Ink::Dim, "dropped: outside the interval"),
-            PrimitiveVerdict::Transparent => {
+            PrimitiveOutcome::OutsideInterval => self.page.ink(Ink::Dim, "dropped: outside the interval"),
+            PrimitiveOutcome::Transparent => {
                 self.page.ink(Ink::Dim, "passed through: its opacity micromap is transparent there")
             }
-            PrimitiveVerdict::CulledByOpacity => {
+            PrimitiveOutcome::CulledByOpacity => {
                 self.page.ink(Ink::Dim, "dropped: the ray's flags cull its opacity")
             }
-            PrimitiveVerdict::CulledByFace => {
+            PrimitiveOutcome::CulledByFace => {
                 self.page.ink(Ink::Dim, "dropped: the ray's flags cull the side that it shows")
             }
-            PrimitiveVerdict::Missed => self.page.ink(Ink::Dim, "missed"),
+            PrimitiveOutcome::Missed => self.page.ink(Ink::Dim, "missed"),
         };
         self.page.line(format_args!("    {place}{met}: {verdict}"));
     }
@@ -305,7 +306,7 @@ impl Writer {
         }
     }
 
-    fn hit(&mut self, hit: &Hit) {
+    fn hit(&mut self, hit: &HitReport) {
         let head = self.page.ink(Ink::Head, "hit");
         let name = hit.geometry_name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
         self.page.line(format_args!(
@@ -375,13 +376,13 @@ impl Writer {
             self.payload_change(payload_word(run), before, after);
         }
         let ending = match (run.exit.how, run.shader.stage) {
-            (How::Returned, "AnyHitKHR") => "returned: the candidate is accepted".to_owned(),
-            (How::Returned, _) => "returned".to_owned(),
-            (How::Ignored, _) => "ignored the intersection: the candidate is dropped".to_owned(),
-            (How::Terminated, _) => {
+            (ExitKind::Returned, "AnyHitKHR") => "returned: the candidate is accepted".to_owned(),
+            (ExitKind::Returned, _) => "returned".to_owned(),
+            (ExitKind::Ignored, _) => "ignored the intersection: the candidate is dropped".to_owned(),
+            (ExitKind::Terminated, _) => {
                 "terminated the ray: the candidate is accepted, the search ends".to_owned()
             }
-            (How::Trapped, _) => {
+            (ExitKind::Trapped, _) => {
                 let message = run.exit.message.unwrap_or_default();
                 let text = format!("TRAPPED: {message}{}", called_at(run.exit.at.as_ref(), ""));
                 self.page.ink(Ink::Trap, text)
@@ -391,7 +392,7 @@ impl Writer {
     }
 
     /// The parts of a payload that changed, or that none did.
-    fn payload_change(&mut self, word: &str, before: &Value, after: &Value) {
+    fn payload_change(&mut self, word: &str, before: &TypedValue, after: &TypedValue) {
         let pairs = before.parts().into_iter().zip(after.parts());
         let changed: Vec<(String, String)> = pairs
             .filter(|((_, before), (_, after))| before != after)
@@ -407,40 +408,40 @@ impl Writer {
         self.page.rows(changed);
     }
 
-    fn result(&mut self, story: &Story) {
+    fn result(&mut self, transcript: &Transcript) {
         let head = self.page.ink(Ink::Head, "result");
         self.page.line(head);
-        for write in story.writes.iter().take(WRITES) {
+        for write in transcript.writes.iter().take(WRITES) {
             self.write(write);
         }
-        let more = story.writes.len().saturating_sub(WRITES) + story.writes_left_out;
+        let more = transcript.writes.len().saturating_sub(WRITES) + transcript.writes_left_out;
         if more > 0 {
             self.page.line(format_args!("  ... and {} more", counted(more as u64, "change")));
         }
         let shaders: Vec<String> =
-            story.counts.shaders.iter().map(|(stage, count)| format!("{count} {stage}")).collect();
+            transcript.counts.shaders.iter().map(|(stage, count)| format!("{count} {stage}")).collect();
         self.page.line(format_args!(
             "  {} traced,{} shaders run: {}",
-            counted(story.counts.rays, "ray"),
-            match story.counts.ray_queries {
+            counted(transcript.counts.rays, "ray"),
+            match transcript.counts.ray_queries {
                 0 => String::new(),
                 1 => " 1 ray query,".to_owned(),
                 count => format!(" {} ray queries,", grouped(count)),
             },
             if shaders.is_empty() { "none".to_owned() } else { shaders.join(", ") }
         ));
-        if let Some(trap) = &story.trap {
+        if let Some(trap) = &transcript.trap {
             let text = self.page.ink(Ink::Trap, format_args!("trap: {}", trap.message));
             self.page.line(format_args!("  {text}"));
         }
     }
 
-    fn write(&mut self, write: &Write) {
+    fn write(&mut self, write: &MemoryChange) {
         let at = match (write.at, &write.member) {
-            (Target::Texel([x, y, 0]), _) => format!("texel ({x}, {y})"),
-            (Target::Texel([x, y, z]), _) => format!("texel ({x}, {y}, {z})"),
-            (Target::Byte(_), Some(member)) => member.clone(),
-            (Target::Byte(offset), None) => format!("byte {offset}"),
+            (ChangedPlace::Texel([x, y, 0]), _) => format!("texel ({x}, {y})"),
+            (ChangedPlace::Texel([x, y, z]), _) => format!("texel ({x}, {y}, {z})"),
+            (ChangedPlace::Byte(_), Some(member)) => member.clone(),
+            (ChangedPlace::Byte(offset), None) => format!("byte {offset}"),
         };
         let change = if write.before == write.after {
             format!("{}, unchanged", write.after)
@@ -501,7 +502,7 @@ fn payload_word(run: &ShaderRun) -> &'static str {
 }
 
 /// A builtin's value with what it means where a number alone says little.
-fn annotated(name: &str, value: &Value) -> String {
+fn annotated(name: &str, value: &TypedValue) -> String {
     let Content::Uint(bits) = value.content else { return value.to_string() };
     match name {
         "IncomingRayFlagsKHR" => {
@@ -519,7 +520,7 @@ fn annotated(name: &str, value: &Value) -> String {
 }
 
 /// A row for a value, or a row for each of its parts where one would be long.
-fn spread(word: &str, value: &Value) -> Vec<(String, String)> {
+fn spread(word: &str, value: &TypedValue) -> Vec<(String, String)> {
     let text = value.to_string();
     if text.len() <= LONG {
         return vec![(word.to_owned(), text)];
@@ -529,7 +530,7 @@ fn spread(word: &str, value: &Value) -> Vec<(String, String)> {
 }
 
 /// `vec3(0, 0, 0) -> (0.5, 0, 0)`
-fn change(before: &Value, after: &Value) -> String {
+fn change(before: &TypedValue, after: &TypedValue) -> String {
     format!("{before} -> {}", after.content)
 }
 
@@ -550,31 +551,31 @@ fn counted(count: u64, what: &str) -> String {
     format!("{} {what}{}", grouped(count), if count == 1 { "" } else { "s" })
 }
 
-fn short(verdict: PrimitiveVerdict, count: u64) -> String {
+fn short(verdict: PrimitiveOutcome, count: u64) -> String {
     let what = match verdict {
-        PrimitiveVerdict::Opaque => return counted(count, "opaque hit"),
-        PrimitiveVerdict::Candidate => return counted(count, "candidate"),
-        PrimitiveVerdict::Behind => "behind a known hit",
-        PrimitiveVerdict::OutsideInterval => "outside the interval",
-        PrimitiveVerdict::Transparent => "transparent",
-        PrimitiveVerdict::CulledByOpacity => "culled by opacity",
-        PrimitiveVerdict::CulledByFace => "culled by face",
-        PrimitiveVerdict::Missed => "missed",
+        PrimitiveOutcome::Opaque => return counted(count, "opaque hit"),
+        PrimitiveOutcome::Candidate => return counted(count, "candidate"),
+        PrimitiveOutcome::Behind => "behind a known hit",
+        PrimitiveOutcome::OutsideInterval => "outside the interval",
+        PrimitiveOutcome::Transparent => "transparent",
+        PrimitiveOutcome::CulledByOpacity => "culled by opacity",
+        PrimitiveOutcome::CulledByFace => "culled by face",
+        PrimitiveOutcome::Missed => "missed",
     };
     format!("{} {what}", grouped(count))
 }
 
-fn instance_word(verdict: InstanceVerdict) -> &'static str {
+fn instance_word(verdict: InstanceOutcome) -> &'static str {
     match verdict {
-        InstanceVerdict::Entered => "entered",
-        InstanceVerdict::Masked => "dropped by mask",
-        InstanceVerdict::Skipped => "of a skipped kind",
-        InstanceVerdict::MissedBox => "box missed",
-        InstanceVerdict::NotReached => "not reached",
+        InstanceOutcome::Entered => "entered",
+        InstanceOutcome::Masked => "dropped by mask",
+        InstanceOutcome::Skipped => "of a skipped kind",
+        InstanceOutcome::MissedBox => "box missed",
+        InstanceOutcome::NotReached => "not reached",
     }
 }
 
-fn distance(one: &Primitive) -> f32 {
+fn distance(one: &PrimitiveReport) -> f32 {
     match one.t {
         Some(Float::F32(t)) => t,
         _ => f32::INFINITY,

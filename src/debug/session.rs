@@ -1,4 +1,4 @@
-//! A scene that rays are asked about. No input, no output: requests in, stories out.
+//! A scene whose rays and invocations are explained: requests in, transcripts out, no files, no terminal.
 
 use std::sync::Arc;
 
@@ -6,14 +6,14 @@ use crate::accel::Tlas;
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::Reader;
-use crate::debug::story::{Counts, LaunchIndex, Story, TrapReport, VERSION};
+use crate::debug::transcript::{LaunchIndex, RunCounts, Transcript, TrapReport, VERSION};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{RayQueryEvent, RayQueryStep};
 use crate::pipeline::{Event, Stats};
 use crate::scene::file::{GivenRay, RayEntry};
 use crate::scene::{Assembled, ResolvedScene, assemble};
 
-/// Which ray is asked about.
+/// Which ray or invocation is explained.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
     /// The scene's first `[[ray]]`; without one, the centre of the launch.
@@ -44,13 +44,13 @@ impl Session {
         Ok(Self { scene, assembled })
     }
 
-    /// Runs what is asked about and tells what happened; a trap is part of the story, and comes as
-    /// an error beside it.
+    /// Runs a ray or an invocation and returns its transcript. A trap is part of the transcript, and
+    /// is returned as an error beside it.
     ///
     /// # Errors
     /// `InvalidArgument` where the request does not fit the scene: a launch index outside the
     /// launch, a ray that breaks a rule, a launch index without a ray generation shader.
-    pub fn tell(&self, request: &Request) -> Result<(Story, Option<Error>)> {
+    pub fn run(&self, request: &Request) -> Result<(Transcript, Option<Error>)> {
         let (ray_name, request) = self.settle(request)?;
         let snapshot = Snapshot::take(&self.assembled.resources);
         let mut events: Vec<Event> = Vec::new();
@@ -63,7 +63,7 @@ impl Session {
             Settled::Ray(ray) => (None, self.trace(&ray, &mut events)),
         };
         let (stats, trap) = match outcome {
-            // What the others of a subgroup did is not part of the story.
+            // What the other invocations of a subgroup did is not part of the transcript.
             Ok(_) if self.assembled.pipeline.uses_subgroups() => (counted(&events), None),
             Ok(stats) => (stats, None),
             Err(error) if error.kind() == ErrorKind::Trap => (counted(&events), Some(error)),
@@ -79,7 +79,7 @@ impl Session {
             let Assembled { pipeline, resources, .. } = &self.assembled;
             snapshot.changes(&self.scene, pipeline, resources, launch.map(|launch| launch.id))
         };
-        let story = Story {
+        let transcript = Transcript {
             version: VERSION,
             scene: self.scene.path.display().to_string(),
             ray_name,
@@ -95,7 +95,7 @@ impl Session {
                 report: error.render(),
             }),
         };
-        Ok((story, trap))
+        Ok((transcript, trap))
     }
 
     /// The scene.
@@ -111,7 +111,7 @@ impl Session {
     /// Turns a request into a launch index or a ray that can be traced, with its name.
     ///
     /// # Errors
-    /// As [`Session::tell`].
+    /// As [`Session::run`].
     pub fn settle(&self, request: &Request) -> Result<(Option<String>, Settled)> {
         let entry = match request {
             Request::Pixel(id) => return Ok((None, Settled::Pixel(self.inside(*id)?))),
@@ -259,8 +259,8 @@ fn counted(events: &[Event]) -> Stats {
     stats
 }
 
-fn counts(stats: &Stats) -> Counts {
-    Counts {
+fn counts(stats: &Stats) -> RunCounts {
+    RunCounts {
         rays: stats.rays,
         ray_queries: stats.ray_queries,
         shaders: stats.shaders.iter().map(|(stage, stats)| (stage.name(), stats.invocations)).collect(),

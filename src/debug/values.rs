@@ -15,7 +15,7 @@ const SHOWN: usize = 16;
 
 /// A value with its type.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Value {
+pub struct TypedValue {
     /// The type in GLSL's words.
     #[serde(rename = "type")]
     pub ty: String,
@@ -49,7 +49,7 @@ pub struct Member {
     pub name: String,
     /// Its value.
     #[serde(flatten)]
-    pub value: Value,
+    pub value: TypedValue,
 }
 
 /// A float of any width, shown with as few digits as name it.
@@ -67,7 +67,7 @@ pub enum Float {
     Small(FloatFormat, f32),
 }
 
-impl Value {
+impl TypedValue {
     /// A value of a module's type from its words (see [`crate::pipeline::Event`]); words that lack
     /// are 0.
     pub fn of_type(module: &Module, ty: TypeId, words: &[u32]) -> Self {
@@ -96,13 +96,13 @@ impl Value {
 
     /// Its parts that are no structs, each with its path (`hit.t`); one part without a path where
     /// it is no struct itself.
-    pub fn parts(&self) -> Vec<(String, &Value)> {
+    pub fn parts(&self) -> Vec<(String, &TypedValue)> {
         let mut parts = Vec::new();
         self.collect_parts(String::new(), &mut parts);
         parts
     }
 
-    fn collect_parts<'a>(&'a self, path: String, parts: &mut Vec<(String, &'a Value)>) {
+    fn collect_parts<'a>(&'a self, path: String, parts: &mut Vec<(String, &'a TypedValue)>) {
         let Content::Members(members) = &self.content else {
             parts.push((path, self));
             return;
@@ -127,7 +127,7 @@ impl Content {
 }
 
 /// `vec3(0, 0.5, 1)`, `float 0.5`, `Payload { colour: vec3(0, 0, 0) }`.
-impl fmt::Display for Value {
+impl fmt::Display for TypedValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.content {
             Content::List(_) | Content::Members(_) => write!(f, "{}{}", self.ty, self.content),
@@ -265,7 +265,10 @@ fn content(module: &Module, ty: TypeId, words: &mut impl Iterator<Item = u32>) -
         Type::Struct { members, .. } => {
             let member = |(at, member): (usize, &crate::module::ty::Member)| Member {
                 name: if member.name.is_empty() { format!("member {at}") } else { member.name.clone() },
-                value: Value { ty: type_name(module, member.ty), content: content(module, member.ty, words) },
+                value: TypedValue {
+                    ty: type_name(module, member.ty),
+                    content: content(module, member.ty, words),
+                },
             };
             Content::Members(members.iter().enumerate().map(member).collect())
         }
@@ -344,10 +347,10 @@ mod tests {
     fn structs_are_shown_by_member_and_taken_apart_by_path() {
         let scalar = |name: &str, value: u64| Member {
             name: name.into(),
-            value: Value { ty: "uint".into(), content: Content::Uint(value) },
+            value: TypedValue { ty: "uint".into(), content: Content::Uint(value) },
         };
-        let inner = Value { ty: "Hit".into(), content: Content::Members(vec![scalar("t", 7)]) };
-        let outer = Value {
+        let inner = TypedValue { ty: "Hit".into(), content: Content::Members(vec![scalar("t", 7)]) };
+        let outer = TypedValue {
             ty: "Payload".into(),
             content: Content::Members(vec![scalar("seen", 1), Member { name: "hit".into(), value: inner }]),
         };
@@ -364,6 +367,6 @@ mod tests {
     fn builtins_have_their_shapes() {
         let builtin = crate::ops::builtin::find_by_name("HitLSSPositionsNV").unwrap();
         let words = [0.0f32, 1.0, 2.0, 3.0, 4.0, 5.5].map(f32::to_bits);
-        assert_eq!(Value::of_builtin(builtin, &words).to_string(), "vec3[2]((0, 1, 2), (3, 4, 5.5))");
+        assert_eq!(TypedValue::of_builtin(builtin, &words).to_string(), "vec3[2]((0, 1, 2), (3, 4, 5.5))");
     }
 }

@@ -12,9 +12,9 @@ use pretty_assertions::StrComparison;
 
 use crate::error::Result;
 use crate::harness::data::Data;
+use crate::harness::explain::Explain;
 use crate::harness::number::{Expected, Scalar, Tolerance};
 use crate::harness::shader_outcome::ShaderOutcome;
-use crate::harness::told::Explain;
 use crate::harness::trace::Traced;
 use crate::harness::value::Value;
 
@@ -217,8 +217,8 @@ pub fn near(
     if wrong.is_empty() {
         return;
     }
-    let told = found.explanation().or_else(|| outcome.map(Explain::explain));
-    panic!("`{what}` is not as expected\n  {}{}", wrong.join("\n  "), beneath(told));
+    let explanation = found.explanation().or_else(|| outcome.map(Explain::explain));
+    panic!("`{what}` is not as expected\n  {}{}", wrong.join("\n  "), beneath(explanation));
 }
 
 /// The bits of a number as a type holds it.
@@ -229,8 +229,8 @@ fn rounded(scalar: Scalar, exact: f64) -> u64 {
     }
 }
 
-fn beneath(told: Option<String>) -> String {
-    told.map_or_else(String::new, |told| format!("\n\n{told}"))
+fn beneath(explanation: Option<String>) -> String {
+    explanation.map_or_else(String::new, |explanation| format!("\n\n{explanation}"))
 }
 
 /// An outcome with a payload.

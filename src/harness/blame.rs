@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::debug::names;
-use crate::debug::story::SourceLine;
+use crate::debug::transcript::SourceLine;
 use crate::harness::case::Loaded;
 use crate::harness::expect::Subject;
 use crate::harness::run::{fresh, trace};
@@ -55,19 +55,19 @@ pub fn writer(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Option<
     };
     let pipeline = &loaded.assembled.pipeline;
     let launch = Launch { pipeline, resources: &resources };
-    let mut watcher = Watcher::new(pipeline, target);
+    let mut finder = WriteFinder::new(pipeline, target);
     let named = |name: &String| loaded.scene.rays.iter().position(|ray| name_of(ray) == Some(name));
     let ray = match subject {
         Subject::Ray(name, _) => Some(named(name)?),
         _ => ray,
     };
     if let Some(ray) = ray {
-        let mut observer: &mut dyn Observer<1> = &mut watcher;
+        let mut observer: &mut dyn Observer<1> = &mut finder;
         let mut ignore = |_| ();
         let mut on_event: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
         let ray = &loaded.scene.rays[ray];
         let _ = trace(&loaded.scene, &launch, loaded.assembled.size, ray, &mut on_event, &mut observer);
-        return Some(Writer { launch_id: None, line: watcher.line() });
+        return Some(Writer { launch_id: None, line: finder.line() });
     }
     let [width, height, depth] = loaded.assembled.size;
     let alone = !pipeline.uses_subgroups() && pipeline.sbt.ray_generation.is_some();
@@ -77,19 +77,19 @@ pub fn writer(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Option<
     let mut launch_id = None;
     for index in 0..width * height * depth {
         let id = [index % width, index / width % height, index / width / height];
-        let before = watcher.writes;
-        let mut observer: &mut dyn Observer<1> = &mut watcher;
+        let before = finder.writes;
+        let mut observer: &mut dyn Observer<1> = &mut finder;
         let mut ignore = |_| ();
         let mut on_event: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
         let run = launch.run_one(id, loaded.assembled.size, &mut on_event, &mut observer);
-        if watcher.writes > before {
+        if finder.writes > before {
             launch_id = Some(id);
         }
         if run.is_err() {
             break;
         }
     }
-    launch_id.map(|id| Writer { launch_id: Some(id), line: watcher.line() })
+    launch_id.map(|id| Writer { launch_id: Some(id), line: finder.line() })
 }
 
 fn name_of(ray: &RayEntry) -> Option<&String> {
@@ -112,7 +112,7 @@ enum Target {
 }
 
 /// Compares before each operation what the one before has left.
-struct Watcher<'a> {
+struct WriteFinder<'a> {
     pipeline: &'a Pipeline,
     target: Target,
     shader: u32,
@@ -123,7 +123,7 @@ struct Watcher<'a> {
     written: Option<(u32, u32)>,
 }
 
-impl<'a> Watcher<'a> {
+impl<'a> WriteFinder<'a> {
     fn new(pipeline: &'a Pipeline, target: Target) -> Self {
         Self { pipeline, target, shader: 0, last: None, op: 0, writes: 0, written: None }
     }
@@ -157,7 +157,7 @@ impl<'a> Watcher<'a> {
     }
 }
 
-impl Observer<1> for Watcher<'_> {
+impl Observer<1> for WriteFinder<'_> {
     fn resumed(&mut self, shader: u32, batch: &mut Batch<1>) {
         self.shader = shader;
         self.op = batch.op;

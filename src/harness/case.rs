@@ -8,7 +8,7 @@ use crate::harness::run::{Watch, one_ray, run};
 use crate::harness::stability::perturb;
 use crate::scene::file::SceneFile;
 use crate::scene::read::{Diagnostics, Document, Parse, Table};
-use crate::scene::{Assembled, DiskFiles, Files, Options, ResolvedScene, assemble, load};
+use crate::scene::{Assembled, DiskFiles, Files, LoadOptions, ResolvedScene, assemble, load};
 
 /// A scene, or one of its variants, that is to meet its expectations.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -190,8 +190,11 @@ impl Case {
     /// All their mistakes.
     pub fn load(&self) -> Result<Loaded> {
         let variant = self.variant.as_ref().map(|(at, _)| *at);
-        let scene =
-            load(&self.scene, &DiskFiles, &Options { size: self.size, variant, ..Options::default() })?;
+        let scene = load(
+            &self.scene,
+            &DiskFiles,
+            &LoadOptions { size: self.size, variant, ..LoadOptions::default() },
+        )?;
         let assembled = assemble(&scene)?;
         let mut expectations = Expectations::read(&scene.document)?;
         let report = Diagnostics::default();

@@ -17,7 +17,7 @@ use crate::machine;
 /// let hit = Hit::lss([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [0.5, 0.25])
 ///     .ray(Ray::new([0.0, 0.5, 4.0], [0.0, 0.0, -1.0]));
 ///
-/// // The same as an instance with a transform and an index.
+/// // That hit as one of an instance with a transform and an index.
 /// let instance = Instance::lss([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [0.5, 0.25])
 ///     .translate([0.0, 0.0, -2.0])
 ///     .custom_index(7);

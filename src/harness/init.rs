@@ -9,7 +9,7 @@ use std::sync::Arc;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init::resources::Resources;
 use crate::harness::layout::{Layout, Rules};
-use crate::harness::suite::{Options, Outcome, Suite};
+use crate::harness::suite::{Outcome, Suite, SuiteOptions};
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::ops::pointer::storage;
@@ -45,7 +45,7 @@ pub fn case(modules: &[PathBuf], folder: &Path) -> Result<PathBuf> {
 /// Runs the case and writes what it finds; a launch that traps is expected to.
 fn record(scene: &Path, mut text: String) -> Result<()> {
     let suite = Suite::find(&[scene.to_path_buf()])?;
-    let options = Options { jobs: 1, bless: true, no_explanation: true, ..Options::default() };
+    let options = SuiteOptions { jobs: 1, bless: true, no_explanation: true, ..SuiteOptions::default() };
     let report = suite.run(&options, &mut |_| Ok(()))?;
     for finished in &report.finished {
         match &finished.outcome {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::machine::image::Image;
 use crate::machine::{Buffer, Descriptor, Resources};
 
-/// The same resources with memory of their own. What was shared between bindings still is.
+/// Copies resources with their memory. Bindings that shared memory share the copy.
 pub fn copied(resources: &Resources) -> Resources {
     let mut images: Vec<(Arc<Image>, Arc<Image>)> = Vec::new();
     let mut image = |image: &Arc<Image>| once(&mut images, image, || image.copied());

@@ -2,7 +2,7 @@
 
 use crate::math::float_format::FloatFormat;
 use crate::math::ulp;
-use crate::scene::read::{At, Parse, Table, Value};
+use crate::scene::read::{At, Parse, Table, TomlValue};
 
 /// A type that memory is looked at by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -42,7 +42,7 @@ const SCALARS: [(&str, Scalar); 14] = [
 ];
 
 impl Scalar {
-    /// Bytes.
+    /// The size in bytes.
     pub fn size(self) -> usize {
         match self {
             Self::U8 | Self::I8 | Self::E4m3 | Self::E5m2 => 1,
@@ -124,7 +124,7 @@ impl Scalar {
         }
     }
 
-    fn read(self, value: Value<'_>) -> Option<(u64, f64)> {
+    fn read(self, value: TomlValue<'_>) -> Option<(u64, f64)> {
         // The unrounded value counts where a tolerance is given.
         let exact = if self.is_float() { f64::parse(value)? } else { 0.0 };
         let bits = match self {
@@ -156,7 +156,7 @@ pub enum Expected {
 
 impl Expected {
     /// Reads a number of a type, or `"any"`.
-    pub fn parse(value: Value<'_>, scalar: Scalar) -> Option<At<Self>> {
+    pub fn parse(value: TomlValue<'_>, scalar: Scalar) -> Option<At<Self>> {
         let expected = match value.text() {
             Some("any") => Self::Any,
             _ => scalar.read(value).map(|(bits, exact)| Self::Number(bits, exact))?,
@@ -191,7 +191,7 @@ impl Numbers {
     }
 }
 
-fn flatten(value: Value<'_>, scalar: Scalar) -> Option<Vec<At<Expected>>> {
+fn flatten(value: TomlValue<'_>, scalar: Scalar) -> Option<Vec<At<Expected>>> {
     match value.elements() {
         Some(elements) => {
             let parts: Option<Vec<_>> = elements.map(|element| flatten(element, scalar)).collect();

@@ -53,7 +53,7 @@ pub fn rays(
     (0..scene.rays.len()).flat_map(|at| one_ray(scene, assembled, at, watch).rays).collect()
 }
 
-/// The same with the coverage of launch and dispatches.
+/// Runs a scene as [`run`] does and records the coverage of its launch and dispatches.
 pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &mut Recorder) -> Observed {
     launch(scene, assembled, |resources| {
         let launches = assembled.pipeline.sbt.ray_generation.is_some();
@@ -172,7 +172,7 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
 /// What is counted while a ray runs.
 #[derive(Debug, Default)]
 pub struct Watch<'a> {
-    /// Coverage.
+    /// The recorder of coverage, where it is wanted.
     pub recorder: Option<&'a mut Recorder>,
     /// Whether to count what it costs.
     pub costs: bool,

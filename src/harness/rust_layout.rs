@@ -48,7 +48,7 @@ impl Field {
 pub struct RustLayout {
     /// The type's name, without the paths of modules.
     pub name: String,
-    /// Bytes.
+    /// The size in bytes.
     pub size: usize,
     /// Its fields in order; empty where the text tells nothing.
     fields: Vec<Field>,

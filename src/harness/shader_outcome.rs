@@ -8,14 +8,14 @@ use bytemuck::AnyBitPattern;
 use crate::error::Result;
 use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::data::Data;
+use crate::harness::explain::{Explain, Explanation};
 use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
-use crate::harness::told::{Explain, Told};
 use crate::harness::value::Value;
 use crate::machine::Exit;
 
 /// A report of an intersection shader.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Report {
+pub struct ReportedHit {
     /// The hit distance.
     pub t: f32,
     /// The hit kind.
@@ -36,7 +36,7 @@ pub struct ShaderOutcome {
     /// The hit attributes.
     pub attributes: Value,
     /// The reports of an intersection shader, in order.
-    pub reports: Vec<Report>,
+    pub reports: Vec<ReportedHit>,
     /// The traces that it made, with their answers.
     pub traces: Vec<TraceCall>,
     /// The hit objects that it executed, with their answers.
@@ -47,7 +47,7 @@ pub struct ShaderOutcome {
     pub printed: Vec<String>,
     pub(super) data: Option<Data>,
     pub(super) bound: Bound,
-    pub(super) told: Arc<Told>,
+    pub(super) explanation: Arc<Explanation>,
 }
 
 impl ShaderOutcome {
@@ -68,6 +68,6 @@ reads_what_is_bound!(ShaderOutcome);
 
 impl Explain for ShaderOutcome {
     fn explain(&self) -> String {
-        self.told.text()
+        self.explanation.text()
     }
 }

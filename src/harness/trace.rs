@@ -10,10 +10,10 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
 use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::data::{Bytes, Data};
+use crate::harness::explain::{Explain, Explanation, What};
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::scene::Scene;
-use crate::harness::told::{Explain, Told, What};
 use crate::harness::value::Value;
 use crate::machine::printed::Line;
 use crate::ops::pointer::storage;
@@ -117,7 +117,7 @@ pub struct Traced {
     custom_index: u32,
     pub(super) data: Option<Data>,
     bound: Bound,
-    told: Arc<Told>,
+    explanation: Arc<Explanation>,
 }
 
 impl Traced {
@@ -163,7 +163,7 @@ reads_what_is_bound!(Traced);
 
 impl Explain for Traced {
     fn explain(&self) -> String {
-        self.told.text()
+        self.explanation.text()
     }
 }
 
@@ -247,7 +247,7 @@ impl Pipeline {
         self.trace_observed(scene, ray, &mut ())
     }
 
-    /// The same, with the events that explain it.
+    /// Traces one ray as [`Pipeline::trace`] does, and returns the events that explain it.
     ///
     /// # Errors
     /// As [`Pipeline::trace`].
@@ -290,9 +290,9 @@ impl Pipeline {
             Data::new(&program.module, rows.ty, "the payload", words)
         });
         let what = What::Ray { tlas: scene.tlas().clone(), operands, resources: resources.clone() };
-        let told = Arc::new(Told { pipeline: self.clone(), what });
+        let explanation = Arc::new(Explanation { pipeline: self.clone(), what });
         let mut payload = data.as_ref().map_or_else(Value::nothing, Data::value);
-        payload.explained_by(&told);
+        payload.explained_by(&explanation);
         let custom_index = outcome.committed.map_or(0, |hit| scene.custom_index(hit.candidate.instance));
         let printed = resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
         Ok(Traced {
@@ -303,7 +303,7 @@ impl Pipeline {
             custom_index,
             data,
             bound: self.bound(scene),
-            told,
+            explanation,
         })
     }
 

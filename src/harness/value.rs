@@ -7,8 +7,8 @@ use std::sync::Arc;
 use bytemuck::AnyBitPattern;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::harness::explain::{Explain, Explanation};
 use crate::harness::number::Scalar;
-use crate::harness::told::{Explain, Told};
 use crate::math::float_format::FloatFormat;
 
 /// A value that a shader left: a payload, a buffer, a member or an element of one.
@@ -22,7 +22,7 @@ pub struct Value {
     bytes: Vec<u8>,
     content: Content,
     /// Where it comes from, for failed assertions.
-    told: Option<Arc<Told>>,
+    explanation: Option<Arc<Explanation>>,
 }
 
 impl PartialEq for Value {
@@ -60,7 +60,7 @@ impl Value {
     pub(super) fn float(ty: String, bytes: &[u8], format: Option<FloatFormat>) -> Self {
         let number = |format: FloatFormat| Content::Scalar(Number::Float(format.value(bits_of(bytes))));
         let content = format.map_or(Content::Opaque, number);
-        Self { ty, bytes: bytes.to_vec(), content, told: None }
+        Self { ty, bytes: bytes.to_vec(), content, explanation: None }
     }
 
     pub(super) fn scalar(ty: String, bytes: &[u8], kind: &str) -> Self {
@@ -77,28 +77,32 @@ impl Value {
             "u64" => Content::Scalar(Number::Uint(bits)),
             _ => Content::Opaque,
         };
-        Self { ty, bytes: bytes.to_vec(), content, told: None }
+        Self { ty, bytes: bytes.to_vec(), content, explanation: None }
     }
 
     pub(super) fn list(ty: String, bytes: &[u8], elements: Vec<Self>) -> Self {
-        Self { ty, bytes: bytes.to_vec(), content: Content::List(elements), told: None }
+        Self { ty, bytes: bytes.to_vec(), content: Content::List(elements), explanation: None }
     }
 
     pub(super) fn structure(ty: String, bytes: &[u8], fields: Vec<(String, Self)>) -> Self {
-        Self { ty, bytes: bytes.to_vec(), content: Content::Struct(fields), told: None }
+        Self { ty, bytes: bytes.to_vec(), content: Content::Struct(fields), explanation: None }
     }
 
     /// A value of no type: what a shader without a payload leaves.
     pub(super) fn nothing() -> Self {
-        Self { ty: "nothing".into(), bytes: Vec::new(), content: Content::Opaque, told: None }
+        Self { ty: "nothing".into(), bytes: Vec::new(), content: Content::Opaque, explanation: None }
     }
 
     /// Tells it and its parts where they come from.
-    pub(super) fn explained_by(&mut self, told: &Arc<Told>) {
-        self.told = Some(told.clone());
+    pub(super) fn explained_by(&mut self, explanation: &Arc<Explanation>) {
+        self.explanation = Some(explanation.clone());
         match &mut self.content {
-            Content::List(elements) => elements.iter_mut().for_each(|element| element.explained_by(told)),
-            Content::Struct(fields) => fields.iter_mut().for_each(|(_, value)| value.explained_by(told)),
+            Content::List(elements) => {
+                elements.iter_mut().for_each(|element| element.explained_by(explanation))
+            }
+            Content::Struct(fields) => {
+                fields.iter_mut().for_each(|(_, value)| value.explained_by(explanation))
+            }
             Content::Scalar(_) | Content::Opaque => {}
         }
     }
@@ -407,7 +411,7 @@ impl Index<usize> for Value {
 /// What the ray or the shader did that left it; nothing for a value of a buffer.
 impl Explain for Value {
     fn explain(&self) -> String {
-        self.told.as_ref().map_or_else(String::new, |told| told.text())
+        self.explanation.as_ref().map_or_else(String::new, |explanation| explanation.text())
     }
 }
 

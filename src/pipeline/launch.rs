@@ -49,9 +49,9 @@ pub struct Elided {
 /// How often shaders of a stage ran.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShaderStats {
-    /// Invocations.
+    /// The number of invocations.
     pub invocations: u64,
-    /// Batches that they ran in.
+    /// The number of batches that they ran in.
     pub batches: u64,
 }
 
@@ -167,7 +167,7 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let subgroups = self.pipeline.whole_subgroups();
         let ordered = self.pipeline.order_dependent();
-        // The same schedule for every width of a batch: one after the other, or 64 together.
+        // The schedule does not depend on the width of a batch: one after the other, or 64 together.
         let one_thread = ordered || self.pipeline.shared_memory(size, self.resources).is_some();
         let by_index = one_thread || subgroups.is_some();
         let order = if by_index { Order::by_index(size) } else { Order::by_tiles(size) };

@@ -80,7 +80,7 @@ impl Pipeline {
         Builder::default()
     }
 
-    /// The same pipeline with programs that are not optimised; see [`Program::unoptimized`].
+    /// Returns the pipeline with programs that are not optimised; see [`Program::unoptimized`].
     ///
     /// # Errors
     /// As [`crate::program::lower()`].

@@ -17,7 +17,7 @@ use crate::program::Program;
 pub struct Trapped {
     /// The launch index of the invocation.
     pub launch_id: [u32; 3],
-    /// Why.
+    /// The code of the trap.
     pub code: TrapCode,
     /// The offset or device address that an access asked for.
     pub fault_value: u64,

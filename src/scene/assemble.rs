@@ -39,7 +39,7 @@ pub struct Assembled {
 pub struct Dispatch {
     /// The shader.
     pub compute: Compute,
-    /// Workgroups.
+    /// The number of workgroups along x, y and z.
     pub groups: [u32; 3],
     /// Push constants of its own.
     pub push_constants: Option<Arc<Buffer>>,
@@ -56,7 +56,7 @@ impl Dispatch {
 }
 
 impl Assembled {
-    /// The same scene with programs that are not optimised; see [`Program::unoptimized`].
+    /// Returns the scene with programs that are not optimised; see [`Program::unoptimized`].
     ///
     /// # Errors
     /// As [`lower()`].
@@ -127,7 +127,7 @@ pub fn assemble(scene: &ResolvedScene) -> Result<Assembled> {
     assemble_but(scene, None)
 }
 
-/// The same without one binding, that of an image which whoever launches the scene binds.
+/// Assembles a scene without one binding, that of an image which whoever launches the scene binds.
 ///
 /// # Errors
 /// As [`assemble`].
@@ -245,7 +245,7 @@ fn read(shader: &ShaderModule) -> Result<Module> {
                     return Err(Error::new(ErrorKind::InvalidSource, message).at(shader.place.clone()));
                 }
             };
-            let options = compile::Options { debug: compile::DebugInfo::Lines, ..Default::default() };
+            let options = compile::CompileOptions { debug: compile::DebugInfo::Lines, ..Default::default() };
             let source = source.include_folders(folders);
             let spirv =
                 compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;

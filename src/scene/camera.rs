@@ -8,7 +8,7 @@
 //! vec3 direction = mat3(view_inverse) * normalize((projection_inverse * vec4(d, 1, 1)).xyz);
 //! ```
 
-use crate::scene::read::{Parse, Table, Value};
+use crate::scene::read::{Parse, Table, TomlValue};
 
 /// A camera as a scene writes it.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub struct Camera {
 }
 
 impl Parse for Camera {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let eye = table.required("eye");
         let look_at = table.required("look_at");

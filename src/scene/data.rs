@@ -14,7 +14,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::math::float_format::FloatFormat;
 use crate::scene::camera::Camera;
 use crate::scene::files::Files;
-use crate::scene::read::{At, OneOrMore, Parse, Span, Table, Value};
+use crate::scene::read::{At, OneOrMore, Parse, Span, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 /// The largest buffer that a scene may describe, in bytes.
@@ -83,13 +83,13 @@ fn at(error: Error, span: &Span, path: &Path) -> Error {
 }
 
 impl Parse for Data {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         OneOrMore::parse(value).map(|pieces| Self(pieces.0))
     }
 }
 
 impl Parse for Piece {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         if !matches!(value.toml(), Toml::Table(_)) {
             return value.expected("typed data such as `{ f32 = [1, 2] }`");
         }
@@ -194,7 +194,7 @@ impl Scalar {
     }
 
     /// The little-endian bytes of one value.
-    fn encode(self, value: Value<'_>, bytes: &mut Vec<u8>) -> Option<()> {
+    fn encode(self, value: TomlValue<'_>, bytes: &mut Vec<u8>) -> Option<()> {
         match self {
             Self::F16 => bytes.extend(small(value, FloatFormat::Binary16, "f16")?),
             Self::Bf16 => bytes.extend(small(value, FloatFormat::BFloat16, "bf16")?),
@@ -223,7 +223,7 @@ impl Scalar {
         Some(bytes)
     }
 
-    fn flatten(self, value: Value<'_>, bytes: &mut Vec<u8>) -> Option<()> {
+    fn flatten(self, value: TomlValue<'_>, bytes: &mut Vec<u8>) -> Option<()> {
         let Some(elements) = value.elements() else { return self.encode(value, bytes) };
         let mut all_good = true;
         for element in elements {
@@ -236,7 +236,7 @@ impl Scalar {
 /// The bytes of a float of 8 or 16 bits. Through f64: 53 bits are more than twice the 11 of a half,
 /// plus two, so that the second rounding changes nothing unless the decimal lies within 2^-53 of a
 /// tie without being one.
-fn small(value: Value<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
+fn small(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
     let wide = f64::parse(value)?;
     let bits = format.round(wide);
     let rounded = format.value(bits);
@@ -250,7 +250,7 @@ fn small(value: Value<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
 struct Hex(Vec<u8>);
 
 impl Parse for Hex {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let text = String::parse(value)?;
         let digits = text.chars().filter(|c| !c.is_whitespace() && *c != '_').map(|c| c.to_digit(16));
         let Some(digits) = digits.collect::<Option<Vec<u32>>>() else {
@@ -268,7 +268,7 @@ impl Parse for Hex {
 pub struct ScalarBytes(pub Vec<u8>);
 
 impl Parse for ScalarBytes {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         match Piece::parse(value)?.content {
             Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self(bytes)),
             _ => value.wrong("a specialization constant is one scalar"),

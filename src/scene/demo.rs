@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::error::Result;
 use crate::scene::files::EmbeddedFiles;
-use crate::scene::resolve::{Options, load};
+use crate::scene::resolve::{LoadOptions, load};
 use crate::scene::resolved::ResolvedScene;
 
 /// The scene's path among [`FILES`].
@@ -35,7 +35,7 @@ pub const FILES: EmbeddedFiles<'static> = {
 ///
 /// # Errors
 /// As [`load`] where the options do not suit the scene.
-pub fn scene(options: &Options) -> Result<ResolvedScene> {
+pub fn scene(options: &LoadOptions) -> Result<ResolvedScene> {
     load(Path::new(PATH), &FILES, options)
 }
 
@@ -52,12 +52,12 @@ mod tests {
 
     fn slang() -> ResolvedScene {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/swept-spheres-slang.toml");
-        load(&path, &DiskFiles, &Options::default()).unwrap()
+        load(&path, &DiskFiles, &LoadOptions::default()).unwrap()
     }
 
     #[test]
     fn the_scene_is_what_the_tutorial_describes() {
-        let scene = scene(&Options::default()).unwrap();
+        let scene = scene(&LoadOptions::default()).unwrap();
         let instances = scene.tlas[0].1.instances();
         let data: Vec<&GeometryData> = instances.iter().map(|i| &i.blas.geometries()[0].data).collect();
         let [
@@ -85,8 +85,8 @@ mod tests {
     #[test]
     fn the_embedded_scene_is_the_one_on_disk() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(PATH);
-        let disk = load(&path, &DiskFiles, &Options::default()).unwrap();
-        let embedded = scene(&Options::default()).unwrap();
+        let disk = load(&path, &DiskFiles, &LoadOptions::default()).unwrap();
+        let embedded = scene(&LoadOptions::default()).unwrap();
         let codes = |scene: &ResolvedScene| -> Vec<ShaderCode> {
             scene.shaders.iter().map(|module| module.code.clone()).collect()
         };
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn both_scenes_name_entry_points_that_exist() {
-        for scene in [scene(&Options::default()).unwrap(), slang()] {
+        for scene in [scene(&LoadOptions::default()).unwrap(), slang()] {
             let records = [scene.sbt.raygen.len(), scene.sbt.miss.len(), scene.sbt.hit.len()];
             assert_eq!(records, [1, 2, 4]);
             let has = |shader: &Shader, stage: Stage| {
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn the_picture_shows_everything_and_the_ray_meets_a_chain() {
-        let scene = scene(&Options::default()).unwrap();
+        let scene = scene(&LoadOptions::default()).unwrap();
         let mut counts = [0; 5];
         for y in (0..540).step_by(12) {
             for x in (0..960).step_by(12) {

@@ -1,7 +1,7 @@
 //! `[device]` and the flags of `[pipeline]`: what a scene's device offers.
 
 use crate::pipeline::{DeviceProfile, Features, Limits, PipelineFlags};
-use crate::scene::read::{Named, OneOrMore, Parse, Table, Value};
+use crate::scene::read::{Named, OneOrMore, Parse, Table, TomlValue};
 
 /// The name of a preset.
 #[derive(Clone, Copy)]
@@ -18,7 +18,7 @@ impl Named for Preset {
 }
 
 impl Parse for DeviceProfile {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let preset = table.optional::<Preset>("preset");
         let mut device = preset.and_then(|preset| Self::preset(preset.0)).unwrap_or_else(Self::default);

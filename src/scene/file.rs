@@ -17,7 +17,9 @@ use crate::scene::data::Data;
 use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
-use crate::scene::read::{At, Diagnostics, Document, Named, OneOrMore, Parse, Source, Span, Table, Value};
+use crate::scene::read::{
+    At, Diagnostics, Document, Named, OneOrMore, Parse, Source, Span, Table, TomlValue,
+};
 use crate::scene::resources::ResourceEntry;
 use crate::scene::specialization::SpecializationValue;
 
@@ -145,7 +147,7 @@ fn launch(root: &Table<'_>) -> Option<At<[u32; 3]>> {
 }
 
 /// One to three sizes; missing ones are 1.
-fn sides(value: Value<'_>) -> Option<At<[u32; 3]>> {
+fn sides(value: TomlValue<'_>) -> Option<At<[u32; 3]>> {
     let At { value: OneOrMore(given), span } = At::<OneOrMore<u32>>::parse(value)?;
     if given.is_empty() || given.len() > 3 {
         return value.wrong("one to three sizes are needed: `[width, height, depth]`");
@@ -160,14 +162,14 @@ fn sides(value: Value<'_>) -> Option<At<[u32; 3]>> {
 pub struct DispatchEntry {
     /// The shader.
     pub shader: At<String>,
-    /// Workgroups.
+    /// The number of workgroups along x, y and z.
     pub groups: [u32; 3],
     /// Push constants of its own, in place of the scene's.
     pub push_constants: Option<Data>,
 }
 
 impl Parse for DispatchEntry {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let shader = table.required("shader");
         let groups = table.value("groups").map_or(Some([1; 3]), |value| Some(sides(value)?.value));
@@ -195,7 +197,7 @@ pub struct ShaderEntry {
 }
 
 impl Parse for ShaderEntry {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
             let path: Option<At<String>> = At::parse(value);
             let is_source = path.as_ref().is_some_and(|file| Language::of(Path::new(&file.value)).is_some());
@@ -224,7 +226,7 @@ impl Parse for ShaderEntry {
     }
 }
 
-fn specialization(value: Value<'_>) -> Option<Vec<(u32, SpecializationValue)>> {
+fn specialization(value: TomlValue<'_>) -> Option<Vec<(u32, SpecializationValue)>> {
     let table = Table::new(value)?;
     let mut constants = Vec::new();
     for (name, value) in table.iter() {
@@ -241,7 +243,7 @@ fn specialization(value: Value<'_>) -> Option<Vec<(u32, SpecializationValue)>> {
     Some(constants)
 }
 
-/// The same scene with other shaders: what else must meet the expectations.
+/// A variant: other shaders for the scene, which must meet the same expectations.
 #[derive(Clone, Debug)]
 pub struct VariantEntry {
     /// A name for reports.
@@ -251,7 +253,7 @@ pub struct VariantEntry {
 }
 
 impl Parse for VariantEntry {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let name = table.required("name");
         let shaders = entries(&table, "shaders");
@@ -286,7 +288,7 @@ pub struct PipelineEntry {
 }
 
 impl Parse for PipelineEntry {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let list = |key| table.optional::<OneOrMore<GeneralEntry>>(key).map_or(Vec::new(), |list| list.0);
         let subgroup_size = table.optional::<At<u32>>("subgroup_size");
@@ -328,7 +330,7 @@ pub struct GeneralEntry {
 }
 
 impl Parse for GeneralEntry {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
             return Some(Self { name: None, shader: At::parse(value), record: None });
         }
@@ -359,7 +361,7 @@ pub struct HitEntry {
 }
 
 impl Parse for HitEntry {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let entry = Self {
             name: table.optional("name"),
@@ -392,7 +394,7 @@ pub enum RayEntry {
 pub struct GivenRay {
     /// A name for reports.
     pub name: Option<String>,
-    /// Origin.
+    /// The ray's origin.
     pub origin: [f32; 3],
     /// Direction, not normalised.
     pub direction: [f32; 3],
@@ -474,7 +476,7 @@ impl Named for RayFlag {
 }
 
 impl Parse for RayEntry {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let name = table.optional("name");
         // The harness reads this table.
@@ -512,7 +514,7 @@ impl Parse for RayEntry {
 }
 
 /// A ray's payload: data in whole words.
-fn payload(value: Value<'_>) -> Option<Vec<u32>> {
+fn payload(value: TomlValue<'_>) -> Option<Vec<u32>> {
     let data = Data::parse(value)?;
     let bytes = match data.encode(&EmbeddedFiles(&[]), 1.0) {
         Ok(bytes) => bytes,

@@ -1,11 +1,11 @@
 //! Seeded geometry: grass, hair, chains, scattered spheres, a plane, a heightfield.
 //!
-//! The same numbers on every machine: integers, the four operations, square roots, and correctly
+//! The numbers do not depend on the machine: integers, the four operations, square roots, and correctly
 //! rounded sines. y is up, and everything stands in a rectangle of the ground around the origin.
 
 use crate::accel::{EndCaps, GeometryData, Indexing};
 use crate::scene::random::Random;
-use crate::scene::read::{At, Parse, Table, Value};
+use crate::scene::read::{At, Parse, Table, TomlValue};
 
 /// The most primitives that one generator makes.
 pub const MAX_PRIMITIVES: u64 = 20_000_000;
@@ -15,7 +15,7 @@ pub const MAX_PRIMITIVES: u64 = 20_000_000;
 pub struct Spread(pub [f32; 2]);
 
 impl Parse for Spread {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.elements().is_none() {
             return f32::parse(value).map(|x| Self([x, x]));
         }

@@ -14,7 +14,7 @@ use crate::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter};
 use crate::scene::mesh::{Mesh, gltf, obj};
 use crate::scene::micromap::opacity_micromap;
 use crate::scene::motion::motion;
-use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, Value};
+use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 /// One geometry as a scene writes it.
@@ -89,7 +89,7 @@ impl Named for EndCaps {
 }
 
 impl Parse for GeometryEntry {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         // Without a type, no other key can be judged.
         let Some(kind) = table.value("type") else {
@@ -227,7 +227,7 @@ fn aabbs(table: &Table<'_>) -> Option<Shape> {
 struct Corners([f32; 6]);
 
 impl Parse for Corners {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let Some(mut elements) = value.elements() else { return value.expected("a box, `[[min], [max]]`") };
         if elements.next().is_some_and(|first| matches!(first.toml(), Toml::Array(_))) {
             let [min, max] = <[[f32; 3]; 2]>::parse(value)?;
@@ -284,7 +284,7 @@ fn linear_swept_spheres(table: &Table<'_>) -> Option<Shape> {
 struct Flat(Vec<u32>);
 
 impl Parse for Flat {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let Some(elements) = value.elements() else { return value.expected("an array of indices") };
         let mut all = Some(Vec::new());
         for element in elements {
@@ -342,7 +342,7 @@ pub struct InstanceEntry {
     pub mask: u8,
     /// Record offset in the hit records.
     pub sbt_offset: u32,
-    /// Flags.
+    /// The geometry's flags.
     pub flags: InstanceFlags,
 }
 
@@ -363,7 +363,7 @@ impl Named for InstanceFlag {
 }
 
 impl Parse for InstanceEntry {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let geometry = table.required::<OneOrMore<At<String>>>("geometry");
         let tlas = table.or("tlas", "main".to_string());
@@ -443,7 +443,7 @@ pub(super) fn placed(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
 }
 
 /// One number for all axes, or three.
-pub(super) fn three(value: Value<'_>, scale: &OneOrMore<f32>) -> Option<[f32; 3]> {
+pub(super) fn three(value: TomlValue<'_>, scale: &OneOrMore<f32>) -> Option<[f32; 3]> {
     match scale.0[..] {
         [all] => Some([all; 3]),
         [x, y, z] => Some([x, y, z]),
@@ -455,7 +455,7 @@ pub(super) fn three(value: Value<'_>, scale: &OneOrMore<f32>) -> Option<[f32; 3]
 struct Matrix([[f32; 4]; 3]);
 
 impl Parse for Matrix {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let nested =
             value.elements().is_some_and(|mut rows| rows.any(|row| matches!(row.toml(), Toml::Array(_))));
         if nested {
@@ -472,7 +472,7 @@ pub(super) struct Rotation {
 }
 
 impl Parse for Rotation {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let axis = table.required::<At<[f32; 3]>>("axis");
         let degrees = table.required("degrees");

@@ -7,7 +7,7 @@ use crate::scene::data::{Data, read};
 use crate::scene::files::Files;
 use crate::scene::image::{MAX_EXTENT, MAX_IMAGE_SIZE, Picture, texel_bytes};
 use crate::scene::mip;
-use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, Value};
+use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, TomlValue};
 use crate::scene::resources::Kind;
 use crate::scene::sampler::SamplerReference;
 
@@ -63,7 +63,7 @@ enum Levels {
 }
 
 impl Parse for Levels {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         match value.text() {
             Some("all") => Some(Self::All),
             Some(_) => value.wrong("`levels` is a number, or `\"all\"` down to a single texel"),

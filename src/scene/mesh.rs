@@ -6,7 +6,7 @@ pub mod obj;
 /// Triangles with shared vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Positions.
+    /// The positions of the vertices.
     pub vertices: Vec<[f32; 3]>,
     /// Three a triangle.
     pub indices: Vec<u32>,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::accel::OpacityMicromap;
 use crate::accel::micromap::{MicromapIndex, MicromapTriangle, Opacity, OpacityFormat};
-use crate::scene::read::{At, Named, Parse, Table, Value};
+use crate::scene::read::{At, Named, Parse, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 impl Named for OpacityFormat {
@@ -38,7 +38,7 @@ impl Named for Special {
 }
 
 impl Parse for MicromapIndex {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         match value.toml() {
             Toml::String(_) => Special::parse(value).map(|special| Self::Special(special.0)),
             _ => u32::parse(value).map(Self::Triangle),
@@ -50,7 +50,7 @@ impl Parse for MicromapIndex {
 struct State(At<Opacity>);
 
 impl Parse for State {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let opacity = match value.toml() {
             Toml::String(_) => Opacity::parse(value)?,
             _ => match u8::parse(value)? {
@@ -66,7 +66,7 @@ impl Parse for State {
 struct States(MicromapTriangle);
 
 impl States {
-    fn parse(value: Value<'_>, format: OpacityFormat) -> Option<Self> {
+    fn parse(value: TomlValue<'_>, format: OpacityFormat) -> Option<Self> {
         let states = Vec::<State>::parse(value)?;
         let subdivision_level = states.len().checked_ilog2().unwrap_or(0) / 2;
         let mut triangle = MicromapTriangle { format, subdivision_level, states: Vec::new() };

@@ -7,7 +7,7 @@ use crate::scene::file::SceneFile;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::random::Random;
 use crate::scene::read::Diagnostics;
-use crate::scene::{Options, load};
+use crate::scene::{LoadOptions, load};
 
 /// Reads the text as `s/a.toml` beside a few good and bad files.
 fn mistake(text: &str) -> Error {
@@ -20,7 +20,7 @@ fn mistake(text: &str) -> Error {
         ("s/old.toml", b"version = 0\n"),
         ("s/wrong.toml", b"version = 1\n\n[geometry.g]\ntype = 'grass'\ncout = 2\n"),
     ];
-    match load(Path::new("s/a.toml"), &EmbeddedFiles(&files), &Options::default()) {
+    match load(Path::new("s/a.toml"), &EmbeddedFiles(&files), &LoadOptions::default()) {
         Err(error) => error,
         Ok(_) => panic!("no mistake in:\n{text}"),
     }
@@ -269,7 +269,7 @@ fn a_text_that_is_no_toml() {
     let error = mistake("version = 1\n[geometry\n");
     assert!(error.render().contains("s/a.toml:2:"), "{error:?}");
     let files = [("a.toml", &b"version = 1 # \xff"[..])];
-    let error = load(Path::new("a.toml"), &EmbeddedFiles(&files), &Options::default()).unwrap_err();
+    let error = load(Path::new("a.toml"), &EmbeddedFiles(&files), &LoadOptions::default()).unwrap_err();
     assert_eq!(error.message(), "not UTF-8 at byte 14");
 }
 

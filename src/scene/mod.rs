@@ -33,7 +33,7 @@ pub mod tree;
 
 pub use assemble::{Assembled, assemble, assemble_without};
 pub use files::{DiskFiles, EmbeddedFiles, Files};
-pub use resolve::{Options, load, load_text};
+pub use resolve::{LoadOptions, load, load_text};
 pub use resolved::ResolvedScene;
 
 #[cfg(test)]

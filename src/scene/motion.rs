@@ -2,7 +2,7 @@
 
 use crate::accel::{Motion, Srt};
 use crate::scene::geometry::{Rotation, placed, three};
-use crate::scene::read::{OneOrMore, Parse, Table, Value};
+use crate::scene::read::{OneOrMore, Parse, Table, TomlValue};
 
 /// How an instance moves, whose transform at time 0 is given beside.
 pub(super) fn motion(table: &Table<'_>, transform: [[f32; 4]; 3]) -> Option<Motion> {
@@ -22,7 +22,7 @@ pub(super) fn motion(table: &Table<'_>, transform: [[f32; 4]; 3]) -> Option<Moti
 struct MatrixKey([[f32; 4]; 3]);
 
 impl Parse for MatrixKey {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let matrix = placed(&table);
         let given = ["transform", "scale", "rotate", "translate"].iter().any(|key| table.has(key));
@@ -38,7 +38,7 @@ impl Parse for MatrixKey {
 struct SrtKey(Srt);
 
 impl Parse for SrtKey {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let rest = Srt::default();
         let scale = table
@@ -68,7 +68,7 @@ mod tests {
 
     use crate::accel::Primitive;
     use crate::scene::files::EmbeddedFiles;
-    use crate::scene::resolve::{Options, load_text};
+    use crate::scene::resolve::{LoadOptions, load_text};
 
     /// A scene of one triangle with an instance of these keys; its matrix at a time, or the mistakes.
     fn matrix(instance: &str, time: f32) -> Result<[[f32; 4]; 3], String> {
@@ -76,7 +76,7 @@ mod tests {
             "version = 1\n[geometry.a]\ntype = 'triangles'\nvertices = [[0,0,0],[1,0,0],[0,1,0]]\n\
              [[instance]]\ngeometry = 'a'\n{instance}"
         );
-        let scene = load_text(Path::new("scene.toml"), &text, &EmbeddedFiles(&[]), &Options::default());
+        let scene = load_text(Path::new("scene.toml"), &text, &EmbeddedFiles(&[]), &LoadOptions::default());
         let scene = scene.map_err(|error| error.to_string())?;
         Ok(scene.tlas[0].1.instances()[0].object_to_world(time))
     }
@@ -101,7 +101,7 @@ mod tests {
                 "version = 1\n[geometry.a]\ntype = 'triangles'\n{geometry}\n[[instance]]\ngeometry = 'a'"
             );
             let path = Path::new("scene.toml");
-            let scene = load_text(path, &text, &EmbeddedFiles(&[]), &Options::default());
+            let scene = load_text(path, &text, &EmbeddedFiles(&[]), &LoadOptions::default());
             let scene = scene.map_err(|error| error.to_string())?;
             match scene.tlas[0].1.instances()[0].blas.primitive(0, 0, 0.5) {
                 Some(Primitive::Triangle(vertices)) => Ok(vertices[1]),

@@ -152,7 +152,7 @@ impl Document {
 
     /// The root table.
     pub fn root<'a>(&'a self, report: &'a Diagnostics) -> Table<'a> {
-        let value = Value { node: &self.root, source: &self.source, report };
+        let value = TomlValue { node: &self.root, source: &self.source, report };
         Table::new(value).expect("bug in anyhit: the root of a TOML document is a table")
     }
 
@@ -165,7 +165,7 @@ impl Document {
 /// What can be read from a TOML value. `None` means that the mistake has been reported.
 pub trait Parse: Sized {
     /// Reads the value.
-    fn parse(value: Value<'_>) -> Option<Self>;
+    fn parse(value: TomlValue<'_>) -> Option<Self>;
 }
 
 /// A closed set of names, such as the filters of a sampler.
@@ -180,13 +180,13 @@ pub trait Named: Copy + 'static {
 
 /// One TOML value with its place.
 #[derive(Clone, Copy)]
-pub struct Value<'a> {
+pub struct TomlValue<'a> {
     node: &'a Node,
     source: &'a Arc<Source>,
     report: &'a Diagnostics,
 }
 
-impl<'a> Value<'a> {
+impl<'a> TomlValue<'a> {
     /// Where it stands.
     pub fn span(&self) -> Span {
         Span { source: self.source.clone(), range: self.node.range.clone() }
@@ -206,10 +206,10 @@ impl<'a> Value<'a> {
     }
 
     /// The elements of an array; `None` (nothing reported) where it is none.
-    pub fn elements(&self) -> Option<impl Iterator<Item = Value<'a>> + use<'a>> {
+    pub fn elements(&self) -> Option<impl Iterator<Item = TomlValue<'a>> + use<'a>> {
         let (source, report) = (self.source, self.report);
         let Toml::Array(elements) = self.toml() else { return None };
-        Some(elements.iter().map(move |node| Value { node, source, report }))
+        Some(elements.iter().map(move |node| TomlValue { node, source, report }))
     }
 
     /// Reports that the value cannot be used; always `None`.
@@ -250,14 +250,14 @@ impl Kept {
     }
 
     /// The value; mistakes go to a report.
-    pub fn value<'a>(&'a self, report: &'a Diagnostics) -> Value<'a> {
-        Value { node: &self.node, source: &self.source, report }
+    pub fn value<'a>(&'a self, report: &'a Diagnostics) -> TomlValue<'a> {
+        TomlValue { node: &self.node, source: &self.source, report }
     }
 }
 
 /// A TOML table that remembers which keys were asked for.
 pub struct Table<'a> {
-    value: Value<'a>,
+    value: TomlValue<'a>,
     entries: &'a [Member],
     asked: RefCell<BTreeSet<&'static str>>,
     /// Old keys that were read in place of the keys that replaced them.
@@ -267,7 +267,7 @@ pub struct Table<'a> {
 
 impl<'a> Table<'a> {
     /// The value as a table; reports where it is none.
-    pub fn new(value: Value<'a>) -> Option<Self> {
+    pub fn new(value: TomlValue<'a>) -> Option<Self> {
         let Toml::Table(entries) = value.toml() else { return value.expected("a table") };
         Some(Self {
             value,
@@ -289,10 +289,10 @@ impl<'a> Table<'a> {
     }
 
     /// The value of a key, if it is there.
-    pub fn value(&self, key: &'static str) -> Option<Value<'a>> {
+    pub fn value(&self, key: &'static str) -> Option<TomlValue<'a>> {
         self.asked.borrow_mut().insert(key);
         let member = self.entries.iter().find(|member| member.key == key)?;
-        Some(Value { node: &member.node, ..self.value })
+        Some(TomlValue { node: &member.node, ..self.value })
     }
 
     /// Whether a key is there. Does not count as asking for it.
@@ -315,7 +315,7 @@ impl<'a> Table<'a> {
             self.renamed.borrow_mut().insert(old);
             let span = Span { source: self.value.source.clone(), range: member.key_range.clone() };
             self.report().renamed(&span, old, key);
-            return T::parse(Value { node: &member.node, ..self.value });
+            return T::parse(TomlValue { node: &member.node, ..self.value });
         }
         self.optional(key)
     }
@@ -337,10 +337,10 @@ impl<'a> Table<'a> {
     }
 
     /// All keys with their values, for tables whose keys are the user's names.
-    pub fn iter(&self) -> impl Iterator<Item = (At<String>, Value<'a>)> + '_ {
+    pub fn iter(&self) -> impl Iterator<Item = (At<String>, TomlValue<'a>)> + '_ {
         self.entries.iter().map(|member| {
             let span = Span { source: self.value.source.clone(), range: member.key_range.clone() };
-            (At { value: member.key.clone(), span }, Value { node: &member.node, ..self.value })
+            (At { value: member.key.clone(), span }, TomlValue { node: &member.node, ..self.value })
         })
     }
 
@@ -411,7 +411,7 @@ fn edit_distance(a: &str, b: &str) -> usize {
 }
 
 impl<T: Named> Parse for T {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let Some(mut name) = value.text() else { return value.expected(&format!("a string ({})", T::WHAT)) };
         if let Some((old, new)) = T::RENAMED.iter().find(|(old, _)| *old == name) {
             value.report.renamed(&value.span(), old, new);
@@ -437,7 +437,7 @@ impl<T: Named> Parse for T {
 }
 
 impl Parse for bool {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         match value.toml() {
             Toml::Boolean(flag) => Some(*flag),
             _ => value.expected("true or false"),
@@ -446,13 +446,13 @@ impl Parse for bool {
 }
 
 impl Parse for String {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         value.text().map(str::to_string).or_else(|| value.expected("a string"))
     }
 }
 
 /// An integer, checked against a range.
-pub(crate) fn integer(value: Value<'_>, least: i128, most: i128, what: &str) -> Option<i128> {
+pub(crate) fn integer(value: TomlValue<'_>, least: i128, most: i128, what: &str) -> Option<i128> {
     let Toml::Integer(digits, radix) = value.toml() else {
         return value.expected(&format!("an integer ({what})"));
     };
@@ -465,7 +465,7 @@ pub(crate) fn integer(value: Value<'_>, least: i128, most: i128, what: &str) -> 
 macro_rules! integers {
     ($($ty:ident)*) => {$(
         impl Parse for $ty {
-            fn parse(value: Value<'_>) -> Option<Self> {
+            fn parse(value: TomlValue<'_>) -> Option<Self> {
                 let number = integer(value, $ty::MIN as i128, $ty::MAX as i128, stringify!($ty))?;
                 Some(number as $ty)
             }
@@ -478,7 +478,7 @@ macro_rules! floats {
     ($($ty:ident)*) => {$(
         /// Rounded once, from the decimal text: through f64 some numbers would be rounded twice.
         impl Parse for $ty {
-            fn parse(value: Value<'_>) -> Option<Self> {
+            fn parse(value: TomlValue<'_>) -> Option<Self> {
                 let (text, named_infinity) = match value.toml() {
                     Toml::Float(text) => (text, text.contains("inf")),
                     Toml::Integer(digits, 10) => (digits, false),
@@ -498,14 +498,14 @@ macro_rules! floats {
 floats!(f32 f64);
 
 impl<T: Parse> Parse for At<T> {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         T::parse(value).map(|parsed| At { value: parsed, span: value.span() })
     }
 }
 
 /// Reports the mistakes of all elements before giving up.
 impl<T: Parse> Parse for Vec<T> {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let Some(elements) = value.elements() else { return value.expected("an array") };
         let parsed: Vec<Option<T>> = elements.map(T::parse).collect();
         parsed.into_iter().collect()
@@ -513,7 +513,7 @@ impl<T: Parse> Parse for Vec<T> {
 }
 
 impl<T: Parse, const N: usize> Parse for [T; N] {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let parsed: Vec<T> = Parse::parse(value)?;
         let found = parsed.len();
         match parsed.try_into() {
@@ -528,7 +528,7 @@ impl<T: Parse, const N: usize> Parse for [T; N] {
 pub struct OneOrMore<T>(pub Vec<T>);
 
 impl<T: Parse> Parse for OneOrMore<T> {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         if matches!(value.toml(), Toml::Array(_)) {
             Vec::parse(value).map(Self)
         } else {

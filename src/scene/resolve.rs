@@ -27,7 +27,7 @@ const MAX_FILES: usize = 64;
 
 /// What a command line changes about a scene.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Options {
+pub struct LoadOptions {
     /// The launch's width and height (`--size`); images without a size and cameras follow.
     pub size: Option<[u32; 2]>,
     /// How intersections are computed (`--precision`), instead of the scene's own choice.
@@ -43,7 +43,7 @@ pub struct Options {
 ///
 /// # Errors
 /// All mistakes of the scene and its files in one error.
-pub fn load(path: &Path, files: &dyn Files, options: &Options) -> Result<ResolvedScene> {
+pub fn load(path: &Path, files: &dyn Files, options: &LoadOptions) -> Result<ResolvedScene> {
     let text = text_of(path, files.read(path)?)?;
     load_text(path, &text, files, options)
 }
@@ -52,7 +52,7 @@ pub fn load(path: &Path, files: &dyn Files, options: &Options) -> Result<Resolve
 ///
 /// # Errors
 /// As [`load`].
-pub fn load_text(path: &Path, text: &str, files: &dyn Files, options: &Options) -> Result<ResolvedScene> {
+pub fn load_text(path: &Path, text: &str, files: &dyn Files, options: &LoadOptions) -> Result<ResolvedScene> {
     let report = Diagnostics::default();
     let own = SceneFile::parse(path, text, &report)?;
     let mut parts = Vec::new();
@@ -101,7 +101,7 @@ fn include(
 struct Resolver<'a> {
     files: &'a dyn Files,
     report: &'a Diagnostics,
-    options: Options,
+    options: LoadOptions,
     geometry: Vec<Entry<GeometryEntry>>,
     instances: Vec<InstanceEntry>,
     shader_entries: Vec<Entry<ShaderEntry>>,
@@ -120,7 +120,12 @@ struct Resolver<'a> {
 }
 
 impl<'a> Resolver<'a> {
-    fn new(parts: Vec<SceneFile>, files: &'a dyn Files, options: &Options, report: &'a Diagnostics) -> Self {
+    fn new(
+        parts: Vec<SceneFile>,
+        files: &'a dyn Files,
+        options: &LoadOptions,
+        report: &'a Diagnostics,
+    ) -> Self {
         let own = parts.last().expect("bug in anyhit: a scene without a file").document.clone();
         let mut all = Self {
             files,
@@ -363,7 +368,7 @@ mod tests {
     use crate::scene::files::EmbeddedFiles;
     use crate::scene::resources::Resource;
 
-    fn scene(text: &str, options: &Options) -> ResolvedScene {
+    fn scene(text: &str, options: &LoadOptions) -> ResolvedScene {
         let files = [
             ("a/s.toml", text.as_bytes()),
             ("a/all.spv", b"SPIR"),
@@ -383,7 +388,7 @@ mod tests {
              raygen = 'all:rg'\nmiss = ['all:sky', {}]\nmax_recursion_depth = 2\n\
              hit = [{ closest_hit = 'all:ch', record = { f32 = 1 } }, { name = 'b', closest_hit = 'all:ch', \
              record = { u32 = 2 } }, { closest_hit = 'all:ch', any_hit = 'all' }]\n",
-            &Options::default(),
+            &LoadOptions::default(),
         );
         assert_eq!(scene.shaders.len(), 1);
         assert_eq!(scene.shaders[0].code, ShaderCode::SpirV(b"SPIR".to_vec()));
@@ -409,7 +414,7 @@ mod tests {
     fn an_included_file_has_its_own_folder_and_can_be_overridden() {
         let text = "version = 1\ninclude = 'shared/geometry.toml'\nlaunch = [8, 4]\n[[instance]]\ngeometry = 'g'\n\
                     [[instance]]\ngeometry = ['g']\nmask = 3\nflags = 'force_opaque'\ncustom_index = 9\nsbt_offset = 2\n";
-        let resolved = scene(text, &Options::default());
+        let resolved = scene(text, &LoadOptions::default());
         let (name, tlas) = &resolved.tlas[0];
         let [first, second] = tlas.instances() else { panic!() };
         assert_eq!(name, "main");
@@ -422,7 +427,7 @@ mod tests {
         let own = format!(
             "{text}[geometry.g]\ntype = 'aabbs'\nboxes = [[[0, 1, 2], [3, 4, 5]], [0, 0, 0, 1, 1, 1]]\n"
         );
-        let resolved = scene(&own, &Options::default());
+        let resolved = scene(&own, &LoadOptions::default());
         let geometry = &resolved.tlas[0].1.instances()[0].blas.geometries()[0];
         let boxes = vec![[0., 1., 2., 3., 4., 5.], [0., 0., 0., 1., 1., 1.]];
         assert_eq!(geometry.data, GeometryData::Aabbs(boxes));
@@ -433,7 +438,7 @@ mod tests {
         let instance = |keys: &str| {
             let text =
                 format!("version = 1\n[geometry.g]\ntype = 'plane'\n[[instance]]\ngeometry = 'g'\n{keys}\n");
-            scene(&text, &Options::default()).tlas[0].1.instances()[0].transform
+            scene(&text, &LoadOptions::default()).tlas[0].1.instances()[0].transform
         };
         assert_eq!(instance("")[1], [0., 1., 0., 0.]);
         // A quarter turn about z takes x to y and y to -x; the scale comes before it.
@@ -449,7 +454,7 @@ mod tests {
         let text = "version = 1\nlaunch = [4, 2]\n[resources.out]\ntype = 'storage_image'\nbinding = 1\nfill = [0, 1]\n\
                     format = 'r32ui'\n[resources.camera]\ntype = 'uniform_buffer'\nset = 1\nbinding = 0\n\
                     data = [{ camera = { eye = [0, 0, 1], look_at = [0, 0, 0], fov = 90 } }, { f32 = [1, 2, 3, 4] }]\n";
-        let wide = scene(text, &Options { size: Some([6, 2]), ..Options::default() });
+        let wide = scene(text, &LoadOptions { size: Some([6, 2]), ..LoadOptions::default() });
         assert_eq!(wide.output().unwrap().name, "out");
         let Resource::StorageImage(image) = &wide.resources[0].resource else { panic!() };
         // One texel stands for all: its red is 0.
@@ -465,7 +470,7 @@ mod tests {
     #[test]
     fn a_ray_has_defaults() {
         let text = "version = 1\n[[ray]]\norigin = [0, 0, 1]\ndirection = [0, 0, -1]\nflags = ['opaque', 'cull_opaque']\n";
-        let resolved = scene(text, &Options::default());
+        let resolved = scene(text, &LoadOptions::default());
         let RayEntry::Given(ray) = &resolved.rays[0] else { panic!() };
         assert_eq!((ray.t_min, ray.t_max, ray.cull_mask), (0.0, f32::INFINITY, 0xff));
         assert_eq!((ray.sbt_offset, ray.sbt_stride, ray.miss_index), (0, 1, 0));
@@ -485,7 +490,7 @@ mod tests {
                     format = 'r32f'\n";
         let (red, green) = (pixel([255, 0, 0, 255]), pixel([0, 255, 0, 128]));
         let files = [("s.toml", text.as_bytes()), ("r.png", &red), ("g.png", &green)];
-        let scene = load(Path::new("s.toml"), &EmbeddedFiles(&files), &Options::default()).unwrap();
+        let scene = load(Path::new("s.toml"), &EmbeddedFiles(&files), &LoadOptions::default()).unwrap();
         let Resource::CombinedImageSampler(image, sampler) = &scene.resources[0].resource else { panic!() };
         assert_eq!(
             (image.format, image.shape.extent, image.shape.layers),

@@ -103,7 +103,7 @@ impl PartialEq for Shader {
 pub struct Dispatch {
     /// The shader.
     pub shader: Shader,
-    /// Workgroups.
+    /// The number of workgroups along x, y and z.
     pub groups: [u32; 3],
     /// The bytes of its own push constants; `None` for the scene's.
     pub push_constants: Option<Vec<u8>>,
@@ -147,13 +147,13 @@ pub struct ShaderRecord {
 /// The shader records by kind, each in its table's order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ShaderBindingTable {
-    /// Ray generation; the first is launched.
+    /// The ray generation records; the first is launched.
     pub raygen: Vec<ShaderRecord>,
-    /// Miss.
+    /// The miss records.
     pub miss: Vec<ShaderRecord>,
-    /// Hit.
+    /// The hit records.
     pub hit: Vec<ShaderRecord>,
-    /// Callable.
+    /// The callable records.
     pub callable: Vec<ShaderRecord>,
 }
 
@@ -162,9 +162,9 @@ pub struct ShaderBindingTable {
 pub struct Binding {
     /// The scene's name for it.
     pub name: String,
-    /// Descriptor set.
+    /// The descriptor set.
     pub set: u32,
-    /// Binding.
+    /// The binding number in the set.
     pub binding: u32,
     /// Element of an array of descriptors.
     pub element: u32,

@@ -6,7 +6,7 @@ use crate::machine::sampler::Sampler;
 use crate::scene::data::{Data, MAX_DATA_SIZE};
 use crate::scene::files::Files;
 use crate::scene::image_entry::{Image, ImageEntry};
-use crate::scene::read::{At, Named, Parse, Span, Table, Value};
+use crate::scene::read::{At, Named, Parse, Span, Table, TomlValue};
 use crate::scene::sampler::SamplerReference;
 
 /// The content of one descriptor.
@@ -52,7 +52,7 @@ impl Named for Output {
 struct Marked(Option<Output>);
 
 impl Parse for Marked {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
             return Output::parse(value).map(|output| Self(Some(output)));
         }
@@ -67,7 +67,7 @@ pub struct ResourceEntry {
     pub span: Span,
     /// Descriptor set.
     pub set: u32,
-    /// Binding.
+    /// The binding number in the set.
     pub binding: u32,
     /// Element of an array of descriptors.
     pub element: u32,
@@ -131,7 +131,7 @@ impl Named for Kind {
 }
 
 impl Parse for ResourceEntry {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let Some(kind) = table.value("type") else {
             return value.wrong("a resource needs its `type`: `storage_buffer`, `storage_image`, ...");

@@ -1,7 +1,7 @@
 //! `[samplers.NAME]`: samplers as a scene writes them.
 
 use crate::machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, ReductionMode, Sampler};
-use crate::scene::read::{At, Named, OneOrMore, Parse, Table, Value};
+use crate::scene::read::{At, Named, OneOrMore, Parse, Table, TomlValue};
 
 /// A sampler by name or by its keys.
 #[derive(Clone, Debug)]
@@ -13,7 +13,7 @@ pub enum SamplerReference {
 }
 
 impl Parse for SamplerReference {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
             return At::parse(value).map(Self::Named);
         }
@@ -67,7 +67,7 @@ impl Named for ReductionMode {
 }
 
 impl Parse for Sampler {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let default = Self::default();
         let filter = table.or("filter", Filter::Linear);

@@ -5,7 +5,7 @@ use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::Type;
 use crate::scene::data::ScalarBytes;
-use crate::scene::read::{Parse, Value, integer};
+use crate::scene::read::{Parse, TomlValue, integer};
 use crate::scene::tree::Toml;
 
 /// The value of a specialization constant: `true`, `7`, `0.5`, or with its type `{ u64 = 7 }`.
@@ -23,12 +23,12 @@ enum Given {
     Whole(i128),
     /// In decimal, as it is written.
     Real(String),
-    /// Little-endian.
+    /// The value's bytes, little-endian.
     Bytes(Vec<u8>),
 }
 
 impl Parse for SpecializationValue {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let given = match value.toml() {
             Toml::Boolean(flag) => Given::Boolean(*flag),
             Toml::Integer(..) => {

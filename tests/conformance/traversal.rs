@@ -299,7 +299,7 @@ fn operands_that_differ_from_ray_to_ray() {
     }
 }
 
-/// The same surface in one box or cut into many boxes: the picture does not depend on it.
+/// A picture does not depend on whether a surface is in one box or cut into many boxes.
 #[test]
 fn how_many_boxes_hold_a_surface_does_not_show() {
     let plan = Plan { reports: 1, t: [1.5, 0.0], kind: [9, 0], ..Plan::default() };

@@ -32,7 +32,7 @@ pub fn run(words: &[u32], memory: &Memory, groups: u32, subgroup: u32) -> Result
     run_watched(words, memory, groups, subgroup).map(|(memory, _)| memory)
 }
 
-/// The same, and whether a division was met whose result Vulkan leaves open.
+/// Runs a module, and says whether a division was met whose result Vulkan leaves open.
 pub fn run_watched(
     words: &[u32],
     memory: &Memory,

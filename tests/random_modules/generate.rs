@@ -143,7 +143,7 @@ pub fn generate(seed: u64, index: u64) -> Generated {
     generate_for(seed, index, None)
 }
 
-/// The same for subgroups of one size.
+/// Draws a module for subgroups of one size.
 pub fn generate_for(seed: u64, index: u64, subgroup: Option<u32>) -> Generated {
     let mut random = Random::new(seed, index);
     let local = random.pick(&[4, 8, 8, 16, 16, 32]);

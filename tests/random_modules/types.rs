@@ -115,7 +115,7 @@ impl Module {
         !self.paths(ty, &|part| matches!(self.at(part), Type::Bool)).is_empty()
     }
 
-    /// The same type with a layout, and its size and alignment (as `std430` has them).
+    /// A type with a layout, and its size and alignment (as `std430` has them).
     pub fn laid_out(&mut self, ty: Ty, rows: bool) -> (Ty, u32, u32) {
         match self.at(ty).clone() {
             Type::Int { width, .. } | Type::Float { width } => (ty, width / 8, width / 8),

@@ -12,7 +12,7 @@ pub fn run(program: &Program, inputs: &[u32], invocations: usize) -> Vec<u32> {
     run_watched(program, inputs, invocations).0
 }
 
-/// The same, and of each invocation whether it divides by a float outside of 2^-126 to 2^126: for those alone
+/// Runs a program, and says of each invocation whether it divides by a float outside of 2^-126 to 2^126: for those alone
 /// Vulkan says how exact `OpFDiv` is ("Precision of Core SPIR-V Instructions").
 pub fn run_watched(program: &Program, inputs: &[u32], invocations: usize) -> (Vec<u32>, Vec<bool>) {
     let (mut left, mut open) = (Vec::new(), Vec::new());
@@ -262,7 +262,7 @@ impl Machine<'_> {
                 }
             }
             Real::Binary(name, a, b) => {
-                // The same: the f64 operation rounded to f32 is the f32 operation.
+                // The f64 operation rounded to f32 is the f32 operation.
                 let (a, b) = (f64::from(self.real(a, frame)), f64::from(self.real(b, frame)));
                 (match *name {
                     "FAdd" => a + b,

@@ -116,7 +116,7 @@ pub fn descriptor(what: &str, scene: &ResolvedScene, resources: &Resources) -> R
     let named = scene.resources.iter().find(|one| one.name == what);
     let (binding, element) = match named {
         Some(one) => (Binding { set: one.set, binding: one.binding }, one.element),
-        None => match super::by_itself::binding(what) {
+        None => match super::bare_module::binding(what) {
             Some((binding, element)) => (binding, element.unwrap_or(0)),
             None => {
                 let known: Vec<_> = scene.resources.iter().map(|one| format!("`{}`", one.name)).collect();

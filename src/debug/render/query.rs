@@ -2,10 +2,10 @@
 
 use crate::debug::page::{Ink, Page};
 use crate::debug::render::{Way, Writer, called_at, ray};
-use crate::debug::story::{QueryCandidate, QueryEnd, RayQuery};
+use crate::debug::transcript::{QueryCandidate, QueryEnd, QueryReport};
 
 impl Writer {
-    pub(super) fn query(&mut self, query: &RayQuery) {
+    pub(super) fn query(&mut self, query: &QueryReport) {
         let head = self.page.ink(Ink::Head, "ray query");
         self.page
             .line(format_args!("{head}{}", called_at(query.traversal.called_at.as_ref(), "initialised")));
@@ -16,7 +16,7 @@ impl Writer {
         });
     }
 
-    fn query_body(&mut self, query: &RayQuery) {
+    fn query_body(&mut self, query: &QueryReport) {
         self.page.rows(ray(&query.traversal));
         self.page.gap();
         let shown = query.candidates.iter().map(|one| [one.instance, one.geometry, one.primitive]);

@@ -49,7 +49,7 @@ impl Recorder {
         (Sink(&mut self.rays), &mut self.counts)
     }
 
-    /// The same for a scene's dispatch by its place.
+    /// The recorder of a scene's dispatch, by its index.
     pub fn dispatch(&mut self, at: usize) -> (Sink<'_>, &mut Counts) {
         if self.dispatches.len() <= at {
             self.dispatches.resize(at + 1, Counts::default());

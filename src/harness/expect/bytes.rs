@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::harness::expect::{Difference, SHOWN, Subject};
 use crate::harness::number::{Numbers, Tolerance};
 use crate::machine::image::Image;
-use crate::scene::read::{At, Parse, Table, Value};
+use crate::scene::read::{At, Parse, Table, TomlValue};
 
 /// A resource's memory after the launch.
 #[derive(Clone, Debug)]
@@ -38,12 +38,12 @@ pub struct BytesExpectation {
     pub numbers: Numbers,
     /// How exact.
     pub tolerance: Tolerance,
-    /// Why.
+    /// Why this is expected.
     pub because: Option<String>,
 }
 
 impl Parse for BytesExpectation {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let name = table.required("name");
         let offset = table.or("offset", 0_u32) as usize;

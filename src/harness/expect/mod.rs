@@ -27,7 +27,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::Costs;
 use crate::harness::stability::{Instability, StableExpectation};
 use crate::pipeline::Stats;
-use crate::scene::read::{At, Diagnostics, Document, Parse, Span, Table, Value, nearest};
+use crate::scene::read::{At, Diagnostics, Document, Parse, Span, Table, TomlValue, nearest};
 
 /// How many differences of one table are shown.
 const SHOWN: usize = 6;
@@ -319,7 +319,7 @@ impl Expectations {
 }
 
 impl Parse for Expectations {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let common = Self::of(&table);
         let rays = table.or("ray", Vec::new());

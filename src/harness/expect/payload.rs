@@ -3,7 +3,7 @@
 use crate::harness::expect::{Difference, Subject};
 use crate::harness::number::{Expected, Scalar, Tolerance};
 use crate::harness::value::Value as Found;
-use crate::scene::read::{Diagnostics, Kept, Span, Table, Value, nearest};
+use crate::scene::read::{Diagnostics, Kept, Span, Table, TomlValue, nearest};
 use crate::scene::tree::Toml;
 
 /// A payload as it is expected: a table of some members, nested as the payload is. A payload of one
@@ -19,7 +19,7 @@ struct Comparison<'a> {
 }
 
 impl PayloadExpectation {
-    pub(super) fn of(value: Value<'_>) -> Self {
+    pub(super) fn of(value: TomlValue<'_>) -> Self {
         Self(value.kept())
     }
 
@@ -45,7 +45,7 @@ impl PayloadExpectation {
 
 impl Comparison<'_> {
     /// Compares a part that begins at a word of the payload.
-    fn compare(&mut self, expected: Value<'_>, found: &Found, path: &str, word: usize) {
+    fn compare(&mut self, expected: TomlValue<'_>, found: &Found, path: &str, word: usize) {
         if expected.text() == Some("any") {
             return;
         }
@@ -87,7 +87,7 @@ impl Comparison<'_> {
         }
     }
 
-    fn members(&mut self, expected: Value<'_>, found: &Found, path: &str, word: usize) {
+    fn members(&mut self, expected: TomlValue<'_>, found: &Found, path: &str, word: usize) {
         let Some(table) = Table::new(expected) else { return };
         for (name, value) in table.iter() {
             let mut word = word;
@@ -112,7 +112,7 @@ impl Comparison<'_> {
 
     fn scalar(
         &mut self,
-        expected: Value<'_>,
+        expected: TomlValue<'_>,
         scalar: Option<Scalar>,
         bits: u64,
         found: &Found,

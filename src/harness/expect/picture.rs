@@ -9,7 +9,7 @@ use crate::harness::expect::{Bytes, Difference, Fix, Subject};
 use crate::harness::number::{Expected, Scalar, Tolerance};
 use crate::machine::format::Component;
 use crate::scene::image::Picture;
-use crate::scene::read::{At, Parse, Table, Value};
+use crate::scene::read::{At, Parse, Table, TomlValue};
 use crate::scene::{DiskFiles, Files};
 
 /// A picture file that an image must be like.
@@ -24,7 +24,7 @@ pub struct PictureExpectation {
     pub file: At<String>,
     /// How it is measured.
     pub measure: Measure,
-    /// Why.
+    /// Why this is expected.
     pub because: Option<String>,
 }
 
@@ -83,7 +83,7 @@ impl PictureDifference {
 }
 
 impl Parse for PictureExpectation {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let (name, file) = (table.required("name"), table.required("file"));
         let tolerance = Tolerance::of(&table);

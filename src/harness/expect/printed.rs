@@ -1,7 +1,7 @@
 //! `stdout` of `[expect]`: what shaders print.
 
 use crate::harness::expect::Difference;
-use crate::scene::read::{At, Parse, Table, Value};
+use crate::scene::read::{At, Parse, Table, TomlValue};
 
 /// The text that shaders must print (`debugPrintfEXT`), in launch order: a string, or a table with
 /// `text` and `because`.
@@ -9,12 +9,12 @@ use crate::scene::read::{At, Parse, Table, Value};
 pub struct PrintedExpectation {
     /// The text.
     pub text: At<String>,
-    /// Why.
+    /// Why this is expected.
     pub because: Option<String>,
 }
 
 impl Parse for PrintedExpectation {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
             return Some(Self { text: At::parse(value)?, because: None });
         }

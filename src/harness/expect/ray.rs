@@ -7,7 +7,7 @@ use crate::harness::expect::{
     Difference, Expectations, Fix, HitExpectation, Observed, PayloadExpectation, RayFound, Subject,
 };
 use crate::harness::number::Tolerance;
-use crate::scene::read::{At, Parse, Span, Table, Value};
+use crate::scene::read::{At, Parse, Span, Table, TomlValue};
 
 /// What a ray must find.
 #[derive(Clone, Debug)]
@@ -18,7 +18,7 @@ pub struct FoundExpectation {
     pub payload: Option<PayloadExpectation>,
     /// How exact t, attributes and the payload's floats are.
     pub tolerance: Tolerance,
-    /// Why.
+    /// Why this is expected.
     pub because: Option<String>,
 }
 
@@ -63,7 +63,7 @@ impl FoundExpectation {
 }
 
 impl Parse for RayExpectation {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let name = table.required("name");
         let check = FoundExpectation::of(&table);
@@ -107,7 +107,7 @@ impl RayExpectation {
 }
 
 impl Parse for OneRay {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let check = FoundExpectation::of(&table);
         let rest = Expectations::of(&table);

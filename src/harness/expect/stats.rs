@@ -4,7 +4,7 @@ use crate::harness::cost::Most;
 use crate::harness::expect::{Difference, Observed, Subject};
 use crate::module::interface::Stage;
 use crate::pipeline::Stats;
-use crate::scene::read::{At, Parse, Span, Table, Value};
+use crate::scene::read::{At, Parse, Span, Table, TomlValue};
 
 /// How often shaders run.
 #[derive(Clone, Debug)]
@@ -19,7 +19,7 @@ pub struct StatsExpectation {
     pub max_any_hit_per_ray: Option<At<u64>>,
     /// The most SPIR-V instructions that the shaders of one ray may run.
     pub max_instructions_per_ray: Option<At<u64>>,
-    /// Why.
+    /// Why this is expected.
     pub because: Option<String>,
 }
 
@@ -43,7 +43,7 @@ const STAGES: [(&str, Stage); 7] = [
 ];
 
 impl Parse for StatsExpectation {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let totals = TOTALS.map(|(key, total)| table.optional(key).map(|count| (key, total, count)));
         let counts = STAGES.map(|(key, stage)| table.optional(key).map(|count| (stage, count)));

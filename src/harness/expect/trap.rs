@@ -3,18 +3,18 @@
 use crate::error::{Error, Place};
 use crate::harness::expect::{Difference, Subject};
 use crate::machine::TrapCode;
-use crate::scene::read::{At, Named, Parse, Table, Value};
+use crate::scene::read::{At, Named, Parse, Table, TomlValue};
 
 /// The trap that the launch must end with: a name, or a table.
 #[derive(Clone, Debug)]
 pub struct TrapExpectation {
-    /// Which.
+    /// The trap's code.
     pub code: At<TrapName>,
     /// The launch index that traps.
     pub launch_id: Option<At<[u32; 3]>>,
     /// The line of the shader's source.
     pub line: Option<At<u32>>,
-    /// Why.
+    /// Why this is expected.
     pub because: Option<String>,
 }
 
@@ -75,7 +75,7 @@ impl Named for TrapName {
 }
 
 impl Parse for TrapExpectation {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
             return Some(Self { code: At::parse(value)?, launch_id: None, line: None, because: None });
         }

@@ -19,7 +19,7 @@ use crate::harness::given::{Given, gives_resources};
 use crate::harness::hit::Hit;
 use crate::harness::mock::{Answer, CallableCall, ExecuteCall, TraceCall, in_turn};
 use crate::harness::scalars::{Scalar, Scalars, builtin_words};
-use crate::harness::shader_outcome::Report;
+use crate::harness::shader_outcome::ReportedHit;
 use crate::machine::Buffer;
 use crate::module::Module;
 use crate::module::interface::Stage;
@@ -62,7 +62,7 @@ pub struct ShaderTest {
     executes: Option<Answer<ExecuteCall>>,
     object_record: Option<Arc<Buffer>>,
     calls: Option<Answer<CallableCall>>,
-    reports: Option<Answer<Report>>,
+    reports: Option<Answer<ReportedHit>>,
     fuel: u64,
     /// The first mistake, told by [`ShaderTest::run`].
     mistake: Option<Error>,
@@ -248,8 +248,8 @@ impl ShaderTest {
     /// Decides on the reports of an intersection shader, as an any-hit shader would: `true` accepts.
     /// Reports outside the ray's interval are not asked about.
     #[must_use]
-    pub fn on_report(self, decide: impl Fn(&Report) -> bool + Send + Sync + 'static) -> Self {
-        let answer = Answer::new(move |report: &mut Report| {
+    pub fn on_report(self, decide: impl Fn(&ReportedHit) -> bool + Send + Sync + 'static) -> Self {
+        let answer = Answer::new(move |report: &mut ReportedHit| {
             report.accepted = decide(report);
             Ok(())
         });

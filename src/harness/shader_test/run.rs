@@ -5,10 +5,10 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::harness::bound::Bound;
 use crate::harness::data::Data;
+use crate::harness::explain::{Explanation, What};
 use crate::harness::memory;
 use crate::harness::shader_outcome::ShaderOutcome;
 use crate::harness::shader_test::ShaderTest;
-use crate::harness::told::{Told, What};
 use crate::harness::value::Value;
 use crate::interp;
 use crate::machine::stop::Stop;
@@ -89,12 +89,12 @@ impl ShaderTest {
         }
         let words = self.payload_rows().map_or_else(Vec::new, |rows| words(&batch, rows));
         events.push(Event::Leave { shader: Shader(0), stage: program.stage, exit, payload: words });
-        let told = Arc::new(Told {
+        let explanation = Arc::new(Explanation {
             pipeline: self.pipeline(),
             what: What::shader(events, &traces, &executes, &calls),
         });
         let mut payload = self.read(&batch, self.payload_rows());
-        payload.explained_by(&told);
+        payload.explained_by(&explanation);
         let printed = resources.printed.take().map_or_else(Vec::new, |printed| printed.take());
         Ok(ShaderOutcome {
             exit,
@@ -107,7 +107,7 @@ impl ShaderTest {
             printed: printed.into_iter().map(|line| line.text).collect(),
             data: self.payload_rows().map(|rows| self.data(&batch, rows, "the payload")),
             bound: Bound { programs: vec![self.program.clone()], resources },
-            told,
+            explanation,
         })
     }
 

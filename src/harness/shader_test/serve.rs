@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::harness::data::Data;
 use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
-use crate::harness::shader_outcome::Report;
+use crate::harness::shader_outcome::ReportedHit;
 use crate::harness::shader_test::{ShaderTest, invalid};
 use crate::machine::device_memory::DeviceMemory;
 use crate::machine::hit_object::HitObject;
@@ -154,12 +154,12 @@ impl ShaderTest {
         Ok(call)
     }
 
-    pub(super) fn report(&self, batch: &mut Batch<1>, t: Reg, kind: Reg) -> Result<Report> {
+    pub(super) fn report(&self, batch: &mut Batch<1>, t: Reg, kind: Reg) -> Result<ReportedHit> {
         let (t, kind) = (f32::from_bits(batch.registers[t].0[0]), batch.registers[kind].0[0]);
         let attributes = self.read(batch, self.program.interface_registers(storage::HIT_ATTRIBUTE));
         let t_min = batch.invocations.rays.get(0).ray.t_min;
         let accepted = kind < 128 && (t_min..=batch.invocations.t_max(0)).contains(&t);
-        let mut report = Report { t, kind, attributes, accepted };
+        let mut report = ReportedHit { t, kind, attributes, accepted };
         if let Some(answer) = self.reports.as_ref().filter(|_| accepted) {
             answer.give(&mut report)?;
         }

@@ -27,7 +27,7 @@ const LARGE: u64 = 1000;
 pub enum Integers {
     /// 0, 1, 2 or 3; three in a row differ, so that no triangle has an index twice.
     Small,
-    /// The same, but one in eight is 0, and another one 1000.
+    /// Small integers as above, but one in eight is 0, and another one 1000.
     Mixed,
     /// All this number.
     All(u64),
@@ -51,7 +51,7 @@ pub enum Floats {
 pub enum Wide {
     /// Small numbers, but where an address is known to be taken from.
     Numbers,
-    /// Addresses.
+    /// Device addresses.
     Addresses,
     /// As with [`Wide::Numbers`], after addresses were tried.
     Known,
@@ -145,12 +145,12 @@ pub enum Content {
 
 /// A place that addresses are taken from: a member of a block by its offset, whatever the array
 /// elements on the way.
-pub type Place = u64;
+pub type PlaceId = u64;
 
 /// A stretch of device memory.
 #[derive(Clone, Debug)]
 struct Region {
-    place: Place,
+    place: PlaceId,
     content: Content,
     /// The pointer types that lead here.
     steps: Vec<TypeId>,
@@ -162,9 +162,9 @@ pub struct Filler<'a> {
     numbers: Numbers,
     wide: Wide,
     extent: Extent,
-    known: &'a BTreeMap<Place, Content>,
+    known: &'a BTreeMap<PlaceId, Content>,
     regions: Vec<Region>,
-    by_place: HashMap<Place, usize>,
+    by_place: HashMap<PlaceId, usize>,
     steps: Vec<TypeId>,
     root: u64,
 }
@@ -176,7 +176,7 @@ impl<'a> Filler<'a> {
         numbers: Numbers,
         wide: Wide,
         extent: Extent,
-        known: &'a BTreeMap<Place, Content>,
+        known: &'a BTreeMap<PlaceId, Content>,
     ) -> Self {
         let (regions, by_place, steps) = (Vec::new(), HashMap::new(), Vec::new());
         Self { module, numbers, wide, extent, known, regions, by_place, steps, root: 0 }
@@ -214,7 +214,7 @@ impl<'a> Filler<'a> {
     pub fn device_memory(
         mut self,
         tlas: &dyn Fn() -> Result<Arc<Tlas>>,
-    ) -> Result<(DeviceMemory, Vec<Option<Place>>)> {
+    ) -> Result<(DeviceMemory, Vec<Option<PlaceId>>)> {
         let mut memory = DeviceMemory::default();
         let mut next = 0;
         while let Some(region) = self.regions.get(next).cloned() {
@@ -234,7 +234,7 @@ impl<'a> Filler<'a> {
     }
 
     /// What a pointer points to, several times one behind the other.
-    fn pointees(&mut self, pointer: TypeId, place: Place) -> Vec<u8> {
+    fn pointees(&mut self, pointer: TypeId, place: PlaceId) -> Vec<u8> {
         let Type::Pointer { pointee: Some(pointee), stride, .. } = *self.module.ty(pointer) else {
             return Vec::new();
         };
@@ -253,7 +253,7 @@ impl<'a> Filler<'a> {
         bytes
     }
 
-    fn fill(&mut self, layout: Layout<'_>, offset: usize, place: Place, out: &mut [u8]) {
+    fn fill(&mut self, layout: Layout<'_>, offset: usize, place: PlaceId, out: &mut [u8]) {
         if offset >= out.len().min(MOST_FILLED) {
             return;
         }
@@ -315,7 +315,7 @@ impl<'a> Filler<'a> {
         length: usize,
         stride: usize,
         offset: usize,
-        place: Place,
+        place: PlaceId,
         out: &mut [u8],
     ) {
         for index in 0..length {
@@ -353,7 +353,7 @@ impl<'a> Filler<'a> {
     }
 
     /// The address for a number that may be meant as one.
-    fn address_if_wanted(&mut self, place: Place) -> Option<u64> {
+    fn address_if_wanted(&mut self, place: PlaceId) -> Option<u64> {
         let known = self.known.get(&place).copied();
         if self.steps.len() >= MOST_STEPS || known.is_none() && self.wide != Wide::Addresses {
             return None;
@@ -368,7 +368,7 @@ impl<'a> Filler<'a> {
 
     /// The address of what a pointer of a type points to: null where it is the third of its kind in
     /// a row, so that lists end.
-    fn pointer(&mut self, pointer: TypeId, place: Place) -> u64 {
+    fn pointer(&mut self, pointer: TypeId, place: PlaceId) -> u64 {
         let before = self.steps.iter().filter(|known| **known == pointer).count();
         if before >= 2 || self.steps.len() >= MOST_STEPS {
             return 0;
@@ -377,7 +377,7 @@ impl<'a> Filler<'a> {
         self.region(place, Content::Pointer(pointer), steps)
     }
 
-    fn region(&mut self, place: Place, content: Content, steps: Vec<TypeId>) -> u64 {
+    fn region(&mut self, place: PlaceId, content: Content, steps: Vec<TypeId>) -> u64 {
         let next = self.regions.len();
         let index = *self.by_place.entry(place).or_insert(next);
         if index == next {
@@ -405,7 +405,7 @@ fn put(out: &mut [u8], offset: usize, size: usize, value: u64) {
 }
 
 /// A number for a part of a place.
-pub fn mix(place: Place, part: u64) -> Place {
+pub fn mix(place: PlaceId, part: u64) -> PlaceId {
     Random::new(place ^ part.wrapping_mul(0xD6E8_FEB8_6659_FD93).wrapping_add(1)).bits()
 }
 

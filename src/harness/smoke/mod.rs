@@ -46,11 +46,11 @@ use crate::module::Module;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::program::{self, Program, obstacles};
 
-pub use report::{EntryReport, Reached, Report, Run, TrapReport, Verdict};
+pub use report::{EntryReport, Reached, Run, SmokeReport, TrapReport, Verdict};
 
 /// How to run a smoke test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Options {
+pub struct SmokeOptions {
     /// The seed of all values.
     pub seed: u64,
     /// Instructions that an invocation may execute, counted at back edges and calls.
@@ -63,7 +63,7 @@ pub struct Options {
     pub time_limit: Option<Duration>,
 }
 
-impl Default for Options {
+impl Default for SmokeOptions {
     fn default() -> Self {
         Self { seed: 1, fuel: 1 << 18, total_fuel: 1 << 27, time_limit: None }
     }
@@ -73,11 +73,11 @@ impl Default for Options {
 ///
 /// ```
 /// use anyhit::Module;
-/// use anyhit::harness::smoke::{self, Options};
+/// use anyhit::harness::smoke::{self, SmokeOptions};
 ///
 /// # fn main() -> anyhit::Result<()> {
 /// let module = Module::open("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv")?;
-/// let report = smoke::run(&module, Options::default());
+/// let report = smoke::run(&module, SmokeOptions::default());
 /// assert!(report.is_ok(), "{}", report.text());
 /// let entry = &report.entry_points[0];
 /// assert_eq!(entry.runs[0].with, "sphere");
@@ -87,10 +87,10 @@ impl Default for Options {
 /// # Ok(())
 /// # }
 /// ```
-pub fn run(module: &Arc<Module>, options: Options) -> Report {
+pub fn run(module: &Arc<Module>, options: SmokeOptions) -> SmokeReport {
     let deadline = options.time_limit.and_then(|limit| Instant::now().checked_add(limit));
     let entries = module.entry_points.iter();
-    Report {
+    SmokeReport {
         seed: options.seed,
         entry_points: entries.map(|entry| entry_point(module, entry, options, deadline)).collect(),
     }
@@ -99,7 +99,7 @@ pub fn run(module: &Arc<Module>, options: Options) -> Report {
 fn entry_point(
     module: &Arc<Module>,
     entry: &EntryPoint,
-    options: Options,
+    options: SmokeOptions,
     deadline: Option<Instant>,
 ) -> EntryReport {
     let mut report = EntryReport {

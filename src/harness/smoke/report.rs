@@ -30,7 +30,7 @@ pub enum Verdict {
 
 /// A smoke test of a module.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct SmokeReport {
     /// The seed of all values.
     pub seed: u64,
     /// In the module's order.
@@ -199,7 +199,7 @@ impl TrapReport {
     }
 }
 
-impl Report {
+impl SmokeReport {
     /// Whether every entry point that is in scope ran to its end.
     pub fn is_ok(&self) -> bool {
         self.entry_points.iter().all(|entry| entry.result <= Verdict::OutOfScope)

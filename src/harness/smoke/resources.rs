@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::error::Result;
 use crate::harness::layout::array_length;
-use crate::harness::smoke::fill::{Content, Extent, Filler, Numbers, Place, Wide, mix};
+use crate::harness::smoke::fill::{Content, Extent, Filler, Numbers, PlaceId, Wide, mix};
 use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::{Dimension, Image, Shape};
 use crate::machine::sampler::{CompareOp, Filter, Sampler};
@@ -50,7 +50,7 @@ pub struct Given {
     /// Words of the hit attributes.
     pub attributes: Vec<u32>,
     /// By region of device memory, the place whose address leads nowhere yet.
-    pub places: Vec<Option<Place>>,
+    pub places: Vec<Option<PlaceId>>,
 }
 
 /// Makes up what a program needs.
@@ -61,7 +61,7 @@ pub fn given(
     program: &Program,
     variables: &[InterfaceVariable],
     values: Values,
-    known: &BTreeMap<Place, Content>,
+    known: &BTreeMap<PlaceId, Content>,
     tlas: &dyn Fn() -> Result<Arc<Tlas>>,
 ) -> Result<Given> {
     let module = &*program.module;

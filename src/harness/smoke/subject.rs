@@ -9,13 +9,13 @@ use crate::accel::{RayFlags, TraceRay};
 use crate::error::Result;
 use crate::geometry::Ray;
 use crate::harness::coverage::Blocks;
-use crate::harness::smoke::fill::{Content, Extent, Place, Wide, region_of};
+use crate::harness::smoke::fill::{Content, Extent, PlaceId, Wide, region_of};
 use crate::harness::smoke::hits::{self, Kind};
 use crate::harness::smoke::judge::Try;
 use crate::harness::smoke::resources::{self, Given, Values};
 use crate::harness::smoke::sets::{LAUNCH, Set};
 use crate::harness::smoke::watch::{Happened, StandIn, Watch};
-use crate::harness::smoke::{Options, specialized};
+use crate::harness::smoke::{SmokeOptions, specialized};
 use crate::machine::{Invocation, Observer, TrapCode};
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{Type, TypeId};
@@ -46,7 +46,7 @@ const MOST_OFFSET: u64 = 1 << 24;
 const MOST_SETS: usize = 48;
 /// New seeds without a new block after which no more are tried.
 const PATIENCE: u32 = 4;
-/// The same while there is a trap that nothing got past.
+/// That number while there is a trap that no run has got past.
 const LONG_PATIENCE: u32 = 12;
 /// How often the fuel of a shader is halved once it has run out of it.
 const LESS_FUEL: u32 = 4;
@@ -132,13 +132,13 @@ pub struct Subject<'a> {
     /// What it uses.
     pub variables: Vec<InterfaceVariable>,
     /// How to run it.
-    pub options: Options,
+    pub options: SmokeOptions,
 }
 
 /// What was learned of a shader's memory while it ran.
 #[derive(Default)]
 struct Learned {
-    known: BTreeMap<Place, Content>,
+    known: BTreeMap<PlaceId, Content>,
     /// Factors of 8.
     scale_steps: u32,
     /// What was changed for which trap, in the run that goes on.

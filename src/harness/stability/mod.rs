@@ -1,10 +1,9 @@
 //! How far a shader's results hang on rounding.
 //!
 //! [`shadow()`] runs every float operation once more in f64 beside the f32 run, and says on which lines
-//! the two part. [`perturb()`] repeats a run with every result moved at random within what Vulkan
-//! allows, and says which outputs and branches follow. Both watch invocations one by one, as
-//! [`Observer`](crate::machine::Observer)s of the interpreter: a run that nobody watches contains
-//! nothing of them.
+//! the two differ. [`perturb()`] repeats a run with every result moved at random within what Vulkan
+//! allows, and says which outputs and branches change. Both observe invocations one by one, as
+//! [`Observer`](crate::machine::Observer)s of the interpreter: a run without observers costs nothing more.
 
 mod allowed;
 mod calculate;
@@ -14,11 +13,11 @@ pub mod perturb;
 mod place;
 mod probe;
 mod rays;
+mod report;
 pub mod shadow;
+mod shadow_interpreter;
 mod shadows;
 mod stable;
-mod tell;
-mod watcher;
 
 pub use allowed::Envelope;
 pub use found::Shadow;

@@ -97,7 +97,7 @@ pub fn perturb(
     all(scene, assembled, &plan, &run)
 }
 
-/// The same for one ray or one invocation of ray generation.
+/// Perturbs one ray or one invocation of ray generation.
 ///
 /// # Errors
 /// As [`perturb`], and where the ray does not fit the scene.

@@ -14,7 +14,7 @@ use crate::harness::run::fresh;
 use crate::harness::stability::found::Shadow;
 use crate::harness::stability::place::Programs;
 use crate::harness::stability::probe;
-use crate::harness::stability::watcher::{Memory, Watcher};
+use crate::harness::stability::shadow_interpreter::{Memory, ShadowInterpreter};
 use crate::ops::op::Op;
 use crate::ops::shadow_op::{ShadowOp, shadow_op};
 use crate::program::Program;
@@ -29,14 +29,19 @@ pub fn shadow(scene: &ResolvedScene, assembled: &Assembled) -> Result<(Shadow, O
     let plan = Plan::new(scene, assembled);
     let resources = fresh(&assembled.resources);
     let mut sum = Shadow::default();
-    let outcome = probe::run(assembled, &resources, &|_| Watcher::new(&plan), &mut |watcher: Watcher<'_>| {
-        sum.add(&watcher.shadow());
-        plan.memory().extend(watcher.memory);
-    });
+    let outcome = probe::run(
+        assembled,
+        &resources,
+        &|_| ShadowInterpreter::new(&plan),
+        &mut |interpreter: ShadowInterpreter<'_>| {
+            sum.add(&interpreter.shadow());
+            plan.memory().extend(interpreter.memory);
+        },
+    );
     trapped(outcome).map(|trap| (sum, trap))
 }
 
-/// The same for one ray or one invocation of ray generation.
+/// Runs one ray or one invocation of ray generation with f64 shadows.
 ///
 /// # Errors
 /// As [`shadow`], and where the ray does not fit the scene.
@@ -47,9 +52,9 @@ pub fn shadow_one(
 ) -> Result<(Shadow, Option<Error>)> {
     let plan = Plan::new(scene, assembled);
     let resources = fresh(&assembled.resources);
-    let watcher = Watcher::new(&plan);
-    let (watcher, outcome) = probe::one(scene, assembled, &resources, which, watcher, &mut |_| ())?;
-    trapped(outcome).map(|trap| (watcher.shadow(), trap))
+    let interpreter = ShadowInterpreter::new(&plan);
+    let (interpreter, outcome) = probe::one(scene, assembled, &resources, which, interpreter, &mut |_| ())?;
+    trapped(outcome).map(|trap| (interpreter.shadow(), trap))
 }
 
 /// A trap is a finding; any other error is one.

@@ -34,7 +34,7 @@ pub(super) struct Frame {
 /// What a shader waits for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Waits {
-    /// Nothing.
+    /// The frame waits for nothing.
     #[default]
     No,
     /// The ray that it traces, whose payload lies there.

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::harness::expect::Difference;
 use crate::harness::stability::{Envelope, Instability, Perturbation};
-use crate::scene::read::{Parse, Span, Table, Value};
+use crate::scene::read::{Parse, Span, Table, TomlValue};
 
 /// What must not hang on rounding.
 #[derive(Clone, Debug)]
@@ -14,12 +14,12 @@ pub struct StableExpectation {
     pub perturbation: Perturbation,
     /// Whether branches must go the same way in every run, too.
     pub branches: bool,
-    /// Why.
+    /// Why this is expected.
     pub because: Option<String>,
 }
 
 impl Parse for StableExpectation {
-    fn parse(value: Value<'_>) -> Option<Self> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let default = Perturbation::default();
         let runs = table.or("runs", default.runs);

@@ -5,13 +5,13 @@ use std::time::Duration;
 use quick_junit::{NonSuccessKind, TestCase, TestCaseStatus, TestSuite};
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::suite::{Finished, Outcome, Report, tell};
+use crate::harness::suite::{Finished, Outcome, SuiteReport, report};
 
 /// The XML. What XML cannot hold, such as the codes of a terminal's colours, is left out.
 ///
 /// # Errors
 /// `Io` where the writer of XML fails.
-pub fn junit(report: &Report) -> Result<String> {
+pub fn junit(report: &SuiteReport) -> Result<String> {
     let mut xml = quick_junit::Report::new("anyhit");
     xml.set_time(time(&report.finished));
     for group in report.finished.chunk_by(|one, next| one.file == next.file) {
@@ -40,7 +40,7 @@ fn case(finished: &Finished) -> TestCase {
             status
                 .set_message(error.map_or("not as expected", |error| error.message()))
                 .set_type(finished.outcome.word())
-                .set_description(tell::text(finished, false));
+                .set_description(report::text(finished, false));
             status
         }
     };

@@ -1,17 +1,17 @@
-//! Suites: the tests beneath some paths, chosen, run side by side, and told in order.
+//! Suites: the tests beneath some paths, filtered, run in parallel, and reported in order.
 
 mod junit;
 mod pictures;
+pub mod report;
 mod run;
-pub mod tell;
 
 pub use junit::junit;
-pub use run::{Options, Report};
+pub use run::{SuiteOptions, SuiteReport};
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::debug::story::SourceLine;
+use crate::debug::transcript::SourceLine;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::case::{Case, scenes};
 use crate::harness::expect::Fix;
@@ -121,7 +121,7 @@ impl Suite {
         let mut seen: Vec<PathBuf> = Vec::new();
         for file in files {
             let file = file.strip_prefix(".").map_or_else(|_| file.clone(), Path::to_path_buf);
-            // The same file through two paths is one.
+            // A file that is found through two paths counts once.
             let id = file.canonicalize().unwrap_or_else(|_| file.clone());
             if !seen.contains(&id) {
                 suite.add(&file);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::debug::render::{self, Look};
 use crate::debug::session::Settled;
-use crate::debug::story::SourceLine;
+use crate::debug::transcript::SourceLine;
 use crate::debug::{Request, Session};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::blame::{Writer, writer};
@@ -25,7 +25,7 @@ use crate::scene::file::RayEntry;
 
 /// How a suite is run.
 #[derive(Clone, Debug, Default)]
-pub struct Options {
+pub struct SuiteOptions {
     /// How many cases run side by side; 0 is as many as there are processors.
     pub jobs: usize,
     /// Whether launches run at 1, 8 and 64 lanes, which must agree bit for bit.
@@ -34,7 +34,7 @@ pub struct Options {
     pub check_optimizer: bool,
     /// Whether recorded expectations are written anew.
     pub bless: bool,
-    /// Whether nothing is told behind the first test that does not pass.
+    /// Whether nothing is reported after the first test that does not pass.
     pub fail_fast: bool,
     /// Whether coverage is recorded.
     pub coverage: bool,
@@ -53,8 +53,8 @@ pub struct Options {
 
 /// A suite that has run.
 #[derive(Debug, Default)]
-pub struct Report {
-    /// Every test that was told, in order.
+pub struct SuiteReport {
+    /// Every test that was reported, in order.
     pub finished: Vec<Finished>,
     /// Tests that did not run, because one before failed.
     pub left_out: usize,
@@ -71,18 +71,22 @@ pub struct Report {
 }
 
 impl Suite {
-    /// Runs the tests and tells each as soon as all before it are told: the order does not depend on
-    /// how many run side by side, and nothing else does.
+    /// Runs the tests and reports each as soon as all before it are reported: no result and no order
+    /// depends on how many run in parallel.
     ///
     /// # Errors
     /// `Io` where a scene file cannot be written anew, and where telling fails.
-    pub fn run(&self, options: &Options, tell: &mut dyn FnMut(&Finished) -> Result<()>) -> Result<Report> {
+    pub fn run(
+        &self,
+        options: &SuiteOptions,
+        tell: &mut dyn FnMut(&Finished) -> Result<()>,
+    ) -> Result<SuiteReport> {
         let groups: Vec<&[Test]> = self.tests.chunk_by(|one, next| one.case == next.case).collect();
         let jobs = match options.jobs {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             jobs => jobs,
         };
-        let mut report = Report::default();
+        let mut report = SuiteReport::default();
         let mut fixes = Vec::new();
         let stop = AtomicBool::new(false);
         let mut take = |done: Done| -> Result<()> {
@@ -128,7 +132,7 @@ impl Suite {
         &self,
         groups: &[&[Test]],
         jobs: usize,
-        options: &Options,
+        options: &SuiteOptions,
         stop: &AtomicBool,
         take: &mut dyn FnMut(Done) -> Result<()>,
     ) -> Result<()> {
@@ -168,7 +172,7 @@ impl Suite {
     }
 
     /// Runs the chosen tests of one case.
-    fn group(&self, tests: &[Test], options: &Options) -> Done {
+    fn group(&self, tests: &[Test], options: &SuiteOptions) -> Done {
         let begin = Instant::now();
         let (case, file) = match &self.cases[tests[0].case] {
             Source::Case(case) => (case, case.scene.clone()),
@@ -244,7 +248,7 @@ impl Done {
 
 /// With `bless`, a failure whose values are all recorded is renewed, and others keep a word on why
 /// not.
-fn renew(finished: &mut Finished, options: &Options, fixes: &mut Vec<Fix>) {
+fn renew(finished: &mut Finished, options: &SuiteOptions, fixes: &mut Vec<Fix>) {
     let Outcome::Failed(failure) = &mut finished.outcome else { return };
     if !options.bless {
         return;
@@ -265,7 +269,7 @@ fn renew(finished: &mut Finished, options: &Options, fixes: &mut Vec<Fix>) {
 struct Tester<'a> {
     loaded: &'a Loaded,
     test: &'a Test,
-    options: &'a Options,
+    options: &'a SuiteOptions,
     is_variant: bool,
 }
 
@@ -431,7 +435,7 @@ impl Tester<'_> {
         Outcome::Failed(Box::new(failure))
     }
 
-    /// Tells the story of the ray that a difference is about.
+    /// Explains the ray that a difference is about.
     fn explain(&self, subject: &Subject, ray: Option<usize>, writer: Option<&Writer>, failure: &mut Failure) {
         let scene = &self.loaded.scene;
         let by_name = |name: &String| scene.rays.iter().find(|ray| name_of(ray) == Some(name));
@@ -453,10 +457,12 @@ impl Tester<'_> {
             return;
         }
         // Without an explanation the difference still stands.
-        let Ok((story, _)) = Session::new(scene.clone()).and_then(|session| session.tell(&request)) else {
+        let Ok((transcript, _)) = Session::new(scene.clone()).and_then(|session| session.run(&request))
+        else {
             return;
         };
-        failure.explanation = Some(render::text(&story, Look { colour: self.options.colour, all: false }));
+        failure.explanation =
+            Some(render::text(&transcript, Look { colour: self.options.colour, all: false }));
     }
 }
 

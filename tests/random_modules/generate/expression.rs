@@ -276,7 +276,7 @@ impl Generator {
         }
     }
 
-    /// The same type or, one time in four, that with the other signedness.
+    /// A type itself or, one time in four, that with the other signedness.
     fn either_sign(&mut self, ty: Ty) -> Ty {
         if self.random.chance(3, 4) {
             return ty;
@@ -468,7 +468,7 @@ impl Generator {
         self.inst(Op::Bitcast, ty, &[value])
     }
 
-    /// The same float with one NaN for all.
+    /// A float with one pattern for all NaNs.
     pub(super) fn canonical(&mut self, ty: Ty, value: Id) -> Id {
         let (_, count) = self.module.scalar_of(ty);
         let truth = self.like(Ty(2), count);

@@ -170,7 +170,7 @@ impl Generator {
         let signature = signatures[self.random.below(signatures.len())].clone();
         let pointers = self.pointer_arguments(&signature);
         self.call_with(&signature, &pointers);
-        // The same function again, on the same variables or on others.
+        // A function is called again, on the same variables or on others.
         while self.random.chance(1, 2) && self.affordable(&signature) {
             self.count("call again");
             let others =

@@ -179,7 +179,7 @@ impl Function {
         self.blocks.iter().flat_map(|block| &block.body)
     }
 
-    /// The same, to change them.
+    /// The words of an instruction, to change them.
     pub fn insts_mut(&mut self) -> impl Iterator<Item = &mut Inst> {
         self.blocks.iter_mut().flat_map(|block| &mut block.body)
     }

@@ -1,4 +1,4 @@
-//! Findings as text and as JSON.
+//! Reports the findings as text and as JSON.
 
 use std::fmt::Write as _;
 
@@ -170,7 +170,7 @@ impl Instability {
         self.branches.iter().map(branch).collect()
     }
 
-    /// The same as JSON.
+    /// Returns the findings as JSON.
     pub fn json(&self) -> Value {
         let outputs: Vec<Value> = self
             .outputs

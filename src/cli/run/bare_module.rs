@@ -21,7 +21,7 @@ use crate::module::{self, Module};
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::image::{declared_format, format_name};
-use crate::scene::{DiskFiles, Files, Options, ResolvedScene, load_text};
+use crate::scene::{DiskFiles, Files, LoadOptions, ResolvedScene, load_text};
 
 /// What tells how to run a compute shader by itself.
 #[derive(Args, Clone, Debug, Default)]
@@ -127,7 +127,7 @@ impl Arguments {
         let groups = self.groups()?;
         let text = self.text(path, module, &entry, groups)?;
         let files = WithModule { path: path.to_path_buf(), bytes };
-        load_text(Path::new("the command line"), &text, &files, &Options::default())
+        load_text(Path::new("the command line"), &text, &files, &LoadOptions::default())
     }
 
     fn entry_point(&self, module: &Module, path: &Path) -> Result<EntryPoint> {
@@ -256,7 +256,7 @@ fn read(path: &Path) -> Result<(Vec<u8>, Module)> {
         return Ok((bytes, module));
     }
     let source = compile::Source::read(path)?;
-    let options = compile::Options { debug: compile::DebugInfo::Lines, ..Default::default() };
+    let options = compile::CompileOptions { debug: compile::DebugInfo::Lines, ..Default::default() };
     let bytes = compile::compile_once(&source, &options)?;
     let module = module::load(&bytes)?;
     Ok((bytes, module))

@@ -7,14 +7,14 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::debug::values::{Float, Value};
+use crate::debug::values::{Float, TypedValue};
 
 /// The version of the JSON.
 pub const VERSION: u32 = 1;
 
 /// One launch invocation or one ray, with all that followed from it.
 #[derive(Clone, Debug, Serialize)]
-pub struct Story {
+pub struct Transcript {
     /// [`VERSION`].
     pub version: u32,
     /// The scene's file.
@@ -26,14 +26,14 @@ pub struct Story {
     /// What ran: the ray generation shader, or the ray.
     pub root: Step,
     /// What changed in buffers and images.
-    pub writes: Vec<Write>,
+    pub writes: Vec<MemoryChange>,
     /// Writes beyond those listed.
     pub writes_left_out: usize,
     /// What shaders printed (`NonSemantic.DebugPrintf`); left out where that is nothing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub printed: Vec<String>,
     /// Rays and shaders counted.
-    pub counts: Counts,
+    pub counts: RunCounts,
     /// The trap that ended it, where one did.
     pub trap: Option<TrapReport>,
 }
@@ -49,7 +49,7 @@ pub struct LaunchIndex {
 
 /// How much was done.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Counts {
+pub struct RunCounts {
     /// Rays traced.
     pub rays: u64,
     /// Ray queries initialised.
@@ -77,7 +77,7 @@ pub enum Step {
     Trace(Box<Trace>),
     /// A ray query, from `OpRayQueryInitializeKHR` on: all that it did until the shader ended or
     /// initialised it again.
-    RayQuery(Box<RayQuery>),
+    RayQuery(Box<QueryReport>),
     /// A shader that it called: a callable one, any-hit for a report, closest-hit or miss of a hit
     /// object.
     Shader(Box<ShaderRun>),
@@ -95,19 +95,19 @@ pub enum Step {
 /// One run of a shader.
 #[derive(Clone, Debug, Serialize)]
 pub struct ShaderRun {
-    /// Which.
+    /// The shader.
     pub shader: ShaderLabel,
     /// The builtins that it reads.
     pub builtins: Vec<NamedValue>,
     /// The hit attributes that it declares.
-    pub attributes: Option<Value>,
+    pub attributes: Option<TypedValue>,
     /// The payload (or callable data) that it declares, as it was given.
-    pub payload_before: Option<Value>,
-    /// The same as it left it.
-    pub payload_after: Option<Value>,
-    /// What it did.
+    pub payload_before: Option<TypedValue>,
+    /// The payload (or callable data) that the shader left.
+    pub payload_after: Option<TypedValue>,
+    /// What the shader did, in order.
     pub steps: Vec<Step>,
-    /// How it ended.
+    /// How the shader ended.
     pub exit: Ending,
 }
 
@@ -118,7 +118,7 @@ pub struct NamedValue {
     pub name: &'static str,
     /// Its value.
     #[serde(flatten)]
-    pub value: Value,
+    pub value: TypedValue,
 }
 
 /// Which shader.
@@ -137,8 +137,8 @@ pub struct ShaderLabel {
 /// How a shader ended.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ending {
-    /// The word.
-    pub how: How,
+    /// The kind of ending.
+    pub how: ExitKind,
     /// What went wrong, for a trap.
     pub message: Option<&'static str>,
     /// Where, for a trap.
@@ -148,14 +148,14 @@ pub struct Ending {
 /// How a shader ended, in a word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum How {
-    /// To the end.
+pub enum ExitKind {
+    /// The shader ran to its end.
     Returned,
     /// `OpIgnoreIntersectionKHR`
     Ignored,
     /// `OpTerminateRayKHR`
     Terminated,
-    /// The machine stopped it.
+    /// A trap stopped the shader.
     Trapped,
 }
 
@@ -173,7 +173,7 @@ pub struct SourceLine {
 /// One ray.
 #[derive(Clone, Debug, Serialize)]
 pub struct Trace {
-    /// 1 for a ray of ray generation, or that no shader traced.
+    /// 1 for a ray of ray generation, or from the host.
     pub depth: u32,
     /// The ray and what it met.
     #[serde(flatten)]
@@ -184,14 +184,14 @@ pub struct Trace {
     pub sbt_stride: u32,
     /// Miss index.
     pub miss_index: u32,
-    /// The caller's payload before.
-    pub payload_before: Option<Value>,
-    /// The same after.
-    pub payload_after: Option<Value>,
+    /// The caller's payload before the trace.
+    pub payload_before: Option<TypedValue>,
+    /// The caller's payload after the trace.
+    pub payload_after: Option<TypedValue>,
     /// What shaders decided, in order.
     pub decisions: Vec<Decision>,
     /// The closest hit; `None` for a miss.
-    pub hit: Option<Hit>,
+    pub hit: Option<HitReport>,
     /// The record of the hit or miss table; `None` where a trap came first.
     pub record: Option<RecordChoice>,
     /// The closest-hit or miss shader.
@@ -202,14 +202,14 @@ pub struct Trace {
 
 /// One ray query.
 #[derive(Clone, Debug, Serialize)]
-pub struct RayQuery {
+pub struct QueryReport {
     /// The ray and what it met.
     #[serde(flatten)]
     pub traversal: Traversal,
     /// What `OpRayQueryProceedKHR` showed, in order.
     pub candidates: Vec<QueryCandidate>,
     /// The committed hit; `None` where nothing was committed.
-    pub hit: Option<Hit>,
+    pub hit: Option<HitReport>,
     /// How far it came.
     pub end: QueryEnd,
 }
@@ -254,15 +254,15 @@ pub struct Traversal {
     pub structure: Option<String>,
     /// Where a shader traced it.
     pub called_at: Option<SourceLine>,
-    /// Origin.
+    /// The ray's origin.
     pub origin: [Float; 3],
-    /// Direction.
+    /// The ray's direction.
     pub direction: [Float; 3],
     /// The direction's length, rounded.
     pub direction_length: Float,
-    /// Least t.
+    /// `RayTminKHR`
     pub t_min: Float,
-    /// Greatest t.
+    /// `RayTmaxKHR` at the start.
     pub t_max: Float,
     /// Ray flags.
     pub flags: Flags,
@@ -273,7 +273,7 @@ pub struct Traversal {
     /// Nodes opened of the tree over the instances.
     pub nodes: u64,
     /// Every instance: what became of it.
-    pub instances: Vec<Instance>,
+    pub instances: Vec<InstanceReport>,
 }
 
 /// Ray flags by number and name.
@@ -287,7 +287,7 @@ pub struct Flags {
 
 /// What became of an instance.
 #[derive(Clone, Debug, Serialize)]
-pub struct Instance {
+pub struct InstanceReport {
     /// `InstanceId`
     pub instance: u32,
     /// Names of its geometries in the scene.
@@ -305,17 +305,17 @@ pub struct Instance {
     /// Whether it or its vertices move while time goes from 0 to 1.
     pub moves: bool,
     /// The decision.
-    pub verdict: InstanceVerdict,
+    pub verdict: InstanceOutcome,
     /// Nodes opened of its tree.
     pub nodes: u64,
     /// Primitives that were tested, in that order.
-    pub tested: Vec<Primitive>,
+    pub tested: Vec<PrimitiveReport>,
 }
 
 /// Why an instance was kept or dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum InstanceVerdict {
+pub enum InstanceOutcome {
     /// Its primitives are looked at.
     Entered,
     /// Its mask and the ray's cull mask share no bit.
@@ -331,13 +331,13 @@ pub enum InstanceVerdict {
 
 /// What became of a primitive.
 #[derive(Clone, Debug, Serialize)]
-pub struct Primitive {
+pub struct PrimitiveReport {
     /// `RayGeometryIndexKHR`
     pub geometry: u32,
     /// `PrimitiveId`
     pub primitive: u32,
     /// The decision.
-    pub verdict: PrimitiveVerdict,
+    pub verdict: PrimitiveOutcome,
     /// Where the ray meets it, where it does.
     pub t: Option<Float>,
     /// Which surface.
@@ -349,7 +349,7 @@ pub struct Primitive {
 /// Why a primitive was kept or dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum PrimitiveVerdict {
+pub enum PrimitiveOutcome {
     /// An opaque hit, the closest so far.
     Opaque,
     /// A candidate for the shaders.
@@ -419,7 +419,7 @@ pub struct Arithmetic {
 
 /// The closest hit.
 #[derive(Clone, Debug, Serialize)]
-pub struct Hit {
+pub struct HitReport {
     /// `InstanceId`
     pub instance: u32,
     /// `InstanceCustomIndexKHR`
@@ -452,27 +452,27 @@ pub struct Hit {
 
 /// A change in a buffer or an image.
 #[derive(Clone, Debug, Serialize)]
-pub struct Write {
+pub struct MemoryChange {
     /// The scene's name of the resource.
     pub resource: String,
     /// Descriptor set.
     pub set: u32,
-    /// Binding.
+    /// The binding number in the set.
     pub binding: u32,
     /// Where in it.
-    pub at: Target,
+    pub at: ChangedPlace,
     /// The path of what changed in a buffer's type, where that is known.
     pub member: Option<String>,
-    /// Before.
-    pub before: Value,
-    /// After.
-    pub after: Value,
+    /// The value before the run.
+    pub before: TypedValue,
+    /// The value after the run.
+    pub after: TypedValue,
 }
 
 /// Where in a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Target {
+pub enum ChangedPlace {
     /// x, y, and the depth or layer.
     Texel([u32; 3]),
     /// The offset of the first byte.

@@ -1,5 +1,5 @@
-//! The explanation beneath a failed assertion: what `anyhit trace-one-ray` tells, for a ray or a
-//! shader run from Rust. It is made only when it is asked for.
+//! The explanation beneath a failed assertion: the text of `anyhit trace-one-ray`, for a ray or a
+//! shader run from Rust. It is rendered only on request.
 
 use std::sync::Arc;
 
@@ -12,15 +12,15 @@ use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
 use crate::machine::Resources;
 use crate::pipeline::{Event, Launch, Pipeline, RayOperands};
 
-/// What can be explained.
+/// A result that can explain how it came about.
 pub trait Explain {
-    /// What happened, as text for people.
+    /// Returns what happened as text.
     fn explain(&self) -> String;
 }
 
-/// A ray or a shader run, kept so that it can be told.
+/// A ray or a shader run, kept so that it can be explained.
 #[derive(Debug)]
-pub(super) struct Told {
+pub(super) struct Explanation {
     pub pipeline: Pipeline,
     pub what: What,
 }
@@ -70,8 +70,8 @@ impl What {
     }
 }
 
-impl Told {
-    /// The text.
+impl Explanation {
+    /// Renders the explanation.
     pub fn text(&self) -> String {
         let (title, events, calls) = match &self.what {
             What::Ray { tlas, operands, resources } => {

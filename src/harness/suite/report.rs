@@ -1,4 +1,4 @@
-//! What a suite says: text for people, annotations for GitHub, JSON and JUnit.
+//! Reports a suite: as text, as annotations for GitHub, as JSON.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::error::{Error, Place};
 use crate::harness::coverage::Coverage;
-use crate::harness::suite::{Failure, Finished, Outcome, Report};
+use crate::harness::suite::{Failure, Finished, Outcome, SuiteReport};
 
 /// The version of the JSON.
 const VERSION: u32 = 1;
@@ -52,7 +52,7 @@ fn rendered(error: &Error, colour: bool) -> String {
 }
 
 /// What stands beneath a failure's differences.
-fn around(failure: &Failure, with_story: bool) -> String {
+fn around(failure: &Failure, with_explanation: bool) -> String {
     let mut out = String::new();
     if !failure.pictures.is_empty() {
         out.push_str("pictures:\n");
@@ -60,8 +60,8 @@ fn around(failure: &Failure, with_story: bool) -> String {
             let _ = writeln!(out, "  {}", path.display());
         }
     }
-    if let Some(story) = failure.explanation.as_ref().filter(|_| with_story) {
-        let _ = writeln!(out, "the ray, explained:\n{}", indented(story, "  ").trim_end());
+    if let Some(explanation) = failure.explanation.as_ref().filter(|_| with_explanation) {
+        let _ = writeln!(out, "the ray, explained:\n{}", indented(explanation, "  ").trim_end());
     }
     if let Some(command) = &failure.command {
         let _ = writeln!(out, "see also: {command}");
@@ -75,7 +75,7 @@ fn indented(text: &str, by: &str) -> String {
 }
 
 /// How many tests ended how.
-pub fn summary(report: &Report) -> String {
+pub fn summary(report: &SuiteReport) -> String {
     let count = |wanted: &str| report.finished.iter().filter(|one| one.outcome.word() == wanted).count();
     let (failed, broken) = (count("FAILED"), count("ERROR"));
     let mut parts = vec![format!("{} passed", count("ok"))];
@@ -195,7 +195,7 @@ fn place(error: &Error) -> Option<(String, u32)> {
 }
 
 /// The suite as JSON: `version`, `tests`, the counts, and `coverage` where it was recorded.
-pub fn json(report: &Report, with_coverage: bool) -> Value {
+pub fn json(report: &SuiteReport, with_coverage: bool) -> Value {
     let tests: Vec<Value> = report.finished.iter().map(test_json).collect();
     let count = |wanted: &str| report.finished.iter().filter(|one| one.outcome.word() == wanted).count();
     let mut all = json!({

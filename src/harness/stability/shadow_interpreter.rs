@@ -1,4 +1,4 @@
-//! Follows the shadows of invocations, one operation after the other.
+//! Executes the operations of invocations in f64 beside the f32 run: a shadow interpreter, as in LLVM's NSan.
 
 use std::collections::HashMap;
 
@@ -26,8 +26,8 @@ const CANCELLED: f64 = 8.0;
 /// Entries of scalars in buffers, by the buffer and the byte.
 pub(super) type Memory = HashMap<(usize, u64), Entry>;
 
-/// Keeps the shadows of one stretch of invocations.
-pub(super) struct Watcher<'a> {
+/// The shadow values of some consecutive invocations.
+pub(super) struct ShadowInterpreter<'a> {
     plan: &'a Plan,
     frames: Vec<Frame>,
     spare: Vec<Frame>,
@@ -43,8 +43,8 @@ pub(super) struct Watcher<'a> {
     found: HashMap<(usize, u32), Found>,
 }
 
-impl<'a> Watcher<'a> {
-    /// Before anything runs.
+impl<'a> ShadowInterpreter<'a> {
+    /// Makes an interpreter before anything runs.
     pub fn new(plan: &'a Plan) -> Self {
         Self {
             plan,
@@ -394,7 +394,7 @@ fn unit(width: u32) -> f64 {
     }
 }
 
-impl Probe for Watcher<'_> {
+impl Probe for ShadowInterpreter<'_> {
     fn begin(&mut self, part: Part) {
         self.frames.clear();
         self.rays.clear();
