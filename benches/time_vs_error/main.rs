@@ -57,7 +57,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for scene in scene::scenes(quick).into_iter().filter(|scene| is_chosen(scene.name)) {
         let truth = judge::truth(&scene, judged);
         let trees = Trees::of(&scene);
-        assert!(ShearedRay::reaches(&scene.bounds), "as traversals know it of a tree");
+        assert!(ShearedRay::covers(&scene.bounds), "as traversals know it of a tree");
         // Where blocks lie in memory is worth some hundredths, one way or the other.
         let mut copies: Vec<_> = (0..copies).map(|_| contenders(&scene, &trees)).collect();
         let contenders: Vec<&str> = copies[0].iter().map(|(name, _)| *name).collect();

@@ -225,11 +225,11 @@ impl BuildInput<'_> {
             ));
         }
         // In successive mode an index also names the vertex behind its own.
-        let (each, reach) = if indexing == Indexing::List { (2, 0) } else { (1, 1) };
+        let (each, last_offset) = if indexing == Indexing::List { (2, 0) } else { (1, 1) };
         let rules = &LINEAR_SWEPT_SPHERES;
         let entries = self.entries(rules, |entries| entries / each * each, |count| count * each)?;
         let Fetched { points: positions, indices, radii } =
-            self.fetch(&entries, reach, Some((radii, format)))?;
+            self.fetch(&entries, last_offset, Some((radii, format)))?;
         Ok(GeometryData::LinearSweptSpheres { positions, radii, indices: Some(indices), indexing, end_caps })
     }
 
@@ -309,10 +309,10 @@ impl BuildInput<'_> {
     fn fetch(
         &self,
         entries: &[u64],
-        reach: u64,
+        last_offset: u64,
         radii: Option<(Strided<'_>, RadiusFormat)>,
     ) -> Result<Fetched> {
-        let named = entries.iter().flat_map(|&entry| entry..=entry + reach);
+        let named = entries.iter().flat_map(|&entry| entry..=entry + last_offset);
         let mut names: BTreeMap<u64, u32> = named.map(|entry| (entry, 0)).collect();
         names.values_mut().enumerate().for_each(|(place, name)| *name = place as u32);
 

@@ -206,7 +206,7 @@ impl InstanceRay {
                 if self.is_well_scaled {
                     return Some(ShearedRay::well_scaled(&trace.ray));
                 }
-                if ShearedRay::reaches(bounds) { ShearedRay::world_space(&trace.ray) } else { None }
+                if ShearedRay::covers(bounds) { ShearedRay::world_space(&trace.ray) } else { None }
             }
             RaySpace::Approximate => {
                 CullRay::approximate(&self.approximate_ray, bounds).as_ref().map(ShearedRay::of)

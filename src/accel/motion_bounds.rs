@@ -32,24 +32,24 @@ pub fn bounds(around: &Bounds, motion: &Motion) -> Bounds {
 }
 
 /// The greatest |x_j| in a box, then 1 for the translation.
-fn reach(around: &Bounds) -> [f64; 4] {
+fn max_abs(around: &Bounds) -> [f64; 4] {
     let side = |axis: usize| f64::from(around.min[axis].abs().max(around.max[axis].abs()));
     [side(0), side(1), side(2), 1.0]
 }
 
 /// Twice what rounding a row's entries of at most these magnitudes moves an image by.
-fn slack(magnitudes: [f64; 4], reach: [f64; 4]) -> f64 {
-    let row: f64 = magnitudes.iter().zip(reach).map(|(m, x)| m * x).sum();
-    let rest: f64 = reach.iter().map(|x| x + 1.0).sum();
+fn slack(magnitudes: [f64; 4], max_abs: [f64; 4]) -> f64 {
+    let row: f64 = magnitudes.iter().zip(max_abs).map(|(m, x)| m * x).sum();
+    let rest: f64 = max_abs.iter().map(|x| x + 1.0).sum();
     2f64.powi(-23) * row + 2f64.powi(-149) * rest
 }
 
 fn matrices(around: &Bounds, keys: &[Matrix; 2]) -> Bounds {
     let ends = around.transformed(&keys[0]).union(&around.transformed(&keys[1]));
-    let reach = reach(around);
+    let max_abs = max_abs(around);
     widened(&ends, |row| {
         let magnitude = |column: usize| f64::from(keys[0][row][column].abs().max(keys[1][row][column].abs()));
-        slack(std::array::from_fn(magnitude), reach)
+        slack(std::array::from_fn(magnitude), max_abs)
     })
 }
 
@@ -139,10 +139,10 @@ fn srt(around: &Bounds, keys: &[Srt; 2]) -> Bounds {
         let squares = entries.map(|at| f64::from(numbers[0][at].abs().max(numbers[1][at].abs())).powi(2));
         squares.sum::<f64>().sqrt()
     });
-    let reach = reach(around);
+    let max_abs = max_abs(around);
     let by = |row: usize| {
         let moved = f64::from(numbers[0][T + row].abs().max(numbers[1][T + row].abs()));
-        slack([columns[0], columns[1], columns[2], columns[3] + moved], reach)
+        slack([columns[0], columns[1], columns[2], columns[3] + moved], max_abs)
     };
     Bounds {
         min: std::array::from_fn(|row| round_down(low[row] - by(row))),

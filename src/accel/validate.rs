@@ -50,7 +50,7 @@ pub fn geometries(geometries: &[Geometry]) -> Vec<Error> {
             }
             GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, .. } => {
                 check_radii_count(positions.len(), radii.len(), &mut found);
-                let reach = match indexing {
+                let last_offset = match indexing {
                     Indexing::List => 0,
                     Indexing::Successive => 1,
                 };
@@ -65,7 +65,7 @@ pub fn geometries(geometries: &[Geometry]) -> Vec<Error> {
                     }
                     _ => {}
                 }
-                check_indices(indices.as_deref(), positions.len(), reach, "position", &mut found);
+                check_indices(indices.as_deref(), positions.len(), last_offset, "position", &mut found);
             }
         }
         let primitives = geometry.data.primitive_count();
@@ -112,18 +112,18 @@ fn check_triples(vertices: usize, indices: Option<&[u32]>, found: &mut impl FnMu
     }
 }
 
-/// Every index, and `reach` after it, must name an entry.
+/// Every index, and `last_offset` after it, must name an entry.
 fn check_indices(
     indices: Option<&[u32]>,
     entries: usize,
-    reach: usize,
+    last_offset: usize,
     entry: &str,
     found: &mut impl FnMut(String),
 ) {
-    let outside = |&(_, &index): &(usize, &u32)| index as usize + reach >= entries;
+    let outside = |&(_, &index): &(usize, &u32)| index as usize + last_offset >= entries;
     let Some((at, index)) = indices.unwrap_or_default().iter().enumerate().find(outside) else { return };
     let reaches =
-        if reach == 0 { String::new() } else { format!(" (and {entry} {})", u64::from(*index) + 1) };
+        if last_offset == 0 { String::new() } else { format!(" (and {entry} {})", u64::from(*index) + 1) };
     found(format!("indices[{at}] names {entry} {index}{reaches} of {entries}"));
 }
 

@@ -38,9 +38,9 @@ pub fn intersect(
         return None;
     }
     let t = match precision {
-        Precision::Float => approach::<f32, false>(ray, min, max).found()?,
-        Precision::Double => approach::<f64, false>(ray, min, max).found()?,
-        Precision::Exact => match approach::<f64, true>(ray, min, max) {
+        Precision::Float => filtered::<f32, false>(ray, min, max).found()?,
+        Precision::Double => filtered::<f64, false>(ray, min, max).found()?,
+        Precision::Exact => match filtered::<f64, true>(ray, min, max) {
             Verdict::Hit(t) => t,
             Verdict::Miss => return None,
             Verdict::Undecided => intersect_exactly(ray, min, max)?,
@@ -51,7 +51,7 @@ pub fn intersect(
 
 /// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
 pub fn is_decided_in_f64(ray: &ObjectRay, min: [f32; 3], max: [f32; 3]) -> bool {
-    !holds_points(min, max) || approach::<f64, true>(ray, min, max) != Verdict::Undecided
+    !holds_points(min, max) || filtered::<f64, true>(ray, min, max) != Verdict::Undecided
 }
 
 /// The box itself; `None` where it is inactive or holds no point.
@@ -66,7 +66,7 @@ fn holds_points(min: [f32; 3], max: [f32; 3]) -> bool {
 }
 
 #[inline(always)]
-fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [f32; 3]) -> Verdict<f32> {
+fn filtered<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [f32; 3]) -> Verdict<f32> {
     let view = ray.view::<R>();
     let u2 = two_units::<R>();
     let infinite = R::ONE / R::ZERO;
@@ -95,7 +95,7 @@ fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [
             continue;
         }
         let (entering, leaving) = if d > R::ZERO { (low, high) } else { (high, low) };
-        let reach = |side: R| {
+        let slab_t = |side: R| {
             let difference = side - o;
             let t = difference / d;
             let error = quotient_error(t, eo + u2 * difference.abs(), d, ed);
@@ -104,11 +104,11 @@ fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [
             if BOUNDED && !(error < infinite) { (-infinite, infinite) } else { (t - error, t + error) }
         };
         if entering.abs() < infinite {
-            near[i] = reach(entering);
+            near[i] = slab_t(entering);
             enter = (enter.0.max(near[i].0), enter.1.max(near[i].1));
         }
         if leaving.abs() < infinite {
-            far[i] = reach(leaving);
+            far[i] = slab_t(leaving);
         }
     }
     let mut surely = true;

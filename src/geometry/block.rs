@@ -72,11 +72,11 @@ pub struct CullRay {
     /// The axis of that component.
     axis: usize,
     /// |E| e, with margin: the part of a bound that does not depend on the primitive.
-    fixed: f32,
+    absolute_error: f32,
     /// |E| c, with margin: the part that grows with the primitive's distance.
-    growing: f32,
+    relative_error: f32,
     /// |E| (e + c x), with margin, x being the greatest distance of all primitives and their radii.
-    reach: f32,
+    error_bound: f32,
     /// The same, but infinite where points behind the origin count.
     behind: f32,
     /// The 2-norm of D at most.
@@ -99,9 +99,9 @@ impl CullRay {
         origin: [0.0; 3],
         direction: [0.0; 3],
         axis: 0,
-        fixed: f32::INFINITY,
-        growing: f32::INFINITY,
-        reach: f32::INFINITY,
+        absolute_error: f32::INFINITY,
+        relative_error: f32::INFINITY,
+        error_bound: f32::INFINITY,
         behind: f32::INFINITY,
         length: f32::INFINITY,
         cone: [f32::INFINITY; 3],
@@ -132,20 +132,20 @@ impl CullRay {
         }
         let along = three(ray.direction) * F32x4::splat(power_below(most));
         let norm = sum(along.abs());
-        let fixed = norm * (TINY * MARGIN * MARGIN) as f32;
-        let growing = norm * (16.0 * UNIT) as f32;
-        let reach = fixed + growing * far;
+        let absolute_error = norm * (TINY * MARGIN * MARGIN) as f32;
+        let relative_error = norm * (16.0 * UNIT) as f32;
+        let error_bound = absolute_error + relative_error * far;
         let length = sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0);
         Some(Self {
             origin: ray.origin,
             direction: triple(along),
             axis,
-            fixed,
-            growing,
-            reach,
-            behind: if ray.t_min >= 0.0 { reach } else { f32::INFINITY },
+            absolute_error,
+            relative_error,
+            error_bound,
+            behind: if ray.t_min >= 0.0 { error_bound } else { f32::INFINITY },
             length,
-            cone: cone(growing, reach, length),
+            cone: cone(relative_error, error_bound, length),
         })
     }
 
@@ -163,20 +163,20 @@ impl CullRay {
         let total = |errors: F32x4| sum(errors) * (MARGIN * MARGIN) as f32;
         let turn = total(ray.direction_error) * inverse;
         let fits = far <= MOST && turn <= 0.5 && most.is_normal();
-        let fixed = norm * (total(ray.origin_error) + (TINY * MARGIN * MARGIN) as f32);
-        let growing = turn + norm * (16.0 * UNIT) as f32;
-        let reach = fixed + growing * far;
+        let absolute_error = norm * (total(ray.origin_error) + (TINY * MARGIN * MARGIN) as f32);
+        let relative_error = turn + norm * (16.0 * UNIT) as f32;
+        let error_bound = absolute_error + relative_error * far;
         let length = sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0) + turn;
         fits.then(|| Self {
             origin: triple(ray.origin),
             direction: triple(along),
             axis,
-            fixed,
-            growing,
-            reach,
+            absolute_error,
+            relative_error,
+            error_bound,
             behind: f32::INFINITY,
             length,
-            cone: cone(growing, reach, length),
+            cone: cone(relative_error, error_bound, length),
         })
     }
 
@@ -187,7 +187,7 @@ impl CullRay {
         let size = around.min.iter().chain(&around.max).fold(0.0f32, |a, x| a.max(x.abs()));
         let size = f64::from(size);
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
-        let t0 = if far > 4.0 * size { approach(o, d, around, size) } else { 0.0 };
+        let t0 = if far > 4.0 * size { t_near_bounds(o, d, around, size) } else { 0.0 };
 
         let (axis, most) = greatest(d);
         let inverse = 1.0 / most;
@@ -196,7 +196,7 @@ impl CullRay {
         // Bounds of each component, in f64 with twice the error that theory asks for.
         let mut origin_error = [0.0; 3];
         let mut direction_error = [0.0; 3];
-        let mut reach = size;
+        let mut error_bound = size;
         for i in 0..3 {
             let moved = o[i] + t0 * d[i];
             out.origin[i] = moved as f32;
@@ -209,21 +209,21 @@ impl CullRay {
             out.direction[i] = along as f32;
             let rounding = (along - f64::from(out.direction[i])).abs();
             direction_error[i] = rounding + (d_error[i] * inverse + along.abs() * (2.0 * U)) * MARGIN;
-            reach = reach.max(moved.abs());
+            error_bound = error_bound.max(moved.abs());
         }
         // Written so that a NaN is not within.
-        if !(reach <= 1_152_921_504_606_846_976.0) || !(direction_error[axis] <= 0.5) {
+        if !(error_bound <= 1_152_921_504_606_846_976.0) || !(direction_error[axis] <= 0.5) {
             return (out, None);
         }
         let e = origin_error[0] + origin_error[1] + origin_error[2] + TINY;
         let norm = out.direction.iter().map(|x| f64::from(x.abs())).sum::<f64>();
         let kappa = direction_error[0] + direction_error[1] + direction_error[2];
         let square = out.direction.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>();
-        out.fixed = (norm * e * MARGIN) as f32;
-        out.growing = ((kappa + norm * (12.0 * UNIT)) * MARGIN) as f32;
+        out.absolute_error = (norm * e * MARGIN) as f32;
+        out.relative_error = ((kappa + norm * (12.0 * UNIT)) * MARGIN) as f32;
         out.length = ((square.sqrt() + kappa) * MARGIN) as f32;
-        out.reach = out.fixed + out.growing * farthest(three(out.origin), around);
-        out.cone = cone(out.growing, out.reach, out.length);
+        out.error_bound = out.absolute_error + out.relative_error * farthest(three(out.origin), around);
+        out.cone = cone(out.relative_error, out.error_bound, out.length);
         (out, Some(Errors { origin: origin_error, direction: direction_error, t0 }))
     }
 
@@ -240,8 +240,8 @@ impl CullRay {
 
 /// [`CullRay::cone`], of the numbers beside it.
 #[inline(always)]
-fn cone(growing: f32, reach: f32, length: f32) -> [f32; 3] {
-    [5.5 * reach * length, 10.0 * growing * length, length * length]
+fn cone(relative_error: f32, error_bound: f32, length: f32) -> [f32; 3] {
+    [5.5 * error_bound * length, 10.0 * relative_error * length, length * length]
 }
 
 /// 2^-60: see the head of this file.
@@ -249,7 +249,7 @@ const TINY: f64 = 1.0 / 1_152_921_504_606_846_976.0;
 
 /// A t at which the ray is near a box but not in it yet; 0 where it starts there. Any t would do.
 #[cold]
-fn approach(o: [f64; 3], d: [f64; 3], around: &Bounds, size: f64) -> f64 {
+fn t_near_bounds(o: [f64; 3], d: [f64; 3], around: &Bounds, size: f64) -> f64 {
     let square: f64 = d.iter().map(|x| x * x).sum();
     let along: f64 =
         (0..3).map(|i| (0.5 * (f64::from(around.min[i]) + f64::from(around.max[i])) - o[i]) * d[i]).sum();

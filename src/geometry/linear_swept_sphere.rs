@@ -65,7 +65,7 @@
 //! nonzero G above 2^-1010.
 
 mod exact;
-mod from_foot;
+mod f64_filter;
 
 use crate::geometry::object_ray::{ObjectRay, View};
 use crate::geometry::verdict::{Verdict, rounded, settle_closed, when};
@@ -86,7 +86,7 @@ pub fn intersect(
     precision: Precision,
 ) -> Option<Intersection> {
     match precision {
-        Precision::Exact => match from_foot::entry(ray, positions, radii, caps) {
+        Precision::Exact => match f64_filter::entry(ray, positions, radii, caps) {
             Verdict::Hit(hit) => Some(hit),
             Verdict::Miss => None,
             Verdict::Undecided => intersect_closely(ray, positions, radii, caps),
@@ -107,7 +107,7 @@ fn intersect_in<R: Real>(
     if !is_solid(positions, radii) {
         None
     } else if is_whole(radii) {
-        approach::<R, false>(ray, positions, radii, caps).found()
+        filtered::<R, false>(ray, positions, radii, caps).found()
     } else {
         exact::intersect(ray, positions, radii, caps)
     }
@@ -126,7 +126,7 @@ fn intersect_closely(
         return None;
     }
     if is_whole(radii) {
-        match approach::<f64, true>(ray, positions, radii, caps) {
+        match filtered::<f64, true>(ray, positions, radii, caps) {
             Verdict::Hit(hit) => return Some(hit),
             Verdict::Miss => return None,
             Verdict::Undecided => {}
@@ -143,8 +143,8 @@ pub fn is_decided_in_f64(
     caps: [bool; 2],
 ) -> bool {
     !is_solid(positions, radii)
-        || from_foot::entry(ray, positions, radii, caps) != Verdict::Undecided
-        || is_whole(radii) && approach::<f64, true>(ray, positions, radii, caps) != Verdict::Undecided
+        || f64_filter::entry(ray, positions, radii, caps) != Verdict::Undecided
+        || is_whole(radii) && filtered::<f64, true>(ray, positions, radii, caps) != Verdict::Undecided
 }
 
 /// The box around a linear swept sphere (with both caps); `None` where it is never hit.
@@ -222,7 +222,7 @@ fn cap(t: f32, end: usize) -> Intersection {
 }
 
 #[inline(always)]
-fn approach<R: Real, const BOUNDED: bool>(
+fn filtered<R: Real, const BOUNDED: bool>(
     ray: &ObjectRay,
     positions: [[f32; 3]; 2],
     radii: [f32; 2],
@@ -240,7 +240,7 @@ fn approach<R: Real, const BOUNDED: bool>(
     let slope = delta.abs();
     let w = sub(ray.origin, ends[0]);
     let wn = norm1(w);
-    let reach = ray.reach(wn);
+    let error_bound = ray.error_bound(wn);
 
     // 2u for each rounded difference, 4u for its square and sum.
     let axis2 = dot(axis, axis);
@@ -256,12 +256,12 @@ fn approach<R: Real, const BOUNDED: bool>(
     }
 
     // |d| times this bounds N's error, this the error of r0 D + δ w.
-    let e_y = slack * (r0 * axis_n) + slope * reach;
+    let e_y = slack * (r0 * axis_n) + slope * error_bound;
     let c1 = cross(d, axis);
     let n = add(scale(r0, c1), scale(delta, cross(d, w)));
     let (nn, e_n) = (norm1(n), dn * e_y);
     let m = dot(w, c1);
-    let (mn, e_m) = (m.abs(), dn * axis_n * reach);
+    let (mn, e_m) = (m.abs(), dn * axis_n * error_bound);
     let (n2, m2) = (dot(n, n), m * m);
     let gram = n2 - m2;
     let e_gram = product_error(nn, e_n, nn, e_n) + product_error(mn, e_m, mn, e_m) + u2 * (n2 + m2);
@@ -276,7 +276,7 @@ fn approach<R: Real, const BOUNDED: bool>(
     let e_s = s * (e_g / g + e_gram / gram + u2 + u2);
 
     let x = cross(w, axis);
-    let (xn, e_x) = (norm1(x), axis_n * reach);
+    let (xn, e_x) = (norm1(x), axis_n * error_bound);
     let y = add(scale(r0, axis), scale(delta, w));
     let yn = norm1(y);
     let z = scale(delta, d);
@@ -302,7 +302,7 @@ fn approach<R: Real, const BOUNDED: bool>(
 
     let sweep = Sweep {
         a: dot(w, axis) + r0 * delta,
-        e_a: axis_n * reach + slack * (r0 * slope),
+        e_a: axis_n * error_bound + slack * (r0 * slope),
         b: dot(d, axis),
         e_b: slack * (dn * axis_n),
         g,

@@ -19,7 +19,7 @@
 pub mod aabb;
 pub mod block;
 mod bounds;
-mod foot;
+mod closest_approach;
 mod intersection4;
 pub mod linear_swept_sphere;
 mod object_ray;

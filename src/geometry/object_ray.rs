@@ -26,7 +26,7 @@
 use std::cmp::Ordering;
 
 use crate::geometry::Ray;
-use crate::geometry::foot::Footing;
+use crate::geometry::closest_approach::ClosestApproachTerms;
 use crate::math::exact::{self, Dyadic, Vector};
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;
@@ -254,7 +254,7 @@ pub struct ObjectRay {
     origin_slack: f64,
     direction_slack: f64,
     pub(super) direction_norm: f64,
-    pub(super) footing: Footing,
+    pub(super) approach_terms: ClosestApproachTerms,
 }
 
 impl ObjectRay {
@@ -294,7 +294,7 @@ impl ObjectRay {
         origin_slack: 0.0,
         direction_slack: 0.0,
         direction_norm: 0.0,
-        footing: Footing::EMPTY,
+        approach_terms: ClosestApproachTerms::EMPTY,
     };
 
     /// [`ObjectRay::in_world`] in the memory of this one; says whether there is one.
@@ -335,7 +335,7 @@ impl ObjectRay {
             origin_slack,
             direction_slack,
             direction_norm,
-            footing: Footing::new(
+            approach_terms: ClosestApproachTerms::new(
                 direction,
                 direction_norm,
                 (origin_slack, direction_slack),
@@ -343,7 +343,7 @@ impl ObjectRay {
             ),
         };
         // What a NaN is in is none of these.
-        let (least, most) = Footing::RANGE;
+        let (least, most) = ClosestApproachTerms::RANGE;
         let is_common = norm1(origin) + direction_norm <= most
             && direction_norm >= least
             && direction_slack <= MOST_SLACK
@@ -355,9 +355,9 @@ impl ObjectRay {
     #[cold]
     #[inline(never)]
     fn doubt(&mut self) -> bool {
-        let (least, most) = Footing::RANGE;
+        let (least, most) = ClosestApproachTerms::RANGE;
         if !(least..=most).contains(&self.direction_norm) {
-            self.footing.give_up();
+            self.approach_terms.give_up();
         }
         let is_sure = norm1(self.origin) <= RANGE
             && (SHORTEST..=RANGE).contains(&self.direction_norm)
@@ -367,7 +367,7 @@ impl ObjectRay {
             self.direction_error = [f64::INFINITY; 3];
             self.origin_slack = f64::INFINITY;
             self.direction_slack = f64::INFINITY;
-            self.footing.give_up();
+            self.approach_terms.give_up();
         }
         self.world.is_finite()
     }
@@ -520,7 +520,7 @@ pub(super) struct View<R> {
 impl<R: Real> View<R> {
     /// What stands for |w| in the error of a product with w = origin - p.
     #[inline(always)]
-    pub fn reach(&self, norm: R) -> R {
+    pub fn error_bound(&self, norm: R) -> R {
         self.origin_error + self.slack * norm
     }
 }

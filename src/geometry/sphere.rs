@@ -13,7 +13,7 @@
 //! relative to r^2 d.d is of order u |m| / r instead of u |m|^2 / r^2). The *entry* is the root with
 //! the minus sign.
 //!
-//! **First** it is taken from the foot of the centre (`geometry::foot`), one square root and no
+//! **First** it is taken from the foot of the centre (`geometry::closest_approach`), one square root and no
 //! division, with a bound that hardly costs anything; it leaves open what grazes, starts very near, or
 //! lies within some units of 2^-45 of the middle between two f32.
 //!
@@ -38,7 +38,7 @@ mod four;
 
 pub(super) use four::intersect4;
 
-use crate::geometry::foot::{self, Foot};
+use crate::geometry::closest_approach::{self, ClosestApproach};
 use crate::geometry::object_ray::{ObjectRay, View};
 use crate::geometry::verdict::{Verdict, settle_closed, when};
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
@@ -57,7 +57,7 @@ pub fn intersect(
     precision: Precision,
 ) -> Option<Intersection> {
     let t = match precision {
-        Precision::Exact => match from_foot(ray, center, radius) {
+        Precision::Exact => match f64_filter(ray, center, radius) {
             Verdict::Hit(t) => t,
             Verdict::Miss => return None,
             Verdict::Undecided => intersect_closely(ray, center, radius)?,
@@ -71,7 +71,7 @@ pub fn intersect(
 /// Without bounds.
 #[inline(always)]
 fn intersect_in<R: Real>(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f32> {
-    if is_solid(center, radius) { approach::<R, false>(ray, center, radius).found() } else { None }
+    if is_solid(center, radius) { filtered::<R, false>(ray, center, radius).found() } else { None }
 }
 
 /// Where the foot's bound leaves the test open.
@@ -81,7 +81,7 @@ fn intersect_closely(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f
     if !is_solid(center, radius) {
         return None;
     }
-    match approach::<f64, true>(ray, center, radius) {
+    match filtered::<f64, true>(ray, center, radius) {
         Verdict::Hit(t) => Some(t),
         Verdict::Miss => None,
         Verdict::Undecided => intersect_exactly(ray, center, radius),
@@ -91,8 +91,8 @@ fn intersect_closely(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f
 /// Whether f64 decides this test, so that exact arithmetic is not needed: for statistics.
 pub fn is_decided_in_f64(ray: &ObjectRay, center: [f32; 3], radius: f32) -> bool {
     !is_solid(center, radius)
-        || from_foot(ray, center, radius) != Verdict::Undecided
-        || approach::<f64, true>(ray, center, radius) != Verdict::Undecided
+        || f64_filter(ray, center, radius) != Verdict::Undecided
+        || filtered::<f64, true>(ray, center, radius) != Verdict::Undecided
 }
 
 /// The box around a sphere; `None` where it is never hit.
@@ -107,19 +107,19 @@ fn is_solid(center: [f32; 3], radius: f32) -> bool {
 
 /// From the foot, with its bound; a sphere that is not solid is never hit.
 #[inline(always)]
-fn from_foot(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Verdict<f32> {
-    let foot = Foot::new(ray, center);
+fn f64_filter(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Verdict<f32> {
+    let approach = ClosestApproach::new(ray, center);
     let radius = f64::from(radius);
-    let reach = foot.reach(ray, radius);
-    match foot.entry(ray, radius, reach) {
-        Verdict::Hit((t, error)) => foot::settle(ray, t, error),
+    let error_bound = approach.error_bound(ray, radius);
+    match approach.entry(ray, radius, error_bound) {
+        Verdict::Hit((t, error)) => closest_approach::settle(ray, t, error),
         Verdict::Miss => Verdict::Miss,
         Verdict::Undecided => Verdict::Undecided,
     }
 }
 
 #[inline(always)]
-fn approach<R: Real, const BOUNDED: bool>(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Verdict<f32> {
+fn filtered<R: Real, const BOUNDED: bool>(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Verdict<f32> {
     let view = ray.view::<R>();
     match entry::<R, BOUNDED>(&view, from_f32(center), R::from_f32(radius)) {
         Verdict::Hit((t, error)) => settle_closed::<R, BOUNDED>(&view, t, error),
@@ -144,7 +144,7 @@ pub(super) fn entry<R: Real, const BOUNDED: bool>(
     let dd = dot(d, d);
     let e_dd = (ray.slack + ray.slack) * (dn * dn);
     let q = cross(d, m);
-    let e_dm = dn * ray.reach(mn);
+    let e_dm = dn * ray.error_bound(mn);
     let qn = norm1(q);
     let qq = dot(q, q);
     let rr = radius * radius;

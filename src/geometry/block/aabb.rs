@@ -112,11 +112,11 @@ impl Aabb4 {
         let mut far = F32x4::splat(f32::INFINITY);
         for i in 0..3 {
             let side = slabs.near_side[i];
-            let reach = |side: usize, origin: [f32; 3], reciprocal: [f32; 3]| {
+            let slab_t = |side: usize, origin: [f32; 3], reciprocal: [f32; 3]| {
                 (F32x4::new(self.sides[side][i]) - F32x4::splat(origin[i])) * F32x4::splat(reciprocal[i])
             };
-            let enter = reach(side, slabs.near_origin, slabs.near_reciprocal);
-            let leave = reach(side ^ 1, slabs.far_origin, slabs.far_reciprocal);
+            let enter = slab_t(side, slabs.near_origin, slabs.near_reciprocal);
+            let leave = slab_t(side ^ 1, slabs.far_origin, slabs.far_reciprocal);
             // Written so that a NaN keeps the old bound.
             near = enter.max(near);
             far = leave.min(far);

@@ -142,7 +142,7 @@ impl LinearSweptSphere4 {
         let from_start = sub(ray.origins(), p0);
         let across = simd.fma_cross(ray.directions(), axis);
         let length = norm1(axis) + F32x4::splat(1.0 / 1_099_511_627_776.0);
-        let apart = simd.fma_dot(from_start, across).abs() - length * F32x4::splat(ray.reach);
+        let apart = simd.fma_dot(from_start, across).abs() - length * F32x4::splat(ray.error_bound);
         // Written so that a NaN is not apart.
         let apart = apart.max(F32x4::ZERO);
         Beside { from_start, across, square: simd.fma_dot(across, across), length, apart }

@@ -64,7 +64,7 @@ impl Sphere4 {
         let d = ray.directions();
         let m = sub(ray.origins(), load(&self.center));
         let q = simd.fma_cross(d, m);
-        let room = simd.fma(F32x4::new(self.radius), F32x4::splat(ray.length), F32x4::splat(ray.reach));
+        let room = simd.fma(F32x4::new(self.radius), F32x4::splat(ray.length), F32x4::splat(ray.error_bound));
         ALL & !(simd.fma_dot(q, q).cmp_gt(room * room) | simd.fma_dot(d, m).cmp_gt(behind))
     }
 

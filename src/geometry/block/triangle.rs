@@ -63,9 +63,9 @@ pub struct ShearedRay {
     /// -s, along i and j.
     shear: [f32; 2],
     /// 10 e
-    fixed: f32,
+    absolute_error: f32,
     /// 15 (3 ε / |E_k| + 12 u), or more.
-    growing: f32,
+    relative_error: f32,
 }
 
 /// An axis. The compiler knows that there are three, and as wide as an index it need not be widened.
@@ -87,18 +87,18 @@ impl ShearedRay {
         axes: AXES[2],
         origin: [0.0; 3],
         shear: [0.0; 2],
-        fixed: f32::INFINITY,
-        growing: f32::INFINITY,
+        absolute_error: f32::INFINITY,
+        relative_error: f32::INFINITY,
     };
 
     /// Whether [`ShearedRay::world_space`] is for triangles that lie within a box: no coordinate has a magnitude above 2^60.
     #[inline(always)]
-    pub fn reaches(around: &Bounds) -> bool {
+    pub fn covers(around: &Bounds) -> bool {
         let size = three(around.min).abs().relaxed_max(three(around.max).abs());
         F32x4::splat(MOST).cmp_ge(size) == ALL
     }
 
-    /// A ray in world space, for triangles that it [reaches](Self::reaches). `None` where no component of its direction has a
+    /// A ray in world space, for triangles that it [covers](Self::covers). `None` where no component of its direction has a
     /// magnitude of 2^-60 or more, or any of direction and origin one above 2^60.
     #[inline(always)]
     pub fn world_space(ray: &Ray) -> Option<Self> {
@@ -125,22 +125,28 @@ impl ShearedRay {
     #[inline(always)]
     pub fn of(ray: &CullRay) -> Self {
         // With its margins; written so that a NaN is not known well.
-        let is_known = ray.growing <= 0.25;
-        let fixed = if is_known { ray.fixed + ray.fixed } else { f32::INFINITY };
-        Self::new(ray.axis, &ray.origin, &ray.direction, fixed, 3.0 * ray.growing)
+        let is_known = ray.relative_error <= 0.25;
+        let absolute_error = if is_known { ray.absolute_error + ray.absolute_error } else { f32::INFINITY };
+        Self::new(ray.axis, &ray.origin, &ray.direction, absolute_error, 3.0 * ray.relative_error)
     }
 
     #[inline(always)]
-    fn new(axis: usize, origin: &[f32; 3], direction: &[f32; 3], fixed: f32, growing: f32) -> Self {
+    fn new(
+        axis: usize,
+        origin: &[f32; 3],
+        direction: &[f32; 3],
+        absolute_error: f32,
+        relative_error: f32,
+    ) -> Self {
         let axes = AXES[axis];
         let [i, j, k] = axes.map(|axis| axis as usize);
-        let slowness = -1.0 / direction[k];
+        let inv_length = -1.0 / direction[k];
         Self {
             axes,
             origin: [origin[i], origin[j], origin[k]],
-            shear: [direction[i] * slowness, direction[j] * slowness],
-            fixed: 5.0 * fixed,
-            growing: 15.0 * growing,
+            shear: [direction[i] * inv_length, direction[j] * inv_length],
+            absolute_error: 5.0 * absolute_error,
+            relative_error: 15.0 * relative_error,
         }
     }
 
@@ -199,7 +205,7 @@ impl Triangle4 {
         let squares = |x: F32x4, y: F32x4, z: F32x4| simd.fma(x, x, simd.fma(y, y, z * z));
         let across = squares(ax, bx, cx) + squares(ay, by, cy);
         let around = across + squares(az, bz, cz);
-        let p = simd.fma(F32x4::splat(ray.growing), around.sqrt(), F32x4::splat(ray.fixed));
+        let p = simd.fma(F32x4::splat(ray.relative_error), around.sqrt(), F32x4::splat(ray.absolute_error));
         let missed = most.relaxed_min(zero - least).cmp_gt(p * (across.sqrt() + p));
         if maybe_hit | missed != ALL {
             return not_surely(missed);

@@ -27,7 +27,7 @@ pub fn intersect4<D: F64x4Ops>(
     let (e1, e2) = (simd.sub3(v1, v0), simd.sub3(v2, v0));
     let w = simd.sub3(simd.splat_xyz(origin), v0);
     let (e1n, e2n) = (simd.norm1(e1), simd.norm1(e2));
-    let reach = simd.mul_add(slack, simd.norm1(w), origin_error);
+    let error_bound = simd.mul_add(slack, simd.norm1(w), origin_error);
     let de1 = simd.mul(direction_norm, e1n);
     let de2 = simd.mul(direction_norm, e2n);
 
@@ -36,9 +36,9 @@ pub fn intersect4<D: F64x4Ops>(
     let det = simd.dot3(e1, p);
     let e_det = simd.mul(slack, simd.mul(e1n, de2));
     let beta = simd.dot3(w, p);
-    let e_beta = simd.mul(de2, reach);
+    let e_beta = simd.mul(de2, error_bound);
     let gamma = simd.dot3(d, q);
-    let e_gamma = simd.mul(de1, reach);
+    let e_gamma = simd.mul(de1, error_bound);
     let alpha = simd.sub(simd.sub(det, beta), gamma);
     let sizes = simd.norm1([det, beta, gamma]);
     let errors = simd.add(simd.add(e_det, e_beta), e_gamma);
@@ -63,7 +63,7 @@ pub fn intersect4<D: F64x4Ops>(
     }
 
     let divisor = Divisor::new(simd, det, e_det);
-    let t = divisor.quotient(simd.dot3(e2, q), simd.mul(simd.mul(e1n, e2n), reach));
+    let t = divisor.quotient(simd.dot3(e2, q), simd.mul(simd.mul(e1n, e2n), error_bound));
     let (t_min, t_max) = (simd.splat(t_min.into()), simd.splat(t_max.into()));
     let outside = simd.cmp_ge(t_min, t.above) | simd.cmp_ge(t.below, t_max);
     let within = simd.cmp_gt(t.below, t_min) & simd.cmp_gt(t_max, t.above);

@@ -47,13 +47,13 @@ pub fn intersect_simd<D: F64x4Ops>(
     let numerators = simd.reduce_sums([of_t, of_beta, of_gamma, of_alpha]);
 
     let n = simd.reduce_sum(simd.relaxed_max(simd.abs(e1), simd.abs(e2)));
-    let reach = simd.mul_add(slack, simd.reduce_sum(simd.abs(w)), origin_error);
+    let error_bound = simd.mul_add(slack, simd.reduce_sum(simd.abs(w)), origin_error);
     let e_det = simd.mul(simd.mul(n, n), simd.mul(slack, direction_norm));
     let few = |lanes: [f32; 4]| simd.from_f32(&lanes);
     // Of e2.q N, of beta and gamma |d|, of alpha 2 |d|: times N reach.
     let weights =
         simd.mul_add(direction_norm, few([0.0, 1.0, 1.0, 2.0]), simd.mul(n, few([1.0, 0.0, 0.0, 0.0])));
-    let errors = simd.mul_add(simd.mul(n, reach), weights, simd.mul(e_det, few([0.0, 0.0, 0.0, 1.0])));
+    let errors = simd.mul_add(simd.mul(n, error_bound), weights, simd.mul(e_det, few([0.0, 0.0, 0.0, 1.0])));
     let divisor = Divisor::new(simd, det, e_det);
     let quotients = divisor.quotient(numerators, errors);
     let [first, last] = quotients.rounded_ends(simd);

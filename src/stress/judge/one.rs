@@ -105,7 +105,7 @@ impl One<'_> {
                 let Some(bounds) = triangle::bounds(vertices) else { return Ok(()) };
                 let mut block = block::Triangle4::EMPTY;
                 block.set(lane, vertices);
-                let world = Some(ray.world()).filter(|_| ray.is_in_world() && ShearedRay::reaches(&bounds));
+                let world = Some(ray.world()).filter(|_| ray.is_in_world() && ShearedRay::covers(&bounds));
                 let world_space = world.and_then(ShearedRay::world_space);
                 let well_scaled = world.filter(|ray| ray.is_well_scaled()).map(ShearedRay::well_scaled);
                 let sheared =

@@ -44,7 +44,7 @@ use crate::math::real::{dot, from_f32, scale, sub};
 /// Settles a t that is off by at most `error`.
 #[inline(always)]
 pub(super) fn settle(ray: &ObjectRay, t: f64, error: f64) -> Verdict<f32> {
-    let (t_min, t_max) = ray.footing.interval;
+    let (t_min, t_max) = ray.approach_terms.interval;
     let (below, above) = (t - error, t + error);
     if below >= t_min && above <= t_max {
         return rounded(below, above);
@@ -54,37 +54,37 @@ pub(super) fn settle(ray: &ObjectRay, t: f64, error: f64) -> Verdict<f32> {
 
 /// A foot as computed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Foot {
+pub(super) struct ClosestApproach {
     /// From the centre to the foot: l above.
     pub offset: [f64; 3],
     /// Its t is the negative of this: σ above.
-    pub back: f64,
+    pub sigma: f64,
     /// n |σ|
-    pub way: f64,
+    pub travel: f64,
 }
 
 /// What feet read of a ray.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Footing {
+pub(super) struct ClosestApproachTerms {
     /// 1 / d.d
     pub inverse: f64,
     /// At least 1 / |d|, at most √3 / |d|.
-    pub slowness: f64,
+    pub inv_length: f64,
     /// c above.
-    pub growing: f64,
+    pub relative_error: f64,
     /// Above.
-    pub fixed: f64,
+    pub absolute_error: f64,
     /// The ray's, but no t that rounds to infinity: that is no hit.
     pub interval: (f64, f64),
 }
 
-impl Footing {
+impl ClosestApproachTerms {
     /// Placeholder value.
     pub const EMPTY: Self = Self {
         inverse: 0.0,
-        slowness: 0.0,
-        growing: f64::INFINITY,
-        fixed: f64::INFINITY,
+        inv_length: 0.0,
+        relative_error: f64::INFINITY,
+        absolute_error: f64::INFINITY,
         interval: (0.0, 0.0),
     };
 
@@ -103,16 +103,16 @@ impl Footing {
         let inverse = 1.0 / dot(direction, direction);
         Self {
             inverse,
-            slowness: norm * inverse,
-            growing: 8.0 * f64::EPSILON + 8.0 * direction_slack,
-            fixed: 2.25 * origin_slack + TINY,
+            inv_length: norm * inverse,
+            relative_error: 8.0 * f64::EPSILON + 8.0 * direction_slack,
+            absolute_error: 2.25 * origin_slack + TINY,
             interval: (t_min.into(), f64::from(t_max).min(GREATEST)),
         }
     }
 
     /// Decides nothing any more.
     pub fn give_up(&mut self) {
-        (self.growing, self.fixed) = (f64::INFINITY, f64::INFINITY);
+        (self.relative_error, self.absolute_error) = (f64::INFINITY, f64::INFINITY);
     }
 }
 
@@ -122,34 +122,34 @@ const GREATEST: f64 = (f32::MAX as f64 + (1u128 << 103) as f64).next_down();
 /// 2^-100
 const TINY: f64 = 1.0 / ((1u128 << 100) as f64);
 
-impl Foot {
+impl ClosestApproach {
     /// The point nearest to a centre.
     #[inline(always)]
     pub fn new(ray: &ObjectRay, center: [f32; 3]) -> Self {
         let w = sub(ray.origin, from_f32(center));
-        let back = dot(ray.direction, w) * ray.footing.inverse;
-        Self { offset: sub(w, scale(back, ray.direction)), back, way: back.abs() * ray.direction_norm }
+        let sigma = dot(ray.direction, w) * ray.approach_terms.inverse;
+        Self { offset: sub(w, scale(sigma, ray.direction)), sigma, travel: sigma.abs() * ray.direction_norm }
     }
 
     /// Bounds the error of the offset, and of `back` times |d|; `size` is at least the offset's length.
     #[inline(always)]
-    pub fn reach(&self, ray: &ObjectRay, size: f64) -> f64 {
-        ray.footing.fixed + ray.footing.growing * (size + self.way)
+    pub fn error_bound(&self, ray: &ObjectRay, size: f64) -> f64 {
+        ray.approach_terms.absolute_error + ray.approach_terms.relative_error * (size + self.travel)
     }
 
     /// Where the line enters a sphere about the centre, and a bound of the error; a miss where it passes
     /// by. `reach` is that of the radius, or of more. A radius that is not positive is not entered.
     #[inline(always)]
-    pub fn entry(&self, ray: &ObjectRay, radius: f64, reach: f64) -> Verdict<(f64, f64)> {
-        let Footing { inverse, slowness, growing, .. } = ray.footing;
+    pub fn entry(&self, ray: &ObjectRay, radius: f64, error_bound: f64) -> Verdict<(f64, f64)> {
+        let ClosestApproachTerms { inverse, inv_length, relative_error, .. } = ray.approach_terms;
         let square = dot(self.offset, self.offset);
         let room = radius * radius - square;
-        let sure = 0.125 * radius + 16.0 * reach;
+        let sure = 0.125 * radius + 16.0 * error_bound;
         if room >= sure * sure && radius > 0.0 {
             let half = (room * inverse).sqrt();
-            return Verdict::Hit((-self.back - half, 16.0 * slowness * reach));
+            return Verdict::Hit((-self.sigma - half, 16.0 * inv_length * error_bound));
         }
-        let near = radius + reach;
-        if square * (1.0 - 3.0 * growing) > near * near { Verdict::Miss } else { Verdict::Undecided }
+        let near = radius + error_bound;
+        if square * (1.0 - 3.0 * relative_error) > near * near { Verdict::Miss } else { Verdict::Undecided }
     }
 }

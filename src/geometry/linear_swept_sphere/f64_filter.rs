@@ -1,4 +1,4 @@
-//! The first step for linear swept spheres, from the foot of the first end ([`crate::geometry::foot`]).
+//! The first step for linear swept spheres, from the foot of the first end ([`crate::geometry::closest_approach`]).
 //!
 //! # Derivation
 //! With the foot w* in place of w, w*.d = 0, τ = t + σ* in place of t, and the parent module's D, δ, g:
@@ -13,7 +13,7 @@
 //! second end is w* - D + q d.
 //!
 //! # Error
-//! In the terms of `geometry::foot`, with |w*| and r0 at most s, ρ = reach(s) and c s <= ρ; D is off by
+//! In the terms of `geometry::closest_approach`, with |w*| and r0 at most s, ρ = reach(s) and c s <= ρ; D is off by
 //! u |D|, δ by u |δ| <= u |D|. To first order, and with ρ^2 where it counts:
 //!
 //! ```text
@@ -38,14 +38,14 @@
 //! ```
 //!
 //! u* g at τ is off by at most |D| (1.6 ρ + |d| (E + c |τ| / 2)) <= 1.5 |D| |d| E, and g - u* g by
-//! c D.D more. At the entry of an end's sphere E is that of `Foot::entry`, 16 ρ / |d|, to which
+//! c D.D more. At the entry of an end's sphere E is that of `ClosestApproach::entry`, 16 ρ / |d|, to which
 //! c |τ| adds ρ / |d| at the first end, as |τ| |d| <= r0; at the second 2 ρ / |d| for σ* and c |τ| for itself.
 //! Numbers that are not finite end in a NaN or an infinite E; nothing underflows that 2^-100 in ρ does
 //! not outweigh: h >= 2^-500 for a g that is not 0, and g H / d.d >= 2^-1000.
 
 use super::{cap, side};
 use crate::geometry::Intersection;
-use crate::geometry::foot::{self, Foot, Footing};
+use crate::geometry::closest_approach::{self, ClosestApproach, ClosestApproachTerms};
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded};
 use crate::math::real::{dot, from_f32, norm1, sub};
@@ -59,23 +59,23 @@ pub(super) fn entry(
     radii: [f32; 2],
     caps: [bool; 2],
 ) -> Verdict<Intersection> {
-    let Footing { inverse, slowness, growing, .. } = ray.footing;
-    let foot = Foot::new(ray, positions[0]);
+    let ClosestApproachTerms { inverse, inv_length, relative_error, .. } = ray.approach_terms;
+    let approach = ClosestApproach::new(ray, positions[0]);
     let [r0, r1] = radii.map(f64::from);
     let axis = sub(from_f32(positions[1]), from_f32(positions[0]));
     let delta = r1 - r0;
-    let size = norm1(foot.offset) + r0;
-    let reach = foot.reach(ray, size);
+    let size = norm1(approach.offset) + r0;
+    let error_bound = approach.error_bound(ray, size);
 
     let square = dot(axis, axis);
     let g = square - delta * delta;
     let along = dot(axis, ray.direction);
     let lean = along * inverse;
     let k = g - along * lean;
-    let begin = dot(foot.offset, axis) + r0 * delta;
-    let room = r0 * r0 - dot(foot.offset, foot.offset);
+    let begin = dot(approach.offset, axis) + r0 * delta;
+    let room = r0 * r0 - dot(approach.offset, approach.offset);
     let h = begin * begin + k * room;
-    let wide = 8.0 * (size + reach) * reach;
+    let wide = 8.0 * (size + error_bound) * error_bound;
     let e_h = square * wide;
     // Written so that a NaN is not sure.
     if !(k >= square * (1.0 / 16.0) && r0 >= 0.0 && r1 >= 0.0) {
@@ -85,20 +85,21 @@ pub(super) fn entry(
         return if h < -e_h { Verdict::Miss } else { Verdict::Undecided };
     }
     let root = (g * h * inverse).sqrt();
-    let stretch = 1.0 / k;
-    let from_foot = (begin * lean - root) * stretch;
-    let error =
-        square * stretch * (reach * (14.0 * slowness) + wide * (root / h) + 3.0 * growing * from_foot.abs());
+    let inv_k = 1.0 / k;
+    let tau = (begin * lean - root) * inv_k;
+    let error = square
+        * inv_k
+        * (error_bound * (14.0 * inv_length) + wide * (root / h) + 3.0 * relative_error * tau.abs());
 
     let length = square.sqrt();
     let speed = 1.5 * length * ray.direction_norm;
-    let place = begin + along * from_foot;
+    let place = begin + along * tau;
     let e_place = speed * error;
     let rest = g - place;
-    let e_rest = e_place + growing * square;
+    let e_rest = e_place + relative_error * square;
     if place > e_place && rest > e_rest {
-        let t = from_foot - foot.back;
-        let t = match foot::settle(ray, t, error) {
+        let t = tau - approach.sigma;
+        let t = match closest_approach::settle(ray, t, error) {
             Verdict::Hit(t) => t,
             Verdict::Miss => return Verdict::Miss,
             Verdict::Undecided => return Verdict::Undecided,
@@ -111,13 +112,13 @@ pub(super) fn entry(
         };
     }
     if place < -e_place {
-        let (t, error) = match foot.entry(ray, r0, reach) {
+        let (t, error) = match approach.entry(ray, r0, error_bound) {
             Verdict::Hit(entry) => entry,
             Verdict::Miss => return Verdict::Miss,
             Verdict::Undecided => return Verdict::Undecided,
         };
-        let place = begin + along * (t + foot.back);
-        let e_place = speed * (error + 2.0 * slowness * reach);
+        let place = begin + along * (t + approach.sigma);
+        let e_place = speed * (error + 2.0 * inv_length * error_bound);
         return if place < -e_place {
             on_cap(ray, (t, error), 0, caps)
         } else if place > e_place {
@@ -127,16 +128,17 @@ pub(super) fn entry(
         };
     }
     if rest < -e_rest {
-        let other = Foot::new(ray, positions[1]);
-        let reach_1 = other.reach(ray, r1);
-        let (t, error) = match other.entry(ray, r1, reach_1) {
+        let other = ClosestApproach::new(ray, positions[1]);
+        let error_bound_1 = other.error_bound(ray, r1);
+        let (t, error) = match other.entry(ray, r1, error_bound_1) {
             Verdict::Hit(entry) => entry,
             Verdict::Miss => return Verdict::Miss,
             Verdict::Undecided => return Verdict::Undecided,
         };
-        let from_foot = t + foot.back;
-        let rest = g - (begin + along * from_foot);
-        let e_rest = speed * (error + 2.0 * slowness * reach + growing * from_foot.abs()) + growing * square;
+        let tau = t + approach.sigma;
+        let rest = g - (begin + along * tau);
+        let e_rest = speed * (error + 2.0 * inv_length * error_bound + relative_error * tau.abs())
+            + relative_error * square;
         return if rest < -e_rest {
             on_cap(ray, (t, error), 1, caps)
         } else if rest > e_rest {
@@ -153,7 +155,7 @@ fn on_cap(ray: &ObjectRay, (t, error): (f64, f64), end: usize, caps: [bool; 2]) 
     if !caps[end] {
         return Verdict::Miss;
     }
-    match foot::settle(ray, t, error) {
+    match closest_approach::settle(ray, t, error) {
         Verdict::Hit(t) => Verdict::Hit(cap(t, end)),
         Verdict::Miss => Verdict::Miss,
         Verdict::Undecided => Verdict::Undecided,
