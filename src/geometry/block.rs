@@ -1,11 +1,10 @@
-//! Four primitives side by side, and an f32 test of all four at once that drops those which a ray
-//! surely misses.
+//! Blocks of four primitives as a structure of arrays, and an f32 test that culls those which a ray
+//! certainly misses.
 //!
-//! Most primitives of a leaf are missed, and a miss needs no t: only its sign of one or two
-//! polynomials. [`CullRay`] is the ray in f32 with bounds of what that cost; each `met` evaluates
-//! its primitive's silhouette for four lanes and keeps a lane unless the bound proves a miss. What
-//! is kept goes to `intersect`, which decides. So a block changes nothing but time; there is one
-//! implementation for all machines (`math::f32x4`).
+//! A ray misses most primitives of a leaf, and a miss needs no t, only the sign of one or two polynomials.
+//! [`CullRay`] is the ray in f32 with error bounds; each `maybe_hit_mask` evaluates the silhouettes of four
+//! primitives and keeps a lane unless the bound proves a miss. Lanes that are kept go to `intersect`, which
+//! decides. So culling affects only time. There is one implementation for all machines (`math::f32x4`).
 //!
 //! # The ray
 //! The exact object-space ray o + t d is reparametrised: the origin moves by `t0` along it towards the
@@ -44,30 +43,30 @@ pub use linear_swept_sphere::LinearSweptSphere4;
 pub use sphere::Sphere4;
 pub use triangle::{ShearedRay, Triangle4};
 
-/// How many primitives a block holds.
+/// The number of primitives in a block.
 pub use crate::math::f32x4::LANES;
 
 use crate::geometry::{ApproximateRay, Bounds, ObjectRay, Ray};
 use crate::math::f32x4::F32x4;
 use crate::math::real::Real;
 
-/// A bit for every lane.
+/// The mask of all lanes.
 const ALL: u32 = (1 << LANES) - 1;
 
-/// The greatest coordinate that bounds are known for: 2^60.
+/// The greatest coordinate for which the bounds hold: 2^60.
 const MOST: f32 = (1u64 << 60) as f32;
 
 /// The unit roundoff of f32.
 const UNIT: f64 = 1.0 / 16_777_216.0;
 
-/// Outweighs the roundings of a bound that is evaluated in f32.
+/// Outweighs the roundings of evaluating a bound in f32.
 const MARGIN: f64 = 1.0 + 1.0 / 262_144.0;
 
-/// A ray made ready for the blocks of one BLAS.
+/// A ray in f32 with error bounds, prepared for the blocks of one BLAS.
 #[derive(Clone, Copy, Debug)]
 pub struct CullRay {
     origin: [f32; 3],
-    /// Its greatest component is of a magnitude from 1 to 2.
+    /// Scaled so that its greatest component has a magnitude from 1 to 2.
     direction: [f32; 3],
     /// The axis of that component.
     axis: usize,
@@ -77,17 +76,17 @@ pub struct CullRay {
     relative_error: f32,
     /// |E| (e + c x), with margin, x being the greatest distance of all primitives and their radii.
     error_bound: f32,
-    /// The same, but infinite where points behind the origin count.
+    /// `error_bound`, but infinite if points behind the origin count.
     behind: f32,
-    /// The 2-norm of D at most.
+    /// An upper bound of the 2-norm of D.
     length: f32,
-    /// 5.5 |E| ρ, 10 |E|^2 c and |E|^2, with `reach` for ρ, for the cones of swept spheres.
+    /// 5.5 |E| ρ, 10 |E|^2 c and |E|^2, with `error_bound` for ρ, for the cones of swept spheres.
     cone: [f32; 3],
 }
 
-/// What [`CullRay::prepare`] knows besides.
+/// The error bounds that [`CullRay::prepare`] computes besides.
 struct Errors {
-    /// Of each component.
+    /// For each component of the origin.
     origin: [f64; 3],
     direction: [f64; 3],
     t0: f64,
@@ -238,7 +237,7 @@ impl CullRay {
     }
 }
 
-/// [`CullRay::cone`], of the numbers beside it.
+/// Computes [`CullRay::cone`] from the other terms.
 #[inline(always)]
 fn cone(relative_error: f32, error_bound: f32, length: f32) -> [f32; 3] {
     [5.5 * error_bound * length, 10.0 * relative_error * length, length * length]
@@ -247,7 +246,7 @@ fn cone(relative_error: f32, error_bound: f32, length: f32) -> [f32; 3] {
 /// 2^-60: see the head of this file.
 const TINY: f64 = 1.0 / 1_152_921_504_606_846_976.0;
 
-/// A t at which the ray is near a box but not in it yet; 0 where it starts there. Any t would do.
+/// A t at which the ray is near a box but not yet in it; 0 if it starts there. Any t would be correct.
 #[cold]
 fn t_near_bounds(o: [f64; 3], d: [f64; 3], around: &Bounds, size: f64) -> f64 {
     let square: f64 = d.iter().map(|x| x * x).sum();
@@ -258,7 +257,7 @@ fn t_near_bounds(o: [f64; 3], d: [f64; 3], around: &Bounds, size: f64) -> f64 {
     if t > 0.0 && t.is_finite() { t } else { 0.0 }
 }
 
-/// The axis along which a vector is greatest, and how great.
+/// The axis of the component of greatest magnitude, and that magnitude.
 #[inline(always)]
 fn greatest<R: Real>(v: [R; 3]) -> (usize, R) {
     let [x, y, z] = v.map(R::abs);
@@ -284,22 +283,22 @@ fn triple(v: F32x4) -> [f32; 3] {
     [x, y, z]
 }
 
-/// Of the first three.
+/// The sum of the first three lanes.
 #[inline(always)]
 fn sum(v: F32x4) -> f32 {
     let [x, y, z, _] = v.to_array();
     x + y + z
 }
 
-/// At least the 1-norm of the way from an origin to any point of a box. A ball within the box has each
-/// component of its centre nearer than that by its radius.
+/// An upper bound of the 1-norm of the vector from an origin to any point of a box. For a ball within the
+/// box it bounds that to the centre plus the radius.
 #[inline(always)]
 fn farthest(origin: F32x4, around: &Bounds) -> f32 {
     let (below, above) = (origin - three(around.min), three(around.max) - origin);
     sum(below.abs().relaxed_max(above.abs())) * MARGIN as f32
 }
 
-/// A number of each of four primitives.
+/// One number for each of four primitives.
 type Row = [f32; LANES];
 
 #[inline(always)]

@@ -1,11 +1,12 @@
-//! The foot: the point of a ray's line that is nearest to a centre, from which spheres and linear swept
-//! spheres are met in few operations.
+//! The point of closest approach of a ray's line to a centre, from which rays are tested against spheres
+//! and linear swept spheres in few operations, with an error bound (Higham, *Accuracy and Stability of
+//! Numerical Algorithms*).
 //!
 //! # Derivation
 //! With w = origin - centre, σ* = w.d / d.d and w* = w - σ* d the line is w* + τ d, τ = t + σ*, with w*.d = 0
 //! (E. Haines, J. Günther and T. Akenine-Möller, *Precision improvements for ray/sphere intersection*,
-//! Ray Tracing Gems, 2019). What is made from it cancels no more than |w*| and the radius allow, and the
-//! distance |w| enters in the foot's own error alone.
+//! Ray Tracing Gems, 2019). Formulas in w* cancel no more than |w*| and the radius allow; the distance |w|
+//! enters only in the error of w* itself.
 //!
 //! # Error
 //! u = 2^-53; oe bounds the origin's error, κ the direction's relative one (1-norms; in the 2-norm, |.| from
@@ -21,27 +22,27 @@
 //! and as |w| <= |w*| + |σ*| |d|, with the 1-norm n >= |d| and any s >= |l|,
 //!
 //! ```text
-//! reach(s) = fixed + c (s + n |σ|)        c = 16 u + 8 κ        fixed = 9/4 oe + 2^-100
+//! error_bound(s) = a + c (s + n |σ|)      c = 16 u + 8 κ      a = 9/4 oe + 2^-100
 //! ```
 //!
 //! bounds both |l - w*| and |d| |σ - σ*|: 16 and 8 outweigh 12 and 4 √3 by a seventh, 9/4 the 2 by an
 //! eighth, and what is of second order, or lost in evaluating it, is less than a thirtieth for κ <= 2^-10.
-//! Also u s <= reach(s) / 16. Where n is not within 2^-64 and 2^64, or `ObjectRay` bounds nothing,
+//! Also u s <= error_bound(s) / 16. Where n is not within 2^-64 and 2^64, or `ObjectRay` bounds nothing,
 //! c is infinite, so that nothing is decided; 2^-100 outweighs every underflow.
 //!
 //! # Spheres
-//! A sphere of radius r about the centre is entered at t = -(σ* + sqrt((r^2 - w*.w*) / d.d)). With ρ = reach(r)
+//! A sphere of radius r about the centre is entered at t = -(σ* + sqrt((r^2 - w*.w*) / d.d)). With ρ = error_bound(r)
 //! and |l| <= r the computed room r^2 - l.l is off by at most (7/3 r + ρ) ρ; it has to be at least
 //! (r / 8 + 16 ρ)^2, so that it is off by less than 19 ρ times its own root. That root is then off by at most
 //! 11.5 ρ, the half chord by as much over |d|, with ρ / 4 for the inverse and the rounding of the root, and t,
 //! with σ's ρ / |d| and the last rounding, by less than 16 ρ / |d|. (Undecided is what grazes: where less
-//! than a 64th of r^2 is left.) The line passes by where |l| > r + reach(|l|), that is |l| (1 - c) > r + ρ.
+//! than a 64th of r^2 is left.) The line passes by where |l| > r + error_bound(|l|), that is |l| (1 - c) > r + ρ.
 
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded};
 use crate::math::real::{dot, from_f32, scale, sub};
 
-/// Settles a t that is off by at most `error`.
+/// Decides whether a t with an error of at most `error` is in the interval, and rounds it.
 #[inline(always)]
 pub(super) fn settle(ray: &ObjectRay, t: f64, error: f64) -> Verdict<f32> {
     let (t_min, t_max) = ray.approach_terms.interval;
@@ -52,29 +53,29 @@ pub(super) fn settle(ray: &ObjectRay, t: f64, error: f64) -> Verdict<f32> {
     if above < t_min || below > t_max { Verdict::Miss } else { Verdict::Undecided }
 }
 
-/// A foot as computed.
+/// The computed point of closest approach.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ClosestApproach {
-    /// From the centre to the foot: l above.
+    /// The vector from the centre to the point: l above.
     pub offset: [f64; 3],
-    /// Its t is the negative of this: σ above.
+    /// The negated t of the point: σ above.
     pub sigma: f64,
-    /// n |σ|
+    /// n |σ|, a bound of the distance from the origin.
     pub travel: f64,
 }
 
-/// What feet read of a ray.
+/// The terms of a ray that closest approaches need.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ClosestApproachTerms {
-    /// 1 / d.d
+    /// 1 / d.d, the inverse of the squared length of the direction.
     pub inverse: f64,
-    /// At least 1 / |d|, at most √3 / |d|.
+    /// An upper bound of 1 / |d|, at most √3 / |d|.
     pub inv_length: f64,
-    /// c above.
+    /// c above, the part of the error that grows with the distances.
     pub relative_error: f64,
-    /// Above.
+    /// a above, the part of the error that does not.
     pub absolute_error: f64,
-    /// The ray's, but no t that rounds to infinity: that is no hit.
+    /// The interval of the ray without the t that round to infinity, which are no hits.
     pub interval: (f64, f64),
 }
 
@@ -91,8 +92,8 @@ impl ClosestApproachTerms {
     /// The least and the greatest n that bounds are known for: 2^-64 and 2^64.
     pub const RANGE: (f64, f64) = (1.0 / 18_446_744_073_709_551_616.0, 18_446_744_073_709_551_616.0);
 
-    /// For a direction with its 1-norm, the bounds of `ObjectRay` and the interval's ends. To be
-    /// [given up](Self::give_up) where the norm is not within the [range](Self::RANGE).
+    /// Makes the terms from a direction with its 1-norm, the error bounds of `ObjectRay` and the interval.
+    /// The caller [gives them up](Self::give_up) if the norm is outside of [`Self::RANGE`].
     #[inline(always)]
     pub fn new(
         direction: [f64; 3],
@@ -110,7 +111,7 @@ impl ClosestApproachTerms {
         }
     }
 
-    /// Decides nothing any more.
+    /// Makes the error bounds infinite, so that nothing is decided.
     pub fn give_up(&mut self) {
         (self.relative_error, self.absolute_error) = (f64::INFINITY, f64::INFINITY);
     }
@@ -123,7 +124,7 @@ const GREATEST: f64 = (f32::MAX as f64 + (1u128 << 103) as f64).next_down();
 const TINY: f64 = 1.0 / ((1u128 << 100) as f64);
 
 impl ClosestApproach {
-    /// The point nearest to a centre.
+    /// Computes the point that is closest to a centre.
     #[inline(always)]
     pub fn new(ray: &ObjectRay, center: [f32; 3]) -> Self {
         let w = sub(ray.origin, from_f32(center));
@@ -131,14 +132,15 @@ impl ClosestApproach {
         Self { offset: sub(w, scale(sigma, ray.direction)), sigma, travel: sigma.abs() * ray.direction_norm }
     }
 
-    /// Bounds the error of the offset, and of `back` times |d|; `size` is at least the offset's length.
+    /// A bound of the error of `offset` and of `sigma` times |d|; `size` is at least the length of the
+    /// offset.
     #[inline(always)]
     pub fn error_bound(&self, ray: &ObjectRay, size: f64) -> f64 {
         ray.approach_terms.absolute_error + ray.approach_terms.relative_error * (size + self.travel)
     }
 
-    /// Where the line enters a sphere about the centre, and a bound of the error; a miss where it passes
-    /// by. `reach` is that of the radius, or of more. A radius that is not positive is not entered.
+    /// The t at which the line enters a sphere about the centre, and a bound of its error. `error_bound` is
+    /// that of the radius or of more. A sphere whose radius is not positive is not entered.
     #[inline(always)]
     pub fn entry(&self, ray: &ObjectRay, radius: f64, error_bound: f64) -> Verdict<(f64, f64)> {
         let ClosestApproachTerms { inverse, inv_length, relative_error, .. } = ray.approach_terms;

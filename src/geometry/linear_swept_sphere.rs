@@ -1,28 +1,12 @@
 //! Linear swept spheres: the convex hull of two spheres, one candidate a primitive.
 //!
-//! # Derivation
-//! Ends (P0, r0) and (P1, r1), D = P1 - P0, δ = r1 - r0, g = D.D - δ^2. For g <= 0 the greater sphere
-//! holds the other one and is all there is. Otherwise let w = origin - P0 and x = w + t d. The ball of
-//! the sweep at u is met where
-//!
-//! ```text
-//! F(u, t) = |x - u D|^2 - (r0 + u δ)^2 = (x.x - r0^2) - 2 u (x.D + r0 δ) + u^2 g <= 0,
-//! ```
-//!
-//! least at u*(t) = (a + b t) / g with a = w.D + r0 δ and b = d.D. So the hull is entered on cap 0, on the
-//! side or on cap 1 as u* at the entry is <= 0, strictly between, or >= 1 (SEMANTICS 2.9). As u* is linear
-//! in t, the line falls into three stretches, and F(clamp u*, t) is on each of them the quadratic of
-//! sphere 0, of the cone, of sphere 1. The hull being convex, its entry is the first along the line of
-//! * the entry of sphere 0 at t with u*(t) <= 0: cap 0;
-//! * the fall of the cone's quadratic through 0 at t with 0 < u*(t) < 1: the side;
-//! * the entry of sphere 1 at t with u*(t) >= 1: cap 1.
-//!
-//! There is one at most, but for a line that runs along the side or through an apex: a later one is
-//! a touch of the boundary then. No one means that the line misses.
-//!
-//! If the entry lies on a disabled cap there is no candidate at all (SEMANTICS 9).
-//!
-//! Multiplied by g the cone's quadratic is A t^2 + 2 B t + C with
+//! # Test
+//! The ends are (P0, r0) and (P1, r1); D = P1 - P0, δ = r1 - r0, g = D.D - δ^2, w = origin - P0. For
+//! g <= 0 the greater sphere contains the other and is tested alone. Otherwise the ball of the sweep that
+//! the ray touches at t has the parameter u*(t) = (w.D + r0 δ + d.D t) / g, and the ray enters
+//! * cap 0, at the entry of sphere 0, if u* <= 0 there;
+//! * the side, at the falling root of A t^2 + 2 B t + C, if 0 < u* < 1 there;
+//! * cap 1, at the entry of sphere 1, if u* >= 1 there.
 //!
 //! ```text
 //! A = |d x D|^2 - |δ d|^2                  B = (w x D).(d x D) - (r0 D + δ w).(δ d)
@@ -30,25 +14,10 @@
 //! N = r0 (d x D) + δ (d x w)               M = w.(d x D)
 //! ```
 //!
-//! (A, B, C are the Gram minors of (w, -r0), (d, 0), (D, δ) in the scalar product v.v' - s s'; the
-//! discriminant is then -g times their Gram determinant, and that the signed sum of squared 3x3
-//! minors: Cauchy-Binet.) For r0 == r1 it says that the lines are closer than the radius.
-//! |N|^2 - M^2 cancels only in grazing: its relative error is of order u |w| / r, that of B^2 - A C
-//! of order u |w|^2 / r^2. |N|^2 < M^2 rejects most rays after two vector products.
+//! The ray misses if |N|^2 < M^2. An entry on a disabled cap is no candidate (SEMANTICS 9).
 //!
-//! The falling root, entering, is (-B - s) / A for either sign of A, as the derivative there is -2 s;
-//! without cancellation C / (s - B) where B <= 0, and -(B + s) / A where B > 0. A negative A belongs
-//! to a ray steeper than the cone; its mirror nappe has a negative radius and never 0 < u* < 1.
-//!
-//! **Which cap.** Let A > 0 and the falling root τ have u*(τ) < 0. Both spheres lie in one nappe of the
-//! double cone, which the line is in during [τ, τ'] only. Cap 1 entered at t has t in that interval;
-//! if b >= 0 then u* < 0 before τ, so that the line runs from u* < 0 at τ, inside the cone, to u* >= 1,
-//! inside the cone all the while: through the side's stretch with F < 0, inside the hull before t, a
-//! contradiction. If b < 0 then u*(t) <= u*(τ) < 1. So only cap 0 can be; the mirror statement has
-//! u*(τ) > 1 and cap 1. For A <= 0 both are asked.
-//!
-//! All of that is evaluated with a running bound where a leaner form of it, from the foot of the first end
-//! (`from_foot`), leaves the answer open.
+//! A filter in f64 from the point of closest approach (`f64_filter`) decides nearly always; what it leaves
+//! open is evaluated as above with a running bound, and then exactly (`exact`).
 //!
 //! # Degenerate shapes (SEMANTICS 9)
 //! A NaN or infinity, or no positive radius: never hit. One negative radius: the shape ends in the
@@ -56,13 +25,10 @@
 //! and that point counts as side. Such shapes (invalid usage in Vulkan) always take the exact step.
 //!
 //! # Error
-//! Norms are 1-norms. Products with d or w have the bounds of the table at `object_ray::View`, with
-//! room for the roundings of δ and of N's and Y = r0 D + δ w's sums: N needs 7u + κ of r0 |d||D| and
-//! 9u + κ of |δ||d||w|, Y 4u of r0 |D| and 6u of |δ||w|, Z = δ d 2u + κ, a 6u of |w||D|. A product of two
-//! computed values has `math::error_bound::product_error`, a quotient `Divisor`; a root s = sqrt(g) sqrt(G) of values known to e_g < g and e_G < G is off by at
-//! most (e_g / g + e_G / G + 3u) s, since 1 - sqrt((1 - x)(1 - y)) <= x + y. The greatest product for
-//! the rays that `ObjectRay` lets into f64 is below 2^900, the least second-order term of a bound of a
-//! nonzero G above 2^-1010.
+//! Products with d or w have the bounds of the table at `object_ray::View`. A product of two computed
+//! values has `math::error_bound::product_error`, a quotient `Divisor`; a root sqrt(g) sqrt(G) of values
+//! known to e_g < g and e_G < G is off by at most (e_g / g + e_G / G + 3u) of itself. The derivation, with the
+//! proof that one cap at most need be tested for A > 0, is in `docs/derivations/linear-swept-sphere.md`.
 
 mod exact;
 mod f64_filter;
@@ -96,7 +62,7 @@ pub fn intersect(
     }
 }
 
-/// Without bounds; apart, so that only the exact way is compiled into its callers.
+/// The test without bounds. It is not inlined, so that callers contain only the exact test.
 #[inline(never)]
 fn intersect_in<R: Real>(
     ray: &ObjectRay,
@@ -113,7 +79,7 @@ fn intersect_in<R: Real>(
     }
 }
 
-/// Where the foot's bound leaves the test open.
+/// The test of what the filter leaves undecided.
 #[cold]
 #[inline(never)]
 fn intersect_closely(
@@ -135,7 +101,7 @@ fn intersect_closely(
     exact::intersect(ray, positions, radii, caps)
 }
 
-/// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
+/// Whether f64 decides this test, so that exact arithmetic is not needed (for statistics).
 pub fn is_decided_in_f64(
     ray: &ObjectRay,
     positions: [[f32; 3]; 2],
@@ -204,13 +170,13 @@ fn is_solid(positions: [[f32; 3]; 2], radii: [f32; 2]) -> bool {
     finite && (radii[0] > 0.0 || radii[1] > 0.0)
 }
 
-/// Whether it does not end in an apex.
+/// Whether the shape does not end in an apex.
 #[inline(always)]
 fn is_whole(radii: [f32; 2]) -> bool {
     radii[0] >= 0.0 && radii[1] >= 0.0
 }
 
-/// The side's u, which never shows as that of a cap.
+/// A hit of the side; its u is never rounded to that of a cap.
 fn side(t: f32, u: f32) -> Intersection {
     let u = u.clamp(f32::MIN_POSITIVE, 1.0f32.next_down());
     Intersection { t, attributes: [u, 0.0], surface: Surface::Side }

@@ -6,8 +6,8 @@
 //! proven error bound decides nearly always; what it leaves undecided goes to exact arithmetic.
 //! [`Precision`] trades that away. A t beyond the range of `f32` is no hit: no shader could be told.
 //!
-//! Before any of that, [`block`] drops four at a time what a ray surely misses, or decides about four at once in
-//! f64 ([`Intersection4`]).
+//! Before that, [`block`] culls primitives that a ray certainly misses, four at a time, or tests four at
+//! once in f64 ([`Intersection4`]).
 //!
 //! The interval of a ray is the caller's t_min and t_max. A traversal that has found a hit compares
 //! the *rounded* t of later ones itself: shrinking `t_max` to a rounded t would make ties depend on
@@ -42,7 +42,7 @@ pub use verdict::Verdict;
 pub enum Precision {
     /// Plain f32 formulas, rearranged against cancellation, as a careful GPU kernel has them.
     Float,
-    /// The same in f64.
+    /// Plain f64 formulas, rearranged against cancellation.
     Double,
     /// Decisions exact, values correctly rounded.
     #[default]

@@ -105,7 +105,7 @@ fn is_solid(center: [f32; 3], radius: f32) -> bool {
     radius > 0.0 && radius.is_finite() && center.iter().all(|x| x.is_finite())
 }
 
-/// From the foot, with its bound; a sphere that is not solid is never hit.
+/// The f64 filter, from the point of closest approach. A sphere that is not solid is never hit.
 #[inline(always)]
 fn f64_filter(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Verdict<f32> {
     let approach = ClosestApproach::new(ray, center);

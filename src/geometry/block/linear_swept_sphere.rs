@@ -1,62 +1,21 @@
-//! Four linear swept spheres.
+//! Four linear swept spheres, and the f32 tests that cull them.
 //!
-//! A swept sphere lies within the capsule of its greater radius r about the axis' line. Two lines that
-//! are not parallel have the distance |w.(D x A)| / |D x A|, w = o' - P0, A = P1 - P0 (for parallel ones
-//! both sides vanish, which proves nothing). So |w.(D x A)| > r |D x A| proves a miss. By the table
-//! the left side is off by at most |E| |A| (e + c |w|), and D x A by c |E| |A|:
+//! With w = o' - P0, A = P1 - P0, r the greater radius and the ray's errors e, c and E of `geometry::block`, the
+//! capsule around the shape is missed if
 //!
 //! ```text
 //! |W.(E x A)| > r |E x A| + F        F = |A| |E| (e + c (|W| + r))
 //! ```
 //!
-//! Where the difference of the left side and F is positive its square is compared with
-//! r^2 |E x A|^2. Of the 12u in c the left side and E x A ask for 9u and 3u of their magnitudes; what is
-//! left pays for the squares, at most 4u of r |E x A|.
-//!
-//! *Underflow:* |A| counts as 2^-40 longer, so that F has at least 2^-100 |A|, and 2^-62 r for roundings:
-//! that outweighs r |E x A| where r^2 is lost, and r times the root of what the square of E x A can lose,
-//! 2^-73; 2^-126 pays for the other products.
-//!
-//! # The cone
-//! That drops few of those which taper. With the axis P(v) = P0 + v A, the radius r(v) = r0 + v δ and X = D x A, the ray's line comes to P(v)
-//! as near as
+//! and the double cone around it, which matters if the radii differ, if V^2 S > R^2 and S > 0, where
 //!
 //! ```text
-//! dist^2 = V^2 / q + (v - N / q)^2 q / D.D          V = w.X     N = (D x w).X     q = X.X
+//! X = D x A    V = w.X    N = (D x w).X    q = X.X    S = q - δ^2 D.D    R = r0 q + δ N
 //! ```
 //!
-//! (q is not 0; the line and the axis are nearest at v = N / q). It meets the ball at v where dist <= |r(v)|. The difference of both
-//! squares is a quadratic in v, whose least value is not positive, for q > δ^2 D.D, where
-//!
-//! ```text
-//! V^2 S <= R^2          S = q - δ^2 D.D     R = r0 q + δ N
-//! ```
-//!
-//! so that V^2 S > R^2 and S > 0 prove a miss of the whole double cone.
-//!
-//! *Error.* Let L >= |A| (2-norms throughout), and ρ >= |E| (e + c x), x >= |w| + r: the bound for all primitives. By the table V is off by
-//! at most |A| |E| (e + c |w|) <= L ρ, X by c |E| |A|, D x w by |E| (e + c |w|) <= ρ. The sums of three products round by 4u of their
-//! magnitudes at most, a third of c of them. As |X| <= |E| |A|, |D x w| c <= ρ and, for c <= 0.1, c^2 <= 0.1 c,
-//!
-//! ```text
-//! q    (2 c + c^2 + 0.4 c) |E|^2 |A|^2 <= 2.5 c |E|^2 L^2
-//! N    ρ |X| + |D x w| c |E| |A| + ρ c |E| |A| + 0.4 ρ |E| |A| <= 2.5 ρ |E| L
-//! ```
-//!
-//! And as c |E| r0 <= ρ and, where S > 0, |δ| <= |A|, with 2u for each product and sum of two and u for δ,
-//!
-//! ```text
-//! R    2.5 c |E|^2 L^2 r0 + 2.5 ρ |E| L |δ| + 2u r0 q + 3u |δ N| <= 5.5 ρ |E| L^2
-//! S    2.5 c |E|^2 L^2 + 5u |E|^2 L^2 <= 3 c |E|^2 L^2
-//! ```
-//!
-//! V is taken L ρ nearer to 0, R 5.5 ρ |E| L^2 farther from it, and S 10 c |E|^2 L^2 less, so that nothing of it is left where
-//! c > 0.1. 1e-5 pays for the roundings of the products that are compared.
-//!
-//! *Underflow:* L >= 2^-40, so that L ρ >= 2^-100, and L ρ >= 2^-60 |w|: both outweigh what V loses, as do the other
-//! two what R and S lose. S is a difference of numbers of which one is at least 2^-99, so at least 2^-123 or 0: |V| S is subnormal
-//! for |V| < 1 alone, and 2^-126 pays for what V S V and R^2 lose. *Overflow:* |V| S is multiplied by |V| then, so that an infinite
-//! product is greater than any finite R^2 indeed.
+//! With L >= |A| and ρ >= |E| (e + c x), x >= |w| + r, V is off by at most L ρ, R by 5.5 ρ |E| L^2 and S by
+//! 3 c |E|^2 L^2, of which 10 c |E|^2 L^2 is taken. The derivation, underflow and overflow included, is in
+//! `docs/derivations/cull-linear-swept-spheres.md`.
 
 use super::{ALL, CullRay, LANES, Row, load, norm1, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_sphere};

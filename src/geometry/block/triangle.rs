@@ -1,4 +1,4 @@
-//! Four triangles.
+//! Four triangles, and the f32 test that culls them.
 //!
 //! Seen along the ray (Woop, Benthin and Wald, *Watertight Ray/Triangle Intersection*, 2013): with the
 //! direction's greatest component along axis k, the vertex V becomes, relative to the origin, the point
@@ -7,44 +7,22 @@
 //! x' = (V_i - o_i) - s_i (V_k - o_k)        y' = (V_j - o_j) - s_j (V_k - o_k)        s = D / D_k
 //! ```
 //!
-//! of the plane across the ray. The line misses the triangle where two of the edges' areas
-//! A' x B', B' x C', C' x A' about the origin of that plane have opposite signs.
-//!
-//! # Error
-//! Let z = |V_k - o_k| and n = |x'| + |y'| as computed, and E off by at most ε (1-norm), E_k being its greatest
-//! component. A difference rounds once (u) and has the origin's error. The quotient of E is off from that of D by
-//! (|E_i - D_i| + |s_i| |E_k - D_k|) / |D_k|, and by one rounding of the reciprocal and one of the product, |s| <= 1. The product and
-//! the difference round once each. As |V_i - o_i| <= |x'| + z up to these errors, and with 4 ε <= |E_k| <= (4/3) |D_k|, x' and y'
-//! together are off by at most
+//! of the plane across the ray. The line misses the triangle if two of the edges' areas A' x B', B' x C',
+//! C' x A' about the origin of that plane have opposite signs, beyond their errors. With q^2 the sum of the
+//! squares of all x' and y', and r^2 that of all z = |V_k - o_k| besides, each area is off by less than
+//! P (q + P),
 //!
 //! ```text
-//! p = 2 e + (3 ε / |E_k| + 12 u) (z + n)
+//! P = 10 e + 15 (3 ε / |E_k| + 12 u) r
 //! ```
 //!
-//! (e counts once for i and j together and |s_i| + |s_j| <= 2 times for k, of which the 1-norm e holds
-//! one share: 2 e bounds the sum; likewise for ε, 2 (4/3) <= 3; u of z: 2 for the differences, 4 for s and 2 for the products, and 2 as
-//! |V_i - o_i| rounds; u of n: 1 + 1.) An area A'_x B'_y - A'_y B'_x is then off by p times the sum N of the three
-//! vertices' n, by p^2 at most and by its three roundings, 3u N^2 <= p N. So each is off by at most
-//! 2 p (N + p), with z and n summed over the three vertices in p. Two areas of opposite signs beyond that
-//! prove a miss.
-//!
-//! Squares are summed with fewer operations than magnitudes: with q^2 the sum of those of all x' and y', and r^2 that of all
-//! z besides, N <= sqrt(6) q and N + z <= 3 r (Cauchy and Schwarz). So with
-//!
-//! ```text
-//! P = 10 e + 15 (3 ε / |E_k| + 12 u) r >= 5 p
-//! ```
-//!
-//! each area is off by less than P (q + P), and by so much less that this pays for its own roundings and those of q and r.
-//!
-//! *Underflow* costs 2^-149 times 2^61 at most in s z, of which e = 2^-60 is far more, 2^-149 in an area, of which 2 e^2 is, and
-//! as much in each square, 2^-72 in q and r, of which e is far more again. *Overflow* there is none up to 2^60: x', y' and z are at most
-//! 2^62, and the squares of nine below 2^128.
+//! where e bounds the error of the origin and ε that of the direction E (1-norms). The derivation is in
+//! `docs/derivations/cull-triangles.md`.
 //!
 //! # Branches
-//! Whoever asks which are met can go on, on nearly every leaf, with what the areas' signs say as they are; that they say it with
-//! certainty is known some steps later. So [`Triangle4::met`] looks at that in a branch of its own, which the processor
-//! foresees: nothing waits for it.
+//! On nearly every leaf the signs of the areas alone decide which triangles may be hit; that they are
+//! certain is known some steps later. [`Triangle4::maybe_hit_mask`] checks the certainty in a branch of its
+//! own, which is predicted well, so that nothing waits for it.
 
 use super::{ALL, CullRay, LANES, MOST, Row, TINY, UNIT, greatest, three};
 use crate::geometry::triangle;

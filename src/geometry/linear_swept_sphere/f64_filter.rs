@@ -1,47 +1,24 @@
-//! The first step for linear swept spheres, from the foot of the first end ([`crate::geometry::closest_approach`]).
+//! The f64 filter of linear swept spheres, from the point of closest approach to the first end
+//! ([`crate::geometry::closest_approach`]).
 //!
-//! # Derivation
-//! With the foot w* in place of w, w*.d = 0, τ = t + σ* in place of t, and the parent module's D, δ, g:
-//! let e = w*.D + r0 δ, m = D.d, q = m / d.d, k = g - m q and f = r0^2 - w*.w*. Then
+//! # Test
+//! With the closest approach w* in place of w, w*.d = 0, τ = t + σ* in place of t, and the parent module's
+//! D, δ, g: let e = w*.D + r0 δ, m = D.d, q = m / d.d, k = g - m q and f = r0^2 - w*.w*. Then
 //!
 //! ```text
-//! u* g = e + m τ      A = k d.d      B = -e m      C = -(g f + e^2)      B^2 - A C = g d.d H
-//! H = e^2 + k f       τ = (e q - sqrt(g H / d.d)) / k       (the falling root)
+//! u* g = e + m τ        H = e^2 + k f        τ = (e q - sqrt(g H / d.d)) / k       (the falling root)
 //! ```
-//!
-//! f is also what the sphere of the first end has for its discriminant (over d.d), and the foot of the
-//! second end is w* - D + q d.
 //!
 //! # Error
-//! In the terms of `geometry::closest_approach`, with |w*| and r0 at most s, ρ = reach(s) and c s <= ρ; D is off by
-//! u |D|, δ by u |δ| <= u |D|. To first order, and with ρ^2 where it counts:
+//! With |w*| and r0 at most s, ρ = error_bound(s), c s <= ρ and R = sqrt(g H / d.d), for k >= D.D / 16 and
+//! H >= 2 h, h = 8 (s + ρ) ρ D.D, t is off by at most
 //!
 //! ```text
-//! g    9 u D.D                   q    (9 u + 3 κ2) |D| / |d| <= 0.66 c |D| / |d|
-//! k    1.5 c D.D                 e    1.45 |D| ρ            |e| <= |D| s
-//! f    2.4 s ρ + ρ^2             H    (7.1 s ρ + 3.2 ρ^2) D.D <= 8 (s + ρ) ρ D.D = h
+//! E = (D.D / k) (ρ (14 / |d| + 8 (s + ρ) R / H) + 3 c |τ|),
 //! ```
 //!
-//! k >= D.D / 16 is asked for (the ray does not run along the side), so that k and with it g are off by
-//! at most a fifth and certainly positive; then H < -h is a miss, as all of the line is outside of the
-//! double cone. For H >= 2 h the root R = sqrt(g H / d.d) is off by at most
-//! R (0.6 h / H + 4.5 c + 0.25 c), and R <= 1.5 D.D s / |d|; e q by 2.2 D.D ρ / |d|. So, as c s <= ρ,
-//!
-//! ```text
-//! |Δτ| <= 1.25 (9.5 D.D ρ / |d| + 0.6 R h / H + 1.5 c D.D |τ|) / k
-//! ```
-//!
-//! and with σ's ρ / |d| and the last rounding, which c |τ| and ρ / |d| outweigh, t is off by at most
-//!
-//! ```text
-//! E = (D.D / k) (ρ (14 / |d| + 8 (s + ρ) R / H) + 3 c |τ|).
-//! ```
-//!
-//! u* g at τ is off by at most |D| (1.6 ρ + |d| (E + c |τ| / 2)) <= 1.5 |D| |d| E, and g - u* g by
-//! c D.D more. At the entry of an end's sphere E is that of `ClosestApproach::entry`, 16 ρ / |d|, to which
-//! c |τ| adds ρ / |d| at the first end, as |τ| |d| <= r0; at the second 2 ρ / |d| for σ* and c |τ| for itself.
-//! Numbers that are not finite end in a NaN or an infinite E; nothing underflows that 2^-100 in ρ does
-//! not outweigh: h >= 2^-500 for a g that is not 0, and g H / d.d >= 2^-1000.
+//! u* g by 1.5 |D| |d| E, and H < -h is a miss. The derivation is in
+//! `docs/derivations/linear-swept-sphere-filter.md`.
 
 use super::{cap, side};
 use crate::geometry::Intersection;
@@ -50,8 +27,8 @@ use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded};
 use crate::math::real::{dot, from_f32, norm1, sub};
 
-/// Where a ray enters, if the bound says so for certain. Shapes that are not solid or end in an apex
-/// are missed or left open.
+/// Where a ray enters the shape, if the error bound decides it. Shapes that are not solid or end in an
+/// apex are missed or left undecided.
 #[inline(always)]
 pub(super) fn entry(
     ray: &ObjectRay,
