@@ -1,4 +1,4 @@
-//! The loop.
+//! The interpreter's loop: runs the operations of blocks and follows their terminators.
 
 use smallvec::SmallVec;
 
@@ -26,7 +26,7 @@ where
         if O::active() && batch.op == block.first && !batch.paused {
             observer.block(batch);
         }
-        // Where nobody watches, blocks that follow each other are one.
+        // Without an observer, blocks that follow each other form a superblock.
         let superblock = if O::active() {
             Superblock { end: block.end, last: batch.block }
         } else {
@@ -173,8 +173,8 @@ fn split<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(u32,
     batch.follow(edges.iter().map(|&(target, mask)| (target, mask & live)))
 }
 
-/// Consumes fuel of lanes at a back edge: as much as the loop has instructions, so that what a
-/// lane may do depends neither on its neighbours nor on the width of its batch nor on the optimizer.
+/// Consumes fuel of lanes at a back edge: as much as the loop has instructions, so that what a lane
+/// may do depends neither on its neighbours nor on the width of its batch nor on the optimizer.
 fn charge<const W: usize>(batch: &mut Batch<W>, program: &Program, to: u32, mask: Mask<W>) {
     if to <= batch.block {
         let before = to.checked_sub(1).map_or(0, |before| program.blocks[before as usize].instructions);

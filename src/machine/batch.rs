@@ -65,7 +65,8 @@ pub struct Batch<const W: usize> {
     accessed: Vec<(usize, Accessed)>,
     /// The lanes that have not been stopped.
     live: Mask<W>,
-    /// Operations that each lane may spend at back edges and calls, less what it has spent without the others.
+    /// Operations that each lane may spend at back edges and calls, less what it has spent without
+    /// the others.
     fuel: [u64; W],
     /// What every running lane has spent together with all others.
     spent: u64,
@@ -103,7 +104,8 @@ impl<const W: usize> Batch<W> {
         }
     }
 
-    /// Puts the lanes of a mask at the beginning of a block, each with its fuel, counted in instructions.
+    /// Puts the lanes of a mask at the beginning of a block, each with its fuel, counted in
+    /// instructions.
     pub fn begin(&mut self, mask: Mask<W>, block: u32, op: u32, fuel: u64) {
         self.mask = mask;
         self.live = mask;
@@ -211,7 +213,7 @@ impl<const W: usize> Batch<W> {
         }
     }
 
-    /// The same where a lane may not be able to pay.
+    /// As [`Batch::spend`], where the fuel of some lane may not cover the cost.
     #[cold]
     fn spend_the_last(&mut self, mask: Mask<W>, cost: u64, op: u32) {
         let broke = Mask::from_fn(|lane| {

@@ -29,7 +29,8 @@ enum Allocation {
 }
 
 impl DeviceMemory {
-    /// Gives a buffer an address (`vkGetBufferDeviceAddress`); the one that it has, where it has one.
+    /// Gives a buffer an address (`vkGetBufferDeviceAddress`); the one that it has, where it has
+    /// one.
     pub fn add_buffer(&mut self, buffer: &Arc<Buffer>) -> u64 {
         self.address_of(buffer)
             .unwrap_or_else(|| self.allocate(buffer.size(), Allocation::Buffer(buffer.clone())))
@@ -45,7 +46,7 @@ impl DeviceMemory {
         known.unwrap_or_else(|| self.allocate(0, Allocation::Structure(tlas.clone())))
     }
 
-    /// The same addresses with other buffers behind them.
+    /// Returns a copy of the address space in which other buffers stand at the addresses.
     #[must_use]
     pub fn with_buffers(&self, mut other: impl FnMut(&Arc<Buffer>) -> Arc<Buffer>) -> Self {
         let mut copy = self.clone();

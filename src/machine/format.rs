@@ -1,9 +1,9 @@
 //! Texel formats: how numbers lie in a texel's bits, and the conversions from and to them.
 //!
-//! Conversions follow Vulkan, "Fixed-Point Data Conversion", "Floating-Point Format Conversions" and
-//! "Shared Exponent to RGB". Where these leave a choice, this crate rounds to nearest even (a half to
-//! the even neighbour), takes not-a-number to 0 in fixed-point formats, overflows of 16-, 11- and
-//! 10-bit floats to infinity, and clamps integers that a format cannot hold to its range.
+//! Conversions follow Vulkan, "Fixed-Point Data Conversion", "Floating-Point Format Conversions"
+//! and "Shared Exponent to RGB". Where these leave a choice, this crate rounds to nearest even (a
+//! half to the even neighbour), takes not-a-number to 0 in fixed-point formats, overflows of 16-,
+//! 11- and 10-bit floats to infinity, and clamps integers that a format cannot hold to its range.
 
 use std::sync::LazyLock;
 
@@ -22,9 +22,9 @@ pub enum Component {
     Unorm16,
     /// 16 bits, -1 to 1.
     Snorm16,
-    /// binary16
+    /// 16 bits, binary16 of IEEE 754.
     Float16,
-    /// binary32
+    /// 32 bits, binary32 of IEEE 754.
     Float32,
     /// 8 bits, unsigned integer.
     Uint8,
@@ -44,7 +44,8 @@ pub enum Component {
     Sint64,
     /// 10 bits each for R (lowest), G, B, and 2 for A, 0 to 1 (`A2B10G10R10_UNORM_PACK32`).
     Unorm10A2,
-    /// The same bits as unsigned integers (`A2B10G10R10_UINT_PACK32`).
+    /// 10 bits each for R (lowest), G, B, and 2 for A, unsigned integers
+    /// (`A2B10G10R10_UINT_PACK32`).
     Uint10A2,
     /// Unsigned floats of 11 bits for R (lowest) and G, 10 for B (`B10G11R11_UFLOAT_PACK32`).
     Float11B10,
@@ -55,7 +56,7 @@ pub enum Component {
 /// What kind of number a shader reads from a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Class {
-    /// binary32
+    /// A float, binary32 of IEEE 754.
     Float,
     /// Signed integers.
     Sint,
@@ -169,8 +170,8 @@ impl Format {
 
     /// The components of a texel as a shader sees them, from its bits.
     ///
-    /// Floats are the bits of a binary32; integers are extended to 64 bits by their sign. Components
-    /// that the format lacks are 0, a lacking A is 1 ("Conversion to RGBA").
+    /// Floats are the bits of a binary32; integers are extended to 64 bits by their sign.
+    /// Components that the format lacks are 0, a lacking A is 1 ("Conversion to RGBA").
     pub fn decode(self, bits: u128) -> [u64; 4] {
         let one = self.one();
         let mut texel = [0, 0, 0, one];
@@ -385,7 +386,8 @@ mod tests {
         // 0.5 * 255 = 127.5 and 0.5 * 65535 = 32767.5 are ties: both go to the even neighbour.
         assert_eq!(encode(Unorm8, 0.5), 128);
         assert_eq!(encode(Unorm16, 0.5), 32_768);
-        // 2^-9 * 255 = 0.498, 3 * 2^-9 * 255 = 1.494, 2.5 / 255 rounded up to binary32 is above the tie.
+        // 2^-9 * 255 = 0.498, 3 * 2^-9 * 255 = 1.494, 2.5 / 255 rounded up to binary32 is above the
+        // tie.
         assert_eq!([2f32.powi(-9), 3.0 * 2f32.powi(-9)].map(|x| encode(Unorm8, x)), [0, 1]);
         assert_eq!([-0.0, -1.0, f32::NEG_INFINITY, f32::NAN].map(|x| encode(Unorm8, x)), [0; 4]);
         assert_eq!([1.0, 2.0, f32::INFINITY].map(|x| encode(Unorm16, x)), [0xffff; 3]);
@@ -491,7 +493,8 @@ mod tests {
     fn srgb_codes_are_the_nearest_floats_to_the_curve() {
         for code in 0..=255u32 {
             let bits = Format::RGBA8_SRGB.decode(u128::from(code));
-            // f64 is right to far better than this, so no tie of binary32 lies between it and the truth.
+            // f64 is right to far better than this, so no tie of binary32 lies between it and the
+            // truth.
             let wide = srgb::to_linear(f64::from(code) / 255.0);
             let float = f32::from_bits(bits[0] as u32);
             let step = f64::from(float.next_up()) - f64::from(float);

@@ -72,8 +72,8 @@ impl Shape {
         Self { dimension: Dimension::D2, extent: [width, height, 1], layers: 1, levels: 1, samples: 1 }
     }
 
-    /// Width, height and depth of a mip level: halved each time, at least 1 (Vulkan, "Image Miplevel
-    /// Sizing").
+    /// Width, height and depth of a mip level: halved each time, at least 1 (Vulkan, "Image
+    /// Miplevel Sizing").
     pub fn level_extent(&self, level: u32) -> [u32; 3] {
         self.extent.map(|side| side.checked_shr(level).unwrap_or(0).max(1))
     }
@@ -130,7 +130,7 @@ pub struct Position {
     pub at: [i64; 3],
     /// Array layer or cube face; may be outside.
     pub layer: i64,
-    /// Sample.
+    /// The number of the sample within the texel.
     pub sample: u32,
     /// Mip level.
     pub level: u32,
@@ -157,7 +157,8 @@ pub struct SampleWeight {
 
 /// An image.
 ///
-/// Texels follow each other by level, then layer, slice, row (the top one first), column, sample, each
+/// Texels follow each other by level, then layer, slice, row (the top one first), column, sample,
+/// each
 /// [`Format::texel_size`] bytes. They lie in relaxed atomics: plain loads and stores on every machine,
 /// and no undefined behaviour where a shader races.
 #[derive(Debug)]
@@ -206,8 +207,8 @@ impl Image {
         Self::of_one_texel(format, shape, whole(&shape), texel)
     }
 
-    /// Some rows of a plane with one level and sample, whose texels are all the same. Whatever its shape says,
-    /// no other row is there: an access to one traps, robust or not.
+    /// Some rows of a plane with one level and sample, whose texels are all the same. Whatever its
+    /// shape says, no other row is there: an access to one traps, robust or not.
     ///
     /// # Errors
     /// As [`Image::filled`], and `InvalidImage` for another shape, or rows that it does not have.
@@ -382,8 +383,8 @@ impl Image {
         self.texel_bytes(first..first + self.shape.level_texels(level) as usize, 1)
     }
 
-    /// A copy of the bytes of a row of level 0 that is there, in its first layer and slice; of several samples
-    /// the first.
+    /// A copy of the bytes of a row of level 0 that is there, in its first layer and slice; of
+    /// several samples the first.
     pub fn row_bytes(&self, row: u32) -> Vec<u8> {
         let each = self.shape.samples as usize;
         let width = self.shape.extent[0] as usize * each;

@@ -47,11 +47,11 @@ pub struct RayLanes<const W: usize> {
     pub flags: Lanes<W>,
     /// Their low 8 bits count.
     pub cull_mask: Lanes<W>,
-    /// Floats.
+    /// x, y and z of the origin, bits of f32.
     pub origin: [Lanes<W>; 3],
-    /// A float.
+    /// The least ray parameter, bits of f32.
     pub t_min: Lanes<W>,
-    /// Floats.
+    /// x, y and z of the direction, bits of f32.
     pub direction: [Lanes<W>; 3],
     /// A float.
     pub t_max: Lanes<W>,
@@ -60,7 +60,7 @@ pub struct RayLanes<const W: usize> {
 }
 
 impl<const W: usize> RayLanes<W> {
-    /// Zeros.
+    /// Operands that are all zero.
     pub const ZERO: Self = {
         let zero = Lanes([0; W]);
         Self {
@@ -103,7 +103,8 @@ impl<const W: usize> RayLanes<W> {
         self.time.0[lane] = time.to_bits();
     }
 
-    /// Lanes whose rays certainly keep the rules of [`TraceRay::check`], with some flags beside their own, too.
+    /// Lanes whose rays certainly keep the rules of [`TraceRay::check`], with some flags beside
+    /// their own, too.
     pub fn within_rules(&self, flags: u32) -> Mask<W> {
         // All flags of which some exclude others.
         const EXCLUSIVE: u32 = 1 | 2 | 16 | 32 | 64 | 128 | 256 | 512;
@@ -122,8 +123,8 @@ impl<const W: usize> RayLanes<W> {
         Mask::of(&within)
     }
 
-    /// Copies the operands from registers. From `ray` on lie origin (3), t_min, direction (3), t_max
-    /// and time, one register each.
+    /// Copies the operands from registers. From `ray` on lie origin (3), t_min, direction (3),
+    /// t_max and time, one register each.
     pub fn copy(&mut self, registers: &Registers<W>, flags: Reg, cull_mask: Reg, ray: Reg) {
         self.flags = registers[flags];
         self.cull_mask = registers[cull_mask];
@@ -180,8 +181,8 @@ pub enum InvocationField {
     LocalIndex,
 }
 
-/// The structures that the rays of a batch go through, of which there is mostly one: which of them each
-/// lane's ray goes through.
+/// The structures that the rays of a batch go through, of which there is mostly one: which of them
+/// each lane's ray goes through.
 #[derive(Clone, Debug)]
 pub struct Structures<const W: usize> {
     all: SmallVec<[Arc<Tlas>; 1]>,
@@ -189,8 +190,8 @@ pub struct Structures<const W: usize> {
 }
 
 impl<const W: usize> Structures<W> {
-    /// Forgets several; one stays, as the next rays most likely go through it, too, and threads share the
-    /// count of its references.
+    /// Forgets several; one stays, as the next rays most likely go through it, too, and threads
+    /// share the count of its references.
     pub fn clear(&mut self) {
         if self.all.len() > 1 {
             self.all.clear();
@@ -246,7 +247,8 @@ impl<const W: usize> Default for Structures<W> {
     }
 }
 
-/// The state of a batch's invocations that builtin variables show to its shader: structure of arrays.
+/// The state of a batch's invocations that builtin variables show to its shader: structure of
+/// arrays.
 #[derive(Clone, Debug)]
 pub struct Invocations<const W: usize> {
     /// `LaunchIdKHR`; in compute `GlobalInvocationId`
@@ -393,8 +395,8 @@ impl<const W: usize> Invocations<W> {
         self.records[lane].as_ref()
     }
 
-    /// Sets the shader record of a lane. Threads share the count of a buffer's references: it is left alone
-    /// where that will do.
+    /// Sets the shader record of a lane. Threads share the count of a buffer's references: it is
+    /// left alone where that will do.
     #[inline]
     pub fn set_record(&mut self, lane: usize, record: Option<&ShaderRecord>) {
         match (&mut self.records[lane], record) {

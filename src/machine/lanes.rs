@@ -24,8 +24,9 @@ impl Reg {
         Self(self.0 + words)
     }
 
-    /// The register a computed number of registers further on, which may be behind the last one. The number
-    /// is an index, or for a register that carries [`REGISTER_POINTER`] a pointer that does.
+    /// The register a computed number of registers further on, which may be behind the last one.
+    /// The number is an index, or for a register that carries [`REGISTER_POINTER`] a pointer that
+    /// does.
     #[inline]
     #[must_use]
     pub fn computed(self, words: u32) -> Self {
@@ -33,8 +34,9 @@ impl Reg {
     }
 }
 
-/// What a pointer to a register carries beside the register's number, so that no register has the value of the
-/// null pointer, 0. A register that pointers count from carries it too: together they cancel.
+/// What a pointer to a register carries beside the register's number, so that no register has the
+/// value of the null pointer, 0. A register that pointers count from carries it too: together they
+/// cancel.
 pub const REGISTER_POINTER: u32 = 1 << 31;
 
 /// One 32-bit word for each of W lanes.
@@ -43,14 +45,14 @@ pub const REGISTER_POINTER: u32 = 1 << 31;
 pub struct Lanes<const W: usize>(pub [u32; W]);
 
 impl<const W: usize> Lanes<W> {
-    /// The same word in every lane.
+    /// Returns lanes that all hold one word.
     pub fn splat(word: u32) -> Self {
         Self([word; W])
     }
 }
 
-/// The register file of a batch. It begins with a line of the processor's caches, so that no vector of a register of 64 lanes
-/// lies on two of them: those take twice as long to read.
+/// The register file of a batch. It begins with a line of the processor's caches, so that no vector
+/// of a register of 64 lanes lies on two of them: those take twice as long to read.
 #[derive(Clone, Debug)]
 pub struct Registers<const W: usize> {
     registers: AVec<Lanes<W>, ConstAlign<CACHE_LINE>>,
@@ -74,7 +76,7 @@ impl<const W: usize> Registers<W> {
         self.cpu_tier
     }
 
-    /// The same for a processor that has less.
+    /// Returns the registers with operations of another tier of the processor.
     #[cfg(test)]
     pub fn on(self, cpu_tier: CpuTier) -> Self {
         Self { cpu_tier, ..self }
@@ -213,9 +215,9 @@ impl<const W: usize> IndexMut<Reg> for Registers<W> {
 /// A scalar as it lies in one or two registers.
 ///
 /// Narrow values lie in the low bits, the rest is zero; a bool is 0 or 1; 64-bit values lie in two
-/// registers, the low word first. What is calculated and no number is always written as one quiet NaN, positive and
-/// without a payload: IEEE 754 leaves its bits open, and processors, and compilers that exchange operands,
-/// make different ones.
+/// registers, the low word first. What is calculated and no number is always written as one quiet
+/// NaN, positive and without a payload: IEEE 754 leaves its bits open, and processors, and
+/// compilers that exchange operands, make different ones.
 pub trait Scalar: Copy {
     /// Registers taken: 1 or 2.
     const WORDS: u32;

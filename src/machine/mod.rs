@@ -1,8 +1,8 @@
 //! The state of a running batch of invocations, without any instruction.
 //!
 //! A batch runs one entry point for up to W invocations at once. Everything a shader holds in
-//! Function, Private, Input, payload and attribute storage is a register of the batch's register file:
-//! one 32-bit word for each lane. Buffers, images and acceleration structures are shared
+//! Function, Private, Input, payload and attribute storage is a register of the batch's register
+//! file: one 32-bit word for each lane. Buffers, images and acceleration structures are shared
 //! [`resource`]s.
 
 pub mod batch;

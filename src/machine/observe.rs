@@ -19,7 +19,7 @@ pub trait Observer<const W: usize> {
         let _ = (shader, batch);
     }
 
-    /// The same batch was handed back: it is done, or waits.
+    /// The interpreter handed the batch back: it is done, or waits for the pipeline.
     fn stopped(&mut self, shader: u32, batch: &Batch<W>) {
         let _ = (shader, batch);
     }
@@ -35,8 +35,8 @@ pub trait Observer<const W: usize> {
         false
     }
 
-    /// Called after each operation that stopped neither the batch nor all of its lanes: its results lie
-    /// in the registers, and may be changed there.
+    /// Called after each operation that stopped neither the batch nor all of its lanes: its results
+    /// lie in the registers, and may be changed there.
     fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: u32) {
         let _ = (batch, bindings, op);
     }

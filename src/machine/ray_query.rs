@@ -1,8 +1,9 @@
 //! Ray queries: a traversal each, and what its shader may do with it next (Vulkan, "Ray Queries").
 //!
 //! A variable of type `OpTypeRayQueryKHR` is one register that holds a handle: 0 until the query is
-//! initialised, then its place in the batch's [`RayQueries`], from 1 on. So arrays of queries, pointers to
-//! them and divergence need nothing of their own, and a copy of the batch copies its queries.
+//! initialised, then its place in the batch's [`RayQueries`], from 1 on. So arrays of queries,
+//! pointers to them and divergence need nothing of their own, and a copy of the batch copies its
+//! queries.
 
 use std::sync::Arc;
 
@@ -101,8 +102,8 @@ impl RayQuery {
     ///
     /// # Errors
     /// `RayQueryNoCandidate`, `RayQueryNotAabb`, `RayQueryMotion` in a structure with motion
-    /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06354), and `RayQueryOutsideInterval` for a t
-    /// before `t_min` or behind the committed hit (06353).
+    /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06354), and `RayQueryOutsideInterval`
+    /// for a t before `t_min` or behind the committed hit (06353).
     pub fn generate(&mut self, t: f32) -> Result<(), TrapCode> {
         if !self.candidate()?.is_box() {
             return Err(TrapCode::RayQueryNotAabb);
@@ -238,7 +239,8 @@ impl RayQueries {
         self.initialized = 0;
     }
 
-    /// `OpRayQueryInitializeKHR` of the query with a handle, or another where that is 0; the handle.
+    /// `OpRayQueryInitializeKHR` of the query with a handle, or another where that is 0; the
+    /// handle.
     pub fn initialize(&mut self, handle: u32, op: u32, tlas: &Arc<Tlas>, trace: TraceRay) -> u32 {
         self.initialized += 1;
         let (query, object) = self.all.claim(handle);
@@ -269,7 +271,7 @@ impl RayQueries {
     /// [`RayQuery::proceed`]
     ///
     /// # Errors
-    /// As there.
+    /// Those of [`RayQuery::proceed`].
     #[inline]
     pub fn proceed(&mut self, handle: u32, op: u32) -> Result<bool, TrapCode> {
         let Some(mut events) = self.events.take() else { return self.query(handle)?.proceed(&mut ()) };
@@ -297,7 +299,7 @@ impl RayQueries {
     /// [`RayQuery::confirm`]
     ///
     /// # Errors
-    /// As there.
+    /// Those of [`RayQuery::confirm`].
     pub fn confirm(&mut self, handle: u32, op: u32) -> Result<(), TrapCode> {
         self.query(handle)?.confirm()?;
         self.record(handle, op, RayQueryStep::Confirm);
@@ -307,7 +309,7 @@ impl RayQueries {
     /// [`RayQuery::generate`]
     ///
     /// # Errors
-    /// As there.
+    /// Those of [`RayQuery::generate`].
     pub fn generate(&mut self, handle: u32, op: u32, t: f32) -> Result<(), TrapCode> {
         self.query(handle)?.generate(t)?;
         self.record(handle, op, RayQueryStep::Generate(t));

@@ -90,8 +90,8 @@ impl Buffer {
         Arc::new(Self { words: words.collect(), size: size as u64, null: false })
     }
 
-    /// What a null descriptor stands for (`nullDescriptor`): whatever the policy, loads give 0, stores are
-    /// dropped, and `OpArrayLength` gives 0.
+    /// What a null descriptor stands for (`nullDescriptor`): whatever the policy, loads give 0,
+    /// stores are dropped, and `OpArrayLength` gives 0.
     pub fn null() -> Arc<Self> {
         Arc::new(Self { words: Box::new([]), size: 0, null: true })
     }
@@ -172,8 +172,8 @@ impl Buffer {
     }
 
     /// Reads, changes and writes 64 bits at a byte offset as one step towards all other calls of
-    /// this function for the same place, and gives what was read; `None` outside the buffer or where
-    /// the offset is no multiple of 4.
+    /// this function for the same place, and gives what was read; `None` outside the buffer or
+    /// where the offset is no multiple of 4.
     pub fn update_wide(&self, offset: u64, change: impl FnOnce(u64) -> Option<u64>) -> Option<u64> {
         // Words are atomics of 32 bits: a pair needs a lock, one of several by its place.
         static LOCKS: [Mutex<()>; 64] = [const { Mutex::new(()) }; 64];
@@ -204,18 +204,19 @@ pub enum MemoryPolicy {
     /// It stops the invocation.
     #[default]
     Trap,
-    /// `robustBufferAccess2` and `robustImageAccess2`: of what is loaded, scalars that lie outside a
-    /// buffer are 0, and so are texels outside an image, but for 1 where the format has no A; what is
-    /// stored there is dropped, atomic instructions do nothing and return 0. Device addresses,
-    /// workgroup memory, arrays of variables and missing descriptors still trap: Vulkan's robustness
-    /// does not reach them. (A null descriptor is none that is missing: [`Buffer::null`].)
+    /// `robustBufferAccess2` and `robustImageAccess2`: of what is loaded, scalars that lie outside
+    /// a buffer are 0, and so are texels outside an image, but for 1 where the format has no A;
+    /// what is stored there is dropped, atomic instructions do nothing and return 0. Device
+    /// addresses, workgroup memory, arrays of variables and missing descriptors still trap:
+    /// Vulkan's robustness does not reach them. (A null descriptor is none that is missing:
+    /// [`Buffer::null`].)
     Robust,
 }
 
 /// What is bound at a binding, for messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Bound {
-    /// Where.
+    /// The binding.
     pub binding: Binding,
     /// What the first element is.
     pub kind: &'static str,

@@ -12,7 +12,7 @@ pub enum Filter {
 /// `VkSamplerAddressMode`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AddressMode {
-    /// Repeats.
+    /// The image repeats without end.
     Repeat,
     /// Repeats, every other time mirrored.
     MirroredRepeat,
@@ -38,21 +38,21 @@ pub enum BorderColor {
 /// `VkCompareOp`, in its order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CompareOp {
-    /// 0
+    /// The result is always false.
     Never,
-    /// 1
+    /// reference < texel
     Less,
-    /// 2
+    /// reference = texel
     Equal,
-    /// 3
+    /// reference <= texel
     LessOrEqual,
-    /// 4
+    /// reference > texel
     Greater,
-    /// 5
+    /// reference != texel
     NotEqual,
-    /// 6
+    /// reference >= texel
     GreaterOrEqual,
-    /// 7
+    /// The result is always true.
     Always,
 }
 
@@ -95,9 +95,9 @@ pub struct BlockMatchWindow {
 /// A sampler's state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampler {
-    /// Magnification.
+    /// The filter for magnification.
     pub mag_filter: Filter,
-    /// Minification.
+    /// The filter for minification.
     pub min_filter: Filter,
     /// Between mip levels.
     pub mipmap_mode: Filter,

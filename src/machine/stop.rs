@@ -47,8 +47,8 @@ pub enum Stop<const W: usize> {
         /// The lanes that have come to it.
         mask: Mask<W>,
     },
-    /// `OpHitObjectTraceRayEXT`: as `TraceRay`, but no closest-hit or miss shader runs, what was found
-    /// is recorded in a hit object.
+    /// `OpHitObjectTraceRayEXT`: as `TraceRay`, but no closest-hit or miss shader runs, what was
+    /// found is recorded in a hit object.
     HitObjectTrace {
         /// The lanes that trace.
         mask: Mask<W>,
@@ -81,11 +81,11 @@ pub enum Stop<const W: usize> {
     Paused,
 }
 
-/// A stretch of registers.
+/// Consecutive registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RegSpan {
     /// The first register.
     pub first: Reg,
-    /// How many.
+    /// The number of registers.
     pub count: u32,
 }

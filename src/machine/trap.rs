@@ -30,7 +30,8 @@ pub enum TrapCode {
     ImageOutOfBounds,
     /// A texel of a row that the band of an image does not hold.
     ImageRowAbsent,
-    /// The image bound has another dimension, sample count or component type than the shader declares.
+    /// The image bound has another dimension, sample count or component type than the shader
+    /// declares.
     ImageMismatch,
     /// The sampler bound does not suit the instruction or the image.
     SamplerMismatch,
@@ -82,7 +83,8 @@ pub enum TrapCode {
     /// A hit is generated in an acceleration structure with motion
     /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06354).
     RayQueryMotion,
-    /// A ray query in a structure with opacity micromaps, by a shader whose `OpacityMicromapIdKHR` is false.
+    /// A ray query in a structure with opacity micromaps, by a shader whose `OpacityMicromapIdKHR`
+    /// is false.
     RayQueryMicromaps,
     /// `OpControlBarrier` that some invocations of the workgroup do not come to.
     BarrierDivergence,
@@ -99,11 +101,14 @@ pub enum TrapCode {
     /// An any-hit shader is null that the pipeline promises to have
     /// (VUID-vkCmdTraceRaysKHR-flags-03512).
     NullAnyHit,
-    /// The same for a closest-hit shader (VUID-vkCmdTraceRaysKHR-flags-03513).
+    /// A closest-hit shader is null that the pipeline promises to have
+    /// (VUID-vkCmdTraceRaysKHR-flags-03513).
     NullClosestHit,
-    /// The same for a miss shader (VUID-vkCmdTraceRaysKHR-flags-03511).
+    /// A miss shader is null that the pipeline promises to have
+    /// (VUID-vkCmdTraceRaysKHR-flags-03511).
     NullMiss,
-    /// The same for an intersection shader (VUID-vkCmdTraceRaysKHR-flags-03514).
+    /// An intersection shader is null that the pipeline promises to have
+    /// (VUID-vkCmdTraceRaysKHR-flags-03514).
     NullIntersection,
     /// A shader that this one called trapped.
     Callee,
@@ -289,7 +294,7 @@ impl Accessed {
 /// A trap with the place in the program where it happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trap {
-    /// Why.
+    /// The kind of the trap.
     pub code: TrapCode,
     /// The index of the operation in its program.
     pub op: u32,

@@ -11,13 +11,14 @@ use crate::module::words::{Span, invalid};
 use crate::module::{Block, Definition, Id, Instruction, Module};
 use crate::module::{check_access, check_encoding};
 
-/// Checks every instruction of every function, then that no entry point calls itself in a circle; says what
-/// each function uses.
+/// Checks every instruction of every function, then that no entry point calls itself in a circle;
+/// says what each function uses.
 ///
 /// # Errors
 /// `InvalidModule` where operands are missing or left over, an id has no definition or one in
-/// another function or further down, a label stands where a value is expected or the other way round, a call does
-/// not fit its function, an index leaves its composite, or calls go round in a circle.
+/// another function or further down, a label stands where a value is expected or the other way
+/// round, a call does not fit its function, an index leaves its composite, or calls go round in a
+/// circle.
 pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec<Uses>> {
     let mut calls = vec![Vec::new(); module.functions.len()];
     let mut named = vec![Vec::new(); module.functions.len()];
@@ -48,7 +49,8 @@ pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec
     Ok(calls.into_iter().zip(named).map(uses).collect())
 }
 
-/// What the instructions of a function use of the module: see [`Function`](crate::module::Function).
+/// What the instructions of a function use of the module: see
+/// [`Function`](crate::module::Function).
 pub(super) struct Uses {
     pub(super) calls: Vec<u32>,
     pub(super) variables: Vec<u32>,
@@ -61,7 +63,8 @@ struct Checker<'m> {
 }
 
 impl Checker<'_> {
-    /// `here` is the block's index and the instruction's in it; `named` takes the variables that it names.
+    /// `here` is the block's index and the instruction's in it; `named` takes the variables that it
+    /// names.
     fn instruction(&self, instruction: &Instruction, here: (u32, u32), named: &mut Vec<u32>) -> Result<()> {
         let mut note = |definition: Definition| {
             if let Definition::Variable(index) = definition {

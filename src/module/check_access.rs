@@ -15,8 +15,8 @@ use crate::module::{Id, Instruction, Module};
 ///
 /// # Errors
 /// `InvalidModule` where an index leaves its struct or, as a literal, its vector, matrix or array
-/// of fixed length, indexes a scalar, or arrives at another type than the instruction says; where a phi
-/// or a copy of memory gives a value another type.
+/// of fixed length, indexes a scalar, or arrives at another type than the instruction says; where a
+/// phi or a copy of memory gives a value another type.
 pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<()> {
     let Some(known) = opcode(instruction.opcode) else { return Ok(()) };
     let first = instruction.operands.start as usize;
@@ -178,9 +178,9 @@ impl Access<'_> {
         }
     }
 
-    /// How many parts an index is held against. Those that come through memory, as constants may, are left to the
-    /// run: an index past the end is undefined where it is used (`OpAccessChain`), and shaders may
-    /// name an element past the end and never touch it.
+    /// How many parts an index is held against. Those that come through memory, as constants may,
+    /// are left to the run: an index past the end is undefined where it is used (`OpAccessChain`),
+    /// and shaders may name an element past the end and never touch it.
     fn fixed(&self, parts: Option<u64>) -> Option<u64> {
         let literal =
             matches!(opcode(self.instruction.opcode)?.op, Op::CompositeExtract | Op::CompositeInsert);

@@ -66,7 +66,8 @@ fn is_encoded(format: FloatFormat) -> bool {
 ///
 /// # Errors
 /// `InvalidModule` where it takes or gives a float that it must not be used with, or saturates what
-/// is no conversion to an 8-bit float; `UnsupportedModule` where arithmetic on bfloat16 is declared.
+/// is no conversion to an 8-bit float; `UnsupportedModule` where arithmetic on bfloat16 is
+/// declared.
 pub(super) fn instruction(module: &Module, encoded: &Encoded, instruction: &Instruction) -> Result<()> {
     if !encoded.any {
         return Ok(());

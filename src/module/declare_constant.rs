@@ -79,7 +79,8 @@ impl Loader<'_> {
             Op::ConstantNull => ConstantValue::Null,
             Op::Undef => ConstantValue::Undef,
             Op::SpecConstantOp => ConstantValue::Operation {
-                // An opcode that does not fit 16 bits cannot exist: it is refused where it is needed.
+                // An opcode that does not fit 16 bits cannot exist: it is refused where it is
+                // needed.
                 opcode: u16::try_from(self.words[at]).unwrap_or(u16::MAX),
                 operands: self.words[at + 1..span.end].to_vec(),
             },

@@ -34,15 +34,16 @@ pub(crate) struct Opcode {
     plain: Plain,
 }
 
-/// The operands of an opcode, behind its result, that take a word each (or two) and bring nothing along.
+/// The operands of an opcode, behind its result, that take a word each (or two) and bring nothing
+/// along.
 #[derive(Clone, Copy)]
 struct Plain {
     /// So many stand first and once.
     leading: usize,
     /// Whether there may be no more.
     ends: bool,
-    /// What may follow them as often as one likes, and behind that nothing: its kind, and how many words
-    /// of that kind come together.
+    /// What may follow them as often as one likes, and behind that nothing: its kind, and how many
+    /// words of that kind come together.
     repeated: Option<(OperandKind, usize)>,
 }
 
@@ -413,7 +414,8 @@ mod tests {
 
     #[test]
     fn parameters_of_a_mask_stand_in_the_order_of_its_bits() {
-        // OpImageSampleExplicitLod with Lod | Grad is not sensible, but shows the counts: 1 + 2 ids.
+        // OpImageSampleExplicitLod with Lod | Grad is not sensible, but shows the counts: 1 + 2
+        // ids.
         let all = kinds(&[88, 1, 2, 3, 4, 0x2 | 0x4, 5, 6, 7], 1).unwrap();
         assert_eq!(all.iter().filter(|kind| is_id(**kind)).count(), 5);
         // OpLoad, Aligned (a literal) | MakePointerVisible (an id): bits 1 and 4.

@@ -1,5 +1,5 @@
-//! Modules whose functions keep them from loading: each class of mistake once, with the word that the
-//! error names.
+//! Modules whose functions keep them from loading: each class of mistake once, with the word that
+//! the error names.
 
 use rspirv::spirv::Op;
 

@@ -31,7 +31,7 @@ pub mod kernels {
         AddressElement Internal [u64] (base: u64, index: i64, stride: u32) -> u64 {
             base.wrapping_add_signed(index.wrapping_mul(stride.into()))
         }
-        /// The same for an offset, which becomes out of bounds where it leaves its range.
+        /// The offset of an element, which becomes out of bounds where it leaves its range.
         OffsetElement Internal [u32] (base: u32, index: i64, stride: u32) -> u32 {
             let sum = i128::from(base) + i128::from(index) * i128::from(stride);
             if base == OUT_OF_BOUNDS { base } else { u32::try_from(sum).unwrap_or(OUT_OF_BOUNDS) }
@@ -167,7 +167,8 @@ fn raw(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Poi
     Ok(Pointer { pointee, index: index_so_far, matrix: None, component_stride: None, ..base })
 }
 
-/// The device address that a pointer into `PhysicalStorageBuffer` is, as the first of two registers.
+/// The device address that a pointer into `PhysicalStorageBuffer` is, as the first of two
+/// registers.
 pub fn address(translator: &mut Translator<'_>, pointer: &Pointer, base: Reg) -> Result<Reg> {
     if pointer.offset == 0 && pointer.index.is_none() {
         return Ok(base);
@@ -235,12 +236,13 @@ fn explicit_stride(translator: &Translator<'_>, base: Id, pointer: &Pointer) -> 
                 "SPIR-V, OpPtrAccessChain: its base is a pointer whose type is decorated with ArrayStride",
             ));
     }
-    // "For all other objects, the implementation calculates the element's address" (OpPtrAccessChain).
+    // "For all other objects, the implementation calculates the element's address"
+    // (OpPtrAccessChain).
     array_stride(translator, base, pointer)
 }
 
-/// The stride of the array that a pointer leads into, or the size of what it points to where nothing
-/// tells of an array.
+/// The stride of the array that a pointer leads into, or the size of what it points to where
+/// nothing tells of an array.
 fn array_stride(translator: &Translator<'_>, base: Id, pointer: &Pointer) -> Result<u32> {
     let told = pointer_stride::stride_of_array(translator.module, base);
     let size = || translator.module.size_of(pointer.pointee).and_then(|size| u32::try_from(size).ok());

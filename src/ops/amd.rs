@@ -1,8 +1,8 @@
 //! Instruction sets of AMD that Vulkan has extensions for: `SPV_AMD_shader_trinary_minmax`, and of
 //! `SPV_AMD_shader_ballot` what its instruction set adds to the subgroup instructions.
 //!
-//! A minimum or maximum of three is that of the first and that of the others; the middle of three is
-//! `max(min(x, y), min(max(x, y), z))`, each by the instruction of `GLSL.std.450`.
+//! A minimum or maximum of three is that of the first and that of the others; the middle of three
+//! is `max(min(x, y), min(max(x, y), z))`, each by the instruction of `GLSL.std.450`.
 
 use smallvec::SmallVec;
 
@@ -23,8 +23,8 @@ pub const TRINARY: &str = "SPV_AMD_shader_trinary_minmax";
 /// `SPV_AMD_shader_ballot`
 pub const BALLOT: &str = "SPV_AMD_shader_ballot";
 
-/// Translates an instruction of these sets, whose operands begin behind set and number; `false` for any
-/// other.
+/// Translates an instruction of these sets, whose operands begin behind set and number; `false` for
+/// any other.
 ///
 /// # Errors
 /// `InvalidModule` where it breaks a rule.

@@ -85,7 +85,8 @@ mod tests {
         check(&FMul, 32, &[0x0080_0000, 0x3F00_0000], 0x0040_0000); // a denormal result is kept
         check(&FMul, 64, &[2f64.to_bits(), 3f64.to_bits()], 6f64.to_bits());
         check(&FDiv, 32, &[0x3F80_0000, 0], 0x7F80_0000);
-        // One NaN, whichever operand has which bits, and where there was none (infinity - infinity, 0 / 0).
+        // One NaN, whichever operand has which bits, and where there was none (infinity - infinity,
+        // 0 / 0).
         check(&FAdd, 32, &[0xFFC0_1234, 0x7FC0_0001], 0x7FC0_0000);
         check(&FMul, 32, &[0x7FC0_0001, 0xFFC0_1234], 0x7FC0_0000);
         check(&FSub, 32, &[0x7F80_0000, 0x7F80_0000], 0x7FC0_0000);

@@ -52,7 +52,7 @@ pub const OPCODES: &[Opcode] = &[
 /// What becomes of the value in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Stays.
+    /// It stays as it is.
     Load,
     /// The operand.
     Exchange,

@@ -38,8 +38,8 @@ pub enum Read {
     Each(fn(&One<'_>, &mut [u32])),
     /// The words of an instance at a time.
     Placed(fn(&Tlas, u32, f32, &mut [u32])),
-    /// The words of one of them, where all hit one instance that stands in the world as it is: fields as they
-    /// lie.
+    /// The words of one of them, where all hit one instance that stands in the world as it is:
+    /// fields as they lie.
     Ray(&'static [Field], fn(&One<'_>, &mut [u32])),
 }
 
@@ -99,7 +99,8 @@ fn same_instance<const W: usize>(from: &Invocations<W>, mask: Mask<W>, first: us
     same(&from.hits.instance) && same(from.structures.numbers())
 }
 
-/// Whether they hit an instance that stands in the world as it is: a ray is there what it is in the world.
+/// Whether they hit an instance that stands in the world as it is: a ray is there what it is in the
+/// world.
 fn is_in_world<const W: usize>(from: &Invocations<W>, mask: Mask<W>, first: usize) -> bool {
     let is_identity = from.one(first).hit.is_some_and(|hit| hit.instance().is_identity());
     is_identity && same_instance(from, mask, first)

@@ -1,5 +1,5 @@
-//! Composite instructions (SPIR-V 3.3.12), `OpSelect`, copies and undefined values: lists of registers
-//! rearranged; only an index that is computed needs an operation.
+//! Composite instructions (SPIR-V 3.3.12), `OpSelect`, copies and undefined values: lists of
+//! registers rearranged; only an index that is computed needs an operation.
 
 use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
@@ -298,8 +298,8 @@ fn part(translator: &mut Translator<'_>, mut ty: TypeId, indices: &[u32]) -> Res
     Ok((first as usize, translator.word_count(ty)? as usize))
 }
 
-/// Holds the constituents of a composite against its type; those of a vector may be vectors where `joined`
-/// says so (`OpCompositeConstruct`).
+/// Holds the constituents of a composite against its type; those of a vector may be vectors where
+/// `joined` says so (`OpCompositeConstruct`).
 ///
 /// # Errors
 /// `InvalidModule`

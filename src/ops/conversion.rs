@@ -196,8 +196,8 @@ pub enum Conversion {
     F,
 }
 
-/// The kernel that converts between two widths; `None` where they are equal and nothing is to be done,
-/// or no such types exist.
+/// The kernel that converts between two widths; `None` where they are equal and nothing is to be
+/// done, or no such types exist.
 pub fn kernel(conversion: Conversion, from: u32, to: u32) -> Option<&'static LaneKernel> {
     let kernels = match conversion {
         Conversion::FToU => from_float_to_unsigned::KERNELS,

@@ -28,7 +28,7 @@ pub enum Scalar {
     Bool,
     /// Bits, and whether it has a sign.
     Int(u32, bool),
-    /// Bits.
+    /// The number of bits.
     Float(u32),
 }
 
@@ -108,7 +108,8 @@ impl Scalar {
 /// Translates a call of the instruction set; operands begin behind set and number.
 ///
 /// # Errors
-/// `InvalidModule` where the format is no string, `UnsupportedModule` where an argument cannot be printed.
+/// `InvalidModule` where the format is no string, `UnsupportedModule` where an argument cannot be
+/// printed.
 pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
     let format = translator.id(instruction, 2)?;
     let Some(format) = translator.module.debug_info.strings.get(&format).cloned() else {

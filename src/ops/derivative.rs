@@ -2,9 +2,10 @@
 //! (`SPV_KHR_compute_shader_derivatives`).
 //!
 //! A quad is four invocations that follow each other in the order that subgroups are cut from: two
-//! by two, x first. Every derivative is the fine one, the difference of the two invocations of the own
-//! row or column, which the coarse ones and those without a word may be too. Where an invocation of
-//! the quad does not take part its value counts as 0: the specification leaves that undefined.
+//! by two, x first. Every derivative is the fine one, the difference of the two invocations of the
+//! own row or column, which the coarse ones and those without a word may be too. Where an
+//! invocation of the quad does not take part its value counts as 0: the specification leaves that
+//! undefined.
 
 use rspirv::spirv::Op as Opcode;
 

@@ -67,8 +67,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     Ok(true)
 }
 
-/// Holds the types against the extension: vectors of integers, or 32 bits packed; of no sign where their
-/// components have none.
+/// Holds the types against the extension: vectors of integers, or 32 bits packed; of no sign where
+/// their components have none.
 fn check(
     translator: &Translator<'_>,
     instruction: &Instruction,

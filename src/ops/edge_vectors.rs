@@ -1,12 +1,13 @@
-//! Every kernel at its edges: signed zeros, denormals, infinities and NaN, the least and the greatest
-//! integers, shifts by one less than the width. By hand, from IEEE 754-2019 (9.2.1 for elementary
-//! functions), the words of SPIR-V, and what this project declares where those leave a result open.
+//! Every kernel at its edges: signed zeros, denormals, infinities and NaN, the least and the
+//! greatest integers, shifts by one less than the width. By hand, from IEEE 754-2019 (9.2.1 for
+//! elementary functions), the words of SPIR-V, and what this project declares where those leave a
+//! result open.
 
 use crate::ops::SECTIONS;
 use crate::ops::lane_kernel::OpFamily;
 use crate::ops::lane_kernel::tests::{check, results};
 
-/// -0
+/// Negative zero
 const NO: u64 = 0x8000_0000;
 /// 1, -1, 2, 1/2
 const ONE: u64 = 0x3F80_0000;

@@ -1,8 +1,8 @@
 //! Float controls (`SPV_KHR_float_controls`): denormals flushed to zero, and results cut off
 //! towards zero, for each width by itself.
 //!
-//! What is asked for otherwise (`DenormPreserve`, `RoundingModeRTE`, `SignedZeroInfNanPreserve`, and
-//! whatever a fast-math mode would allow to be left out) holds anyway.
+//! What is asked for otherwise (`DenormPreserve`, `RoundingModeRTE`, `SignedZeroInfNanPreserve`,
+//! and whatever a fast-math mode would allow to be left out) holds anyway.
 //!
 //! `DenormFlushToZero` takes denormal operands of arithmetic, comparisons, conversions and
 //! `GLSL.std.450` for zeros of their sign, and makes denormal results such zeros. `RoundingModeRTZ`
@@ -10,14 +10,14 @@
 //! remainders and conversions, and what the specification derives from them operation by operation.
 //! Elementary functions, whose rounding no mode fixes, stay rounded to nearest.
 //!
-//! `FPRoundingMode` on a conversion stands before the mode of the entry point. The widths are those of
-//! IEEE 754's formats: conversions from and to bfloat16 and 8-bit floats heed the modes of the f32 and
-//! f64 that they go through.
+//! `FPRoundingMode` on a conversion stands before the mode of the entry point. The widths are those
+//! of IEEE 754's formats: conversions from and to bfloat16 and 8-bit floats heed the modes of the
+//! f32 and f64 that they go through.
 //!
 //! Atomic instructions and image filters are as without these modes. `RoundingModeRTZ` is for
 //! "arithmetic and conversion instructions" (SPIR-V 3.6), which they are not: they stand in the
-//! sections 3.3.20 and 3.3.10, and Vulkan leaves the arithmetic of a filter to the sampler. A denormal
-//! that one of them gives is flushed by the first instruction that calculates with it.
+//! sections 3.3.20 and 3.3.10, and Vulkan leaves the arithmetic of a filter to the sampler. A
+//! denormal that one of them gives is flushed by the first instruction that calculates with it.
 #![allow(clippy::useless_conversion, reason = "a kernel's one formula stands for all its types")]
 
 use half::f16;

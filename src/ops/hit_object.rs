@@ -1,5 +1,5 @@
-//! Hit object instructions (`SPV_EXT_shader_invocation_reorder`, `SPV_NV_shader_invocation_reorder`,
-//! and the hit object parts of `SPV_NV_linear_swept_spheres`).
+//! Hit object instructions (`SPV_EXT_shader_invocation_reorder`,
+//! `SPV_NV_shader_invocation_reorder`, and the hit object parts of `SPV_NV_linear_swept_spheres`).
 //!
 //! Reordering changes no result: it is counted. Tracing, executing and the address of a shader
 //! record are the pipeline's business, see [`crate::ops::ray_tracing::Op`].
@@ -30,9 +30,9 @@ const MISS_OPERANDS: u32 = 11;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum Op {
-    /// `OpHitObjectRecordHitNV`, `OpHitObjectRecordHitWithIndexNV` and those with motion. The operands: acceleration
-    /// structure (2), instance, primitive, geometry, hit kind, then SBT offset and stride or the
-    /// record's index, origin (3), t min, direction (3), t max, time.
+    /// `OpHitObjectRecordHitNV`, `OpHitObjectRecordHitWithIndexNV` and those with motion. The
+    /// operands: acceleration structure (2), instance, primitive, geometry, hit kind, then SBT
+    /// offset and stride or the record's index, origin (3), t min, direction (3), t max, time.
     RecordHit { object: ObjectRef, operands: Reg, with_index: bool, attributes: RegSpan },
     /// `OpHitObjectRecordMissEXT`, `OpHitObjectRecordMissNV` and those with motion.
     RecordMiss { object: ObjectRef, operands: Reg },

@@ -1,8 +1,8 @@
-//! Integer operands whose width is free (shift amounts, bit-field offsets, exponents, indices, texel
-//! coordinates), as one word each.
+//! Integer operands whose width is free (shift amounts, bit-field offsets, exponents, indices,
+//! texel coordinates), as one word each.
 //!
-//! Integers of 8 and 16 bits lie zero-extended in their register; those of 64 bits saturate, so that a value
-//! out of range stays out of range.
+//! Integers of 8 and 16 bits lie zero-extended in their register; those of 64 bits saturate, so
+//! that a value out of range stays out of range.
 
 use crate::error::Result;
 use crate::machine::Reg;
@@ -29,16 +29,16 @@ pub mod saturate {
 /// How an integer is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
-    /// As an unsigned number, whatever its type (SPIR-V, `OpShiftLeftLogical`: "Shift is consumed as an
-    /// unsigned value").
+    /// As an unsigned number, whatever its type (SPIR-V, `OpShiftLeftLogical`: "Shift is consumed
+    /// as an unsigned value").
     Unsigned,
     /// As the number that its type makes of it, as a signed word.
     Number,
-    /// As a signed number, whatever its type (SPIR-V, `OpAccessChain`: "is treated as signed"); what is
-    /// negative becomes huge.
+    /// As a signed number, whatever its type (SPIR-V, `OpAccessChain`: "is treated as signed");
+    /// what is negative becomes huge.
     Index,
-    /// As a coordinate: [`Reading::Number`], but that 32 bits stay as they are, as what is too large
-    /// for a signed word is outside of every image either way.
+    /// As a coordinate: [`Reading::Number`], but that 32 bits stay as they are, as what is too
+    /// large for a signed word is outside of every image either way.
     Coordinate,
 }
 

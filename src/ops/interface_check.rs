@@ -1,9 +1,9 @@
-//! What an entry point declares, held against the rules on stages, storage classes and types, before
-//! anything is lowered.
+//! What an entry point declares, held against the rules on stages, storage classes and types,
+//! before anything is lowered.
 //!
-//! Only what the entry point's call tree uses counts: compilers list variables that other entry points
-//! of the module use. Validators leave part of this out (the builtins of `SPV_NV_linear_swept_spheres`,
-//! the writes to hit attributes).
+//! Only what the entry point's call tree uses counts: compilers list variables that other entry
+//! points of the module use. Validators leave part of this out (the builtins of
+//! `SPV_NV_linear_swept_spheres`, the writes to hit attributes).
 
 use rspirv::spirv::Op as Opcode;
 
@@ -256,9 +256,10 @@ mod tests {
         error.notes().first().cloned()
     }
 
-    /// What the Vulkan specification says of each builtin ("Built-In Variables"), written down by itself:
-    /// name, number, stages (all seven where it names none), the numbers of the rules on stage, storage
-    /// class and type, and the type. Where no rule speaks of stages the one on storage class stands.
+    /// What the Vulkan specification says of each builtin ("Built-In Variables"), written down by
+    /// itself: name, number, stages (all seven where it names none), the numbers of the rules on
+    /// stage, storage class and type, and the type. Where no rule speaks of stages the one on
+    /// storage class stands.
     #[rustfmt::skip]
     const RULES: &[(&str, u32, &str, [u32; 3], Shape)] = &[
         ("InstanceId", 6, "IAC", [4254, 4255, 4256], Shape::Int),
@@ -315,7 +316,8 @@ mod tests {
         ("CullMaskKHR", 6021, "IACM", [6735, 6736, 6737], Shape::Int),
     ];
 
-    /// Every builtin in every stage, in every storage class that a variable may have, of every type.
+    /// Every builtin in every stage, in every storage class that a variable may have, of every
+    /// type.
     #[test]
     fn every_builtin_obeys_its_three_rules() {
         let known: Vec<&str> = BUILTINS.iter().map(|builtin| builtin.name).collect();

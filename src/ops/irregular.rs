@@ -1,5 +1,5 @@
-//! Instructions that are made of kernels but not componentwise: conversions (a kernel for each pair of
-//! widths), extended arithmetic, bit fields, `OpAny`/`OpAll`, and the packing half of
+//! Instructions that are made of kernels but not componentwise: conversions (a kernel for each pair
+//! of widths), extended arithmetic, bit fields, `OpAny`/`OpAll`, and the packing half of
 //! `GLSL.std.450`.
 
 use rspirv::spirv::{GlslStd450Op, Op as Opcode};
@@ -356,8 +356,8 @@ fn split(
     Ok(())
 }
 
-/// The whole part of `Modf` is of its operand's type, the exponent of `Frexp` an integer of 32 bits, or of 16
-/// with `SPV_AMD_gpu_shader_int16`.
+/// The whole part of `Modf` is of its operand's type, the exponent of `Frexp` an integer of 32
+/// bits, or of 16 with `SPV_AMD_gpu_shader_int16`.
 fn check_second(
     translator: &Translator<'_>,
     first: &'static OpFamily,

@@ -1,7 +1,8 @@
-//! Registers: the regular instructions, each a scalar function applied to every component and lane.
+//! Lane kernels: the regular instructions, each a scalar function applied to every component and
+//! lane.
 //!
-//! A kernel is one instruction at one width. The [`lane_kernels!`](crate::lane_kernels) macro writes a family (the
-//! same instruction at all its widths) from one closure.
+//! A [`LaneKernel`] is one instruction at one width. The [`lane_kernels!`](crate::lane_kernels)
+//! macro writes an [`OpFamily`], the instruction at all its widths, from one closure.
 
 use std::fmt;
 use std::ops::Range;
@@ -32,7 +33,7 @@ pub enum InstructionSet {
 pub struct LaneKernel {
     /// The specification's name, without `Op`.
     pub name: &'static str,
-    /// Bits of the operand that chooses the kernel (0 where there is only one).
+    /// Bits of the operand that selects the kernel; 0 where there is only one.
     pub width: u32,
     /// Words of the result.
     pub words: u32,
@@ -50,7 +51,7 @@ pub struct LaneKernel {
     pub eight: Eval<8>,
     /// For batches of 64 lanes.
     pub full: Eval<64>,
-    /// The same for processors with AVX2.
+    /// For batches of 64 lanes, compiled for processors with AVX2.
     #[cfg(target_arch = "x86_64")]
     pub full_v3: fn(V3, &mut Registers<64>, Reg, &[Reg; 3]),
 }
@@ -67,7 +68,7 @@ impl PartialEq for LaneKernel {
     }
 }
 
-/// Runs a kernel in batches of a width, with what the processor has.
+/// Runs a kernel in batches of `W` lanes, with the vector extensions that the processor has.
 pub trait Width<const W: usize> {
     /// Writes the result's kernels for every lane.
     fn run(&self, registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
@@ -75,7 +76,8 @@ pub trait Width<const W: usize> {
     /// Whether batches of this width run superinstructions.
     const HAS_SUPEROPS: bool = false;
 
-    /// Runs superinstructions up to the first operation that has none, and returns its number; see [`SuperCode::run`].
+    /// Runs superinstructions up to the first operation that has none, and returns its number; see
+    /// [`SuperCode::run`].
     fn run_superops(_: &mut Registers<W>, _: &SuperCode, _: &[Op], range: Range<u32>, _: Mask<W>) -> u32 {
         range.start
     }
@@ -143,8 +145,8 @@ impl Width<128> for LaneKernel {
     }
 }
 
-/// A kernel's function with its arguments, to be compiled for AVX2: the same lane loop, and the same
-/// results, as nothing is fused or reordered.
+/// A kernel's function with its arguments, to be compiled for AVX2: the same lane loop, and the
+/// same results, as nothing is fused or reordered.
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
 pub struct Wide<'a, F> {
@@ -213,8 +215,8 @@ pub fn family(set: InstructionSet, number: u32) -> Option<&'static OpFamily> {
 /// ```text
 /// lane_kernels! { FAdd Core [f16 f32 f64] (a: T, b: T) -> T { a + b } }
 /// ```
-/// Inside, `T` is the type of the kernel; the result is a `static FAdd: OpFamily` each, and the list
-/// `FAMILIES`.
+/// Inside, `T` is the type of the kernel; the result is a `static FAdd: OpFamily` each, and the
+/// list `FAMILIES`.
 #[macro_export]
 macro_rules! lane_kernels {
     ($($(#[$doc:meta])* $name:ident $set:ident [$($ty:ty)*] $args:tt -> $result:ty $body:block)*) => {
@@ -360,7 +362,8 @@ macro_rules! lane_loop {
     };
 }
 
-/// One kernel of [`lane_kernels!`](crate::lane_kernels), with its [`LaneLoop`](crate::ops::lane_kernel::LaneLoop).
+/// One kernel of [`lane_kernels!`](crate::lane_kernels), with its
+/// [`LaneLoop`](crate::ops::lane_kernel::LaneLoop).
 #[doc(hidden)]
 #[macro_export]
 macro_rules! lane_kernel {

@@ -1,5 +1,5 @@
-//! Loads and stores through pointers: moves between registers, gathers and scatters where a register is
-//! computed, and stretches of scalars in buffers.
+//! Loads and stores through pointers: moves between registers, gathers and scatters where a
+//! register is computed, and stretches of scalars in buffers.
 
 use smallvec::SmallVec;
 
@@ -17,7 +17,7 @@ pub fn load(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Words>
     load_aligned(translator, pointer, 1)
 }
 
-/// The same for a device address that must be a multiple of `alignment`.
+/// As [`load`], for a device address that must be a multiple of `alignment`.
 pub(super) fn load_aligned(
     translator: &mut Translator<'_>,
     pointer: &Pointer,
@@ -111,7 +111,7 @@ pub fn store(translator: &mut Translator<'_>, pointer: &Pointer, words: &[Reg]) 
     store_aligned(translator, pointer, words, 1)
 }
 
-/// The same for a device address that must be a multiple of `alignment`.
+/// As [`store`], for a device address that must be a multiple of `alignment`.
 pub(super) fn store_aligned(
     translator: &mut Translator<'_>,
     pointer: &Pointer,

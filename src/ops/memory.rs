@@ -1,7 +1,7 @@
 //! Memory instructions (SPIR-V 3.3.8): the operations that move words, and how they run.
 //!
-//! Function, Private, Input, payload and attribute variables are registers of the register file, so a
-//! load or store through constant indices is a move, and only a computed index needs a
+//! Function, Private, Input, payload and attribute variables are registers of the register file, so
+//! a load or store through constant indices is a move, and only a computed index needs a
 //! [`Op::Gather`]. Buffers are addressed by bytes.
 
 use std::sync::atomic::AtomicU32;
@@ -249,8 +249,8 @@ impl Op {
     }
 }
 
-/// Calls a function for each running lane with the register that it means, `count` registers of which exist;
-/// lanes that mean no such register are stopped.
+/// Calls a function for each running lane with the register that it means, `count` registers of
+/// which exist; lanes that mean no such register are stopped.
 #[inline(always)]
 fn each_register<const W: usize>(
     batch: &mut Batch<W>,
@@ -272,7 +272,8 @@ fn each_register<const W: usize>(
     trap(batch, null, TrapCode::NullPointer);
 }
 
-/// The register that a computed number means, `count` registers of which must exist; see [`Reg::computed`].
+/// The register that a computed number means, `count` registers of which must exist; see
+/// [`Reg::computed`].
 ///
 /// # Errors
 /// `IndexOutOfBounds`, `NullPointer`
@@ -457,8 +458,8 @@ fn load_once<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, to: Reg,
     true
 }
 
-/// The words of the buffer that all lanes access, and where in them each running lane's scalars begin, where
-/// they are words and all lie inside.
+/// The words of the buffer that all lanes access, and where in them each running lane's scalars
+/// begin, where they are words and all lie inside.
 #[inline]
 fn words<'a, const W: usize>(
     batch: &Batch<W>,

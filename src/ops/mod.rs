@@ -1,8 +1,21 @@
-//! The instruction set: one file per section of the SPIR-V specification.
+//! The instruction set: how instructions are translated to operations, and how those run.
 //!
-//! Regular instructions are kernels ([`kernel`]): a scalar closure each. Irregular ones are a variant of
-//! their section's `Op` with an arm in its `translate` and its `eval`. [`translate`] turns ids into kernels
-//! of registers, so that composites cost nothing when the program runs.
+//! Regular instructions are lane kernels ([`lane_kernel`]): a scalar closure each, in the file of their
+//! section. An irregular one is a variant of its file's operation, with an arm in `translate` and in
+//! `eval`. The files are of four kinds:
+//!
+//! * Sections of the instructions in the SPIR-V specification: `arithmetic` with `dot_product`, `atomic`,
+//!   `barrier`, `bit`, `composite`, `conversion`, `derivative`, `image`, `linear_algebra` (sums of
+//!   products), `memory` with `load_store`, `pointer` and `address`, `relational_logical`, `subgroup`,
+//!   and `constant` for `OpSpecConstantOp`.
+//! * Extensions and extended instruction sets: `amd`, `debug_printf`, `float_controls`, `glsl`,
+//!   `hit_object`, `integer_functions`, `ray_query`, `ray_tracing`.
+//! * `irregular`: instructions of several sections that are made of lane kernels, but not componentwise.
+//! * What the others share: the translator ([`translate`]), which turns ids into registers, so that
+//!   composites cost nothing when the program runs; operations ([`op`], [`lane_kernel`], [`superop`]);
+//!   operands (`builtin`, `integer_operand`, `object`, `pointer_layout`, `pointer_stride`, `seen`); rules
+//!   (`interface_check`, `operand_types`, `ray_rules`, `support`); other ways to execute operations
+//!   (`shadow_op`, `symbolic`).
 
 pub mod address;
 pub mod amd;
@@ -69,10 +82,10 @@ pub static SECTIONS: &[&[&OpFamily]] = &[
     relational_logical::FAMILIES,
 ];
 
-/// [`translate_instruction`] for an instruction of a function, whose result is held against its type.
+/// Translates an instruction of a function and checks its result against its type.
 ///
 /// # Errors
-/// As there.
+/// Those of [`translate_instruction`], and `InvalidModule` where the result is not of its type.
 pub fn translate_checked(
     translator: &mut Translator<'_>,
     number: u16,
@@ -88,8 +101,8 @@ pub fn translate_checked(
 /// Translates an instruction that is neither a terminator nor a matter of control flow.
 ///
 /// # Errors
-/// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it, or does not
-/// know its opcode, `number`.
+/// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it, or
+/// does not know its opcode, `number`.
 pub fn translate_instruction(
     translator: &mut Translator<'_>,
     number: u16,

@@ -11,7 +11,8 @@ use crate::ops::op::Access;
 use crate::ops::pointer::storage;
 use crate::ops::translate::{Translator, registers_from};
 
-/// Reports the registers that an operation reads to find an object (see [`crate::ops::op::Op::accesses`]).
+/// Reports the registers that an operation reads to find an object (see
+/// [`crate::ops::op::Op::accesses`]).
 pub fn accesses(object: ObjectRef, visit: &mut impl FnMut(Access)) {
     match object {
         ObjectRef::Register(reg) => visit(Access::Read(reg, 1)),
@@ -19,7 +20,7 @@ pub fn accesses(object: ObjectRef, visit: &mut impl FnMut(Access)) {
     }
 }
 
-/// The same for an operation after which the object is another.
+/// Reports the registers of an operation that replaces the object: it reads and writes the handle.
 pub fn records(object: ObjectRef, visit: &mut impl FnMut(Access)) {
     accesses(object, visit);
     if let ObjectRef::Register(reg) = object {

@@ -7,9 +7,9 @@ use crate::ops::{atomic, debug_printf, hit_object, image, memory, ray_query, ray
 /// One operation on registers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Op {
-    /// A regular instruction: the same scalar function in every lane.
+    /// A regular instruction: one scalar function, applied in every lane.
     LaneKernel {
-        /// Which.
+        /// The instruction at one width.
         kernel: &'static LaneKernel,
         /// The first register of the result.
         to: Reg,
@@ -51,7 +51,8 @@ pub enum Access {
 }
 
 impl Op {
-    /// Reports the registers that the operation reads and writes, and whether it has an effect beside.
+    /// Reports the registers that the operation reads and writes, and whether it has an effect
+    /// beside.
     pub fn accesses(&self, mut visit: impl FnMut(Access)) {
         match self {
             Self::LaneKernel { kernel, to, from } => {
@@ -72,8 +73,8 @@ impl Op {
         }
     }
 
-    /// Runs the operation for the running lanes of a batch; an [`Op::Stop`] or [`Op::Barrier`] is the
-    /// interpreter's own business.
+    /// Runs the operation for the running lanes of a batch; an [`Op::Stop`] or [`Op::Barrier`] is
+    /// the interpreter's own business.
     #[inline(always)]
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings)
     where

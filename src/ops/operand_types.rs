@@ -1,9 +1,9 @@
-//! Which types the operands of an instruction may have (SPIR-V 3.3 and `GLSL.std.450`, section 2, as
-//! spirv-val reads them): held against an instruction before it is translated, so that what translates it
-//! may rely on them.
+//! Which types the operands of an instruction may have (SPIR-V 3.3 and `GLSL.std.450`, section 2,
+//! as spirv-val reads them): held against an instruction before it is translated, so that what
+//! translates it may rely on them.
 //!
-//! Types that this crate only carries, and floats of another encoding, are left to whoever translates
-//! the instruction.
+//! Types that this crate only carries, and floats of another encoding, are left to whoever
+//! translates the instruction.
 
 mod rules;
 
@@ -322,8 +322,8 @@ fn told(set: u32) -> &'static str {
     }
 }
 
-/// What rules leave alone: types that are only carried, floats of another encoding, and what is made of
-/// them.
+/// What rules leave alone: types that are only carried, floats of another encoding, and what is
+/// made of them.
 fn is_foreign(module: &Module, ty: TypeId) -> bool {
     match *module.ty(ty) {
         Type::Other(_) | Type::Float { encoding: Some(_), .. } => true,

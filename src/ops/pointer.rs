@@ -78,7 +78,8 @@ pub struct Pointer {
     pub pointee: TypeId,
     /// Its storage class.
     pub storage_class: u32,
-    /// The constant part of the offset: words in registers, bytes in buffers, elements in descriptors.
+    /// The constant part of the offset: words in registers, bytes in buffers, elements in
+    /// descriptors.
     pub offset: u32,
     /// The computed part of the offset.
     pub index: Option<Reg>,
@@ -241,7 +242,8 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
     }
 }
 
-/// The error of an input variable that is no builtin: nothing comes before the stages that run here.
+/// The error of an input variable that is no builtin: nothing comes before the stages that run
+/// here.
 fn user_defined_input(translator: &Translator<'_>, id: Id, pointee: TypeId) -> Error {
     /// `Location`
     const LOCATION: u32 = 30;

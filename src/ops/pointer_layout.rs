@@ -1,8 +1,8 @@
 //! The layout of matrices behind pointers that are values.
 //!
 //! How a matrix lies in a buffer is a decoration of the member that holds it, which the type of a
-//! pointer into it does not tell. A pointer that came through a phi, a select or a call is therefore
-//! traced back to the access chains that made it.
+//! pointer into it does not tell. A pointer that came through a phi, a select or a call is
+//! therefore traced back to the access chains that made it.
 
 use std::collections::HashSet;
 

@@ -1,7 +1,7 @@
 //! The bytes between the elements of the array that a pointer leads into.
 //!
-//! The type of a pointer tells them where it has an `ArrayStride`, which `OpPtrAccessChain` needs in
-//! most storage classes. `OpPtrDiff` needs none: "the element size is the same as in the array"
+//! The type of a pointer tells them where it has an `ArrayStride`, which `OpPtrAccessChain` needs
+//! in most storage classes. `OpPtrDiff` needs none: "the element size is the same as in the array"
 //! that both pointers lead into. So the pointer is traced back to the access chains that made it.
 
 use std::collections::HashSet;
@@ -12,8 +12,8 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::pointer_layout::{instructions, opcode};
 
-/// The one stride of all arrays that a pointer may lead into; `None` where nothing tells it or where
-/// several differ.
+/// The one stride of all arrays that a pointer may lead into; `None` where nothing tells it or
+/// where several differ.
 pub fn stride_of_array(module: &Module, pointer: Id) -> Option<u32> {
     let mut trace = Trace { module, seen: HashSet::new(), found: SmallVec::new() };
     trace.follow(pointer);

@@ -30,7 +30,7 @@ const OPERANDS: u32 = 12;
 /// `OpRayQueryGetIntersectionTypeKHR` of a candidate.
 const CANDIDATE_TRIANGLE: u32 = 0;
 const CANDIDATE_AABB: u32 = 1;
-/// The same of what is committed.
+/// `OpRayQueryGetIntersectionTypeKHR` of the committed intersection.
 const COMMITTED_NONE: u32 = 0;
 const COMMITTED_TRIANGLE: u32 = 1;
 const COMMITTED_GENERATED: u32 = 2;
@@ -39,8 +39,8 @@ const COMMITTED_GENERATED: u32 = 2;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
 pub enum Op {
-    /// `OpRayQueryInitializeKHR`; the operands lie in consecutive registers. `micromaps`: whether there may be
-    /// opacity micromaps.
+    /// `OpRayQueryInitializeKHR`; the operands lie in consecutive registers. `micromaps`: whether
+    /// there may be opacity micromaps.
     Initialize { query: ObjectRef, operands: Reg, micromaps: bool },
     /// `OpRayQueryProceedKHR`
     Proceed { query: ObjectRef, to: Reg },

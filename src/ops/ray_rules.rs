@@ -45,7 +45,8 @@ const FAMILIES: &[Family] = &[
     },
 ];
 
-/// What a ray did wrong and, where the specification has numbered it for this instruction, the rule.
+/// What a ray did wrong and, where the specification has numbered it for this instruction, the
+/// rule.
 pub fn describe(opcode: u16, broken: RayRule) -> String {
     let family = FAMILIES.iter().find(|family| family.opcodes.iter().any(|&known| known as u16 == opcode));
     match family.map(|family| (family.name, family.numbers[broken as usize])) {

@@ -144,7 +144,8 @@ impl Timed {
     }
 }
 
-/// Where the operands of these instructions are described. The validator knows no rules for those of NVIDIA.
+/// Where the operands of these instructions are described. The validator knows no rules for those
+/// of NVIDIA.
 const RULES: &str = "SPV_KHR_ray_tracing, SPV_NV_ray_tracing, SPV_NV_ray_tracing_motion_blur";
 
 /// Translates ray-tracing instructions; `false` for an instruction of another section.
@@ -205,8 +206,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     Ok(true)
 }
 
-/// The variable that `SPV_NV_ray_tracing` names by its `Location`. There is none where nothing reads
-/// or writes the payload: optimizers remove a variable that no instruction names by its id.
+/// The variable that `SPV_NV_ray_tracing` names by its `Location`. There is none where nothing
+/// reads or writes the payload: optimizers remove a variable that no instruction names by its id.
 fn variable_at(translator: &mut Translator<'_>, location: Id, classes: &[u32]) -> Result<Option<Id>> {
     const LOCATION: u32 = 30;
     let location = translator.constant_integer(location)?;

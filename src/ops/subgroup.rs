@@ -2,10 +2,10 @@
 //! `SPV_EXT_shader_subgroup_partitioned`, `SPV_AMD_shader_ballot`).
 //!
 //! A subgroup is a run of consecutive launch indices, x fastest; in a called shader, those of the
-//! caller's subgroup that reached the same shader record, by its index. A launch of a pipeline that has these
-//! instructions holds each subgroup in one batch, whatever width was asked for. What the
-//! specification leaves undefined (reading an invocation that does not take part) gives 0; sums
-//! go from the lowest invocation to the highest, each step rounded.
+//! caller's subgroup that reached the same shader record, by its index. A launch of a pipeline that
+//! has these instructions holds each subgroup in one batch, whatever width was asked for. What the
+//! specification leaves undefined (reading an invocation that does not take part) gives 0; sums go
+//! from the lowest invocation to the highest, each step rounded.
 
 use rspirv::spirv::{GroupOperation, Op as Opcode};
 use smallvec::SmallVec;
@@ -93,7 +93,7 @@ pub enum From {
     Up,
     /// The operand's number of places above.
     Down,
-    /// The same, around the end of a cluster of this size.
+    /// The operand's number of places above, modulo a cluster of this size.
     Rotate(u32),
     /// The operand's place in the own quad.
     Quad,
@@ -110,9 +110,9 @@ pub enum From {
 pub enum Bits {
     /// All bits set.
     Count,
-    /// Those up to the own place.
+    /// The bits set up to the own place.
     CountInclusive,
-    /// Those below the own place.
+    /// The bits set below the own place.
     CountExclusive,
     /// The place of the lowest.
     Lowest,
@@ -125,9 +125,9 @@ pub enum Bits {
 pub enum Over {
     /// All that take part, or those in the same cluster of this size.
     Cluster(u32),
-    /// Those up to the own one.
+    /// The invocations up to the own one: an inclusive scan.
     Inclusive,
-    /// Those below the own one; the second register is what none give.
+    /// The invocations below the own one: an exclusive scan. The register holds the identity.
     Exclusive(Reg),
 }
 
@@ -352,7 +352,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     if !OPCODES.contains(&opcode) {
         return Ok(false);
     }
-    // Those of the older extensions have no scope in front.
+    // The instructions of the older extensions have no scope operand.
     let first = match opcode {
         O::SubgroupBallotKHR
         | O::SubgroupFirstInvocationKHR
@@ -471,8 +471,8 @@ fn emit(
     Ok(())
 }
 
-/// Appends an operation on a value and a second operand, each its first register and how many there are, and gives the
-/// first register of the result.
+/// Appends an operation on a value and a second operand, each its first register and how many there
+/// are, and gives the first register of the result.
 fn append(translator: &mut Translator<'_>, kind: Kind, results: u32, from: [(Reg, u32); 2]) -> Result<Reg> {
     let to = translator.fresh(results)?;
     let [(value, values), (operand, operands)] = from;
@@ -493,7 +493,7 @@ pub fn read(translator: &mut Translator<'_>, from: From, value: Reg, words: u32)
     append(translator, Kind::Read(from), words, [(value, words), (Reg(0), 0)])
 }
 
-/// The same from one that an operand tells.
+/// Appends a read from the invocation whose number an operand holds.
 pub fn read_at(
     translator: &mut Translator<'_>,
     from: From,

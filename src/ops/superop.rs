@@ -1,24 +1,27 @@
-//! SuperCode of regular operations, run without leaving one loop.
+//! Superinstructions: frequent operations on 32-bit values, run without leaving one loop.
 //!
 //! Most of what a shader does are some ninety regular instructions on 32-bit values, and moves. A
-//! [`SuperOp`] names one of them by a code, and its loop over the lanes stands in the arm of one `match`,
-//! compiled for the processor's vectors as a whole. The result of each superop stays in an *accumulator*, a
-//! register that the compiler keeps in vector registers from one superop to the next: where a superop needs what
-//! the one before it gave, nothing is loaded, and what nobody else needs is never stored. Frequent pairs
-//! and chains of them have a code together, as the way from superop to superop takes time, too; each operation of them rounds as
-//! it does by itself.
+//! [`SuperOp`] names one of them by an opcode. Its loop over the lanes stands in one arm of a `match`
+//! that is compiled for the processor's vectors as a whole. The result of each superinstruction
+//! stays in an *accumulator*, a register that the compiler keeps in vector registers from one
+//! superinstruction to the next: an operand that the one before it gave is not loaded, and a result
+//! that nobody else reads is never stored. Frequent pairs and chains of operations have an opcode
+//! of their own, because dispatch takes time, too. Each operation of them rounds as it does by
+//! itself.
 //!
-//! Registers write every NaN as the same bits ([`crate::machine::Scalar::to_words`]); here that is a superop of its
-//! own, `Settled`, and stands only behind results whose bits somebody may see: an operation on floats
-//! takes every NaN for the same.
+//! Lane kernels write every NaN as the same bits ([`crate::machine::Scalar::to_words`]). Here that
+//! is a superinstruction of its own, `Settle`. It stands only behind results whose NaN payload may
+//! be observed: an operation on floats treats all NaNs alike.
 //!
-//! Operands that are constants are often read as one word for all lanes: a code of its own keeps that in a vector register,
-//! where the register would be loaded vector by vector. As a batch has its constants in all lanes from the beginning, and nobody
-//! writes their registers, it does not matter which lanes run.
+//! Operands that are constants are often read as one word for all lanes. Such opcodes keep the word
+//! in a vector register, where the register would be loaded vector by vector. A batch has its
+//! constants in all lanes from the beginning, and no operation writes their registers, so it does
+//! not matter which lanes run.
 //!
-//! `plan` makes the steps. Registers without a code are called as ever, irregular operations end a stretch. Only what takes few
-//! vector registers has a code: one arm that takes all sixteen, and the compiler keeps the accumulator in
-//! memory in every arm.
+//! `plan` selects superinstructions for operations. A lane kernel without an opcode is called as a
+//! function; an irregular operation leaves the loop. Only functions that need few vector registers
+//! have an opcode: one arm that needs all sixteen makes the compiler spill the accumulator in every
+//! arm.
 
 mod pairs;
 mod plan;
@@ -39,26 +42,27 @@ use pairs::{After, Shape, Then, ThenWith, WithItself};
 pub use plan::{ResultUse, takes_float};
 use words::{Chain, Last, One, Same, Settled, Three, Two, WithBoth, Words};
 
-/// What a stretch does at a time.
+/// One superinstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SuperOp {
-    /// The function, which operand the accumulator is, and whether the result goes to its register, too.
+    /// The function, which operand the accumulator is, and whether the result goes to its register,
+    /// too.
     opcode: u16,
     to: u16,
     from: Operands<u16>,
 }
 
-/// Of a superop: three are what one operation has, chains of patterns have more. With eight the compiler loads their numbers as
-/// one vector and takes it apart, which takes longer.
+/// Of a superop: three are what one operation has, chains of patterns have more. With eight the
+/// compiler loads their numbers as one vector and takes it apart, which takes longer.
 type Operands<T> = [T; 6];
 
-/// The operations of a program in steps.
+/// The operations of a program as superinstructions.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SuperCode {
     superops: Vec<SuperOp>,
-    /// The operation of each superop.
+    /// The operation that each superinstruction comes from.
     op_of: Vec<u32>,
-    /// The superop with which each operation begins, and one more.
+    /// The first superinstruction of each operation, and one more entry.
     first: Vec<u32>,
     /// Whether a superinstruction names an extended register.
     extended: bool,
@@ -98,10 +102,10 @@ impl<const W: usize> RegisterFile<W> for [Lanes<W>] {
     }
 }
 
-/// The accumulator takes what a function gives of registers, and of what it held, which is operand `AT` (none
-/// for 0); the result goes to its register, too, where it is `STORED`. Operands whose bit `UNIFORM` has are the same in all
-/// lanes: one word is read of each, and kept in a vector register. Those whose bit `AMOUNTS` has, too, are by how many bits
-/// to shift, and less than 32.
+/// The accumulator takes what a function gives of registers, and of what it held, which is operand
+/// `AT` (none for 0); the result goes to its register, too, where it is `STORED`. Operands whose
+/// bit `UNIFORM` has are the same in all lanes: one word is read of each, and kept in a vector
+/// register. Those whose bit `AMOUNTS` has, too, are by how many bits to shift, and less than 32.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[inline(always)]
 fn apply<
@@ -153,7 +157,8 @@ const fn has(uniform: u8, operand: usize) -> bool {
     uniform >> operand & 1 == 1
 }
 
-/// Floats to integers likewise: the processor's conversion of eight is none that the compiler makes of a loop.
+/// Floats to integers likewise: the processor's conversion of eight is none that the compiler makes
+/// of a loop.
 #[inline(always)]
 fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
     vectors: V,
@@ -174,7 +179,8 @@ fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
     *accumulator = result;
 }
 
-/// Stores the accumulator, or a register; where not every lane runs, for those whose word is all ones.
+/// Stores the accumulator, or a register; where not every lane runs, for those whose word is all
+/// ones.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[inline(always)]
 fn store<const W: usize, const AT: usize>(
@@ -198,8 +204,8 @@ fn store<const W: usize, const AT: usize>(
     }
 }
 
-/// Codes of a function: whether some operands are read as one word for all lanes ([`Function::uniform`]), the operand that
-/// is the accumulator, and whether the result is stored.
+/// Codes of a function: whether some operands are read as one word for all lanes
+/// ([`Function::uniform`]), the operand that is the accumulator, and whether the result is stored.
 const fn opcode(function: Function, uniform: bool, at: usize, stored: bool) -> u16 {
     (function as u16) << 4 | (uniform as u16) << 3 | (at as u16) << 1 | stored as u16
 }
@@ -219,19 +225,20 @@ macro_rules! functions {
         three { $($three:ident $three_uniform:literal $three_amounts:literal $three_shape:ident $three_first:ident $three_second:ident $three_type:ty;)* }
         chains { $($chain:ident $chain_uniform:literal $chain_amounts:literal $chain_shape:ident $chain_first:ident $chain_second:ident $chain_type:ty;)* }
     ) => {
-        /// What a superop calculates.
+        /// The function that a superinstruction computes.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         enum Function {
             Move,
             MoveMasked,
             Settle,
-            /// What both of these do.
+            /// `Settle`, then `MoveMasked`.
             SettleMasked,
             FToS,
             /// A float times itself.
             Square,
             $($unary,)* $($commuting,)* $($binary,)* $($shift,)* $($ternary,)* $($conversion,)* $($two,)* $($three,)* $($chain,)*
-            /// Ends a stretch; behind all others, so that those begin with 0.
+            /// No superinstruction: leaves the loop. It is the last, so that the others begin with
+            /// 0.
             Other,
         }
 
@@ -243,7 +250,7 @@ macro_rules! functions {
         }
 
         impl Function {
-            /// The registers that have a code.
+            /// The lane kernels that have an opcode.
             fn kernels() -> Vec<(&'static LaneKernel, Self)> {
                 let families = [
                     $(($unary_section::$unary.kernel(<$unary_type as Bits>::BITS), Self::$unary),)*
@@ -266,8 +273,9 @@ macro_rules! functions {
                 matches!(self, $(Self::$commuting)|* | Self::TwoProducts | Self::ThreeProducts)
             }
 
-            /// The operands that a code of its own reads as one word for all lanes, where all of them are constants:
-            /// a bit for each, the first is the lowest. None where there is no such code.
+            /// The operands that a code of its own reads as one word for all lanes, where all of
+            /// them are constants: a bit for each, the first is the lowest. None where there is no
+            /// such code.
             const fn uniform(self) -> u8 {
                 match self {
                     $(Self::$commuting)|* | $(Self::$binary)|* | $(Self::$shift)|* | $(Self::$two)|* => SECOND,
@@ -277,7 +285,7 @@ macro_rules! functions {
                 }
             }
 
-            /// Those of them that say by how many bits to shift.
+            /// The uniform operands that are shift amounts: a bit for each.
             const fn amounts(self) -> u8 {
                 match self {
                     $(Self::$shift)|* => SECOND,
@@ -296,7 +304,7 @@ macro_rules! functions {
             ];
         }
 
-        /// Runs steps; how many before one that ends the stretch.
+        /// Runs superinstructions. Returns how many ran before one that leaves the loop.
         #[inline(always)]
         fn run_superops<const W: usize, R: RegisterFile<W> + ?Sized, V: LaneOps>(
             vectors: V,
@@ -542,8 +550,8 @@ functions! {
 }
 
 impl SuperCode {
-    /// Runs operations until one that ends a stretch, or all of them, with what the processor has; the
-    /// operation to go on with.
+    /// Runs a range of operations up to one that is no superinstruction and no lane kernel. Returns
+    /// that operation, or the end of the range.
     #[inline]
     pub fn run<const W: usize>(
         &self,
@@ -568,7 +576,7 @@ impl SuperCode {
         }
     }
 
-    /// Runs steps; how many before one that ends the stretch.
+    /// Runs superinstructions. Returns how many ran before one that leaves the loop.
     fn run_some<const W: usize>(
         &self,
         registers: &mut Registers<W>,
@@ -584,7 +592,7 @@ impl SuperCode {
     }
 }
 
-/// The loop with its arguments.
+/// The interpreter loop with its arguments.
 struct Loop<'a, const W: usize, R: ?Sized> {
     registers: &'a mut R,
     superops: &'a [SuperOp],

@@ -1,9 +1,9 @@
 //! What runs, what does not yet, and what this crate will not run.
 //!
 //! Computed from the instruction set itself: an instruction runs where a family of kernels has its
-//! number, or a section lists it among the opcodes that it translates. The rest is classed by hand in
-//! `lists`, mostly by the capability that an instruction needs; a test walks rspirv's grammar and
-//! fails where one is classed nowhere.
+//! number, or a section lists it among the opcodes that it translates. The rest is classed by hand
+//! in `lists`, mostly by the capability that an instruction needs; a test walks rspirv's grammar
+//! and fails where one is classed nowhere.
 
 mod lists;
 pub mod table;

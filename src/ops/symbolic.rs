@@ -1,8 +1,9 @@
 //! Symbolic execution of operations, for checks of the optimizer.
 //!
-//! What a register holds is an expression of what registers held where the code begins. Equal expressions get equal
-//! numbers (hash-based value numbering), so that two sequences of operations are compared by comparing numbers.
-//! Everything is seen by one lane that runs: a masked store is a store.
+//! What a register holds is an expression of what registers held where the code begins. Equal
+//! expressions get equal numbers (hash-based value numbering), so that two sequences of operations
+//! are compared by comparing numbers. Everything is seen by one lane that runs: a masked store is a
+//! store.
 
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
@@ -231,7 +232,8 @@ pub struct Effect {
 pub struct Reached {
     /// Of variables with computed indices.
     pub addressed: Vec<Reg>,
-    /// Of payloads, callable data and hit attributes, which the pipeline reads where a batch is handed to it.
+    /// Of payloads, callable data and hit attributes, which the pipeline reads where a batch is
+    /// handed to it.
     pub handed: Vec<Reg>,
     /// Of those, other interface variables and builtins, which the pipeline may write there.
     pub interface: Vec<Reg>,
@@ -364,7 +366,8 @@ pub fn reaches_addressed(op: &Op) -> bool {
     matches!(op, Op::Memory(memory::Op::Gather { .. } | memory::Op::Scatter { .. }) | Op::Atomic(_))
 }
 
-/// The number of an irregular operation without the registers that it names by themselves: those may be renamed.
+/// The number of an irregular operation without the registers that it names by themselves: those
+/// may be renamed.
 fn key(op: &Op, numbering: &mut Numbering) -> u32 {
     const ANY: Reg = Reg(0);
     let mut plain = op.clone();

@@ -1,7 +1,8 @@
 //! From an instruction of a module to operations on registers.
 //!
-//! A [`Translator`] holds what is known of each id: the registers of its words, or where a pointer leads.
-//! Composites vanish here: extracting, inserting and shuffling only rearrange the list of registers.
+//! A [`Translator`] holds what is known of each id: the registers of its words, or where a pointer
+//! leads. Composites vanish here: extracting, inserting and shuffling only rearrange the list of
+//! registers.
 
 mod values;
 mod words;
@@ -59,7 +60,7 @@ impl InterfaceRegisters {
 /// A builtin that a program reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InputRegisters {
-    /// Which.
+    /// The builtin.
     pub builtin: &'static Builtin,
     /// The first register.
     pub first: Reg,
@@ -108,10 +109,11 @@ pub struct Translator<'m> {
     pub workgroup_blocks: bool,
     /// Whether the entry point is a compute shader with a derivative group.
     pub derivatives: bool,
-    /// Whether loads give what is known to have been stored, and operations on constants run here. Never off for
-    /// constants of the module, on which types depend.
+    /// Whether loads give what is known to have been stored, and operations on constants run here.
+    /// Never off for constants of the module, on which types depend.
     pub optimizes: bool,
-    /// The constant that says whether its ray queries look at opacity micromaps (`OpacityMicromapIdKHR`).
+    /// The constant that says whether its ray queries look at opacity micromaps
+    /// (`OpacityMicromapIdKHR`).
     pub micromap_mode: Option<Id>,
     /// Registers of variables, which begin as zeros.
     pub variables: Vec<(Reg, u32)>,
@@ -125,7 +127,8 @@ pub struct Translator<'m> {
     wide_constants: FxHashMap<u64, Reg>,
     /// By register: the word of a constant.
     words: Vec<Option<u32>>,
-    /// By variable's register: another register in which its current value stands, known since a time.
+    /// By variable's register: another register in which its current value stands, known since a
+    /// time.
     known: Vec<(u32, Reg)>,
     /// What is known of variables since another time counts no more.
     time: u32,
@@ -244,7 +247,8 @@ impl<'m> Translator<'m> {
 
     /// Something in a buffer lacks a decoration of its layout.
     ///
-    /// The validator asks for them in four storage classes; of the others, as shader records, no rule says it.
+    /// The validator asks for them in four storage classes; of the others, as shader records, no
+    /// rule says it.
     pub fn not_laid_out(&self, storage_class: u32, message: impl Into<String>) -> Error {
         use crate::ops::pointer::storage;
         match storage_class {
@@ -320,8 +324,8 @@ impl<'m> Translator<'m> {
         self.words.get(reg.0 as usize).copied().flatten()
     }
 
-    /// Appends a kernel on the given operands, or folds it where all of them are constants. Gives the
-    /// first register of the result.
+    /// Appends a kernel on the given operands, or folds it where all of them are constants. Gives
+    /// the first register of the result.
     pub fn emit_kernel(&mut self, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
         if self.float_controls.concern(kernel) {
             return float_controls::controlled(self, kernel, from);
@@ -381,7 +385,8 @@ impl<'m> Translator<'m> {
         Ok(to)
     }
 
-    /// The same words in consecutive registers.
+    /// Returns the first of consecutive registers that hold the words; copies them where they lie
+    /// apart.
     pub fn consecutive(&mut self, words: &[Reg]) -> Result<Reg> {
         let first = words.first().copied().unwrap_or(Reg(0));
         if words.iter().enumerate().all(|(at, &reg)| reg == first.plus(at as u32)) {
@@ -421,7 +426,8 @@ impl<'m> Translator<'m> {
         Ok(start)
     }
 
-    /// Remembers, until the block ends, that a variable's register has the value of another register.
+    /// Remembers, until the block ends, that a variable's register has the value of another
+    /// register.
     pub fn remember(&mut self, variable: Reg, value: Reg) {
         let registers = self.known.len().max(variable.0 as usize + 1);
         self.known.resize(registers, (0, Reg(0)));
@@ -543,8 +549,8 @@ impl<'m> Translator<'m> {
     /// The words of an id; a pointer is written out.
     ///
     /// # Errors
-    /// `UnsupportedModule` for a pointer into a matrix, whose layout nobody could tell from memory or
-    /// a composite.
+    /// `UnsupportedModule` for a pointer into a matrix, whose layout nobody could tell from memory
+    /// or a composite.
     pub fn words(&mut self, id: Id) -> Result<Words> {
         if let Some(Value::Words(words)) = self.values.find(id) {
             return Ok(words_from(words));
@@ -559,7 +565,8 @@ impl<'m> Translator<'m> {
         self.carried(id)
     }
 
-    /// The same for phis, selects and calls, through which [`Translator::pointer`] traces a pointer back.
+    /// The words of an operand of a phi, select or call, through which [`Translator::pointer`]
+    /// traces a pointer back.
     pub fn carried(&mut self, id: Id) -> Result<Words> {
         match self.value(id)? {
             Value::Words(words) => Ok(words),

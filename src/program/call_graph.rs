@@ -43,8 +43,8 @@ pub(super) fn sizes(module: &Module, root: u32) -> Vec<Size> {
 mod tests {
     use super::*;
 
-    /// A module of functions that return nothing, each with the functions that it calls; the first is the
-    /// entry point.
+    /// A module of functions that return nothing, each with the functions that it calls; the first
+    /// is the entry point.
     fn module(functions: &[(u32, &[u32])]) -> Module {
         let mut words = vec![0x0723_0203, 0x0001_0400, 0, 1000, 0];
         let mut op = |opcode: u32, operands: &[u32]| {

@@ -18,7 +18,8 @@ const PHI: u16 = 245;
 pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
     let mut seen = vec![false; function.blocks.len()];
     let mut order = Vec::with_capacity(function.blocks.len());
-    // The blocks on the way from the first one, and where their successors begin among all that are still to be visited.
+    // The blocks on the way from the first one, and where their successors begin among all that are
+    // still to be visited.
     let mut open: Vec<(u32, u32)> = Vec::new();
     let mut next: Vec<u32> = Vec::new();
     if !function.blocks.is_empty() {
@@ -44,8 +45,8 @@ pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
     order
 }
 
-/// Those of a block, the first one last: merge block and continue target, then the targets, the last of them first,
-/// so that they come out in the order in which they are written.
+/// Pushes the successors of a block, the first one last: merge block and continue target, then the
+/// targets, the last of them first, so that they come out in the order in which they are written.
 fn push_successors(module: &Module, function: &Function, block: usize, next: &mut Vec<u32>) {
     let instructions = &function.blocks[block].instructions;
     let mut push = |id: Id| next.extend(block_of(module, function, id).map(|block| block as u32));
@@ -121,8 +122,9 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
     for &block in order {
         let phis = function.blocks[block].instructions.iter();
         for phi in phis.take_while(|instruction| instruction.opcode == PHI) {
-            // A phi reads at the end of the block that its value comes from. Where that one goes back, too, lanes that leave
-            // wait on their edge while others go round again: then it reads behind the loop.
+            // A phi reads at the end of the block that its value comes from. Where that one goes
+            // back, too, lanes that leave wait on their edge while others go round again: then it
+            // reads behind the loop.
             for pair in module.operands(phi).chunks_exact(2) {
                 let from = position_of(Id(pair[1])).filter(|&from| from != usize::MAX);
                 let read = from.map(|from| if goes_back(from) { place[block].max(from) } else { from });

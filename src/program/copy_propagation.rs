@@ -1,12 +1,12 @@
-//! Takes moves away that lowering leaves behind: copies of registers that can be read where they are, and
-//! stores to variables that nothing reads any more.
+//! Copy propagation and dead-store elimination.
 //!
 //! Shader compilers keep locals in variables. Within a block the translator has forwarded what is
-//! stored to what is loaded; what remains is a load that copies a variable's register, and the store
-//! itself, often dead.
+//! stored to what is loaded. What remains is a load that copies a variable's register, and the
+//! store itself, often dead: operations read the variable's own register where its copy serves one
+//! block alone, and stores to variables that nothing reads any more are removed.
 //!
-//! Both passes follow one lane. A masked store to a register is, for a lane that runs it, a whole write,
-//! and nothing at all for the others; so the ordinary rules hold, lane by lane.
+//! Both passes follow one lane. A masked store to a register is, for a lane that runs it, a whole
+//! write, and nothing at all for the others; so the ordinary rules hold, lane by lane.
 
 use std::ops::Range;
 
@@ -25,7 +25,8 @@ const MOST_BITS: usize = 1 << 28;
 pub(super) struct Shared(Vec<bool>);
 
 impl Shared {
-    /// Registers of interface variables, of inputs, and of variables with computed register numbers.
+    /// Registers of interface variables, of inputs, and of variables with computed register
+    /// numbers.
     pub fn of(program: &Program, addressed: &[(Reg, u32)]) -> Self {
         let mut shared = vec![false; program.register_count as usize + 1];
         let interface = program.interface.iter().map(|registers| (registers.first, registers.count));
@@ -46,8 +47,8 @@ impl Shared {
     }
 }
 
-/// Lets operations read a variable's register itself, where its copy serves this block alone; what nobody
-/// reads then is left to `prune`.
+/// Lets operations read a variable's register itself, where its copy serves this block alone; what
+/// nobody reads then is left to `prune`.
 pub fn forward_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
     let shared = Shared::of(program, addressed);
     // How often a register is written.
@@ -135,8 +136,8 @@ fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
     }
 }
 
-/// By operation: `false` for masked stores to registers that no lane reads before it writes them again. `None` where nothing
-/// is known.
+/// By operation: `false` for masked stores to registers that no lane reads before it writes them
+/// again. `None` where nothing is known.
 pub fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bool>> {
     let shared = Shared::of(program, addressed);
     let stores = Stores::of(program, &shared)?;
@@ -264,8 +265,8 @@ impl Stores {
         self.events.extend(bits.iter().filter(|&&bit| bit != NONE).map(|&bit| event(bit)));
     }
 
-    /// Runs backwards over a block from what is live behind it; operations that store what is not live
-    /// are not needed, and read nothing.
+    /// Runs backwards over a block from what is live behind it; operations that store what is not
+    /// live are not needed, and read nothing.
     fn back(&self, block: usize, live: &mut [u64], needed: &mut [bool]) {
         let first = if block == 0 { 0 } else { self.ends[block - 1] };
         for event in &self.events[first..self.ends[block]] {
@@ -296,9 +297,9 @@ impl Stores {
 
 /// What is live where blocks begin.
 ///
-/// Bits are numbered in the order of the program, so that those of a word are named by few blocks that lie
-/// together. With the loops that these lie in they are the word's span: no way leads out of it and back, so
-/// that elsewhere nothing is kept of the word.
+/// Bits are numbered in the order of the program, so that those of a word are named by few blocks
+/// that lie together. With the loops that these lie in they are the word's span: no way leads out
+/// of it and back, so that elsewhere nothing is kept of the word.
 struct Begins {
     /// By word: the first and the last block of its span.
     spans: Vec<(u32, u32)>,

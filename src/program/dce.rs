@@ -1,7 +1,7 @@
-//! Drops what nothing reads: operations, builtins and constants.
+//! Dead-code elimination: removes operations, builtins and constants that nothing reads.
 //!
-//! The shader compilers leave unused access chains and undefined values behind; dropping them here
-//! also means that an index which is out of bounds but never followed does not trap.
+//! The shader compilers leave unused access chains and undefined values behind. Eliminating them
+//! also means that an index which is out of bounds but never used does not trap.
 
 use crate::machine::Reg;
 use crate::ops::op::{Access, Op};
@@ -19,8 +19,8 @@ struct Needs<'a> {
     needed: Vec<bool>,
     /// By register: whether somebody reads it.
     live: Vec<bool>,
-    /// The operations passed so far that write each register, which nobody read then: the last of them, and for each
-    /// entry the one before.
+    /// The operations passed so far that write each register, which nobody read then: the last of
+    /// them, and for each entry the one before.
     last: Vec<u32>,
     passed: Vec<(u32, u32)>,
     /// Operations whose reads are not marked yet.
@@ -54,7 +54,8 @@ impl<'a> Needs<'a> {
         }
     }
 
-    /// Marks what is needed, given that all that others read is marked; of `stores`, by operation, only those.
+    /// Marks what is needed, given that all that others read is marked; of `stores`, by operation,
+    /// only those.
     fn find(&mut self, stores: Option<&[bool]>) {
         let ops = self.ops;
         for (at, op) in ops.iter().enumerate().rev() {
@@ -96,9 +97,9 @@ impl<'a> Needs<'a> {
     }
 }
 
-/// Removes operations whose results are not read; `addressed` are registers that computed register numbers
-/// reach, `stores` tells of each operation where it is false that it is no use. What is left also tells whether
-/// the order of invocations matters.
+/// Removes operations whose results are not read; `addressed` are registers that computed register
+/// numbers reach, `stores` tells of each operation where it is false that it is no use. What is
+/// left also tells whether the order of invocations matters.
 pub fn prune(program: &mut Program, addressed: &[(Reg, u32)], stores: Option<&[bool]>) {
     let mut needs = Needs::new(program);
     for &(first, count) in addressed {
@@ -144,7 +145,7 @@ fn remove(program: &mut Program, needed: &[bool]) {
     }
     let mut keep = needed.iter();
     program.ops.retain(|_| *keep.next().expect("bug in anyhit: an operation without a verdict"));
-    // Those of terminators stand behind.
+    // The origins of terminators stand behind those of operations.
     let mut keep = needed.iter();
     program.origins.retain(|_| *keep.next().unwrap_or(&true));
     let is_noop = |op: &Op| matches!(op, Op::Memory(memory::Op::Move { to, from }) if to == from);

@@ -1,8 +1,8 @@
 //! From an entry point to a [`Program`].
 //!
 //! Functions are inlined where they are small or called once, so that pointers to a caller's
-//! variables lead to known rows; large ones called from several places become real calls. Blocks
-//! are laid out in structured order, which is what lets lanes meet again (see
+//! variables lead to known registers; large ones called from several places become real calls.
+//! Blocks are laid out in structured order, which is what lets lanes meet again (see
 //! [`Batch`](crate::machine::Batch)). Phis become moves on the edges.
 
 mod branch;
@@ -64,9 +64,9 @@ pub enum Optimization {
     /// Every pass runs.
     #[default]
     Full,
-    /// No pass runs: no value is forwarded from a store to a load, no expression is folded, nothing is eliminated, no
-    /// registers are shared, no superinstruction is formed. Results are the same. This is the reference that the
-    /// optimizer is checked against.
+    /// No pass runs: no value is forwarded from a store to a load, no expression is folded, nothing
+    /// is eliminated, no registers are shared, no superinstruction is formed. Results are the same.
+    /// This is the reference that the optimizer is checked against.
     None,
 }
 
@@ -77,8 +77,8 @@ pub struct LowerOptions {
     pub inlining: Inlining,
     /// Which passes run.
     pub optimization: Optimization,
-    /// Whether each pass is checked ([`crate::program::verify`]), which takes longer than all of them: as a default in
-    /// debug builds. What a pass breaks is a panic.
+    /// Whether each pass is checked ([`crate::program::verify`]), which takes longer than all of
+    /// them: as a default in debug builds. What a pass breaks is a panic.
     pub verify: bool,
 }
 
@@ -116,7 +116,8 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOption
     Ok(program)
 }
 
-/// The program of an entry point as it is translated, and the registers that computed register numbers reach.
+/// The program of an entry point as it is translated, and the registers that computed register
+/// numbers reach.
 fn translate(
     module: &Arc<Module>,
     entry: &EntryPoint,
@@ -177,8 +178,8 @@ fn translate(
     Ok(lowering.finish(module, entry, workgroup))
 }
 
-/// Runs the passes: eliminates what a program can do without, analyses what is left of it, and makes the operations
-/// that run where nobody observes.
+/// Runs the passes: eliminates what a program can do without, analyses what is left of it, and
+/// makes the operations that run where nobody observes.
 fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
     let (operations, builtins) = (program.ops.len(), program.inputs.len());
     let pass = |program: &mut Program, name: &str, pass: &dyn Fn(&mut Program)| {
@@ -292,7 +293,8 @@ impl<'m> Lowering<'m> {
         self.placed.len() as u32 - 1
     }
 
-    /// Makes room for about an operation an instruction and a block for four, as what outgrows its room is all copied.
+    /// Makes room for about an operation an instruction and a block for four, as what outgrows its
+    /// room is all copied.
     fn make_room(&mut self, entry: u32) {
         let operations = self.sizes[entry as usize].instructions.min(INLINE_TOTAL as u64) as usize;
         self.translator.ops.reserve_exact(operations);

@@ -1,4 +1,7 @@
 //! A program: one entry point of a module, lowered to operations on registers.
+//!
+//! [`lower()`] translates it, `copy_propagation`, [`dce`], `regalloc` and `schedule` optimise it,
+//! [`verify`] checks what they did, and [`race_analysis`] finds out which memory invocations share.
 
 mod call_graph;
 pub mod control_flow;
@@ -67,7 +70,7 @@ pub enum Terminator {
     Call {
         /// The function's first block.
         function: u32,
-        /// Where to go on.
+        /// The block at which the caller goes on.
         return_to: u32,
     },
     /// Ends the function.
@@ -85,15 +88,15 @@ pub struct Block {
     pub first: u32,
     /// One past the last operation.
     pub end: u32,
-    /// What then.
+    /// How the block ends.
     pub terminator: Terminator,
-    /// How many instructions of the module the blocks up to the end of this one have, eliminated ones among them: what
-    /// a back edge costs.
+    /// How many instructions of the module the blocks up to the end of this one have, eliminated
+    /// ones among them: what a back edge costs.
     pub instructions: u32,
 }
 
-/// Instructions of the module that follow each other and run in one block of a program. What was
-/// dropped as unused counts among them.
+/// Consecutive instructions of the module that run in one block of a program. Eliminated ones
+/// count among them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InstructionSpan {
     /// The program's block.
@@ -104,7 +107,7 @@ pub struct InstructionSpan {
     pub first: u32,
     /// The word offset of the last.
     pub last: u32,
-    /// How many.
+    /// The number of instructions.
     pub count: u32,
 }
 
@@ -130,10 +133,10 @@ pub struct Program {
     pub name: String,
     /// All operations.
     pub ops: Vec<Op>,
-    /// By operation of a program that is not optimised: whether the optimizer eliminates it, so that it must not trap
-    /// here either. Empty in optimised programs.
+    /// By operation of a program that is not optimised: whether the optimizer eliminates it, so
+    /// that it must not trap here either. Empty in optimised programs.
     pub silent: Vec<bool>,
-    /// The same as they run where nobody watches.
+    /// The operations as batches run them that have no observer.
     pub optimized: OptimizedCode,
     /// Where each operation comes from; behind them, where each block's terminator comes from.
     pub origins: Vec<Origin>,
@@ -141,7 +144,7 @@ pub struct Program {
     pub scopes: Vec<Scope>,
     /// All blocks in structured order; the entry point begins at 0.
     pub blocks: Vec<Block>,
-    /// What the blocks run of the module, in the order in which they run it.
+    /// The instructions of the module that the blocks run, in the order in which they run them.
     pub instruction_spans: Vec<InstructionSpan>,
     /// How many registers a batch needs.
     pub register_count: u32,
@@ -185,7 +188,8 @@ impl Program {
     /// Lowers the entry point with a name.
     ///
     /// # Errors
-    /// `InvalidArgument` where no entry point or several have the name, and what [`lower()`] refuses.
+    /// `InvalidArgument` where no entry point or several have the name, and what [`lower()`]
+    /// refuses.
     pub fn of(module: &Arc<Module>, entry: &str) -> Result<Self> {
         let named: Vec<_> = module.entry_points.iter().filter(|known| known.name == entry).collect();
         if let [only] = named[..] {
@@ -213,8 +217,8 @@ impl Program {
         lower(module, found.ok_or_else(|| Error::new(ErrorKind::InvalidArgument, message()))?)
     }
 
-    /// The same entry point lowered without any optimisation: the reference that an optimised program is checked
-    /// against. It gives the same results, slowly.
+    /// The same entry point lowered without any optimisation: the reference that an optimised
+    /// program is checked against. It gives the same results, slowly.
     ///
     /// # Errors
     /// As [`lower()`].
@@ -245,7 +249,8 @@ impl Program {
         Batch::new(registers)
     }
 
-    /// Starts the lanes of a mask, whose invocations are set, each with its fuel, counted in instructions.
+    /// Starts the lanes of a mask, whose invocations are set, each with its fuel, counted in
+    /// instructions.
     ///
     /// Variables begin as zeros, so that what a shader reads before it writes does not depend on
     /// what ran in the batch before.
@@ -257,7 +262,8 @@ impl Program {
         batch.begin(mask, 0, self.blocks[0].first, fuel);
     }
 
-    /// Fills the registers of builtins again; only those that may change while running where so asked.
+    /// Fills the registers of builtins again; only those that may change while running where so
+    /// asked.
     pub fn refresh_inputs<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, volatile: bool) {
         let Batch { registers, invocations, .. } = batch;
         for input in self.inputs.iter().filter(|input| !volatile || input.builtin.volatile) {

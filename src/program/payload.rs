@@ -1,6 +1,6 @@
-//! What becomes of payloads: which words a shader reads of one behind the instruction that traces, and
-//! what a shader leaves but its payload. Of a closest-hit or miss shader that leaves nothing else,
-//! and of it only words that nobody reads, nobody can say whether it ran.
+//! What becomes of payloads: which words a shader reads of one behind the instruction that traces,
+//! and what a shader leaves but its payload. Of a closest-hit or miss shader that leaves nothing
+//! else, and of it only words that nobody reads, nobody can say whether it ran.
 
 use crate::machine::stop::RegSpan;
 use crate::machine::{Exit, Reg};
@@ -16,7 +16,7 @@ use crate::program::{Block, Program, Terminator};
 pub struct Words(u64);
 
 impl Words {
-    /// All.
+    /// All words of a payload.
     pub const ALL: Self = Self(u64::MAX);
 
     /// Whether both have a word.
@@ -48,8 +48,8 @@ pub struct Payloads {
     /// The words of its own payload that it may write, where it leaves nothing else behind whatever
     /// its inputs are: it stores nothing, hands the batch to nobody, and cannot trap.
     pub writes_only: Option<Words>,
-    /// By operation that traces or executes a hit object, ascending: the words of its payload that may
-    /// be read behind it.
+    /// By operation that traces or executes a hit object, ascending: the words of its payload that
+    /// may be read behind it.
     reads: Vec<(u32, Words)>,
 }
 

@@ -1,14 +1,15 @@
-//! Which memory the invocations of a launch share otherwise than by atomic instructions that
-//! commute.
+//! Race analysis: which memory the invocations of a launch share otherwise than by atomic
+//! instructions that commute.
 //!
 //! Where one invocation stores plainly what another one loads or stores, the result depends on the
-//! schedule; so it does where both change it by atomic instructions of two kinds, one adding, the
-//! other exchanging bits. (Atomic instructions whose own results are read, or that commute not even
-//! with themselves, are no matter of places: see [`crate::ops::atomic`].) To know it before
-//! running, the place of every access is followed back to what tells invocations apart: the launch
-//! index, or workgroup and local index. A place is an invocation's own where it is a linear
-//! function of these that takes no value twice. What this cannot show (an index that was loaded
-//! lane by lane, the neighbour's texel) counts as shared, be it or not.
+//! schedule. So it does where both change it by atomic instructions of two kinds, one adding, the
+//! other exchanging bits. (Atomic instructions whose own results are read, or that do not commute
+//! even with themselves, depend on the schedule wherever they access memory: see
+//! [`crate::ops::atomic`].) To know it before running, the index of every [`MemoryAccess`] is
+//! followed back to what distinguishes invocations: the launch index, or workgroup and local index.
+//! Invocations access disjoint memory where the index is an affine function of these that takes no
+//! value twice. Accesses of which this cannot be shown (an index that was loaded lane by lane, the
+//! neighbour's texel) count as shared.
 //!
 //! Bindings that hold one buffer or image count as one, and one whose buffer has a device address
 //! counts as what lies behind addresses. Plain accesses to workgroup memory are left out: it is
@@ -51,7 +52,7 @@ pub enum Memory {
 /// An access to memory that all invocations reach.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MemoryAccess {
-    /// Where.
+    /// The memory that is accessed.
     pub memory: Memory,
     /// Whether it stores, plainly or by an atomic instruction.
     pub stores: bool,
@@ -62,14 +63,14 @@ pub struct MemoryAccess {
     place: Option<SmallVec<[AffineRange; 3]>>,
 }
 
-/// Numbers from a value on.
+/// Consecutive numbers from an affine value on.
 #[derive(Clone, Debug, PartialEq)]
 struct AffineRange {
     from: AffineExpr,
     count: u64,
 }
 
-/// What a term multiplies.
+/// A factor of a term of an [`AffineExpr`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Symbol {
     /// A component of `LaunchIdKHR`, or of `WorkgroupId`.
@@ -83,11 +84,12 @@ enum Symbol {
     Word(Option<(Binding, u32)>, u32),
 }
 
-/// A sum of products, each with its factor; sorted.
+/// A sum of products of symbols, each with its factor; sorted. It is affine in the indices once the
+/// launch fixes its sizes and words (MLIR calls that semi-affine).
 #[derive(Clone, Debug, PartialEq, Default)]
 struct AffineExpr(SmallVec<[(SmallVec<[Symbol; 2]>, i64); 4]>);
 
-/// More terms, or factors of one, are not followed.
+/// The most terms, and factors of one term, that an expression may have.
 const MAX_TERMS: usize = 12;
 
 impl AffineExpr {
@@ -157,8 +159,8 @@ impl LaunchExtent<'_> {
         of(self.count, Symbol::Index).chain(of(self.local, Symbol::Local)).filter(|&(_, side)| side > 1)
     }
 
-    /// The sides that a sum tells apart with steps of at least `count`; `None` where it may take one
-    /// value twice.
+    /// The sides that a sum tells apart with steps of at least `count`; `None` where it may take
+    /// one value twice.
     fn told_apart(&self, sum: &AffineExpr, count: u64) -> Option<SmallVec<[Symbol; 6]>> {
         let sides: SmallVec<[(Symbol, u64); 6]> = self.sides().collect();
         let mut steps: SmallVec<[(i64, u64, Symbol); 6]> = SmallVec::new();
@@ -273,8 +275,8 @@ impl LaunchExtent<'_> {
         first
     }
 
-    /// Whether every invocation has a place of its own for these accesses; `stored` tells of a binding
-    /// whether something may be stored to it.
+    /// Whether every invocation has a place of its own for these accesses; `stored` tells of a
+    /// binding whether something may be stored to it.
     fn keeps_apart(&self, accesses: &[&MemoryAccess], stored: impl Fn(Binding) -> bool) -> bool {
         let Some(first) = accesses[0].place.as_ref() else { return false };
         let mut told: SmallVec<[Symbol; 6]> = SmallVec::new();

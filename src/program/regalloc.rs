@@ -1,18 +1,19 @@
-//! The operations of a program as a batch runs them that nobody watches.
+//! Register allocation for superblocks, and the passes that go with it.
 //!
-//! Lowering gives every value a register of its own, and whoever watches a program reads it there at any
-//! time later. A copy of the operations, made here, is free of that:
+//! Lowering gives every value a register of its own, and an observer may read it there at any time
+//! later. Batches without an observer run a copy of the operations, [`OptimizedCode`], made here:
 //!
-//! * blocks that only follow one another make one *run*;
-//! * a value, or a variable, that is written and then read in one run, by operations that name its register alone, gets a register
-//!   that the last of another such value has left, so that a batch's registers stay in the
-//!   processor's first cache;
-//! * copies of such values give way to what they are copies of;
-//! * regular operations stand in an order in which each goes on with the result of the one before it,
+//! * basic blocks that only follow one another form a [`Superblock`];
+//! * a value, or a variable, that is written and then read within one superblock, by operations
+//!   that name its register alone, gets a register that the last of another such value has left, so
+//!   that the registers of a batch stay in the L1 cache;
+//! * copies of such values are propagated to their uses;
+//! * regular operations are scheduled so that each goes on with the result of the one before it,
 //!   where there is one ([`crate::program::schedule`]).
 //!
-//! All other values keep their registers, so that everything outside (constants, interfaces, what loops carry,
-//! terminators) is as it was, and operations that can trap keep their numbers, by which traps name them.
+//! All other values keep their registers, so that everything outside (constants, interfaces, what
+//! loops carry, terminators) is as it was. Operations that can trap keep their numbers, by which
+//! traps name them.
 
 mod direct_registers;
 
@@ -31,23 +32,23 @@ use crate::program::schedule::Schedule;
 use crate::program::{Program, Terminator};
 use direct_registers::{rename_constants, rename_values};
 
-/// The operations of a program as a batch runs them that nobody watches.
+/// The operations of a program as batches run them that have no observer.
 #[derive(Clone, Debug, Default)]
 pub struct OptimizedCode {
     /// One for each of [`Program::ops`].
     pub ops: Vec<Op>,
-    /// The same as superinstructions; none in programs that are not optimised.
+    /// The operations as superinstructions; `None` in programs that are not optimised.
     pub supercode: Option<SuperCode>,
     /// One for each of [`Program::blocks`].
     pub superblocks: Vec<Superblock>,
 }
 
-/// What follows the beginning of a block without a choice.
+/// Basic blocks that follow each other without a branch: one entry, one exit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Superblock {
     /// One past the last operation.
     pub end: u32,
-    /// The last block, whose terminator ends the run.
+    /// The last block, whose terminator ends the superblock.
     pub last: u32,
 }
 
@@ -58,7 +59,8 @@ enum Single {
     Write,
 }
 
-/// Makes the operations that run unwatched. By register: which one it is now, where it holds something beyond a run.
+/// Makes the [`OptimizedCode`] of a program. Returns by register which one holds its value now,
+/// where that lives longer than a superblock.
 pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
     let superblocks = superblocks(program);
     let starts = starts(program, &superblocks);
@@ -143,8 +145,8 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
     renamed
 }
 
-/// Lets casts of unsigned numbers to floats that are less than 2^31, as they were shifted to the right, be casts of signed
-/// ones: processors have those, and the floats are the same.
+/// Lets casts of unsigned numbers to floats that are less than 2^31, as they were shifted to the
+/// right, be casts of signed ones: processors have those, and the floats are the same.
 fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
     let cast = |from| conversion::kernel(from, 32, 32);
     let (Some(unsigned), Some(signed)) = (cast(Conversion::UToF), cast(Conversion::SToF)) else { return };
@@ -173,11 +175,11 @@ fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
     }
 }
 
-/// What becomes of each operation's result: of those that stand in shared registers, which operations read it until the register
-/// is written again.
+/// What becomes of each operation's result: of those that stand in shared registers, which
+/// operations read it until the register is written again.
 ///
-/// It is told of the registers as they are shared. Where a copy got the register of its original it is gone, and whoever read
-/// the copy reads the original now.
+/// It is told of the registers as they are shared. Where a copy got the register of its original it
+/// is gone, and whoever read the copy reads the original now.
 fn result_uses(
     program: &Program,
     ops: &mut [Op],
@@ -223,7 +225,7 @@ fn result_uses(
     result_uses
 }
 
-/// The run that begins with each block.
+/// The superblock that begins with each block.
 pub(super) fn superblocks(program: &Program) -> Vec<Superblock> {
     let blocks = &program.blocks;
     let mut ways = vec![0u32; blocks.len() + 1];
@@ -256,7 +258,7 @@ pub(super) fn superblocks(program: &Program) -> Vec<Superblock> {
     superblocks
 }
 
-/// The blocks at which runs begin, each with its run: together they are all blocks.
+/// The blocks at which superblocks begin, each with its superblock: together they hold all blocks.
 fn starts(program: &Program, superblocks: &[Superblock]) -> Vec<(u32, Superblock)> {
     let mut starts = Vec::new();
     let mut at = 0;
@@ -275,7 +277,7 @@ struct Copied {
     good: bool,
 }
 
-/// The copies of a run, by the register that is one.
+/// The copies within a superblock, by the register that is one.
 struct Copies {
     all: Vec<(Reg, Copied)>,
     /// By register: where its copy stands, and one more; 0 where it is none.
@@ -369,8 +371,8 @@ pub(super) fn is_idle(op: &Op) -> bool {
     matches!(op, Op::Memory(memory::Op::Move { to, from }) if to == from)
 }
 
-/// Registers to share: the one left last is taken next; at first the lowest, so that steps name few registers behind
-/// their window.
+/// The pool of registers that values share. The one freed last is taken next; at first the lowest,
+/// so that superinstructions name few extended registers.
 struct RegisterPool {
     next: u32,
     free: Vec<Reg>,
@@ -407,19 +409,19 @@ impl RegisterPool {
     }
 }
 
-/// Which registers hold values that live within one run.
+/// Which registers hold values that live within one superblock.
 struct LocalValues(Vec<RegisterUses>);
 
 /// How a register is accessed.
 #[derive(Clone)]
 struct RegisterUses {
-    /// The first block of the run that writes it first.
+    /// The first block of the superblock that writes it first.
     home: u32,
     /// How often it is read or written by an operation that does not name it by itself.
     together: u32,
     /// How often it is written; 2 stands for more.
     writes: u8,
-    /// Whether it is written and then read in one run, always by itself.
+    /// Whether it is written and then read in one superblock, always by itself.
     local: bool,
 }
 
@@ -485,8 +487,8 @@ impl LocalValues {
     }
 }
 
-/// The registers that an operation names by themselves, reads first; writes are of all running lanes at
-/// least. An operation that is not known here names none.
+/// The registers that an operation names by themselves, reads first; writes are of all running
+/// lanes at least. An operation that is not known here names none.
 fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg, Single)) {
     match op {
         Op::LaneKernel { kernel, to, from } => {
@@ -574,8 +576,8 @@ mod tests {
 
     #[test]
     fn nobody_writes_the_row_of_a_constant() {
-        // SuperCode read one lane of it for all. What is watched does write registers that near constants took, but runs in batches
-        // of its own.
+        // Superinstructions read one lane of it for all. Code with observers does write registers
+        // that renamed constants took, but runs in batches of its own.
         let folder = format!("{}/spirv-fixtures/bench", env!("CARGO_MANIFEST_DIR"));
         let mut programs = 0;
         for file in std::fs::read_dir(folder).expect("the fixtures' folder") {

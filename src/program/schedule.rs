@@ -1,9 +1,11 @@
-//! The order of regular operations between two irregular ones: each goes on with the result of the one
-//! before it, where an operation can, so that the value need not be stored and loaded in between
-//! ([`crate::ops::superop`]).
+//! Instruction scheduling: orders the regular operations between two irregular ones so that each
+//! goes on with the result of the one before it, where an operation can. The value then stays in
+//! the accumulator of superinstructions ([`crate::ops::superop`]) and need not be stored and
+//! loaded.
 //!
-//! A regular operation neither traps nor stops, and has no effect beside the registers that it writes. Any order
-//! gives the same in which reads and writes of each register keep theirs.
+//! A regular operation neither traps nor stops, and has no effect beside the registers that it
+//! writes. Every order gives the same results that keeps the order of the reads and writes of each
+//! register.
 
 use crate::machine::Reg;
 use crate::ops::memory;
@@ -13,10 +15,10 @@ use crate::program::regalloc::is_idle;
 /// No entry.
 const NONE: u32 = u32::MAX;
 
-/// Orders operations; its memory serves one run after the other.
+/// A list scheduler; its memory serves one superblock after the other.
 pub(super) struct Schedule {
-    /// By register: the operation of this region that wrote it last, and the last of those that have read it
-    /// since.
+    /// By register: the operation of this region that wrote it last, and the last of those that
+    /// have read it since.
     registers: Vec<RegisterUse>,
     touched: Vec<u32>,
     /// Operations that read a register, each with the one that read it before.
@@ -24,7 +26,7 @@ pub(super) struct Schedule {
     /// Which operation waits for which: the later one, the earlier one.
     edges: Vec<(u32, u32)>,
     waiting: Vec<Waiting>,
-    /// Those that wait, by what they wait for.
+    /// The operations that wait, by the operation that they wait for.
     followers: Vec<u32>,
     order: Vec<u32>,
 }
@@ -125,7 +127,8 @@ impl Schedule {
         }
     }
 
-    /// Finds what each operation waits for: whoever wrote what it reads, and read or wrote what it writes.
+    /// Finds what each operation waits for: whoever wrote what it reads, and read or wrote what it
+    /// writes.
     fn find_edges(&mut self, ops: &[Op]) {
         let Self { registers, touched, readers, edges, waiting, .. } = self;
         edges.clear();

@@ -1,9 +1,10 @@
 //! Checks what a pass of the optimizer has done (translation validation).
 //!
-//! Both versions of a program are executed symbolically, superblock by superblock, for a lane that runs through it. They must
-//! have the same effects in the same order, with the same operands, decide the same way at the end, and leave the same
-//! in every register that is live there. Liveness is found here anew, without the passes' own. Registers that hold
-//! something beyond a superblock may be renamed, each to one of its own; nobody else may write those in all lanes, as
+//! Both versions of a program are executed symbolically, superblock by superblock, for a lane that
+//! runs through it. They must have the same effects in the same order, with the same operands,
+//! decide the same way at the end, and leave the same in every register that is live there.
+//! Liveness is found here anew, without the passes' own. Registers that hold something beyond a
+//! superblock may be renamed, each to one of its own; nobody else may write those in all lanes, as
 //! lanes that wait elsewhere would lose what they hold.
 //!
 //! Debug builds check every pass of every program, as do the tests.
@@ -22,8 +23,8 @@ use crate::program::{Block, Program, Superblock, Terminator};
 
 /// Programs of more operations are not looked at.
 const MOST_OPERATIONS: usize = 20_000;
-/// Nor are those that make more of pairs of registers: of an operation with what somebody else may reach,
-/// which each effect remembers, and of what an operation reads with what it writes.
+/// Nor are those that make more of pairs of registers: of an operation with what somebody else may
+/// reach, which each effect remembers, and of what an operation reads with what it writes.
 const MOST_PAIRS: usize = 1 << 24;
 
 /// A program between two passes.
@@ -120,8 +121,8 @@ impl Verifier {
         blocks[first as usize].first as usize..blocks[last as usize].end as usize
     }
 
-    /// Runs backwards over a superblock: what is live at its beginning, given what is live at its end. An operation that
-    /// has no effect and whose results nobody needs reads nothing.
+    /// Runs backwards over a superblock: what is live at its beginning, given what is live at its
+    /// end. An operation that has no effect and whose results nobody needs reads nothing.
     fn transfer(&self, superblock: (u32, u32), live: &mut FxHashSet<Reg>) {
         let terminator = &self.before.blocks[superblock.1 as usize].terminator;
         each_read(terminator, |reg| {
@@ -212,8 +213,8 @@ impl Verifier {
         (self.global, self.live_out) = (global, live_out);
     }
 
-    /// Compares what a pass has made with what was there before. `renamed` tells where a register is now that holds
-    /// something beyond a superblock.
+    /// Compares what a pass has made with what was there before. `renamed` tells where a register
+    /// is now that holds something beyond a superblock.
     ///
     /// # Errors
     /// What differs, and where.
@@ -304,7 +305,8 @@ impl Verifier {
         Ok(())
     }
 
-    /// Compares superinstructions with the operations that they stand for; `after` and `renamed` as for
+    /// Compares superinstructions with the operations that they stand for; `after` and `renamed` as
+    /// for
     /// [`Verifier::compare`].
     ///
     /// # Errors

@@ -60,12 +60,12 @@ impl DerivativeGroup {
 }
 
 impl WorkgroupLayout {
-    /// What an entry point declares, once its instructions are translated: a constant decorated with
-    /// `WorkgroupSize` goes before `LocalSizeId` and `LocalSize` (SPIR-V, Built-In).
+    /// What an entry point declares, once its instructions are translated: a constant decorated
+    /// with `WorkgroupSize` goes before `LocalSizeId` and `LocalSize` (SPIR-V, Built-In).
     ///
     /// # Errors
-    /// `InvalidModule` where nothing tells the size (VUID-StandaloneSpirv-None-10685) or it is zero;
-    /// `UnsupportedModule` for sizes beyond those of any device.
+    /// `InvalidModule` where nothing tells the size (VUID-StandaloneSpirv-None-10685) or it is
+    /// zero; `UnsupportedModule` for sizes beyond those of any device.
     pub fn of(translator: &mut Translator<'_>, entry: &EntryPoint) -> Result<Self> {
         let derivatives = DerivativeGroup::of(entry);
         translator.origin.offset = entry.offset;
@@ -120,8 +120,8 @@ impl WorkgroupLayout {
 }
 
 impl WorkgroupLayout {
-    /// `LocalInvocationIndex` of the invocation in a place of the order that subgroups and quads are
-    /// cut from.
+    /// `LocalInvocationIndex` of the invocation in a place of the order that subgroups and quads
+    /// are cut from.
     pub fn index_of(&self, place: u32) -> u32 {
         if self.derivatives != Some(DerivativeGroup::Quads) {
             return place;

@@ -101,8 +101,8 @@ impl<const W: usize> Mask<W> {
         self.low >> lane & 1 != 0
     }
 
-    /// The same, in a form that loops over all lanes are vectorised with: a comparison of 32 bits with
-    /// a constant of each lane.
+    /// Whether a lane is in the mask, in a form with which loops over all lanes are vectorised: a
+    /// comparison of 32 bits with a constant of each lane.
     #[inline(always)]
     pub(super) fn selects(self, lane: usize) -> bool {
         let half = if Self::WIDE && lane >= 64 { self.high } else { self.low };

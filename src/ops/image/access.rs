@@ -1,5 +1,5 @@
-//! Access to single texels by integer coordinates: `OpImageFetch`, `OpImageRead`, `OpImageWrite`, and
-//! the place that `OpImageTexelPointer` leads atomic instructions to.
+//! Access to single texels by integer coordinates: `OpImageFetch`, `OpImageRead`, `OpImageWrite`,
+//! and the place that `OpImageTexelPointer` leads atomic instructions to.
 //!
 //! A coordinate outside the image stops its lane (Vulkan, "Integer Texel Coordinate Validation").
 

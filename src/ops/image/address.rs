@@ -1,8 +1,8 @@
 //! From coordinates in texels to the texels themselves (Vulkan, "(u,v,w,a) to (i,j,k,l,n)
 //! Transformation" and "Wrapping Operation").
 //!
-//! A coordinate that is not a number counts as 0; an infinite one leads as far as integers do, and the
-//! address mode decides. Neither has a fraction.
+//! A coordinate that is not a number counts as 0; an infinite one leads as far as integers do, and
+//! the address mode decides. Neither has a fraction.
 
 use crate::machine::sampler::AddressMode;
 

@@ -1,5 +1,5 @@
-//! Cube maps: face selection, and texels beyond a face's edge (Vulkan, "Cube Map Face Selection" and
-//! "Cube Map Edge Handling").
+//! Cube maps: face selection, and texels beyond a face's edge (Vulkan, "Cube Map Face Selection"
+//! and "Cube Map Edge Handling").
 //!
 //! The face is that of the component of largest magnitude; of equals z wins over y and x, y over x.
 //! A component that is not a number is never the largest.
@@ -60,8 +60,8 @@ pub fn derivatives([s, t, r]: [f32; 3], change: [f32; 3]) -> [f32; 2] {
     [one(s, change[0]), one(t, change[1])]
 }
 
-/// The texel at (i, j) of a face of `size` texels each way, and its face, where it lies beyond one edge
-/// by one texel; `None` beyond a corner, where no texel is.
+/// The texel at (i, j) of a face of `size` texels each way, and its face, where it lies beyond one
+/// edge by one texel; `None` beyond a corner, where no texel is.
 ///
 /// Texel centres are vectors of whole numbers: with the half side `size`, texel i stands at
 /// `2 i + 1 - size`. Beyond an edge that is one more than the half side; folded over the edge, the
@@ -84,8 +84,8 @@ pub fn neighbour(face: u32, [i, j]: [i64; 2], size: u32) -> Option<(u32, [i64; 2
     Some((face, [s, t].map(|component| (component + size - 1) / 2)))
 }
 
-/// The three texels that meet at the corner beyond (i, j): the face's own, then its neighbours' along
-/// i and along j.
+/// The three texels that meet at the corner beyond (i, j): the face's own, then its neighbours'
+/// along i and along j.
 pub fn corner(face: u32, [i, j]: [i64; 2], size: u32) -> [(u32, [i64; 2]); 3] {
     let inside = |at: i64| at.clamp(0, i64::from(size) - 1);
     let beyond = |at| neighbour(face, at, size).expect("bug in anyhit: beyond one edge lies a texel");

@@ -1,22 +1,24 @@
 //! Filtering: from coordinates to a colour (Vulkan, "Image Sample Operations").
 //!
-//! Coordinates in texels are `s * size + offset`, where not unnormalized, in binary32. Within a level:
+//! Coordinates in texels are `s * size + offset`, where not unnormalized, in binary32. Within a
+//! level:
 //!
 //! * nearest: the texel `floor(u)`, as it is;
-//! * linear: with `u - 0.5 = i0 + alpha`, the sum of `((w_i * w_j) * w_k) * texel` over k, then j, then
-//!   i, lower numbers first; `w_i0 = 1 - alpha`, `w_i1 = alpha`. Weights have all 24 bits of a
-//!   binary32 (`subTexelPrecisionBits` is not 8). Every operation is rounded to nearest even, none is
-//!   contracted. A texel whose weight is 0 takes no part, so that an infinity beside does no harm.
+//! * linear: with `u - 0.5 = i0 + alpha`, the sum of `((w_i * w_j) * w_k) * texel` over k, then j,
+//!   then i, lower numbers first; `w_i0 = 1 - alpha`, `w_i1 = alpha`. Weights have all 24 bits of a
+//!   binary32 (`subTexelPrecisionBits` is not 8). Every operation is rounded to nearest even, none
+//!   is contracted. A texel whose weight is 0 takes no part, so that an infinity beside does no
+//!   harm.
 //!
 //! Between levels: `w_hi * value_hi + w_lo * value_lo`; a level whose weight is 0 takes no part. A
-//! stretched footprint with N > 1 probes is the sum of the values at `(s, t, r) + (i / (N + 1) - 0.5) *
-//! d(s, t, r)`, i from 1 to N, divided by N; for a cube the probes are directions, each choosing its
-//! face. With the reductions min and max, the least or greatest value stands for each sum. All of this
-//! is one lane's affair, so that a batch's width cannot change it.
+//! stretched footprint with N > 1 probes is the sum of the values at `(s, t, r) + (i / (N + 1) -
+//! 0.5) * d(s, t, r)`, i from 1 to N, divided by N; for a cube the probes are directions, each
+//! choosing its face. With the reductions min and max, the least or greatest value stands for each
+//! sum. All of this is one lane's affair, so that a batch's width cannot change it.
 //!
-//! Linear filters of cubes are seamless: beyond an edge lies the neighbouring face; beyond a corner the
-//! mean of the three texels that meet there, `((own + along i) + along j) / 3`. Cubes know no other
-//! address mode; nearest filters clamp to the edge.
+//! Linear filters of cubes are seamless: beyond an edge lies the neighbouring face; beyond a corner
+//! the mean of the three texels that meet there, `((own + along i) + along j) / 3`. Cubes know no
+//! other address mode; nearest filters clamp to the edge.
 //!
 //! Integer formats are never filtered linearly (no such format has the feature): the nearest texel
 //! of the nearest level is taken.
@@ -29,7 +31,7 @@ use crate::ops::image::{address, cube, level};
 /// Where the level of detail comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lod {
-    /// Given.
+    /// The instruction gives it.
     Explicit(f32),
     /// From the derivatives of (s, t, r) by x and by y.
     Gradients([[f32; 3]; 2]),
@@ -104,8 +106,8 @@ impl Lookup<'_> {
         bits(mean)
     }
 
-    /// The level that would be accessed, between two of them a fraction, and lambda', which no limit
-    /// touches (`OpImageQueryLod`).
+    /// The level that would be accessed, between two of them a fraction, and lambda', which no
+    /// limit touches (`OpImageQueryLod`).
     pub fn query(&self, lod: Lod) -> [f32; 2] {
         let lambda = level::biased(self.footprint(lod).0, self.sampler, 0.0);
         let lod = level::lod(lambda, self.sampler, 0.0);
@@ -119,8 +121,8 @@ impl Lookup<'_> {
         floats(self.texel(&point, 0, [at[0], at[1], 0], Filter::Nearest))
     }
 
-    /// Whether one level alone is read, which of them is meant, and the first and last texel read in
-    /// it: none of the coarser one where it is not read. For addresses clamped to the edge.
+    /// Whether one level alone is read, which of them is meant, and the first and last texel read
+    /// in it: none of the coarser one where it is not read. For addresses clamped to the edge.
     pub fn texels(
         &self,
         lod: Lod,

@@ -1,9 +1,9 @@
-//! `OpImageSampleFootprintNV` (`SPV_NV_shader_image_footprint`; Vulkan, "Texel Footprint Evaluation"):
-//! which groups of texels a sampling instruction would read.
+//! `OpImageSampleFootprintNV` (`SPV_NV_shader_image_footprint`; Vulkan, "Texel Footprint
+//! Evaluation"): which groups of texels a sampling instruction would read.
 //!
 //! Only addresses clamped to the edge have a defined footprint, others stop their lane; so does a
-//! sampler with anisotropy, whose probes are the implementation's own affair. A texel whose weight is 0
-//! is not read. The granularity asked for always suffices, and is told as 0.
+//! sampler with anisotropy, whose probes are the implementation's own affair. A texel whose weight
+//! is 0 is not read. The granularity asked for always suffices, and is told as 0.
 
 use rspirv::spirv::Op as Opcode;
 
@@ -25,7 +25,8 @@ use crate::ops::translate::{Translator, Words};
 /// A query for a footprint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footprint {
-    /// The registers of: whether one level is read; anchor; offset; mask of two words; level; granularity.
+    /// The registers of: whether one level is read; anchor; offset; mask of two words; level;
+    /// granularity.
     pub to: Reg,
     registers: u32,
     view: View,

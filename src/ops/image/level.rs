@@ -1,11 +1,11 @@
-//! The level of detail: from gradients or an operand to mip levels (Vulkan, "Scale Factor Operation,
-//! LOD Operation and Image Level(s) Selection").
+//! The level of detail: from gradients or an operand to mip levels (Vulkan, "Scale Factor
+//! Operation, LOD Operation and Image Level(s) Selection").
 //!
 //! Where the specification leaves a choice: rho_x and rho_y are the lengths of the derivatives in
 //! texels of level 0, the squares added in the order u, v, w, each operation rounded to binary32;
-//! log2 is correctly rounded; the level of detail and its fraction have all their 24 bits; the nearest
-//! level is the preferred `ceil(d + 0.5) - 1`. A level of detail that is not a number is the least one.
-//! The limits are `maxSamplerLodBias` 16 and `maxSamplerAnisotropy` 16.
+//! log2 is correctly rounded; the level of detail and its fraction have all their 24 bits; the
+//! nearest level is the preferred `ceil(d + 0.5) - 1`. A level of detail that is not a number is
+//! the least one. The limits are `maxSamplerLodBias` 16 and `maxSamplerAnisotropy` 16.
 
 use crate::machine::sampler::{Filter, Sampler};
 
@@ -17,7 +17,7 @@ pub const MAX_ANISOTROPY: f32 = 16.0;
 /// How a footprint in texels is sampled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footprint {
-    /// lambda_base
+    /// `lambda_base`, the level of detail.
     pub lod: f32,
     /// N, the number of probes.
     pub probes: u32,
@@ -54,8 +54,8 @@ pub fn lod(lod: f32, sampler: &Sampler, min_lod: f32) -> f32 {
     }
 }
 
-/// The levels that a level of detail chooses of `count`, with their weights; a weight of 0 stands for
-/// none.
+/// The levels that a level of detail chooses of `count`, with their weights; a weight of 0 stands
+/// for none.
 pub fn levels(lod: f32, mode: Filter, count: u32) -> [(u32, f32); 2] {
     let last = (count - 1) as f32;
     let level = if lod >= last {

@@ -6,8 +6,9 @@
 //! * [`query`]: sizes, levels, samples; [`footprint`]: which texels would be read.
 //! * [`processing`]: weighted samples, box filters, block matching.
 //!
-//! Instructions that need implicit derivatives run in compute shaders with a derivative group, and are
-//! refused elsewhere when a shader is lowered: ray-tracing stages have none. Sparse forms give residency code 0: every texel is resident.
+//! Instructions that need implicit derivatives run in compute shaders with a derivative group, and
+//! are refused elsewhere when a shader is lowered: ray-tracing stages have none. Sparse forms give
+//! residency code 0: every texel is resident.
 
 pub mod access;
 pub mod address;
@@ -90,9 +91,9 @@ pub enum Op {
     Read(Box<access::Read>),
     /// Writes a texel.
     Write(Box<access::Write>),
-    /// Asks for sizes and counts.
+    /// Reads sizes and counts of an image.
     Query(query::Query),
-    /// Asks which texels would be read.
+    /// Returns which texels a sample would read.
     Footprint(Box<footprint::Footprint>),
     /// Filters and compares blocks of texels.
     Process(Box<processing::Process>),
@@ -111,8 +112,8 @@ impl Op {
         }
     }
 
-    /// Runs the operation for the running lanes, one after the other in their order; a lane that fails
-    /// is stopped.
+    /// Runs the operation for the running lanes, one after the other in their order; a lane that
+    /// fails is stopped.
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         for lane in batch.mask.lanes() {
             if let Err(code) = self.eval_lane(&mut batch.registers, lane, bindings) {
@@ -228,8 +229,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     Ok(true)
 }
 
-/// The registers of an instruction's texel, and its result made of them; a sparse one stands behind its
-/// residency code. `checked` says that it comes from the image of operand 0.
+/// The registers of an instruction's texel, and its result made of them; a sparse one stands behind
+/// its residency code. `checked` says that it comes from the image of operand 0.
 fn texel_result(
     translator: &mut Translator<'_>,
     instruction: &Instruction,

@@ -1,11 +1,11 @@
-//! Image processing (`SPV_QCOM_image_processing`, `SPV_QCOM_image_processing2`): weighted samples, box
-//! filters and block matching (Vulkan, "Weight Image Sampling", "Block Matching", "Box Filter
+//! Image processing (`SPV_QCOM_image_processing`, `SPV_QCOM_image_processing2`): weighted samples,
+//! box filters and block matching (Vulkan, "Weight Image Sampling", "Block Matching", "Box Filter
 //! Sampling").
 //!
 //! Sums go over rows, in them over columns, lower numbers first, from the first term on, each
-//! operation rounded to nearest even; fractions have all bits of a binary32. A box is 1 to 64 texels
-//! wide and high, a smaller or larger one counts as that. A block that leaves the reference image
-//! stops its lane: what it matches is undefined.
+//! operation rounded to nearest even; fractions have all bits of a binary32. A box is 1 to 64
+//! texels wide and high, a smaller or larger one counts as that. A block that leaves the reference
+//! image stops its lane: what it matches is undefined.
 
 use rspirv::spirv::Op as Opcode;
 

@@ -1,4 +1,5 @@
-//! What image instructions read for a lane: words of its registers, and the descriptors that they name.
+//! What image instructions read for a lane: words of its registers, and the descriptors that they
+//! name.
 
 use crate::machine::image::Image;
 use crate::machine::sampler::Sampler;

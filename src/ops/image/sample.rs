@@ -1,5 +1,5 @@
-//! Sampling and gathering, with a level of detail that is given or follows from derivatives, and the
-//! query for that level.
+//! Sampling and gathering, with a level of detail that is given or follows from derivatives, and
+//! the query for that level.
 
 use rspirv::spirv::Op as Opcode;
 
@@ -49,7 +49,7 @@ pub struct Sample {
     pub coordinate: Words,
     /// What they and the reference are divided by.
     pub divisor: Option<Reg>,
-    /// D_ref
+    /// `D_ref`, the reference of a depth comparison.
     pub reference: Option<Reg>,
     /// Image operands.
     pub operands: Operands,

@@ -310,7 +310,8 @@ fn subgroup(op: Op) -> Option<&'static Rule> {
     })
 }
 
-/// The rule of an atomic instruction: behind the pointer stand scope and semantics, two of a comparison.
+/// The rule of an atomic instruction: behind the pointer stand scope and semantics, two of a
+/// comparison.
 fn atomic(op: Op) -> Option<&'static Rule> {
     Some(match op {
         Op::AtomicLoad | Op::AtomicIIncrement | Op::AtomicIDecrement => {

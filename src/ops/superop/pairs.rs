@@ -1,11 +1,12 @@
-//! Two functions as one, where the first one's result goes into the second alone. Each rounds as it
-//! does by itself.
+//! Compositions of two functions, where the result of the first goes into the second alone. Each
+//! function rounds as it does by itself.
 
 use std::marker::PhantomData;
 
 use crate::ops::lane_kernel::{Binary, Ternary, Unary};
 
-/// How the functions of a pair hang together: see the types of these names, here and above.
+/// How the functions of a pair are composed: see the types of these names here and in
+/// [`words`](super::words).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     Then,

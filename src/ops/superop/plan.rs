@@ -1,4 +1,4 @@
-//! Makes the steps of operations.
+//! Selects superinstructions for the operations of a program.
 
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -12,29 +12,30 @@ use crate::ops::op::Op;
 use crate::ops::superop::pairs::Shape;
 use crate::ops::superop::{DIRECT_REGISTERS, Function, Operands, SuperCode, SuperOp, has, opcode};
 
-/// What becomes of an operation's result.
+/// How the result of an operation is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResultUse {
-    /// How often it is read, where all that read it are operations of the same run that name its register
-    /// alone, and no other operation writes that register; else `None`.
+    /// How often it is read, where all that read it are operations of the same run that name its
+    /// register alone, and no other operation writes that register; else `None`.
     pub reads: Option<u32>,
-    /// Whether somebody reads its bits: anything but an operation that takes it for a float.
+    /// Whether an operation may observe the payload of a NaN: anything but one that reads a float.
     pub nan_payload_observed: bool,
 }
 
 impl ResultUse {
-    /// Nothing is known.
+    /// The use of a result of which nothing is known.
     pub const UNKNOWN: Self = Self { reads: None, nan_payload_observed: true };
 }
 
-/// Whether an operation takes an operand for a float of 32 bits, so that all NaNs are the same to it.
+/// Whether an operation takes an operand for a float of 32 bits, so that all NaNs are the same to
+/// it.
 pub fn takes_float(kernel: &'static LaneKernel, operand: usize) -> bool {
     // Packing keeps what it can of a NaN.
     kernel.float_operands[operand] == 32 && kernel.name != "Half"
 }
 
-/// The two functions that a clamp is: the first of the value and the lower bound, the second of that and
-/// the upper one.
+/// The two functions that a clamp is: the first of the value and the lower bound, the second of
+/// that and the upper one.
 fn clamp(kernel: &'static LaneKernel) -> Option<[Function; 2]> {
     Some(match (kernel.name, kernel.width) {
         ("FClamp", 32) => [Function::FMax, Function::FMin],
@@ -67,7 +68,7 @@ fn address(kernel: &'static LaneKernel) -> usize {
     std::ptr::from_ref(kernel) as usize
 }
 
-/// An operation, or a pair, on its way to a superop.
+/// An operation, or a pair of them, for which a superinstruction is being selected.
 #[derive(Clone, Copy)]
 struct Planned {
     function: Function,
@@ -83,15 +84,15 @@ struct Planned {
 }
 
 impl Planned {
-    /// An operation that is no superop.
+    /// An operation that becomes no superinstruction.
     fn other(at: usize, result_use: ResultUse) -> Self {
         let function = Function::Other;
         let from = Operands::default();
         Self { function, to: 0, from, operands: 0, result_use, twice: false, float: false, op: at as u32 }
     }
 
-    /// Whether it has a code that reads constants as one word for all lanes: with this operand in the accumulator, counted
-    /// from one, or with none.
+    /// Whether it has a code that reads constants as one word for all lanes: with this operand in
+    /// the accumulator, counted from one, or with none.
     fn is_uniform(&self, at: usize, constants: &Constants) -> bool {
         let (uniform, amounts) = (self.function.uniform(), self.function.amounts());
         let mut operands = (0..).zip(&self.from[..self.operands]);
@@ -135,11 +136,11 @@ fn is_extended_op(op: &Op) -> bool {
     }
 }
 
-/// The value that the accumulator holds.
+/// The value that the accumulator holds while superinstructions are selected.
 struct Held {
     /// The register that it stands for.
     register: u16,
-    /// The superop that gave it.
+    /// The superinstruction that computed it.
     superop: usize,
     /// How often it is read, and was read from the accumulator.
     reads: Option<u32>,
@@ -147,8 +148,9 @@ struct Held {
 }
 
 impl SuperCode {
-    /// The steps of operations, `runs` of which follow each other without a choice. Nobody writes the registers of `constants`,
-    /// which every batch has in all lanes.
+    /// Selects superinstructions for the operations. `superblocks` are the ranges that run without
+    /// a branch; no operation writes the registers of `constants`, which every batch has in all
+    /// lanes.
     pub fn of(
         ops: &[Op],
         runs: impl IntoIterator<Item = Range<usize>>,
@@ -157,8 +159,8 @@ impl SuperCode {
     ) -> Self {
         let mut code = Self::default();
         let constants = Constants::of(constants);
-        // A few operations that name registers behind the window run by themselves, so that all steps name registers
-        // inside.
+        // Where few operations name extended registers they become no superinstructions, so that
+        // all superinstructions name direct registers.
         let count = ops.iter().filter(|op| is_extended_op(op)).count();
         let apart = count * 8 <= ops.len();
         let mut planned = Vec::new();
@@ -277,8 +279,8 @@ impl SuperCode {
     }
 }
 
-/// Appends what an operation calculates: nothing where it does nothing, twice something where it is a
-/// clamp.
+/// Appends what an operation calculates: nothing where it does nothing, twice something where it is
+/// a clamp.
 fn plan(at: usize, op: &Op, result_use: ResultUse, constants: &Constants, planned: &mut Vec<Planned>) {
     let known = match op {
         Op::Memory(memory::Op::Move { to, from }) if to == from => return,
@@ -301,7 +303,7 @@ fn plan(at: usize, op: &Op, result_use: ResultUse, constants: &Constants, planne
     }
 }
 
-/// The number of a register, where steps can name it.
+/// The number of a register, where superinstructions can name it.
 fn word(reg: Reg) -> Option<u16> {
     u16::try_from(reg.0).ok()
 }
@@ -356,7 +358,7 @@ fn single(
     Some(Planned { function, to, from, operands, result_use, twice: false, float, op: at as u32 })
 }
 
-/// Those of an operation.
+/// The operands of a lane kernel, padded to the number that a superinstruction has.
 fn operands([a, b, c]: [u16; 3]) -> Operands<u16> {
     [a, b, c, c, c, c]
 }

@@ -5,7 +5,8 @@ use crate::ops::lane_kernel::Width;
 use crate::ops::memory;
 use crate::ops::op::Op;
 
-/// Zeros, ordinary numbers, the least and the greatest, infinity, and three NaNs with different bits.
+/// Zeros, ordinary numbers, the least and the greatest, infinity, and three NaNs with different
+/// bits.
 const SPECIAL: [u32; 16] = [
     0,
     0x8000_0000,
@@ -47,7 +48,7 @@ fn copy(to: u32, from: u32) -> Op {
     Op::Memory(memory::Op::Move { to: Reg(to), from: Reg(from) })
 }
 
-/// The steps of operations that are one run.
+/// The superinstructions of operations that form one superblock.
 fn superops(ops: &[Op], uses: &[ResultUse]) -> SuperCode {
     with_constants(ops, uses, &[])
 }
@@ -56,7 +57,7 @@ fn with_constants(ops: &[Op], uses: &[ResultUse], constants: &[(Reg, u32)]) -> S
     SuperCode::of(ops, std::iter::once(0..ops.len()), uses, constants)
 }
 
-/// Runs steps on all that the processor has, and sees that the results agree.
+/// Runs superinstructions on every tier that the processor has and checks that the results agree.
 fn run(
     code: &SuperCode,
     registers: &mut Registers<64>,
@@ -164,7 +165,8 @@ fn count(function: Function, kernels: &[Known]) -> usize {
     }
 }
 
-/// Appends the operations that a function is made of, by what its shapes say; the register of the result.
+/// Appends the operations that a function is made of, by what its shapes say; the register of the
+/// result.
 fn parts(function: Function, from: &[u32], kernels: &[Known], ops: &mut Vec<Op>) -> u32 {
     if let Some(&(single, _)) = kernels.iter().find(|known| known.1 == function) {
         let to = ops.len() as u32 + 3;
@@ -182,7 +184,8 @@ fn parts(function: Function, from: &[u32], kernels: &[Known], ops: &mut Vec<Op>)
     parts(second, &operands, kernels, ops)
 }
 
-/// What becomes of the results of operations that [`parts`] appended, where nobody sees but the last one's.
+/// What becomes of the results of operations that [`parts`] appended, where nobody sees but the
+/// last one's.
 fn uses(ops: &[Op]) -> Vec<ResultUse> {
     let reads = |of: Reg| {
         let named = ops.iter().map(|op| match op {
@@ -279,7 +282,8 @@ fn constants_read_as_one_word_give_what_their_rows_give() {
 
 #[test]
 fn a_constant_factor_stands_behind_the_other_one() {
-    // 2.5 x, with x = 3, and what a register of constants holds beside the first lane is not looked at.
+    // 2.5 x, with x = 3, and what a register of constants holds beside the first lane is not looked
+    // at.
     let times = arithmetic::FMul.kernel(32).expect("a kernel");
     let ops = [kernel(times, 3, [4, 0, 4])];
     let code = with_constants(&ops, &[ResultUse::UNKNOWN], &[(Reg(4), 2.5f32.to_bits())]);

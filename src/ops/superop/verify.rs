@@ -1,4 +1,5 @@
-//! Checks superinstructions against the operations that they stand for, by executing both symbolically.
+//! Checks superinstructions against the operations that they stand for, by executing both
+//! symbolically.
 
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -103,9 +104,10 @@ struct Check<'a, 'b> {
 }
 
 impl SuperCode {
-    /// Compares the superops of a range of operations that follow each other without a choice with the operations
-    /// themselves: where an operation is no superop, and behind the last one for all registers that `is_seen` names, both
-    /// must have left the same. `begin` is the state where the range begins.
+    /// Compares the superops of a range of operations that follow each other without a choice with
+    /// the operations themselves: where an operation is no superop, and behind the last one for all
+    /// registers that `is_seen` names, both must have left the same. `begin` is the state where the
+    /// range begins.
     ///
     /// # Errors
     /// What differs, and where.

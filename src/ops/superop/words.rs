@@ -1,4 +1,4 @@
-//! Functions as steps apply them: from the words of a lane to a word.
+//! Functions as superinstructions apply them: from the words of one lane to a word.
 
 use crate::machine::Scalar;
 use crate::ops::lane_kernel::{Binary, Ternary, Unary};
@@ -53,7 +53,8 @@ impl<F: Words, G: Words> Words for Chain<F, G> {
     }
 }
 
-/// A function, then another one whose last operand is what that gave; its own others stand behind those of the first.
+/// A function, then another one whose last operand is what that gave; its own others stand behind
+/// those of the first.
 pub struct Last<F, G>(F, G);
 
 impl<F: Words, G: Words> Words for Last<F, G> {

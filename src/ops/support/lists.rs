@@ -40,8 +40,8 @@ pub(super) static SECTIONS: &[(&str, &[&OpFamily])] = &[
     ("relations and logic", relational_logical::FAMILIES),
 ];
 
-/// Opcodes that no section translates because the loader reads them, or the lowering turns them into
-/// blocks, calls and variables.
+/// Opcodes that no section translates because the loader reads them, or the lowering turns them
+/// into blocks, calls and variables.
 pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
     (
         "module, types, constants",

@@ -21,7 +21,7 @@ pub fn registers_from(first: Reg, count: u32) -> Words {
     }
 }
 
-/// The same registers.
+/// Returns a list of the registers in `words`.
 pub(super) fn words_from(words: &[Reg]) -> Words {
     match words.len() {
         // Without a call that copies.
@@ -42,11 +42,12 @@ pub enum Value {
     Pointer(Box<Pointer>),
 }
 
-/// The values of ids: of a module's constants and variables for good, of a function's own as long as it
-/// is lowered.
+/// The values of ids: of a module's constants and variables for good, of a function's own as long
+/// as it is lowered.
 pub(super) struct Values {
     globals: FxHashMap<Id, Value>,
-    /// Those of the function that is lowered, behind those of the functions that it is inlined into.
+    /// The values of the function that is lowered, behind those of the functions that it is inlined
+    /// into.
     locals: Vec<(Id, Value)>,
     /// Where an id stood last among `locals`: what stands there now may be another one's.
     places: IdMap<u32>,

@@ -70,8 +70,9 @@ impl Translator<'_> {
         })
     }
 
-    /// A fingerprint of a type's scalars, in their order: the same for types whose values lie alike in registers, whatever
-    /// the types and their members are called, and whether integers have a sign.
+    /// A fingerprint of a type's scalars, in their order: the same for types whose values lie alike
+    /// in registers, whatever the types and their members are called, and whether integers have a
+    /// sign.
     pub fn scalars(&mut self, ty: TypeId) -> Result<u64> {
         let mut hasher = FxHasher::default();
         self.hash_scalars(ty, &mut hasher)?;
@@ -138,7 +139,7 @@ impl Translator<'_> {
         Ok(self.components_of_width(id)?.0)
     }
 
-    /// The same, and how many bits each has.
+    /// The first register of each component of a scalar or vector, and the bits of a component.
     pub fn components_of_width(&mut self, id: Id) -> Result<(Words, u32)> {
         let ty = self.type_of(id)?;
         let words = self.words(id)?;
@@ -146,7 +147,8 @@ impl Translator<'_> {
         Ok((first_words(words, width), width))
     }
 
-    /// The same of a scalar or vector that is known to have so many bits.
+    /// The first register of each component of a scalar or vector whose components have `width`
+    /// bits.
     pub fn components_of(&mut self, id: Id, width: u32) -> Result<Words> {
         Ok(first_words(self.words(id)?, width))
     }

@@ -53,7 +53,8 @@ impl Lowering<'_> {
                     let value = u64::from(case[0]) | if words == 2 { u64::from(case[1]) << 32 } else { 0 };
                     cases.push((value, self.edge(place, Id(case[words]), &mut edges)?));
                 }
-                // Narrow selectors lie zero-extended in their register, their literals may be sign-extended.
+                // Narrow selectors lie zero-extended in their register, their literals may be
+                // sign-extended.
                 let ty = self.translator.type_of(Id(operands[0]))?;
                 let width = self.translator.scalar_width(ty)?;
                 if width < 32 {

@@ -8,10 +8,11 @@ use crate::ops::ray_tracing;
 use crate::ops::translate::Origin;
 use crate::program::{OptimizedCode, Program, Superblock};
 
-/// Makes a program ready to run as it was translated, given the optimised one of the same entry point.
+/// Makes a program ready to run as it was translated, given the optimised one of the same entry
+/// point.
 ///
-/// Of that it takes only what decides the schedule of a launch, which is a part of what a shader means here
-/// where invocations share memory, and which instructions it has eliminated.
+/// Of that it takes only what decides the schedule of a launch, which is a part of what a shader
+/// means here where invocations share memory, and which instructions it has eliminated.
 pub(super) fn complete(program: &mut Program, optimized: &Program) {
     program.silent = silent(program, optimized);
     program.order_dependent = optimized.order_dependent;
@@ -27,8 +28,8 @@ pub(super) fn complete(program: &mut Program, optimized: &Program) {
 /// What tells the operations of one instruction apart: a load of a whole structure has several.
 type Part = Option<(u32, u32, u32)>;
 
-/// By operation: whether the optimised program lacks it. A load whose value nobody needs is eliminated, and with it
-/// the trap that it might have raised.
+/// By operation: whether the optimised program lacks it. A load whose value nobody needs is
+/// eliminated, and with it the trap that it might have raised.
 fn silent(program: &Program, optimized: &Program) -> Vec<bool> {
     let mut kept: FxHashMap<Origin, Vec<Part>> = FxHashMap::default();
     for (op, origin) in optimized.ops.iter().zip(&optimized.origins).filter(|(op, _)| may_trap(op)) {

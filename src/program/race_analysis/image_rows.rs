@@ -1,5 +1,5 @@
-//! Which row of an image each invocation of a launch reaches: where it is its own, the image need not be there
-//! as a whole.
+//! Which row of an image each invocation of a launch reaches: where it is its own, the image need
+//! not be there as a whole.
 
 use super::{AffineExpr, LaunchExtent, Memory, MemoryAccess, Stored, Symbol, Trace};
 use crate::machine::Binding;
@@ -18,8 +18,8 @@ pub enum OwnRow {
 }
 
 impl LaunchExtent<'_> {
-    /// The row of the image at a binding to which programs keep, whatever they do there: load, store,
-    /// change by atomic instructions. Asking for the image's size is no matter.
+    /// The row of the image at a binding to which programs keep, whatever they do there: load,
+    /// store, change by atomic instructions. Asking for the image's size is no matter.
     ///
     /// # Errors
     /// The first program that may reach another row, or of which it is not known.
@@ -75,8 +75,8 @@ impl LaunchExtent<'_> {
     }
 }
 
-/// The row of every access of a program that may reach a texel of the image at a binding; `None` where it is
-/// not known, or several.
+/// The row of every access of a program that may reach a texel of the image at a binding; `None`
+/// where it is not known, or several.
 fn texels(program: &Program, binding: Binding) -> Vec<Option<AffineExpr>> {
     let mut trace = Trace::new(program);
     let here = |memory: Memory| [Memory::Binding(binding), Memory::Unknown].contains(&memory);

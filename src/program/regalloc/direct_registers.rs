@@ -1,4 +1,7 @@
-//! Registers behind the window of steps give way to registers in it that nobody takes any more.
+//! Moves values and constants from extended registers to direct ones that are free.
+//!
+//! Superinstructions name the first [`DIRECT_REGISTERS`] registers by one byte; see
+//! [`crate::ops::superop`].
 
 use rustc_hash::FxHashMap;
 
@@ -10,8 +13,10 @@ use crate::program::Program;
 use crate::program::copy_propagation::{Shared, each_read};
 use crate::program::regalloc::{LocalValues, RegisterPool, Single, each_single, is_idle};
 
-/// Gives values behind the window of steps that live longer than a run a register in it, as long as there are any that nobody
-/// takes; which those are, and by register which one it is now. As they are written before they are read, it may be one that batches begin with zeros.
+/// Renames extended registers whose values live longer than a superblock to free direct ones.
+///
+/// Returns the direct registers that were taken, and by register the one that it is now. As values
+/// are written before they are read, it may be one that batches begin with zeros.
 pub(super) fn rename_values(
     program: &Program,
     ops: &mut [Op],
@@ -37,33 +42,36 @@ pub(super) fn rename_values(
         return (order, Vec::new());
     }
     // By register: the one that it becomes.
-    let mut near: Vec<Reg> = (0..program.register_count).map(Reg).collect();
+    let mut renamed: Vec<Reg> = (0..program.register_count).map(Reg).collect();
     let mut taken = 0;
     for op in ops {
         each_single(op, |reg, _| {
             let register = reg.0 as usize;
-            // Registers that values of one run share already stand behind all others.
+            // Registers that values of one superblock share already stand behind all others.
             if !extended(reg.0) || register >= registers {
                 return;
             }
-            if near[register] == *reg && taken < order.len() && !stays[register] && values.stands_alone(*reg)
+            if renamed[register] == *reg
+                && taken < order.len()
+                && !stays[register]
+                && values.stands_alone(*reg)
             {
-                near[register] = order[taken];
+                renamed[register] = order[taken];
                 taken += 1;
             }
-            *reg = near[register];
+            *reg = renamed[register];
         });
     }
     order.truncate(taken);
-    (order, near)
+    (order, renamed)
 }
 
-/// Gives constants behind the window of steps a register in it, as long as there are any that nobody takes.
+/// Renames extended registers that hold constants to free direct ones.
 pub(super) fn rename_constants(program: &mut Program, ops: &mut [Op], pool: &RegisterPool, taken: &[Reg]) {
     let extended = |reg: Reg| reg.0 as usize >= DIRECT_REGISTERS;
     let words: FxHashMap<Reg, u32> =
         program.constants.iter().copied().filter(|&(reg, _)| extended(reg)).collect();
-    let mut near: FxHashMap<Reg, Reg> = FxHashMap::default();
+    let mut renamed: FxHashMap<Reg, Reg> = FxHashMap::default();
     // Every batch begins with zeros in variables, and keeps what constants it was made with.
     let mut begins_as_zero = [false; DIRECT_REGISTERS];
     for register in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
@@ -90,10 +98,10 @@ pub(super) fn rename_constants(program: &mut Program, ops: &mut [Op], pool: &Reg
                     return;
                 }
                 let Some(&word) = words.get(reg) else { return };
-                let known = near.get(reg).copied().or_else(|| {
+                let known = renamed.get(reg).copied().or_else(|| {
                     let register = untaken.next()?;
                     program.constants.push((register, word));
-                    near.insert(*reg, register);
+                    renamed.insert(*reg, register);
                     Some(register)
                 });
                 *reg = known.unwrap_or(*reg);
@@ -107,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_programs_name_near_rows_alone() {
+    fn long_programs_name_direct_registers_alone() {
         for name in ["arithmetic.rgen", "light.rchit", "heavy.rchit"] {
             let path = format!("{}/spirv-fixtures/bench/{name}.spv", env!("CARGO_MANIFEST_DIR"));
             let module = crate::Module::open(path).expect("a valid fixture");
@@ -119,13 +127,13 @@ mod tests {
             );
             assert!(
                 program.optimized.supercode.as_ref().is_some_and(|code| !code.is_extended()),
-                "{name} names registers behind the window"
+                "{name} names extended registers"
             );
         }
     }
 
     #[test]
-    fn a_near_constant_has_a_row_that_no_batch_begins_with_zeros() {
+    fn a_direct_constant_has_a_row_that_no_batch_begins_with_zeros() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/bench/arithmetic.rgen.spv");
         let module = crate::Module::open(path).expect("a valid fixture");
         let mut program = Program::of(&module, "main").expect("a supported fixture");
