@@ -1,5 +1,5 @@
-//! A launch whose picture is handed out in bands of rows while it is filled: as large as one likes, in the memory of
-//! two bands.
+//! A launch whose picture is handed out in bands of rows while it is filled: as large as one likes,
+//! in the memory of two bands.
 //!
 //! `cargo run --example bands`
 

@@ -49,7 +49,7 @@ pub enum ErrorKind {
 }
 
 impl ErrorKind {
-    /// The fixed line that tells the reader what class of problem this is.
+    /// The fixed line that says what class of problem this is.
     pub fn help(self) -> &'static str {
         match self {
             Self::InvalidModule => {

@@ -1,19 +1,21 @@
-//! `anyhit` runs ray-tracing shaders on the CPU, exactly: SPIR-V as a compiler wrote it, over scenes
-//! of triangles, boxes, spheres and linear swept spheres, so that the logic of hit shaders can be
-//! unit-tested, followed one ray at a time and guarded in CI without a GPU.
+//! `anyhit` runs ray-tracing shaders on the CPU, exactly: SPIR-V as a compiler wrote it, over
+//! scenes of triangles, boxes, spheres and linear swept spheres, so that the logic of hit shaders
+//! can be unit-tested, followed one ray at a time and guarded in CI without a GPU.
 //!
 //! # One ray's journey
 //!
-//! **A module** comes first. [`module::load()`] walks the words of a SPIR-V file and fills arenas of
-//! types, constants, variables and functions. Bytes that break a rule are refused with the offset
-//! of the word; a valid instruction that this crate does not run is carried along and refused only
-//! where it would have to run. [`ops::support`] tells the two apart, for all of SPIR-V.
+//! **A module** comes first. [`module::load()`] walks the words of a SPIR-V file and fills arenas
+//! of types, constants, variables and functions. Bytes that break a rule are refused with the
+//! offset of the word; a valid instruction that this crate does not run is carried along and
+//! refused only where it would have to run. [`ops::support`] tells the two apart, for all of
+//! SPIR-V.
 //!
 //! **A program** is one entry point, made ready by [`program::lower()`]. A register is one scalar
 //! component for all lanes of a batch, so a `vec3` is three registers and composites vanish here:
-//! extracting and shuffling only rearrange lists of registers. What remains are [lane kernels](ops::lane_kernel),
-//! one scalar function each, and blocks in structured order, which is what lets lanes that part at
-//! a branch meet again. Dead code is eliminated, builtins that nothing reads included.
+//! extracting and shuffling only rearrange lists of registers. What remains are [lane
+//! kernels](ops::lane_kernel), one scalar function each, and blocks in structured order, which is
+//! what lets lanes that part at a branch meet again. Dead code is eliminated, builtins that nothing
+//! reads included.
 //!
 //! **A scene** is a [`accel::Tlas`] of instances over [`accel::Blas`]es. Whether a ray meets a
 //! primitive is decided exactly for the given floats ([`geometry`]): first in floating point with a
@@ -36,8 +38,9 @@
 //! shaders run does not depend on the tree, the number of lanes, the threads or the machine.
 //!
 //! **The end of the ray** is one closest-hit or miss shader. Then ray generation goes on behind its
-//! trace, with the payload as they left it. Whatever went wrong on the way is a [trap](machine::trap)
-//! with a launch index, a source line and the stack of shaders that led there.
+//! trace, with the payload as they left it. Whatever went wrong on the way is a
+//! [trap](machine::trap) with a launch index, a source line and the stack of shaders that led
+//! there.
 //!
 //! # A ray by hand
 //!

@@ -1,4 +1,4 @@
-//! `anyhit check-math`: the elementary functions on all their inputs.
+//! `anyhit check-math`: compares the elementary functions with their correctly rounded results.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -8,38 +8,40 @@ use crate::check_math::{self, Report, Settings};
 use crate::cli::output;
 use crate::error::{Error, ErrorKind, Result};
 
-/// Asks the elementary functions for every f16 and f32 there is, and judges each result.
+/// Compares every elementary function with its correctly rounded result, over all f16 and f32
+/// inputs.
 ///
-/// The platform's functions in f64 decide nearly all inputs, arbitrary precision those that lie too
-/// near to a rounding boundary. Functions of two f32 are asked pairs near their edges and others; those
-/// of f64 a sample, each judged in arbitrary precision. All of it takes more than an hour of one core.
+/// The platform's functions in f64 decide nearly all inputs; arbitrary precision decides those near
+/// a rounding boundary. Functions of two f32 are checked on pairs, many of them near the edges of
+/// their domains. Functions of f64 are checked on a sample in arbitrary precision. The whole
+/// comparison takes more than an hour of one core.
 #[derive(Debug, clap::Args)]
 pub struct CheckMathArgs {
-    /// Only this function, by its name in the specification, `Sin` say; may be repeated.
+    /// Check only this function, by its name in the specification, such as `Sin`; may be repeated.
     #[arg(long, value_name = "NAME", value_parser = function)]
     function: Vec<&'static str>,
 
-    /// Only floats of so many bits; may be repeated.
+    /// Check only floats of this many bits; may be repeated.
     #[arg(long, value_name = "BITS", value_parser = clap::builder::PossibleValuesParser::new(["16", "32", "64"]))]
     width: Vec<String>,
 
-    /// Every so-manieth f32, and pair of f16, instead of all.
+    /// Check every Nth f32, and every Nth pair of f16, instead of all.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     stride: u64,
 
-    /// How many pairs of f32.
+    /// The number of pairs of f32.
     #[arg(long, value_name = "N", default_value_t = 1 << 28, value_parser = clap::value_parser!(u64).range(1..))]
     pairs: u64,
 
-    /// How many f64, or pairs of them.
+    /// The number of f64, or of pairs of them.
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
     samples: u64,
 
-    /// Chooses the pairs and the f64, and where a stride begins.
+    /// The seed that draws the pairs, the f64 and the start of a stride.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Prints one JSON object instead of a table.
+    /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
 }

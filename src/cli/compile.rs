@@ -11,29 +11,31 @@ use crate::error::{Error, ErrorKind, Result};
 /// Compiles GLSL, WGSL, Slang or HLSL to SPIR-V.
 #[derive(Args, Clone, Debug)]
 pub struct CompileArgs {
-    /// Shader sources; the extension tells language and stage (.rgen .rint .rahit .rchit .rmiss
+    /// Shader sources; the extension names language and stage (.rgen .rint .rahit .rchit .rmiss
     /// .rcall .comp, also with .glsl behind; .wgsl .slang .hlsl)
     #[arg(value_name = "SOURCE", required_unless_present = "fixtures", conflicts_with = "fixtures")]
     sources: Vec<PathBuf>,
     /// Where to write the module, or with several sources the folder [default: SOURCE.spv]
     #[arg(short, long, value_name = "PATH", conflicts_with = "fixtures")]
     output: Option<PathBuf>,
-    /// Debug information: lines
+    /// Write debug information: lines
     #[arg(short = 'g', conflicts_with = "fixtures")]
     lines: bool,
-    /// Debug information: lines, columns, variables and text, as glslang's -gVS or slangc's -g2
+    /// Write debug information: lines, columns, variables and text, as glslang's -gVS or slangc's
+    /// -g2
     #[arg(short = 'G', conflicts_with = "fixtures")]
     full: bool,
-    /// Optimisation: -O0 for none, -O2 for much; else what the compiler does by default
+    /// The level of optimisation: 0 or 2 [default: the compiler's own]
     #[arg(short = 'O', value_name = "LEVEL", conflicts_with = "fixtures", value_parser = ["0", "2"])]
     optimize: Option<String>,
     /// Look for included files in a folder, too; may be repeated
     #[arg(short = 'I', value_name = "FOLDER", conflicts_with = "fixtures")]
     include_folders: Vec<PathBuf>,
-    /// Bring spirv-fixtures/ in step with shaders/, in the current folder
+    /// Compile the sources in shaders/ whose modules in spirv-fixtures/ are out of date, in the
+    /// current folder
     #[arg(long)]
     fixtures: bool,
-    /// With --fixtures: compile all again, not only what has changed
+    /// With --fixtures: compile all sources, also those that have not changed
     #[arg(long, requires = "fixtures", conflicts_with = "sources")]
     force: bool,
 }

@@ -16,7 +16,7 @@ use crate::module::names::{
 };
 use crate::program::{self, obstacles};
 
-/// Lists a module's entry points, interface and requirements, and what of it is unsupported.
+/// Lists a module's entry points, interface and requirements, and what in it is unsupported.
 #[derive(Args, Clone, Debug)]
 pub struct InspectArgs {
     /// A SPIR-V module
@@ -137,7 +137,7 @@ impl ModuleReport {
         }
     }
 
-    /// The report for people.
+    /// Renders the report as text.
     fn text(&self) -> String {
         let mut out = String::new();
         let list = |items: &[String]| match items {
@@ -236,7 +236,7 @@ impl Variable {
         }
     }
 
-    /// Storage class, where it is bound, type, name.
+    /// A line with storage class, binding, type and name.
     fn row(&self) -> [String; 4] {
         let numbers = [("set", self.set), ("binding", self.binding), ("location", self.location)];
         let bound =

@@ -1,4 +1,4 @@
-//! What a command prints.
+//! Standard output, standard error and the names of written files.
 
 use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
@@ -11,8 +11,8 @@ use crate::machine::Printed;
 
 /// Prints to standard output.
 ///
-/// A reader that has gone away (`anyhit inspect a.spv | head`) misses nothing it wanted, so that
-/// is no error: the command goes on, and its exit code tells of the command alone.
+/// A closed pipe (`anyhit inspect a.spv | head`) is no error: the command goes on, and its exit
+/// code depends on the command alone.
 ///
 /// # Errors
 /// `Io` where standard output cannot be written for another reason, a full disk say.
@@ -20,7 +20,8 @@ pub fn print(text: impl Display) -> Result<()> {
     write_to(&mut stdout().lock(), text)
 }
 
-/// Prints what shaders printed (`NonSemantic.DebugPrintf`), each text from a line of its own; whether that was anything.
+/// Prints what shaders printed (`NonSemantic.DebugPrintf`), each text on a line of its own. Returns
+/// whether there was any.
 ///
 /// # Errors
 /// As [`print`].
@@ -49,7 +50,7 @@ pub fn renamed_flag(old: &str, new: &str) {
     hint(format_args!("note: `{old}` is now called `{new}`; the old name still works"));
 }
 
-/// The file that a picture is written to. All are PNG: another extension would promise what is not in the file.
+/// The file that a picture is written to. Pictures are PNG, so another extension is refused.
 ///
 /// # Errors
 /// What is wrong with it.
@@ -71,7 +72,7 @@ pub fn picture_parser() -> impl TypedValueParser<Value = PathBuf> {
 pub fn report(error: &Error) {
     let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let text = if !plain && stderr().is_terminal() { error.render_coloured() } else { error.render() };
-    // Nobody is left to tell where even this fails.
+    // There is no other stream to report that standard error cannot be written.
     let _ = stderr().lock().write_all(text.as_bytes());
 }
 

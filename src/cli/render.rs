@@ -21,30 +21,33 @@ use crate::scene::{self, Assembled, DiskFiles, LoadOptions, ResolvedScene, resol
 
 /// Renders a scene: launches its ray generation shader over an image and saves the image.
 ///
-/// An image of more than 64 MiB is written while it is rendered, a band of rows at a time, where every invocation keeps
-/// to the row of its own launch index: so its size needs no memory. Otherwise it is held whole, up to 1 GiB.
+/// An image of more than 64 MiB is written while it is rendered, a band of rows at a time, if every
+/// invocation writes only to the row of its own launch index. Otherwise it is held in memory, up to
+/// 1 GiB.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
-    /// The scene file (`scene.toml`); the built-in swept-spheres demo without it.
+    /// The scene file (`scene.toml`) [default: the built-in swept-spheres demo]
     scene: Option<PathBuf>,
 
-    /// Where to write the picture, a PNG; without it out.png.
+    /// The PNG file to write [default: out.png]
     #[arg(short, long, value_name = "FILE", value_parser = output::picture_parser())]
     output: Option<PathBuf>,
 
-    /// Width and height of the launch, instead of the scene's own; up to 2^30 texels, as 32768x32768.
+    /// Width and height of the launch, instead of the scene's own; up to 2^30 texels, such as
+    /// 32768x32768
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
 
-    /// Lanes that run together; the picture does not depend on it.
+    /// The number of lanes in a batch; the picture does not depend on it
     #[arg(long, value_name = "N", default_value = "64", value_parser = ["1", "8", "64"])]
     lanes: String,
 
-    /// How hits are computed, instead of the scene's own choice; only `exact` is right on every ray
+    /// The precision of intersections, instead of the scene's own; only `exact` is right on every
+    /// ray
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
 
-    /// Prints what was done: rays, invocations, occupancy, time.
+    /// Print statistics: rays, invocations, occupancy, time, elided work
     #[arg(long)]
     stats: bool,
 

@@ -1,4 +1,4 @@
-//! `anyhit run`: runs a scene, or a module's compute shader by itself, and shows what it left.
+//! `anyhit run`: runs a scene, or the compute shader of a bare module, and prints what it left.
 
 mod bare_module;
 mod dump;
@@ -17,10 +17,10 @@ use crate::machine::MemoryPolicy;
 use crate::scene::image::write_png;
 use crate::scene::{self, DiskFiles, LoadOptions};
 
-/// Runs a scene's launch and dispatches, or a module's compute shader by itself.
+/// Runs a scene's launch and dispatches, or the compute shader of a bare module.
 ///
-/// What shaders print goes to standard output. Of a module by itself the storage buffers are shown
-/// afterwards, unless --dump says what to show.
+/// What shaders print goes to standard output. After a bare module its storage buffers are printed,
+/// unless --dump names others.
 #[derive(Args, Clone, Debug)]
 pub struct RunArgs {
     /// A scene file, a SPIR-V module, or a shader's source
@@ -28,24 +28,24 @@ pub struct RunArgs {
     file: PathBuf,
     #[command(flatten)]
     bare_module: bare_module::Arguments,
-    /// Show a buffer or an image afterwards: its name in the scene, or its binding; typed (the
+    /// Print a buffer or an image afterwards: its name in the scene, or its binding; typed (the
     /// default), hex or json
     #[arg(long, value_name = "WHAT[=FORMAT]")]
     dump: Vec<String>,
     /// Save an image afterwards: its name in the scene, or its binding
     #[arg(long, value_name = "WHAT=FILE.png")]
     save: Vec<String>,
-    /// What becomes of accesses outside their buffer or image: a trap, or Vulkan's robust results;
-    /// without it what the scene says
+    /// What an access outside its buffer or image does: a trap, or Vulkan's robust result [default:
+    /// the scene's choice]
     #[arg(long, value_name = "POLICY", value_parser = ["trap", "robust"])]
     memory: Option<String>,
-    /// How a scene's intersections are computed; without it what the scene says
+    /// The precision of a scene's intersections [default: the scene's choice]
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
-    /// Lanes that run together; results do not depend on it
+    /// The number of lanes in a batch; results do not depend on it
     #[arg(long, value_name = "N", default_value = "64", value_parser = ["1", "8", "64"])]
     lanes: String,
-    /// Print what was done: invocations, batches, occupancy, time
+    /// Print statistics: invocations, batches, occupancy, time, elided work
     #[arg(long)]
     stats: bool,
     #[command(flatten)]
@@ -58,8 +58,8 @@ pub struct RunArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// Of the scene, the module or the arguments, and the trap that ended a shader, after what was asked
-/// to be shown is.
+/// Of the scene, the module or the arguments, and the trap that ended a shader, after what was
+/// asked to be shown is.
 pub fn run(args: RunArgs) -> Result<()> {
     let begin = Instant::now();
     let is_scene = args.file.extension().is_some_and(|extension| extension == "toml");

@@ -14,9 +14,9 @@ use crate::harness::smoke::{self, SmokeOptions, SmokeReport, Verdict};
 ///
 /// Buffers, images, samplers, push constants, shader records, payloads, device addresses and
 /// acceleration structures are made up from what the module declares: integers 0 to 3, floats in
-/// [0, 1), identity matrices. One set of values follows the other until every block was entered or
-/// new ones lead nowhere new. Exit codes: 0 all ran to their end, 1 one trapped or reached less than
-/// `--min-coverage`, 2 one is not supported or the module is invalid.
+/// [0, 1), identity matrices. New sets of values are tried until every basic block was entered or
+/// new sets enter no further block. Exit codes: 0 all ran to their end, 1 one trapped or entered
+/// less than `--min-coverage`, 2 one is not supported or the module is invalid.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
     /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang)
@@ -25,7 +25,7 @@ pub struct SmokeArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// The seed of all values
+    /// The seed of all made-up values
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Instructions that an invocation may execute, counted at back edges and calls
@@ -34,8 +34,8 @@ pub struct SmokeArgs {
     /// The old name of `--fuel`.
     #[arg(long, value_name = "N", hide = true, conflicts_with = "fuel")]
     budget: Option<u64>,
-    /// Operations that all runs of an entry point may execute, counted once for all lanes of a batch,
-    /// before no further set of values is tried
+    /// Operations that all runs of an entry point may execute, counted once for all lanes of a
+    /// batch, before no further set of values is tried
     #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().total_fuel)]
     total_fuel: u64,
     /// Try no further sets of values after this time; the report then depends on the machine

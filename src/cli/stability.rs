@@ -1,4 +1,4 @@
-//! `--shadow` and `--perturb`: how far results hang on rounding.
+//! `--shadow` and `--perturb`: how far results depend on rounding.
 
 use clap::Args;
 
@@ -10,26 +10,26 @@ use crate::harness::stability::shadow::shadow_one;
 use crate::harness::stability::{Envelope, Perturbation, perturb, shadow};
 use crate::scene::{Assembled, ResolvedScene};
 
-/// How far results hang on rounding.
+/// How far results depend on rounding.
 #[derive(Args, Clone, Debug)]
 pub struct StabilityArgs {
-    /// Run every float operation in f64, too, and tell where the two part: lost bits, branches and
-    /// hits that are decided otherwise, line by line
+    /// Run every float operation also in f64 and report line by line where the results differ: lost
+    /// bits, and branches and hits that are decided differently
     #[arg(long, conflicts_with = "perturb")]
     shadow: bool,
-    /// Run N times more with every float result moved at random within what devices may give, and
-    /// tell which outputs and branches are not stable; exit code 1 where an output is not
+    /// Run N more times with every float result perturbed at random within the errors that devices
+    /// may make, and report which outputs and branches are not stable; exit code 1 if an output is
+    /// not
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     perturb: Option<u32>,
-    /// With --perturb: another seed, other random numbers
+    /// With --perturb: the seed of the perturbations
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "perturb")]
     seed: u64,
-    /// With --perturb: move results within what Vulkan allows, or what NVIDIA's driver was measured
-    /// to do
+    /// With --perturb: perturb results within the errors that Vulkan allows, or that NVIDIA's
+    /// driver was measured to make
     #[arg(long, value_name = "WHOSE", default_value = "vulkan", value_parser = ["vulkan", "nvidia"], requires = "perturb")]
     envelope: String,
-    /// With --perturb: floats may differ by this share of their value, or by this where they are
-    /// below 1 [default: 0.01]
+    /// With --perturb: the relative tolerance of floats, an absolute one below 1 [default: 0.01]
     #[arg(long, value_name = "X", requires = "perturb")]
     tolerance: Option<f64>,
 }

@@ -16,23 +16,23 @@ use crate::stress::{self, Found, Report, Settings, Tally};
 /// interrupted. A wrong answer is made smaller, printed, and saved as a file that the tests replay.
 #[derive(Debug, clap::Args)]
 pub struct StressArgs {
-    /// Chooses the cases; the same seed draws the same ones on every machine.
+    /// The seed of the cases; it draws the same cases on every machine
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
-    /// Ends after at least so many rays.
+    /// End after at least this many rays
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     rays: Option<u64>,
 
-    /// Ends after so many minutes, fractions allowed.
+    /// End after this many minutes, fractions allowed
     #[arg(long, value_name = "M", value_parser = minutes)]
     minutes: Option<Duration>,
 
-    /// What to test; below `exact` wrong answers are the rule.
+    /// The precision to test; below `exact` wrong answers are expected
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser(), default_value = "exact")]
     precision: Precision,
 
-    /// The folder into which wrong cases are saved.
+    /// The folder into which wrong cases are saved
     #[arg(long, value_name = "FOLDER", default_value = "tests/stress-regressions")]
     save: PathBuf,
 }
@@ -49,7 +49,7 @@ pub fn run(args: StressArgs) -> Result<()> {
     let report = stress::run(&settings, |report| {
         if told.elapsed() >= Duration::from_secs(10) {
             told = Instant::now();
-            // Standard output going away is told at the end.
+            // A closed standard output is reported at the end.
             let _ = output::print(line(report));
         }
     });

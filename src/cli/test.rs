@@ -19,19 +19,19 @@ pub struct TestArgs {
     /// Folders (searched for `scene.toml` and `*.test.toml`) and scene files
     #[arg(value_name = "PATH", default_value = ".")]
     paths: Vec<PathBuf>,
-    /// Run the tests whose names contain TEXT; several times for one or the other
+    /// Run the tests whose names contain TEXT; if repeated, any of them
     #[arg(long, value_name = "TEXT")]
     filter: Vec<String>,
     /// Print the names of the tests and run none
     #[arg(long)]
     list: bool,
-    /// Write recorded values and renderings anew; values with `because` are derived and stay
+    /// Rewrite recorded values and renderings; values with `because` are derived and stay
     #[arg(long)]
     bless: bool,
-    /// Stop behind the first test that does not pass
+    /// Stop after the first test that does not pass
     #[arg(long)]
     fail_fast: bool,
-    /// Run N cases side by side [default: one for each processor]
+    /// Run N cases in parallel [default: one for each processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
     /// Run the Kth of N parts of the tests: all parts together run each test once
@@ -40,16 +40,17 @@ pub struct TestArgs {
     /// Run launches at 1, 8 and 64 lanes, whose results must be the same
     #[arg(long)]
     all_widths: bool,
-    /// Run every test without the optimizer, too: results must be the same, bit for bit
+    /// Run every test also without the optimizer: results must be the same, bit for bit
     #[arg(long)]
     check_optimizer: bool,
     /// How results are printed
     #[arg(long, value_enum, default_value_t)]
     format: Format,
-    /// Write the results as JUnit XML, too
+    /// Also write the results as JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// Write the coverage of the shaders' lines and branches as an lcov tracefile, and sum it up
+    /// Write the coverage of the shaders' lines and branches as an lcov tracefile, and print a
+    /// summary
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
     #[command(flatten)]
@@ -68,7 +69,7 @@ pub struct TestArgs {
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// Text for people
+    /// Text
     #[default]
     Plain,
     /// Text, with an annotation for each failure that GitHub shows at the shader's line

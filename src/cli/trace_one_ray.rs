@@ -15,9 +15,9 @@ use crate::geometry::Precision;
 use crate::scene::file::GivenRay;
 use crate::scene::{DiskFiles, LoadOptions, demo, load};
 
-/// Traces one ray and tells everything that happened to it.
+/// Traces one ray and explains everything that happened to it.
 ///
-/// Without a scene: a field of grass, spheres and chains that is part of the program.
+/// Without a scene file it uses the built-in demo: a field of grass, spheres and chains.
 #[derive(Args, Clone, Debug)]
 pub struct TraceOneRayArgs {
     /// A scene file
@@ -29,7 +29,8 @@ pub struct TraceOneRayArgs {
     /// Trace this ray, without ray generation; or the scene's `[[ray]]` of this name
     #[arg(long, value_name = "OX,OY,OZ DX,DY,DZ", allow_hyphen_values = true)]
     ray: Option<String>,
-    /// How hits are computed, instead of the scene's own choice; only `exact` is right on every ray
+    /// The precision of intersections, instead of the scene's own; only `exact` is right on every
+    /// ray
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
     /// Print JSON
@@ -40,7 +41,7 @@ pub struct TraceOneRayArgs {
     /// Show every instance and every primitive tested
     #[arg(long)]
     all: bool,
-    /// With --ray: begin of the ray's interval
+    /// With --ray: start of the ray's interval
     #[arg(long, value_name = "T", requires = "ray", allow_hyphen_values = true)]
     t_min: Option<f32>,
     /// With --ray: end of the ray's interval

@@ -11,10 +11,10 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::recording::compare::{AgainstDriver, Agreement, Hits};
 use crate::recording::{Comparison, Recording, compare};
 
-/// Compares recorded hits of a GPU with ours (docs/verify.md says how to record).
+/// Compares hits that a GPU recorded with those of anyhit (docs/verify.md says how to record).
 ///
-/// Limits are judged against `reference.*` where a file has one, otherwise against `driver.*`. Exit
-/// code 1 where a limit is passed.
+/// Limits are checked against `reference.*` where a file has one, otherwise against `driver.*`.
+/// Exit code 1 if a limit is exceeded.
 #[derive(Args, Clone, Debug)]
 pub struct VerifyArgs {
     /// Recordings (`.safetensors`), or folders of them
@@ -23,20 +23,20 @@ pub struct VerifyArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// What limits are judged against
+    /// What limits are checked against
     #[arg(long, value_enum, default_value_t = Judge::Auto)]
     against: Judge,
-    /// Most hits of a file that we may miss
+    /// The number of a file's hits that anyhit may miss
     #[arg(long, value_name = "N")]
     max_missed: Option<usize>,
-    /// Most hits of ours that a file may not have
+    /// The number of anyhit's hits that a file may lack
     #[arg(long, value_name = "N")]
     max_extra: Option<usize>,
-    /// Most hits of a file that we may have on another primitive at another t
+    /// The number of a file's hits that anyhit may have on another primitive at another t
     #[arg(long, value_name = "N")]
     max_other: Option<usize>,
-    /// Greatest error of t, in units in the last place; t of boxes is the recorded shader's own
-    /// arithmetic and not judged
+    /// The greatest error of t, in units in the last place; t of boxes is computed by the recorded
+    /// shader and not checked
     #[arg(long, value_name = "ULP")]
     max_ulp: Option<f64>,
 }
@@ -56,7 +56,7 @@ enum Judge {
 #[derive(Debug, Serialize)]
 struct VerifyReport {
     files: Vec<File>,
-    /// Limits that were passed, in words.
+    /// The limits that were exceeded, in words.
     failures: Vec<String>,
 }
 
@@ -70,8 +70,8 @@ struct File {
 /// Runs the command.
 ///
 /// # Errors
-/// `Expectation` where a limit is passed; `InvalidRecording` for files that cannot be used, after the
-/// others were compared.
+/// `Expectation` where a limit is passed; `InvalidRecording` for files that cannot be used, after
+/// the others were compared.
 pub fn run(args: VerifyArgs) -> Result<()> {
     let (mut files, mut errors) = (Vec::new(), Vec::new());
     for path in recordings(&args.paths)? {
@@ -98,7 +98,7 @@ pub fn run(args: VerifyArgs) -> Result<()> {
 }
 
 impl VerifyArgs {
-    /// The limits that a file passes.
+    /// The limits that a file exceeds.
     fn failures(&self, file: &File) -> Vec<String> {
         let Some((what, hits)) = judged(&file.comparison, self.against) else { return Vec::new() };
         let mut failures = Vec::new();
@@ -124,7 +124,7 @@ impl VerifyArgs {
     }
 }
 
-/// The comparison that limits are judged by.
+/// The comparison that limits are checked against.
 fn judged(comparison: &Comparison, against: Judge) -> Option<(&'static str, &Hits)> {
     let reference = comparison.reference.as_ref().map(|one| ("reference", &one.hits));
     let driver = comparison.driver.as_ref().map(|one| ("driver", &one.hits));

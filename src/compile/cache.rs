@@ -2,12 +2,12 @@
 //!
 //! The folder is `$ANYHIT_CACHE`, else `anyhit/modules` in the user's cache folder
 //! (`$XDG_CACHE_HOME` or `~/.cache`, `~/Library/Caches`, `%LOCALAPPDATA%`). `ANYHIT_CACHE=off` does
-//! without. It may be deleted at any time. An entry is written beside its place and renamed, so that
-//! processes side by side never see half of one; an entry whose own hash does not fit is compiled
-//! again. A cache that cannot be written is slow, not an error.
+//! without. It may be deleted at any time. An entry is written beside its place and renamed, so
+//! that processes side by side never see half of one; an entry whose own hash does not fit is
+//! compiled again. A cache that cannot be written is slow, not an error.
 //!
-//! It does not grow without end: the first module that a process writes has it swept of entries that
-//! nobody took for 30 days, and of the longest unused ones beyond 256 MiB, or as many MiB as
+//! It does not grow without end: the first module that a process writes has it swept of entries
+//! that nobody took for 30 days, and of the longest unused ones beyond 256 MiB, or as many MiB as
 //! `ANYHIT_CACHE_LIMIT` says.
 
 use std::env;
@@ -30,7 +30,7 @@ pub const LIMIT_VARIABLE: &str = "ANYHIT_CACHE_LIMIT";
 /// The limit where none is given, in MiB.
 const LIMIT: u64 = 256;
 
-/// How long an entry stays that nobody takes.
+/// How long an unused entry stays.
 const UNUSED: Duration = Duration::from_secs(30 * DAY);
 
 /// An entry's time is that of its last use, to the day: reading need not write.
@@ -87,8 +87,8 @@ fn touch(path: &Path) {
     let _ = touched();
 }
 
-/// Removes what was unused for long, and the longest unused of what is more than `limit` bytes. Other
-/// files of the folder stay.
+/// Removes what was unused for long, and the longest unused of what is more than `limit` bytes.
+/// Other files of the folder stay.
 fn sweep(folder: &Path, limit: u64, now: SystemTime) {
     let entry = |entry: fs::DirEntry| {
         let (path, data) = (entry.path(), entry.metadata().ok()?);

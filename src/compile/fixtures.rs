@@ -1,8 +1,9 @@
 //! `spirv-fixtures/`: the compiled form of every source under `shaders/`, with a record of how each
-//! was made, so that tests need no compiler and nobody runs a module that its source has left behind.
+//! was made, so that tests need no compiler and no test runs a module that is older than its
+//! source.
 //!
-//! `shaders/a/b.rchit` has its fixture at `spirv-fixtures/a/b.rchit.spv`. Comments in the source ask
-//! for more:
+//! `shaders/a/b.rchit` has its fixture at `spirv-fixtures/a/b.rchit.spv`. Comments in the source
+//! ask for more:
 //!
 //! ```text
 //! //@ flags: -g            the flags of the fixture itself

@@ -1,4 +1,5 @@
-//! glslang with debug information: the one place of the crate that calls C.
+//! glslang with debug information: the one place of the crate that calls C, and the one that allows
+//! `unsafe`.
 //!
 //! The safe binding offers no options for the SPIR-V that it generates, hence no `OpLine` and no
 //! `NonSemantic.Shader.DebugInfo`. It does the includes and finds all mistakes; here its
@@ -25,8 +26,8 @@ pub(super) fn version() -> String {
 
 /// Compiles preprocessed text to SPIR-V words; the error is glslang's log.
 ///
-/// The caller has compiled the same text before, so `glslang::Compiler::acquire` has initialised the
-/// process.
+/// The caller has compiled the same text before, so `glslang::Compiler::acquire` has initialised
+/// the process.
 pub(super) fn compile(
     source: &Source,
     preprocessed: &str,
@@ -84,9 +85,9 @@ pub(super) fn compile(
     // SAFETY: `input` and all that it points to (`code`, the limits) live until the end of this
     // function, past every call that reads them. `Shader` and `Program` own what the two create
     // functions return, and are dropped in the order that glslang asks for: the program, declared
-    // last, before its shader. The strings are zero-terminated, glslang copies name and source text,
-    // and the length given is that of `text` without its end. The SPIR-V is copied into a buffer of the size
-    // that glslang reports for it. The logs are read before their owners go.
+    // last, before its shader. The strings are zero-terminated, glslang copies name and source
+    // text, and the length given is that of `text` without its end. The SPIR-V is copied into a
+    // buffer of the size that glslang reports for it. The logs are read before their owners go.
     unsafe {
         let shader = Shader(sys::glslang_shader_create(&input));
         if shader.0.is_null() {
@@ -128,17 +129,17 @@ struct Program(*mut sys::glslang_program_t);
 impl Drop for Program {
     fn drop(&mut self) {
         if !self.0.is_null() {
-            // SAFETY: the pointer comes from `glslang_program_create`, is not null, and is owned here
-            // alone.
+            // SAFETY: the pointer comes from `glslang_program_create`, is not null, and is owned
+            // here alone.
             unsafe { sys::glslang_program_delete(self.0) }
         }
     }
 }
 
-/// Copies a log.
+/// Copies a log of glslang.
 ///
 /// # Safety
-/// `text` is null or points to a zero-terminated string that nobody changes meanwhile.
+/// `text` is null or points to a zero-terminated string that does not change meanwhile.
 unsafe fn log(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();

@@ -21,7 +21,8 @@ pub(super) struct Complaint {
     pub(super) text: String,
 }
 
-/// Complaints as one error, each at its place in the text. With none, the whole output is the message.
+/// Complaints as one error, each at its place in the text. With none, the whole output is the
+/// message.
 pub(super) fn error(source: &Source, complaints: Vec<Complaint>, output: &str) -> Error {
     if complaints.is_empty() {
         let message = output.trim().lines().next().unwrap_or("the compiler failed and said nothing");
@@ -51,8 +52,8 @@ pub(super) fn error(source: &Source, complaints: Vec<Complaint>, output: &str) -
     Error::several(errors.collect())
 }
 
-/// The complaints in a log of glslang: `ERROR: FILE:LINE: TEXT`, where `0` is the source itself. A list, as of
-/// extensions that would help, follows on lines of its own.
+/// The complaints in a log of glslang: `ERROR: FILE:LINE: TEXT`, where `0` is the source itself. A
+/// list, as of extensions that would help, follows on lines of its own.
 pub(super) fn glslang(log: &str) -> Vec<Complaint> {
     let mut complaints: Vec<Complaint> = Vec::new();
     let mut goes_on = false;

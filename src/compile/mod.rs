@@ -2,9 +2,9 @@
 //!
 //! Scenes and tests name `.spv` files, or sources: GLSL (through glslang, built in with the feature
 //! `glsl`, else through an installed `glslang`, `glslangValidator` or `glslc`), WGSL (through naga,
-//! feature `wgsl`, on by default), Slang and HLSL (through `slangc`, where it is installed). Sources
-//! are compiled once and kept in a [`cache`]. This folder also keeps `spirv-fixtures/` in step with
-//! `shaders/`.
+//! feature `wgsl`, on by default), Slang and HLSL (through `slangc`, where it is installed).
+//! Sources are compiled once and kept in a [`cache`]. This folder also keeps `spirv-fixtures/` in
+//! step with `shaders/`.
 //!
 //! ```
 //! use anyhit::compile::{CompileOptions, Source, compile};
@@ -42,14 +42,14 @@ use crate::error::{Error, ErrorKind, Result};
 /// How to compile.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CompileOptions {
-    /// What the module tells about its source.
+    /// The debug information about its source that a module holds.
     pub debug: DebugInfo,
     /// Whether the compiler optimises. Only `slangc` does; glslang is built without its optimiser,
     /// and naga has none.
     pub optimize: Optimize,
 }
 
-/// What a module tells about its source.
+/// The debug information about its source that a module holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DebugInfo {
     /// Names, as the compiler gives them by default, and no lines.
@@ -65,7 +65,7 @@ pub enum DebugInfo {
 /// Whether the compiler optimises.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Optimize {
-    /// What the compiler does when not told.
+    /// The compiler's default.
     #[default]
     Default,
     /// `-O0`.

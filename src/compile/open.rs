@@ -7,7 +7,7 @@ use super::{CompileOptions, DebugInfo, Language, Source, compile_once};
 use crate::error::{Error, Place, Result};
 use crate::module::{Module, load};
 
-/// How a source is compiled unless told otherwise: with lines, so that a trap can name its own.
+/// How a source is compiled by default: with lines, so that a trap can name its own.
 const OPTIONS: CompileOptions =
     CompileOptions { debug: DebugInfo::Lines, optimize: super::Optimize::Default };
 
@@ -16,8 +16,8 @@ impl Module {
     /// which is compiled [once](super::compile_once) with line numbers.
     ///
     /// # Errors
-    /// `Io` where the file cannot be read, those of [`load()`], with the file named, and for a source
-    /// those of [`compile()`](super::compile()).
+    /// `Io` where the file cannot be read, those of [`load()`], with the file named, and for a
+    /// source those of [`compile()`](super::compile()).
     pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;
@@ -41,7 +41,7 @@ impl Module {
         load(bytes).map(Arc::new)
     }
 
-    /// A module from source text; the name's extension tells the language, and with GLSL the stage.
+    /// A module from source text; the name's extension says the language, and with GLSL the stage.
     ///
     /// ```
     /// # #[cfg(feature = "wgsl")] {

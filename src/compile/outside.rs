@@ -45,8 +45,8 @@ impl Tool {
         Ok(said(&output).trim().lines().next().unwrap_or("of unknown version").to_owned())
     }
 
-    /// What tells one build of it from another without running it: path, size and time of the
-    /// program, and of the libraries beside it and in the `lib` next to its folder.
+    /// What distinguishes one build of it from another without running it: path, size and time of
+    /// the program, and of the libraries beside it and in the `lib` next to its folder.
     ///
     /// Asking the program for its version would be slower than reading a compiled module.
     pub(super) fn identity(&self) -> String {
@@ -127,7 +127,7 @@ impl Desk {
         run(command.current_dir(&self.folder))
     }
 
-    /// The module that a compiler wrote; what it said is told where there is none.
+    /// The module that a compiler wrote; without one, the error holds what the compiler printed.
     pub(super) fn module(&self, said: String) -> Result<Vec<u8>> {
         fs::read(self.output()).map_err(|error| Error::io(self.output(), error).note(said))
     }

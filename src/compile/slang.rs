@@ -52,8 +52,8 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u
 }
 
 /// The module with file names relative to a folder. slangc's debug information holds absolute ones,
-/// and its own folder among the arguments of each compilation unit: the module would differ from one
-/// machine to the next.
+/// and its own folder among the arguments of each compilation unit: the module would differ from
+/// one machine to the next.
 fn without_machine_paths(spirv: &[u8], folder: &Path) -> Vec<u8> {
     const HEADER: usize = 5;
     const OP_STRING: u32 = 7;

@@ -109,8 +109,8 @@ impl Source {
     /// reaches messages and debug information, so that these are the same on every machine.
     ///
     /// # Errors
-    /// [`ErrorKind::Io`] where the file cannot be read, [`ErrorKind::InvalidSource`] where it is not
-    /// UTF-8, and [`ErrorKind::InvalidArgument`] where its extension is of no language.
+    /// [`ErrorKind::Io`] where the file cannot be read, [`ErrorKind::InvalidSource`] where it is
+    /// not UTF-8, and [`ErrorKind::InvalidArgument`] where its extension is of no language.
     pub fn read_in(folder: &Path, name: &str) -> Result<Self> {
         let path = folder.join(name);
         let language = Language::of(&path).ok_or_else(|| unknown_language(name))?;
@@ -200,8 +200,8 @@ impl Source {
     }
 
     /// Everything that the result depends on: this text and, by name, the text of each file that an
-    /// `#include`, `import` or `__include` reaches, whether or not a condition hides it. What is not
-    /// found is left out: the compiler's own modules, or a name that a macro makes.
+    /// `#include`, `import` or `__include` reaches, whether or not a condition hides it. What is
+    /// not found is left out: the compiler's own modules, or a name that a macro makes.
     pub(super) fn closure(&self) -> BTreeMap<String, Arc<str>> {
         let mut seen = BTreeMap::from([(normal(Path::new(&self.name)), self.text.clone())]);
         let mut left = vec![normal(Path::new(&self.name))];

@@ -1,9 +1,9 @@
 //! Why a ray went as it did.
 //!
 //! A [`session`] runs one invocation or one ray under an observer and reads the pipeline's events
-//! into a [`transcript`]: a tree of plain data, with names instead of indices and typed values instead
-//! of words. [`render`] makes text of it, and its JSON is the tree itself. Nothing here reads or
-//! writes a file or a terminal.
+//! into a [`transcript`]: a tree of plain data, with names instead of indices and typed values
+//! instead of words. [`render`] makes text of it, and its JSON is the tree itself. Nothing here
+//! reads or writes a file or a terminal.
 
 pub mod command;
 mod layout;

@@ -17,7 +17,7 @@ pub enum Ink {
     Trap,
 }
 
-/// Lines so far.
+/// A page of lines of text.
 #[derive(Clone, Debug)]
 pub struct Page {
     text: String,
@@ -31,7 +31,7 @@ impl Page {
         Self { text: String::new(), guides: Vec::new(), colour }
     }
 
-    /// The text.
+    /// Returns the text.
     pub fn finish(self) -> String {
         self.text
     }

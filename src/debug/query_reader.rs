@@ -14,12 +14,12 @@ use crate::program::Program;
 /// The queries of a shader that were initialised so far.
 pub(super) struct Queries<'a> {
     program: Option<&'a Program>,
-    /// By handle.
+    /// The queries by handle.
     known: HashMap<u32, Known>,
 }
 
 struct Known {
-    /// Which step tells of it.
+    /// The index of its step.
     step: usize,
     tlas: Arc<Tlas>,
     trace: TraceRay,

@@ -165,7 +165,8 @@ impl Writer {
             let nodes = counted(*nodes, "node");
             self.page.line(format_args!("{nodes} of the tree over the instances opened"));
         }
-        // The interesting ones first where not all are shown: those that have something to tell.
+        // Where not all are shown, those come first that were entered or have a verdict of their
+        // own.
         let mut shown: Vec<&InstanceReport> = instances.iter().collect();
         if !self.all && shown.len() > INSTANCES {
             shown.retain(|one| one.verdict == InstanceOutcome::Entered);

@@ -1,4 +1,5 @@
-//! A scene whose rays and invocations are explained: requests in, transcripts out, no files, no terminal.
+//! A scene whose rays and invocations are explained: requests in, transcripts out, no files, no
+//! terminal.
 
 use std::sync::Arc;
 
@@ -44,8 +45,8 @@ impl Session {
         Ok(Self { scene, assembled })
     }
 
-    /// Runs a ray or an invocation and returns its transcript. A trap is part of the transcript, and
-    /// is returned as an error beside it.
+    /// Runs a ray or an invocation and returns its transcript. A trap is part of the transcript,
+    /// and is returned as an error beside it.
     ///
     /// # Errors
     /// `InvalidArgument` where the request does not fit the scene: a launch index outside the

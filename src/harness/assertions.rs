@@ -2,8 +2,9 @@
 //! differ, and beneath them what the ray or the shader did.
 //!
 //! [`assert_ulps!`](crate::assert_ulps), [`assert_near!`](crate::assert_near) and
-//! [`assert_payload_eq!`](crate::assert_payload_eq). A value taken by name (`outcome.payload["normal"]`)
-//! knows where it comes from; for plain floats the outcome can be given as the last argument.
+//! [`assert_payload_eq!`](crate::assert_payload_eq). A value taken by name
+//! (`outcome.payload["normal"]`) knows where it comes from; for plain floats the outcome can be
+//! given as the last argument.
 
 use std::fmt::Debug;
 
@@ -22,8 +23,8 @@ use crate::harness::value::Value;
 /// expected, 1)`.
 ///
 /// Found is an `f32`, `f64`, an array of them, or a [`Value`]; expected a number or
-/// an array. The unit is that of the type found, in the binade of the expected value, which may be an
-/// `f64` and is not rounded: with it, 0.5 asks for correct rounding.
+/// an array. The unit is that of the type found, in the binade of the expected value, which may be
+/// an `f64` and is not rounded: with it, 0.5 asks for correct rounding.
 ///
 /// ```
 /// use anyhit::assert_ulps;

@@ -13,10 +13,10 @@ use crate::ops::pointer::storage;
 use crate::pipeline::{Launch, Pipeline};
 use crate::scene::file::RayEntry;
 
-/// Beyond this many invocations nobody looks for the one that wrote.
+/// Launches of more invocations are not searched for the one that wrote.
 const INVOCATIONS: u64 = 4096;
 
-/// Who wrote.
+/// The invocation and the source line that wrote a number.
 #[derive(Clone, Debug)]
 pub struct Writer {
     /// The invocation of ray generation, where the launch was looked at.
@@ -103,7 +103,7 @@ fn descriptor(resources: &Resources, [set, binding, element]: [u32; 3]) -> Optio
     resources.descriptors.get(&Binding { set, binding })?.get(element as usize)
 }
 
-/// What is watched.
+/// The memory whose writes are searched.
 enum Target {
     /// A word of the payload of the first ray.
     Payload(u32),
@@ -131,7 +131,8 @@ impl<'a> WriteFinder<'a> {
     fn value(&self, batch: &Batch<1>) -> Option<u128> {
         match &self.target {
             Target::Payload(word) => {
-                // The shaders of the ray itself stand at depth 1, those of rays that they trace deeper.
+                // The shaders of the ray itself stand at depth 1, those of rays that they trace
+                // deeper.
                 let program = &self.pipeline.programs[self.shader as usize];
                 let rows = program.interface_registers(storage::INCOMING_RAY_PAYLOAD);
                 let rows = rows.filter(|rows| *word < rows.count && batch.invocations.depth == 1)?;

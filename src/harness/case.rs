@@ -19,8 +19,8 @@ pub struct Case {
     pub variant: Option<(usize, String)>,
     /// The size of the launch, where it is not the scene's.
     pub size: Option<[u32; 2]>,
-    /// Whether the launch is a test: that of a `scene.toml` is, unless it has rays that are tests and
-    /// launches nothing; that of a `*.test.toml` where it has an `[expect]`.
+    /// Whether the launch is a test: that of a `scene.toml` is, unless it has rays that are tests
+    /// and launches nothing; that of a `*.test.toml` where it has an `[expect]`.
     pub launch: bool,
     /// The rays that are tests of their own, because they have a `[ray.expect]`: their places in
     /// the file and their names.
@@ -49,9 +49,9 @@ pub struct Run {
     pub modules: Vec<PathBuf>,
 }
 
-/// The cases beneath a folder, in the order of their paths: every `scene.toml` and `*.test.toml` with
-/// its variants. Folders whose names begin with a dot and those that a `CACHEDIR.TAG` marks are
-/// passed by.
+/// The cases beneath a folder, in the order of their paths: every `scene.toml` and `*.test.toml`
+/// with its variants. Folders whose names begin with a dot and those that a `CACHEDIR.TAG` marks
+/// are passed by.
 ///
 /// # Errors
 /// `Io` where a folder cannot be read, and the mistakes of scene files that are no TOML.
@@ -103,7 +103,7 @@ impl Case {
     /// `Io` where the file cannot be read, `InvalidScene` where it is no scene.
     pub fn of(scene: &Path) -> Result<Vec<Self>> {
         let text = String::from_utf8_lossy(&DiskFiles.read(scene)?).into_owned();
-        // Other mistakes than of syntax are told when the case is run.
+        // Mistakes other than of syntax are reported when the case is run.
         let report = Diagnostics::default();
         let file = SceneFile::parse(scene, &text, &report)?;
         let root = file.document.root(&report);
@@ -143,7 +143,8 @@ impl Case {
     }
 
     /// Loads the scene, runs it at 1, 8 and 64 lanes, and compares: the widths with each other bit
-    /// for bit, then the result with `[expect]`, and each ray with its own. Gives the run at 64 lanes.
+    /// for bit, then the result with `[expect]`, and each ray with its own. Gives the run at 64
+    /// lanes.
     ///
     /// # Errors
     /// The mistakes of scene and shaders; `Expectation` for each difference.
@@ -236,7 +237,7 @@ impl Loaded {
         Ok(many)
     }
 
-    /// Counts what rays cost and looks for what hangs on rounding, where an expectation asks.
+    /// Counts what rays cost and finds what depends on rounding, where an expectation needs it.
     ///
     /// # Errors
     /// As [`run::costs`](crate::harness::run::costs).
@@ -254,7 +255,7 @@ impl Loaded {
 /// Which counts of two runs must be the same.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Counts {
-    /// All that do not hang on the size of batches.
+    /// All that do not depend on the size of batches.
     All,
     /// Only those of rays: a shader that leaves nothing behind need not be called.
     Rays,

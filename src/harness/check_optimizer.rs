@@ -1,9 +1,10 @@
-//! Translation validation: what a case leaves behind with optimised programs and without any optimisation must be
-//! the same, bit for bit.
+//! Translation validation: what a case leaves behind with optimised programs and without any
+//! optimisation must be the same, bit for bit.
 //!
-//! The optimizer (store-to-load forwarding, constant folding, dead-code elimination, copy propagation, register
-//! allocation, superinstructions) may change how a shader is executed, never what it does. The reference of
-//! [`Program::unoptimized`](crate::Program::unoptimized) passes none of it.
+//! The optimizer (store-to-load forwarding, constant folding, dead-code elimination, copy
+//! propagation, register allocation, superinstructions) may change how a shader is executed, never
+//! what it does. The reference of [`Program::unoptimized`](crate::Program::unoptimized) passes none
+//! of it.
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::case::{Counts, Loaded, difference};
@@ -11,7 +12,8 @@ use crate::harness::expect::Observed;
 use crate::harness::run::{Watch, one_ray, run};
 
 impl Loaded {
-    /// Compares what the launch left behind, all of it, with runs of the reference at 1, 8 and 64 lanes.
+    /// Compares what the launch left behind, all of it, with runs of the reference at 1, 8 and 64
+    /// lanes.
     ///
     /// # Errors
     /// `Expectation` with the first difference.
@@ -23,7 +25,8 @@ impl Loaded {
         self.same(64, optimized, &run::<64>(scene, &reference))
     }
 
-    /// Compares what became of a ray of the scene, and what it left behind, with a run of the reference.
+    /// Compares what became of a ray of the scene, and what it left behind, with a run of the
+    /// reference.
     ///
     /// # Errors
     /// `Expectation` with the first difference.

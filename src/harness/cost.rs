@@ -2,8 +2,8 @@
 //!
 //! A ray pays for its own intersection, any-hit, closest-hit and miss shaders and the callable
 //! shaders that they call. A ray that one of them traces pays for itself. Instructions are those of
-//! the module, as the compiler wrote them, in every block that runs: how this crate lowers them does
-//! not count.
+//! the module, as the compiler wrote them, in every block that runs: how this crate lowers them
+//! does not count.
 
 use std::cell::RefCell;
 use std::sync::Arc;

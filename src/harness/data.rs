@@ -70,7 +70,8 @@ impl Data {
         self.take(&Bytes::of(value))
     }
 
-    /// Overwrites a member, or all of it where the path is empty: `data.set("path[1].weight", 0.5f32)`.
+    /// Overwrites a member, or all of it where the path is empty: `data.set("path[1].weight",
+    /// 0.5f32)`.
     ///
     /// # Errors
     /// `InvalidArgument` where there is no such member, or it has another type.

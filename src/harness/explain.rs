@@ -29,7 +29,7 @@ pub(super) struct Explanation {
 pub(super) enum What {
     /// A ray; it is traced again, on a copy of the resources as they are then.
     Ray { tlas: Arc<Tlas>, operands: RayOperands, resources: Resources },
-    /// A shader by itself: its events, and what answered its calls.
+    /// A single shader: its events, and what answered its calls.
     Shader { events: Vec<Event>, calls: Vec<String> },
 }
 

@@ -15,8 +15,8 @@ use crate::module::interface::{EntryPoint, Stage};
 use crate::ops::pointer::storage;
 
 /// Writes `scene.toml` into a folder, which is made where it is not there: shaders, a pipeline,
-/// resources of the right kind and size, a primitive that suits the shaders, and a ray that meets it.
-/// Then runs it once and records what came out, so that it passes.
+/// resources of the right kind and size, a primitive that suits the shaders, and a ray that meets
+/// it. Then runs it once and records what came out, so that it passes.
 ///
 /// # Errors
 /// `InvalidArgument` where the folder holds a scene already, or no module has a ray-tracing entry

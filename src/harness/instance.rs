@@ -154,7 +154,8 @@ impl Instance {
         Self { motion: Some(motion), ..self }
     }
 
-    /// Where the vertices of its last geometry, triangles, are at time 1; its own are those of time 0.
+    /// Where the vertices of its last geometry, triangles, are at time 1; its own are those of time
+    /// 0.
     #[must_use]
     pub fn vertices_t1(mut self, vertices: impl Into<Vec<[f32; 3]>>) -> Self {
         if let Some(geometry) = self.geometries.last_mut() {

@@ -1,11 +1,11 @@
 //! How a shader's values lie in bytes, and the words for it in errors.
 //!
 //! Buffers, push constants and shader records carry their layout in the module (`Offset`,
-//! `ArrayStride`, `MatrixStride`). Payloads, callable data and hit attributes carry none: here their
-//! scalars follow each other without gaps, in the order of the declaration and column by column,
-//! each of 8, 16 or 32 bits in four bytes and each of 64 bits in eight; a bool is a `u32`, 0 or 1.
-//! So `#[repr(C)] struct { normal: [f32; 3], t: f32, hits: u32 }` is the payload
-//! `{ vec3 normal; float t; uint hits; }`.
+//! `ArrayStride`, `MatrixStride`). Payloads, callable data and hit attributes carry none: here
+//! their scalars follow each other without gaps, in the order of the declaration and column by
+//! column, each of 8, 16 or 32 bits in four bytes and each of 64 bits in eight; a bool is a `u32`,
+//! 0 or 1. So `#[repr(C)] struct { normal: [f32; 3], t: f32, hits: u32 }` is the payload `{ vec3
+//! normal; float t; uint hits; }`.
 
 use crate::error::{Error, ErrorKind};
 use crate::harness::rust_layout::RustLayout;
@@ -136,7 +136,8 @@ impl<'a> Layout<'a> {
         }
     }
 
-    /// Reads a value; parts that the bytes do not reach are left out of arrays and are zero elsewhere.
+    /// Reads a value; parts that the bytes do not reach are left out of arrays and are zero
+    /// elsewhere.
     pub fn read(self, bytes: &[u8]) -> Value {
         let at = |offset: usize| bytes.get(offset..).unwrap_or_default();
         let list = |count: usize, stride: usize, part: Self| {
@@ -212,7 +213,8 @@ impl<'a> Layout<'a> {
         }
     }
 
-    /// Offset and type of every scalar in order, matrices column by column; a runtime array has none.
+    /// Offset and type of every scalar in order, matrices column by column; a runtime array has
+    /// none.
     pub(super) fn scalars(self) -> Vec<(usize, Self)> {
         let mut found = Vec::new();
         self.each_scalar(0, &mut found);
@@ -237,8 +239,9 @@ impl<'a> Layout<'a> {
         }
     }
 
-    /// Offsets and layouts of the elements of an array, the columns of a matrix, the components of a
-    /// vector. A column of a row-major matrix is no stretch of bytes: its components stand for it.
+    /// Offsets and layouts of the elements of an array, the columns of a matrix, the components of
+    /// a vector. A column of a row-major matrix is no stretch of bytes: its components stand for
+    /// it.
     fn parts(self) -> Vec<(usize, Self)> {
         let row = |count: usize, stride: usize, part: Self| {
             (0..count).map(|index| (index * stride, part)).collect::<Vec<_>>()

@@ -37,8 +37,8 @@ pub struct TraceCall {
     pub(super) found: Option<Box<Instance>>,
 }
 
-/// `OpHitObjectExecuteShaderEXT` as the tested shader executes it, of a hit object that encodes a hit or
-/// a miss.
+/// `OpHitObjectExecuteShaderEXT` as the tested shader executes it, of a hit object that encodes a
+/// hit or a miss.
 #[derive(Clone, Debug)]
 pub struct ExecuteCall {
     /// How many hit objects the shader executed before.

@@ -96,7 +96,7 @@ impl Scalar {
         self.is_float() && self.value(bits).is_nan()
     }
 
-    /// The value in words: floats with enough digits to be told apart, and their bits.
+    /// The value as text: floats with enough digits to distinguish them, and their bits.
     fn describe(self, bits: u64) -> String {
         match self {
             Self::F16 | Self::Bf16 => format!("{} (bits {bits:#06x})", self.value(bits) as f32),

@@ -34,8 +34,8 @@ where
     observed
 }
 
-/// Runs a scene's launch and dispatches at the width that suits their size: the results are the same
-/// at each.
+/// Runs a scene's launch and dispatches at the width that suits their size: the results are the
+/// same at each.
 pub fn run_launch(scene: &ResolvedScene, assembled: &Assembled) -> Observed {
     launch(scene, assembled, |resources| match assembled.invocations() {
         0..=1 => assembled.run::<1>(resources, &|_| ()),
@@ -128,8 +128,8 @@ pub(super) fn look(scene: &ResolvedScene, resources: &Resources, observed: &mut 
 /// What costs are counted for every ray of a launch: each invocation runs by itself.
 ///
 /// # Errors
-/// The trap of the first invocation that traps, and `UnsupportedModule` where invocations cannot run
-/// by themselves.
+/// The trap of the first invocation that traps, and `UnsupportedModule` where invocations cannot
+/// run by themselves.
 pub fn costs(assembled: &Assembled) -> Result<Costs> {
     let [width, height, depth] = assembled.size.map(u64::from);
     if assembled.pipeline.uses_subgroups() && assembled.pipeline.subgroup_size > 1 {
@@ -176,7 +176,7 @@ pub struct Watch<'a> {
     pub recorder: Option<&'a mut Recorder>,
     /// Whether to count what it costs.
     pub costs: bool,
-    /// Whether to look for what hangs on rounding, and how.
+    /// How to find what depends on rounding, where that is wanted.
     pub stable: Option<&'a StableExpectation>,
 }
 

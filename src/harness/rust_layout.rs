@@ -1,4 +1,4 @@
-//! What a Rust type's `Debug` text tells of its layout.
+//! The layout of a Rust type, as far as its `Debug` text shows it.
 //!
 //! bytemuck's traits promise plain bytes and name no fields. `#[derive(Debug)]` does: `Payload {
 //! normal: [0.0, 0.0, 1.0], hits: 3 }` is three floats and an integer, in the order of the fields.
@@ -50,7 +50,7 @@ pub struct RustLayout {
     pub name: String,
     /// The size in bytes.
     pub size: usize,
-    /// Its fields in order; empty where the text tells nothing.
+    /// Its fields in order; empty where the text shows none.
     fields: Vec<Field>,
     /// Whether the fields have names: a row of numbers makes no claim about types.
     named: bool,

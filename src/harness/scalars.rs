@@ -7,8 +7,8 @@ use crate::module::ty::Type;
 use crate::ops::builtin::{self, Builtin, Shape};
 use crate::scene::read::nearest;
 
-/// A Rust value made of scalars: `bool`, `u32`, `i32`, `f32`, `u64`, `i64`, `f64`, and arrays of them
-/// (vectors; matrices as arrays of columns).
+/// A Rust value made of scalars: `bool`, `u32`, `i32`, `f32`, `u64`, `i64`, `f64`, and arrays of
+/// them (vectors; matrices as arrays of columns).
 pub trait Scalars {
     /// Its scalars in order, matrices column by column.
     fn scalars(&self) -> Vec<Scalar>;

@@ -22,7 +22,7 @@ pub struct ReportedHit {
     pub kind: u32,
     /// The hit attributes.
     pub attributes: Value,
-    /// The answer: whether t lies in the ray's interval, unless told otherwise.
+    /// The answer: whether t lies in the ray's interval, unless the test answers itself.
     pub accepted: bool,
 }
 
@@ -51,8 +51,8 @@ pub struct ShaderOutcome {
 }
 
 impl ShaderOutcome {
-    /// The payload, or the callable data, as a plain Rust type: see [`layout`](crate::harness::layout)
-    /// for how its scalars lie.
+    /// The payload, or the callable data, as a plain Rust type: see
+    /// [`layout`](crate::harness::layout) for how its scalars lie.
     ///
     /// # Errors
     /// `InvalidArgument` where size or types differ; it shows both layouts.

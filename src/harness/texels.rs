@@ -28,8 +28,8 @@ impl Texels {
         [width, height]
     }
 
-    /// R, G, B and A of a texel, as a shader reads them; integers as numbers. What the format lacks is 0, and
-    /// A is 1.
+    /// R, G, B and A of a texel, as a shader reads them; integers as numbers. What the format lacks
+    /// is 0, and A is 1.
     ///
     /// # Panics
     /// Where the image has no such texel.

@@ -97,7 +97,8 @@ pub struct HitRecord {
     pub t: f32,
     /// `HitKindKHR`
     pub kind: HitKind,
-    /// The barycentrics of a triangle's second and third vertex; u of a linear swept sphere, then 0.
+    /// The barycentrics of a triangle's second and third vertex; u of a linear swept sphere, then
+    /// 0.
     pub attributes: [f32; 2],
     /// Whether no any-hit shader was asked.
     pub opaque: bool,
@@ -140,7 +141,7 @@ impl Traced {
     /// The closest hit.
     ///
     /// # Panics
-    /// Where the ray missed; the message tells what became of it.
+    /// Where the ray missed; the message explains the ray.
     #[track_caller]
     pub fn hit(&self) -> HitRecord {
         let Some(Committed { candidate, t, hit_kind }) = self.committed else {
@@ -201,9 +202,9 @@ impl Pipeline {
     /// ```
     ///
     /// # Errors
-    /// `Trap`, that of the lowest launch index, where a shader misbehaves; `InvalidScene` without a ray
-    /// generation shader; `InvalidArgument` for a grid without or with too many invocations, and for a
-    /// buffer whose size is not the shaders', with both layouts.
+    /// `Trap`, that of the lowest launch index, where a shader misbehaves; `InvalidScene` without a
+    /// ray generation shader; `InvalidArgument` for a grid without or with too many invocations,
+    /// and for a buffer whose size is not the shaders', with both layouts.
     pub fn launch(&self, scene: &Scene, size: [u32; 3]) -> Result<Launched> {
         self.check_launch(scene, size)?;
         let launch = Launch { pipeline: self, resources: scene.resources() };
@@ -211,17 +212,18 @@ impl Pipeline {
         Ok(self.launched(scene, stats))
     }
 
-    /// Runs the ray generation shader over a grid of (width, height), and hands out the image that it fills, which
-    /// is as wide and high, in bands of rows: the top one first, each while the next is being filled. So the image
-    /// may be larger than memory. The scene binds everything but this image. Results are those of
-    /// [`Pipeline::launch`] with the whole image, bit for bit.
+    /// Runs the ray generation shader over a grid of (width, height), and hands out the image that
+    /// it fills, which is as wide and high, in bands of rows: the top one first, each while the
+    /// next is being filled. So the image may be larger than memory. The scene binds everything but
+    /// this image. Results are those of [`Pipeline::launch`] with the whole image, bit for bit.
     ///
     /// `examples/bands.rs` shows it.
     ///
     /// # Errors
-    /// As [`Pipeline::launch`], and what `take` returns: no further band is handed out then. `InvalidArgument`
-    /// where the image must be there as a whole, with the reason: that a shader may reach other rows of it than
-    /// that of its launch index (or the same counted from the last one), or that it is not known not to.
+    /// As [`Pipeline::launch`], and what `take` returns: no further band is handed out then.
+    /// `InvalidArgument` where the image must be there as a whole, with the reason: that a shader
+    /// may reach other rows of it than that of its launch index (or the same counted from the last
+    /// one), or that it is not known not to.
     pub fn launch_bands(
         &self,
         scene: &Scene,
@@ -241,8 +243,8 @@ impl Pipeline {
     /// scene: what shaders write is seen there afterwards.
     ///
     /// # Errors
-    /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload or a buffer whose size fits no
-    /// shader, with both layouts.
+    /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload or a buffer whose size
+    /// fits no shader, with both layouts.
     pub fn trace(&self, scene: &Scene, ray: impl Into<RayOperands>) -> Result<Traced> {
         self.trace_observed(scene, ray, &mut ())
     }

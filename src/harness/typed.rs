@@ -8,7 +8,8 @@ use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::Assembled;
 
-/// A buffer's content by the type of the first shader that uses it; `None` where none tells.
+/// A buffer's content by the type of the first shader that uses it; `None` where no shader declares
+/// it.
 pub fn typed(assembled: &Assembled, binding: Binding, bytes: &[u8]) -> Option<Value> {
     programs(assembled).find_map(|program| {
         let of_binding = |one: &(u32, Option<Binding>, Option<TypeId>)| one.1 == Some(binding);

@@ -14,8 +14,8 @@ use crate::math::float_format::FloatFormat;
 /// A value that a shader left: a payload, a buffer, a member or an element of one.
 ///
 /// `value["normal"]` and `value[3]` go into structs, arrays, matrices (their columns) and vectors;
-/// [`Value::f32`], [`Value::vec3`] and their kin read what is there, and panic with both types where
-/// it is something else: they are made for tests.
+/// [`Value::f32`], [`Value::vec3`] and their kin read what is there, and panic with both types
+/// where it is something else: they are made for tests.
 #[derive(Clone)]
 pub struct Value {
     ty: String,
@@ -93,7 +93,7 @@ impl Value {
         Self { ty: "nothing".into(), bytes: Vec::new(), content: Content::Opaque, explanation: None }
     }
 
-    /// Tells it and its parts where they come from.
+    /// Gives the value and its parts the explanation of the run that made them.
     pub(super) fn explained_by(&mut self, explanation: &Arc<Explanation>) {
         self.explanation = Some(explanation.clone());
         match &mut self.content {
@@ -130,18 +130,18 @@ impl Value {
         }
     }
 
-    /// Tells every scalar in it, with its path from `path` on: `path.normal[2]`.
-    pub(super) fn scalars(&self, path: &mut String, tell: &mut dyn FnMut(&str, Leaf)) {
+    /// Visits every scalar in it, with its path from `path` on: `path.normal[2]`.
+    pub(super) fn scalars(&self, path: &mut String, visit: &mut dyn FnMut(&str, Leaf)) {
         let length = path.len();
         match &self.content {
-            Content::Scalar(Number::Float(number)) => tell(path, Leaf::Float(*number)),
-            Content::Scalar(Number::Bool(flag)) => tell(path, Leaf::Integer(i128::from(*flag))),
-            Content::Scalar(Number::Int(number)) => tell(path, Leaf::Integer((*number).into())),
-            Content::Scalar(Number::Uint(number)) => tell(path, Leaf::Integer((*number).into())),
+            Content::Scalar(Number::Float(number)) => visit(path, Leaf::Float(*number)),
+            Content::Scalar(Number::Bool(flag)) => visit(path, Leaf::Integer(i128::from(*flag))),
+            Content::Scalar(Number::Int(number)) => visit(path, Leaf::Integer((*number).into())),
+            Content::Scalar(Number::Uint(number)) => visit(path, Leaf::Integer((*number).into())),
             Content::List(elements) => {
                 for (at, element) in elements.iter().enumerate() {
                     path.push_str(&format!("[{at}]"));
-                    element.scalars(path, tell);
+                    element.scalars(path, visit);
                     path.truncate(length);
                 }
             }
@@ -151,7 +151,7 @@ impl Value {
                         path.push('.');
                     }
                     path.push_str(name);
-                    field.scalars(path, tell);
+                    field.scalars(path, visit);
                     path.truncate(length);
                 }
             }

@@ -1,10 +1,10 @@
-//! Launches whose image is never there as a whole: band after band of its rows is filled, handed out and
-//! forgotten.
+//! Launches whose image is never there as a whole: band after band of its rows is filled, handed
+//! out and forgotten.
 //!
-//! That can be done where every invocation keeps to one row of the image, that of its launch index or the same
-//! counted from the other end ([`race_analysis`](crate::program::race_analysis)). A band is a stretch of the launch's order
-//! that begins where a batch, a tile and a subgroup begin: so batches, schedule and counts are those of the
-//! whole launch, and so is every bit.
+//! That can be done where every invocation keeps to one row of the image, that of its launch index
+//! or the same counted from the other end ([`race_analysis`](crate::program::race_analysis)). A
+//! band is a stretch of the launch's order that begins where a batch, a tile and a subgroup begin:
+//! so batches, schedule and counts are those of the whole launch, and so is every bit.
 
 use std::fmt;
 use std::ops::Range;
@@ -24,8 +24,8 @@ use crate::program::race_analysis::{LaunchExtent, OwnRow};
 /// The widest batch, and the largest subgroup.
 const WIDEST: u32 = 128;
 
-/// An image that a launch fills and that is handed out in bands of rows: a plane as wide and high as the launch,
-/// which the launch itself binds.
+/// An image that a launch fills and that is handed out in bands of rows: a plane as wide and high
+/// as the launch, which the launch itself binds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Streamed {
     /// Where it is bound: the first array element of a storage image.
@@ -34,8 +34,9 @@ pub struct Streamed {
     pub format: Format,
     /// The bytes that every texel begins with.
     pub texel: Vec<u8>,
-    /// How many bytes a band may take. It has at least the rows that hold a whole number of batches: 8 where
-    /// 16 divides the width, 128 where the width is odd. Two bands are there at a time.
+    /// How many bytes a band may take. It has at least the rows that hold a whole number of
+    /// batches: 8 where 16 divides the width, 128 where the width is odd. Two bands are there at a
+    /// time.
     pub band_bytes: u64,
 }
 
@@ -52,14 +53,16 @@ impl Streamed {
 pub enum NotStreamed {
     /// The launch is deeper than 1, and so goes over every row several times.
     Depth(u32),
-    /// A shader may reach a row that is not that of its launch index, or it is not known that it does not.
+    /// A shader may reach a row that is not that of its launch index, or it is not known that it
+    /// does not.
     Reached {
         /// Its stage.
         stage: Stage,
         /// Its entry point.
         name: String,
     },
-    /// Rows are filled from the last one up, and invocations depend on their order, which is the other way.
+    /// Rows are filled from the last one up, and invocations depend on their order, which is the
+    /// other way.
     Order,
 }
 
@@ -115,8 +118,8 @@ impl Band<'_> {
         self.image.row_bytes(row)
     }
 
-    /// R, G, B and A of a texel, by its place in the whole image, as a shader reads them; integers as numbers.
-    /// What the format lacks is 0, and A is 1.
+    /// R, G, B and A of a texel, by its place in the whole image, as a shader reads them; integers
+    /// as numbers. What the format lacks is 0, and A is 1.
     ///
     /// # Panics
     /// Where the band has no such texel.
@@ -181,12 +184,12 @@ impl Bands<'_> {
         self.each.min(self.size[1])
     }
 
-    /// Runs the launch, and hands out each band when it is filled, the top one first, while the next one is
-    /// being filled. `done` is told how many more invocations have ended.
+    /// Runs the launch, and hands out each band when it is filled, the top one first, while the
+    /// next one is being filled. `done` receives how many more invocations have ended.
     ///
     /// # Errors
-    /// The trap of the lowest launch index, and what `take` returns; bands from there on are not handed out, and
-    /// their invocations need not have run.
+    /// The trap of the lowest launch index, and what `take` returns; bands from there on are not
+    /// handed out, and their invocations need not have run.
     pub fn run<const W: usize>(
         &self,
         done: &(impl Fn(u64) + Sync),
@@ -237,7 +240,7 @@ impl Bands<'_> {
         Ok(stats)
     }
 
-    /// The error where a launch cannot be run in bands, for whoever asked for it.
+    /// The error where a launch cannot be run in bands.
     pub(crate) fn refused(image: &Streamed, why: &NotStreamed) -> Error {
         let Binding { set, binding } = image.binding;
         let message =

@@ -112,7 +112,7 @@ impl Compute {
         self.run::<64>(resources, groups, &|_| ())
     }
 
-    /// Runs `groups` workgroups, W lanes at a time, on all threads; `done` is told how many more
+    /// Runs `groups` workgroups, W lanes at a time, on all threads; `done` receives how many more
     /// invocations have ended. What a dispatch leaves does not depend on W, nor on the threads.
     ///
     /// # Errors
@@ -131,8 +131,9 @@ impl Compute {
         self.run_to_trap::<W>(resources, groups, done).map_err(|trapped| trapped.error)
     }
 
-    /// Runs as [`Compute::run`] does under observers: in the order of the workgroups, on one thread.
-    /// Events are those of ray queries. A dispatch that needs subgroups of more than 64 is not observed.
+    /// Runs as [`Compute::run`] does under observers: in the order of the workgroups, on one
+    /// thread. Events are those of ray queries. A dispatch that needs subgroups of more than 64 is
+    /// not observed.
     ///
     /// # Errors
     /// As [`Compute::run`].
@@ -257,8 +258,8 @@ impl Compute {
         LaunchExtent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
     }
 
-    /// Runs one invocation after the other under an observer, in the order of the workgroups, on one
-    /// thread. The observer knows the shader as 0.
+    /// Runs one invocation after the other under an observer, in the order of the workgroups, on
+    /// one thread. The observer knows the shader as 0.
     ///
     /// # Errors
     /// As [`Compute::run`]; `UnsupportedModule` where a shader needs its subgroup.

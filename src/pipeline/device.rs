@@ -51,14 +51,15 @@ macro_rules! features {
 features! {
     /// `VkPhysicalDeviceRayQueryFeaturesKHR::rayQuery`
     ray_query "rayQuery" [4471u32 4472];
-    /// `VkPhysicalDeviceRayTracingPipelineFeaturesKHR::rayTraversalPrimitiveCulling`: the flags that skip
-    /// triangles or boxes, of rays and of pipelines.
+    /// `VkPhysicalDeviceRayTracingPipelineFeaturesKHR::rayTraversalPrimitiveCulling`: the flags
+    /// that skip triangles or boxes, of rays and of pipelines.
     ray_traversal_primitive_culling "rayTraversalPrimitiveCulling" [4478u32];
     /// `VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR::rayTracingMaintenance1`: `CullMaskKHR`.
     ray_tracing_maintenance1 "rayTracingMaintenance1" [6020u32];
     /// `VkPhysicalDeviceRayTracingPositionFetchFeaturesKHR::rayTracingPositionFetch`
     ray_tracing_position_fetch "rayTracingPositionFetch" [5336u32 5391];
-    /// `VkPhysicalDeviceRayTracingInvocationReorderFeatures*::rayTracingInvocationReorder`: hit objects.
+    /// `VkPhysicalDeviceRayTracingInvocationReorderFeatures*::rayTracingInvocationReorder`: hit
+    /// objects.
     ray_tracing_invocation_reorder "rayTracingInvocationReorder" [5383u32 5388];
     /// `VkPhysicalDeviceRayTracingMotionBlurFeaturesNV::rayTracingMotionBlur`
     ray_tracing_motion_blur "rayTracingMotionBlur" [5341u32];

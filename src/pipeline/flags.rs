@@ -12,18 +12,19 @@ use crate::program::Program;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PipelineFlags {
     /// `VK_PIPELINE_CREATE_2_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR`, alias
-    /// `..._SKIP_BUILT_IN_PRIMITIVES_BIT_KHR`: no ray meets triangles, spheres or linear swept spheres.
+    /// `..._SKIP_BUILT_IN_PRIMITIVES_BIT_KHR`: no ray meets triangles, spheres or linear swept
+    /// spheres.
     pub skip_triangles: bool,
     /// `VK_PIPELINE_CREATE_2_RAY_TRACING_SKIP_AABBS_BIT_KHR`: no ray meets boxes.
     pub skip_aabbs: bool,
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES_BIT_NV`. Vulkan asks for
-    /// it; on by default, so that only a test which takes it away meets the difference.
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES_BIT_NV`. Vulkan
+    /// asks for it; on by default, so that only a test which takes it away meets the difference.
     pub allow_spheres_and_linear_swept_spheres: bool,
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_MOTION_BIT_NV`, which Vulkan asks for where something moves or a ray has a
-    /// time; on by default, too.
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_MOTION_BIT_NV`, which Vulkan asks for where
+    /// something moves or a ray has a time; on by default, too.
     pub allow_motion: bool,
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR`: a candidate whose any-hit shader
-    /// is null traps.
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR`: a candidate whose
+    /// any-hit shader is null traps.
     pub no_null_any_hit_shaders: bool,
     /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR`: so does a hit.
     pub no_null_closest_hit_shaders: bool,
@@ -97,8 +98,8 @@ impl PipelineFlags {
     /// Checks that what a pipeline will meet is allowed.
     ///
     /// # Errors
-    /// `InvalidScene` where a structure holds spheres or linear swept spheres and the pipeline does not
-    /// allow them.
+    /// `InvalidScene` where a structure holds spheres or linear swept spheres and the pipeline does
+    /// not allow them.
     pub fn check_structure(self, tlas: &Tlas) -> Result<()> {
         let swept = |kind| matches!(kind, GeometryKind::Spheres | GeometryKind::LinearSweptSpheres);
         let kinds = tlas.instances().iter().filter_map(|instance| instance.blas.kind());
@@ -114,7 +115,8 @@ impl PipelineFlags {
 }
 
 impl Pipeline {
-    /// Checks that nothing moves in a structure where the pipeline traces rays and does not allow it.
+    /// Checks that nothing moves in a structure where the pipeline traces rays and does not allow
+    /// it.
     ///
     /// # Errors
     /// `InvalidScene` with the first instance that moves.

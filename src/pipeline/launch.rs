@@ -41,8 +41,8 @@ pub struct Elided {
     pub occlusion: u64,
     /// Invocations of shaders without effect: they are counted, and not run.
     pub empty: u64,
-    /// Invocations of closest-hit and miss shaders that write only payload words that are never read:
-    /// they are counted, and not run.
+    /// Invocations of closest-hit and miss shaders that write only payload words that are never
+    /// read: they are counted, and not run.
     pub unread: u64,
 }
 
@@ -128,8 +128,8 @@ pub struct Launch<'a> {
     pub resources: &'a Resources,
 }
 
-/// Invocations that one task of a thread runs, a multiple of the widest batch: enough that taking it up costs
-/// little; few enough that threads end together.
+/// Invocations that one task of a thread runs, a multiple of the widest batch: enough that taking
+/// it up costs little; few enough that threads end together.
 fn task_size(count: u64) -> u64 {
     const LEAST: u64 = 128;
     (count / 1024).clamp(LEAST, 8192) / LEAST * LEAST
@@ -139,8 +139,8 @@ fn task_size(count: u64) -> u64 {
 const FEW: u64 = 1024;
 
 impl Launch<'_> {
-    /// Runs the ray generation shader over a grid, W lanes at a time, on all threads; `done` is
-    /// told how many more invocations have ended.
+    /// Runs the ray generation shader over a grid, W lanes at a time, on all threads; `done`
+    /// receives how many more invocations have ended.
     ///
     /// # Errors
     /// The trap of the lowest launch index; all other invocations have run nevertheless.
@@ -152,8 +152,8 @@ impl Launch<'_> {
         self.run_positions::<W>(size, 0..count, done)
     }
 
-    /// Runs the invocations at some positions of a launch's order, which begin at a multiple of the widest
-    /// batch.
+    /// Runs the invocations at some positions of a launch's order, which begin at a multiple of the
+    /// widest batch.
     pub(super) fn run_positions<const W: usize>(
         &self,
         size: [u32; 3],
@@ -167,7 +167,8 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let subgroups = self.pipeline.whole_subgroups();
         let ordered = self.pipeline.order_dependent();
-        // The schedule does not depend on the width of a batch: one after the other, or 64 together.
+        // The schedule does not depend on the width of a batch: one after the other, or 64
+        // together.
         let one_thread = ordered || self.pipeline.shared_memory(size, self.resources).is_some();
         let by_index = one_thread || subgroups.is_some();
         let order = if by_index { Order::by_index(size) } else { Order::by_tiles(size) };
@@ -253,9 +254,9 @@ impl Launch<'_> {
         })
     }
 
-    /// Runs the ray generation shader over a grid under observers: in launch order, on one thread, with
-    /// the same results as [`Launch::run`]. Events of the lanes of a batch are mixed. A launch that needs
-    /// subgroups of more than 64 is not observed.
+    /// Runs the ray generation shader over a grid under observers: in launch order, on one thread,
+    /// with the same results as [`Launch::run`]. Events of the lanes of a batch are mixed. A launch
+    /// that needs subgroups of more than 64 is not observed.
     ///
     /// # Errors
     /// As [`Launch::run`].
@@ -296,9 +297,9 @@ impl Launch<'_> {
         Ok(stats)
     }
 
-    /// Runs the ray generation shader for one launch index at one lane, under observers. Where a shader
-    /// has subgroup instructions, its whole subgroup runs: the pipeline observer sees that index alone,
-    /// and operations are not observed.
+    /// Runs the ray generation shader for one launch index at one lane, under observers. Where a
+    /// shader has subgroup instructions, its whole subgroup runs: the pipeline observer sees that
+    /// index alone, and operations are not observed.
     ///
     /// # Errors
     /// The trap, if there is one.

@@ -48,7 +48,8 @@ pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
 pub(crate) use trapped::trap_error;
 
-/// The instructions that an invocation may execute, counted at back edges and calls, unless set otherwise.
+/// The instructions that an invocation may execute, counted at back edges and calls, unless set
+/// otherwise.
 pub const DEFAULT_FUEL: u64 = 1 << 28;
 /// `maxPipelineRayRecursionDepth`, unless set otherwise; what NVIDIA's driver reports.
 pub const DEFAULT_RECURSION: u32 = 31;

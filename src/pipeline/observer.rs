@@ -185,8 +185,8 @@ pub enum Event {
         committed: Option<Committed>,
         /// The index of the hit or miss record.
         record: u64,
-        /// The shader that runs; `None` for a null record, where the ray skips closest-hit, and where
-        /// a hit object keeps what was found.
+        /// The shader that runs; `None` for a null record, where the ray skips closest-hit, and
+        /// where a hit object keeps what was found.
         shader: Option<Shader>,
         /// Whether a hit object keeps what was found: no shader runs.
         kept: bool,

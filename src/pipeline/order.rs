@@ -13,13 +13,13 @@ pub(super) struct Order {
 }
 
 impl Order {
-    /// That of launch indices, x fastest: for shaders that can tell.
+    /// The order of launch indices, x fastest: for shaders whose results depend on it.
     pub fn by_index(size: [u32; 3]) -> Self {
         Self { size: size.map(u64::from), tiled: false }
     }
 
-    /// By tiles of 8 x 8 invocations, row after row of them, so that a batch of 64 is a tile: their rays go
-    /// alike more often than those of 64 in a row.
+    /// By tiles of 8 x 8 invocations, row after row of them, so that a batch of 64 is a tile: their
+    /// rays go alike more often than those of 64 in a row.
     pub fn by_tiles(size: [u32; 3]) -> Self {
         Self { tiled: true, ..Self::by_index(size) }
     }
@@ -48,8 +48,8 @@ impl Order {
         self.size.map(|side| side as u32)
     }
 
-    /// The launch indices at some positions: where x goes up by 1 from each to the next, the first of them and
-    /// how many there are.
+    /// The launch indices at some positions: where x goes up by 1 from each to the next, the first
+    /// of them and how many there are.
     pub fn lines(&self, positions: Range<u64>) -> impl Iterator<Item = ([u32; 3], usize)> {
         let (order, Range { mut start, end }) = (*self, positions);
         std::iter::from_fn(move || {

@@ -1,4 +1,5 @@
-//! Payloads and callable data: what a shader gives and what the shader that it calls takes are of one type.
+//! Payloads and callable data: what a shader gives and what the shader that it calls takes are of
+//! one type.
 
 use crate::machine::Reg;
 use crate::machine::stop::RegSpan;
@@ -24,7 +25,8 @@ pub(super) fn scalars_given(program: &Program, rows: RegSpan) -> Option<u64> {
     given(program, rows.first).map(|rows| rows.scalars)
 }
 
-/// Whether a shader can take data of these scalars. One that does not use what it is given takes anything.
+/// Whether a shader can take data of these scalars. One that does not use what it is given takes
+/// anything.
 pub(super) fn takes(program: &Program, scalars: Option<u64>) -> bool {
     let Some(scalars) = scalars else { return true };
     taken(program).is_none_or(|rows| rows.scalars == scalars)
@@ -43,7 +45,7 @@ pub(super) fn mismatch(caller: &Program, first: Reg, called: &Program) -> Option
     ))
 }
 
-/// The file that a module was made from, where it tells: many entry points are called `main`.
+/// The file that a module was made from, where it names one: many entry points are called `main`.
 fn source(module: &Module) -> String {
     let file = module.debug_info.files.first().filter(|file| !file.name.is_empty());
     file.map_or_else(String::new, |file| format!(" ({})", file.name))

@@ -50,8 +50,8 @@ pub struct Sbt {
     pub callable: Vec<Option<Record>>,
 }
 
-/// Whether a table ends before an index. One without any records is as one whose handles are all null: an application
-/// that has no such shaders gives no memory for it.
+/// Whether a table ends before an index. One without any records is as one whose handles are all
+/// null: an application that has no such shaders gives no memory for it.
 pub(super) fn ends_before(table: &[Option<Record>], index: u64) -> bool {
     !table.is_empty() && index >= table.len() as u64
 }

@@ -37,8 +37,8 @@ impl Launch<'_> {
     }
 
     /// Runs a shader for one invocation, as the first of W lanes, without what would call it. What
-    /// it leaves in payload and attributes is dropped. Not for intersection shaders: these report to
-    /// a trace.
+    /// it leaves in payload and attributes is dropped. Not for intersection shaders: these report
+    /// to a trace.
     ///
     /// # Errors
     /// The trap.

@@ -56,7 +56,7 @@ impl<const W: usize> Running<W> {
     fn take_data(&mut self, from: &Registers<W>, rows: RegSpan) {
         if let Some(own) = self.data {
             let count = own.count.min(rows.count);
-            // What the other lanes hold nobody sees.
+            // Nothing reads the other lanes.
             self.batch.registers.copy_span(own.first, from, rows.first, count, Mask::ALL);
         }
     }
@@ -157,14 +157,16 @@ where
         }
     }
 
-    /// Runs the ray generation shader for the invocations at any number of positions, a batch after the other.
+    /// Runs the ray generation shader for the invocations at any number of positions, a batch after
+    /// the other.
     pub fn launch_all(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
         for start in positions.clone().step_by(W) {
             self.launch(record, order, start..positions.end.min(start + W as u64));
         }
     }
 
-    /// Runs the ray generation shader for the invocations at some positions of a launch's order: a batch.
+    /// Runs the ray generation shader for the invocations at some positions of a launch's order: a
+    /// batch.
     pub fn launch(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
         let count = (positions.end - positions.start) as usize;
         let Some(shader) = general(self.pipeline, record) else { return };
@@ -205,7 +207,8 @@ where
         self.run();
     }
 
-    /// Traces one ray without a ray generation shader, in the first lane; the trace when it is over.
+    /// Traces one ray without a ray generation shader, in the first lane; the trace when it is
+    /// over.
     pub fn trace(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Option<Box<Trace<W>>> {
         let mut trace = self.spare_trace(true);
         let payload = trace.take_host_operands(tlas, operands);
@@ -337,7 +340,7 @@ where
         self.frames.push(ShaderCallFrame::Shader(running));
     }
 
-    /// Takes a shader that is done from the stack and gives its results to whoever called it.
+    /// Takes a shader that is done from the stack and gives its results to its caller.
     fn leave(&mut self) {
         let pipeline = self.pipeline;
         let Some(ShaderCallFrame::Shader(running)) = self.frames.pop() else {

@@ -7,8 +7,9 @@ use rayon::prelude::*;
 use crate::pipeline::launch::Stats;
 use crate::pipeline::trapped::Trapped;
 
-/// Numbers of tasks, of which whoever is free takes the next: so threads end together, however unlike the
-/// tasks are. (Cut into halves beforehand, they would only be cut again where a thread has come to steal.)
+/// Numbers of tasks, of which each free thread takes the next: threads end together, however unlike
+/// the tasks are. (Cut into halves beforehand, they would only be cut again where a thread has come
+/// to steal.)
 #[derive(Debug)]
 pub(super) struct Tasks {
     count: u64,
@@ -22,12 +23,12 @@ pub(super) struct Tasks {
 pub(super) struct Done {
     /// The sums.
     pub stats: Stats,
-    /// The trap with the lowest number, which is the one to tell, with that number.
+    /// The trap with the lowest number, which is the one to report, with that number.
     pub trapped: Option<(u64, Trapped)>,
 }
 
 impl Done {
-    /// Both together.
+    /// Adds the results of other tasks.
     pub fn and(self, other: Self) -> Self {
         let trapped = self.trapped.into_iter().chain(other.trapped).min_by_key(|(number, _)| *number);
         Self { stats: self.stats.plus(&other.stats), trapped }
@@ -40,7 +41,8 @@ impl Tasks {
         Self { count, next: AtomicU64::new(0), trapped_at: AtomicU64::new(u64::MAX) }
     }
 
-    /// The tasks that are this one's to do, in ascending order; of several such iterators each gets others.
+    /// The tasks that are this one's to do, in ascending order; of several such iterators each gets
+    /// others.
     pub fn iter(&self) -> impl Iterator<Item = u64> {
         std::iter::from_fn(|| {
             let next = self.next.fetch_add(1, Relaxed);
@@ -48,7 +50,8 @@ impl Tasks {
         })
     }
 
-    /// Whether one of a lower number has trapped: then what has this number can no longer change the answer.
+    /// Whether one of a lower number has trapped: then what has this number can no longer change
+    /// the answer.
     pub fn is_beyond_trap(&self, number: u64) -> bool {
         self.trapped_at.load(Relaxed) < number
     }
@@ -58,7 +61,8 @@ impl Tasks {
         self.trapped_at.fetch_min(number, Relaxed);
     }
 
-    /// Has this thread work alone, or those of the pool; what they did together, or the trap with the lowest number.
+    /// Has this thread work alone, or those of the pool; what they did together, or the trap with
+    /// the lowest number.
     pub fn run(&self, alone: bool, worker: impl Fn() -> Done + Sync) -> Result<Stats, Box<Trapped>> {
         // One task needs no threads: starting them would take longer.
         let done = match alone || self.count <= 1 {
@@ -71,8 +75,8 @@ impl Tasks {
         }
     }
 
-    /// Has the threads of the pool work, as many as there are tasks for, and gives what each returns. Each
-    /// works until [`Tasks::iter`] gives it nothing more.
+    /// Has the threads of the pool work, as many as there are tasks for, and gives what each
+    /// returns. Each works until [`Tasks::iter`] gives it nothing more.
     fn on_threads<T: Send>(&self, worker: impl Fn() -> T + Sync) -> Vec<T> {
         let threads = (rayon::current_num_threads() as u64).min(self.count) as usize;
         (0..threads).into_par_iter().with_max_len(1).map(|_| worker()).collect()

@@ -1,7 +1,7 @@
 //! A trace in progress: the rays of a batch's lanes, from their operands to closest-hit or miss.
 //!
-//! Whatever a lane's ray calls runs in the same lane of another batch, so that operands, payloads and what
-//! builtins read are copied as whole rows.
+//! Whatever a lane's ray calls runs in the same lane of another batch, so that operands, payloads
+//! and what builtins read are copied as whole rows.
 
 mod ending;
 
@@ -35,7 +35,8 @@ pub(super) struct Waiting<const W: usize> {
     pub lanes: Mask<W>,
 }
 
-/// The rays of one `OpTraceRayKHR`, each in the lane that traces it; its memory is used again for the next.
+/// The rays of one `OpTraceRayKHR`, each in the lane that traces it; its memory is used again for
+/// the next.
 #[derive(Clone, Debug)]
 pub(super) struct Trace<const W: usize> {
     /// The lanes that trace.
@@ -52,18 +53,21 @@ pub(super) struct Trace<const W: usize> {
     pub depth: u32,
     /// The payload of a ray from the host.
     pub host_payload: Option<Registers<W>>,
-    /// The traversals of rays that may call shaders on the way, by lane; those of other lanes are unused.
+    /// The traversals of rays that may call shaders on the way, by lane; those of other lanes are
+    /// unused.
     cursors: Vec<Option<Cursor>>,
     /// The closest hits, where traversal is over.
     pub committed: [Option<Committed>; W],
     /// Attributes of hits that were reported or that hit objects hold, by lane.
     attributes: Vec<Data>,
     /// The indices of the shader records that are called.
-    /// Of lanes that trap for want of a record, its index; as their payload does not suit, the shader's.
+    /// Of lanes that trap for want of a record, its index; as their payload does not suit, the
+    /// shader's.
     pub(super) records: [u64; W],
     /// Whether hit objects say which records, and with them the attributes: nothing is traversed.
     pub settled: bool,
-    /// Lanes whose caller traps: a shader that their ray called trapped, or is null where it must not be.
+    /// Lanes whose caller traps: a shader that their ray called trapped, or is null where it must
+    /// not be.
     trapped: SmallVec<[(usize, TrapCode); 0]>,
     /// The lanes of the list.
     trapping: Mask<W>,
@@ -241,7 +245,8 @@ impl<const W: usize> Trace<W> {
         self.traversing = self.traversing.without(Mask::lane(lane));
     }
 
-    /// Goes on until a shader must run; `None` when every ray is done. The payload is that of the rays.
+    /// Goes on until a shader must run; `None` when every ray is done. The payload is that of the
+    /// rays.
     pub fn advance<T: PipelineObserver>(
         &mut self,
         pipeline: &Pipeline,
@@ -270,7 +275,8 @@ impl<const W: usize> Trace<W> {
         }
     }
 
-    /// Traces all rays that can meet only opaque geometry; the others get a traversal that can be resumed.
+    /// Traces all rays that can meet only opaque geometry; the others get a traversal that can be
+    /// resumed.
     fn set_out<T: PipelineObserver>(&mut self) {
         if !T::ACTIVE {
             for number in 0..self.structures.all().len() {
@@ -367,7 +373,8 @@ impl<const W: usize> Trace<W> {
                 }
                 // An observer sees every shader run.
                 if !T::ACTIVE && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
-                    // An empty intersection shader reports nothing, an empty any-hit shader accepts.
+                    // An empty intersection shader reports nothing, an empty any-hit shader
+                    // accepts.
                     self.stats.elide(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit }, 1);
                     self.cursor_mut(lane).confirm();
                     continue;

@@ -18,7 +18,8 @@ use crate::pipeline::stack::{ShaderCallFrame, Stack};
 use crate::pipeline::trace::{Data, Trace};
 
 impl<const W: usize> Trace<W> {
-    /// Takes the operands of an instruction, for the lanes of a mask; gives those whose structure exists.
+    /// Takes the operands of an instruction, for the lanes of a mask; gives those whose structure
+    /// exists.
     fn take_operands(
         &mut self,
         registers: &Registers<W>,
@@ -42,7 +43,8 @@ impl<const W: usize> Trace<W> {
         found
     }
 
-    /// Takes the operands of a ray from the host into the first lane; returns the registers of its payload.
+    /// Takes the operands of a ray from the host into the first lane; returns the registers of its
+    /// payload.
     pub fn take_host_operands(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> RegSpan {
         let RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload } = operands;
         self.called_from_host();
@@ -149,8 +151,8 @@ where
         self.frames.push(ShaderCallFrame::Trace { trace, payload, object });
     }
 
-    /// Goes on with the trace on top of the stack: the next shader that its rays call is put there, or it
-    /// ends. What remains of it where nothing called it.
+    /// Goes on with the trace on top of the stack: the next shader that its rays call is put there,
+    /// or it ends. What remains of it where nothing called it.
     pub(super) fn advance_trace(&mut self) -> Option<Box<Trace<W>>> {
         let [below @ .., ShaderCallFrame::Trace { trace, payload, .. }] = &mut self.frames[..] else {
             unreachable!("bug in anyhit: what goes on is no trace");

@@ -73,7 +73,7 @@ where
                 format!("called by {} `{}`{line}", program.stage.name(), program.name)
             })
             .collect();
-        // Of a deep recursion its two ends tell enough.
+        // The two ends of a deep recursion are enough.
         let between = callers.len().saturating_sub(2 * SHOWN_CALLERS);
         for (at, caller) in callers.into_iter().enumerate() {
             error = match at.checked_sub(SHOWN_CALLERS) {
@@ -96,7 +96,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
             Op::Stop(op) => op.given().map(|rows| (running.shader, rows.first)),
             _ => None,
         };
-        // A reported hit's any-hit shader has the payload of whoever traces.
+        // A reported hit's any-hit shader has the payload of the shader that traces.
         let traces = || {
             self.frames.iter().rev().find_map(|frame| match frame {
                 ShaderCallFrame::Trace { trace, payload, .. } => {

@@ -266,7 +266,7 @@ where
                     running = running & batch.live();
                     let calling = !batch.frames().is_empty();
                     if calling && running != mask {
-                        // Whoever is in the call cannot wait for those outside of it.
+                        // Invocations in the call cannot wait for those outside of it.
                         batch.trap(mask, TrapCode::BarrierDivergence, batch.op - 1);
                     } else {
                         wait(&mut self.waiting, Waiting { block: batch.block, op: batch.op, mask });

@@ -82,7 +82,7 @@ impl Assembled {
     }
 
     /// Runs the scene on these resources, W lanes at a time: the ray generation shader, where there
-    /// is one, then each dispatch; `done` is told how many more invocations have ended.
+    /// is one, then each dispatch; `done` receives how many more invocations have ended.
     ///
     /// # Errors
     /// The first trap, as [`Launch::run`] and [`Compute::run`] report it.
@@ -127,7 +127,7 @@ pub fn assemble(scene: &ResolvedScene) -> Result<Assembled> {
     assemble_but(scene, None)
 }
 
-/// Assembles a scene without one binding, that of an image which whoever launches the scene binds.
+/// Assembles a scene without one binding, that of an image which the caller binds.
 ///
 /// # Errors
 /// As [`assemble`].
@@ -142,7 +142,7 @@ fn assemble_but(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>) -> Res
     let dispatches = dispatches(&mut shaders, &mut errors);
     let resources = resources(scene, left_out, &mut errors);
     let pipeline = match pipeline {
-        // One that lacks a shader fails for that reason alone, which is told already.
+        // One that lacks a shader fails for that reason alone, which is reported already.
         Err(error) if errors.is_empty() => {
             errors.push(error);
             None
@@ -168,7 +168,8 @@ fn assemble_but(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>) -> Res
     Ok(Assembled { pipeline, resources, size: scene.launch, dispatches })
 }
 
-/// Each mistake once, however many groups name its shader; of a tool that is missing it is enough to hear once at all.
+/// Each mistake once, however many groups name its shader; of a tool that is missing it is enough
+/// to hear once at all.
 fn once(errors: Vec<Error>) -> Vec<Error> {
     let mut told: Vec<Error> = Vec::new();
     for error in errors {

@@ -120,8 +120,8 @@ mod tests {
         entry.name == name && entry.stage == stage
     }
 
-    /// The instance that the ray through the centre of a pixel meets first, by the arithmetic of the
-    /// ray-generation shader in f32.
+    /// The instance that the ray through the centre of a pixel meets first, by the arithmetic of
+    /// the ray-generation shader in f32.
     fn seen(scene: &ResolvedScene, [x, y]: [u32; 2]) -> Option<u32> {
         let Resource::UniformBuffer(bytes) = &scene.resources[2].resource else { panic!() };
         let m: Vec<f32> = bytes.chunks(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();

@@ -11,8 +11,8 @@ use crate::scene::resources::{Kind, Resource};
 
 /// What is bound where the shaders that use the binding declare only others, each at its place.
 ///
-/// Of an array whose elements are of several types it is enough that some variable declares one of them
-/// (`VK_DESCRIPTOR_TYPE_MUTABLE_EXT`).
+/// Of an array whose elements are of several types it is enough that some variable declares one of
+/// them (`VK_DESCRIPTOR_TYPE_MUTABLE_EXT`).
 pub(super) fn mismatches<'a>(
     scene: &ResolvedScene,
     programs: impl Iterator<Item = &'a Program>,
@@ -113,7 +113,7 @@ fn suits(declared: Kind, bound: &Resource) -> bool {
         Resource::SampledImage(_) => declared == Kind::SampledImage,
         Resource::TexelBuffer(_) => matches!(declared, Kind::UniformTexelBuffer | Kind::StorageTexelBuffer),
         Resource::Sampler(_) => declared == Kind::Sampler,
-        // Its two halves may be declared by themselves.
+        // Its two halves may be declared separately.
         Resource::CombinedImageSampler(..) => {
             matches!(declared, Kind::CombinedImageSampler | Kind::SampledImage | Kind::Sampler)
         }

@@ -277,7 +277,7 @@ pub struct PipelineEntry {
     pub hit: Vec<HitEntry>,
     /// `maxPipelineRayRecursionDepth`
     pub max_recursion_depth: Option<u32>,
-    /// Invocations a subgroup.
+    /// The number of invocations in a subgroup.
     pub subgroup_size: Option<u32>,
     /// Instructions that an invocation may execute, counted at back edges and calls.
     pub fuel: Option<u64>,
@@ -375,7 +375,7 @@ impl Parse for HitEntry {
     }
 }
 
-/// A ray that `trace-one-ray` shows: through a pixel of the launch, or given by itself.
+/// A ray that `trace-one-ray` explains: through a pixel of the launch, or by its numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RayEntry {
     /// The ray that the ray-generation shader makes at a launch index.
@@ -398,9 +398,9 @@ pub struct GivenRay {
     pub origin: [f32; 3],
     /// Direction, not normalised.
     pub direction: [f32; 3],
-    /// Least t.
+    /// `RayTminKHR`
     pub t_min: f32,
-    /// Greatest t.
+    /// `RayTmaxKHR` at the start.
     pub t_max: f32,
     /// Ray flags, numbers as in SPIR-V.
     pub flags: u32,
@@ -419,7 +419,8 @@ pub struct GivenRay {
 }
 
 impl GivenRay {
-    /// The operands of the trace, with a payload that is large enough for every shader of a pipeline.
+    /// The operands of the trace, with a payload that is large enough for every shader of a
+    /// pipeline.
     ///
     /// # Errors
     /// [`ErrorKind::InvalidArgument`]: more payload is given than the shaders declare.

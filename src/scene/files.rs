@@ -13,8 +13,8 @@ pub trait Files {
     /// The whole content of a file.
     ///
     /// # Errors
-    /// `Io` where there is no such file or it cannot be read, `InvalidScene` where it is larger than
-    /// [`MAX_FILE_SIZE`].
+    /// `Io` where there is no such file or it cannot be read, `InvalidScene` where it is larger
+    /// than [`MAX_FILE_SIZE`].
     fn read(&self, path: &Path) -> Result<Vec<u8>>;
 }
 

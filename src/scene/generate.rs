@@ -1,7 +1,8 @@
 //! Seeded geometry: grass, hair, chains, scattered spheres, a plane, a heightfield.
 //!
-//! The numbers do not depend on the machine: integers, the four operations, square roots, and correctly
-//! rounded sines. y is up, and everything stands in a rectangle of the ground around the origin.
+//! The numbers do not depend on the machine: integers, the four operations, square roots, and
+//! correctly rounded sines. y is up, and everything stands in a rectangle of the ground around the
+//! origin.
 
 use crate::accel::{EndCaps, GeometryData, Indexing};
 use crate::scene::random::Random;
@@ -47,7 +48,8 @@ pub struct Grass {
 }
 
 impl Grass {
-    /// Asks for the keys of this generator. Keys that can fail stand last, so that all are asked for.
+    /// Asks for the keys of this generator. Keys that can fail stand last, so that all are asked
+    /// for.
     pub fn parse(table: &Table<'_>) -> Option<Self> {
         let grass = Self {
             seed: table.or("seed", 0),

@@ -119,10 +119,10 @@ pub struct Picture {
 impl Picture {
     /// Decodes a PNG, JPEG, Radiance HDR or OpenEXR file.
     ///
-    /// Without a wanted format: 8 bits give `rgba8_srgb`, 16 bits `rgba16`, floats `rgba32f`. A wanted
-    /// format of 8 or 16 bits takes the stored numbers as they are when it is as wide as the file, so
-    /// that `rgba8` reads a normal map and `rgba8_srgb` a photograph. An integer format takes the
-    /// stored numbers, not fractions of them.
+    /// Without a wanted format: 8 bits give `rgba8_srgb`, 16 bits `rgba16`, floats `rgba32f`. A
+    /// wanted format of 8 or 16 bits takes the stored numbers as they are when it is as wide as the
+    /// file, so that `rgba8` reads a normal map and `rgba8_srgb` a photograph. An integer format
+    /// takes the stored numbers, not fractions of them.
     ///
     /// # Errors
     /// `InvalidImage` for a broken file, one beyond the limits, or another kind of file.
@@ -175,8 +175,8 @@ impl Picture {
         if same_bits {
             return Self { format, extent, texels };
         }
-        // A file's 8-bit numbers mean sRGB only where they are read as sRGB, and fractions only where
-        // they are read as floats.
+        // A file's 8-bit numbers mean sRGB only where they are read as sRGB, and fractions only
+        // where they are read as floats.
         let component = match stored.component {
             Component::Unorm8 if format.class() != Class::Float => Component::Uint8,
             Component::Unorm16 if format.class() != Class::Float => Component::Uint16,
@@ -240,8 +240,8 @@ impl Picture {
     }
 }
 
-/// Writes the first layer and slice of an image's level 0 as a PNG, as [`Picture::encode_png`] would: row by
-/// row, so that beside the image itself hardly any memory is needed.
+/// Writes the first layer and slice of an image's level 0 as a PNG, as [`Picture::encode_png`]
+/// would: row by row, so that beside the image itself hardly any memory is needed.
 ///
 /// # Errors
 /// As [`Picture::rgba8`], and `Io`.
@@ -252,9 +252,9 @@ pub fn write_png(path: &Path, image: &machine::image::Image, to_srgb: bool) -> R
     })
 }
 
-/// Writes a PNG of some width and height whose rows come one after the other, from texels of a format, as
-/// [`Picture::encode_png`] would show them. The file is there when all is written: what stood in its place before
-/// stays until then, and stays where `fill` fails.
+/// Writes a PNG of some width and height whose rows come one after the other, from texels of a
+/// format, as [`Picture::encode_png`] would show them. The file is there when all is written: what
+/// stood in its place before stays until then, and stays where `fill` fails.
 ///
 /// # Errors
 /// As [`Picture::rgba8`], `Io`, and those of `fill`, which must give all rows.

@@ -18,8 +18,8 @@ pub struct Image {
     pub format: Format,
     /// Its shape.
     pub shape: Shape,
-    /// All texels, as [`machine::image::Image`](crate::machine::image::Image) wants them; or one, which
-    /// all of them are.
+    /// All texels, as [`machine::image::Image`](crate::machine::image::Image) wants them; or one,
+    /// which all of them are.
     pub texels: Vec<u8>,
 }
 
@@ -144,8 +144,9 @@ impl ImageEntry {
         Some(entry)
     }
 
-    /// Loads, fills or generates its texels; without a size it is as large as the launch. Where it is only
-    /// filled and need not be there as a whole, it may have more texels than fit into memory.
+    /// Loads, fills or generates its texels; without a size it is as large as the launch. Where it
+    /// is only filled and need not be there as a whole, it may have more texels than fit into
+    /// memory.
     ///
     /// # Errors
     /// `Io` or `InvalidImage` about its files; `InvalidScene` where sizes do not fit.

@@ -1,9 +1,9 @@
 //! Mip levels made from level 0.
 //!
-//! A texel of level n is the mean of the part of level 0 that it covers, by area: along an axis of `s`
-//! texels, of which level n has `t`, texel i covers `i s / t` to `(i + 1) s / t`. sRGB colours are
-//! averaged in linear light. Texels count as a shader sees them; the sums are made in binary64, over
-//! slices, rows, columns in this order, and each mean is rounded once to its format.
+//! A texel of level n is the mean of the part of level 0 that it covers, by area: along an axis of
+//! `s` texels, of which level n has `t`, texel i covers `i s / t` to `(i + 1) s / t`. sRGB colours
+//! are averaged in linear light. Texels count as a shader sees them; the sums are made in binary64,
+//! over slices, rows, columns in this order, and each mean is rounded once to its format.
 
 use crate::machine::format::{Class, Format};
 use crate::machine::image::Shape;
@@ -48,8 +48,8 @@ pub fn generate(format: Format, shape: &Shape, level0: &[u8]) -> Result<Vec<u8>,
     Ok(texels)
 }
 
-/// The texels of `from` along an axis that texel `at` of `to` covers, and how many `to`-ths of each;
-/// together `from`.
+/// The texels of `from` along an axis that texel `at` of `to` covers, and how many `to`-ths of
+/// each; together `from`.
 fn covered(at: u32, to: u32, from: u32) -> impl Iterator<Item = (usize, f64)> {
     let (at, to, from) = (u64::from(at), u64::from(to), u64::from(from));
     let (begin, end) = (at * from, (at + 1) * from);

@@ -154,7 +154,8 @@ fn geometry_that_does_not_fit_together() {
     one(&format!("{spheres}radii = [1, 2, 3]\n"), "s/a.toml:5:9", &["3 radii for 2 positions"]);
     one(&format!("{spheres}radii = 1\nindices = [0, 2]\n"), "s/a.toml:6:11", &["index 2 is beyond the 2"]);
     one(spheres, "s/a.toml:2:1", &["`radii` is missing"]);
-    // What a structure says of a geometry is said where that stands, however many instances have it.
+    // What a structure says of a geometry is said where that stands, however many instances have
+    // it.
     let two = "[[instance]]\ngeometry = 'g'\n[[instance]]\ngeometry = 'g'\ntranslate = [1, 0, 0]\n";
     one(
         &format!("{spheres}radii = [1, -1]\n{two}"),

@@ -70,7 +70,8 @@ mod tests {
     use crate::scene::files::EmbeddedFiles;
     use crate::scene::resolve::{LoadOptions, load_text};
 
-    /// A scene of one triangle with an instance of these keys; its matrix at a time, or the mistakes.
+    /// A scene of one triangle with an instance of these keys; its matrix at a time, or the
+    /// mistakes.
     fn matrix(instance: &str, time: f32) -> Result<[[f32; 4]; 3], String> {
         let text = format!(
             "version = 1\n[geometry.a]\ntype = 'triangles'\nvertices = [[0,0,0],[1,0,0],[0,1,0]]\n\

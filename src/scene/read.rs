@@ -305,8 +305,8 @@ impl<'a> Table<'a> {
         T::parse(self.value(key)?)
     }
 
-    /// A key that may be missing, or written with its old name, which is noted. A table with both names
-    /// has an unknown key.
+    /// A key that may be missing, or written with its old name, which is noted. A table with both
+    /// names has an unknown key.
     pub fn optional_renamed<T: Parse>(&self, key: &'static str, old: &'static str) -> Option<T> {
         if !self.has(key)
             && let Some(member) = self.entries.iter().find(|member| member.key == old)
@@ -344,7 +344,7 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// Reports every missing key, and every key that nobody asked for. Call it after the last key
+    /// Reports every missing key, and every key that was not asked for. Call it after the last key
     /// was asked for and before giving up over one of them.
     pub fn finish(&self) {
         let (asked, renamed) = (self.asked.borrow(), self.renamed.borrow());

@@ -34,8 +34,8 @@ pub struct LoadOptions {
     pub precision: Option<Precision>,
     /// The `[[variant]]` of the scene's own file to take, by its place in the list.
     pub variant: Option<usize>,
-    /// Whether storage images that are only filled may be larger than any that are held whole: whoever launches
-    /// the scene hands them out in bands.
+    /// Whether storage images that are only filled may be larger than any that are held whole:
+    /// whoever launches the scene hands them out in bands.
     pub streams: bool,
 }
 

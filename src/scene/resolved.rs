@@ -39,9 +39,10 @@ pub struct ResolvedScene {
     pub pipeline_flags: PipelineFlags,
     /// `maxPipelineRayRecursionDepth`, where the scene says.
     pub max_recursion_depth: Option<u32>,
-    /// Invocations a subgroup, where the scene says.
+    /// The number of invocations in a subgroup, where the scene says.
     pub subgroup_size: Option<u32>,
-    /// Instructions that an invocation may execute, counted at back edges and calls, where the scene says.
+    /// Instructions that an invocation may execute, counted at back edges and calls, where the
+    /// scene says.
     pub fuel: Option<u64>,
     /// What becomes of an access outside its buffer or image.
     pub memory: MemoryPolicy,

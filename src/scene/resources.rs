@@ -84,7 +84,7 @@ pub enum Content {
     Buffer(Kind, BufferEntry),
     /// An image of either kind, or with a sampler.
     Image(Kind, ImageEntry),
-    /// A sampler by itself.
+    /// A sampler without an image.
     Sampler(SamplerReference),
     /// A TLAS by its name.
     AccelerationStructure(At<String>),
@@ -175,7 +175,7 @@ impl Parse for ResourceEntry {
     }
 }
 
-/// The element of an array of descriptors, less than shaders can tell apart.
+/// The index of an element in an array of descriptors, below the greatest that shaders can address.
 fn element(table: &Table<'_>) -> u32 {
     let Some(At { value, span }) = table.optional::<At<u32>>("element") else { return 0 };
     if value >> ELEMENT_BITS == 0 {

@@ -46,8 +46,8 @@ impl SpecializationValue {
     /// Gives a module's constant the value.
     ///
     /// # Errors
-    /// `InvalidArgument` where the module has no such constant, `InvalidScene` where the value is none of its
-    /// type.
+    /// `InvalidArgument` where the module has no such constant, `InvalidScene` where the value is
+    /// none of its type.
     pub fn give(&self, module: &mut Module, constant: u32) -> Result<()> {
         let bits = match module.specialization_type(constant) {
             Some(ty) => {
@@ -139,7 +139,8 @@ mod tests {
         assert_eq!(real("-3.0").bits(&E4M3), Ok(0xC4)); // 1 1000 100
         assert_eq!(real("0.5").bits(&DOUBLE), Ok(0x3FE0_0000_0000_0000));
         assert_eq!(real("-inf").bits(&FLOAT), Ok(0xFF80_0000));
-        // Rounded once: 2^24 + 1 + 2^-40 lies above the middle of two floats, which f64 does not tell.
+        // Rounded once: 2^24 + 1 + 2^-40 lies above the middle of two floats, which f64 does not
+        // tell.
         assert_eq!(real("16777217.0000000000009094947017729282379150390625").bits(&FLOAT), Ok(0x4B80_0001));
         assert_eq!((Given::Whole(-1).bits(&BYTE), Given::Whole(255).bits(&BYTE)), (Ok(0xFF), Ok(0xFF)));
         assert_eq!(

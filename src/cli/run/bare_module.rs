@@ -23,7 +23,7 @@ use crate::program::Program;
 use crate::scene::image::{declared_format, format_name};
 use crate::scene::{DiskFiles, Files, LoadOptions, ResolvedScene, load_text};
 
-/// What tells how to run a compute shader by itself.
+/// The arguments that a bare module needs and a scene file holds itself.
 #[derive(Args, Clone, Debug, Default)]
 pub struct Arguments {
     /// The compute entry point, where there are several
@@ -35,15 +35,15 @@ pub struct Arguments {
     /// Push constants, written as in a scene file: "u32 = 3" or "[{ u32 = 3 }, { f32 = [1, 2] }]"
     #[arg(long, value_name = "DATA")]
     push: Option<String>,
-    /// A specialization constant
+    /// The value of a specialization constant
     #[arg(long, value_name = "ID=VALUE")]
     spec: Vec<String>,
-    /// The content of a buffer: a size in bytes, data as in a scene file, or a file; without it as
-    /// many zeros as its type has bytes, a runtime array an element for each invocation
+    /// The content of a buffer: a size in bytes, data as in a scene file, or a file [default:
+    /// zeros, and an element of a runtime array for each invocation]
     #[arg(long, value_name = "[SET,]BINDING=SIZE|DATA|FILE")]
     buffer: Vec<String>,
-    /// An image: a size, with a format, or a file; without it a storage image has a texel for each
-    /// invocation
+    /// An image: a size, with a format, or a file [default: a texel of a storage image for each
+    /// invocation]
     #[arg(long, value_name = "[SET,]BINDING=WxH[,FORMAT]|FILE")]
     image: Vec<String>,
     /// SubgroupSize [default: 32]
@@ -65,8 +65,8 @@ pub fn binding(text: &str) -> Option<(Binding, Option<u32>)> {
     Some((binding, element))
 }
 
-/// A resource given on the command line; without an element it is meant for all that are not given
-/// by themselves.
+/// A resource given on the command line. Without an element it stands for all elements that are not
+/// given one by one.
 struct Given {
     binding: Binding,
     element: Option<u32>,
@@ -101,7 +101,7 @@ impl Files for WithModule {
 }
 
 impl Arguments {
-    /// A scene says all of this itself.
+    /// Refuses these arguments beside a scene file, which holds them itself.
     pub fn refuse(&self) -> Result<()> {
         let given = [
             ("--entry", self.entry.is_some()),

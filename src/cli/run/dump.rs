@@ -1,4 +1,4 @@
-//! What `--dump` shows: buffers by the types of the shader that uses them, images texel by texel.
+//! `--dump`: prints buffers by the types of the shader that uses them, images texel by texel.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::ops::pointer::storage;
 use crate::scene::resources::Resource;
 use crate::scene::{Assembled, ResolvedScene, resolved};
 
-/// How something is shown.
+/// How a resource is printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Typed,
@@ -22,12 +22,12 @@ enum Format {
     Json,
 }
 
-/// Something to show.
+/// A resource to print, as `--dump` names it.
 #[derive(Clone, Debug)]
 pub struct Dump {
     what: String,
     format: Format,
-    /// Whether it is not shown where it holds zeros alone.
+    /// Whether a resource that holds only zeros is left out.
     unless_zero: bool,
 }
 
@@ -38,7 +38,7 @@ pub enum Found {
     Image(Arc<Image>),
 }
 
-/// Something to show, found.
+/// A resource to print, looked up in the scene.
 #[derive(Clone, Debug)]
 pub struct Shown {
     name: String,
@@ -61,7 +61,7 @@ pub fn all(scene: &ResolvedScene) -> String {
     let names: Vec<_> =
         scene.resources.iter().filter(holds_data).map(|one| format!("`{}`", one.name)).collect();
     match names.is_empty() {
-        true => "it ran; --stats tells what was done".to_owned(),
+        true => "it ran; --stats counts what was done".to_owned(),
         false => {
             format!("it ran; --dump WHAT shows what it left of {}, --stats what was done", names.join(", "))
         }

@@ -32,8 +32,8 @@ pub struct RayCounts {
     pub surfaces: Use,
     /// Ray flags of ray queries, and `none`.
     pub query_flags: Use,
-    /// What ray queries committed, by surface; those that the scenes hold and no query committed are
-    /// 0 where there are queries.
+    /// What ray queries committed, by surface; those that the scenes hold and no query committed
+    /// are 0 where there are queries.
     pub query_commits: Use,
     /// By record, until they get their names.
     hit_records: BTreeMap<u64, u64>,

@@ -37,7 +37,7 @@ pub struct Counts {
 pub struct Sink<'a>(&'a mut RayCounts);
 
 impl Sink<'_> {
-    /// Takes an event.
+    /// Counts an event.
     pub fn event(&mut self, event: &Event) {
         self.0.event(event);
     }

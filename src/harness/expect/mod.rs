@@ -1,8 +1,9 @@
 //! `[expect]`: what a scene's launch must leave behind, and the comparison.
 //!
 //! A table may name its reason (`because`: a section of a specification, a VUID, arithmetic): then
-//! its values are derived, and nothing ever rewrites them. Every number knows its place in the file,
-//! so that a difference is shown with line and caret, and so that a recorded one can be renewed.
+//! its values are derived, and nothing ever rewrites them. Every number knows its place in the
+//! file, so that a difference is shown with line and caret, and so that a recorded one can be
+//! renewed.
 
 mod bytes;
 mod hit;
@@ -74,7 +75,7 @@ pub struct Observed {
     pub printed: String,
     /// What rays cost, where an expectation asks.
     pub costs: Option<Costs>,
-    /// What hangs on rounding, where an expectation asks.
+    /// What depends on rounding, where an expectation needs it.
     pub stability: Option<Result<Instability>>,
 }
 
@@ -239,7 +240,7 @@ impl Expectations {
     pub fn all_differences(&self, observed: &Observed) -> Vec<Difference> {
         let mut found = Vec::new();
         self.check_trap(observed, &mut found);
-        // What the launch did up to a trap that nobody expected is not looked at.
+        // What the launch did before an unexpected trap is not compared.
         if self.trap.is_none() && observed.trap.is_some() {
             return found;
         }

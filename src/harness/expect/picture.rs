@@ -35,10 +35,10 @@ pub enum Measure {
     Each(Tolerance),
     /// The root of the mean of all channels' squared differences is at most this.
     Rmse(At<f64>),
-    /// How alike they look, from 0 to 1 for equal, is at least this: the hybrid measure of the crate
-    /// `image-compare` on the pictures as 8-bit RGBA. Of each pixel the least of three counts: the
-    /// structural similarity (SSIM) of the luma in its block of 8 x 8, and how near colours and
-    /// alpha are.
+    /// How alike they look, from 0 to 1 for equal, is at least this: the hybrid measure of the
+    /// crate `image-compare` on the pictures as 8-bit RGBA. Of each pixel the least of three
+    /// counts: the structural similarity (SSIM) of the luma in its block of 8 x 8, and how near
+    /// colours and alpha are.
     Similarity(At<f64>),
 }
 
@@ -339,10 +339,11 @@ mod tests {
         let (black, white) = ([0, 0, 0, 255], [255, 255, 255, 255]);
         let one = picture([black, white]);
         assert_eq!(similarity(&one, &one), 1.0);
-        // Both means are 255/2, the deviations opposite: SSIM is below 0, and a pixel counts from 0.
+        // Both means are 255/2, the deviations opposite: SSIM is below 0, and a pixel counts from
+        // 0.
         assert_eq!(similarity(&one, &picture([white, black])), 0.0);
-        // Flat grey: without deviations SSIM is (2 a b + c) / (a^2 + b^2 + c) with c = (255 / 100)^2,
-        // and neither colour nor alpha differ.
+        // Flat grey: without deviations SSIM is (2 a b + c) / (a^2 + b^2 + c) with c = (255 /
+        // 100)^2, and neither colour nor alpha differ.
         let grey = |level| picture([[level, level, level, 255]; 2]);
         let (a, b, c) = (100.0, 50.0, 2.55 * 2.55);
         let expected = (2.0 * a * b + c) / (a * a + b * b + c);

@@ -64,7 +64,7 @@ pub struct ShaderTest {
     calls: Option<Answer<CallableCall>>,
     reports: Option<Answer<ReportedHit>>,
     fuel: u64,
-    /// The first mistake, told by [`ShaderTest::run`].
+    /// The first mistake, which [`ShaderTest::run`] returns.
     mistake: Option<Error>,
 }
 
@@ -83,7 +83,7 @@ impl ShaderTest {
         })?)
     }
 
-    /// The shader with a stage and an entry point's name, where the name alone does not tell.
+    /// The shader with a stage and an entry point's name, where several stages share the name.
     ///
     /// # Errors
     /// As [`ShaderTest::new`].
@@ -202,9 +202,9 @@ impl ShaderTest {
         Self { traces: Some(Answer::new(answer)), ..self }
     }
 
-    /// Answers the hit objects that the shader executes (`OpHitObjectExecuteShaderEXT`), in place of
-    /// closest-hit and miss shaders: the closure sees what is executed, and leaves the payload that
-    /// the shader goes on with.
+    /// Answers the hit objects that the shader executes (`OpHitObjectExecuteShaderEXT`), in place
+    /// of closest-hit and miss shaders: the closure sees what is executed, and leaves the payload
+    /// that the shader goes on with.
     ///
     /// A trace into a hit object is answered by [`ShaderTest::on_trace`], where
     /// [`TraceCall::hit`] says what it finds.
@@ -245,8 +245,8 @@ impl ShaderTest {
         Self { calls: Some(in_turn(data, "call", CallableCall::parts)), ..self }
     }
 
-    /// Decides on the reports of an intersection shader, as an any-hit shader would: `true` accepts.
-    /// Reports outside the ray's interval are not asked about.
+    /// Decides on the reports of an intersection shader, as an any-hit shader would: `true`
+    /// accepts. Reports outside the ray's interval are not asked about.
     #[must_use]
     pub fn on_report(self, decide: impl Fn(&ReportedHit) -> bool + Send + Sync + 'static) -> Self {
         let answer = Answer::new(move |report: &mut ReportedHit| {

@@ -22,9 +22,9 @@ impl ShaderTest {
     /// Runs the shader once. Buffers and images are copied first: a test can be run again.
     ///
     /// # Errors
-    /// `Trap` where the shader misbehaves, with its source line; `InvalidArgument` for a builtin or a
-    /// layout that does not fit, with both layouts, where the ray misses, and where the shader traces
-    /// or calls and nothing answers; what an answer returns.
+    /// `Trap` where the shader misbehaves, with its source line; `InvalidArgument` for a builtin or
+    /// a layout that does not fit, with both layouts, where the ray misses, and where the shader
+    /// traces or calls and nothing answers; what an answer returns.
     pub fn run(&self) -> Result<ShaderOutcome> {
         if let Some(mistake) = &self.mistake {
             return Err(mistake.clone());

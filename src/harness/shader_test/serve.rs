@@ -80,8 +80,8 @@ impl ShaderTest {
         Ok(Some(call))
     }
 
-    /// Serves the execution of a hit object; `None` where the shader traps at it, or there is nothing
-    /// to execute.
+    /// Serves the execution of a hit object; `None` where the shader traps at it, or there is
+    /// nothing to execute.
     pub(super) fn execute(
         &self,
         batch: &mut Batch<1>,

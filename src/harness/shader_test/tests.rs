@@ -1,4 +1,4 @@
-//! One shader by itself: what tests of it may do, and what they are told.
+//! Tests of a single shader: what they can set, and what their mistakes are answered with.
 
 use std::sync::Arc;
 
@@ -202,7 +202,8 @@ fn a_payload_is_set_by_the_names_of_its_members() {
     assert!(text.contains("there is no member `hit`") && text.contains("16  uint hits"), "{text}");
 }
 
-/// The ray generation shader of `trace-and-execute`: traces into a hit object, asks it, executes it.
+/// The ray generation shader of `trace-and-execute`: traces into a hit object, asks it, executes
+/// it.
 fn objects() -> ShaderTest {
     let module = fixture("hit-object/trace-and-execute/main.rgen.spv");
     let test = ShaderTest::new(&module, "main").expect("a ray generation shader");
@@ -227,8 +228,8 @@ fn a_trace_into_a_hit_object_finds_what_the_answer_says() {
         .unwrap();
     let row = &outcome.buffer(0, 1).unwrap()["outputs"][0];
     let found: Vec<f32> = (0..14).map(|at| row[at].f32()).collect();
-    // Not empty, a hit, no miss; the payload; the interval ends at the hit; record 3 + 0 x 1 + 1; the
-    // ray at (1/4, 1/4); a front-facing triangle (HitKindFrontFacingTriangleKHR is 0xFE).
+    // Not empty, a hit, no miss; the payload; the interval ends at the hit; record 3 + 0 x 1 + 1;
+    // the ray at (1/4, 1/4); a front-facing triangle (HitKindFrontFacingTriangleKHR is 0xFE).
     let expected = [0.0, 1.0, 0.0, 5.0, 0.5, 4.0, 4.0, 0.25, 0.25, 254.0, 5.0, 6.0, 7.0, 8.0];
     assert_eq!(found, expected);
     assert_eq!((outcome.traces.len(), outcome.executes.len(), outcome.executes[0].record), (1, 1, 4));

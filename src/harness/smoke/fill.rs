@@ -1,4 +1,4 @@
-//! Values for memory that nobody has given.
+//! Made-up values for memory.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -135,7 +135,7 @@ impl Numbers {
 /// What lies behind an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
-    /// Not known: nobody has gone there yet.
+    /// Unknown: no run has reached it yet.
     Unknown,
     /// What a pointer of this type points to, many times.
     Pointer(TypeId),
@@ -143,8 +143,8 @@ pub enum Content {
     Structure,
 }
 
-/// A place that addresses are taken from: a member of a block by its offset, whatever the array
-/// elements on the way.
+/// Identifies a place that addresses are taken from: a member of a block by its offset, whatever
+/// the array elements on the way.
 pub type PlaceId = u64;
 
 /// A stretch of device memory.
@@ -182,7 +182,7 @@ impl<'a> Filler<'a> {
         Self { module, numbers, wide, extent, known, regions, by_place, steps, root: 0 }
     }
 
-    /// The bytes of a block; `root` tells it from others.
+    /// The bytes of a block; `root` distinguishes it from others.
     pub fn block(&mut self, ty: TypeId, root: u64) -> Vec<u8> {
         let layout = Layout::new(self.module, ty, Rules::Explicit);
         let size = match layout.runtime_stride() {
@@ -435,7 +435,8 @@ mod tests {
         let numbers = Numbers { seed: 1, integers: Integers::Mixed, floats: Floats::Signed };
         let row: Vec<u64> = (0..8000).map(|at| numbers.integer(5, at)).collect();
         let count = |wanted: u64| row.iter().filter(|value| **value == wanted).count();
-        // 1/8 are 1000; 1/8 and a quarter of the other 6/8 are 0. Four standard deviations are 120 and 165.
+        // 1/8 are 1000; 1/8 and a quarter of the other 6/8 are 0. Four standard deviations are 120
+        // and 165.
         assert!(count(1000).abs_diff(1000) < 120 && count(0).abs_diff(2500) < 175, "{}", count(0));
         let floats: Vec<f32> = (0..1000).map(|at| numbers.float(5, at)).collect();
         assert!(floats.iter().all(|float| (-4.0..4.0).contains(float)));

@@ -85,9 +85,9 @@ pub fn one_box() -> Result<Arc<Tlas>> {
     cached(&BOX, || vec![Instance::aabbs([[[-1.0; 3], [1.0; 3]]])])
 }
 
-/// A structure with every kind of primitive, or with one alone, which shaders trace: walls in front of
-/// and behind the origin, a floor, and a box, a sphere and a linear swept sphere beside it. All are of
-/// cluster 0.
+/// A structure with every kind of primitive, or with one alone, which shaders trace: walls in front
+/// of and behind the origin, a floor, and a box, a sphere and a linear swept sphere beside it. All
+/// are of cluster 0.
 ///
 /// # Errors
 /// None: the geometry is known.

@@ -19,8 +19,8 @@ pub struct Try {
 }
 
 impl Try {
-    /// The trap that several runs come to: the first that no values get past, or the first one where
-    /// no run came to its end. `None` where all is well.
+    /// The trap that several runs come to: the first that no values get past, or the first one
+    /// where no run came to its end. `None` where all is well.
     pub fn verdict(tries: &[Try]) -> Option<&Trapped> {
         let mut traps = sites(tries).into_iter();
         let complete = tries.iter().any(|one| one.trapped.is_none());
@@ -44,8 +44,8 @@ impl Try {
     }
 }
 
-/// Whether a trap says that the operands of a ray break a rule. Numbers that are all the same make no
-/// ray, so that getting past on them says nothing.
+/// Whether a trap says that the operands of a ray break a rule. Numbers that are all the same make
+/// no ray, so that getting past on them says nothing.
 pub fn is_of_rays(trap: &Trapped) -> bool {
     matches!(trap.code, TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject)
 }

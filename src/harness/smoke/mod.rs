@@ -198,8 +198,8 @@ fn ended(subject: &Subject<'_>, way: Way, tries: &[Try]) -> Run {
     Run { with: way.name(), result: Verdict::Ok, trap: None, note }
 }
 
-/// Where one kind of geometry passes, another kind's trap is a note: a shader need not be meant for all.
-/// But where the operands of a trace break a rule, another kind must get past that trace.
+/// Where one kind of geometry passes, another kind's trap is a note: a shader need not be meant for
+/// all. But where the operands of a trace break a rule, another kind must get past that trace.
 fn excuse_kinds(runs: &mut [Run], explored: &[(Way, Vec<Try>)]) {
     let passing: Vec<&str> =
         runs.iter().filter(|run| run.result == Verdict::Ok).map(|run| run.with).collect();

@@ -44,7 +44,8 @@ pub struct EntryReport {
     pub name: String,
     /// SPIR-V's name of its execution model.
     pub stage: &'static str,
-    /// The worst of its runs, but for traps of one kind of geometry that are notes as another passes.
+    /// The worst of its runs, but for traps of one kind of geometry that are notes as another
+    /// passes.
     pub result: Verdict,
     /// What is unsupported or invalid, where something is.
     pub reasons: Vec<String>,
@@ -62,7 +63,7 @@ pub struct Reached {
     pub blocks_entered: usize,
     /// Blocks of the module that its branches and calls lead to.
     pub blocks: usize,
-    /// Where the others begin: source lines, or words of the module where it tells no lines.
+    /// Where the others begin: source lines, or words of the module where it holds no lines.
     pub blocks_not_entered: Vec<String>,
     /// Instructions that trace rays and were executed.
     pub trace_instructions_reached: usize,
@@ -153,8 +154,8 @@ pub struct Run {
     /// Where it trapped.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trap: Option<TrapReport>,
-    /// Which values made it trap where others did not, a line for each trap; for a trap that does not
-    /// count, why.
+    /// Which values made it trap where others did not, a line for each trap; for a trap that does
+    /// not count, why.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
@@ -225,7 +226,7 @@ impl SmokeReport {
 }
 
 impl EntryReport {
-    /// Writing to a string does not fail. A trap that was told is named only.
+    /// Writing to a string does not fail. A trap that was reported before is only named.
     fn write(&self, out: &mut String, told: &mut BTreeSet<(u32, String)>) {
         let reached = self.coverage.as_ref().filter(|reached| !reached.is_whole());
         let part = reached.filter(|_| self.result == Verdict::Ok).map_or_else(String::new, |reached| {

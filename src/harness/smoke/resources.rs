@@ -171,16 +171,16 @@ fn share(held: &mut Descriptor, new: &Descriptor) {
     };
 }
 
-/// An answer to a trace or call that no shader gives: the words of the payload. `root` tells it from
-/// others.
+/// An answer to a trace or call that no shader gives: the words of the payload. `root` tells it
+/// from others.
 pub fn answer(
     module: &Module,
     rows: &InterfaceRegisters,
     (numbers, root): (Numbers, u64),
     far: u32,
 ) -> Vec<u32> {
-    // One answer in four looks like that of a miss shader, and one has large integers, so that loops
-    // over bounces end.
+    // One answer in four looks like that of a miss shader, and one has large integers, so that
+    // loops over bounces end.
     let like = match mix(mix(numbers.seed, root), u64::MAX - 1) >> 61 {
         0 | 1 => Like::Missed,
         2 => Like::Far(far),
@@ -254,7 +254,7 @@ impl Answer<'_> {
     }
 }
 
-/// A number that tells a variable from others.
+/// A number that distinguishes a variable from others.
 fn root(variable: &InterfaceVariable) -> u64 {
     let place = variable.descriptor_set.zip(variable.binding);
     let (set, binding) = place.unwrap_or((u32::MAX, variable.storage_class));

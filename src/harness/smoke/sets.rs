@@ -18,8 +18,8 @@ pub struct Set {
     pub specialization: usize,
 }
 
-/// Those that are tried first: whether of one invocation, what is added to the seed, what numbers are,
-/// whether geometry is hit from behind.
+/// Those that are tried first: whether of one invocation, what is added to the seed, what numbers
+/// are, whether geometry is hit from behind.
 const FIXED: [(bool, u64, Integers, Floats, bool); 11] = [
     (false, 0, Integers::Small, Floats::Unit, false),
     (false, 1, Integers::Small, Floats::Unit, true),
@@ -35,8 +35,8 @@ const FIXED: [(bool, u64, Integers, Floats, bool); 11] = [
 ];
 
 impl Set {
-    /// How many are tried before only new seeds follow, given how many specialized programs there are
-    /// beside the first.
+    /// How many are tried before only new seeds follow, given how many specialized programs there
+    /// are beside the first.
     pub fn fixed(specialized: usize) -> usize {
         FIXED.len() + specialized
     }

@@ -37,7 +37,8 @@ const RECORDS: usize = 1024;
 const RECORD_SIZE: usize = 256;
 /// Addresses that one shader may be taught.
 const MOST_ADDRESSES: usize = 256;
-/// How many times as large resources may become where an access goes beyond them, and in which steps.
+/// How many times as large resources may become where an access goes beyond them, and in which
+/// steps.
 const MOST_SCALE: u32 = 64;
 const SCALE_STEP: u32 = 8;
 /// Bytes beyond which an offset is not made good by a larger buffer.
@@ -166,8 +167,8 @@ impl Subject<'_> {
         }
     }
 
-    /// Runs it on sets of values until every block was entered and it ran to its end, or new ones lead
-    /// nowhere new; the first one at least.
+    /// Runs it on sets of values until every block was entered and it ran to its end, or new ones
+    /// lead nowhere new; the first one at least.
     ///
     /// # Errors
     /// What making up its values reports.
@@ -208,8 +209,8 @@ impl Subject<'_> {
         self.specialized.get_or_init(|| specialized::programs(self.module, self.entry, &self.program))
     }
 
-    /// Runs it until every address that it goes to leads somewhere, and no resource is too small that a
-    /// larger one would do for.
+    /// Runs it until every address that it goes to leads somewhere, and no resource is too small
+    /// that a larger one would do for.
     fn settle(
         &self,
         way: Way,
@@ -365,7 +366,7 @@ impl Subject<'_> {
         Ok([0, 1, 2].map(|axis| size[axis].saturating_mul(groups[axis])))
     }
 
-    /// Runs it once more where nobody watches, in its optimised form, which must end alike.
+    /// Runs it once more without observers, in its optimised form, which must end alike.
     fn check_unwatched(&self, way: Way, watched: &Try, values: Values, learned: &Learned) -> Result<()> {
         // What ends only for want of fuel takes long enough.
         if learned.is_spent {

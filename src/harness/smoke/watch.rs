@@ -76,7 +76,8 @@ impl<const W: usize> Observer<W> for Watch<'_> {
     }
 }
 
-/// The instructions of a program that trace, and those that begin ray queries, by their word offsets.
+/// The instructions of a program that trace, and those that begin ray queries, by their word
+/// offsets.
 pub fn tracing(program: &Program) -> [BTreeSet<u32>; 2] {
     let mut found = [BTreeSet::new(), BTreeSet::new()];
     for (op, origin) in program.ops.iter().zip(&program.origins) {
@@ -148,8 +149,8 @@ impl PipelineObserver for StandIn<'_> {
         *count += 1;
     }
 
-    /// The answer depends on the invocation and on how many it was given before: not on the order in
-    /// which invocations run.
+    /// The answer depends on the invocation and on how many it was given before: not on the order
+    /// in which invocations run.
     fn absent(&mut self, caller: Caller, words: &mut [u32]) {
         let before = self.answers.entry(self.launch_id).or_default();
         let [x, y, z] = self.launch_id.map(u64::from);

@@ -1,9 +1,9 @@
 //! How far a device's result may lie from the exact one.
 //!
-//! The bounds are those of Vulkan's "Precision and Operation of SPIR-V Instructions", or the greatest
-//! error that a driver was measured to make (`docs/stability.md` lists both). A result is drawn inside:
-//! half of the time at random, else at one end, where decisions turn. What is defined by a formula is
-//! drawn step by step.
+//! The bounds are those of Vulkan's "Precision and Operation of SPIR-V Instructions", or the
+//! greatest error that a driver was measured to make (`docs/stability.md` lists both). A result is
+//! drawn inside: half of the time at random, else at one end, where decisions turn. What is defined
+//! by a formula is drawn step by step.
 
 use crate::harness::stability::calculate::Draw;
 use crate::scene::read::Named;

@@ -154,8 +154,8 @@ impl Draw<'_> {
         }
     }
 
-    /// 3 units in the last place; between 0.5 and 2, where the logarithm of x is near 0, an absolute
-    /// error of 2^-21 (2^-7 in f16).
+    /// 3 units in the last place; between 0.5 and 2, where the logarithm of x is near 0, an
+    /// absolute error of 2^-21 (2^-7 in f16).
     pub fn log(&mut self, x: f64, log: f64) -> f64 {
         let measured = self.envelope == Envelope::Nvidia;
         if !(0.5..=2.0).contains(&x) {
@@ -256,8 +256,8 @@ mod tests {
         // 1 + 2^-12 in f16 is a neighbour of 1.
         let half = range("FAdd", [1.0, 2f64.powi(-12), 0.0], 16, Envelope::Vulkan);
         assert_eq!(half, (1.0, 1.0 + 2f64.powi(-10)));
-        // (1 + 2^-12)^2 - (1 + 2^-11) is 2^-24 fused, and 0 with a product that is rounded down, 2^-23
-        // with one that is rounded up.
+        // (1 + 2^-12)^2 - (1 + 2^-11) is 2^-24 fused, and 0 with a product that is rounded down,
+        // 2^-23 with one that is rounded up.
         let near = 1.0 + 2f64.powi(-12);
         let fma = range("Fma", [near, near, -1.0 - 2f64.powi(-11)], 32, Envelope::Vulkan);
         assert_eq!(fma, (0.0, 2f64.powi(-23)));

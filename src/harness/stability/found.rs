@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::harness::stability::place::Spot;
 
-/// Lines whose worst relative error is greater are told even without anything else.
+/// Lines whose worst relative error is greater are reported even without other findings.
 pub const ERROR: f64 = 1e-4;
 
 /// What the shadow of a run showed.
@@ -25,7 +25,8 @@ pub struct Found {
     pub error: f64,
     /// The invocation of ray generation (or of a dispatch, its first) with that error.
     pub launch_id: Option<[u32; 3]>,
-    /// The most bits that one operation lost: by how many its result is worse than its worst operand.
+    /// The most bits that one operation lost: by how many its result is worse than its worst
+    /// operand.
     pub bits_lost: f64,
     /// Sums and differences that lost more than 8 bits.
     pub cancellations: u64,

@@ -1,9 +1,10 @@
-//! How far a shader's results hang on rounding.
+//! How far a shader's results depend on rounding.
 //!
-//! [`shadow()`] runs every float operation once more in f64 beside the f32 run, and says on which lines
-//! the two differ. [`perturb()`] repeats a run with every result moved at random within what Vulkan
-//! allows, and says which outputs and branches change. Both observe invocations one by one, as
-//! [`Observer`](crate::machine::Observer)s of the interpreter: a run without observers costs nothing more.
+//! [`shadow()`] runs every float operation once more in f64 beside the f32 run, and says on which
+//! lines the two differ. [`perturb()`] repeats a run with every result moved at random within what
+//! Vulkan allows, and says which outputs and branches change. Both observe invocations one by one,
+//! as [`Observer`](crate::machine::Observer)s of the interpreter: a run without observers costs
+//! nothing more.
 
 mod allowed;
 mod calculate;
@@ -29,8 +30,7 @@ pub use stable::StableExpectation;
 use crate::harness::memory;
 use crate::scene::Assembled;
 
-/// A scene with memory of its own, which is what the scene's is now: what runs on one leaves the other
-/// as it was.
+/// Copies a scene with its memory as it is now: what runs on one does not change the other.
 pub fn apart(assembled: &Assembled) -> Assembled {
     Assembled { resources: memory::copied(&assembled.resources), ..assembled.clone() }
 }

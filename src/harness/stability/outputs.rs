@@ -12,7 +12,8 @@ use crate::scene::Assembled;
 /// An output that is not the same in every run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unstable {
-    /// The value that differs most: `` `sums` values[3] ``, `` `image` texel (4, 2).r ``, `payload.color[0]`.
+    /// The value that differs most: `` `sums` values[3] ``, `` `image` texel (4, 2).r ``,
+    /// `payload.color[0]`.
     pub name: String,
     /// How many values of the output differ in some run.
     pub values: usize,

@@ -77,8 +77,8 @@ impl Instability {
 /// Runs a scene's launch and dispatches again and again, each time on a copy of its resources.
 ///
 /// # Errors
-/// The trap of the run without perturbation; `UnsupportedModule` where invocations cannot run one by
-/// one.
+/// The trap of the run without perturbation; `UnsupportedModule` where invocations cannot run one
+/// by one.
 pub fn perturb(
     scene: &ResolvedScene,
     assembled: &Assembled,

@@ -67,8 +67,8 @@ impl<P: Probe> Observer<1> for Eyes<'_, P> {
 /// Invocations that one task of a thread runs.
 const STRETCH: u64 = 256;
 
-/// Runs the launch and the dispatches of a scene on resources, in stretches: each has a probe of its
-/// own, and all are given to `take` in order. A launch whose shaders depend on the order of
+/// Runs the launch and the dispatches of a scene on resources, in stretches: each has a probe of
+/// its own, and all are given to `take` in order. A launch whose shaders depend on the order of
 /// invocations, or share memory, is one stretch.
 pub(super) fn run<P: Probe>(
     assembled: &Assembled,

@@ -9,8 +9,8 @@ use crate::geometry::Ray;
 use crate::harness::stability::shadows::Entry;
 use crate::machine::{RayQuery, Reg};
 
-/// Where the numbers of a ray stand among the operands of its instruction, in words: the origin, and
-/// behind it t min, direction and t max.
+/// Where the numbers of a ray stand among the operands of its instruction, in words: the origin,
+/// and behind it t min, direction and t max.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Numbers(pub u32);
 
@@ -55,8 +55,8 @@ impl Beside {
         }
     }
 
-    /// Whether the ray of the shadows hits something else than what the run committed. `ignored` are
-    /// candidates that its shaders did not take, at `last` they ended the ray.
+    /// Whether the ray of the shadows hits something else than what the run committed. `ignored`
+    /// are candidates that its shaders did not take, at `last` they ended the ray.
     pub fn other_hit(
         &self,
         tlas: &Tlas,
@@ -156,8 +156,8 @@ impl Queried {
         }
     }
 
-    /// Whether what is committed by now is something else for the ray of the shadows; told once. While
-    /// the query is underway nothing is said, but behind a hit that was confirmed.
+    /// Whether what is committed by now is something else for the ray of the shadows; true once.
+    /// While the query is underway nothing is said, but behind a hit that was confirmed.
     pub fn other_hit(&mut self, query: &RayQuery) -> bool {
         let mut ignored = self.ignored.clone();
         ignored.extend(self.candidate.filter(|_| !self.confirmed));

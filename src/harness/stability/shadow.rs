@@ -1,10 +1,11 @@
 //! The f64 shadow: every float operation once more in f64, beside the run.
 //!
-//! Beside each register that holds a float stands the value that f64 arithmetic would have led to; it
-//! goes with the value through variables, calls, payloads, callable data, hit attributes and
-//! buffers. What comes from elsewhere (constants, builtins, textures, what a ray query says of a hit,
-//! what an atomic gives) stands beside itself. The run itself stays as it is: where a comparison of
-//! shadows falls out otherwise, that is counted, and both go on along the way of the run.
+//! Beside each register that holds a float stands the value that f64 arithmetic would have led to;
+//! it goes with the value through variables, calls, payloads, callable data, hit attributes and
+//! buffers. What comes from elsewhere (constants, builtins, textures, what a ray query says of a
+//! hit, what an atomic gives) stands beside itself. The run itself stays as it is: where a
+//! comparison of shadows falls out otherwise, that is counted, and both go on along the way of the
+//! run.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -20,8 +21,8 @@ use crate::ops::shadow_op::{ShadowOp, shadow_op};
 use crate::program::Program;
 use crate::scene::{Assembled, ResolvedScene};
 
-/// Runs a scene's launch and dispatches on a copy of its resources, with shadows. Beside the findings
-/// stands the trap that ended the run, if there is one.
+/// Runs a scene's launch and dispatches on a copy of its resources, with shadows. Beside the
+/// findings stands the trap that ended the run, if there is one.
 ///
 /// # Errors
 /// `UnsupportedModule` where invocations cannot run one by one.
@@ -94,7 +95,7 @@ impl Plan {
         Self { programs, shadow_ops, branches, flags, memory: Mutex::default() }
     }
 
-    /// See there.
+    /// Locks the memory.
     pub fn memory(&self) -> MutexGuard<'_, Memory> {
         self.memory.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,4 +1,5 @@
-//! Executes the operations of invocations in f64 beside the f32 run: a shadow interpreter, as in LLVM's NSan.
+//! Executes the operations of invocations in f64 beside the f32 run: a shadow interpreter, as in
+//! LLVM's NSan.
 
 use std::collections::HashMap;
 
@@ -325,7 +326,8 @@ impl<'a> ShadowInterpreter<'a> {
                 WORLD_RAY_ORIGIN => beside.entry(word),
                 WORLD_RAY_DIRECTION => beside.entry(Numbers::DIRECTION + word),
                 RAY_T_MIN => beside.entry(Numbers::T_MIN),
-                // Where nothing was reported it is the ray's own; an entry counts where its bits do.
+                // Where nothing was reported it is the ray's own; an entry counts where its bits
+                // do.
                 RAY_T_MAX => t.or_else(|| beside.entry(Numbers::T_MAX)),
                 _ => None,
             };

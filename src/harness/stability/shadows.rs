@@ -9,8 +9,8 @@ use crate::machine::{Batch, Reg};
 /// What stands beside a word, or beside the two words of a wide number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Entry {
-    /// The bits that it stands beside: where the register holds others by now, something that is not
-    /// followed wrote it, and the entry means nothing.
+    /// The bits that it stands beside: where the register holds others by now, something that is
+    /// not followed wrote it, and the entry means nothing.
     pub bits: u64,
     /// The value without the rounding; of a truth value 0 or 1, of an integer the integer.
     pub value: f64,

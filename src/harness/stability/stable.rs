@@ -5,7 +5,7 @@ use crate::harness::expect::Difference;
 use crate::harness::stability::{Envelope, Instability, Perturbation};
 use crate::scene::read::{Parse, Span, Table, TomlValue};
 
-/// What must not hang on rounding.
+/// `[expect.stable]`: what must not depend on rounding.
 #[derive(Clone, Debug)]
 pub struct StableExpectation {
     /// Where its table begins.

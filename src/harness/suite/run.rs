@@ -71,8 +71,8 @@ pub struct SuiteReport {
 }
 
 impl Suite {
-    /// Runs the tests and reports each as soon as all before it are reported: no result and no order
-    /// depends on how many run in parallel.
+    /// Runs the tests and reports each as soon as all before it are reported: no result and no
+    /// order depends on how many run in parallel.
     ///
     /// # Errors
     /// `Io` where a scene file cannot be written anew, and where telling fails.
@@ -147,7 +147,7 @@ impl Suite {
                         if at >= groups.len() || stop.load(Ordering::Relaxed) {
                             break;
                         }
-                        // Nobody listens any more where telling has failed.
+                        // The receiver is gone once a report has failed.
                         if sender.send((at, self.group(groups[at], options))).is_err() {
                             break;
                         }
@@ -229,7 +229,8 @@ struct Done {
 }
 
 impl Done {
-    /// The tests of a case that cannot be loaded: the first tells why, and the others name it.
+    /// The tests of a case that cannot be loaded: the first holds the error, the others name the
+    /// first.
     fn broken(tests: &[Test], file: &Path, error: &Error) -> Self {
         let again = || {
             let message = format!("not run, for the same reason as `{}`: {}", tests[0].name, error.message());
@@ -290,8 +291,8 @@ impl Tester<'_> {
         }
     }
 
-    /// What hangs on rounding. An error where that cannot be seen: invocations cannot run one by one, or
-    /// the test is of a trap.
+    /// What depends on rounding. An error where that cannot be seen: invocations cannot run one by
+    /// one, or the test is of a trap.
     fn perturbed(&self, perturbation: &Perturbation) -> Result<Instability> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         match self.part() {

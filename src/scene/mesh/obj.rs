@@ -11,8 +11,8 @@ use crate::scene::mesh::Mesh;
 /// The triangles of all objects, or of the one with the given name.
 ///
 /// # Errors
-/// `InvalidMesh` that points at the line for a broken file; also where no object has that name or no
-/// triangle is left.
+/// `InvalidMesh` that points at the line for a broken file; also where no object has that name or
+/// no triangle is left.
 pub fn read(path: &Path, bytes: &[u8], object: Option<&str>) -> Result<Mesh> {
     let invalid = |message: String| Error::new(ErrorKind::InvalidMesh, message);
     let whole = || Place::File(path.to_path_buf());

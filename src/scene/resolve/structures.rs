@@ -97,7 +97,7 @@ impl Resolver<'_> {
             Ok(blas) => return Some(blas),
             Err(error) => error,
         };
-        // A BLAS knows no lines, either; what is wrong with a geometry is told once.
+        // A BLAS knows no lines, either; what is wrong with a geometry is reported once.
         let before = self.report.len();
         for name in &entry.geometry {
             let Some(geometry) = loaded.get_mut(name.value.as_str()) else { continue };
