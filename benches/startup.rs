@@ -1,9 +1,9 @@
 //! What tests wait for: a thousand unit tests of one ray each, the parts that one is made of, and
 //! the program from its start to its end.
 //!
-//! `cargo bench --bench startup` prints a table; `docs/testing.md` has figures. Everything runs on one
-//! thread. Each row is the median of several runs, beside the fastest: on a busy machine look at that.
-//! Without `--bench` (`cargo test --benches`) every row runs once.
+//! `cargo bench --bench startup` prints a table; `docs/testing.md` has figures. Everything runs on
+//! one thread. Each row is the median of several runs, beside the fastest: on a busy machine look
+//! at that. Without `--bench` (`cargo test --benches`) every row runs once.
 
 #![allow(clippy::print_stdout, reason = "a table is printed")]
 

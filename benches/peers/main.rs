@@ -1,8 +1,9 @@
-//! Beside lavapipe (Mesa's Vulkan driver for the CPU), Embree and a plain loop over obvhs, in turn on the
-//! same scenes, rays and shaders: the table of ratios.
+//! Beside lavapipe (Mesa's Vulkan driver for the CPU), Embree and a plain loop over obvhs, in turn
+//! on the same scenes, rays and shaders: the table of ratios.
 //!
-//! `ANYHIT_PEERS=FOLDER cargo bench --bench peers` takes five rounds, or as many as stand after `--`;
-//! a word there instead chooses the rows whose names hold it. `benches/peers/README.md` says how the folder is made.
+//! `ANYHIT_PEERS=FOLDER cargo bench --bench peers` takes five rounds, or as many as stand after
+//! `--`; a word there instead chooses the rows whose names hold it. `benches/peers/README.md` says
+//! how the folder is made.
 //!
 //! Every row is measured here and at its peer at once, one thread each, in processor time; what is
 //! printed are medians of the rounds, and the ratio's is that of the rounds' own ratios.

@@ -8,7 +8,8 @@ use crate::{frames, obvhs, scenes, traverse};
 
 /// The size of the pictures.
 pub const PICTURE: [u32; 2] = [1024, 768];
-/// How many more or fewer hits than the peer, of a thousand pixels: its intersections are not exact.
+/// How many more or fewer hits than the peer, of a thousand pixels: its intersections are not
+/// exact.
 const HITS_APART: f64 = 1.0;
 
 /// A comparison.

@@ -1,9 +1,9 @@
 //! The scenes and shaders, as files that the peers read.
 //!
-//! `SHARE/scenes/NAME/` holds little-endian numbers: `inputs` (what the shaders read of the camera), `rays`
-//! (origin, tmin, direction, tmax), `transforms` (three rows of four a matrix), and of `vertices`, `normals`,
-//! `indices`, `spheres` (centre and radius), `ends` (two spheres a primitive) and `boxes` (corners) what the
-//! scene has.
+//! `SHARE/scenes/NAME/` holds little-endian numbers: `inputs` (what the shaders read of the
+//! camera), `rays` (origin, tmin, direction, tmax), `transforms` (three rows of four a matrix), and
+//! of `vertices`, `normals`, `indices`, `spheres` (centre and radius), `ends` (two spheres a
+//! primitive) and `boxes` (corners) what the scene has.
 
 use std::path::Path;
 

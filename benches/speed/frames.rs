@@ -11,7 +11,8 @@ use anyhit::program::Program;
 use crate::scenes::{self, Scene};
 use crate::table::Table;
 
-/// The shaders of a pipeline by the names of their sources, without `.rgen` and so on; empty for none.
+/// The shaders of a pipeline by the names of their sources, without `.rgen` and so on; empty for
+/// none.
 #[derive(Clone, Copy, Default)]
 struct Shaders {
     ray_generation: &'static str,
@@ -155,7 +156,8 @@ pub fn run(table: &mut Table) {
     }
 }
 
-/// A launch to run again and again: the triangles with the heavy closest-hit shader, or arithmetic only.
+/// A launch to run again and again: the triangles with the heavy closest-hit shader, or arithmetic
+/// only.
 #[allow(dead_code, reason = "the comparison with peers has no threads")]
 pub fn again(table: &Table, heavy: bool, size: [u32; 2]) -> (Pipeline, Resources) {
     let scene = scenes::heightfield(table.size(256, 8));

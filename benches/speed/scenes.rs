@@ -77,7 +77,7 @@ impl Camera {
         rays
     }
 
-    /// The same in random order.
+    /// The rays of [`Self::rays`] in random order.
     pub fn shuffled_rays(&self, picture: [u32; 2]) -> Vec<Ray> {
         let mut rays = self.rays(picture);
         let mut random = Random(3);
@@ -265,8 +265,8 @@ pub fn placed(blas: &Arc<Blas>, side: u32) -> Arc<Tlas> {
     Tlas::new(instances.collect()).expect("valid instances")
 }
 
-/// Side x side places that together are as wide as one, every other one turned: a transform each, in
-/// rows.
+/// Side x side places that together are as wide as one, every other one turned: a transform each,
+/// in rows.
 pub fn tiles(side: u32) -> impl Iterator<Item = [[f32; 4]; 3]> {
     (0..side * side).map(move |number: u32| {
         let at = |k: u32| -5.0 + 10.0 * (k as f32 + 0.5) / side as f32;

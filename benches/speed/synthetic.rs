@@ -1,9 +1,9 @@
-//! Modules as large as one likes: a ray generation shader made of functions that load, compute, branch,
-//! loop and call each other, in about the shares in which real renderers do.
+//! Modules as large as one likes: a ray generation shader made of functions that load, compute,
+//! branch, loop and call each other, in about the shares in which real renderers do.
 
 use crate::scenes::Random;
 
-/// A result's number.
+/// The id of an instruction's result.
 type Id = u32;
 
 /// Numbers of types, constants and the rest that every module has.

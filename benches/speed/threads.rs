@@ -1,7 +1,9 @@
-//! How threads help: several threads of one process beside as many processes of one thread each, in turn.
+//! How threads help: several threads of one process beside as many processes of one thread each, in
+//! turn.
 //!
-//! What processes reach together is what the machine gives: they share nothing but the machine itself, its memory, its
-//! cores and whatever else runs on them. So the ratio of both is what sharing a launch costs.
+//! What processes reach together is what the machine gives: they share nothing but the machine
+//! itself, its memory, its cores and whatever else runs on them. So the ratio of both is what
+//! sharing a launch costs.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
@@ -66,8 +68,8 @@ impl Picture {
     }
 }
 
-/// A pool whose threads each keep to a processor of their own, where this system lets them: from the given one of
-/// those that this process may use.
+/// A pool whose threads each keep to a processor of their own, where this system lets them: from
+/// the given one of those that this process may use.
 fn pool(first: usize, threads: usize) -> rayon::ThreadPool {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
     builder.start_handler(move |at| keep_to(first + at)).build().expect("threads")
@@ -89,7 +91,8 @@ fn keep_to(number: usize) {
 #[cfg(not(target_os = "linux"))]
 fn keep_to(_: usize) {}
 
-/// Draws a picture with one thread whenever its number comes, and tells how fast that was; until no line comes.
+/// Draws a picture with one thread whenever its number comes, and tells how fast that was; until no
+/// line comes.
 pub fn work(full: bool) {
     let number = std::env::var(WORKER).ok().and_then(|number| number.parse().ok());
     let pictures = Picture::both(&Table::new(full, None));
@@ -166,7 +169,8 @@ pub fn run(table: &Table) {
                     let sum = |rate: fn(&Rate) -> f64| rates.iter().map(rate).sum::<f64>();
                     Rate { wall: sum(|rate| rate.wall), thread: sum(|rate| rate.thread) / count as f64 }
                 };
-                // Whoever comes first: a machine that gets slower or faster meanwhile favours neither.
+                // Whoever comes first: a machine that gets slower or faster meanwhile favours
+                // neither.
                 match round % 2 {
                     0 => [threads(), processes()],
                     _ => {

@@ -36,7 +36,7 @@ fn trace(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
     (hits, note)
 }
 
-/// The same for rays that go together, 64 at a time.
+/// Traces rays in packets of 64.
 fn trace_together(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
     let query = |ray: &Ray| TraceRay { ray: *ray, flags, cull_mask: 0xFF, time: 0.0 };
     let any = flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT);
@@ -51,7 +51,8 @@ fn trace_together(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
     (hits, format!("{:.0} % hit", 100.0 * hits as f64 / rays.len() as f64))
 }
 
-/// The rays of a picture, those of a tile of 8 x 8 pixels one after the other, as launches have them.
+/// The rays of a picture, those of a tile of 8 x 8 pixels one after the other, as launches have
+/// them.
 fn tiles(scene: &Scene, [width, height]: [u32; 2]) -> Vec<Ray> {
     let rays = scene.camera.rays([width, height]);
     let tiles = (0..height).step_by(8).flat_map(|y| (0..width).step_by(8).map(move |x| (x, y)));
@@ -117,7 +118,7 @@ pub fn measure(table: &Table, name: &str, tlas: &Tlas, rays: &[Ray], flags: RayF
     measure_way(table, name, tlas, rays, flags, trace)
 }
 
-/// The same with a choice of how.
+/// Measures the traversal of rays by cursors or by packets.
 fn measure_way(
     table: &Table,
     name: &str,

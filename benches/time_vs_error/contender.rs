@@ -120,8 +120,8 @@ ours!(block::Triangle4, ShearedRay, simd, ray => block.maybe_hit_mask(simd, ray)
 ours!(block::Aabb4, BoxRay, _vectors, ray => block.maybe_hit_mask(ray),
     Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));
 
-/// This crate with triangles and exactly, the f64 step on the processor's vectors: without a ray in object space where that is the
-/// world's.
+/// This crate with triangles and exactly, the f64 step on the processor's vectors: without a ray in
+/// object space where that is the world's.
 pub struct ExactTriangles;
 
 type Triangles = Ours<block::Triangle4, EXACT>;

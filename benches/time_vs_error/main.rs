@@ -1,5 +1,5 @@
-//! Time against error: each primitive and each scene under each precision and under formulas as they
-//! are published.
+//! Time against error: each primitive and each scene under each precision and under formulas as
+//! they are published.
 //!
 //! ```sh
 //! cargo bench --bench time_vs_error              # all; writes docs/time-vs-error.svg
@@ -7,12 +7,12 @@
 //! cargo bench --bench time_vs_error -- grass     # scenes whose names begin so; draws nothing
 //! ```
 //!
-//! All contenders share rays, tree, leaf loop and the four-wide test of a leaf (their own formula in
-//! it), compiled for the vectors that the processor has. They take turns in changing order, several rounds in one run, with
-//! several copies of their primitives, once unmeasured for the caches and once more; times are processor
-//! time of one thread, medians over the rounds, and so are the ratios to the exact mode within a round.
-//! "engine" is the traversal that shaders get ([`anyhit::accel::Cursor`]).
-//! Errors are judged by rational arithmetic on a part of the rays.
+//! All contenders share rays, tree, leaf loop and the four-wide test of a leaf (their own formula
+//! in it), compiled for the vectors that the processor has. They take turns in changing order,
+//! several rounds in one run, with several copies of their primitives, once unmeasured for the
+//! caches and once more; times are processor time of one thread, medians over the rounds, and so
+//! are the ratios to the exact mode within a round. "engine" is the traversal that shaders get
+//! ([`anyhit::accel::Cursor`]). Errors are judged by rational arithmetic on a part of the rays.
 
 #![allow(clippy::print_stdout, reason = "a table is printed")]
 

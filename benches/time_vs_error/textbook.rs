@@ -326,8 +326,8 @@ impl<const RECENTRED: bool> Textbook for RoundCone<RECENTRED> {
     }
 }
 
-/// A capsule by the distance of two lines, its caps by their spheres; of the greater radius where the
-/// two differ, which is wrong there.
+/// A capsule by the distance of two lines, its caps by their spheres; of the greater radius where
+/// the two differ, which is wrong there.
 pub struct CapsuleByDistance;
 
 impl Textbook for CapsuleByDistance {
@@ -528,7 +528,7 @@ impl Prepared for (PlainRay, [f32; 3]) {
     }
 }
 
-/// Slabs.
+/// The slab test of boxes.
 pub struct Slabs;
 
 impl Textbook for Slabs {

@@ -100,7 +100,8 @@ impl Tree {
         place as i32
     }
 
-    /// Visits the blocks that a ray may meet before `limit`, the nearest first; returns the last limit.
+    /// Visits the blocks that a ray may meet before `limit`, the nearest first; returns the last
+    /// limit.
     #[inline(always)]
     pub fn traverse<V: LaneOps>(
         &self,

@@ -14,8 +14,9 @@ use crate::geometry::Bounds;
 use crate::math::f32x4::F32x4;
 use crate::math::f32x8::F32x8Ops;
 
-/// A reference to a primitive: its number and its box. It is stored as the minimum corner, the number
-/// and the negated maximum corner, so that one eight-lane minimum makes the union of two boxes.
+/// A reference to a primitive: its number and its box. It is stored as the minimum corner, the
+/// number and the negated maximum corner, so that one eight-lane minimum makes the union of two
+/// boxes.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
 pub struct PrimRef([f32; 8]);
@@ -125,7 +126,8 @@ fn bounds_of(&[a, b, c, _, d, e, f, _]: &[f32; 8]) -> Bounds {
     Bounds { min: [a, b, c], max: [-d, -e, -f] }
 }
 
-/// Half the surface area of a box whose corners are stored as in a [`PrimRef`]. It only ranks splits.
+/// Half the surface area of a box whose corners are stored as in a [`PrimRef`]. It only ranks
+/// splits.
 #[inline(always)]
 fn half_area(&[a, b, c, _, d, e, f, _]: &[f32; 8]) -> f32 {
     // The extents, negated.
@@ -293,7 +295,8 @@ impl BinnedSahBuilder {
         self.order.clear();
         self.order.push(0);
         while self.order.len() < WIDTH {
-            // Split the largest record that is too large for a leaf, then the largest that may be one.
+            // Split the largest record that is too large for a leaf, then the largest that may be
+            // one.
             let mut chosen: Option<(usize, bool, f32)> = None;
             for (at, record) in self.records[..self.order.len()].iter().enumerate() {
                 let (must, area) = (record.count() > cost.max_leaf_size, record.half_area);

@@ -33,9 +33,9 @@ impl GeometryFlags {
 /// One geometry of a BLAS.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geometry {
-    /// Its primitives.
+    /// The primitives of the geometry.
     pub data: GeometryData,
-    /// Its flags.
+    /// The flags of the geometry.
     pub flags: GeometryFlags,
     /// Opacity of the triangles' parts, which then stands in place of [`GeometryFlags::OPAQUE`].
     pub opacity_micromap: Option<Arc<OpacityMicromap>>,
@@ -84,8 +84,8 @@ pub(super) fn between([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32;
 
 /// A bottom-level acceleration structure: geometries of one kind over one tree.
 ///
-/// Making one checks its numbers and no more: boxes and tree come with the rays that reach it, and not
-/// at all where it holds, or is reached by, only a few.
+/// Making one checks its numbers and no more: boxes and tree come with the rays that reach it, and
+/// not at all where it holds, or is reached by, only a few.
 #[derive(Debug)]
 pub struct Blas {
     geometries: Vec<Geometry>,
@@ -97,8 +97,9 @@ pub struct Blas {
     built: OnceLock<BuiltBlas>,
 }
 
-/// So many rays, where more primitives than that are reached, look through all of them: building a tree
-/// takes as long as thirty do, most scenes of a few rays never see more, and the others lose little.
+/// So many rays, where more primitives than that are reached, look through all of them: building a
+/// tree takes as long as thirty do, most scenes of a few rays never see more, and the others lose
+/// little.
 const FEW_RAYS: u32 = 4;
 const MANY_PRIMITIVES: usize = 512;
 
@@ -155,14 +156,14 @@ impl Blas {
         self.built.get().is_some() || self.is_listed()
     }
 
-    /// Whether rays have reached it, and it has a tree: a few primitives have none, and neither have
-    /// many that only a few rays reached.
+    /// Whether rays have reached it, and it has a tree: a few primitives have none, and neither
+    /// have many that only a few rays reached.
     pub fn has_bvh(&self) -> bool {
         self.built.get().is_some_and(|built| built.bvh().is_some())
     }
 
-    /// Whether the few rays that have reached it looked through a list of its many primitives; that goes
-    /// when more rays make it a tree.
+    /// Whether the few rays that have reached it looked through a list of its many primitives; that
+    /// goes when more rays make it a tree.
     pub fn is_listed(&self) -> bool {
         self.list().is_some()
     }
@@ -188,7 +189,8 @@ impl Blas {
         self.built.get_or_init(|| BuiltBlas::build(&self.geometries))
     }
 
-    /// The same for a ray that reaches it. `may_list`: whether results don't depend on a tree.
+    /// The primitives for a ray that reaches them. `may_list` says that results do not depend on
+    /// the BVH, so that the first few rays may test a list of all primitives.
     #[inline]
     pub(super) fn reached(&self, may_list: bool) -> Reached<'_> {
         match self.built.get() {
@@ -214,11 +216,11 @@ impl Blas {
     }
 }
 
-/// The primitives for a ray that has come to them.
+/// The primitives of a BLAS for a ray that has reached it.
 pub(super) enum Reached<'a> {
-    /// As they stay.
+    /// The form that is built once and kept.
     Built(&'a BuiltBlas),
-    /// For the first few rays.
+    /// A list of the primitives for the first few rays.
     Listed(Arc<BuiltBlas>),
 }
 

@@ -1,11 +1,11 @@
 //! Geometry as an acceleration structure build reads it: formats, strides, index types and ranges.
 //!
 //! The rules are Vulkan's (`VkAccelerationStructureGeometry*Data*`,
-//! `VkAccelerationStructureBuildRangeInfoKHR`): with indices, `first_vertex` is added to each before
-//! vertex and radius are fetched, and `primitive_offset` moves the indices; without, vertices and
-//! radii begin at `primitive_offset + stride * first_vertex` of their buffers. A stride of 0 makes
-//! all elements the same. Numbers are widened to `f32` exactly, but for normalised ones, which are
-//! rounded once.
+//! `VkAccelerationStructureBuildRangeInfoKHR`): with indices, `first_vertex` is added to each
+//! before vertex and radius are fetched, and `primitive_offset` moves the indices; without,
+//! vertices and radii begin at `primitive_offset + stride * first_vertex` of their buffers. A
+//! stride of 0 makes all elements the same. Numbers are widened to `f32` exactly, but for
+//! normalised ones, which are rounded once.
 
 use std::collections::BTreeMap;
 
@@ -511,7 +511,7 @@ mod tests {
 
     #[test]
     fn without_indices_the_range_moves_both_buffers() {
-        // The same 8 bytes are skipped in both; then one vertex of 16 and one radius of 8.
+        // Both skip 8 bytes; then one vertex of 16 and one radius of 8.
         let positions = floats(&[-1., -1., -1., -1., -1., -1., 1., 2., 3., 0., 4., 5., 6., 0.]);
         let radii = floats(&[-1., -1., -1., -1., 0.5, 9., 0.25, 9.]);
         let input = BuildInput {

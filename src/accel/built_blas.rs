@@ -15,7 +15,8 @@ use crate::math::prefetch::prefetch;
 #[derive(Debug)]
 pub struct BuiltBlas {
     shapes: Shapes,
-    /// The identity of each primitive in tree order; [`GeomPrim::NONE`] pads leaves that are not full.
+    /// The identity of each primitive in tree order; [`GeomPrim::NONE`] pads leaves that are not
+    /// full.
     geom_prims: Vec<GeomPrim>,
     /// Whether some primitives are in several leaves.
     has_pieces: bool,
@@ -97,8 +98,8 @@ impl BuiltBlas {
         self.geom_prims[self.ordered_index(leaf, lane)]
     }
 
-    /// Prefetches the triangles in the leaves of a node while the node itself is loaded, if a ray that
-    /// visits the node usually reaches one of them.
+    /// Prefetches the triangles in the leaves of a node while the node itself is loaded, if a ray
+    /// that visits the node usually reaches one of them.
     #[inline(always)]
     pub fn prefetch_leaves(&self, bvh: &WideBvh, node: NodeRef) {
         let leaves = bvh.leaves(node);
@@ -178,9 +179,9 @@ impl BuiltBlas {
         (1 << leaf.count()) - 1
     }
 
-    /// A mask of the primitives of a leaf that the line of the ray may hit. `TIGHT` culls more of the swept
-    /// spheres that taper. Only for primitives that are [culled](BuiltBlas::culling) at all; triangles read
-    /// the second ray.
+    /// A mask of the primitives of a leaf that the line of the ray may hit. `TIGHT` culls more of
+    /// the swept spheres that taper. Only for primitives that are [culled](BuiltBlas::culling) at
+    /// all; triangles read the second ray.
     #[inline(always)]
     pub fn maybe_hit_mask<F: FmaOps, const TIGHT: bool>(
         &self,
@@ -199,14 +200,15 @@ impl BuiltBlas {
         maybe_hit & self.full_mask(leaf)
     }
 
-    /// Whether [`BuiltBlas::intersect_leaf`] tests whole leaves, which is faster than culling first.
+    /// Whether [`BuiltBlas::intersect_leaf`] tests whole leaves, which is faster than culling
+    /// first.
     #[inline(always)]
     pub fn tests_leaves(&self, precision: Precision) -> bool {
         precision == Precision::Exact && matches!(self.shapes, Shapes::Triangles(_) | Shapes::Spheres(_))
     }
 
-    /// Tests all primitives of a leaf at once by the f64 filter; hits behind `limit`, a rounded t, may be
-    /// left out. Only if [`BuiltBlas::tests_leaves`].
+    /// Tests all primitives of a leaf at once by the f64 filter; hits behind `limit`, a rounded t,
+    /// may be left out. Only if [`BuiltBlas::tests_leaves`].
     #[inline(always)]
     pub fn intersect_leaf<D: F64x4Ops>(
         &self,
@@ -222,7 +224,8 @@ impl BuiltBlas {
         }
     }
 
-    /// Intersects the primitive in a lane of a leaf at the time of the ray, within the ray's interval.
+    /// Intersects the primitive in a lane of a leaf at the time of the ray, within the ray's
+    /// interval.
     #[inline(always)]
     pub fn intersect(
         &self,
@@ -242,8 +245,8 @@ impl BuiltBlas {
     }
 }
 
-/// Intersects a moving triangle at the time of the ray. It is not inlined, so that triangles without
-/// motion do not pay for it.
+/// Intersects a moving triangle at the time of the ray. It is not inlined, so that triangles
+/// without motion do not pay for it.
 #[inline(never)]
 fn moving(keys: &Keys, ray: &ObjectRay, time: f32, precision: Precision) -> Option<Intersection> {
     triangle::intersect(ray, between(keys, time), precision)

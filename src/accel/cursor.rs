@@ -49,9 +49,9 @@ impl HitKind {
 /// The operands of a trace or ray query that traversal needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceRay {
-    /// The ray.
+    /// The ray in world space, with its interval.
     pub ray: Ray,
-    /// The ray's flags.
+    /// The flags of the ray.
     pub flags: RayFlags,
     /// Its low 8 bits count.
     pub cull_mask: u32,
@@ -179,7 +179,7 @@ struct Key {
 /// The closest hit so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Committed {
-    /// What was hit.
+    /// The primitive that was hit.
     pub candidate: Candidate,
     /// The ray parameter (for a generated hit, the reported one).
     pub t: f32,
@@ -470,7 +470,7 @@ impl Cursor {
 }
 
 impl Hits {
-    /// Forgets all.
+    /// Discards all hits and candidates.
     #[inline(always)]
     fn clear(&mut self) {
         self.forget_waiting();

@@ -5,33 +5,33 @@ use std::fmt;
 /// The primitives of one geometry, in object space.
 #[derive(Clone, Debug, PartialEq)]
 pub enum GeometryData {
-    /// Three vertices a primitive.
+    /// Triangles, three vertices each.
     Triangles {
         /// Vertex positions.
         vertices: Vec<[f32; 3]>,
-        /// Three a primitive; without it, vertices are taken three by three.
+        /// Three indices for each primitive; without them vertices are taken three by three.
         indices: Option<Vec<u32>>,
         /// The build-time geometry transform (row-major 3x4).
         transform: Option<[[f32; 4]; 3]>,
     },
     /// Axis-aligned boxes: minimum, then maximum.
     Aabbs(Vec<[f32; 6]>),
-    /// Spheres.
+    /// Spheres, one for each position or index.
     Spheres {
-        /// Centres.
+        /// The centres.
         positions: Vec<[f32; 3]>,
-        /// One a position.
+        /// The radii, one for each position.
         radii: Vec<f32>,
-        /// One a primitive; without it, positions are taken in turn.
+        /// One index for each primitive; without them positions are taken in turn.
         indices: Option<Vec<u32>>,
     },
     /// Linear swept spheres (LSS).
     LinearSweptSpheres {
-        /// Sphere centres.
+        /// The centres of the end spheres.
         positions: Vec<[f32; 3]>,
-        /// One a position.
+        /// The radii, one for each position.
         radii: Vec<f32>,
-        /// Two a primitive (`List`) or one (`Successive`); optional for `List` only.
+        /// Two indices for each primitive (`List`) or one (`Successive`); optional for `List` only.
         indices: Option<Vec<u32>>,
         /// `VkRayTracingLssIndexingModeNV`.
         indexing: Indexing,
@@ -98,16 +98,16 @@ impl fmt::Display for GeometryKind {
 /// `VkRayTracingLssIndexingModeNV`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Indexing {
-    /// Pairs of entries.
+    /// Two indices for each primitive, its end vertices.
     List,
-    /// One index k a primitive, which spans vertices k and k+1.
+    /// One index k for each primitive, which spans vertices k and k+1.
     Successive,
 }
 
 /// `VkRayTracingLssPrimitiveEndCapsModeNV`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum EndCaps {
-    /// Sides only.
+    /// No caps: only the sides can be hit.
     None,
     /// The first primitive of a chain has both caps, each following one only its trailing cap.
     Chained,

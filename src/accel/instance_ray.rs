@@ -1,5 +1,5 @@
-//! The ray in the space of the instance that it traverses, in the forms that its tests need. Forms that
-//! only some tests need are made on first use.
+//! The ray in the space of the instance that it traverses, in the forms that its tests need. Forms
+//! that only some tests need are made on first use.
 
 use crate::accel::built_blas::{BuiltBlas, Culling, LeafRay};
 use crate::accel::cursor::TraceRay;

@@ -111,7 +111,7 @@ pub enum MicromapIndex {
 /// A micromap as a geometry uses it (`VkAccelerationStructureTrianglesOpacityMicromapKHR`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OpacityMicromap {
-    /// Its triangles.
+    /// The triangles of the micromap.
     pub triangles: Vec<MicromapTriangle>,
     /// One a primitive; without it, primitive n has triangle n.
     pub indices: Option<Vec<MicromapIndex>>,

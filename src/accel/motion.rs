@@ -1,13 +1,13 @@
 //! Motion (`VK_NV_ray_tracing_motion_blur`): what lies where at the time of a ray.
 //!
 //! # Definition
-//! Two keys are given, at time 0 and at time 1. A number of a vertex or of a matrix is at time t the
-//! `f32` nearest to the real number (1 - t) a + t b, ties to even: [`interpolate`]. So it is a at 0 and b
-//! at 1, always between both, and everything after it (the exact inverse, the exact intersection) works
-//! on `f32` as for things at rest.
+//! Two keys are given, at time 0 and at time 1. A number of a vertex or of a matrix is at time t
+//! the `f32` nearest to the real number (1 - t) a + t b, ties to even: [`interpolate`]. So it is a
+//! at 0 and b at 1, always between both, and everything after it (the exact inverse, the exact
+//! intersection) works on `f32` as for things at rest.
 //!
-//! Of `VkSRTDataNV` each of the sixteen numbers is interpolated, as a real number. The quaternion q of
-//! the interpolated ones stands for the rotation around its normalised axis: with N = |q|^2,
+//! Of `VkSRTDataNV` each of the sixteen numbers is interpolated, as a real number. The quaternion q
+//! of the interpolated ones stands for the rotation around its normalised axis: with N = |q|^2,
 //!
 //! ```text
 //!            | ww+xx-yy-zz   2(xy-wz)      2(xz+wy)    |
@@ -15,10 +15,11 @@
 //!            | 2(xz-wy)      2(yz+wx)      ww-xx-yy+zz |
 //! ```
 //!
-//! The matrix is T x R x S, with S = [sx a b pvx; 0 sy c pvy; 0 0 sz pvz]. Its entries are quotients of
-//! polynomials of the inputs by N, each rounded once to the nearest `f32`: in f64 where a bound allows,
-//! by exact arithmetic otherwise. Nothing takes a shorter way round: q and -q are different keys. Where
-//! the interpolated q is 0 there is no rotation, and the instance is not there.
+//! The matrix is T x R x S, with S = [sx a b pvx; 0 sy c pvy; 0 0 sz pvz]. Its entries are
+//! quotients of polynomials of the inputs by N, each rounded once to the nearest `f32`: in f64
+//! where a bound allows, by exact arithmetic otherwise. Nothing takes a shorter way round: q and -q
+//! are different keys. Where the interpolated q is 0 there is no rotation, and the instance is not
+//! there.
 
 use crate::accel::transform::{IDENTITY, round_sum};
 use crate::math::error_bound::{product_error, quotient_error, two_units};
@@ -38,7 +39,8 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// Object to world at a time. `None` outside of 0 to 1, and where the interpolated quaternion is 0.
+    /// Object to world at a time. `None` outside of 0 to 1, and where the interpolated quaternion
+    /// is 0.
     pub fn at(&self, time: f32) -> Option<Matrix> {
         if !(0.0..=1.0).contains(&time) {
             return None;

@@ -3,18 +3,19 @@
 //! **Matrix motion.** Before rounding, the image of a point is (1 - t) A x + t B x: it lies on the
 //! segment between its images at both ends, so within the union of their boxes.
 //!
-//! **SRT motion.** v = S(t) x runs on a segment too; R(t) v is no line. Time is cut into [`PIECES`]. In
-//! each, every number of the decomposition lies between its values at the piece's ends, as it is linear
-//! in t; interval arithmetic with these ranges gives a range of N = |q|^2, of the entries of R = (N R) / N,
-//! of v and of R v + T. Ranges forget that the entries of R belong together, so two facts are added: an
-//! entry of a rotation lies within [-1, 1], and |R v| = |v| (the components of R v are no longer than the
-//! longest v in the range). Where N's range reaches 0 these two are all that is known. A bound for each
-//! operation's rounding in f64 comes with each operation: one step outwards.
+//! **SRT motion.** v = S(t) x runs on a segment too; R(t) v is no line. Time is cut into
+//! [`PIECES`]. In each, every number of the decomposition lies between its values at the piece's
+//! ends, as it is linear in t; interval arithmetic with these ranges gives a range of N = |q|^2, of
+//! the entries of R = (N R) / N, of v and of R v + T. Ranges forget that the entries of R belong
+//! together, so two facts are added: an entry of a rotation lies within [-1, 1], and |R v| = |v|
+//! (the components of R v are no longer than the longest v in the range). Where N's range reaches 0
+//! these two are all that is known. A bound for each operation's rounding in f64 comes with each
+//! operation: one step outwards.
 //!
-//! **Rounding.** The traversal uses matrices whose entries are rounded to `f32`: entry m is off by at
-//! most 2^-24 |m|, or 2^-150. Row i of the image is therefore off by at most 2^-24 sum_j |m_ij| |x_j| +
-//! 2^-150 sum_j (|x_j| + 1); twice that is added on each side. For SRT, |m_ij| is at most the length of
-//! column j of S, the greatest of its two keys', as a rotation keeps it.
+//! **Rounding.** The traversal uses matrices whose entries are rounded to `f32`: entry m is off by
+//! at most 2^-24 |m|, or 2^-150. Row i of the image is therefore off by at most 2^-24 sum_j |m_ij|
+//! |x_j| + 2^-150 sum_j (|x_j| + 1); twice that is added on each side. For SRT, |m_ij| is at most
+//! the length of column j of S, the greatest of its two keys', as a rotation keeps it.
 
 use crate::accel::motion::{Matrix, Motion, Q, S, Srt, T};
 use crate::geometry::Bounds;

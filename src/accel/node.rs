@@ -74,8 +74,8 @@ impl NodeRef {
     }
 }
 
-/// An inner node: the boxes of its children in scaled units, as a structure of arrays. It fills four
-/// cache lines.
+/// An inner node: the boxes of its children in scaled units, as a structure of arrays. It fills
+/// four cache lines.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub struct Node {
@@ -133,8 +133,8 @@ impl Node {
 
     /// Intersects a ray with the boxes of the children. Returns for each child a lower bound of the
     /// rounded t of any hit in it (in the ray's units, see
-    /// [`TravRay::absolute`](super::trav_ray::TravRay::absolute)), and a mask of the children that the
-    /// ray may hit up to `limit`.
+    /// [`TravRay::absolute`](super::trav_ray::TravRay::absolute)), and a mask of the children that
+    /// the ray may hit up to `limit`.
     #[inline(always)]
     pub fn intersect<E: F32x8Ops>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
         let simd = ray.simd;

@@ -1,16 +1,17 @@
 //! Ray packets: coherent rays that traverse the BVH together.
 //!
-//! WorldRays of neighbouring invocations mostly visit the same nodes. Up to [`MAX_RAYS`] rays whose direction
-//! signs agree traverse a tree as one frustum (interval arithmetic, `ray_soa::RaySoA::frustum`): a node is opened
-//! once for all of them, in the order of the frustum's entries. Before it is opened each ray tests its box,
-//! eight rays at a time; if only a few rays hit it they continue singly. In a leaf the rays that hit it test
-//! its primitives one after the other, as single rays do. So each ray finds what it would find singly: the
-//! order in which primitives are tested does not matter (see `cursor`).
+//! WorldRays of neighbouring invocations mostly visit the same nodes. Up to [`MAX_RAYS`] rays whose
+//! direction signs agree traverse a tree as one frustum (interval arithmetic,
+//! `ray_soa::RaySoA::frustum`): a node is opened once for all of them, in the order of the
+//! frustum's entries. Before it is opened each ray tests its box, eight rays at a time; if only a
+//! few rays hit it they continue singly. In a leaf the rays that hit it test its primitives one
+//! after the other, as single rays do. So each ray finds what it would find singly: the order in
+//! which primitives are tested does not matter (see `cursor`).
 //!
-//! This does not pay for incoherent rays. A packet that takes more steps than its rays would take singly is
-//! given up: its rays are traced by a [`Cursor`] each, and so are those of the next few packets. WorldRays that
-//! are not [well scaled](crate::geometry::Ray::is_well_scaled), or start far from what they reach, are traced
-//! by a cursor too.
+//! This does not pay for incoherent rays. A packet that takes more steps than its rays would take
+//! singly is given up: its rays are traced by a [`Cursor`] each, and so are those of the next few
+//! packets. WorldRays that are not [well scaled](crate::geometry::Ray::is_well_scaled), or start
+//! far from what they reach, are traced by a cursor too.
 
 mod ray_soa;
 mod traversal;
@@ -33,14 +34,16 @@ const MIN_RAYS: usize = 8;
 /// The nodes and leaves that a packet may open for each of its rays before it is given up.
 const STEPS_PER_RAY: u32 = 4;
 
-/// The nodes and leaves that single rays of a packet may visit, for each of its rays: rays in random
-/// order take two and a half or more, those of a tile hardly ever two.
+/// The nodes and leaves that single rays of a packet may visit, for each of its rays: rays in
+/// random order take two and a half or more, those of a tile hardly ever two.
 const SINGLE_STEPS_PER_RAY: u32 = 2;
 
 /// Traces coherent rays together. Its buffers are kept for the next call.
 ///
 /// ```
-/// use anyhit::accel::{Blas, Geometry, GeometryData, GeometryFlags, Instance, Packet, RayFlags, Tlas, TraceRay};
+/// use anyhit::accel::{
+///     Blas, Geometry, GeometryData, GeometryFlags, Instance, Packet, RayFlags, Tlas, TraceRay,
+/// };
 /// use anyhit::geometry::Ray;
 ///
 /// let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![1.0], indices: None };
@@ -48,7 +51,8 @@ const SINGLE_STEPS_PER_RAY: u32 = 2;
 /// let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 /// let tlas = Tlas::new(vec![Instance::of(blas, identity)])?;
 /// let down = |x: f32| Ray::new([x, 0.0, 3.0], [0.0, 0.0, -1.0]);
-/// let trace = |x| TraceRay { ray: down(x), flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
+/// let flags = RayFlags::default();
+/// let trace = |x| TraceRay { ray: down(x), flags, cull_mask: 0xFF, time: 0.0 };
 /// let traces: Vec<_> = (0..64).map(|k| trace((k as f32 + 0.5) / 32.0)).collect();
 /// let mut hits = Vec::new();
 /// assert!(Packet::default().trace(&tlas, &traces, false, &mut hits));
@@ -118,8 +122,8 @@ impl Found {
     }
 }
 
-/// A node or leaf that is still to be visited. The high half holds the bits of a lower bound of the t
-/// at which it is entered, the low half its parent node and its slot there.
+/// A node or leaf that is still to be visited. The high half holds the bits of a lower bound of the
+/// t at which it is entered, the low half its parent node and its slot there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct StackEntry(u64);
 
@@ -164,10 +168,10 @@ impl Default for Packet {
 }
 
 impl Packet {
-    /// Finds the closest hit of each ray, the one that a [`Cursor`] finds. With `any_opaque_hit` it finds
-    /// any hit instead of the closest (occlusion), as
-    /// [`Cursor::end_at_any_opaque_hit`]. Returns `false`, and does nothing, where a shader may have to
-    /// decide about a candidate ([`Tlas::is_fully_opaque`]).
+    /// Finds the closest hit of each ray, the one that a [`Cursor`] finds. With `any_opaque_hit` it
+    /// finds any hit instead of the closest (occlusion), as [`Cursor::end_at_any_opaque_hit`].
+    /// Returns `false`, and does nothing, where a shader may have to decide about a candidate
+    /// ([`Tlas::is_fully_opaque`]).
     pub fn trace(
         &mut self,
         tlas: &Tlas,

@@ -54,7 +54,7 @@ impl std::ops::BitOr for RayFlags {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum RayRule {
-    /// Nothing is NaN.
+    /// No component of the ray or its interval is NaN.
     NotNan,
     /// Origin and direction are finite.
     Finite,

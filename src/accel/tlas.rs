@@ -46,7 +46,7 @@ impl InstanceFlags {
 /// An instance of a BLAS.
 #[derive(Clone, Debug)]
 pub struct Instance {
-    /// What is placed.
+    /// The BLAS that the instance places.
     pub blas: Arc<Blas>,
     /// Object to world, row-major 3x4 (`VkTransformMatrixKHR`); counts where `motion` is `None`.
     pub transform: [[f32; 4]; 3],
@@ -58,13 +58,13 @@ pub struct Instance {
     pub mask: u8,
     /// `instanceShaderBindingTableRecordOffset`, 24 bits.
     pub sbt_record_offset: u32,
-    /// Flags.
+    /// The flags of the instance.
     pub flags: InstanceFlags,
 }
 
 impl Instance {
-    /// An instance at rest that every ray may meet (mask 0xFF), with custom index, offset and flags 0;
-    /// `transform` is object to world.
+    /// An instance at rest that every ray may meet (mask 0xFF), with custom index, offset and flags
+    /// 0; `transform` is object to world.
     pub fn of(blas: Arc<Blas>, transform: [[f32; 4]; 3]) -> Self {
         let (custom_index, sbt_record_offset, flags) = (0, 0, InstanceFlags::default());
         Self { blas, transform, motion: None, custom_index, mask: 0xFF, sbt_record_offset, flags }
@@ -85,19 +85,19 @@ impl Instance {
     }
 }
 
-/// How the rays of an instance come into its object space.
+/// The transform of an instance from world space to its object space.
 #[derive(Debug)]
 pub(super) enum Placed {
-    /// By the identity.
+    /// The identity: object space is world space.
     InWorld,
-    /// By a transform that stays.
+    /// A transform that does not depend on time.
     Still(Transform),
-    /// By another one at each time.
+    /// A transform that depends on time.
     Moving,
 }
 
-/// The index of a hit record in the shader binding table (Vulkan, "Hit Group Shader Binding Table"):
-/// the low 4 bits of stride and offset count.
+/// The index of a hit record in the shader binding table (Vulkan, "Hit Group Shader Binding
+/// Table"): the low 4 bits of stride and offset count.
 pub fn hit_record_index(instance_offset: u32, geometry: u32, stride: u32, offset: u32) -> u64 {
     u64::from(instance_offset) + u64::from(geometry) * u64::from(stride & 0xF) + u64::from(offset & 0xF)
 }
@@ -130,8 +130,8 @@ impl Tlas {
         Self::with_precision(instances, Precision::Exact)
     }
 
-    /// [`Tlas::new`] with a choice of how intersections are computed. Below `Exact` a computed t can lie
-    /// before its primitive's box, and ties and near-ties may then depend on the tree.
+    /// [`Tlas::new`] with a choice of how intersections are computed. Below `Exact` a computed t
+    /// can lie before its primitive's box, and ties and near-ties may then depend on the tree.
     ///
     /// # Errors
     /// As [`Tlas::new`].
@@ -235,8 +235,8 @@ impl Tlas {
     }
 
     /// A ray of a time within 0 and 1 as an instance's primitives see it (`ObjectRayOriginKHR`,
-    /// `ObjectRayDirectionKHR`). `None` where the ray itself holds a NaN or an infinity, or the instance
-    /// has no inverse at that time.
+    /// `ObjectRayDirectionKHR`). `None` where the ray itself holds a NaN or an infinity, or the
+    /// instance has no inverse at that time.
     ///
     /// # Panics
     /// Where there is no such instance.
@@ -291,7 +291,8 @@ impl Tlas {
     }
 
     /// The tree over the instances' world boxes, with its order (place -> instance); `None` for a
-    /// [list](Tlas::is_list), and where nothing in any of them can be hit. Builds on first use; of a BLAS it needs the box around all alone.
+    /// [list](Tlas::is_list), and where nothing in any of them can be hit. Builds on first use; of
+    /// a BLAS it needs the box around all alone.
     pub(super) fn bvh(&self) -> Option<&(WideBvh, Vec<u32>)> {
         if self.is_list() {
             return None;

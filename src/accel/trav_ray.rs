@@ -3,8 +3,9 @@
 //! **Units.** A tree's boxes are stored times a power of two (its *scale*) that brings the largest
 //! coordinate into the unit cube; the ray's origin and direction are scaled alike, so that t keeps
 //! its meaning. For a ray that starts far away (64 times the largest coordinate), t is counted from
-//! `t_shift`, an f32 not above its entry into the root; the origin moves there. Then every number of
-//! the test is of moderate size, and what the test gives away (2^-22 of t) is far below the boxes.
+//! `t_shift`, an f32 not above its entry into the root; the origin moves there. Then every number
+//! of the test is of moderate size, and what the test gives away (2^-22 of t) is far below the
+//! boxes.
 //!
 //! **The test.** On one axis let the exact origin lie in [o-, o+] and the exact direction in
 //! [d-, d+], all f32. For d- > 0 and t >= 0, a point with lo <= o + d t <= hi has
@@ -69,7 +70,8 @@ pub struct Slabs<E: F32x8Ops> {
 /// A ray is far away whose origin lies this many times the largest coordinate off.
 pub(super) const FAR_AWAY: f64 = 64.0;
 
-/// The scales of trees to which [simple](TravRay::set_world_space) and [rough](TravRay::set_approximate) rays come.
+/// The scales of trees to which [simple](TravRay::set_world_space) and
+/// [rough](TravRay::set_approximate) rays come.
 pub(super) const WORLD_SPACE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 60) as f32..=(1u64 << 60) as f32;
 pub(super) const APPROXIMATE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 20) as f32..=(1u64 << 20) as f32;
 
@@ -117,8 +119,8 @@ impl TravRay {
         Some(Self::counted_from(ray, 0.0, f64::INFINITY, scale))
     }
 
-    /// The common case in f32 throughout: a ray that [is ordinary](Ray::is_well_scaled), in world space,
-    /// that starts near the tree. Says whether it is one.
+    /// The common case in f32 throughout: a ray that [is ordinary](Ray::is_well_scaled), in world
+    /// space, that starts near the tree. Says whether it is one.
     ///
     /// Scaling such numbers is exact. A reciprocal rounds once, and once more when it is shrunk or
     /// widened by 2^-22: 2^-23 of that is left, where the difference needs 2^-24.
@@ -143,11 +145,11 @@ impl TravRay {
         true
     }
 
-    /// The common case in an instance, in f32 throughout: a ray that starts near the tree, of which each
-    /// component of the direction is either 0 or known well. Says whether it is one.
+    /// The common case in an instance, in f32 throughout: a ray that starts near the tree, of which
+    /// each component of the direction is either 0 or known well. Says whether it is one.
     ///
-    /// Scaling is exact. The origin's sum rounds, and so does a reciprocal's sum, its division and its
-    /// product; the bounds of a rough ray are twice what is needed and pay for 6u of that.
+    /// Scaling is exact. The origin's sum rounds, and so does a reciprocal's sum, its division and
+    /// its product; the bounds of a rough ray are twice what is needed and pay for 6u of that.
     #[inline(always)]
     pub fn set_approximate(&mut self, ray: &ApproximateRay, t_min: f32, scale: f64) -> bool {
         let scale = scale as f32;
@@ -558,8 +560,8 @@ mod tests {
             check(&boxes, Some(matrix), ray)?;
         }
 
-        /// The world ray is the image of one that runs exactly along faces and edges, under a matrix
-        /// whose inverse has thirds, sevenths and so on.
+        /// The world ray is the image of one that runs exactly along faces and edges, under a
+        /// matrix whose inverse has thirds, sevenths and so on.
         #[test]
         fn no_box_is_lost_that_an_inexact_inverse_leaves_on_the_edge(
             corners in prop::collection::vec((prop::array::uniform3(-4i8..=4), prop::array::uniform3(-4i8..=4)), 5),

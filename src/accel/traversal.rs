@@ -44,8 +44,8 @@ impl StackEntry {
 #[derive(Clone, Debug)]
 struct Stack {
     entries: Vec<StackEntry>,
-    /// For each entry the smallest rounded t of any hit in it or in an entry below. It is not kept if no
-    /// candidate can wait for its turn.
+    /// For each entry the smallest rounded t of any hit in it or in an entry below. It is not kept
+    /// if no candidate can wait for its turn.
     floors: Vec<f32>,
 }
 
@@ -85,8 +85,8 @@ impl Stack {
     }
 }
 
-/// The state of a traversal: the stack and the ray in the spaces of the TLAS and of the instance that
-/// it is in. The entries of that instance are on top of the stack.
+/// The state of a traversal: the stack and the ray in the spaces of the TLAS and of the instance
+/// that it is in. The entries of that instance are on top of the stack.
 #[derive(Clone, Debug)]
 pub struct TraversalState {
     stack: Stack,
@@ -105,8 +105,8 @@ impl TraversalState {
         in_instance: false,
     };
 
-    /// Whether no unvisited node can hold a hit at t or before. A node that is entered exactly at t may
-    /// hold a hit at t.
+    /// Whether no unvisited node can hold a hit at t or before. A node that is entered exactly at t
+    /// may hold a hit at t.
     #[inline]
     pub fn is_past(&self, t: f32) -> bool {
         self.stack.floors.last().is_none_or(|&floor| t < floor)
@@ -272,8 +272,8 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
         self.observer.instance(number, verdict);
     }
 
-    /// Enters an instance: tests its primitives at once if it has no tree, otherwise pushes the root of
-    /// its tree.
+    /// Enters an instance: tests its primitives at once if it has no tree, otherwise pushes the
+    /// root of its tree.
     #[inline(always)]
     fn enter<E: LaneOps>(&mut self, simd: E, number: u32) -> InstanceVerdict {
         let instance = &self.tlas.instances()[number as usize];

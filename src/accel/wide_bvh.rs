@@ -1,5 +1,5 @@
-//! A wide BVH: nodes of up to eight children, built from the root down by the surface area heuristic
-//! (SAH).
+//! A wide BVH: nodes of up to eight children, built from the root down by the surface area
+//! heuristic (SAH).
 //!
 //! Boxes are brought into the unit cube by a power of two: f32 areas overflow or vanish where
 //! coordinates lie near 1e19 or 1e-19. Every box of a node is the union of given ones; how they are
@@ -31,8 +31,8 @@ const MANY: usize = 16_384;
 #[derive(Debug)]
 pub struct WideBvh {
     nodes: Vec<Node>,
-    /// Of each node, which leaves it has that are worth fetching: the number of the first, in units of [`RUN`],
-    /// and how many there are.
+    /// Of each node, which leaves it has that are worth fetching: the number of the first, in units
+    /// of [`RUN`], and how many there are.
     leaves: Vec<u32>,
     root: NodeRef,
     bounds: Bounds,
@@ -78,8 +78,8 @@ impl WideBvh {
         &self.nodes[child.index()]
     }
 
-    /// The leaves among a node's children, where a ray that comes to the node reaches enough of them; the node
-    /// itself is not looked at.
+    /// The leaves among a node's children, where a ray that comes to the node reaches enough of
+    /// them; the node itself is not looked at.
     #[inline(always)]
     pub fn leaves(&self, node: NodeRef) -> Range<usize> {
         let run = self.leaves[node.index()] as usize;
@@ -102,8 +102,8 @@ impl WideBvh {
     }
 }
 
-/// The leaves among a node's children, as a tree keeps them; none where others stand between them, or where
-/// a ray that comes to the node reaches too few of them: it does in the ratio of surfaces.
+/// The leaves among a node's children, as a tree keeps them; none where others stand between them,
+/// or where a ray that comes to the node reaches too few of them: it does in the ratio of surfaces.
 fn run(node: &Node) -> u32 {
     let half_area = |[min, max]: [[f32; 3]; 2]| {
         let [x, y, z] = [max[0] - min[0], max[1] - min[1], max[2] - min[2]];
@@ -272,8 +272,8 @@ impl Build {
 
     /// Makes the subtrees of a node by several threads: the same nodes in the same order as by one.
     ///
-    /// By threads of their own, not by tasks of the pool: a thread of the pool that waits here would
-    /// take up other work, and that may wait for this very tree.
+    /// By threads of their own, not by tasks of the pool: a thread of the pool that waits here
+    /// would take up other work, and that may wait for this very tree.
     fn in_threads(
         &mut self,
         node_index: usize,
@@ -414,7 +414,8 @@ mod tests {
         }
     }
 
-    /// Unit squares beside each other, `across` in a row, and as many again so far away along the first axis.
+    /// Unit squares beside each other, `across` in a row, and as many again so far away along the
+    /// first axis.
     fn squares(across: usize, away: f32) -> Vec<Bounds> {
         let at = |k: usize, x: f32| [x + (k % across) as f32, (k / across) as f32, 0.0];
         let square = |min: [f32; 3]| Bounds { min, max: [min[0] + 1.0, min[1] + 1.0, 0.0] };
@@ -428,8 +429,8 @@ mod tests {
 
     #[test]
     fn a_leaf_is_divided_where_enough_of_its_cost_goes() {
-        // Halves of a flat patch have half its surface each: two leaves of two cost 2 (1 + 2/16) of 2 (1 + 4/16), which
-        // is 0.9 of one leaf of four; two leaves of one 17/18 of that.
+        // Halves of a flat patch have half its surface each: two leaves of two cost 2 (1 + 2/16) of
+        // 2 (1 + 4/16), which is 0.9 of one leaf of four; two leaves of one 17/18 of that.
         let cost =
             |split_below| SahCost { max_leaf_size: 4, traversal: 1.0, intersection: 0.0625, split_below };
         for (divided, wanted) in [(1.0, vec![1; 8]), (0.92, vec![2; 4]), (0.8, vec![4; 2])] {

@@ -18,15 +18,15 @@ type EstimateOfTwo = fn(f64, f64) -> f64;
 pub enum How {
     /// The f64 is exact, or so near that rounding it once more is rounding once.
     Rounded(Estimate),
-    /// The same for two operands.
+    /// [`Self::Rounded`] for a function of two operands.
     RoundedPair(EstimateOfTwo),
-    /// A f64 with an error, and a value in arbitrary precision for finite operands where that is not
-    /// enough.
+    /// A f64 with an error, and a value in arbitrary precision for finite operands where that is
+    /// not enough.
     Elementary(Estimate, fn(&Big) -> Big),
-    /// The same for two operands.
+    /// [`Self::Elementary`] for a function of two operands.
     ElementaryPair(EstimateOfTwo, fn(&Big, &Big) -> Big),
-    /// The integer part, as an integer of so many bits with or without sign: the nearest one where the
-    /// type does not hold it, and 0 for a NaN.
+    /// The integer part, as an integer of so many bits with or without sign: the nearest one where
+    /// the type does not hold it, and 0 for a NaN.
     Whole {
         /// `OpConvertFToS`, not `OpConvertFToU`.
         signed: bool,
@@ -158,9 +158,9 @@ fn wide(value: f64) -> Big {
     Context::<HalfEven>::new(300).convert_int::<2>((value as i32).into()).value()
 }
 
-/// The arc tangent of a small positive quotient q is q - q^3 / 3 + ..., less than q by more than all the
-/// bits show: for f32 as little as 2^-556 of it. It is made a little less here, as a quotient may lie in
-/// the middle of two numbers and the arc tangent never does.
+/// The arc tangent of a small positive quotient q is q - q^3 / 3 + ..., less than q by more than
+/// all the bits show: for f32 as little as 2^-556 of it. It is made a little less here, as a
+/// quotient may lie in the middle of two numbers and the arc tangent never does.
 fn atan2(y: &Big, x: &Big) -> Big {
     let angle = y.atan2(x);
     let size = if angle < Big::ZERO { -angle.clone() } else { angle.clone() };
@@ -176,7 +176,8 @@ fn power(a: f64, b: f64) -> f64 {
     if a == 1.0 || b == 0.0 { 1.0 } else { a.powf(b) }
 }
 
-/// A power of a positive number; of a negative one where the exponent is an integer, or there is none.
+/// A power of a positive number; of a negative one where the exponent is an integer, or there is
+/// none.
 fn pow(a: &Big, b: &Big) -> Big {
     if *a < Big::ZERO {
         let size = pow(&-a.clone(), b);

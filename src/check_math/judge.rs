@@ -25,11 +25,11 @@ const ULPS: f64 = 1.0;
 /// A float type of SPIR-V.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// f16
+    /// The format `f16`.
     Half,
-    /// f32
+    /// The format `f32`.
     Single,
-    /// f64
+    /// The format `f64`.
     Double,
 }
 
@@ -45,10 +45,10 @@ pub enum Judgement {
 }
 
 impl Format {
-    /// All of them.
+    /// All formats, from the narrowest.
     pub const ALL: [Self; 3] = [Self::Half, Self::Single, Self::Double];
 
-    /// Bits in all.
+    /// The number of bits of the format.
     pub fn width(self) -> u32 {
         match self {
             Self::Half => 16,
@@ -88,8 +88,8 @@ impl Format {
         if bits & self.sign() != 0 { -value } else { value }
     }
 
-    /// The number of bits without a sign of a format below f64, as if the exponents went on: infinity
-    /// is the power of two behind the largest number.
+    /// The number of bits without a sign of a format below f64, as if the exponents went on:
+    /// infinity is the power of two behind the largest number.
     fn magnitude(self, bits: u64) -> f64 {
         let (fraction, least) = self.shape();
         let biased = (bits >> fraction) as i32;
@@ -244,8 +244,8 @@ fn judge_precise(format: Format, value: &Big, result: u64) -> Judgement {
     if below && above { Judgement::Precise(0.0) } else { wrong() }
 }
 
-/// Whether a value lies below a middle, clearly; at the middle itself, whether the number above it is
-/// not the even one.
+/// Whether a value lies below a middle, clearly; at the middle itself, whether the number above it
+/// is not the even one.
 fn is_below(value: &Big, middle: f64, above_is_even: bool) -> bool {
     if is_at(value, middle) { !above_is_even } else { *value < big(middle) }
 }
@@ -282,7 +282,8 @@ mod tests {
 
     #[test]
     fn the_nearest_number_and_no_other_is_right() {
-        // 1 + 2^-24 is the middle of 1 and its successor: 1 is the even one. A little more is not 1.
+        // 1 + 2^-24 is the middle of 1 and its successor: 1 is the even one. A little more is
+        // not 1.
         let tie = big(1.0 + 2f64.powi(-24));
         let more = tie.clone() + big(2.0).powi((-100).into());
         let less = tie.clone() - big(2.0).powi((-100).into());

@@ -1,9 +1,9 @@
 //! The elementary functions and the other componentwise float instructions, judged on all inputs
 //! there are: `anyhit check-math`.
 //!
-//! A [`Function`] is a row of the instruction set and how to know its value
-//! otherwise: an evaluation in f64 by the platform's own library, which decides nearly every input by
-//! its distance from the next rounding boundary, and one in arbitrary precision for the rest. The rows
+//! A [`Function`] is a row of the instruction set and how to know its value otherwise: an
+//! evaluation in f64 by the platform's own library, which decides nearly every input by its
+//! distance from the next rounding boundary, and one in arbitrary precision for the rest. The rows
 //! use neither. [`judge`] says what is right, [`inputs`] what is asked.
 
 pub mod function;

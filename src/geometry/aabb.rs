@@ -1,16 +1,18 @@
 //! Axis-parallel boxes.
 //!
 //! # Derivation
-//! The line is within the slab of axis i for t in [n_i, f_i], (near side - o_i) / d_i and (far side - o_i) /
-//! d_i; it is within the box for t from the greatest n_i to the least f_i (slabs: Kay and Kajiya 1986).
-//! The box is a candidate where that meets the closed interval: max(t_min, n_i) <= min(t_max, f_i). The
-//! reported t is max(t_min, n_i): the entry, or t_min for a start inside. An axis without direction
-//! has no n and f; its origin must lie in the closed slab. An infinite side does not confine.
+//! The line is within the slab of axis i for t in [n_i, f_i], n_i = (near side - o_i) / d_i and f_i
+//! = (far side - o_i) / d_i; it is within the box for t from the greatest n_i to the least f_i
+//! (slabs: Kay and Kajiya 1986). The box is a candidate where that meets the closed interval:
+//! max(t_min, n_i) <= min(t_max, f_i). The reported t is max(t_min, n_i): the entry, or t_min for a
+//! start inside. An axis without direction has no n and f; its origin must lie in the closed slab.
+//! An infinite side does not confine.
 //!
-//! n_i <= f_i of one axis needs no arithmetic (min <= max), so that flat boxes don't need the exact step.
+//! n_i <= f_i of one axis needs no arithmetic (min <= max), so that flat boxes don't need the exact
+//! step.
 //!
-//! Vulkan allows false positives (SEMANTICS 4.2); none are given here. A box with a NaN or min > max
-//! holds nothing and is never hit (a NaN in min.x makes it inactive by SEMANTICS 2.6).
+//! Vulkan allows false positives (SEMANTICS 4.2); none are given here. A box with a NaN or min >
+//! max holds nothing and is never hit (a NaN in min.x makes it inactive by SEMANTICS 2.6).
 //!
 //! # Error
 //! A difference costs one rounding and the origin's error, the quotient's bound is

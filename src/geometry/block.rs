@@ -1,15 +1,17 @@
 //! Blocks of four primitives as a structure of arrays, and an f32 test that culls those which a ray
 //! certainly misses.
 //!
-//! A ray misses most primitives of a leaf, and a miss needs no t, only the sign of one or two polynomials.
-//! [`CullRay`] is the ray in f32 with error bounds; each `maybe_hit_mask` evaluates the silhouettes of four
-//! primitives and keeps a lane unless the bound proves a miss. Lanes that are kept go to `intersect`, which
-//! decides. So culling affects only time. There is one implementation for all machines (`math::f32x4`).
+//! A ray misses most primitives of a leaf, and a miss needs no t, only the sign of one or two
+//! polynomials. [`CullRay`] is the ray in f32 with error bounds; each `maybe_hit_mask` evaluates
+//! the silhouettes of four primitives and keeps a lane unless the bound proves a miss. Lanes that
+//! are kept go to `intersect`, which decides. So culling affects only time. There is one
+//! implementation for all machines (`math::f32x4`).
 //!
 //! # The ray
-//! The exact object-space ray o + t d is reparametrised: the origin moves by `t0` along it towards the
-//! primitives, where it starts far from them, and the direction is scaled so that its greatest component
-//! is of a magnitude from 1 to 2. With o' and D = λ d (λ > 0) the exact results and O, E their f32 neighbours,
+//! The exact object-space ray o + t d is reparametrised: the origin moves by `t0` along it towards
+//! the primitives, where it starts far from them, and the direction is scaled so that its greatest
+//! component is of a magnitude from 1 to 2. With o' and D = λ d (λ > 0) the exact results and O, E
+//! their f32 neighbours,
 //!
 //! ```text
 //! |O - o'| <= e          |E - D| <= κ |E|          |E| >= 1          (1-norms)
@@ -21,17 +23,18 @@
 //! the primitives has e = 0.
 //!
 //! # The bounds
-//! The table at `object_ray::View` holds with u = 2^-24, `origin_error` e, c = κ + 12u. Each test lists
-//! what it uses. Spheres and swept spheres take one bound for all primitives, |E| (e + c x): x is at least the
-//! 1-norm of the way from o' to any point of the box around all, and so at least |o' - p| + r for a
-//! centre p and a radius r. The bounds are evaluated in f32 by sums, products and square roots of non-negative
-//! terms, which lose at most 2^-24 relatively each; `margin` = 1 + 2^-18 on every source outweighs 60
-//! of those.
+//! The table at `object_ray::View` holds with u = 2^-24, `origin_error` e, c = κ + 12u. Each test
+//! lists what it uses. Spheres and swept spheres take one bound for all primitives, |E| (e + c x):
+//! x is at least the 1-norm of the way from o' to any point of the box around all, and so at least
+//! |o' - p| + r for a centre p and a radius r. The bounds are evaluated in f32 by sums, products
+//! and square roots of non-negative terms, which lose at most 2^-24 relatively each; `margin` = 1 +
+//! 2^-18 on every source outweighs 60 of those.
 //!
-//! *Underflow* costs at most 2^-150 per operation. e is raised by 2^-60, so that each bound's square
-//! is at least 2^-120 and its margin, 2^-138, outweighs the few such losses of any formula below.
-//! *Overflow*: for primitives or an origin o' beyond 2^60, and for what is not finite, e is
-//! infinite. Every comparison is written so that an infinite bound, and a NaN from it, keeps the lane.
+//! *Underflow* costs at most 2^-150 per operation. e is raised by 2^-60, so that each bound's
+//! square is at least 2^-120 and its margin, 2^-138, outweighs the few such losses of any formula
+//! below. *Overflow*: for primitives or an origin o' beyond 2^60, and for what is not finite, e is
+//! infinite. Every comparison is written so that an infinite bound, and a NaN from it, keeps the
+//! lane.
 
 mod aabb;
 mod linear_swept_sphere;
@@ -106,20 +109,21 @@ impl CullRay {
         cone: [f32::INFINITY; 3],
     };
 
-    /// Makes a ray ready for primitives that lie within the given box (object space); for boxes there is
-    /// [`BoxRay`].
+    /// Makes a ray ready for primitives that lie within the given box (object space); for boxes
+    /// there is [`BoxRay`].
     #[inline]
     pub fn new(ray: &ObjectRay, around: &Bounds) -> Self {
         let world_space = if ray.is_in_world() { Self::world_space(ray.world(), around) } else { None };
         world_space.unwrap_or_else(|| Self::prepare(ray, around).0)
     }
 
-    /// The common case in f32 throughout: a ray in world space that starts near the primitives, with a
-    /// direction whose greatest component is of a magnitude from 2^-60 to 2^60. `None` for any other.
+    /// The common case in f32 throughout: a ray in world space that starts near the primitives,
+    /// with a direction whose greatest component is of a magnitude from 2^-60 to 2^60. `None` for
+    /// any other.
     ///
-    /// Both are exact then, as the direction is scaled by a power of two (but for what underflows, by 2^-150
-    /// at most: times 2^60 of distance that is less than a share of e), and e = 2^-60. 16u pays for 12u
-    /// and for the roundings here.
+    /// Both are exact then, as the direction is scaled by a power of two (but for what underflows,
+    /// by 2^-150 at most: times 2^60 of distance that is less than a share of e), and e = 2^-60.
+    /// 16u pays for 12u and for the roundings here.
     #[inline(always)]
     pub fn world_space(ray: &Ray, around: &Bounds) -> Option<Self> {
         let far = farthest(three(ray.origin), around);
@@ -148,8 +152,8 @@ impl CullRay {
         })
     }
 
-    /// A ray in the object space of an instance, in f32 throughout. `None` where its direction is not
-    /// known well, or origin or primitives are very far.
+    /// A ray in the object space of an instance, in f32 throughout. `None` where its direction is
+    /// not known well, or origin or primitives are very far.
     ///
     /// The sums of the errors of o' and of d, the latter scaled as it is, are e and κ |E|.
     #[inline(always)]
@@ -246,7 +250,8 @@ fn cone(relative_error: f32, error_bound: f32, length: f32) -> [f32; 3] {
 /// 2^-60: see the head of this file.
 const TINY: f64 = 1.0 / 1_152_921_504_606_846_976.0;
 
-/// A t at which the ray is near a box but not yet in it; 0 if it starts there. Any t would be correct.
+/// A t at which the ray is near a box but not yet in it; 0 if it starts there. Any t would be
+/// correct.
 #[cold]
 fn t_near_bounds(o: [f64; 3], d: [f64; 3], around: &Bounds, size: f64) -> f64 {
     let square: f64 = d.iter().map(|x| x * x).sum();
@@ -290,8 +295,8 @@ fn sum(v: F32x4) -> f32 {
     x + y + z
 }
 
-/// An upper bound of the 1-norm of the vector from an origin to any point of a box. For a ball within the
-/// box it bounds that to the centre plus the radius.
+/// An upper bound of the 1-norm of the vector from an origin to any point of a box. For a ball
+/// within the box it bounds that to the centre plus the radius.
 #[inline(always)]
 fn farthest(origin: F32x4, around: &Bounds) -> f32 {
     let (below, above) = (origin - three(around.min), three(around.max) - origin);

@@ -47,8 +47,8 @@ impl Bounds {
         out
     }
 
-    /// Its surface. A line that meets a convex box meets, of the boxes in it, as many as their surfaces are times its own, on the
-    /// average over all such lines (Cauchy, Crofton).
+    /// The surface area. Of the boxes inside a convex box, a random line that hits that box hits on
+    /// average as many as their areas are times its area (Cauchy, Crofton).
     pub fn surface(&self) -> f64 {
         let [x, y, z] = [0, 1, 2].map(|axis| f64::from(self.max[axis]) - f64::from(self.min[axis]));
         2.0 * (x * y + y * z + z * x)

@@ -1,17 +1,17 @@
-//! The point of closest approach of a ray's line to a centre, from which rays are tested against spheres
-//! and linear swept spheres in few operations, with an error bound (Higham, *Accuracy and Stability of
-//! Numerical Algorithms*).
+//! The point of closest approach of a ray's line to a centre, from which rays are tested against
+//! spheres and linear swept spheres in few operations, with an error bound (Higham, *Accuracy and
+//! Stability of Numerical Algorithms*).
 //!
 //! # Derivation
-//! With w = origin - centre, σ* = w.d / d.d and w* = w - σ* d the line is w* + τ d, τ = t + σ*, with w*.d = 0
-//! (E. Haines, J. Günther and T. Akenine-Möller, *Precision improvements for ray/sphere intersection*,
-//! Ray Tracing Gems, 2019). Formulas in w* cancel no more than |w*| and the radius allow; the distance |w|
-//! enters only in the error of w* itself.
+//! With w = origin - centre, σ* = w.d / d.d and w* = w - σ* d the line is w* + τ d, τ = t + σ*,
+//! with w*.d = 0 (E. Haines, J. Günther and T. Akenine-Möller, *Precision improvements for
+//! ray/sphere intersection*, Ray Tracing Gems, 2019). Formulas in w* cancel no more than |w*| and
+//! the radius allow; the distance |w| enters only in the error of w* itself.
 //!
 //! # Error
-//! u = 2^-53; oe bounds the origin's error, κ the direction's relative one (1-norms; in the 2-norm, |.| from
-//! here on, it is κ2 = √3 κ). Let w, b = w.d, dd, its inverse, σ = b / dd and l = w - σ d be computed, each
-//! operation rounded once (Higham, sections 2.2 and 3.1). To first order
+//! u = 2^-53; oe bounds the origin's error, κ the direction's relative one (1-norms; in the 2-norm,
+//! |.| from here on, it is κ2 = √3 κ). Let w, b = w.d, dd, its inverse, σ = b / dd and l = w - σ d
+//! be computed, each operation rounded once (Higham, sections 2.2 and 3.1). To first order
 //!
 //! ```text
 //! w      u |w| + oe                 b      |d| ((4 u + κ2) |w| + oe)
@@ -25,18 +25,19 @@
 //! error_bound(s) = a + c (s + n |σ|)      c = 16 u + 8 κ      a = 9/4 oe + 2^-100
 //! ```
 //!
-//! bounds both |l - w*| and |d| |σ - σ*|: 16 and 8 outweigh 12 and 4 √3 by a seventh, 9/4 the 2 by an
-//! eighth, and what is of second order, or lost in evaluating it, is less than a thirtieth for κ <= 2^-10.
-//! Also u s <= error_bound(s) / 16. Where n is not within 2^-64 and 2^64, or `ObjectRay` bounds nothing,
-//! c is infinite, so that nothing is decided; 2^-100 outweighs every underflow.
+//! bounds both |l - w*| and |d| |σ - σ*|: 16 and 8 outweigh 12 and 4 √3 by a seventh, 9/4 the 2 by
+//! an eighth, and what is of second order, or lost in evaluating it, is less than a thirtieth for κ
+//! <= 2^-10. Also u s <= error_bound(s) / 16. Where n is not within 2^-64 and 2^64, or `ObjectRay`
+//! bounds nothing, c is infinite, so that nothing is decided; 2^-100 outweighs every underflow.
 //!
 //! # Spheres
-//! A sphere of radius r about the centre is entered at t = -(σ* + sqrt((r^2 - w*.w*) / d.d)). With ρ = error_bound(r)
-//! and |l| <= r the computed room r^2 - l.l is off by at most (7/3 r + ρ) ρ; it has to be at least
-//! (r / 8 + 16 ρ)^2, so that it is off by less than 19 ρ times its own root. That root is then off by at most
-//! 11.5 ρ, the half chord by as much over |d|, with ρ / 4 for the inverse and the rounding of the root, and t,
-//! with σ's ρ / |d| and the last rounding, by less than 16 ρ / |d|. (Undecided is what grazes: where less
-//! than a 64th of r^2 is left.) The line passes by where |l| > r + error_bound(|l|), that is |l| (1 - c) > r + ρ.
+//! A sphere of radius r about the centre is entered at t = -(σ* + sqrt((r^2 - w*.w*) / d.d)). With
+//! ρ = error_bound(r) and |l| <= r the computed room r^2 - l.l is off by at most (7/3 r + ρ) ρ; it
+//! has to be at least (r / 8 + 16 ρ)^2, so that it is off by less than 19 ρ times its own root.
+//! That root is then off by at most 11.5 ρ, the half chord by as much over |d|, with ρ / 4 for the
+//! inverse and the rounding of the root, and t, with σ's ρ / |d| and the last rounding, by less
+//! than 16 ρ / |d|. (Undecided is what grazes: where less than a 64th of r^2 is left.) The line
+//! passes by where |l| > r + error_bound(|l|), that is |l| (1 - c) > r + ρ.
 
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded};
@@ -92,8 +93,9 @@ impl ClosestApproachTerms {
     /// The least and the greatest n that bounds are known for: 2^-64 and 2^64.
     pub const RANGE: (f64, f64) = (1.0 / 18_446_744_073_709_551_616.0, 18_446_744_073_709_551_616.0);
 
-    /// Makes the terms from a direction with its 1-norm, the error bounds of `ObjectRay` and the interval.
-    /// The caller [gives them up](Self::give_up) if the norm is outside of [`Self::RANGE`].
+    /// Makes the terms from a direction with its 1-norm, the error bounds of `ObjectRay` and the
+    /// interval. The caller [gives them up](Self::give_up) if the norm is outside of
+    /// [`Self::RANGE`].
     #[inline(always)]
     pub fn new(
         direction: [f64; 3],
@@ -120,7 +122,7 @@ impl ClosestApproachTerms {
 /// Just below the middle of the greatest f32 and 2^128, from which on numbers round to infinity.
 const GREATEST: f64 = (f32::MAX as f64 + (1u128 << 103) as f64).next_down();
 
-/// 2^-100
+/// 2^-100, which outweighs underflow.
 const TINY: f64 = 1.0 / ((1u128 << 100) as f64);
 
 impl ClosestApproach {
@@ -132,15 +134,16 @@ impl ClosestApproach {
         Self { offset: sub(w, scale(sigma, ray.direction)), sigma, travel: sigma.abs() * ray.direction_norm }
     }
 
-    /// A bound of the error of `offset` and of `sigma` times |d|; `size` is at least the length of the
-    /// offset.
+    /// A bound of the error of `offset` and of `sigma` times |d|; `size` is at least the length of
+    /// the offset.
     #[inline(always)]
     pub fn error_bound(&self, ray: &ObjectRay, size: f64) -> f64 {
         ray.approach_terms.absolute_error + ray.approach_terms.relative_error * (size + self.travel)
     }
 
-    /// The t at which the line enters a sphere about the centre, and a bound of its error. `error_bound` is
-    /// that of the radius or of more. A sphere whose radius is not positive is not entered.
+    /// The t at which the line enters a sphere about the centre, and a bound of its error.
+    /// `error_bound` is that of the radius or of more. A sphere whose radius is not positive is not
+    /// entered.
     #[inline(always)]
     pub fn entry(&self, ray: &ObjectRay, radius: f64, error_bound: f64) -> Verdict<(f64, f64)> {
         let ClosestApproachTerms { inverse, inv_length, relative_error, .. } = ray.approach_terms;

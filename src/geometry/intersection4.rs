@@ -24,7 +24,7 @@ pub struct Intersection4 {
 }
 
 impl Intersection4 {
-    /// All are missed.
+    /// All four are missed.
     pub const MISSED: Self = Self {
         hits: 0,
         undecided: 0,
@@ -68,8 +68,8 @@ impl<D: F64x4Ops> Ends<D> {
         Self { middle, below: simd.sub(middle, error), above: simd.add(middle, error) }
     }
 
-    /// A bit for each lane where both ends round to one `f32`, and those: made of what lies between them, so that whoever takes them
-    /// waits for no bound.
+    /// A bit for each lane where both ends round to one `f32`, and those: made of what lies between
+    /// them, so that whoever takes them waits for no bound.
     #[inline(always)]
     pub fn rounded(&self, simd: D) -> (u32, F32x4) {
         let [first, last] = self.rounded_ends(simd);

@@ -1,9 +1,10 @@
 //! Linear swept spheres: the convex hull of two spheres, one candidate a primitive.
 //!
 //! # Test
-//! The ends are (P0, r0) and (P1, r1); D = P1 - P0, δ = r1 - r0, g = D.D - δ^2, w = origin - P0. For
-//! g <= 0 the greater sphere contains the other and is tested alone. Otherwise the ball of the sweep that
-//! the ray touches at t has the parameter u*(t) = (w.D + r0 δ + d.D t) / g, and the ray enters
+//! The ends are (P0, r0) and (P1, r1); D = P1 - P0, δ = r1 - r0, g = D.D - δ^2, w = origin - P0.
+//! For g <= 0 the greater sphere contains the other and is tested alone. Otherwise the ball of the
+//! sweep that the ray touches at t has the parameter u*(t) = (w.D + r0 δ + d.D t) / g, and the ray
+//! enters
 //! * cap 0, at the entry of sphere 0, if u* <= 0 there;
 //! * the side, at the falling root of A t^2 + 2 B t + C, if 0 < u* < 1 there;
 //! * cap 1, at the entry of sphere 1, if u* >= 1 there.
@@ -16,8 +17,8 @@
 //!
 //! The ray misses if |N|^2 < M^2. An entry on a disabled cap is no candidate (SEMANTICS 9).
 //!
-//! A filter in f64 from the point of closest approach (`f64_filter`) decides nearly always; what it leaves
-//! open is evaluated as above with a running bound, and then exactly (`exact`).
+//! A filter in f64 from the point of closest approach (`f64_filter`) decides nearly always; what it
+//! leaves open is evaluated as above with a running bound, and then exactly (`exact`).
 //!
 //! # Degenerate shapes (SEMANTICS 9)
 //! A NaN or infinity, or no positive radius: never hit. One negative radius: the shape ends in the
@@ -25,10 +26,11 @@
 //! and that point counts as side. Such shapes (invalid usage in Vulkan) always take the exact step.
 //!
 //! # Error
-//! Products with d or w have the bounds of the table at `object_ray::View`. A product of two computed
-//! values has `math::error_bound::product_error`, a quotient `Divisor`; a root sqrt(g) sqrt(G) of values
-//! known to e_g < g and e_G < G is off by at most (e_g / g + e_G / G + 3u) of itself. The derivation, with the
-//! proof that one cap at most need be tested for A > 0, is in `docs/derivations/linear-swept-sphere.md`.
+//! Products with d or w have the bounds of the table at `object_ray::View`. A product of two
+//! computed values has `math::error_bound::product_error`, a quotient `Divisor`; a root sqrt(g)
+//! sqrt(G) of values known to e_g < g and e_G < G is off by at most (e_g / g + e_G / G + 3u) of
+//! itself. The derivation, with the proof that one cap at most need be tested for A > 0, is in
+//! `docs/derivations/linear-swept-sphere.md`.
 
 mod exact;
 mod f64_filter;
@@ -123,14 +125,15 @@ pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
     })
 }
 
-/// The boxes around both halves of a linear swept sphere, where their surfaces together are three quarters of that of the
-/// one around the whole at most. `None` elsewhere, and where it is never hit.
+/// The boxes around both halves of a linear swept sphere, where their surfaces together are three
+/// quarters of that of the one around the whole at most. `None` elsewhere, and where it is never
+/// hit.
 ///
-/// The shape is the union of the balls that lie at P0 + u D and have the radius r0 + u δ, 0 <= u <= 1; those
-/// of a half lie within the hull of its two end balls. The one in the middle, (P0 + P1) / 2, is found
-/// with two products and a sum, its radius too, and their difference and sum round once and, with
-/// the slack, again: each at most a unit roundoff of |P0| + |P1| + r0 + r1, or where they are
-/// subnormal 2^-150, ten in all. The slack is sixteen of both.
+/// The shape is the union of the balls that lie at P0 + u D and have the radius r0 + u δ, 0 <= u <=
+/// 1; those of a half lie within the hull of its two end balls. The one in the middle, (P0 + P1) /
+/// 2, is found with two products and a sum, its radius too, and their difference and sum round once
+/// and, with the slack, again: each at most a unit roundoff of |P0| + |P1| + r0 + r1, or where they
+/// are subnormal 2^-150, ten in all. The slack is sixteen of both.
 #[inline]
 pub fn halves(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<[Bounds; 2]> {
     let [p0, p1] = positions.map(|[x, y, z]| F32x4::new([x, y, z, 0.0]));

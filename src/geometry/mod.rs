@@ -1,13 +1,14 @@
 //! Primitives and their intersection with a ray, one file a primitive.
 //!
-//! Every `intersect` takes an [`ObjectRay`] and the primitive's `f32` data and answers *exactly* for
-//! those inputs: whether the ray meets it, on which surface, and within the interval or not; t and
-//! the attributes are the correctly rounded values of the real numbers. An f64 attempt with a
+//! Every `intersect` takes an [`ObjectRay`] and the primitive's `f32` data and answers *exactly*
+//! for those inputs: whether the ray meets it, on which surface, and within the interval or not; t
+//! and the attributes are the correctly rounded values of the real numbers. An f64 attempt with a
 //! proven error bound decides nearly always; what it leaves undecided goes to exact arithmetic.
-//! [`Precision`] trades that away. A t beyond the range of `f32` is no hit: no shader could be told.
+//! [`Precision`] trades that away. A t beyond the range of `f32` is no hit: no shader could be
+//! told.
 //!
-//! Before that, [`block`] culls primitives that a ray certainly misses, four at a time, or tests four at
-//! once in f64 ([`Intersection4`]).
+//! Before that, [`block`] culls primitives that a ray certainly misses, four at a time, or tests
+//! four at once in f64 ([`Intersection4`]).
 //!
 //! The interval of a ray is the caller's t_min and t_max. A traversal that has found a hit compares
 //! the *rounded* t of later ones itself: shrinking `t_max` to a rounded t would make ties depend on

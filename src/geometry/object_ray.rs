@@ -8,20 +8,21 @@
 //! direction = adj A  d      / D        (t is the same number in both spaces)
 //! ```
 //!
-//! **Exactly** the division is never made: [`ExactRay`] is homogeneous, (adj A (o - b), adj A d, D),
-//! its signs turned so that the weight D is positive. Every decision is then the sign of a
+//! **Exactly** the division is never made: [`ExactRay`] is homogeneous, (adj A (o - b), adj A d,
+//! D), its signs turned so that the weight D is positive. Every decision is then the sign of a
 //! polynomial of the inputs: a point p of a primitive is compared as D p.
 //!
-//! **In f64**, for entries of magnitude 0 or 2^-149 to 2^128 nothing over- or underflows: products of
-//! two f32 are exact, so an entry of adj A costs one rounding (relative error u = 2^-53). D is an
-//! inner product of such entries with a row of A: off by at most 4u S, S = sum |a_0j adj_j0|. With
-//! e = 6u S / |D| <= 2^-10 an entry of the inverse is off by at most u + u + e/(1-e) + O(u^2) <=
-//! 4u + 2e relatively, and a component of the result by (that + u + 3u) sum |inv_kj v_j|, plus u for
-//! the difference o - b. The coefficients in the code are greater still (see `math::error_bound`).
-//! A transform that only moves, swaps axes and scales by powers of two rounds nothing but that
-//! difference, and an error-free sum (Knuth, *The Art of Computer Programming*, vol. 2, 4.2.2) says by how
-//! much. Where e is greater (a nearly singular matrix) or the result leaves the range that the
-//! intersectors' bounds assume, the error is declared infinite and all is decided exactly.
+//! **In f64**, for entries of magnitude 0 or 2^-149 to 2^128 nothing over- or underflows: products
+//! of two f32 are exact, so an entry of adj A costs one rounding (relative error u = 2^-53). D is
+//! an inner product of such entries with a row of A: off by at most 4u S, S = sum |a_0j adj_j0|.
+//! With e = 6u S / |D| <= 2^-10 an entry of the inverse is off by at most u + u + e/(1-e) + O(u^2)
+//! <= 4u + 2e relatively, and a component of the result by (that + u + 3u) sum |inv_kj v_j|, plus u
+//! for the difference o - b. The coefficients in the code are greater still (see
+//! `math::error_bound`). A transform that only moves, swaps axes and scales by powers of two rounds
+//! nothing but that difference, and an error-free sum (Knuth, *The Art of Computer Programming*,
+//! vol. 2, 4.2.2) says by how much. Where e is greater (a nearly singular matrix) or the result
+//! leaves the range that the intersectors' bounds assume, the error is declared infinite and all is
+//! decided exactly.
 
 use std::cmp::Ordering;
 
@@ -35,8 +36,8 @@ use crate::math::surd::Surd;
 
 const UNIT: f64 = f64::EPSILON / 2.0;
 
-/// 2^130 and 2^-150: the greatest 1-norms of a ray's origin and direction, and the least of a direction,
-/// that the intersectors' bounds assume.
+/// 2^130 and 2^-150: the greatest 1-norms of a ray's origin and direction, and the least of a
+/// direction, that the intersectors' bounds assume.
 const RANGE: f64 = (1u128 << 65) as f64 * (1u128 << 65) as f64;
 const SHORTEST: f64 = 1.0 / ((1u128 << 75) as f64 * (1u128 << 75) as f64);
 
@@ -51,15 +52,15 @@ pub struct Transform {
     inverse: [[f64; 3]; 3],
     /// Relative error of each of its entries; infinite where only exact arithmetic will do.
     inverse_error: f64,
-    /// Whether it only moves, swaps axes, and scales each by a power of two: then nothing is rounded but
-    /// the sum with the translation, and that seldom.
+    /// Whether it only moves, swaps axes, and scales each by a power of two: then nothing is
+    /// rounded but the sum with the translation, and that seldom.
     is_exact: bool,
-    /// The same in f32, where that is good for something.
+    /// The inverse in f32, if its entries are in range.
     approximate: Option<ApproximateInverse>,
 }
 
-/// An inverse transform in f32: columns of the linear part, and the translation that goes before. Of
-/// each row three numbers count.
+/// An inverse transform in f32: the columns of the linear part, and the translation that is applied
+/// first. The fourth components are not used.
 #[derive(Clone, Copy, Debug)]
 struct ApproximateInverse {
     columns: [[f32; 4]; 3],
@@ -113,9 +114,9 @@ impl Transform {
     /// ordinary](Ray::is_well_scaled) or the transform too extreme.
     ///
     /// An entry of the inverse is off by u (and 2^-30), u = 2^-24, the difference of origin and
-    /// translation by u, a product and the two sums by 3u: together less than 6u of sum |inv_kj v_j|,
-    /// for which 12u stand. A difference is at least 2^-84 where it is not 0, so that a product may
-    /// underflow: 2^-100 pays for that. The direction's products don't.
+    /// translation by u, a product and the two sums by 3u: together less than 6u of sum |inv_kj
+    /// v_j|, for which 12u stand. A difference is at least 2^-84 where it is not 0, so that a
+    /// product may underflow: 2^-100 pays for that. The direction's products don't.
     #[inline(always)]
     pub fn approximate(&self, ray: &Ray) -> Option<ApproximateRay> {
         let approximate = self.approximate.as_ref().filter(|_| ray.is_well_scaled())?;
@@ -136,8 +137,8 @@ impl Transform {
         Some(ApproximateRay { origin, direction, origin_error, direction_error })
     }
 
-    /// What [`Transform::approximate`] takes: the inverse's columns in f32, and the translation that goes before.
-    /// `None` where the transform is too extreme.
+    /// What [`Transform::approximate`] takes: the inverse's columns in f32, and the translation
+    /// that goes before. `None` where the transform is too extreme.
     #[inline(always)]
     pub fn approximate_inverse(&self) -> Option<([[f32; 3]; 3], [f32; 3])> {
         let three = |[x, y, z, _]: [f32; 4]| [x, y, z];
@@ -146,8 +147,8 @@ impl Transform {
             .map(|approximate| (approximate.columns.map(three), three(approximate.translation)))
     }
 
-    /// `A^-1 v` and a bound of each component's error, v known but for `v_error`, componentwise, which an
-    /// inexact transform has accounted for.
+    /// `A^-1 v` and a bound of each component's error, v known but for `v_error`, componentwise,
+    /// which an inexact transform has accounted for.
     fn apply(&self, v: [f64; 3], v_error: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let terms = self.inverse.map(|row| [row[0] * v[0], row[1] * v[1], row[2] * v[2]]);
         let sums = terms.map(|[x, y, z]| x + y + z);
@@ -160,8 +161,8 @@ impl Transform {
     }
 }
 
-/// Whether each row and column of the linear part has one entry that is not 0, a power of two or its
-/// negative: so have the inverse's, and its products are exact.
+/// Whether each row and column of the linear part has one entry that is not 0, a power of two or
+/// its negative: so have the inverse's, and its products are exact.
 fn is_monomial(matrix: &[[f32; 4]; 3]) -> bool {
     let is_power = |x: f32| x.is_normal() && x.to_bits() & 0x7F_FFFF == 0;
     let mut columns = 0;
@@ -175,7 +176,8 @@ fn is_monomial(matrix: &[[f32; 4]; 3]) -> bool {
     columns == 0b111
 }
 
-/// The difference of two f32, and a bound of its error: 0 where it is exact (Knuth's error-free sum says).
+/// The difference of two f32, and a bound of its error: 0 where it is exact (Knuth's error-free sum
+/// says).
 #[inline(always)]
 fn difference(a: f32, b: f32) -> (f64, f64) {
     let (a, b) = (f64::from(a), -f64::from(b));
@@ -185,19 +187,19 @@ fn difference(a: f32, b: f32) -> (f64, f64) {
     (sum, rest.abs() * (1.0 + 8.0 * UNIT))
 }
 
-/// By which the sum of the magnitudes of a rough component's terms bounds its error: see
-/// [`Transform::approximate`].
+/// The factor by which the sum of the magnitudes of the terms of an approximate component bounds
+/// its error: see [`Transform::approximate`].
 pub const APPROXIMATE_ERROR: f32 = 12.0 * UNIT_F32;
 
 /// The unit roundoff of f32.
 const UNIT_F32: f32 = 1.0 / 16_777_216.0;
 
-/// 2^-100, which pays for underflow of a rough origin's products.
+/// 2^-100, which covers underflow of the products of an approximate origin.
 pub const APPROXIMATE_UNDERFLOW: f32 = UNIT_F32 * UNIT_F32 * UNIT_F32 * UNIT_F32 / 16.0;
 
 impl ApproximateInverse {
-    /// `None` where an entry is neither 0 nor of a magnitude from 2^-40 to 2^40, or the translation is
-    /// not as an ordinary ray's origin.
+    /// `None` where an entry is neither 0 nor of a magnitude from 2^-40 to 2^40, or the translation
+    /// is not as an ordinary ray's origin.
     fn new(matrix: &[[f32; 4]; 3], inverse: &[[f64; 3]; 3]) -> Option<Self> {
         let within =
             |x: f32, power: i32| x == 0.0 || x.abs() >= 2f32.powi(-power) && x.abs() <= 2f32.powi(power);
@@ -210,14 +212,14 @@ impl ApproximateInverse {
     }
 }
 
-/// A ray in object space in f32, with a bound of each component's error. Of each vector three numbers
-/// count, the fourth is no NaN.
+/// A ray in object space in f32, with a bound of the error of each component. The fourth components
+/// are not used and not NaN.
 #[derive(Clone, Copy, Debug)]
 pub struct ApproximateRay {
     /// Where t is 0.
     pub origin: F32x4,
-    /// The way per unit of t. A component is off by nothing where its bound is 0, and by at most half
-    /// of what the bound says elsewhere.
+    /// The way per unit of t. A component is off by nothing where its bound is 0, and by at most
+    /// half of what the bound says elsewhere.
     pub direction: F32x4,
     /// Of the origin, per component.
     pub origin_error: F32x4,
@@ -466,16 +468,16 @@ impl ObjectRay {
         ExactRay { origin: apply(&offset), direction: apply(&direction), weight }
     }
 
-    /// Where an exact parameter stands to the closed interval: `None` outside, and where it rounds to
-    /// infinity.
+    /// Where an exact parameter stands to the closed interval: `None` outside, and where it rounds
+    /// to infinity.
     pub(super) fn settle_closed(&self, t: &Surd) -> Option<f32> {
         let inside = t.compare_f32(self.world.t_min) != Ordering::Less
             && t.compare_f32(self.world.t_max) != Ordering::Greater;
         inside.then(|| t.to_f32()).filter(|t| t.is_finite())
     }
 
-    /// Where an exact parameter stands to the open interval: `None` outside or at its ends, and where
-    /// it rounds to infinity.
+    /// Where an exact parameter stands to the open interval: `None` outside or at its ends, and
+    /// where it rounds to infinity.
     pub(super) fn settle_open(&self, t: &Surd) -> Option<f32> {
         let inside = t.compare_f32(self.world.t_min) == Ordering::Greater
             && t.compare_f32(self.world.t_max) == Ordering::Less;
@@ -485,21 +487,22 @@ impl ObjectRay {
 
 /// What a bounded attempt in the format R reads.
 ///
-/// Its two errors are made so that short formulas hold. With κ the direction's relative error (1-norm,
-/// at most 2^-10) `slack` is c = κ + 12u, and for a point p known exactly, w = origin - p computed with
-/// one rounding, `reach(|w|)` is `origin_error` + c |w|. Then, |.| the 1-norm and v a difference of two
-/// given vectors (one rounding), up to the slack that `math::error_bound` asks for:
+/// Its two errors are made so that short formulas hold. With κ the direction's relative error
+/// (1-norm, at most 2^-10) `slack` is c = κ + 12u, and for a point p known exactly, w = origin - p
+/// computed with one rounding, ρ = `error_bound(|w|)` is `origin_error` + c |w|. Then, |.| the
+/// 1-norm and v a difference of two given vectors (one rounding), up to the slack that
+/// `math::error_bound` asks for:
 ///
 /// ```text
 /// d x v           c |d| |v|            rounding 2u, v 1u, d κ; second order κ u
 /// d . v           c |d| |v|            3u, 1u, κ
-/// d x w           |d| reach            2u, w 1u + origin, d κ; second order κ origin <= origin / 1024
-/// d . w           |d| reach            3u, 1u + origin, κ
-/// w x v, w . v    |v| reach            at most 3u, 1u + origin, 1u
-/// w . (d x v)     |d| |v| reach        3u, 1u + origin, 3u + κ of d x v
+/// d x w           |d| ρ                2u, w 1u + origin, d κ; second order κ origin <= origin / 1024
+/// d . w           |d| ρ                3u, 1u + origin, κ
+/// w x v, w . v    |v| ρ                at most 3u, 1u + origin, 1u
+/// w . (d x v)     |d| |v| ρ            3u, 1u + origin, 3u + κ of d x v
 /// v . (d x v')    c |d| |v| |v'|       3u, 1u, 3u + κ
-/// d . (w x v)     |d| |v| reach        3u, κ, 4u + origin of w x v
-/// v . (w x v')    |v| |v'| reach       3u, 1u, 4u + origin
+/// d . (w x v)     |d| |v| ρ            3u, κ, 4u + origin of w x v
+/// v . (w x v')    |v| |v'| ρ           3u, 1u, 4u + origin
 /// ```
 ///
 /// each at most 9u of its rounding share, where c has 12u.
@@ -509,7 +512,7 @@ pub(super) struct View<R> {
     pub direction: [R; 3],
     /// A bound of the 1-norm of the origin's error.
     pub origin_error: R,
-    /// c above.
+    /// The relative error c above.
     pub slack: R,
     /// The 1-norm of the direction.
     pub direction_norm: R,
@@ -518,7 +521,7 @@ pub(super) struct View<R> {
 }
 
 impl<R: Real> View<R> {
-    /// What stands for |w| in the error of a product with w = origin - p.
+    /// The bound that stands for |w| in the error of a product with w = origin - p.
     #[inline(always)]
     pub fn error_bound(&self, norm: R) -> R {
         self.origin_error + self.slack * norm

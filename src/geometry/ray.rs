@@ -13,16 +13,17 @@ pub struct Ray {
     pub origin: [f32; 3],
     /// The way per unit of t; of any length but 0.
     pub direction: [f32; 3],
-    /// The least t.
+    /// The lower end of the interval.
     pub t_min: f32,
-    /// The greatest t.
+    /// The upper end of the interval.
     pub t_max: f32,
 }
 
 impl Ray {
-    /// The least magnitude but 0 of an [ordinary](Self::is_well_scaled) ray's components: 2^-60.
+    /// The least nonzero magnitude of the components of a [well-scaled](Self::is_well_scaled) ray:
+    /// 2^-60.
     pub const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
-    /// The greatest: 2^60.
+    /// The greatest magnitude of the components of a [well-scaled](Self::is_well_scaled) ray: 2^60.
     pub const MOST: f32 = (1u64 << 60) as f32;
 
     /// A ray over the whole half-line: `t_min` 0, `t_max` infinity.
@@ -38,8 +39,8 @@ impl Ray {
         zero(self.origin) + zero(self.direction) == 0.0 && !self.t_min.is_nan() && !self.t_max.is_nan()
     }
 
-    /// Whether each component of origin and direction is 0 or of a magnitude from 2^-60 to 2^60, the
-    /// direction is not 0, and the interval holds no NaN.
+    /// Whether each component of origin and direction is 0 or of a magnitude from 2^-60 to 2^60,
+    /// the direction is not 0, and the interval holds no NaN.
     #[inline(always)]
     pub fn is_well_scaled(&self) -> bool {
         let zero = F32x4::splat(0.0);
@@ -56,7 +57,7 @@ impl Ray {
             && !(self.t_min.is_nan() || self.t_max.is_nan())
     }
 
-    /// The same ray over another interval.
+    /// Replaces the interval.
     #[must_use]
     pub fn with_interval(self, t_min: f32, t_max: f32) -> Self {
         Self { t_min, t_max, ..self }
@@ -72,7 +73,7 @@ pub enum Surface {
     TriangleBack,
     /// A box's entry (or a start inside it).
     Aabb,
-    /// A sphere.
+    /// The surface of a sphere.
     Sphere,
     /// The side of a linear swept sphere.
     Side,

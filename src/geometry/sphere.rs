@@ -10,14 +10,15 @@
 //!
 //! The right side is what is evaluated: B^2 and A C agree in all digits that the distance takes,
 //! r^2 d.d and |d x m|^2 only in those that the ray's closeness to the silhouette takes (the error
-//! relative to r^2 d.d is of order u |m| / r instead of u |m|^2 / r^2). The *entry* is the root with
-//! the minus sign.
+//! relative to r^2 d.d is of order u |m| / r instead of u |m|^2 / r^2). The *entry* is the root
+//! with the minus sign.
 //!
-//! **First** it is taken from the foot of the centre (`geometry::closest_approach`), one square root and no
-//! division, with a bound that hardly costs anything; it leaves open what grazes, starts very near, or
-//! lies within some units of 2^-45 of the middle between two f32.
+//! **First** it is taken from the foot of the centre (`geometry::closest_approach`), one square
+//! root and no division, with a bound that hardly costs anything; it leaves open what grazes,
+//! starts very near, or lies within some units of 2^-45 of the middle between two f32.
 //!
-//! **Then** with a running bound: with s = sqrt(discriminant) the entry, written without cancellation, is
+//! **Then** with a running bound: with s = sqrt(discriminant) the entry, written without
+//! cancellation, is
 //!
 //! ```text
 //! t = C / (s - B)  where B <= 0        t = -(B + s) / A  where B > 0.
@@ -27,12 +28,12 @@
 //! the interval, as t_min >= 0. A tangent, discriminant 0, is a hit.
 //!
 //! # Error of the running bound
-//! Norms are 1-norms, which bound the length from above. d x m and d.m have the bounds of the table at
-//! `object_ray::View`, d.d that of d.v with κ twice; a product of two such values has
-//! `math::error_bound::product_error`, a quotient `Divisor`; sqrt(x) for x > e is off by at most
-//! (e / x + u) sqrt(x). Nothing over- or underflows for
-//! f32-sized centres and radii and the rays that `ObjectRay` lets into f64: the greatest product is
-//! r^2 d.d <= 2^516, the least r^2 d.d >= 2^-598.
+//! Norms are 1-norms, which bound the length from above. d x m and d.m have the bounds of the table
+//! at `object_ray::View`, d.d that of d.v with κ twice; a product of two such values has
+//! `math::error_bound::product_error`, a quotient `Divisor`; sqrt(x) for x > e is off by at most (e
+//! / x + u) sqrt(x). Nothing over- or underflows for f32-sized centres and radii and the rays that
+//! `ObjectRay` lets into f64: the greatest product is r^2 d.d <= 2^516, the least r^2 d.d >=
+//! 2^-598.
 
 mod four;
 

@@ -1,33 +1,35 @@
 //! Triangles, watertight and scale-free.
 //!
 //! # Derivation
-//! With e1 = V1 - V0, e2 = V2 - V0, w = origin - V0, p = d x e2, q = w x e1 (Möller and Trumbore, *Fast,
-//! Minimum Storage Ray/Triangle Intersection*, 1997):
+//! With e1 = V1 - V0, e2 = V2 - V0, w = origin - V0, p = d x e2, q = w x e1 (Möller and Trumbore,
+//! *Fast, Minimum Storage Ray/Triangle Intersection*, 1997):
 //!
 //! ```text
 //! det = e1.p      beta = w.p      gamma = d.q      alpha = det - beta - gamma      t = e2.q / det
 //! ```
 //!
-//! alpha, beta, gamma over det are the barycentrics of V0, V1, V2. The ray's line meets the triangle where
-//! all three have the sign of det; det == 0 is edge-on or degenerate and never a hit. Each is, up to
-//! sign, the volume of the line with one *edge*, d.((B - o) x (C - o)): as its sign is decided exactly,
-//! the two triangles of an edge get opposite answers and no ray passes between them.
+//! alpha, beta, gamma over det are the barycentrics of V0, V1, V2. The ray's line meets the
+//! triangle where all three have the sign of det; det == 0 is edge-on or degenerate and never a
+//! hit. Each is, up to sign, the volume of the line with one *edge*, d.((B - o) x (C - o)): as its
+//! sign is decided exactly, the two triangles of an edge get opposite answers and no ray passes
+//! between them.
 //!
 //! **On an edge or vertex** exactly one of the neighbours must be hit. The ray counts as moved by
 //! (ε, ε^2) along two axes i, j of object space (simulation of simplicity: Edelsbrunner and Mücke,
-//! 1990), the two that are left when an axis is set aside along which d is greatest. The move depends
-//! on the ray alone, so all triangles of an instance see the same one, and a line in general position
-//! meets a closed fan once. Along axis i it changes beta by ε p_i, gamma by ε (e1 x d)_i and det not at
-//! all. If beta and both its terms are 0, p is parallel to the axis set aside and normal to d, so that
-//! p = 0 and det = 0; likewise for the others: the sign is never left open. Attributes and t are those of
-//! the unmoved ray.
+//! 1990), the two that are left when an axis is set aside along which d is greatest. The move
+//! depends on the ray alone, so all triangles of an instance see the same one, and a line in
+//! general position meets a closed fan once. Along axis i it changes beta by ε p_i, gamma by ε (e1
+//! x d)_i and det not at all. If beta and both its terms are 0, p is parallel to the axis set aside
+//! and normal to d, so that p = 0 and det = 0; likewise for the others: the sign is never left
+//! open. Attributes and t are those of the unmoved ray.
 //!
 //! **Facing** (SEMANTICS 4.2): front where the vertices run clockwise as seen from the ray in a
 //! left-handed system, that is d.(e1 x e2) < 0, that is det > 0. Decided in object space.
 //!
 //! # Steps
-//! The f64 step takes one triangle (`one`) or the four of a block (`four`). The bounds of det, beta, gamma and e2.q are rows of the table
-//! at `object_ray::View`, quotients have `math::error_bound::Divisor`. Products stay within 2^-450 and 2^520. What it leaves open is
+//! The f64 step takes one triangle (`one`) or the four of a block (`four`). The bounds of det,
+//! beta, gamma and e2.q are rows of the table at `object_ray::View`, quotients have
+//! `math::error_bound::Divisor`. Products stay within 2^-450 and 2^520. What it leaves open is
 //! decided exactly.
 
 mod four;

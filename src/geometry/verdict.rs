@@ -3,14 +3,14 @@
 use crate::geometry::object_ray::View;
 use crate::math::real::Real;
 
-/// The outcome of an attempt with an error bound.
+/// The outcome of a filter: a floating-point test with an error bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict<T> {
-    /// Certainly nothing.
+    /// The ray certainly misses.
     Miss,
-    /// Certainly this.
+    /// The result is certain.
     Hit(T),
-    /// Closer to an edge than the bound can tell: ask exactly.
+    /// The error bound does not decide: exact arithmetic must.
     Undecided,
 }
 

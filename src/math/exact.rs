@@ -17,12 +17,12 @@ pub struct Dyadic {
 }
 
 impl Dyadic {
-    /// 0.
+    /// The number 0.
     pub fn zero() -> Self {
         Self { mantissa: BigInt::ZERO, exponent: 0 }
     }
 
-    /// A small integer.
+    /// Makes a small integer.
     pub fn integer(value: i64) -> Self {
         Self { mantissa: value.into(), exponent: 0 }
     }
@@ -64,13 +64,13 @@ impl Dyadic {
         self.sign() == 0
     }
 
-    /// Its square.
+    /// The square of the number.
     #[must_use]
     pub fn square(&self) -> Self {
         self * self
     }
 
-    /// Its magnitude.
+    /// The absolute value.
     #[must_use]
     pub fn abs(&self) -> Self {
         if self.sign() < 0 { -self } else { self.clone() }
@@ -162,12 +162,12 @@ pub fn scale(s: &Dyadic, v: &Vector) -> Vector {
     std::array::from_fn(|i| s * &v[i])
 }
 
-/// The scalar product.
+/// The dot product.
 pub fn dot(a: &Vector, b: &Vector) -> Dyadic {
     &(&(&a[0] * &b[0]) + &(&a[1] * &b[1])) + &(&a[2] * &b[2])
 }
 
-/// The vector product.
+/// The cross product.
 pub fn cross(a: &Vector, b: &Vector) -> Vector {
     let minor = |i: usize, j: usize| &(&a[i] * &b[j]) - &(&a[j] * &b[i]);
     [minor(1, 2), minor(2, 0), minor(0, 1)]

@@ -1,8 +1,8 @@
 //! Four `f32` lanes of SIMD: SSE2 registers on x86-64, NEON on 64-bit Arm, scalars elsewhere.
 //!
-//! [`F32x4`] wraps glam's `Vec4`. It uses only IEEE operations on single lanes, which round alike on all
-//! machines; none of glam's sums, dot products or lengths. [`FmaOps`] has the operations that may round
-//! once instead of twice.
+//! [`F32x4`] wraps glam's `Vec4`. It uses only IEEE operations on single lanes, which round alike
+//! on all machines; none of glam's sums, dot products or lengths. [`FmaOps`] has the operations
+//! that may round once instead of twice.
 
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -99,8 +99,8 @@ impl F32x4 {
     }
 }
 
-/// Multiply-add operations, for filters with an error bound only: whether the product is rounded depends
-/// on the CPU.
+/// Multiply-add operations, for filters with an error bound only: whether the product is rounded
+/// depends on the CPU.
 pub trait FmaOps: Copy {
     /// `a b + c`, rounded once or twice.
     fn fma(self, a: F32x4, b: F32x4, c: F32x4) -> F32x4;

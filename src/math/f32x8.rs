@@ -1,7 +1,7 @@
 //! Eight `f32` lanes of SIMD: two SSE2 or NEON registers, or one AVX register if the CPU has them.
 //!
-//! The operations are IEEE operations on single lanes, as in `math::f32x4`: the results are the same bits
-//! on every instruction set.
+//! The operations are IEEE operations on single lanes, as in `math::f32x4`: the results are the
+//! same bits on every instruction set.
 
 #[cfg(target_arch = "x86_64")]
 use pulp::f32x8;
@@ -189,7 +189,8 @@ impl F32x8Ops for V3 {
 
     #[inline(always)]
     fn to_i32(self, a: f32x8) -> [i32; 8] {
-        // The conversion gives i32::MIN out of range: it is inverted above the range and cleared for a NaN.
+        // The conversion gives i32::MIN out of range: it is inverted above the range and cleared
+        // for a NaN.
         let above = self.cmp_ge_f32x8(a, self.splat_f32x8(2_147_483_648.0));
         let number = self.cmp_eq_f32x8(a, a);
         let truncated = self.avx._mm256_cvttps_epi32(pulp::cast(a));

@@ -1,7 +1,8 @@
 //! Four `f64` lanes of SIMD: scalars, or one AVX register if the CPU has them.
 //!
-//! These are for filters with an error bound only: whether a multiply-add rounds its product depends on the
-//! CPU. Both ways keep the bounds of `error_bound`, so that a decision of the filter is always right.
+//! These are for filters with an error bound only: whether a multiply-add rounds its product
+//! depends on the CPU. Both ways keep the bounds of `error_bound`, so that a decision of the filter
+//! is always right.
 
 #[cfg(target_arch = "x86_64")]
 use pulp::f64x4;

@@ -1,16 +1,16 @@
 //! The float types of shaders and the functions that the instruction set needs of them.
 //!
-//! Elementary functions are correctly rounded in f32: crate `pxfm`, mended in [`hard`] and [`power`].
-//! f16 goes through a wider type: one f32 operation rounded to f16 is correctly rounded for the basic
-//! operations and the square root (24 >= 2 * 11 + 2 bits), and a f64 evaluation rounded once is for the
-//! elementary functions.
+//! Elementary functions are correctly rounded in f32: crate `pxfm`, mended in [`hard`] and
+//! [`power`]. f16 goes through a wider type: one f32 operation rounded to f16 is correctly rounded
+//! for the basic operations and the square root (24 >= 2 * 11 + 2 bits), and a f64 evaluation
+//! rounded once is for the elementary functions.
 
 use half::f16;
 
 use crate::math::{hard, power};
 
-/// `a as i32`, in operations that loops over lanes are vectorised with: behind 1.5 * 2^52 a whole number of 32 bits
-/// lies in a f64's lowest bits, in two's complement.
+/// `a as i32`, in operations that loops over lanes are vectorised with: behind 1.5 * 2^52 a whole
+/// number of 32 bits lies in a f64's lowest bits, in two's complement.
 #[inline(always)]
 pub fn to_i32(a: f32) -> i32 {
     let inside = within(a, i32::MIN.into(), i32::MAX.into());
@@ -36,23 +36,23 @@ fn within(a: f32, low: f64, high: f64) -> f64 {
 
 /// A float type of SPIR-V.
 pub trait Float: Copy + PartialOrd {
-    /// Zero.
+    /// The number 0.
     const ZERO: Self;
-    /// One.
+    /// The number 1.
     const ONE: Self;
     /// Rounds a f64 once.
     fn of(value: f64) -> Self;
-    /// Towards minus infinity.
+    /// Rounds to an integer towards minus infinity.
     fn floor(self) -> Self;
-    /// Towards plus infinity.
+    /// Rounds to an integer towards plus infinity.
     fn ceil(self) -> Self;
-    /// Towards zero.
+    /// Rounds to an integer towards zero.
     fn trunc(self) -> Self;
     /// To nearest, ties to even.
     fn round_even(self) -> Self;
     /// To nearest, ties away from zero.
     fn round(self) -> Self;
-    /// Magnitude.
+    /// The absolute value.
     fn abs(self) -> Self;
     /// Whether it is a NaN.
     fn is_nan(self) -> bool;
@@ -60,7 +60,7 @@ pub trait Float: Copy + PartialOrd {
     fn is_infinite(self) -> bool;
     /// Magnitude of self, sign of another.
     fn copysign(self, sign: Self) -> Self;
-    /// Square root.
+    /// The square root.
     fn sqrt(self) -> Self;
     /// Reciprocal square root, rounded once.
     fn inverse_sqrt(self) -> Self;
@@ -70,41 +70,41 @@ pub trait Float: Copy + PartialOrd {
     fn frexp(self) -> (Self, i32);
     /// Times a power of two, rounded once.
     fn ldexp(self, exponent: i32) -> Self;
-    /// Sine.
+    /// The sine.
     fn sin(self) -> Self;
-    /// Cosine.
+    /// The cosine.
     fn cos(self) -> Self;
-    /// Tangent.
+    /// The tangent.
     fn tan(self) -> Self;
-    /// Inverse sine.
+    /// The inverse sine.
     fn asin(self) -> Self;
-    /// Inverse cosine.
+    /// The inverse cosine.
     fn acos(self) -> Self;
-    /// Inverse tangent.
+    /// The inverse tangent.
     fn atan(self) -> Self;
     /// Inverse tangent of `self / x` in the right quadrant.
     fn atan2(self, x: Self) -> Self;
-    /// Hyperbolic sine.
+    /// The hyperbolic sine.
     fn sinh(self) -> Self;
-    /// Hyperbolic cosine.
+    /// The hyperbolic cosine.
     fn cosh(self) -> Self;
-    /// Hyperbolic tangent.
+    /// The hyperbolic tangent.
     fn tanh(self) -> Self;
-    /// Inverse hyperbolic sine.
+    /// The inverse hyperbolic sine.
     fn asinh(self) -> Self;
-    /// Inverse hyperbolic cosine.
+    /// The inverse hyperbolic cosine.
     fn acosh(self) -> Self;
-    /// Inverse hyperbolic tangent.
+    /// The inverse hyperbolic tangent.
     fn atanh(self) -> Self;
-    /// Power.
+    /// `self` to the power of `exponent`.
     fn pow(self, exponent: Self) -> Self;
     /// e to the power.
     fn exp(self) -> Self;
     /// 2 to the power.
     fn exp2(self) -> Self;
-    /// Natural logarithm.
+    /// The natural logarithm.
     fn log(self) -> Self;
-    /// Binary logarithm.
+    /// The binary logarithm.
     fn log2(self) -> Self;
 }
 
@@ -350,8 +350,8 @@ impl Float for f16 {
     }
     fn atan2(self, x: Self) -> Self {
         let angle = Float::atan2(self.to_f64(), x.to_f64());
-        // The arc tangent of a small quotient is a little less, by too little for f64 to show; where
-        // the quotient is the middle of two denormals that decides.
+        // The arc tangent of a small quotient is a little less, by too little for f64 to show;
+        // where the quotient is the middle of two denormals that decides.
         let small = angle != 0.0 && angle.abs() < 1.0 / 16_384.0;
         half_of(if small { f64::from_bits(angle.to_bits() - 1) } else { angle })
     }
@@ -417,7 +417,8 @@ mod tests {
     #[test]
     fn a_half_is_rounded_once() {
         let half = |value: f64| half_of(value).to_bits();
-        // 1 + 2^-11 is a tie, to the even neighbour 1; a little more is none, whatever the distance.
+        // 1 + 2^-11 is a tie, to the even neighbour 1; a little more is none, whatever the
+        // distance.
         assert_eq!(half(1.0 + 2f64.powi(-11)), 0x3C00);
         assert_eq!(half(1.0 + 2f64.powi(-11) + 2f64.powi(-30)), 0x3C01);
         assert_eq!(half(1.0 + 2f64.powi(-11) + 2f64.powi(-52)), 0x3C01);

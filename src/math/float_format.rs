@@ -134,17 +134,17 @@ pub fn from_e5m2(bits: u8) -> f32 {
 /// The nearest E4M3 number, ties to even; a NaN for what lies beyond the range.
 ///
 /// "Out-of-range values and infinity ... are converted to NaN if the destination type uses the
-/// Float8E4M3EXT FP encoding" (`SPV_EXT_float8`, "Conversion Instructions"). As IEEE 754 does (7.4),
-/// the rounded value decides whether one is out of range: 464, the middle of 448 and the 480 that
-/// would follow, is the last that gives 448.
+/// Float8E4M3EXT FP encoding" (`SPV_EXT_float8`, "Conversion Instructions"). As IEEE 754 does
+/// (7.4), the rounded value decides whether one is out of range: 464, the middle of 448 and the 480
+/// that would follow, is the last that gives 448.
 #[inline(always)]
 pub fn to_e4m3(value: f64) -> u8 {
     let magnitude = nearest::<3, 7>(value.abs());
     if magnitude > 0x7E { 0x7F } else { magnitude as u8 | sign(value) }
 }
 
-/// The same for a conversion decorated `SaturatedToLargestFloat8NormalConversionEXT`: "results in
-/// the largest representable normal (i.e. non-infinite) value with a matching sign".
+/// [`to_e4m3`] for a conversion decorated `SaturatedToLargestFloat8NormalConversionEXT`: "results
+/// in the largest representable normal (i.e. non-infinite) value with a matching sign".
 #[inline(always)]
 pub fn to_e4m3_saturated(value: f64) -> u8 {
     let magnitude = nearest::<3, 7>(value.abs()).min(0x7E);
@@ -159,7 +159,7 @@ pub fn to_e5m2(value: f64) -> u8 {
     if value.is_nan() { 0x7E } else { magnitude as u8 | sign(value) }
 }
 
-/// The same for a conversion decorated `SaturatedToLargestFloat8NormalConversionEXT`.
+/// [`to_e5m2`] for a conversion decorated `SaturatedToLargestFloat8NormalConversionEXT`.
 #[inline(always)]
 pub fn to_e5m2_saturated(value: f64) -> u8 {
     let magnitude = nearest::<2, 15>(value.abs()).min(0x7B);
@@ -180,8 +180,8 @@ fn nearest<const SIGNIFICAND: u32, const BIAS: u64>(magnitude: f64) -> u64 {
     let even = bits >> lost & 1;
     let rounded = (bits + (1 << (lost - 1)) - 1 + even) >> lost;
     let normal = rounded.wrapping_sub((1023 - BIAS) << SIGNIFICAND);
-    // Behind 2^52 times the least denormal, the multiples of it lie in a f64's lowest bits. The first
-    // one that is normal has the bits that follow those of the denormals.
+    // Behind 2^52 times the least denormal, the multiples of it lie in a f64's lowest bits. The
+    // first one that is normal has the bits that follow those of the denormals.
     let behind = f64::from_bits((1023 + 53 - BIAS - SIGNIFICAND as u64) << 52);
     let denormal = (magnitude + behind).to_bits().wrapping_sub(behind.to_bits());
     if bits < (1024 - BIAS) << 52 { denormal } else { normal }

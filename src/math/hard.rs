@@ -1,11 +1,11 @@
 //! Functions of f32 with the numbers mended for which `pxfm` 0.1 does not give the nearest one.
 //!
-//! Their values lie nearly in the middle of two f32, so near that a f64 does not tell the side. Found by
-//! asking for every f32 whose value lies within 2^-42 of a middle, relatively; the right results are
-//! those of 200 bits of arbitrary precision, as `anyhit check-math` judges.
+//! Their values lie nearly in the middle of two f32, so near that a f64 does not tell the side.
+//! Found by asking for every f32 whose value lies within 2^-42 of a middle, relatively; the right
+//! results are those of 200 bits of arbitrary precision, as `anyhit check-math` judges.
 
-/// Which arguments a table holds: all, or those without a sign of a function that keeps its value, or
-/// turns its sign, with the argument's.
+/// Which arguments a table holds: all, or those without a sign of a function that keeps its value,
+/// or turns its sign, with the argument's.
 #[derive(Clone, Copy, PartialEq)]
 enum Symmetry {
     Any,

@@ -1,7 +1,7 @@
 //! SIMD dispatch: code that is compiled once for each instruction set and chosen at run time.
 //!
-//! Code on SIMD registers must be inlined into one function that is compiled for their instruction set: a
-//! [`LaneTask`]. A closure or a function that is not inlined is compiled for the baseline.
+//! Code on SIMD registers must be inlined into one function that is compiled for their instruction
+//! set: a [`LaneTask`]. A closure or a function that is not inlined is compiled for the baseline.
 
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::{V3, V4};
@@ -40,8 +40,8 @@ impl LaneOps for V3 {
     }
 }
 
-/// A task that pulp compiles for AVX2, or for AVX-512, where the compiler vectorizes loops more widely.
-/// Operations and results are equal on both.
+/// A task that pulp compiles for AVX2, or for AVX-512, where the compiler vectorizes loops more
+/// widely. Operations and results are equal on both.
 #[cfg(target_arch = "x86_64")]
 struct InAvx<T> {
     task: T,
@@ -85,7 +85,8 @@ impl CpuTier {
         self.avx2
     }
 
-    /// Runs a task on eight lanes: on AVX2 registers if the CPU has them, otherwise on the baseline's.
+    /// Runs a task on eight lanes: on AVX2 registers if the CPU has them, otherwise on the
+    /// baseline's.
     #[inline(always)]
     pub fn run<T: LaneTask>(self, task: T) -> T::Output {
         #[cfg(target_arch = "x86_64")]

@@ -4,8 +4,8 @@ use crate::math::float::Float;
 
 /// `x^y` in f32, correctly rounded.
 ///
-/// `pxfm::f_powf` rounds some exact powers that lie in the middle of two numbers to the odd one; these
-/// are computed exactly here.
+/// `pxfm::f_powf` rounds some exact powers that lie in the middle of two numbers to the odd one;
+/// these are computed exactly here.
 #[must_use]
 pub fn single(x: f32, y: f32) -> f32 {
     match exact(x.into(), y.into()) {
@@ -26,16 +26,16 @@ pub fn double(x: f64, y: f64) -> f64 {
     }
 }
 
-/// An odd power of a negative base has its sign, which the crate's functions forget for -0 and where the
-/// power underflows.
+/// An odd power of a negative base has its sign, which the crate's functions forget for -0 and
+/// where the power underflows.
 fn with_sign(x: f64, y: f64, power: f64) -> f64 {
     let odd = x.is_sign_negative() && (y % 2.0).abs() == 1.0 && !power.is_nan();
     if odd { -power.abs() } else { power }
 }
 
-/// The power where it has at most 53 bits and the exponent is a multiple of 1/8. An exact power that has
-/// 25 bits, and so is a middle of two f32, has such an exponent, or its base is a power of two: of a
-/// base of 24 bits and at least 3 there is no 16th root, as 3^16 > 2^24.
+/// The power where it has at most 53 bits and the exponent is a multiple of 1/8. An exact power
+/// that has 25 bits, and so is a middle of two f32, has such an exponent, or its base is a power of
+/// two: of a base of 24 bits and at least 3 there is no 16th root, as 3^16 > 2^24.
 fn exact(x: f64, y: f64) -> Option<f64> {
     let eighths = y * 8.0;
     if !x.is_finite() || x == 0.0 || eighths % 1.0 != 0.0 || eighths.abs() > 4096.0 {
@@ -78,7 +78,8 @@ mod tests {
 
     #[test]
     fn middles_are_rounded_to_even() {
-        // 62^5 = 31^5 2^5 = 28629151 * 2^5, and 28629151 = 2 * 14314575 + 1: to the even 14314576 * 2^6.
+        // 62^5 = 31^5 2^5 = 28629151 * 2^5, and 28629151 = 2 * 14314575 + 1: to the even 14314576 *
+        // 2^6.
         assert_eq!(single(3844.0, 2.5), 14_314_576.0 * 64.0);
         // 4097^2 = 2^24 + 2^13 + 1 is a middle; 5^11 = 48828125 has 26 bits and is none.
         assert_eq!(single(4097.0, 2.0), 16_785_408.0);

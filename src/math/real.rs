@@ -120,7 +120,8 @@ pub fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The 1-norm, the sum of the absolute components: an upper bound of the length without a square root.
+/// The 1-norm, the sum of the absolute components: an upper bound of the length without a square
+/// root.
 #[inline(always)]
 pub fn norm1<R: Real>(v: [R; 3]) -> R {
     v[0].abs() + v[1].abs() + v[2].abs()

@@ -1,14 +1,15 @@
 //! The sRGB transfer functions (Khronos Data Format Specification 13.3; IEC 61966-2-1).
 //!
-//! They are computed in f64, whose powers are right to a few units in the last place, so that a result
-//! rounded once to f32 or to eight bits is the nearest one.
+//! They are computed in f64, whose powers are right to a few units in the last place, so that a
+//! result rounded once to f32 or to eight bits is the nearest one.
 
 /// A value as encoded in an sRGB image, made linear; [0, 1] to [0, 1].
 pub fn to_linear(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { pxfm::f_pow((encoded + 0.055) / 1.055, 2.4) }
 }
 
-/// A linear value as an sRGB image encodes it; values outside [0, 1] are clamped, not a number is 0.
+/// A linear value as an sRGB image encodes it; values outside [0, 1] are clamped, not a number
+/// is 0.
 pub fn from_linear(linear: f64) -> f64 {
     let linear = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0) };
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * pxfm::f_pow(linear, 1.0 / 2.4) - 0.055 }

@@ -8,11 +8,11 @@ pub trait Format: Copy {
     const PRECISION: i32;
     /// The exponent of the last bit of denormals.
     const LEAST: i32;
-    /// Bits in all.
+    /// The number of bits of the format.
     const WIDTH: i32;
-    /// The bits.
+    /// The encoding of the number.
     fn to_word(self) -> u64;
-    /// From the bits.
+    /// The number of an encoding.
     fn from_word(bits: u64) -> Self;
 
     /// Whether it is a denormal: smaller than every normal number, and not zero.
@@ -57,7 +57,7 @@ pub struct Number {
 const REACH: i32 = 70;
 
 impl Number {
-    /// An integer.
+    /// Makes an integer from its sign and magnitude.
     pub fn integer(negative: bool, magnitude: u64) -> Self {
         Self { negative, significand: magnitude.into(), exponent: 0, more: false }
     }

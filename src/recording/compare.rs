@@ -3,8 +3,8 @@
 //! A ray's hit is *missed* where only the recording has one, *extra* where only we do, and on
 //! *another primitive* where both do but not on the same, unless both primitives are at the same
 //! correctly rounded t: such a tie is open, and counted by itself. Rows that a reference itself
-//! cannot decide, by their margin, are left out and counted, and so are rays at boxes that graze the
-//! sphere their shader looks for.
+//! cannot decide, by their margin, are left out and counted, and so are rays at boxes that graze
+//! the sphere their shader looks for.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -44,9 +44,9 @@ pub struct Comparison {
 /// Which rays hit, what, and where.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Hits {
-    /// Rows compared.
+    /// The number of rows compared.
     pub rows: usize,
-    /// Rows left out.
+    /// The number of rows left out.
     pub undecidable: usize,
     /// Rows in which the recording has a hit.
     pub hits: usize,
@@ -73,17 +73,17 @@ pub struct Distribution {
     pub p50: f64,
     /// 99 in 100 are not above.
     pub p99: f64,
-    /// 999 in 1000 are not above.
+    /// The 99.9th percentile.
     #[serde(rename = "p99.9")]
     pub p999: f64,
-    /// None is above.
+    /// The maximum.
     pub max: f64,
 }
 
 /// The comparison with `reference.*`.
 #[derive(Clone, Debug, Serialize)]
 pub struct AgainstReference {
-    /// Hits.
+    /// The comparison of the hits.
     #[serde(flatten)]
     pub hits: Hits,
     /// u of linear swept spheres, or barycentrics.
@@ -94,9 +94,9 @@ pub struct AgainstReference {
 /// How far attributes are from the reference's.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Attributes {
-    /// Rows compared.
+    /// The number of rows compared.
     pub rows: usize,
-    /// Greatest |difference|.
+    /// The greatest absolute difference.
     pub max_difference: f64,
     /// Greatest |difference| of those that are more than one unit in the last place off.
     pub max_difference_beyond_an_ulp: f64,
@@ -107,7 +107,7 @@ pub struct Attributes {
 /// The comparison with `driver.*`; what was not recorded is absent.
 #[derive(Clone, Debug, Serialize)]
 pub struct AgainstDriver {
-    /// Hits.
+    /// The comparison of the hits.
     #[serde(flatten)]
     pub hits: Hits,
     /// Which of the closest-hit and miss shaders ran.
@@ -128,8 +128,8 @@ pub struct AgainstDriver {
     /// `InstanceCustomIndexKHR`
     #[serde(skip_serializing_if = "Option::is_none")]
     pub instance_custom_index: Option<Agreement>,
-    /// Barycentrics, u, or what an intersection shader reported (whose first number depends, for the
-    /// recorded shader, on the driver's order).
+    /// Barycentrics, u, or what an intersection shader reported (whose first number depends, for
+    /// the recorded shader, on the driver's order).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attributes: Option<Agreement>,
     /// Positions and radii of spheres and linear swept spheres, bit for bit.
@@ -143,7 +143,7 @@ pub struct AgainstDriver {
 /// In how many rows something differs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Agreement {
-    /// Rows compared.
+    /// The number of rows compared.
     pub rows: usize,
     /// Rows that differ at all.
     pub differ: usize,
@@ -227,7 +227,8 @@ enum Relation {
     Missed,
     Extra,
     Other,
-    /// The same primitive, or one at the same t; with our t's error in ulp where t is known.
+    /// Both hit one primitive, or two at one t; `ulp` is the error of our t if the recorded t is
+    /// known.
     Same {
         tie: bool,
         ulp: Option<f64>,

@@ -64,8 +64,8 @@ fn geometry(tensors: &Tensors<'_>, index: usize, notes: &mut Vec<String>) -> Res
     Ok(Some(Geometry::new(data, GeometryFlags(flags))))
 }
 
-/// Spheres or linear swept spheres: what the metadata's `kind` says, otherwise what the driver's shaders saw,
-/// otherwise indices make it the latter.
+/// Spheres or linear swept spheres: what the metadata's `kind` says, otherwise what the driver's
+/// shaders saw, otherwise indices make it the latter.
 fn swept_or_not(
     tensors: &Tensors<'_>,
     name: &impl Fn(&str) -> String,

@@ -1,7 +1,7 @@
 //! Recorded hits of a GPU, and how ours compare with them: `anyhit verify`.
 //!
-//! A [`Recording`] is a safetensors file with geometry, instances, rays, and what became of each ray:
-//! `driver.*` as a driver reported it, `reference.*` as an independent computation of higher
+//! A [`Recording`] is a safetensors file with geometry, instances, rays, and what became of each
+//! ray: `driver.*` as a driver reported it, `reference.*` as an independent computation of higher
 //! precision did. [`compare`](compare::compare) traces the rays once more and counts what differs.
 //! `docs/verify.md` says which tensors a file may hold.
 

@@ -79,8 +79,8 @@ impl Recording {
         std::iter::from_fn(|| cursor.proceed(&self.tlas)).collect()
     }
 
-    /// Reports the far root of the box's sphere with kind 2 and the attributes (1, t), then the near
-    /// one with kind 1 and (2, t) where the first was accepted, otherwise (3, t). Says whether
+    /// Reports the far root of the box's sphere with kind 2 and the attributes (1, t), then the
+    /// near one with kind 1 and (2, t) where the first was accepted, otherwise (3, t). Says whether
     /// single precision, as in the recorded shader, could see another number of roots.
     fn intersection_shader(
         &self,

@@ -273,7 +273,8 @@ impl Tensor<'_> {
         Ok(match self.view.dtype() {
             Dtype::F16 => numbers(data, |bytes| f16::from_le_bytes(bytes).into()),
             Dtype::F32 => numbers(data, f32::from_le_bytes),
-            // What goes to a device has single precision; an array in double precision may hold just that.
+            // What goes to a device has single precision; an array in double precision may hold
+            // just that.
             Dtype::F64 => {
                 let doubles = numbers(data, f64::from_le_bytes);
                 let exact = |x: &f64| x.is_nan() || f64::from(*x as f32) == *x;

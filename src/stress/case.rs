@@ -10,7 +10,8 @@ use crate::geometry::Ray;
 
 type Matrix = [[f32; 4]; 3];
 
-/// A ray, others that are traced together with it, and primitives of one kind in one instance or several.
+/// A ray, others that are traced together with it, and primitives of one kind in one instance or
+/// several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
@@ -20,9 +21,9 @@ pub struct Case {
     pub origin: [f32; 3],
     /// The way per unit of t.
     pub direction: [f32; 3],
-    /// The least t.
+    /// The lower end of the interval.
     pub t_min: f32,
-    /// The greatest t.
+    /// The upper end of the interval.
     pub t_max: f32,
     /// When, from 0 to 1.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -36,7 +37,8 @@ pub struct Case {
     /// How the instance moves, in place of the transform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Moves>,
-    /// How many twins of the instance there are that no ray sees: above four instances there is a tree over them.
+    /// How many twins of the instance there are that no ray sees: above four instances there is a
+    /// tree over them.
     #[serde(default = "four", skip_serializing_if = "is_four")]
     pub hidden: usize,
     /// Primitives, all of one kind.
@@ -101,7 +103,7 @@ impl Placement {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Moves {
-    /// Matrices.
+    /// Two matrices, at time 0 and at time 1.
     Matrix([Matrix; 2]),
     /// Decompositions, in the order of `VkSRTDataNV`.
     Srt([[f32; 16]; 2]),
@@ -162,7 +164,7 @@ impl Neighbour {
 pub enum Shape {
     /// Three vertices.
     Triangle([[f32; 3]; 3]),
-    /// The same at time 0 and at time 1.
+    /// The vertices of a triangle at time 0 and at time 1.
     MovingTriangle([[[f32; 3]; 3]; 2]),
     /// Least and greatest coordinates.
     Aabb([[f32; 3]; 2]),
@@ -205,7 +207,7 @@ impl Case {
         }
     }
 
-    /// The same, of a family.
+    /// Names the family that the case was drawn from.
     #[must_use]
     pub fn named(self, family: &str) -> Self {
         Self { family: family.to_owned(), ..self }

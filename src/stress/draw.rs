@@ -251,8 +251,8 @@ impl Draw {
         v.map(|x| x / length)
     }
 
-    /// A ray through a target, from it or from near or far before it: along an axis, between points of the
-    /// lattice, or any; of any length.
+    /// A ray through a target, from it or from near or far before it: along an axis, between points
+    /// of the lattice, or any; of any length.
     pub fn aim(&mut self, target: [f32; 3], s: f32) -> ([f32; 3], [f32; 3]) {
         let mut direction = if self.one_in(2) { self.lattice(1.0) } else { self.direction() };
         if direction == [0.0; 3] {
@@ -305,8 +305,8 @@ impl Draw {
         }
         let mut direction = [0.0; 3];
         direction[up] = if self.one_in(2) { 1.0 } else { -1.0 };
-        // Through the centre, or through a point half-way to the rim, which is an exact point of the
-        // edge: a half of each coordinate.
+        // Through the centre, or through a point half-way to the rim, which is an exact point of
+        // the edge: a half of each coordinate.
         let edge = points[1 + self.below(count)].map(|x| x * 0.5);
         let mut target = if self.one_in(2) { [0.0; 3] } else { edge };
         target[up] = -4.0 * direction[up];

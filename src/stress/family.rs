@@ -15,7 +15,7 @@ pub struct Family {
     pub name: &'static str,
     /// What is hard about it.
     pub about: &'static str,
-    /// Draws one.
+    /// Draws one case of the family.
     pub draw: fn(&mut Draw) -> Case,
 }
 
@@ -257,7 +257,7 @@ fn zero_length(draw: &mut Draw) -> Case {
     Case::new(vec![shape], (ray, matrix))
 }
 
-/// 10^-30 to 10^30.
+/// Draws a size from 10^-30 to 10^30.
 fn any_size(draw: &mut Draw) -> f32 {
     2f32.powi(draw.below(200) as i32 - 100) * (1.0 + draw.unit().abs())
 }

@@ -1,10 +1,11 @@
 //! Compares every answer about a case with the reference's.
 //!
-//! For each primitive and instance that the ray meets or comes near: the block test keeps what the line meets;
-//! hit or miss, the surface, t and the attributes are right, for the case's interval and, where it is hit, for
-//! intervals that end at t and one step beside it. What moves has the right numbers at the ray's time. Then,
-//! for all of them together, what the ray finds on its way through trees, by itself and in a packet with its
-//! neighbours, is what testing every primitive finds.
+//! For each primitive and instance that the ray meets or comes near: the block test keeps what the
+//! line meets; hit or miss, the surface, t and the attributes are right, for the case's interval
+//! and, where it is hit, for intervals that end at t and one step beside it. What moves has the
+//! right numbers at the ray's time. Then, for all of them together, what the ray finds on its way
+//! through trees, by itself and in a packet with its neighbours, is what testing every primitive
+//! finds.
 
 mod moment;
 mod one;

@@ -1,4 +1,5 @@
-//! Makes a failing case small: fewer primitives, instances and rays, nothing that moves, short numbers.
+//! Makes a failing case small: fewer primitives, instances and rays, nothing that moves, short
+//! numbers.
 
 use crate::geometry::Precision;
 use crate::stress::case::{Case, Moves, Placement, Shape};
@@ -59,7 +60,8 @@ impl<F: Fn(&Case) -> Option<Failure>> Search<F> {
         false
     }
 
-    /// Leaves out elements of a list, down to `least`: half of it at once, then quarters, then single ones.
+    /// Leaves out elements of a list, down to `least`: half of it at once, then quarters, then
+    /// single ones.
     fn shorten<T>(&mut self, least: usize, list: fn(&mut Case) -> &mut Vec<T>) {
         let mut many = list(&mut self.best).len();
         while many > 0 {

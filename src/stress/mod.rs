@@ -1,10 +1,10 @@
 //! Adversarial rays without end, judged by arbitrary precision: `anyhit stress`.
 //!
-//! A [`Case`] is a ray, perhaps with others that go together with it, and primitives of one kind in an
-//! instance or several, which may move. The [`family`] module draws cases where intersectors break,
-//! [`judge`] compares every answer with [`mod@reference`], which computes in rational numbers and shares no
-//! code with `geometry`, and [`minimise`] makes a failure small enough to read. Case number n of a seed is
-//! the same on every machine, whatever the number of threads.
+//! A [`Case`] is a ray, perhaps with others that go together with it, and primitives of one kind in
+//! an instance or several, which may move. The [`family`] module draws cases where intersectors
+//! break, [`judge`] compares every answer with [`mod@reference`], which computes in rational
+//! numbers and shares no code with `geometry`, and [`minimise`] makes a failure small enough to
+//! read. Case number n of a seed is the same on every machine, whatever the number of threads.
 
 pub mod case;
 pub mod draw;
@@ -33,7 +33,7 @@ const ENOUGH: usize = 10;
 /// What to run.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Chooses the cases.
+    /// The seed from which the cases are drawn.
     pub seed: u64,
     /// Ends the run after at least so many rays.
     pub rays: Option<u64>,
@@ -68,7 +68,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// All families together.
+    /// The tally of all families together.
     pub fn total(&self) -> Tally {
         self.families.iter().fold(Tally::default(), |sum, one| sum.plus(one))
     }

@@ -1,8 +1,9 @@
-//! What machine code made by Cranelift could do for the arithmetic row: the loop of `shaders/bench/arithmetic.rgen`
-//! over four pixels at a time (its vectors have 128 bits), beside the same formulas as Rust compiles them.
+//! What machine code made by Cranelift could do for the arithmetic row: the loop of
+//! `shaders/bench/arithmetic.rgen` over four pixels at a time (its vectors have 128 bits), beside
+//! the same formulas as Rust compiles them.
 //!
-//! A prototype to decide by, not a part of the crate: what it makes is called through a pointer, which is
-//! unsafe, and nothing here checks anything.
+//! A prototype to decide by, not a part of the crate: what it makes is called through a pointer,
+//! which is unsafe, and nothing here checks anything.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -166,7 +167,7 @@ fn build(module: &mut JITModule) -> cranelift_module::FuncId {
     id
 }
 
-/// The same by hand, one pixel.
+/// One pixel of the picture, computed by hand-written Rust.
 fn reference(x: f32, y: f32) -> f32 {
     fn unit(mut x: u32) -> f32 {
         x ^= x >> 16;

@@ -1,5 +1,5 @@
-//! Builds a [`BuiltBlas`]: collects the active primitives of the geometries, builds the BVH over their
-//! boxes if it pays, and stores the primitives in its order.
+//! Builds a [`BuiltBlas`]: collects the active primitives of the geometries, builds the BVH over
+//! their boxes if it pays, and stores the primitives in its order.
 
 use crate::accel::binned_sah::{PrimRef, SahCost};
 use crate::accel::blas::{Geometry, GeometryFlags};
@@ -15,18 +15,19 @@ use crate::math::f32x4::F32x4;
 /// that of a primitive.
 const MAX_UNBUILT: usize = 4;
 
-/// SAH costs in units of one node test: of primitives that are tested one by one, of blocks that are
-/// tested at once (spheres, triangles), and of blocks most of which are culled (swept spheres). Triangles
-/// fill leaves of four unless splitting gains much, as a block takes the same memory however full it is.
+/// SAH costs in units of one node test: of primitives that are tested one by one, of blocks that
+/// are tested at once (spheres, triangles), and of blocks most of which are culled (swept spheres).
+/// Triangles fill leaves of four unless splitting gains much, as a block takes the same memory
+/// however full it is.
 const ONE_BY_ONE: SahCost =
     SahCost { max_leaf_size: LANES, traversal: 1.0, intersection: 3.0, split_below: 1.0 };
 const AT_ONCE: SahCost = SahCost { intersection: 0.15, ..ONE_BY_ONE };
 const TRIANGLES: SahCost = SahCost { intersection: 0.05, split_below: 0.8, ..ONE_BY_ONE };
 const SWEPT: SahCost = SahCost { traversal: 1.5, intersection: 0.2, split_below: 0.8, ..ONE_BY_ONE };
 
-/// Swept spheres are split into halves if a random line through all of them then hits fewer boxes on
-/// average, by at least this factor times the square root of their number. Each is then in two leaves,
-/// which cost cache space. (Measured over hay and meadows of 200 to 100,000.)
+/// Swept spheres are split into halves if a random line through all of them then hits fewer boxes
+/// on average, by at least this factor times the square root of their number. Each is then in two
+/// leaves, which cost cache space. (Measured over hay and meadows of 200 to 100,000.)
 const MIN_SPLIT_GAIN: f64 = 0.1;
 
 /// The active primitives in the order of the geometries.
@@ -67,8 +68,8 @@ impl BuiltBlas {
         Self::assemble(geometries, collected, cost, |_, geom_prims| Shapes::of(geometries, geom_prims))
     }
 
-    /// [`Self::collect`] for triangles of which some move. The interpolated coordinates of a vertex lie
-    /// between those of its keys, so a box around both keys contains them all.
+    /// [`Self::collect`] for triangles of which some move. The interpolated coordinates of a vertex
+    /// lie between those of its keys, so a box around both keys contains them all.
     #[cold]
     fn collect_moving(geometries: &[Geometry], may_build: bool) -> Self {
         let mut all = Vec::new();
@@ -396,8 +397,9 @@ mod tests {
         let count = |built: &BuiltBlas| {
             built.geom_prims.iter().filter(|&&geom_prim| geom_prim != GeomPrim::NONE).count()
         };
-        // With length l a box has the surface 2 l^2, two halves have half of that, and the box around all at most
-        // 6 (10 + 2 l / sqrt 3)^2: a line meets 400 l^2 / 6 (10 + 2 l / sqrt 3)^2 boxes fewer or more. It takes 0.1 sqrt 400.
+        // With length l a box has the surface 2 l^2, two halves have half of that, and the box
+        // around all at most 6 (10 + 2 l / sqrt 3)^2: a line meets 400 l^2 / 6 (10 + 2 l / sqrt
+        // 3)^2 boxes fewer or more. It takes 0.1 sqrt 400.
         let dense = BuiltBlas::build(&[rods(400, 5.0)]);
         assert!(dense.has_pieces(), "6.7 fewer");
         assert_eq!(count(&dense), 800);

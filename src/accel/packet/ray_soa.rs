@@ -55,8 +55,8 @@ impl WorldRays {
     pub const EMPTY: Self =
         Self { origin: [PerRay::EMPTY; 3], direction: [PerRay::EMPTY; 3], t_min: PerRay::EMPTY };
 
-    /// Takes up to 64 rays; returns a mask of those that [are well scaled](Ray::is_well_scaled) and whose
-    /// t is never negative.
+    /// Takes up to 64 rays; returns a mask of those that [are well scaled](Ray::is_well_scaled) and
+    /// whose t is never negative.
     #[inline(always)]
     pub fn take<E: F32x8Ops>(&mut self, simd: E, traces: &[TraceRay]) -> u64 {
         let mut valid = 0;
@@ -94,7 +94,8 @@ impl WorldRays {
     }
 }
 
-/// The rays of a packet prepared for the nodes of one tree: the fields of [`TravRay`]s without t shift.
+/// The rays of a packet prepared for the nodes of one tree: the fields of [`TravRay`]s without t
+/// shift.
 #[derive(Clone, Debug)]
 pub struct RaySoA {
     near_origin: [PerRay; 3],
@@ -124,8 +125,8 @@ impl RaySoA {
         downwards: [0; 3],
     };
 
-    /// Prepares well-scaled rays for a tree in world space ([`TravRay::set_world_space`]); returns a mask of
-    /// those that start near it.
+    /// Prepares well-scaled rays for a tree in world space ([`TravRay::set_world_space`]); returns
+    /// a mask of those that start near it.
     #[inline(always)]
     pub fn take_world_space<E: F32x8Ops>(
         &mut self,
@@ -163,8 +164,8 @@ impl RaySoA {
     }
 
     /// Prepares well-scaled rays for the tree of an instance ([`Transform::approximate`],
-    /// [`TravRay::set_approximate`]); returns a mask of those that start near it and whose direction has a
-    /// small error.
+    /// [`TravRay::set_approximate`]); returns a mask of those that start near it and whose
+    /// direction has a small error.
     #[inline(always)]
     pub fn take_approximate<E: F32x8Ops>(
         &mut self,
@@ -230,12 +231,14 @@ impl RaySoA {
         group
     }
 
-    /// The frustum of a group by interval arithmetic: a ray that hits every box that one of them hits.
+    /// The frustum of a group by interval arithmetic: a ray that hits every box that one of them
+    /// hits.
     ///
-    /// Let the directions on an axis be positive. The greatest near origin and the least near reciprocal
-    /// give the least `(low - o) / d` if that is positive; if not it does not matter, as t is not negative.
-    /// The least far origin and the greatest far reciprocal give the greatest `(high - o) / d` if that is
-    /// not negative; if it is every ray misses. Negative directions are mirrored.
+    /// Let the directions on an axis be positive. The greatest near origin and the least near
+    /// reciprocal give the least `(low - o) / d` if that is positive; if not it does not matter, as
+    /// t is not negative. The least far origin and the greatest far reciprocal give the greatest
+    /// `(high - o) / d` if that is not negative; if it is every ray misses. Negative directions are
+    /// mirrored.
     #[inline(always)]
     pub fn frustum<E: F32x8Ops>(&self, simd: E, rays: &WorldRays, group: &Group) -> TravRay {
         // A sum with NaN is ignored by minimum and maximum.
@@ -280,8 +283,8 @@ impl RaySoA {
         ray
     }
 
-    /// A mask of the rays of a group that may hit the box of a child of a node up to their limits: the
-    /// test of [`Node::intersect`] for each ray.
+    /// A mask of the rays of a group that may hit the box of a child of a node up to their limits:
+    /// the test of [`Node::intersect`] for each ray.
     #[inline(always)]
     pub fn maybe_hit_mask<E: F32x8Ops>(
         &self,

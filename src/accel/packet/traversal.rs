@@ -1,4 +1,5 @@
-//! The BVH traversal of a packet: through the tree over the instances and the tree of each instance.
+//! The BVH traversal of a packet: through the tree over the instances and the tree of each
+//! instance.
 
 use crate::accel::built_blas::{BuiltBlas, LeafRay};
 use crate::accel::cursor::TraceRay;
@@ -13,7 +14,8 @@ use crate::geometry::{DoubleRay, Intersection, Intersection4, ObjectRay};
 use crate::math::f64x4::F64x4Ops;
 use crate::math::lane_ops::{LaneOps, LaneTask};
 
-/// Up to this many rays leave the packet below a node that no other ray hits, and traverse it singly.
+/// Up to this many rays leave the packet below a node that no other ray hits, and traverse it
+/// singly.
 const FEW: u32 = 3;
 
 /// The traversal of a packet, with its arguments.
@@ -68,7 +70,8 @@ impl LaneTask for InstanceTask<'_, '_> {
     }
 }
 
-// Everything that operates on vectors is inlined into the function of a task; closures would not be.
+// Everything that operates on vectors is inlined into the function of a task; closures would not
+// be.
 impl PacketTraversal<'_> {
     #[inline(always)]
     fn together<E: LaneOps>(mut self, simd: E) -> u64 {
@@ -129,8 +132,8 @@ impl PacketTraversal<'_> {
         }
     }
 
-    /// Traverses a tree with a group of rays, the nearest nodes first; below nodes that at most [`FEW`]
-    /// of them hit these go singly.
+    /// Traverses a tree with a group of rays, the nearest nodes first; below nodes that at most
+    /// [`FEW`] of them hit these go singly.
     #[inline(always)]
     fn visit<E: LaneOps>(&mut self, simd: E, group: &Group, bvh: &WideBvh, leaves: &impl Leaves) {
         if group.rays.count_ones() <= FEW {

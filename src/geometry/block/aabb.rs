@@ -1,18 +1,18 @@
 //! Four boxes.
 //!
-//! On one axis let the moved origin lie in [o-, o+] and the direction D in [d-, d+], d- > 0, and let s count
-//! along D from o'. As boxes lie ahead of the moved origin or the ray starts there, only s >= 0
-//! matters, and a point with lo <= o + s D <= hi has
+//! On one axis let the moved origin lie in [o-, o+] and the direction D in [d-, d+], d- > 0, and
+//! let s count along D from o'. As boxes lie ahead of the moved origin or the ray starts there,
+//! only s >= 0 matters, and a point with lo <= o + s D <= hi has
 //!
 //! ```text
 //! (lo - o+) / d+  <=  s  <=  (hi - o-) / d-
 //! ```
 //!
 //! (mirrored for d+ < 0). A difference rounds by u without changing its sign, a product by u; the
-//! reciprocals are widened by 2^-20. A lane is missed where one axis' lower bound is above another's
-//! upper one, or an upper one is below 0. An axis whose direction may be 0 does not confine, unless
-//! it is exactly 0: then reciprocals are infinite and only the side of the origin counts; a NaN (0
-//! times infinity) confines nothing.
+//! reciprocals are widened by 2^-20. A lane is missed where one axis' lower bound is above
+//! another's upper one, or an upper one is below 0. An axis whose direction may be 0 does not
+//! confine, unless it is exactly 0: then reciprocals are infinite and only the side of the origin
+//! counts; a NaN (0 times infinity) confines nothing.
 
 use super::{ALL, CullRay, LANES, Row};
 use crate::geometry::Bounds;

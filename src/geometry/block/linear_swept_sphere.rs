@@ -1,28 +1,30 @@
 //! Four linear swept spheres, and the f32 tests that cull them.
 //!
-//! With w = o' - P0, A = P1 - P0, r the greater radius and the ray's errors e, c and E of `geometry::block`, the
-//! capsule around the shape is missed if
+//! With w = o' - P0, A = P1 - P0, r the greater radius and the ray's errors e, c and E of
+//! `geometry::block`, the capsule around the shape is missed if
 //!
 //! ```text
 //! |W.(E x A)| > r |E x A| + F        F = |A| |E| (e + c (|W| + r))
 //! ```
 //!
-//! and the double cone around it, which matters if the radii differ, if V^2 S > R^2 and S > 0, where
+//! and the double cone around it, which matters if the radii differ, if V^2 S > R^2 and S > 0,
+//! where
 //!
 //! ```text
 //! X = D x A    V = w.X    N = (D x w).X    q = X.X    S = q - δ^2 D.D    R = r0 q + δ N
 //! ```
 //!
-//! With L >= |A| and ρ >= |E| (e + c x), x >= |w| + r, V is off by at most L ρ, R by 5.5 ρ |E| L^2 and S by
-//! 3 c |E|^2 L^2, of which 10 c |E|^2 L^2 is taken. The derivation, underflow and overflow included, is in
-//! `docs/derivations/cull-linear-swept-spheres.md`.
+//! With L >= |A| and ρ >= |E| (e + c x), x >= |w| + r, V is off by at most L ρ, R by 5.5 ρ |E| L^2
+//! and S by 3 c |E|^2 L^2, of which 10 c |E|^2 L^2 is taken. The derivation, underflow and overflow
+//! included, is in `docs/derivations/cull-linear-swept-spheres.md`.
 
 use super::{ALL, CullRay, LANES, Row, load, norm1, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_sphere};
 use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::prefetch::prefetch;
 
-/// Up to four linear swept spheres without their caps: two lines of cache, where a ray that meets none reads nothing more.
+/// Up to four linear swept spheres without their caps: two lines of cache, where a ray that meets
+/// none reads nothing more.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct LinearSweptSphere4 {
@@ -32,13 +34,13 @@ pub struct LinearSweptSphere4 {
 
 /// What both tests begin with, as at the head of this file.
 struct Beside {
-    /// W
+    /// W, the vector from the first end to the origin.
     from_start: [F32x4; 3],
-    /// E x A
+    /// E x A, the vector across the ray and the axis.
     across: [F32x4; 3],
-    /// Its square.
+    /// The squared length of `across`.
     square: F32x4,
-    /// |A|, or more.
+    /// An upper bound of |A|.
     length: F32x4,
     /// |W.(E x A)|, or less.
     apart: F32x4,
@@ -66,7 +68,8 @@ impl LinearSweptSphere4 {
         }
     }
 
-    /// A bit for each lane of which the ray's line does not surely miss the cylinder of its greater radius.
+    /// A bit for each lane of which the ray's line does not surely miss the cylinder of its greater
+    /// radius.
     #[inline(always)]
     pub fn maybe_hit_mask<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         let Beside { square, apart, .. } = self.beside(simd, ray);
@@ -75,8 +78,9 @@ impl LinearSweptSphere4 {
         ALL & !((apart * apart).cmp_gt(room))
     }
 
-    /// A bit for each lane of which the ray's line does not surely miss the cone: fewer, for half as many operations again. Pays for
-    /// rays that go by themselves, whose next branches wait for it.
+    /// A bit for each lane of which the ray's line does not surely miss the cone: fewer, for half
+    /// as many operations again. Pays for rays that go by themselves, whose next branches wait for
+    /// it.
     #[inline(always)]
     pub fn maybe_hit_mask_tight<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         let Beside { from_start, across, square, length, apart } = self.beside(simd, ray);
@@ -107,8 +111,9 @@ impl LinearSweptSphere4 {
         Beside { from_start, across, square: simd.fma_dot(across, across), length, apart }
     }
 
-    /// Where a ray enters the swept sphere in a lane: [`linear_swept_sphere::intersect`]. `caps` are those
-    /// of all lanes, and read only where one is entered: on a disabled one there is no candidate.
+    /// Where a ray enters the swept sphere in a lane: [`linear_swept_sphere::intersect`]. `caps`
+    /// are those of all lanes, and read only where one is entered: on a disabled one there is no
+    /// candidate.
     #[inline(always)]
     pub fn intersect(
         &self,

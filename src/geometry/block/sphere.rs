@@ -1,7 +1,7 @@
 //! Four spheres.
 //!
-//! The line misses a ball where it is further from the centre than r: |D x m| > r |D|, m = o' - centre
-//! (2-norms). With the f32 vectors and the table's bound for d x w,
+//! The line misses a ball where it is further from the centre than r: |D x m| > r |D|, m = o' -
+//! centre (2-norms). With the f32 vectors and the table's bound for d x w,
 //!
 //! ```text
 //! |E x M| > r |D| + |E| (e + c |M|)
@@ -9,9 +9,9 @@
 //!
 //! proves it. Both sides are squared; the left side's own rounding, 4u, is within the margins.
 //!
-//! Only the entry counts, which lies behind the origin where D.m > 0, be the origin inside or not. By the
-//! table E.M > |E| (e + c |M|) proves that; it is asked for rays whose interval begins at 0 or later
-//! and whose origin was not moved.
+//! Only the entry counts, which lies behind the origin where D.m > 0, be the origin inside or not.
+//! By the table E.M > |E| (e + c |M|) proves that; it is asked for rays whose interval begins at 0
+//! or later and whose origin was not moved.
 
 use super::{ALL, CullRay, LANES, Row, load, sub};
 use crate::geometry::{Intersection, Intersection4, ObjectRay, Precision, sphere};
@@ -53,7 +53,8 @@ impl Sphere4 {
         self.met_from(simd, ray, F32x4::splat(f32::INFINITY))
     }
 
-    /// The same, without lanes that are surely entered behind the origin, if ever.
+    /// [`Self::maybe_hit_mask`] without the spheres that are certainly entered behind the origin,
+    /// if t is never negative.
     #[inline(always)]
     pub fn maybe_entered_mask<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         self.met_from(simd, ray, F32x4::splat(ray.behind))

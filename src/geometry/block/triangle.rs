@@ -1,28 +1,29 @@
 //! Four triangles, and the f32 test that culls them.
 //!
-//! Seen along the ray (Woop, Benthin and Wald, *Watertight Ray/Triangle Intersection*, 2013): with the
-//! direction's greatest component along axis k, the vertex V becomes, relative to the origin, the point
+//! Seen along the ray (Woop, Benthin and Wald, *Watertight Ray/Triangle Intersection*, 2013): with
+//! the direction's greatest component along axis k, the vertex V becomes, relative to the origin,
+//! the point
 //!
 //! ```text
 //! x' = (V_i - o_i) - s_i (V_k - o_k)        y' = (V_j - o_j) - s_j (V_k - o_k)        s = D / D_k
 //! ```
 //!
-//! of the plane across the ray. The line misses the triangle if two of the edges' areas A' x B', B' x C',
-//! C' x A' about the origin of that plane have opposite signs, beyond their errors. With q^2 the sum of the
-//! squares of all x' and y', and r^2 that of all z = |V_k - o_k| besides, each area is off by less than
-//! P (q + P),
+//! of the plane across the ray. The line misses the triangle if two of the edges' areas A' x B', B'
+//! x C', C' x A' about the origin of that plane have opposite signs, beyond their errors. With q^2
+//! the sum of the squares of all x' and y', and r^2 that of all z = |V_k - o_k| besides, each area
+//! is off by less than P (q + P),
 //!
 //! ```text
 //! P = 10 e + 15 (3 ε / |E_k| + 12 u) r
 //! ```
 //!
-//! where e bounds the error of the origin and ε that of the direction E (1-norms). The derivation is in
-//! `docs/derivations/cull-triangles.md`.
+//! where e bounds the error of the origin and ε that of the direction E (1-norms). The derivation
+//! is in `docs/derivations/cull-triangles.md`.
 //!
 //! # Branches
-//! On nearly every leaf the signs of the areas alone decide which triangles may be hit; that they are
-//! certain is known some steps later. [`Triangle4::maybe_hit_mask`] checks the certainty in a branch of its
-//! own, which is predicted well, so that nothing waits for it.
+//! On nearly every leaf the signs of the areas alone decide which triangles may be hit; that they
+//! are certain is known some steps later. [`Triangle4::maybe_hit_mask`] checks the certainty in a
+//! branch of its own, which is predicted well, so that nothing waits for it.
 
 use super::{ALL, CullRay, LANES, MOST, Row, TINY, UNIT, greatest, three};
 use crate::geometry::triangle;
@@ -36,17 +37,18 @@ use crate::math::prefetch::prefetch;
 pub struct ShearedRay {
     /// i, j and k: that along which the direction is greatest comes last.
     axes: [Axis; 3],
-    /// Along these.
+    /// The origin, in the order of `axes`.
     origin: [f32; 3],
     /// -s, along i and j.
     shear: [f32; 2],
-    /// 10 e
+    /// 10 e: the part of P that does not depend on the triangle.
     absolute_error: f32,
     /// 15 (3 ε / |E_k| + 12 u), or more.
     relative_error: f32,
 }
 
-/// An axis. The compiler knows that there are three, and as wide as an index it need not be widened.
+/// An axis. The compiler knows that there are three, and as wide as an index it need not be
+/// widened.
 #[derive(Clone, Copy, Debug)]
 #[repr(usize)]
 enum Axis {
@@ -69,15 +71,17 @@ impl ShearedRay {
         relative_error: f32::INFINITY,
     };
 
-    /// Whether [`ShearedRay::world_space`] is for triangles that lie within a box: no coordinate has a magnitude above 2^60.
+    /// Whether [`ShearedRay::world_space`] is for triangles that lie within a box: no coordinate
+    /// has a magnitude above 2^60.
     #[inline(always)]
     pub fn covers(around: &Bounds) -> bool {
         let size = three(around.min).abs().relaxed_max(three(around.max).abs());
         F32x4::splat(MOST).cmp_ge(size) == ALL
     }
 
-    /// A ray in world space, for triangles that it [covers](Self::covers). `None` where no component of its direction has a
-    /// magnitude of 2^-60 or more, or any of direction and origin one above 2^60.
+    /// A ray in world space, for triangles that it [covers](Self::covers). `None` where no
+    /// component of its direction has a magnitude of 2^-60 or more, or any of direction and origin
+    /// one above 2^60.
     #[inline(always)]
     pub fn world_space(ray: &Ray) -> Option<Self> {
         let (axis, most) = greatest(ray.direction);

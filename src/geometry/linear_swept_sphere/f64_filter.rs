@@ -2,16 +2,17 @@
 //! ([`crate::geometry::closest_approach`]).
 //!
 //! # Test
-//! With the closest approach w* in place of w, w*.d = 0, τ = t + σ* in place of t, and the parent module's
-//! D, δ, g: let e = w*.D + r0 δ, m = D.d, q = m / d.d, k = g - m q and f = r0^2 - w*.w*. Then
+//! With the closest approach w* in place of w, w*.d = 0, τ = t + σ* in place of t, and the parent
+//! module's D, δ, g: let e = w*.D + r0 δ, m = D.d, q = m / d.d, k = g - m q and f = r0^2 - w*.w*.
+//! Then
 //!
 //! ```text
-//! u* g = e + m τ        H = e^2 + k f        τ = (e q - sqrt(g H / d.d)) / k       (the falling root)
+//! u* g = e + m τ      H = e^2 + k f      τ = (e q - sqrt(g H / d.d)) / k      (the falling root)
 //! ```
 //!
 //! # Error
-//! With |w*| and r0 at most s, ρ = error_bound(s), c s <= ρ and R = sqrt(g H / d.d), for k >= D.D / 16 and
-//! H >= 2 h, h = 8 (s + ρ) ρ D.D, t is off by at most
+//! With |w*| and r0 at most s, ρ = error_bound(s), c s <= ρ and R = sqrt(g H / d.d), for k >= D.D /
+//! 16 and H >= 2 h, h = 8 (s + ρ) ρ D.D, t is off by at most
 //!
 //! ```text
 //! E = (D.D / k) (ρ (14 / |d| + 8 (s + ρ) R / H) + 3 c |τ|),
@@ -27,8 +28,8 @@ use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded};
 use crate::math::real::{dot, from_f32, norm1, sub};
 
-/// Where a ray enters the shape, if the error bound decides it. Shapes that are not solid or end in an
-/// apex are missed or left undecided.
+/// Where a ray enters the shape, if the error bound decides it. Shapes that are not solid or end in
+/// an apex are missed or left undecided.
 #[inline(always)]
 pub(super) fn entry(
     ray: &ObjectRay,

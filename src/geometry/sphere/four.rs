@@ -1,5 +1,6 @@
 //! The step from the foot for the four spheres of a block at once: the formulas and bounds of
-//! `geometry::closest_approach`, lane by lane. A product that goes into a sum unrounded is off by less than those allow.
+//! `geometry::closest_approach`, lane by lane. A product that goes into a sum unrounded is off by
+//! less than those allow.
 
 use crate::geometry::closest_approach::ClosestApproachTerms;
 use crate::geometry::intersection4::{ALL, Ends, Intersection4};
@@ -7,8 +8,8 @@ use crate::geometry::object_ray::ObjectRay;
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;
 
-/// Tests the spheres whose centres and radii stand in rows; what lies behind `limit`, a rounded t, may be
-/// left out. Lanes without a sphere mean nothing.
+/// Tests the spheres whose centres and radii stand in rows; what lies behind `limit`, a rounded t,
+/// may be left out. Lanes without a sphere mean nothing.
 #[inline(always)]
 pub fn intersect4<D: F64x4Ops>(
     simd: D,

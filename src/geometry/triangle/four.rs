@@ -1,5 +1,5 @@
-//! The f64 step for the four triangles of a block at once: the formulas and bounds of `triangle`, lane by
-//! lane. A product that goes into a sum unrounded is off by less than the bounds allow.
+//! The f64 step for the four triangles of a block at once: the formulas and bounds of `triangle`,
+//! lane by lane. A product that goes into a sum unrounded is off by less than the bounds allow.
 
 use crate::geometry::Surface;
 use crate::geometry::intersection4::{ALL, Divisor, Intersection4};
@@ -8,7 +8,7 @@ use crate::math::error_bound::two_units;
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;
 
-/// All are missed.
+/// All four are missed.
 const MISSED: Intersection4 =
     Intersection4 { surfaces: [Surface::TriangleBack, Surface::TriangleFront], ..Intersection4::MISSED };
 

@@ -1,18 +1,22 @@
-//! The f64 step for one triangle, its vectors' components side by side: the formulas of `triangle`, with bounds made of few norms. A
-//! product that goes into a sum unrounded is off by less than they allow.
+//! The f64 step for one triangle, its vectors' components side by side: the formulas of `triangle`,
+//! with bounds made of few norms. A product that goes into a sum unrounded is off by less than they
+//! allow.
 //!
 //! # Error
-//! Let N be the 1-norm of the greater components of e1 and e2, so that |e1|, |e2| <= N. By the table at `object_ray::View`
-//! det is off by at most c |d| N^2, beta and gamma by |d| N reach(|w|), and e2.q by N^2 reach(|w|). alpha is summed up with its components'
-//! differences taken first: two roundings more in each of its three products, 9u of the 12u of c, so that it is off by
-//! what the three are together. All are divided by det: [`Divisor`] lane by lane. With alpha / det, beta / det and
-//! gamma / det above 0 and t within the interval it is hit; with one of the former below 0, or t outside, missed, and so it is, whatever det
-//! is, where two of alpha, beta and gamma have opposite signs. The ends of what the quotients may be are compared after they were rounded
-//! to f32, as what they are compared with is of f32: one above it or below it after that was so before. Equal ones tell nothing.
+//! Let N be the 1-norm of the greater components of e1 and e2, so that |e1|, |e2| <= N. By the
+//! table at `object_ray::View` det is off by at most c |d| N^2, beta and gamma by |d| N reach(|w|),
+//! and e2.q by N^2 reach(|w|). alpha is summed up with its components' differences taken first: two
+//! roundings more in each of its three products, 9u of the 12u of c, so that it is off by what the
+//! three are together. All are divided by det: [`Divisor`] lane by lane. With alpha / det, beta /
+//! det and gamma / det above 0 and t within the interval it is hit; with one of the former below 0,
+//! or t outside, missed, and so it is, whatever det is, where two of alpha, beta and gamma have
+//! opposite signs. The ends of what the quotients may be are compared after they were rounded to
+//! f32, as what they are compared with is of f32: one above it or below it after that was so
+//! before. Equal ones tell nothing.
 //!
 //! # Branches
-//! What is returned is made of the quotients as they are, and the bounds only say that it holds: as that is nearly always so, the
-//! processor foresees it, and whoever takes the t waits for no bound.
+//! What is returned is made of the quotients as they are, and the bounds only say that it holds: as
+//! that is nearly always so, the processor foresees it, and whoever takes the t waits for no bound.
 
 use crate::geometry::Intersection;
 use crate::geometry::intersection4::{ALL, Divisor};
@@ -22,7 +26,7 @@ use crate::geometry::verdict::Verdict;
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;
 
-/// Tests a triangle.
+/// Tests one triangle in four lanes.
 #[inline(always)]
 pub fn intersect_simd<D: F64x4Ops>(
     simd: D,

@@ -15,7 +15,7 @@ enum Kind {
     MovingTriangles,
     Aabbs,
     Spheres,
-    /// And which caps they have: none, or as in a chain.
+    /// Linear swept spheres, with no caps or with those of a chain.
     LinearSweptSpheres(EndCaps),
 }
 
@@ -40,9 +40,10 @@ impl Shape {
 }
 
 impl Case {
-    /// The primitives as opaque geometries, and of each how many primitives it has: in their order, so that
-    /// (geometry, primitive) orders them as they stand. `None` where none of Vulkan's forms holds them: a swept
-    /// sphere has both caps or none, or only the second where it begins with the end of the one before it.
+    /// The primitives as opaque geometries, and of each how many primitives it has: in their order,
+    /// so that (geometry, primitive) orders them as they stand. `None` where none of Vulkan's forms
+    /// holds them: a swept sphere has both caps or none, or only the second where it begins with
+    /// the end of the one before it.
     pub fn geometries(&self) -> Option<(Vec<Geometry>, Vec<usize>)> {
         let (mut geometries, mut counts) = (Vec::new(), Vec::new());
         let mut rest = &self.shapes[..];

@@ -67,7 +67,8 @@ fn matrices(draw: &mut Draw, scale: f32) -> Moves {
     (0..3).for_each(|i| first[i][3] *= scale);
     let mut second = first;
     match draw.below(5) {
-        // A move, a turn of the axes, a mirror image (half way it has no inverse), a bit more, anything.
+        // A move, a turn of the axes, a mirror image (half way it has no inverse), a bit more,
+        // anything.
         0 | 1 => {
             let by = draw.lattice(scale);
             (0..3).for_each(|i| second[i][3] += by[i]);
@@ -106,7 +107,7 @@ fn decompositions(draw: &mut Draw, scale: f32) -> Moves {
             let next = quaternion(draw);
             other[9..13].copy_from_slice(&next);
         }
-        // The same turn the other way round: near the middle there is all but none.
+        // The inverse rotation: near the middle time almost none is left.
         1 => {
             for x in &mut other[9..13] {
                 *x = -*x * if draw.one_in(4) { 0.75 } else { 1.0 };
@@ -123,8 +124,8 @@ fn decompositions(draw: &mut Draw, scale: f32) -> Moves {
     Moves::Srt([key, other])
 }
 
-/// A box whose corner stays where it is while the numbers of its matrix change places, and rounding moves it by a
-/// bit; the ray runs along an axis past that corner.
+/// A box whose corner stays where it is while the numbers of its matrix change places, and rounding
+/// moves it by a bit; the ray runs along an axis past that corner.
 fn still_corner(draw: &mut Draw) -> Case {
     let s = draw.scale();
     let time = time(draw);

@@ -1,4 +1,5 @@
-//! Many primitives: wide nodes, leaves of several blocks, swept spheres in two halves, trees over instances.
+//! Many primitives: wide nodes, leaves of several blocks, swept spheres in two halves, trees over
+//! instances.
 
 use crate::geometry::{Ray, Transform};
 use crate::stress::case::{Case, Placement, Shape};
@@ -116,8 +117,9 @@ pub fn strands(draw: &mut Draw) -> Case {
     Case::new(shapes, placed)
 }
 
-/// Swept spheres whose ends reach up to one plane, though at other heights and with other radii, and a ray in
-/// that plane: boxes around their halves end there, too, where the middle of the axis is rounded.
+/// Swept spheres whose ends reach up to one plane, though at other heights and with other radii,
+/// and a ray in that plane: boxes around their halves end there, too, where the middle of the axis
+/// is rounded.
 fn level(draw: &mut Draw) -> Case {
     let scale = draw.scale();
     let [up, along, across] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]][draw.below(3)];

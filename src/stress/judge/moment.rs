@@ -1,5 +1,5 @@
-//! What of a case stands where at a time, and what a ray hits there if every primitive is tested, without
-//! boxes and trees.
+//! What of a case stands where at a time, and what a ray hits there if every primitive is tested,
+//! without boxes and trees.
 
 use std::cmp::Ordering;
 
@@ -74,7 +74,7 @@ impl Moment {
         Ok(())
     }
 
-    /// The same for a primitive.
+    /// Checks a primitive at the time of the ray.
     pub fn check_shape(&self, case: &Case, shape: usize) -> Result<(), Failure> {
         let (Shape::MovingTriangle(keys), Shape::Triangle(found)) =
             (&case.shapes[shape], &self.shapes[shape])

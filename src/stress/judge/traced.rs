@@ -1,9 +1,12 @@
-//! Judges what comes out of trees: a cursor and a packet must find what is found where every primitive is tested.
+//! Judges what comes out of trees: a cursor and a packet must find what is found where every
+//! primitive is tested.
 //!
-//! All of it with the processor's vectors, and with those that every processor has. A cursor has two ways through the same trees, and both are gone: an opaque ray commits the least hit of the key
-//! (t, instance, geometry, primitive), a ray for which nothing is opaque has all hits handed out in the order
-//! of that key, each once, whether somebody looks on or not. Packets are traced as launches trace them: all rays of a case together, then over
-//! intervals that end where each of them hits or one step beside it, and for any hit at all.
+//! All of it with the processor's vectors, and with those that every processor has. A cursor has
+//! two ways through the same trees, and both are gone: an opaque ray commits the least hit of the
+//! key (t, instance, geometry, primitive), a ray for which nothing is opaque has all hits handed
+//! out in the order of that key, each once, whether somebody looks on or not. Packets are traced as
+//! launches trace them: all rays of a case together, then over intervals that end where each of
+//! them hits or one step beside it, and for any hit at all.
 
 use std::sync::Arc;
 
@@ -22,7 +25,8 @@ const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.
 
 /// The structures that a case's rays are traced in.
 pub struct Scene {
-    /// The same for the vectors that the processor has and for those of the baseline, where these are others.
+    /// The structures of the case: for the best instruction set of the CPU, and for the baseline if
+    /// that differs.
     structures: Vec<(&'static str, Arc<Tlas>)>,
     precision: Precision,
     /// Geometry and primitive of each shape.
@@ -38,8 +42,8 @@ struct Seen {
 }
 
 impl Scene {
-    /// `None` where the case is none that Vulkan allows: negative radii, boxes that are inside out, keys of a
-    /// motion without inverse.
+    /// `None` where the case is none that Vulkan allows: negative radii, boxes that are inside out,
+    /// keys of a motion without inverse.
     pub fn new(case: &Case, precision: Precision) -> Result<Option<Self>, Failure> {
         let Some((geometries, counts)) = case.geometries() else { return Ok(None) };
         let Ok(blas) = Blas::new(geometries) else { return Ok(None) };
@@ -164,7 +168,8 @@ impl Scene {
             ended.iter().zip(moments).map(|(trace, moment)| moment.hits(trace, precision)).collect();
         let told = [(&traces, &hits, false), (&ended, &hits_of_ended, false), (&traces, &hits, true)];
         for (name, tlas) in &self.structures {
-            // One after another in the memory of one packet, which gives up for a while where it does not pay.
+            // One after another in the memory of one packet, which gives up for a while where it
+            // does not pay.
             let mut packet = Packet::default();
             for (traces, hits, any) in told {
                 self.check_packet(&mut packet, tlas, (traces, hits), any, tally)
@@ -254,7 +259,8 @@ mod tests {
     use super::*;
     use crate::stress::case::{Neighbour, Placement};
 
-    /// Balls of radius 1 along the x axis, four apart, in a tree, and a ray through the first `count` of them.
+    /// Balls of radius 1 along the x axis, four apart, in a tree, and a ray through the first
+    /// `count` of them.
     fn balls(count: usize) -> Case {
         let ball = |k: usize| Shape::Sphere { center: [4.0 * k as f32, 0.0, 0.0], radius: 1.0 };
         let ray = Ray::new([-4.0, 0.0, 0.0], [1.0, 0.0, 0.0]);

@@ -1,6 +1,6 @@
-//! What moves, at a time, in rational numbers: from the definition at the head of `accel::motion` (numbers at a
-//! time are those between the keys, and each that traversal works with is rounded once), but the rotation as a
-//! product of quaternions.
+//! What moves, at a time, in rational numbers: from the definition at the head of `accel::motion`
+//! (numbers at a time are those between the keys, and each that traversal works with is rounded
+//! once), but the rotation as a product of quaternions.
 
 use std::array::from_fn;
 
@@ -91,8 +91,8 @@ mod tests {
 
     #[test]
     fn a_decomposition_is_composed_as_its_head_says() {
-        // Scale (2, 3, 4), shear (1/2, 1/4, 1/8), pivot (10, 20, 30), a right angle about z, which takes
-        // (x, y, z) to (-y, x, z), and a move by (1, 2, 3).
+        // Scale (2, 3, 4), shear (1/2, 1/4, 1/8), pivot (10, 20, 30), a right angle about z, which
+        // takes (x, y, z) to (-y, x, z), and a move by (1, 2, 3).
         let key = [2.0, 0.5, 0.25, 10.0, 3.0, 0.125, 20.0, 4.0, 30.0, 0.0, 0.0, 2.0, 2.0, 1.0, 2.0, 3.0];
         let expected = [[0.0, -3.0, -0.125, -19.0], [2.0, 0.5, 0.25, 12.0], [0.0, 0.0, 4.0, 33.0]];
         assert!(is_transform(&Moves::Srt([key; 2]), 0.3, Some(&expected)));
