@@ -82,24 +82,24 @@ pub(super) fn between([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32;
     })
 }
 
-/// A bottom-level acceleration structure: geometries of one kind over one tree.
+/// A bottom-level acceleration structure: geometries of one kind under one BVH.
 ///
-/// Making one checks its numbers and no more: boxes and tree come with the rays that reach it, and
-/// not at all where it holds, or is reached by, only a few.
+/// Making one only checks its numbers. Boxes and BVH are built when rays reach it, and not at all
+/// if it holds few primitives or few rays reach it.
 #[derive(Debug)]
 pub struct Blas {
     geometries: Vec<Geometry>,
     bounds: OnceLock<Bounds>,
-    /// For the first few rays, where a tree is not built for them; until there is one.
+    /// The list of primitives for the first few rays, until the BVH is built.
     listed: Mutex<Option<Arc<BuiltBlas>>>,
-    /// How many rays those were.
+    /// The number of rays that used the list.
     rays: AtomicU32,
     built: OnceLock<BuiltBlas>,
 }
 
-/// So many rays, where more primitives than that are reached, look through all of them: building a
-/// tree takes as long as thirty do, most scenes of a few rays never see more, and the others lose
-/// little.
+/// The first [`FEW_RAYS`] rays that reach more than [`MANY_PRIMITIVES`] primitives test all of
+/// them. Building a BVH takes as long as thirty such rays; most scenes with a few rays never trace
+/// more, and the others lose little.
 const FEW_RAYS: u32 = 4;
 const MANY_PRIMITIVES: usize = 512;
 
@@ -151,25 +151,25 @@ impl Blas {
         self.geometries.iter().any(|geometry| geometry.vertices_t1.is_some())
     }
 
-    /// Whether rays have reached it, so that its boxes (and tree) exist.
+    /// Whether rays have reached it, so that its boxes and perhaps its BVH exist.
     pub fn is_built(&self) -> bool {
         self.built.get().is_some() || self.is_listed()
     }
 
-    /// Whether rays have reached it, and it has a tree: a few primitives have none, and neither
-    /// have many that only a few rays reached.
+    /// Whether its BVH is built. Few primitives have none, and neither have many that only a few
+    /// rays reached.
     pub fn has_bvh(&self) -> bool {
         self.built.get().is_some_and(|built| built.bvh().is_some())
     }
 
-    /// Whether the few rays that have reached it looked through a list of its many primitives; that
-    /// goes when more rays make it a tree.
+    /// Whether the few rays that have reached it tested a list of its many primitives, which is
+    /// dropped when more rays make it build its BVH.
     pub fn is_listed(&self) -> bool {
         self.list().is_some()
     }
 
     fn list(&self) -> MutexGuard<'_, Option<Arc<BuiltBlas>>> {
-        // What is in it is whole at any time.
+        // Its value is valid even if a thread panicked.
         self.listed.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

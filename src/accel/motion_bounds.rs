@@ -21,10 +21,10 @@ use crate::accel::motion::{Matrix, Motion, Q, S, Srt, T};
 use crate::geometry::Bounds;
 use crate::math::error_bound::{round_down, round_up};
 
-/// Into how many pieces time is cut.
+/// The number of intervals into which time is divided.
 const PIECES: u32 = 16;
 
-/// The box around a box's images at all times.
+/// The box around the images of a box at all times.
 pub fn bounds(around: &Bounds, motion: &Motion) -> Bounds {
     match motion {
         Motion::Matrix(keys) => matrices(around, keys),
@@ -55,7 +55,7 @@ fn matrices(around: &Bounds, keys: &[Matrix; 2]) -> Bounds {
 }
 
 fn widened(bounds: &Bounds, by: impl Fn(usize) -> f64) -> Bounds {
-    // 0 times an infinite reach is a NaN: all that is known then is the whole line.
+    // 0 times an infinite coordinate is a NaN: all that is known then is the whole line.
     let side = |value: f32, by: f64, infinite: f32| {
         let moved = f64::from(value) + by;
         if moved.is_nan() { f64::from(infinite) } else { moved }
@@ -66,7 +66,7 @@ fn widened(bounds: &Bounds, by: impl Fn(usize) -> f64) -> Bounds {
     }
 }
 
-/// The numbers from `low` to `high`.
+/// The interval from `low` to `high`.
 #[derive(Clone, Copy, Debug)]
 struct Range {
     low: f64,

@@ -1,4 +1,4 @@
-//! The rules by which flags keep or drop a primitive, as pure functions (Vulkan, chapter "Ray
+//! The rules by which flags keep or cull a primitive, as pure functions (Vulkan, chapter "Ray
 //! Traversal", sections on culling and opacity).
 
 use crate::accel::blas::GeometryFlags;
@@ -150,7 +150,7 @@ pub fn is_opaque(ray: RayFlags, instance: InstanceFlags, geometry: GeometryFlags
     }
 }
 
-/// Whether the ray drops primitives of this opacity.
+/// Whether the ray culls primitives of this opacity.
 #[inline]
 pub fn is_culled_by_opacity(ray: RayFlags, opaque: bool) -> bool {
     ray.contains(if opaque { RayFlags::CULL_OPAQUE } else { RayFlags::CULL_NO_OPAQUE })
@@ -171,7 +171,7 @@ pub fn presented(surface: Surface, instance: InstanceFlags) -> Surface {
     }
 }
 
-/// Whether the ray drops a triangle seen from this side (after `presented`). Other kinds have no
+/// Whether the ray culls a triangle seen from this side (after `presented`). Other kinds have no
 /// side to cull.
 #[inline]
 pub fn is_culled_by_face(ray: RayFlags, instance: InstanceFlags, surface: Surface) -> bool {

@@ -15,8 +15,8 @@ use crate::error::{Error, Result};
 use crate::geometry::{Bounds, ObjectRay, Precision, Ray, Transform, world_to_object};
 use crate::math::lane_ops::CpuTier;
 
-/// Up to this many instances are entered one after another, without boxes or tree: then no BLAS is
-/// touched that no ray reaches.
+/// Up to this many instances are entered one after another without a BVH, so that no BLAS is built
+/// that no ray reaches.
 const LINEAR: usize = 4;
 
 /// `VkGeometryInstanceFlagsKHR`.
@@ -70,7 +70,7 @@ impl Instance {
         Self { blas, transform, motion: None, custom_index, mask: 0xFF, sbt_record_offset, flags }
     }
 
-    /// Whether a ray is in it what it is in the world, at any time.
+    /// Whether object space is world space at any time.
     pub fn is_identity(&self) -> bool {
         self.motion.is_none() && self.transform == IDENTITY
     }
@@ -106,9 +106,9 @@ pub fn hit_record_index(instance_offset: u32, geometry: u32, stride: u32, offset
 #[derive(Debug)]
 pub struct Tlas {
     instances: Vec<Instance>,
-    /// Parallel to the instances.
+    /// The transform of each instance.
     placed: Vec<Placed>,
-    /// Parallel to the instances, made when a shader asks.
+    /// The exact inverse transform of each instance, computed when a shader reads it.
     world_to_object: Vec<OnceLock<[[f32; 4]; 3]>>,
     bvh: OnceLock<Option<(WideBvh, Vec<u32>)>>,
     moves: bool,
@@ -249,20 +249,21 @@ impl Tlas {
         }
     }
 
-    /// Apart, so that instances at rest pay nothing.
+    /// [`Tlas::object_ray`] of a moving instance. It is not inlined, so that instances without
+    /// motion do not pay for it.
     #[inline(never)]
     fn moving_ray(&self, instance: u32, ray: &Ray, time: f32) -> Option<ObjectRay> {
         let matrix = self.instances[instance as usize].motion.as_ref()?.at(time)?;
         ObjectRay::new(ray, Some(&matrix))
     }
 
-    /// How rays come into an instance.
+    /// The transform of an instance.
     #[inline(always)]
     pub(super) fn transform(&self, instance: u32) -> &Placed {
         &self.placed[instance as usize]
     }
 
-    /// [`Tlas::object_ray`] in the memory of another; says whether there is one.
+    /// [`Tlas::object_ray`], written to `out`; returns whether there is one.
     #[inline]
     pub(super) fn set_object_ray(&self, instance: u32, ray: &Ray, time: f32, out: &mut ObjectRay) -> bool {
         match &self.placed[instance as usize] {
@@ -290,9 +291,9 @@ impl Tlas {
         self.instances.len() <= LINEAR
     }
 
-    /// The tree over the instances' world boxes, with its order (place -> instance); `None` for a
-    /// [list](Tlas::is_list), and where nothing in any of them can be hit. Builds on first use; of
-    /// a BLAS it needs the box around all alone.
+    /// The BVH over the instances' world-space boxes, and the instances in tree order; `None` for a
+    /// [list](Tlas::is_list), and if nothing in any of them can be hit. Built on first use; of a
+    /// BLAS it needs only the bounds.
     pub(super) fn bvh(&self) -> Option<&(WideBvh, Vec<u32>)> {
         if self.is_list() {
             return None;

@@ -1,10 +1,10 @@
-//! A ray made ready for the nodes of a tree, so that their test never loses a hit.
+//! A ray prepared for the nodes of a BVH, with widened slabs: their test never loses a hit.
 //!
 //! **Units.** A tree's boxes are stored times a power of two (its *scale*) that brings the largest
 //! coordinate into the unit cube; the ray's origin and direction are scaled alike, so that t keeps
 //! its meaning. For a ray that starts far away (64 times the largest coordinate), t is counted from
 //! `t_shift`, an f32 not above its entry into the root; the origin moves there. Then every number
-//! of the test is of moderate size, and what the test gives away (2^-22 of t) is far below the
+//! of the test is of moderate size, and the slack of the test (2^-22 of t) is far below the
 //! boxes.
 //!
 //! **The test.** On one axis let the exact origin lie in [o-, o+] and the exact direction in
@@ -38,15 +38,15 @@ const U: f64 = 1.0 / 9_007_199_254_740_992.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeLimit(pub(super) f32);
 
-/// A ray made ready for the nodes of one tree.
+/// A ray prepared for the nodes of one tree.
 #[derive(Clone, Copy, Debug)]
 pub struct TravRay {
-    /// Of each row three numbers count, one an axis.
+    /// For each axis one number; the fourth is not used.
     pub(super) near_origin: [f32; LANES],
     pub(super) far_origin: [f32; LANES],
     pub(super) near_reciprocal: [f32; LANES],
     pub(super) far_reciprocal: [f32; LANES],
-    /// Per axis which plane is entered first: 0 the lower, 1 the upper.
+    /// For each axis the plane that is entered first: 0 the lower, 1 the upper.
     pub(super) near_side: [usize; 3],
     t_shift: f32,
     t_min: f32,
@@ -54,7 +54,7 @@ pub struct TravRay {
     pub(super) near_floor: f32,
 }
 
-/// The numbers of a [`TravRay`] as its test takes them, each in all lanes.
+/// The slabs of a [`TravRay`] in SIMD registers, each number in all lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct Slabs<E: F32x8Ops> {
     pub(super) simd: E,
@@ -63,15 +63,15 @@ pub struct Slabs<E: F32x8Ops> {
     pub(super) near_reciprocal: [E::F32x8; 3],
     pub(super) far_reciprocal: [E::F32x8; 3],
     pub(super) near_floor: E::F32x8,
-    /// Per axis which plane is entered first: 0 the lower, 1 the upper.
+    /// For each axis the plane that is entered first: 0 the lower, 1 the upper.
     pub(super) near_side: [usize; 3],
 }
 
-/// A ray is far away whose origin lies this many times the largest coordinate off.
+/// A ray starts far away if a scaled component of its origin is greater than this.
 pub(super) const FAR_AWAY: f64 = 64.0;
 
-/// The scales of trees to which [simple](TravRay::set_world_space) and
-/// [rough](TravRay::set_approximate) rays come.
+/// The scales of trees that [world-space](TravRay::set_world_space) and
+/// [approximate](TravRay::set_approximate) rays support.
 pub(super) const WORLD_SPACE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 60) as f32..=(1u64 << 60) as f32;
 pub(super) const APPROXIMATE_SCALES: RangeInclusive<f32> = 1.0 / (1u64 << 20) as f32..=(1u64 << 20) as f32;
 
@@ -92,13 +92,13 @@ impl TravRay {
         near_floor: 0.0,
     };
 
-    /// A ray that only knows where it starts, for what has no tree.
+    /// A ray that holds only `t_min`, for a TLAS without a tree.
     pub fn from(t_min: f32) -> Self {
         Self { t_min, near_floor: t_min + 0.0, ..Self::EMPTY }
     }
 
     /// Prepares a ray for a tree with the given root box (in the tree's space, not scaled) and
-    /// scale (a power of two). `None` where it is plain that the ray misses the root within
+    /// scale (a power of two). `None` if the ray certainly misses the root within
     /// `t_min..=t_max`.
     #[inline]
     pub fn new(ray: &ObjectRay, t_max: f32, root: &Bounds, scale: f64) -> Option<Self> {
@@ -119,8 +119,8 @@ impl TravRay {
         Some(Self::counted_from(ray, 0.0, f64::INFINITY, scale))
     }
 
-    /// The common case in f32 throughout: a ray that [is ordinary](Ray::is_well_scaled), in world
-    /// space, that starts near the tree. Says whether it is one.
+    /// Prepares a [well-scaled](Ray::is_well_scaled) ray in world space that starts near the tree,
+    /// all in f32: the common case. Returns whether it is one.
     ///
     /// Scaling such numbers is exact. A reciprocal rounds once, and once more when it is shrunk or
     /// widened by 2^-22: 2^-23 of that is left, where the difference needs 2^-24.
@@ -145,11 +145,12 @@ impl TravRay {
         true
     }
 
-    /// The common case in an instance, in f32 throughout: a ray that starts near the tree, of which
-    /// each component of the direction is either 0 or known well. Says whether it is one.
+    /// Prepares a ray in an instance that starts near the tree, and each component of whose
+    /// direction is 0 or has a small error, all in f32: the common case. Returns whether it is one.
     ///
     /// Scaling is exact. The origin's sum rounds, and so does a reciprocal's sum, its division and
-    /// its product; the bounds of a rough ray are twice what is needed and pay for 6u of that.
+    /// its product; the bounds of an approximate ray are twice what is needed and pay for 6u of
+    /// that.
     #[inline(always)]
     pub fn set_approximate(&mut self, ray: &ApproximateRay, t_min: f32, scale: f64) -> bool {
         let scale = scale as f32;
@@ -180,7 +181,7 @@ impl TravRay {
         true
     }
 
-    /// The ray as the nodes' test takes it.
+    /// The slabs of the ray in SIMD registers.
     #[inline(always)]
     pub fn slabs<E: F32x8Ops>(&self, simd: E) -> Slabs<E> {
         let all = |&[x, y, z, _]: &[f32; LANES]| [x, y, z].map(|number| simd.splat(number));
@@ -200,7 +201,7 @@ impl TravRay {
         root_interval(ray, t_max, root).is_none()
     }
 
-    /// The ray with t counted from a shift; `leave` is the largest t of interest.
+    /// Prepares a ray with t counted from a shift; `leave` is the largest t of interest.
     #[inline(always)]
     fn counted_from(ray: &ObjectRay, t_shift: f32, leave: f64, scale: f64) -> Self {
         let t_min = ray.t_min();
@@ -292,7 +293,7 @@ impl TravRay {
     }
 }
 
-/// The stretch of t within the root box, rounded outwards and cut to `t_min..=t_max`.
+/// The interval of t within the root box, rounded outwards and clipped to `t_min..=t_max`.
 fn root_interval(ray: &ObjectRay, t_max: f32, root: &Bounds) -> Option<(f64, f64)> {
     let (origin, origin_bound) = ray.origin_bounded();
     let (direction, direction_bound) = ray.direction_bounded();
@@ -329,12 +330,12 @@ fn root_interval(ray: &ObjectRay, t_max: f32, root: &Bounds) -> Option<(f64, f64
     (enter <= leave).then_some((enter, leave))
 }
 
-/// Whether a direction's component may be zero, or is not known at all (NaN).
+/// Whether a component of the direction may be zero or is NaN.
 fn is_parallel(d: f64, d_bound: f64) -> bool {
     d.is_nan() || d.abs() <= d_bound
 }
 
-/// From where t is counted: an f32 at or below `enter`, or 0.
+/// The t from which t is counted: an f32 at or below `enter`, or 0.
 fn t_shift(enter: f64) -> f32 {
     // Below 2^-60 the sums of t would meet the subnormal numbers.
     if enter < 1.0 / (1u64 << 60) as f64 { 0.0 } else { round_down(enter) }

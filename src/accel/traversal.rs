@@ -119,7 +119,7 @@ impl TraversalState {
 }
 
 impl Cursor {
-    /// Traverses until the next candidate is known; returns `false` if nothing is left to observer.
+    /// Traverses until the next candidate is known; returns `false` if nothing is left to visit.
     /// `start` begins at the root, `PLAIN` says that no candidate is possible.
     pub(super) fn advance<V: TraversalObserver, const PLAIN: bool>(
         &mut self,

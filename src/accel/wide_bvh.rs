@@ -1,9 +1,9 @@
 //! A wide BVH: nodes of up to eight children, built from the root down by the surface area
 //! heuristic (SAH).
 //!
-//! Boxes are brought into the unit cube by a power of two: f32 areas overflow or vanish where
-//! coordinates lie near 1e19 or 1e-19. Every box of a node is the union of given ones; how they are
-//! divided (`binned_sah`) changes time alone.
+//! Boxes are scaled into the unit cube by a power of two, as f32 areas would overflow or underflow
+//! for coordinates near 1e19 or 1e-19. Every box of a node is the union of given boxes; how they
+//! are divided (`binned_sah`) affects only time.
 
 use std::ops::Range;
 use std::sync::Mutex;
@@ -21,40 +21,40 @@ use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 /// real scenes stay far above it.
 const MAX_SAH_DEPTH: usize = 32;
 
-/// What stands in tree order behind a leaf that is not full.
+/// The padding in tree order behind a leaf that is not full.
 pub const EMPTY_PLACE: u32 = u32::MAX;
 
-/// A subtree over more boxes is built by several threads.
+/// A subtree over more boxes than this is built by several threads.
 const MANY: usize = 16_384;
 
 /// A bounding volume hierarchy over numbered boxes, with nodes of up to [`WIDTH`] children.
 #[derive(Debug)]
 pub struct WideBvh {
     nodes: Vec<Node>,
-    /// Of each node, which leaves it has that are worth fetching: the number of the first, in units
-    /// of [`RUN`], and how many there are.
+    /// For each node the leaves that are worth prefetching: the index of the first times [`RUN`],
+    /// plus their number.
     leaves: Vec<u32>,
     root: NodeRef,
     bounds: Bounds,
     scale: f64,
 }
 
-/// More than the leaves of a node.
+/// The factor that packs a run of leaves into one number; greater than the leaves of a node.
 const RUN: usize = 2 * WIDTH;
 
-/// Of the leaves of a node a ray must reach as many, on average, that it pays to fetch all of them.
+/// The leaves of a node are prefetched if a ray reaches this many of them on average.
 const MIN_REACHED_LEAVES: f32 = 0.8;
 
 impl WideBvh {
-    /// [`WideBvh::over`] boxes that are numbered by place.
+    /// [`WideBvh::over`] boxes that are numbered in their order.
     #[cfg(test)]
     pub fn build(boxes: &[Bounds], cost: SahCost) -> Option<(Self, Vec<u32>)> {
         Self::over(numbered(boxes), cost)
     }
 
-    /// Builds a tree, and says in which order its leaves name the boxes: place in tree order ->
-    /// number. Leaves start at multiples of the leaf size; the places between are [`EMPTY_PLACE`].
-    /// Boxes must hold no NaN and have min <= max; sides may be infinite. `None` for no boxes.
+    /// Builds a BVH; returns with it the numbers of the boxes in tree order. Leaves start at
+    /// multiples of the leaf size; [`EMPTY_PLACE`] pads them. Boxes must hold no NaN and have
+    /// min <= max; sides may be infinite. `None` for no boxes.
     pub fn over(boxes: Vec<PrimRef>, cost: SahCost) -> Option<(Self, Vec<u32>)> {
         Self::build_within(boxes, cost, MAX_SAH_DEPTH)
     }
@@ -72,26 +72,25 @@ impl WideBvh {
         Some((Self { nodes: build.nodes, leaves, root, bounds, scale }, build.order))
     }
 
-    /// The inner node that a child names.
+    /// The inner node that a reference names.
     #[inline(always)]
     pub fn node(&self, child: NodeRef) -> &Node {
         &self.nodes[child.index()]
     }
 
-    /// The leaves among a node's children, where a ray that comes to the node reaches enough of
-    /// them; the node itself is not looked at.
+    /// The leaves among a node's children that are worth prefetching; does not load the node.
     #[inline(always)]
     pub fn leaves(&self, node: NodeRef) -> Range<usize> {
         let run = self.leaves[node.index()] as usize;
         run / RUN..run / RUN + run % RUN
     }
 
-    /// The root: a node or, in a tree of one leaf, that leaf.
+    /// The root: a node, or a leaf if the tree has only one.
     pub fn root(&self) -> NodeRef {
         self.root
     }
 
-    /// The box around all, not scaled.
+    /// The box around all primitives, not scaled.
     pub fn bounds(&self) -> &Bounds {
         &self.bounds
     }
@@ -102,8 +101,9 @@ impl WideBvh {
     }
 }
 
-/// The leaves among a node's children, as a tree keeps them; none where others stand between them,
-/// or where a ray that comes to the node reaches too few of them: it does in the ratio of surfaces.
+/// The leaves among a node's children, packed as in [`WideBvh::leaves`]; none if they are not
+/// contiguous, or if a ray that hits the node reaches too few of them, by the ratio of surface
+/// areas.
 fn run(node: &Node) -> u32 {
     let half_area = |[min, max]: [[f32; 3]; 2]| {
         let [x, y, z] = [max[0] - min[0], max[1] - min[1], max[2] - min[2]];
@@ -180,10 +180,10 @@ fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
     PrimRef::new(&Bounds { min, max }, prim_ref.number())
 }
 
-/// A tree in the making.
+/// A BVH while it is built.
 struct Build {
-    /// Whether it may ask for threads.
-    alone: bool,
+    /// Whether it is built by one thread, so that it starts no others.
+    single_threaded: bool,
     cost: SahCost,
     deepest: usize,
     nodes: Vec<Node>,
@@ -192,10 +192,10 @@ struct Build {
     cpu_tier: CpuTier,
 }
 
-/// How many references come to each child of a node, and whether that is a leaf.
+/// For each child of a node the number of references, and whether it is a leaf.
 type Shares = SmallVec<[(usize, bool); WIDTH]>;
 
-/// The division of a node with its arguments.
+/// The arguments of [`BinnedSahBuilder::divide`], as a task.
 struct Divide<'a> {
     builder: &'a mut BinnedSahBuilder,
     prim_refs: &'a mut [PrimRef],
@@ -213,10 +213,10 @@ impl LaneTask for Divide<'_> {
 }
 
 impl Build {
-    fn new(cost: SahCost, deepest: usize, alone: bool) -> Self {
+    fn new(cost: SahCost, deepest: usize, single_threaded: bool) -> Self {
         assert!(cost.max_leaf_size.is_power_of_two(), "bug in anyhit: leaves of {}", cost.max_leaf_size);
         Self {
-            alone,
+            single_threaded,
             cost,
             deepest,
             nodes: Vec::new(),
@@ -226,7 +226,7 @@ impl Build {
         }
     }
 
-    /// Makes the nodes over references.
+    /// Builds the subtree over references.
     fn subtree(&mut self, prim_refs: &mut [PrimRef], depth: usize) -> NodeRef {
         if prim_refs.len() == 1 {
             return self.leaf(prim_refs);
@@ -240,7 +240,7 @@ impl Build {
         let node_index = self.nodes.len();
         let boxes = self.builder.records().map(|record| (NodeRef::default(), corners(record)));
         self.nodes.push(Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>()));
-        if !self.alone && prim_refs.len() > MANY && rayon::current_num_threads() > 1 {
+        if !self.single_threaded && prim_refs.len() > MANY && rayon::current_num_threads() > 1 {
             self.in_threads(node_index, &records, prim_refs, depth);
             return NodeRef::inner(node_index);
         }
@@ -261,7 +261,8 @@ impl Build {
         self.cpu_tier.run(divide);
     }
 
-    /// Gives a leaf's boxes their places, from the next multiple of the leaf size on.
+    /// Makes a leaf: appends its references to the order from the next multiple of the leaf size
+    /// on.
     fn leaf(&mut self, prim_refs: &[PrimRef]) -> NodeRef {
         let size = self.cost.max_leaf_size.trailing_zeros();
         let index = (self.order.len() + self.cost.max_leaf_size - 1) >> size;
@@ -270,10 +271,10 @@ impl Build {
         NodeRef::leaf(index, prim_refs.len())
     }
 
-    /// Makes the subtrees of a node by several threads: the same nodes in the same order as by one.
+    /// Builds the subtrees of a node by several threads; nodes and order are those of one thread.
     ///
-    /// By threads of their own, not by tasks of the pool: a thread of the pool that waits here
-    /// would take up other work, and that may wait for this very tree.
+    /// It spawns threads instead of using rayon's pool: a thread of the pool that waits here would
+    /// steal other work, and that may wait for this very tree.
     fn in_threads(
         &mut self,
         node_index: usize,
@@ -315,7 +316,7 @@ impl Build {
         }
     }
 
-    /// Takes over what another thread has made, and says what its root is here.
+    /// Appends what another thread has built; returns its root here.
     fn append(&mut self, own: Self, root: NodeRef) -> NodeRef {
         let size = self.cost.max_leaf_size;
         self.order.resize(self.order.len().next_multiple_of(size), EMPTY_PLACE);
@@ -329,7 +330,7 @@ impl Build {
     }
 }
 
-/// The corners of a part as a node keeps them: with infinite sides.
+/// The corners of a record as a node stores them, with infinite sides.
 fn corners(record: &BuildRecord) -> [[f32; 3]; 2] {
     let infinite = |x: f32| if x.abs() >= FAR { f32::INFINITY.copysign(x) } else { x };
     let Bounds { min, max } = record.bounds();
@@ -468,10 +469,10 @@ mod tests {
         check(&bvh, &order, &boxes);
         let mut prim_refs = numbered(&boxes);
         prim_refs.iter_mut().for_each(|prim_ref| *prim_ref = scaled(prim_ref, bvh.scale()));
-        let mut alone = Build::new(FOURS, MAX_SAH_DEPTH, true);
-        assert_eq!(alone.subtree(&mut prim_refs, 0), bvh.root());
-        assert_eq!(alone.order, order);
-        assert_eq!(format!("{:?}", alone.nodes), format!("{:?}", bvh.nodes));
+        let mut single = Build::new(FOURS, MAX_SAH_DEPTH, true);
+        assert_eq!(single.subtree(&mut prim_refs, 0), bvh.root());
+        assert_eq!(single.order, order);
+        assert_eq!(format!("{:?}", single.nodes), format!("{:?}", bvh.nodes));
     }
 
     #[test]

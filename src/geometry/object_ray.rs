@@ -110,8 +110,8 @@ impl Transform {
         })
     }
 
-    /// A ray in object space in f32, with bounds; `None` where the ray [is not
-    /// ordinary](Ray::is_well_scaled) or the transform too extreme.
+    /// A ray in object space in f32, with bounds; `None` if the ray [is not
+    /// well scaled](Ray::is_well_scaled) or the transform is too extreme.
     ///
     /// An entry of the inverse is off by u (and 2^-30), u = 2^-24, the difference of origin and
     /// translation by u, a product and the two sums by 3u: together less than 6u of sum |inv_kj
@@ -199,7 +199,7 @@ pub const APPROXIMATE_UNDERFLOW: f32 = UNIT_F32 * UNIT_F32 * UNIT_F32 * UNIT_F32
 
 impl ApproximateInverse {
     /// `None` where an entry is neither 0 nor of a magnitude from 2^-40 to 2^40, or the translation
-    /// is not as an ordinary ray's origin.
+    /// is not in the range of a well-scaled ray's origin.
     fn new(matrix: &[[f32; 4]; 3], inverse: &[[f64; 3]; 3]) -> Option<Self> {
         let within =
             |x: f32, power: i32| x == 0.0 || x.abs() >= 2f32.powi(-power) && x.abs() <= 2f32.powi(power);

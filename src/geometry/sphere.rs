@@ -13,9 +13,10 @@
 //! relative to r^2 d.d is of order u |m| / r instead of u |m|^2 / r^2). The *entry* is the root
 //! with the minus sign.
 //!
-//! **First** it is taken from the foot of the centre (`geometry::closest_approach`), one square
-//! root and no division, with a bound that hardly costs anything; it leaves open what grazes,
-//! starts very near, or lies within some units of 2^-45 of the middle between two f32.
+//! **First** a filter starts from the closest approach to the centre
+//! (`geometry::closest_approach`), one square root and no division, with a bound that hardly costs
+//! anything; it leaves open what grazes, starts very near, or lies within some units of 2^-45 of
+//! the middle between two f32.
 //!
 //! **Then** with a running bound: with s = sqrt(discriminant) the entry, written without
 //! cancellation, is
@@ -69,13 +70,13 @@ pub fn intersect(
     Some(Intersection { t, attributes: [0.0; 2], surface: Surface::Sphere })
 }
 
-/// Without bounds.
+/// The test without bounds.
 #[inline(always)]
 fn intersect_in<R: Real>(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f32> {
     if is_solid(center, radius) { filtered::<R, false>(ray, center, radius).found() } else { None }
 }
 
-/// Where the foot's bound leaves the test open.
+/// The test of what the filter leaves undecided.
 #[cold]
 #[inline(never)]
 fn intersect_closely(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f32> {

@@ -31,7 +31,7 @@ pub struct Tally {
     pub lines: u64,
     /// Rays that hit.
     pub hits: u64,
-    /// Lines and primitives that the f32 block test dropped.
+    /// Lines and primitives that the f32 block test culled.
     pub dropped: u64,
     /// Rays that went through nodes of a BLAS by themselves.
     pub trees: u64,

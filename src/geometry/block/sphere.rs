@@ -69,7 +69,7 @@ impl Sphere4 {
         ALL & !(simd.fma_dot(q, q).cmp_gt(room * room) | simd.fma_dot(d, m).cmp_gt(behind))
     }
 
-    /// The step from the foot for all lanes.
+    /// The f64 filter for all lanes.
     #[inline(always)]
     pub fn intersect4<D: F64x4Ops>(&self, simd: D, ray: &ObjectRay, limit: f32) -> Intersection4 {
         sphere::intersect4(simd, ray, (&self.center, &self.radius), limit)

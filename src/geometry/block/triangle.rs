@@ -90,7 +90,7 @@ impl ShearedRay {
         fits.then(|| Self::in_world_space(axis, ray))
     }
 
-    /// One of which that is known: that [is ordinary](Ray::is_well_scaled).
+    /// A ray in world space that [is well scaled](Ray::is_well_scaled), so that nothing is checked.
     #[inline(always)]
     pub fn well_scaled(ray: &Ray) -> Self {
         let (axis, _) = greatest(ray.direction);

@@ -1,6 +1,6 @@
-//! The step from the foot for the four spheres of a block at once: the formulas and bounds of
-//! `geometry::closest_approach`, lane by lane. A product that goes into a sum unrounded is off by
-//! less than those allow.
+//! The f64 filter from the closest approach for the four spheres of a block at once: the formulas
+//! and bounds of `geometry::closest_approach`, lane by lane. A product that goes into a sum
+//! unrounded is off by less than those allow.
 
 use crate::geometry::closest_approach::ClosestApproachTerms;
 use crate::geometry::intersection4::{ALL, Ends, Intersection4};
