@@ -1,5 +1,5 @@
-//! Launches whose image is handed out in bands of rows: the same bits, traps and counts as of the whole image at once,
-//! in memory that the image's size does not change.
+//! Launches whose image is handed out in bands of rows: the same bits, traps and counts as of the
+//! whole image at once, in memory that the image's size does not change.
 
 #![allow(clippy::print_stdout, reason = "what is skipped is told")]
 
@@ -15,8 +15,8 @@ use pretty_assertions::assert_eq;
 
 const COUNTS: Format = Format::new(Component::Uint32, 1);
 
-/// A pipeline of one ray generation shader whose picture, of some texels, stands at binding 0; the body finds `id`
-/// and `size`.
+/// A pipeline of one ray generation shader whose picture, of some texels, stands at binding 0; the
+/// body finds `id` and `size`.
 fn pipeline(texels: &str, body: &str) -> Pipeline {
     let source = format!(
         "enable wgpu_ray_tracing_pipeline;
@@ -238,7 +238,8 @@ fn traps_are_those_of_the_whole() {
         let bands: Error = bands.expect_err("a trap");
         assert_eq!(bands.render(), whole.render());
         assert!(bands.render().contains("launch id (2, 13, 0)"), "{}", bands.render());
-        // The band from row 8 on has the trap; of the mirrored ones the first handed out, rows 0 to 8, has one.
+        // The band from row 8 on has the trap; of the mirrored ones the first handed out, rows 0 to
+        // 8, has one.
         assert_eq!(rows, if row == "id.y" { 8 } else { 0 });
     }
 }
@@ -308,7 +309,8 @@ impl Files {
         names
     }
 
-    /// Exit code, standard output, standard error, and where `/proc` tells it the most memory in KiB.
+    /// Exit code, standard output, standard error, and where `/proc` tells it the most memory in
+    /// KiB.
     fn anyhit(&self, arguments: &[&str]) -> (Option<i32>, String, String, Option<u64>) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
         // Two threads on every machine: each has stacks and batches of its own.

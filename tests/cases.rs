@@ -1,9 +1,9 @@
 //! Every case of `shaders/` and every scene of `scenes/`, a test each, named by its folder:
 //! `cargo test --test cases lss` runs some. No compiler is needed: the modules are fixtures.
 //!
-//! A case runs at 1, 8 and 64 lanes, with the optimizer and without, with bit-identical results, and must meet its
-//! `[expect]`, whose values are derived by hand. `expect.stderr` beside a scene holds the report of its trap, a
-//! rendering: `BLESS=1` writes it anew.
+//! A case runs at 1, 8 and 64 lanes, with the optimizer and without, with bit-identical results,
+//! and must meet its `[expect]`, whose values are derived by hand. `expect.stderr` beside a scene
+//! holds the report of its trap, a rendering: `BLESS=1` writes it anew.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -86,8 +86,8 @@ fn scene(case: &Case) -> anyhit::error::Result<anyhit::scene::ResolvedScene> {
     anyhit::scene::load(&case.scene, &anyhit::scene::DiskFiles, &options)
 }
 
-/// A fixture that no case names would be compiled, kept and never run. (Those of `bench/` are run by
-/// `cargo test --benches`.)
+/// A fixture that no case names would be compiled, kept and never run. (Those of `bench/` are run
+/// by `cargo test --benches`.)
 fn every_fixture(cases: &[Case], root: &Path) -> Result<(), Failed> {
     let mut left = BTreeSet::new();
     collect(&root.join("spirv-fixtures"), &mut left);

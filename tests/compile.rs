@@ -131,8 +131,8 @@ fn a_missing_include_is_an_error() {
     assert!(error.render().contains("x.glsl"), "{error:?}");
 }
 
-/// Compiled by the tool that the environment names, whether or not glslang is built in. The variable
-/// belongs to a process, so the test asks one of its own.
+/// Compiled by the tool that the environment names, whether or not glslang is built in. The
+/// variable belongs to a process, so the test asks one of its own.
 #[test]
 fn a_named_glslang_is_used_and_must_exist() {
     let folder = Folder::new("named");

@@ -1,6 +1,6 @@
-//! Recorded hits of a GPU driver with a high-precision reference beside them, against our traversal:
-//! what `anyhit verify` counts, family by family. `tests/driver-golden/README.md` says what the files
-//! hold.
+//! Recorded hits of a GPU driver with a high-precision reference beside them, against our
+//! traversal: what `anyhit verify` counts, family by family. `tests/driver-golden/README.md` says
+//! what the files hold.
 //!
 //! A thinned copy of the recordings lies in the repository; where the whole set is found beside the
 //! checkout (`../shared/driver-golden`) it is read too.
@@ -160,7 +160,8 @@ fn stem(path: &Path) -> &str {
     path.file_stem().unwrap().to_str().unwrap()
 }
 
-/// Writes the thinned copy: every tensor of every recording, but of the rays only some, evenly spread.
+/// Writes the thinned copy: every tensor of every recording, but of the rays only some, evenly
+/// spread.
 #[test]
 #[ignore = "rewrites tests/driver-golden from the whole set beside the checkout"]
 fn thin_the_recordings() {
@@ -169,7 +170,8 @@ fn thin_the_recordings() {
         let bytes = std::fs::read(&path).unwrap();
         let tensors = SafeTensors::deserialize(&bytes).unwrap();
         let rays = tensors.tensor("ray.origin").unwrap().shape()[0];
-        // 641 shares no factor with the eight instances' and hundred flag sets' pattern of tri_flags.
+        // 641 shares no factor with the eight instances' and hundred flag sets' pattern of
+        // tri_flags.
         let kept = match stem(&path) {
             "tri_flags" => 641,
             _ if rays <= 200 => rays,

@@ -1,8 +1,8 @@
 //! The first tests of `docs/testing.md`, taken out of the page and run.
 //!
-//! `tests/first_tests/` holds the files that the page shows: shaders and cases as they stand there, and
-//! of the Rust tests the functions, with the folder before their shaders' names. Whoever changes the
-//! page brings them in step by `BLESS=1 cargo test --test first_tests`.
+//! `tests/first_tests/` holds the files that the page shows: shaders and cases as they stand there,
+//! and of the Rust tests the functions, with the folder before their shaders' names. Whoever
+//! changes the page brings them in step by `BLESS=1 cargo test --test first_tests`.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -62,8 +62,9 @@ fn furnace() -> ShaderTest {
 }
 
 proptest! {
-    /// The exact normal of `shaders/demo/swept-spheres/normals.glsl`. A ray aimed at the axis enters
-    /// the surface, so it goes against the outward normal: by at most rounding it may seem not to.
+    /// The exact normal of `shaders/demo/swept-spheres/normals.glsl`. A ray aimed at the axis
+    /// enters the surface, so it goes against the outward normal: by at most rounding it may seem
+    /// not to.
     #[test]
     fn a_swept_spheres_normal_is_unit_and_faces_the_ray(aimed in lss_hit()) {
         let outcome = normals().hit(aimed.hit()).run()?;
@@ -73,8 +74,9 @@ proptest! {
         prop_assert!(across < 1e-3, "{across} along the ray\n{:#?}", outcome.payload);
     }
 
-    /// Where the side meets a cap the surface has one tangent plane, and its curvature is at most that
-    /// of the cap: over a step of d the normal turns by about d / r, more where the ray grazes.
+    /// Where the side meets a cap the surface has one tangent plane, and its curvature is at most
+    /// that of the cap: over a step of d the normal turns by about d / r, more where the ray
+    /// grazes.
     #[test]
     fn shading_is_continuous_where_the_side_meets_the_cap(
         radii in [0.25f32..=0.5, 0.25f32..=0.5],

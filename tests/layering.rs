@@ -1,8 +1,9 @@
 //! The modules of `src/` import one way only.
 //!
-//! `cli -> harness -> {debug, recording, stress, check_math} -> scene -> {pipeline, compile} -> interp ->
-//! program -> ops -> {module, machine -> accel} -> geometry -> math -> error`: a folder may import
-//! what stands to its right. A few crates are named in one place only, and only the command line prints.
+//! `cli -> harness -> {debug, recording, stress, check_math} -> scene -> {pipeline, compile} ->
+//! interp -> program -> ops -> {module, machine -> accel} -> geometry -> math -> error`: a folder
+//! may import what stands to its right. A few crates are named in one place only, and only the
+//! command line prints.
 
 use std::fs;
 use std::path::Path;

@@ -80,8 +80,8 @@ fn a_few_rays_have_no_tree() -> Result<()> {
 
 #[test]
 fn only_what_a_ray_reaches_is_built() -> Result<()> {
-    // More instances than are looked at without a tree over them: that needs the box around each BLAS
-    // and nothing else of it.
+    // More instances than are looked at without a tree over them: that needs the box around each
+    // BLAS and nothing else of it.
     let parts: Vec<_> = (0..6).map(|_| spheres(5, GeometryFlags::OPAQUE)).collect();
     let rows = parts.iter().enumerate().map(|(row, blas)| instance(blas, 2.0 * row as f32));
     let tlas = Tlas::new(rows.collect())?;

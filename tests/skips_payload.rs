@@ -1,5 +1,5 @@
-//! Closest-hit and miss shaders that leave nothing but words of a payload that nobody reads do not run;
-//! those that leave anything else do.
+//! Closest-hit and miss shaders that leave nothing but words of a payload that nobody reads do not
+//! run; those that leave anything else do.
 
 use std::sync::Arc;
 
@@ -19,8 +19,8 @@ fn shader(stage: &str, payload: &str, body: &str) -> Program {
     shader_with("OpTypeStruct %uint %uint", stage, payload, body)
 }
 
-/// A shader of a stage. It may use a buffer of words (%first and %second point to two), the scene, a payload of
-/// two words, of which %low and %high point to one each, callable data, and numbers.
+/// A shader of a stage. It may use a buffer of words (%first and %second point to two), the scene,
+/// a payload of two words, of which %low and %high point to one each, callable data, and numbers.
 fn shader_with(pair: &str, stage: &str, payload: &str, body: &str) -> Program {
     let text = format!(
         "OpCapability RayTracingKHR
@@ -99,8 +99,8 @@ fn closest_hit(body: &str) -> Program {
     shader("ClosestHitKHR", "IncomingRayPayloadKHR", body)
 }
 
-/// A launch of three invocations, whose rays all hit a sphere (radius 1) or, with a radius of 0, miss; what
-/// it did, and the first two words of the buffer.
+/// A launch of three invocations, whose rays all hit a sphere (radius 1) or, with a radius of 0,
+/// miss; what it did, and the first two words of the buffer.
 fn launch(ray_generation: Program, called: Program, radius: f32, watched: bool) -> Result<(Stats, [u32; 2])> {
     let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![radius], indices: None };
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)])?;
@@ -209,7 +209,8 @@ fn it_runs_where_its_payload_is_read() -> Result<()> {
 
 #[test]
 fn a_payload_that_is_reached_by_a_computed_index_counts_as_read() {
-    // The payload as an array, of which an element is read behind the trace whose number is computed.
+    // The payload as an array, of which an element is read behind the trace whose number is
+    // computed.
     let plain = ray_generation(TRACE);
     let op = |program: &Program| {
         let traces = |op: &anyhit::ops::op::Op| matches!(op, anyhit::ops::op::Op::Stop(_));

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::harness::smoke::{self, EntryReport, Reached, SmokeOptions, SmokeReport, Verdict};
+use anyhit::harness::smoke::{self, BlockCoverage, EntryReport, SmokeOptions, SmokeReport, SmokeVerdict};
 use anyhit::module;
 use rspirv::spirv::Op;
 
@@ -17,8 +17,8 @@ fn run(bytes: &[u8]) -> SmokeReport {
     smoke::run(&module, SmokeOptions::default())
 }
 
-/// Every entry point ends in `ok` or in a trap that names its rule and place; what is meant to pass mostly does,
-/// although smoke makes up its inputs.
+/// Every entry point ends in `ok` or in a trap that names its rule and place; what is meant to pass
+/// mostly does, although smoke makes up its inputs.
 #[test]
 fn every_fixture_runs_or_says_why_not() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures");
@@ -30,8 +30,8 @@ fn every_fixture_runs_or_says_why_not() {
             let traps: Vec<_> = entry.runs.iter().filter_map(|run| run.trap.as_ref()).collect();
             let explained = traps.iter().all(|trap| !trap.rule.is_empty() && trap.word > 0);
             match entry.result {
-                Verdict::Ok => ok += 1,
-                Verdict::Trap if explained && !traps.is_empty() => {
+                SmokeVerdict::Ok => ok += 1,
+                SmokeVerdict::Trap if explained && !traps.is_empty() => {
                     trapped += usize::from(name.starts_with("pass/"))
                 }
                 _ => mistakes.push(format!("{name}:\n{}", report.text())),
@@ -68,8 +68,8 @@ fn a_report_is_the_same_every_time() {
     );
 }
 
-/// A buffer of objects, each with two addresses as 64-bit integers and a count of 64 bits: vertices,
-/// whose own material is behind a pointer, and indices behind a pair of 32-bit integers.
+/// A buffer of objects, each with two addresses as 64-bit integers and a count of 64 bits:
+/// vertices, whose own material is behind a pointer, and indices behind a pair of 32-bit integers.
 const OBJECTS: &str = "
     OpCapability RayTracingKHR
     OpCapability Int64
@@ -225,12 +225,13 @@ fn interval(instruction: &[u32]) -> Option<[usize; 2]> {
     }
 }
 
-fn coverage(entry: &EntryReport) -> &Reached {
+fn coverage(entry: &EntryReport) -> &BlockCoverage {
     entry.coverage.as_ref().expect("an entry point that runs")
 }
 
-/// A mutation that every trace must show: t_min and t_max swapped in all traces and ray queries of what is ok as it is.
-/// The entry point traps (`SPV_KHR_ray_tracing`: t_min is at most t_max), or its report says that it traced nothing.
+/// A mutation that every trace must show: t_min and t_max swapped in all traces and ray queries of
+/// what is ok as it is. The entry point traps (`SPV_KHR_ray_tracing`: t_min is at most t_max), or
+/// its report says that it traced nothing.
 #[test]
 fn rays_that_end_before_they_begin_trap_or_are_not_reached() {
     let (mut trapped, mut unreached, mut either, mut mistakes) = (0, Vec::new(), Vec::new(), Vec::new());
@@ -255,16 +256,16 @@ fn rays_that_end_before_they_begin_trap_or_are_not_reached() {
         }
         let after = run_words(&mutant);
         for (before, after) in before.entry_points.iter().zip(&after.entry_points) {
-            if before.result != Verdict::Ok {
+            if before.result != SmokeVerdict::Ok {
                 continue;
             }
             let reached = coverage(after);
             let executed = reached.trace_instructions_reached + reached.query_instructions_reached;
             match after.result {
                 _ if reached.trace_instructions + reached.query_instructions == 0 => {}
-                Verdict::Trap => trapped += 1,
-                Verdict::Ok if executed == 0 => unreached.push(name.clone()),
-                Verdict::Ok if breaks_it(before) && breaks_it(after) => either.push(name.clone()),
+                SmokeVerdict::Trap => trapped += 1,
+                SmokeVerdict::Ok if executed == 0 => unreached.push(name.clone()),
+                SmokeVerdict::Ok if breaks_it(before) && breaks_it(after) => either.push(name.clone()),
                 _ => mistakes.push(format!("{name}: {}", run_words(&mutant).text())),
             }
         }
@@ -274,8 +275,8 @@ fn rays_that_end_before_they_begin_trap_or_are_not_reached() {
     assert_eq!((unreached.len(), either.len()), (UNREACHED, 1), "{unreached:?} {either:?}");
 }
 
-/// Entry points of the fixtures with rays that are ok, and trap when rays end before they begin. More fixtures may raise
-/// these counts.
+/// Entry points of the fixtures with rays that are ok, and trap when rays end before they begin.
+/// More fixtures may raise these counts.
 const TRAPPING: usize = 103;
 /// Those that trace nothing.
 const UNREACHED: usize = 0;
@@ -288,13 +289,14 @@ fn essence(report: &SmokeReport) -> Vec<String> {
             .iter()
             .map(|run| (run.with, run.result, run.trap.as_ref().map(|trap| trap.rule.clone())));
         let reached =
-            entry.coverage.clone().map(|reached| Reached { blocks_not_entered: Vec::new(), ..reached });
+            entry.coverage.clone().map(|reached| BlockCoverage { blocks_not_entered: Vec::new(), ..reached });
         format!("{} {:?} {reached:?} {:?}", entry.name, entry.result, runs.collect::<Vec<_>>())
     };
     report.entry_points.iter().map(entry).collect()
 }
 
-/// Names, lines and debug information are taken out; then decorations and variables stand the other way round.
+/// Names, lines and debug information are taken out; then decorations and variables stand the other
+/// way round.
 #[test]
 fn debug_information_and_the_order_of_declarations_change_nothing() {
     let mut compared = 0;
@@ -430,7 +432,7 @@ fn an_optimised_away_payload_is_no_obstacle() {
     assert!(report.is_ok(), "{}", report.text());
     assert_eq!(coverage(&report.entry_points[0]).rays_traced, 32);
     let report = run(&ray_generation("", BACKWARDS));
-    assert_eq!(report.entry_points[0].result, Verdict::Trap, "{}", report.text());
+    assert_eq!(report.entry_points[0].result, SmokeVerdict::Trap, "{}", report.text());
 }
 
 /// No number is 77: the trace is never reached, and the report says so.
@@ -447,8 +449,9 @@ fn what_is_not_reached_is_told() {
     assert!(text.contains("0 rays traced by 0 of 1 trace"), "{text}");
 }
 
-/// A number above 100, a 0, a 1, zeros as floats and another value of a specialization constant are all found, and so is the
-/// trap behind them; no value of the shader's own is made up there, so that all sets that come there trap.
+/// A number above 100, a 0, a 1, zeros as floats and another value of a specialization constant are
+/// all found, and so is the trap behind them; no value of the shader's own is made up there, so
+/// that all sets that come there trap.
 #[test]
 fn values_of_every_kind_are_tried() {
     let float = "%p = OpAccessChain %uint_pointer %numbers %0 %0
@@ -462,7 +465,7 @@ fn values_of_every_kind_are_tried() {
     ] {
         let report = run(&ray_generation("", &guarded(&condition, BACKWARDS)));
         let entry = &report.entry_points[0];
-        assert_eq!(entry.result, Verdict::Trap, "{condition}: {}", report.text());
+        assert_eq!(entry.result, SmokeVerdict::Trap, "{condition}: {}", report.text());
         let trap = entry.runs[0].trap.as_ref().expect("a trap");
         let note = trap.notes.last().expect("a note");
         assert!(note.starts_with("on made-up inputs; ") && note.contains(", 0 got past"), "{note}");
@@ -500,8 +503,8 @@ fn fuel_ends_the_search_and_says_so() {
     assert_eq!(of(no_time), (1, Some("time")));
 }
 
-/// Hit kinds of triangles are 254 and 255: what another kind of geometry does is no fault of a shader for triangles. Each
-/// trap is told once.
+/// Hit kinds of triangles are 254 and 255: what another kind of geometry does is no fault of a
+/// shader for triangles. Each trap is told once.
 #[test]
 fn a_kind_of_geometry_that_passes_makes_the_others_notes() {
     let shader = |base: &str| {
@@ -541,11 +544,11 @@ fn a_kind_of_geometry_that_passes_makes_the_others_notes() {
     assert!(report.is_ok(), "{}", report.text());
     let entry = &report.entry_points[0];
     let results: Vec<_> = entry.runs.iter().map(|run| (run.with, run.result, run.is_note())).collect();
-    assert_eq!(results[0], ("triangle", Verdict::Ok, false));
-    assert_eq!(results[1], ("aabb", Verdict::Trap, true));
+    assert_eq!(results[0], ("triangle", SmokeVerdict::Ok, false));
+    assert_eq!(results[1], ("aabb", SmokeVerdict::Trap, true));
     // No hit kind is 1000 or 1001.
     let report = run(&shader("1000"));
-    assert_eq!(report.entry_points[0].result, Verdict::Trap);
+    assert_eq!(report.entry_points[0].result, SmokeVerdict::Trap);
     assert_eq!(report.text().matches(RULE).count(), 1, "{}", report.text());
     assert!(report.text().contains("triangle, aabb, sphere, lss: trap"), "{}", report.text());
 }
@@ -607,7 +610,7 @@ fn images_are_as_large_as_the_dispatch() {
     }
     // No image has several samples and three axes: whose fault that is, it is not this program's.
     let report = run(&shader("3D", 1));
-    assert_ne!(report.entry_points[0].result, Verdict::Bug, "{}", report.text());
+    assert_ne!(report.entry_points[0].result, SmokeVerdict::Bug, "{}", report.text());
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! `--shadow`, `--perturb` and `[expect.stable]` on shaders with a planted mistake, and on their twins
-//! without it.
+//! `--shadow`, `--perturb` and `[expect.stable]` on shaders with a planted mistake, and on their
+//! twins without it.
 
 use std::process::{Command, Output};
 
@@ -61,7 +61,8 @@ fn the_shadow_finds_the_line_that_cancels() {
     assert_eq!(matter[0], ("main.rint".to_owned(), 13));
     let reported = inherits("main.rint", 15);
     assert!(reported["relative_error"].as_f64() < worst["relative_error"].as_f64(), "{reported:#}");
-    // The distance of about 1233.5 is off by what the root of about 0.9 is: the error of 1/1350 of it.
+    // The distance of about 1233.5 is off by what the root of about 0.9 is: the error of 1/1350 of
+    // it.
     let carried = inherits("main.rgen", 14);
     let error = carried["relative_error"].as_f64().expect("an error");
     assert!(error > 1e-6 && error < 1e-4, "the shadow came through the payload: {carried:#}");
@@ -158,8 +159,8 @@ fn ray_queries_have_shadows_of_their_rays() {
         let mut lines = report["lines"].as_array().expect("lines").iter();
         lines.find(|line| line["line"] == number).cloned().expect("the line")
     };
-    // 0.25 in f32, 0.3 in f64, and the floor's edge between: of two queries on each of these lines one
-    // has an origin that does not cancel, or ignores its candidate.
+    // 0.25 in f32, 0.3 in f64, and the floor's edge between: of two queries on each of these lines
+    // one has an origin that does not cancel, or ignores its candidate.
     for proceeds in [20, 23] {
         assert_eq!(line(proceeds)["hits_changed"], 1, "{report:#}");
     }
@@ -170,7 +171,8 @@ fn ray_queries_have_shadows_of_their_rays() {
         .filter_map(|line| line["hits_changed"].as_u64())
         .sum();
     assert_eq!(flips, 2, "{report:#}");
-    // The origin that the query tells has the error of the one that it was given: (0.3 - 0.25) / 0.3.
+    // The origin that the query tells has the error of the one that it was given: (0.3 - 0.25) /
+    // 0.3.
     let told = line(29)["relative_error"].as_f64().expect("an error");
     assert!((told - 1.0 / 6.0).abs() < 1e-6, "{told}");
 }

@@ -1,6 +1,6 @@
 //! Linear swept spheres and spheres as two public suites expect them: which of a few rays hit, by
-//! indexing and cap mode. The counts follow from the geometry: a ray down through a point hits where
-//! the point lies within a swept sphere's outline that its caps leave in place.
+//! indexing and cap mode. The counts follow from the geometry: a ray down through a point hits
+//! where the point lies within a swept sphere's outline that its caps leave in place.
 
 use std::sync::Arc;
 
@@ -40,8 +40,8 @@ fn swept(
     })
 }
 
-/// Three points in a row at x = 2, 6, 10 with radius 2, seen from above at x = 1, 4, 7, 9, 11: x = 1
-/// and x = 11 lie beyond the end points, over caps only.
+/// Three points in a row at x = 2, 6, 10 with radius 2, seen from above at x = 1, 4, 7, 9, 11: x =
+/// 1 and x = 11 lie beyond the end points, over caps only.
 #[test]
 fn without_caps_only_the_sides_are_hit() {
     let points = [[2.0, 0.0, 0.0], [6.0, 0.0, 0.0], [10.0, 0.0, 0.0]];
@@ -79,8 +79,9 @@ fn a_joint_belongs_to_the_segment_before_it() {
     assert_eq!((first.candidate.primitive, first.candidate.intersection.surface), (0, Surface::Cap0));
 }
 
-/// slang-rhi's chain (-.5,-.5,3) (0,.5,3) (.5,-.5,3) of radius .2 under 128 x 128 parallel rays, here
-/// through the pixels' lower corners: (96, 32) is the chain's end, met by the trailing cap, u = 1.
+/// slang-rhi's chain (-.5,-.5,3) (0,.5,3) (.5,-.5,3) of radius .2 under 128 x 128 parallel rays,
+/// here through the pixels' lower corners: (96, 32) is the chain's end, met by the trailing cap, u
+/// = 1.
 #[test]
 fn the_chain_of_slang_rhi() {
     let points = [[-0.5, -0.5, 3.0], [0.0, 0.5, 3.0], [0.5, -0.5, 3.0]];

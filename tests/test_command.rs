@@ -1,8 +1,9 @@
-//! `anyhit test` from the outside: what passes, what each kind of failed expectation looks like, the
-//! files that it writes, and how it answers what makes no sense.
+//! `anyhit test` from the outside: what passes, what each kind of failed expectation looks like,
+//! the files that it writes, and how it answers what makes no sense.
 //!
-//! `tests/test-command/*.stdout` hold what is printed of cases that fail; `BLESS=1 cargo test --test
-//! test_command` writes them anew. They guard the form; that the cases fail, and why, is derived here.
+//! `tests/test-command/*.stdout` hold what is printed of cases that fail; `BLESS=1 cargo test
+//! --test test_command` writes them anew. They guard the form; that the cases fail, and why, is
+//! derived here.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -126,8 +127,8 @@ fn a_failed_image_is_measured_and_saved() {
     // sqrt((128^2 + 191^2 + 255^2) / 12) / 255 = sqrt(117890 / 12) / 255
     let rmse = (117_890.0f64 / 12.0).sqrt() / 255.0;
     assert!(out.contains(&format!("the RMSE is {rmse:.6}, and 0.01 is allowed")), "{out}");
-    // The luma (ITU-T T.871) of the three pixels is 104, 149, 64 in the file and 104, 104, 64 in the
-    // image, one block; the distance of the middle ones' chroma 169 and 123 of 255.
+    // The luma (ITU-T T.871) of the three pixels is 104, 149, 64 in the file and 104, 104, 64 in
+    // the image, one block; the distance of the middle ones' chroma 169 and 123 of 255.
     let ([a, b, c], [d, e, f]) = ([104.0f64, 149.0, 64.0], [104.0, 104.0, 64.0]);
     let (one, two) = ((a + b + c) / 3.0, (d + e + f) / 3.0);
     let squares =
@@ -270,7 +271,8 @@ fn numbers_are_told_with_type_place_and_distance() {
 #[test]
 fn pictures_are_told_by_each_measure() {
     let out = prints("measures", 1);
-    // Only the middle texel differs, by (128, 191, 255): more than 200, than a half, and than half of 0.
+    // Only the middle texel differs, by (128, 191, 255): more than 200, than a half, and than half
+    // of 0.
     let each =
         "1 of 3 texels differ, most the one at (1, 0): expected (0, 255, 0, 255), found (128, 64, 255, 255)";
     assert_eq!(out.matches(each).count(), 3, "{out}");
@@ -602,8 +604,8 @@ fn coverage_counts_lines_and_ways_of_branches() {
     let line = |name: &str, line| {
         section(name).lines.get(&lcov::report::section::line::Key { line }).map(|value| value.count)
     };
-    // The launch: three invocations, candidates 2 + 1 + 0. The first ray: two candidates, a hit. The
-    // second, pixel 2: a miss.
+    // The launch: three invocations, candidates 2 + 1 + 0. The first ray: two candidates, a hit.
+    // The second, pixel 2: a miss.
     assert_eq!(line("main.rgen", 19), Some(3 + 1), "distances[x] = payload.t;");
     assert_eq!(line("main.rgen", 22), Some(1), "debugPrintfEXT, of pixel 0 alone");
     assert_eq!(line("hole.rahit", 12), Some(3 + 2), "payload.seen += 1u;");

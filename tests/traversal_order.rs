@@ -432,7 +432,8 @@ fn compare_in(seed: u64, scale: f32, rays: usize, blas: impl Fn(&mut Draw, f32) 
         let expected = scan(&tlas, trace, shaders);
         met += usize::from(expected.len() > 1 || expected[0] != Event::Committed(None));
         assert_eq!(traverse(&tlas, trace, shaders), expected, "seed {seed}, scale {scale:e}, {trace:?}");
-        // All opaque and no boxes: no shader decides, and whether anything is hit is all that is asked.
+        // All opaque and no boxes: no shader decides, and whether anything is hit is all that is
+        // asked.
         let flags = RayFlags(trace.flags.0 & !0x2C3 | 0x201);
         let plain = TraceRay { flags, ..trace };
         let mut any = Cursor::new(&tlas, plain);

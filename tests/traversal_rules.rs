@@ -15,9 +15,9 @@ const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.
 const OPAQUE: GeometryFlags = GeometryFlags::OPAQUE;
 const NON_OPAQUE: GeometryFlags = GeometryFlags(0);
 
-/// A triangle across the z axis at z. Seen from the origin it shows its back: drawn left-handed (x to
-/// the right, y up, z away from the viewer) it is wound counter-clockwise, and Vulkan calls clockwise
-/// front there.
+/// A triangle across the z axis at z. Seen from the origin it shows its back: drawn left-handed (x
+/// to the right, y up, z away from the viewer) it is wound counter-clockwise, and Vulkan calls
+/// clockwise front there.
 fn triangle(z: f32) -> Vec<[f32; 3]> {
     vec![[-1.0, -1.0, z], [1.0, -1.0, z], [0.0, 2.0, z]]
 }
@@ -343,8 +343,8 @@ fn mistakes_are_named_with_their_rule() {
     assert!(placed(|i| i.custom_index = (1 << 24) - 1).is_ok());
 }
 
-/// What moves is hit where still copies of it are, made of the keys between which it is at a ray's time: so no box
-/// loses it, with trees over instances and triangles.
+/// What moves is hit where still copies of it are, made of the keys between which it is at a ray's
+/// time: so no box loses it, with trees over instances and triangles.
 #[test]
 fn what_moves_is_where_it_is_at_the_time_of_a_ray() {
     let mut state = 7u64;
@@ -451,7 +451,8 @@ fn motion_has_rules() {
     let box_moves = Geometry { vertices_t1: Some(Vec::new().into()), ..boxes(&[(0.0, 1.0)], OPAQUE) };
     let told = Blas::new(vec![box_moves]).expect_err("a mistake").message().to_owned();
     assert!(told.contains("only triangles move"), "{told}");
-    // Half way between the identity and its mirror image there is no inverse: the instance is not there.
+    // Half way between the identity and its mirror image there is no inverse: the instance is not
+    // there.
     let mut mirrored = IDENTITY;
     mirrored[0][0] = -1.0;
     let scene = tlas(vec![Instance { motion: Some(Motion::Matrix([IDENTITY, mirrored])), ..one() }]);

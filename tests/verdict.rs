@@ -1,5 +1,6 @@
 //! Whether "invalid" is a verdict: what SPIRV-Tools accepts is called so only with the rule that it
-//! breaks. `tests/verdicts.txt` records what SPIRV-Tools says of mutants of every fixture; `judges/` makes it.
+//! breaks. `tests/verdicts.txt` records what SPIRV-Tools says of mutants of every fixture;
+//! `judges/` makes it.
 
 use std::path::Path;
 

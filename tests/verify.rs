@@ -142,7 +142,8 @@ fn a_reference_leaves_out_what_it_cannot_decide() {
     assert_eq!((with(0.5).undecidable, with(0.5).extra), (0, 1));
 }
 
-/// Vertices of 16 bits, of two components, normalised; indices of 16 bits; index modes; a transform.
+/// Vertices of 16 bits, of two components, normalised; indices of 16 bits; index modes; a
+/// transform.
 #[test]
 fn formats_modes_and_transforms_are_read() {
     let t = |draft: &Draft| {
@@ -254,7 +255,8 @@ fn what_others_write_is_understood() {
     agrees(&indexed().f32("driver.position_radius", &[1, 4], &[1.0, 0.0, 0.0, 0.5]));
     // A miss by infinity.
     agrees(&triangle().f32("driver.t", &[2], &[3.0, f32::INFINITY]));
-    // A negative radius is not valid (VUID-VkAccelerationStructureGeometrySpheresDataNV-radiusData-10436).
+    // A negative radius is not valid
+    // (VUID-VkAccelerationStructureGeometrySpheresDataNV-radiusData-10436).
     let notes = agrees(&spheres().f32("geometry0.radii", &[2], &[-1.0, 0.5]));
     assert!(notes[0].contains("1 radii of `geometry0.radii` are negative"), "{notes:?}");
 }

@@ -145,7 +145,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
 }
 
 /// The image that is saved.
-fn output_of(scene: &ResolvedScene) -> Option<(&resolved::Binding, &Image)> {
+fn output_of(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &Image)> {
     let output = scene.output()?;
     match &output.resource {
         Resource::StorageImage(image) => Some((output, image)),
@@ -157,7 +157,7 @@ fn output_of(scene: &ResolvedScene) -> Option<(&resolved::Binding, &Image)> {
 fn in_bands<'a>(
     args: &RenderArgs,
     assembled: &'a Assembled,
-    output: &resolved::Binding,
+    output: &resolved::ResolvedBinding,
     image: &Image,
     streamed: &'a Streamed,
 ) -> Result<Bands<'a>, String> {

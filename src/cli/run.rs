@@ -137,10 +137,10 @@ fn picture(text: &str, scene: &scene::ResolvedScene, resources: &crate::machine:
         return Err(dump::invalid(format!("`--save {text}`: WHAT=FILE.png is needed")));
     };
     match dump::descriptor(what, scene, resources)?.2 {
-        dump::Found::Image(image) => match output::picture_file(path.into()) {
+        dump::FoundResource::Image(image) => match output::picture_file(path.into()) {
             Ok(path) => Ok((path, image)),
             Err(why) => Err(dump::invalid(format!("`--save {text}`: {why}"))),
         },
-        dump::Found::Buffer(_) => Err(dump::invalid(format!("`--save {text}`: this is a buffer"))),
+        dump::FoundResource::Buffer(_) => Err(dump::invalid(format!("`--save {text}`: this is a buffer"))),
     }
 }

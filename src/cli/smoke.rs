@@ -8,7 +8,7 @@ use clap::Args;
 
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::smoke::{self, SmokeOptions, SmokeReport, Verdict};
+use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
 
 /// Runs every ray-tracing and compute entry point of a module on made-up inputs.
 ///
@@ -87,18 +87,18 @@ pub fn run(args: SmokeArgs) -> Result<()> {
 fn ended(report: &SmokeReport, min_coverage: f64) -> Result<()> {
     let worst = report.worst();
     let kind = match worst {
-        Verdict::Ok | Verdict::OutOfScope => return covered(report, min_coverage),
-        Verdict::Trap => ErrorKind::Expectation,
-        Verdict::Unsupported | Verdict::Bug => ErrorKind::UnsupportedModule,
-        Verdict::Invalid => ErrorKind::InvalidModule,
+        SmokeVerdict::Ok | SmokeVerdict::OutOfScope => return covered(report, min_coverage),
+        SmokeVerdict::Trap => ErrorKind::Expectation,
+        SmokeVerdict::Unsupported | SmokeVerdict::Bug => ErrorKind::UnsupportedModule,
+        SmokeVerdict::Invalid => ErrorKind::InvalidModule,
     };
     let entries = &report.entry_points;
     let count = |verdict| entries.iter().filter(|entry| entry.result == verdict).count();
     let verdicts = [
-        (Verdict::Trap, "trapped"),
-        (Verdict::Unsupported, "not supported"),
-        (Verdict::Invalid, "invalid"),
-        (Verdict::Bug, "met a bug in anyhit"),
+        (SmokeVerdict::Trap, "trapped"),
+        (SmokeVerdict::Unsupported, "not supported"),
+        (SmokeVerdict::Invalid, "invalid"),
+        (SmokeVerdict::Bug, "met a bug in anyhit"),
     ];
     let counts = verdicts.map(|(verdict, word)| (count(verdict), word));
     let told: Vec<_> = counts

@@ -33,7 +33,7 @@ pub const RECORDS: &str = "RECORDS.toml";
 /// How one fixture was made.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Record {
+pub struct FixtureRecord {
     /// Compiler and version.
     pub tool: String,
     /// Flags, as in the source's comment; empty for none.
@@ -45,7 +45,7 @@ pub struct Record {
 }
 
 /// The records by fixture name (relative to [`FIXTURES`], with `/`).
-type Records = BTreeMap<String, Record>;
+type Records = BTreeMap<String, FixtureRecord>;
 
 /// A fixture that some source asks for.
 struct Wanted {
@@ -97,7 +97,7 @@ pub fn regenerate(root: &Path, force: bool) -> Result<FixtureReport> {
                 write(&path, &spirv)?;
                 let module = bytes_hash(&spirv);
                 let flags = fixture.flags.clone();
-                records.insert(fixture.name.clone(), Record { tool, flags, source: hash, module });
+                records.insert(fixture.name.clone(), FixtureRecord { tool, flags, source: hash, module });
                 report.written.push(fixture.name.clone());
             }
             Err(error) if error.kind() == ErrorKind::UnsupportedTool => {
@@ -150,7 +150,12 @@ pub fn check(root: &Path) -> Result<Vec<String>> {
 }
 
 /// Why a fixture is not what its source asks for; `None` where it is.
-fn stale(record: Option<&Record>, flags: &str, source: &str, module: Option<&[u8]>) -> Option<&'static str> {
+fn stale(
+    record: Option<&FixtureRecord>,
+    flags: &str,
+    source: &str,
+    module: Option<&[u8]>,
+) -> Option<&'static str> {
     let Some(module) = module else { return Some("the fixture is missing") };
     let Some(record) = record else { return Some("the fixture has no record") };
     if record.source != source {

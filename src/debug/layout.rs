@@ -12,7 +12,7 @@ const BINDING: u32 = 33;
 
 /// The type by which shaders see a buffer.
 #[derive(Clone, Copy, Debug)]
-pub struct Layout<'a> {
+pub struct BufferLayout<'a> {
     module: &'a Module,
     ty: TypeId,
 }
@@ -29,7 +29,7 @@ pub struct Part {
     ty: TypeId,
 }
 
-impl<'a> Layout<'a> {
+impl<'a> BufferLayout<'a> {
     /// How the first shader that declares it sees a binding.
     pub fn of(pipeline: &'a Pipeline, binding: Binding) -> Option<Self> {
         pipeline.programs.iter().find_map(|program| {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::debug::layout::Layout;
+use crate::debug::layout::BufferLayout;
 use crate::debug::transcript::{ChangedPlace, MemoryChange};
 use crate::debug::values::{self, TypedValue};
 use crate::machine::format::Class;
@@ -18,11 +18,11 @@ const LISTED: usize = 256;
 /// Buffers and images as they were.
 #[derive(Debug)]
 pub struct Snapshot {
-    contents: BTreeMap<(Binding, usize), Content>,
+    contents: BTreeMap<(Binding, usize), ValueContent>,
 }
 
 #[derive(Debug)]
-enum Content {
+enum ValueContent {
     Words(Vec<u32>),
     Image(Arc<Image>),
 }
@@ -31,8 +31,8 @@ impl Snapshot {
     /// Copies everything that a shader may write.
     pub fn take(resources: &Resources) -> Self {
         let content = |descriptor: &Descriptor| match descriptor {
-            Descriptor::Buffer(buffer) => Some(Content::Words(words(buffer))),
-            Descriptor::Image(image) => Some(Content::Image(image.copied())),
+            Descriptor::Buffer(buffer) => Some(ValueContent::Words(words(buffer))),
+            Descriptor::Image(image) => Some(ValueContent::Image(image.copied())),
             _ => None,
         };
         Self { contents: descriptors(resources).filter_map(|(at, one)| Some((at, content(one)?))).collect() }
@@ -52,11 +52,11 @@ impl Snapshot {
         let mut all = Vec::new();
         for (at, descriptor) in descriptors(resources) {
             let changes = match (self.contents.get(&at), descriptor) {
-                (Some(Content::Image(before)), Descriptor::Image(after)) => {
+                (Some(ValueContent::Image(before)), Descriptor::Image(after)) => {
                     texels(before, after, id.filter(|_| Some(at.0) == output && at.1 == 0))
                 }
-                (Some(Content::Words(before)), Descriptor::Buffer(after)) => {
-                    parts(Layout::of(pipeline, at.0), before, &words(after))
+                (Some(ValueContent::Words(before)), Descriptor::Buffer(after)) => {
+                    parts(BufferLayout::of(pipeline, at.0), before, &words(after))
                 }
                 _ => continue,
             };
@@ -102,7 +102,7 @@ fn texels(before: &Image, after: &Image, wanted: Option<[u32; 3]>) -> Vec<Change
 }
 
 /// Changed words of a buffer, those of a vector as one where the type is known.
-fn parts(layout: Option<Layout<'_>>, before: &[u32], after: &[u32]) -> Vec<Change> {
+fn parts(layout: Option<BufferLayout<'_>>, before: &[u32], after: &[u32]) -> Vec<Change> {
     let mut changes = Vec::new();
     let mut done = 0;
     for at in 0..before.len().min(after.len()) {
@@ -124,8 +124,10 @@ fn parts(layout: Option<Layout<'_>>, before: &[u32], after: &[u32]) -> Vec<Chang
                 }
             }
             None => {
-                let word =
-                    |word: u32| TypedValue { ty: "uint".into(), content: values::Content::Uint(word.into()) };
+                let word = |word: u32| TypedValue {
+                    ty: "uint".into(),
+                    content: values::ValueContent::Uint(word.into()),
+                };
                 let (before, after) = (word(before[at]), word(after[at]));
                 Change { target: ChangedPlace::Byte(byte), member: None, before, after }
             }
@@ -161,16 +163,17 @@ fn colour(image: &Image, bits: u128) -> TypedValue {
         (Class::Uint, true) => ("u64", "uint64_t"),
     };
     let component = |part: u64| match format.class() {
-        Class::Float => values::Content::f32(f32::from_bits(part as u32)),
-        Class::Sint => values::Content::Int(part as i64),
-        Class::Uint => values::Content::Uint(part),
+        Class::Float => values::ValueContent::f32(f32::from_bits(part as u32)),
+        Class::Sint => values::ValueContent::Int(part as i64),
+        Class::Uint => values::ValueContent::Uint(part),
     };
     let parts: Vec<_> = format.decode(bits).into_iter().take(format.channels.into()).map(component).collect();
-    match <[values::Content; 1]>::try_from(parts) {
+    match <[values::ValueContent; 1]>::try_from(parts) {
         Ok([content]) => TypedValue { ty: scalar.to_owned(), content },
-        Err(parts) => {
-            TypedValue { ty: format!("{prefix}vec{}", parts.len()), content: values::Content::List(parts) }
-        }
+        Err(parts) => TypedValue {
+            ty: format!("{prefix}vec{}", parts.len()),
+            content: values::ValueContent::List(parts),
+        },
     }
 }
 

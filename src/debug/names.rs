@@ -119,10 +119,12 @@ impl<'a> Names<'a> {
         // The pipeline's groups are the scene's, in the same order.
         let scene_groups = self.scene.map_or(&[][..], |scene| &scene.groups);
         let found = self.pipeline.groups.iter().zip(scene_groups).find_map(|pair| match pair {
-            (Group::General(one), resolved::Group::RayGeneration(named))
-            | (Group::General(one), resolved::Group::Miss(named))
-            | (Group::General(one), resolved::Group::Callable(named)) => (*one == shader).then_some(named),
-            (Group::Hit(group), resolved::Group::Hit(named)) => [
+            (Group::General(one), resolved::ResolvedGroup::RayGeneration(named))
+            | (Group::General(one), resolved::ResolvedGroup::Miss(named))
+            | (Group::General(one), resolved::ResolvedGroup::Callable(named)) => {
+                (*one == shader).then_some(named)
+            }
+            (Group::Hit(group), resolved::ResolvedGroup::Hit(named)) => [
                 (group.closest_hit, &named.closest_hit),
                 (group.any_hit, &named.any_hit),
                 (group.intersection, &named.intersection),
@@ -171,7 +173,7 @@ impl<'a> Names<'a> {
     }
 }
 
-fn name_of(records: &[resolved::ShaderRecord], index: u64) -> Option<String> {
+fn name_of(records: &[resolved::ResolvedRecord], index: u64) -> Option<String> {
     records.get(usize::try_from(index).ok()?)?.name.clone()
 }
 

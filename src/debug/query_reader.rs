@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use crate::accel::{Tlas, TraceRay};
 use crate::debug::names;
-use crate::debug::reader::Reader;
+use crate::debug::reader::EventReader;
 use crate::debug::transcript::{QueryCandidate, QueryEnd, QueryReport, Step};
-use crate::debug::values::Float;
+use crate::debug::values::FloatValue;
 use crate::machine::{RayQueryEvent, RayQueryStep};
 use crate::program::Program;
 
@@ -34,7 +34,7 @@ impl<'a> Queries<'a> {
 
     /// Takes an event: a query that begins is a step of its own, all else belongs to the step of
     /// its query.
-    pub(super) fn take(&mut self, event: RayQueryEvent, steps: &mut Vec<Step>, reader: &Reader<'_>) {
+    pub(super) fn take(&mut self, event: RayQueryEvent, steps: &mut Vec<Step>, reader: &EventReader<'_>) {
         let RayQueryEvent { query, op, what } = event;
         if let RayQueryStep::Initialize(tlas, trace) = what {
             let called_at = self.program.and_then(|program| names::source_line(program, op));
@@ -60,7 +60,7 @@ impl<'a> Queries<'a> {
                 instance: candidate.instance,
                 geometry: candidate.geometry,
                 primitive: candidate.primitive,
-                t: Float::F32(candidate.intersection.t),
+                t: FloatValue::F32(candidate.intersection.t),
                 is_box: candidate.is_box(),
                 opaque: candidate.opaque,
                 confirmed: false,
@@ -73,7 +73,7 @@ impl<'a> Queries<'a> {
             }
             RayQueryStep::Generate(t) => {
                 if let Some(candidate) = transcript.candidates.last_mut() {
-                    candidate.generated.push(Float::F32(t));
+                    candidate.generated.push(FloatValue::F32(t));
                 }
             }
             RayQueryStep::Terminate => transcript.end = QueryEnd::Terminated,

@@ -14,7 +14,7 @@ use crate::debug::transcript::{
     Arithmetic, Decision, Ending, ExitKind, HitReport, InstanceOutcome, InstanceReport, NamedValue,
     PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderRun, SourceLine, Step, Trace, Traversal,
 };
-use crate::debug::values::{Content, Float, TypedValue};
+use crate::debug::values::{FloatValue, TypedValue, ValueContent};
 use crate::geometry::{Intersection, Surface};
 use crate::machine::Exit;
 use crate::module::ty::TypeId;
@@ -25,13 +25,13 @@ use crate::program::Program;
 const SKIP_CLOSEST_HIT: u32 = 8;
 
 /// Reads events into steps.
-pub struct Reader<'a> {
+pub struct EventReader<'a> {
     pipeline: &'a Pipeline,
     names: Names<'a>,
     events: Peekable<IntoIter<Event>>,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> EventReader<'a> {
     /// For the events of a pipeline.
     pub fn new(pipeline: &'a Pipeline, names: Names<'a>, events: Vec<Event>) -> Self {
         Self { pipeline, names, events: events.into_iter().peekable() }
@@ -57,7 +57,7 @@ impl<'a> Reader<'a> {
                 }
                 Some(&Event::Report { t, hit_kind, accepted }) => {
                     self.events.next();
-                    steps.push(Step::Report { t: Float::F32(t), hit_kind: hit_kind.0, accepted });
+                    steps.push(Step::Report { t: FloatValue::F32(t), hit_kind: hit_kind.0, accepted });
                 }
                 _ => return steps,
             }
@@ -136,7 +136,7 @@ impl<'a> Reader<'a> {
                         instance: candidate.instance,
                         geometry: candidate.geometry,
                         primitive: candidate.primitive,
-                        t: Float::F32(candidate.intersection.t),
+                        t: FloatValue::F32(candidate.intersection.t),
                         is_box: candidate.is_box(),
                         record: self.hit_record(&tlas, &candidate, sbt, record),
                         shader,
@@ -216,14 +216,14 @@ impl<'a> Reader<'a> {
         Traversal {
             structure: self.names.structure(tlas).map(|(_, name)| name.to_owned()),
             called_at,
-            origin: ray.origin.map(Float::F32),
-            direction: ray.direction.map(Float::F32),
-            direction_length: Float::F32(length as f32),
-            t_min: Float::F32(ray.t_min),
-            t_max: Float::F32(ray.t_max),
+            origin: ray.origin.map(FloatValue::F32),
+            direction: ray.direction.map(FloatValue::F32),
+            direction_length: FloatValue::F32(length as f32),
+            t_min: FloatValue::F32(ray.t_min),
+            t_max: FloatValue::F32(ray.t_max),
             flags: names::flags(operands.flags.0),
             cull_mask: operands.cull_mask,
-            time: (tlas.moves() || operands.time != 0.0).then_some(Float::F32(operands.time)),
+            time: (tlas.moves() || operands.time != 0.0).then_some(FloatValue::F32(operands.time)),
             nodes: 0,
             instances: self.instances(tlas),
         }
@@ -306,7 +306,7 @@ impl<'a> Reader<'a> {
         let ray = operands.ray;
         let position = std::array::from_fn(|axis| {
             let exact = f64::from(ray.direction[axis]) * f64::from(t) + f64::from(ray.origin[axis]);
-            Float::F32(exact as f32)
+            FloatValue::F32(exact as f32)
         });
         let object_ray = tlas.object_ray(candidate.instance, &ray, operands.time);
         let (origin, direction) = object_ray
@@ -322,14 +322,14 @@ impl<'a> Reader<'a> {
                 .get(candidate.geometry as usize)
                 .cloned(),
             primitive: candidate.primitive,
-            t: Float::F32(t),
+            t: FloatValue::F32(t),
             hit_kind: hit_kind.0,
             hit_kind_name: names::hit_kind(hit_kind),
             surface: names::surface(candidate.intersection.surface),
             attributes: attributes(&candidate.intersection),
             position,
-            object_ray_origin: origin.map(Float::F32),
-            object_ray_direction: direction.map(Float::F32),
+            object_ray_origin: origin.map(FloatValue::F32),
+            object_ray_direction: direction.map(FloatValue::F32),
             data: data.map_or_else(Vec::new, numbers),
         }
     }
@@ -360,7 +360,7 @@ impl Traversal {
 fn confirmed(candidate: &Candidate, shader: Option<&ShaderRun>) -> Option<f32> {
     if candidate.is_box() {
         let accepted = |step: &Step| match step {
-            Step::Report { t: Float::F32(t), accepted: true, .. } => Some(*t),
+            Step::Report { t: FloatValue::F32(t), accepted: true, .. } => Some(*t),
             _ => None,
         };
         return shader?.steps.iter().filter_map(accepted).reduce(f32::min);
@@ -403,7 +403,7 @@ fn primitive(place: HitPrimitive, verdict: Tested, known: &mut Option<f32>) -> P
         Tested::Opaque(found) => (PrimitiveOutcome::Opaque, Some(found)),
         Tested::Candidate(found) => (PrimitiveOutcome::Candidate, Some(found)),
     };
-    let behind = known.filter(|_| verdict == PrimitiveOutcome::Behind).map(Float::F32);
+    let behind = known.filter(|_| verdict == PrimitiveOutcome::Behind).map(FloatValue::F32);
     if let (PrimitiveOutcome::Opaque, Some(found)) = (verdict, found) {
         *known = Some(found.t);
     }
@@ -411,7 +411,7 @@ fn primitive(place: HitPrimitive, verdict: Tested, known: &mut Option<f32>) -> P
         geometry: place.geometry,
         primitive: place.primitive,
         verdict,
-        t: found.map(|found| Float::F32(found.t)),
+        t: found.map(|found| FloatValue::F32(found.t)),
         surface: found.map(|found| names::surface(found.surface)),
         behind,
     }
@@ -421,9 +421,9 @@ fn attributes(found: &Intersection) -> Vec<NamedValue> {
     let [a, b] = found.attributes;
     match found.surface {
         Surface::TriangleFront | Surface::TriangleBack => {
-            vec![named("barycentrics", "vec2", Content::vector([a, b]))]
+            vec![named("barycentrics", "vec2", ValueContent::vector([a, b]))]
         }
-        Surface::Side | Surface::Cap0 | Surface::Cap1 => vec![named("u", "float", Content::f32(a))],
+        Surface::Side | Surface::Cap0 | Surface::Cap1 => vec![named("u", "float", ValueContent::f32(a))],
         Surface::Aabb | Surface::Sphere => Vec::new(),
     }
 }
@@ -432,24 +432,28 @@ fn attributes(found: &Intersection) -> Vec<NamedValue> {
 fn numbers(primitive: accel::Primitive) -> Vec<NamedValue> {
     match primitive {
         accel::Primitive::Triangle(vertices) => {
-            vec![named("vertices", "vec3[3]", Content::List(vertices.map(Content::vector).to_vec()))]
+            vec![named(
+                "vertices",
+                "vec3[3]",
+                ValueContent::List(vertices.map(ValueContent::vector).to_vec()),
+            )]
         }
         accel::Primitive::Aabb([x0, y0, z0, x1, y1, z1]) => vec![
-            named("minimum", "vec3", Content::vector([x0, y0, z0])),
-            named("maximum", "vec3", Content::vector([x1, y1, z1])),
+            named("minimum", "vec3", ValueContent::vector([x0, y0, z0])),
+            named("maximum", "vec3", ValueContent::vector([x1, y1, z1])),
         ],
         accel::Primitive::Sphere { position, radius } => vec![
-            named("position", "vec3", Content::vector(position)),
-            named("radius", "float", Content::f32(radius)),
+            named("position", "vec3", ValueContent::vector(position)),
+            named("radius", "float", ValueContent::f32(radius)),
         ],
         accel::Primitive::LinearSweptSphere { positions, radii, caps } => vec![
-            named("positions", "vec3[2]", Content::List(positions.map(Content::vector).to_vec())),
-            named("radii", "float[2]", Content::vector(radii)),
-            named("caps", "bool[2]", Content::List(caps.map(Content::Bool).to_vec())),
+            named("positions", "vec3[2]", ValueContent::List(positions.map(ValueContent::vector).to_vec())),
+            named("radii", "float[2]", ValueContent::vector(radii)),
+            named("caps", "bool[2]", ValueContent::List(caps.map(ValueContent::Bool).to_vec())),
         ],
     }
 }
 
-fn named(name: &'static str, ty: &str, content: Content) -> NamedValue {
+fn named(name: &'static str, ty: &str, content: ValueContent) -> NamedValue {
     NamedValue { name, value: TypedValue { ty: ty.to_owned(), content } }
 }

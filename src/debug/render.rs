@@ -10,7 +10,7 @@ use crate::debug::transcript::{
     PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderLabel, ShaderRun, SourceLine, Step, Trace,
     Transcript, Traversal,
 };
-use crate::debug::values::{Content, Float, TypedValue};
+use crate::debug::values::{FloatValue, TypedValue, ValueContent};
 
 /// Primitives of an instance that are shown one by one, unless all are wanted.
 const NEAREST: usize = 6;
@@ -504,7 +504,7 @@ fn payload_word(run: &ShaderRun) -> &'static str {
 
 /// A builtin's value with what it means where a number alone says little.
 fn annotated(name: &str, value: &TypedValue) -> String {
-    let Content::Uint(bits) = value.content else { return value.to_string() };
+    let ValueContent::Uint(bits) = value.content else { return value.to_string() };
     match name {
         "IncomingRayFlagsKHR" => {
             let flags = crate::debug::names::flags(bits as u32).names;
@@ -535,7 +535,7 @@ fn change(before: &TypedValue, after: &TypedValue) -> String {
     format!("{before} -> {}", after.content)
 }
 
-fn vector(values: &[Float; 3]) -> String {
+fn vector(values: &[FloatValue; 3]) -> String {
     format!("({}, {}, {})", values[0], values[1], values[2])
 }
 
@@ -578,7 +578,7 @@ fn instance_word(verdict: InstanceOutcome) -> &'static str {
 
 fn distance(one: &PrimitiveReport) -> f32 {
     match one.t {
-        Some(Float::F32(t)) => t,
+        Some(FloatValue::F32(t)) => t,
         _ => f32::INFINITY,
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
-use crate::debug::reader::Reader;
+use crate::debug::reader::EventReader;
 use crate::debug::transcript::{LaunchIndex, RunCounts, Transcript, TrapReport, VERSION};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{RayQueryEvent, RayQueryStep};
@@ -56,12 +56,12 @@ impl Session {
         let snapshot = Snapshot::take(&self.assembled.resources);
         let mut events: Vec<Event> = Vec::new();
         let (launch, outcome) = match request {
-            Settled::Pixel(id) => {
+            SettledRequest::Pixel(id) => {
                 let size = self.assembled.size;
                 let run = self.assembled.launch().run_one(id, size, &mut events, &mut ());
                 (Some(LaunchIndex { id, size }), run)
             }
-            Settled::Ray(ray) => (None, self.trace(&ray, &mut events)),
+            SettledRequest::Ray(ray) => (None, self.trace(&ray, &mut events)),
         };
         let (stats, trap) = match outcome {
             // What the other invocations of a subgroup did is not part of the transcript.
@@ -72,7 +72,7 @@ impl Session {
         };
         let printed = self.assembled.resources.printed.as_ref().map_or_else(Vec::new, |all| all.take());
         let names = Names::new(&self.scene, &self.assembled.pipeline);
-        let root = Reader::new(&self.assembled.pipeline, names, events).root();
+        let root = EventReader::new(&self.assembled.pipeline, names, events).root();
         let Some(root) = root else {
             return Err(Error::new(ErrorKind::InvalidScene, "the ray generation record is a null handle"));
         };
@@ -113,25 +113,25 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::run`].
-    pub fn settle(&self, request: &Request) -> Result<(Option<String>, Settled)> {
+    pub fn settle(&self, request: &Request) -> Result<(Option<String>, SettledRequest)> {
         let entry = match request {
-            Request::Pixel(id) => return Ok((None, Settled::Pixel(self.inside(*id)?))),
-            Request::Ray(ray) => return Ok((None, Settled::Ray(check(ray)?))),
+            Request::Pixel(id) => return Ok((None, SettledRequest::Pixel(self.inside(*id)?))),
+            Request::Ray(ray) => return Ok((None, SettledRequest::Ray(check(ray)?))),
             Request::Named(name) => self.named(name)?,
             Request::Default => match self.scene.rays.first() {
                 Some(entry) => entry,
                 None => {
                     let centre = self.assembled.size.map(|side| side / 2);
-                    return Ok((None, Settled::Pixel(self.inside(centre)?)));
+                    return Ok((None, SettledRequest::Pixel(self.inside(centre)?)));
                 }
             },
         };
         match entry {
             RayEntry::Pixel { name, pixel } => {
                 let [x, y] = pixel.value;
-                Ok((name.clone(), Settled::Pixel(self.inside([x, y, 0])?)))
+                Ok((name.clone(), SettledRequest::Pixel(self.inside([x, y, 0])?)))
             }
-            RayEntry::Given(ray) => Ok((ray.name.clone(), Settled::Ray(check(ray)?))),
+            RayEntry::Given(ray) => Ok((ray.name.clone(), SettledRequest::Ray(check(ray)?))),
         }
     }
 
@@ -182,14 +182,14 @@ impl Session {
 
 /// A request that fits its scene.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Settled {
+pub enum SettledRequest {
     /// A launch index.
     Pixel([u32; 3]),
     /// A ray that breaks no rule.
     Ray(GivenRay),
 }
 
-impl Settled {
+impl SettledRequest {
     /// An entry of a scene.
     ///
     /// # Errors

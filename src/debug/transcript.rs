@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::debug::values::{Float, TypedValue};
+use crate::debug::values::{FloatValue, TypedValue};
 
 /// The version of the JSON.
 pub const VERSION: u32 = 1;
@@ -84,7 +84,7 @@ pub enum Step {
     /// `OpReportIntersectionKHR`
     Report {
         /// The hit distance.
-        t: Float,
+        t: FloatValue,
         /// The hit kind.
         hit_kind: u32,
         /// Whether it became the closest hit.
@@ -224,7 +224,7 @@ pub struct QueryCandidate {
     /// `PrimitiveId`
     pub primitive: u32,
     /// Where; for a box its entry.
-    pub t: Float,
+    pub t: FloatValue,
     /// Whether it is a box.
     pub is_box: bool,
     /// Whether a hit of it is opaque.
@@ -232,7 +232,7 @@ pub struct QueryCandidate {
     /// Whether it was confirmed.
     pub confirmed: bool,
     /// The hits that were generated in it.
-    pub generated: Vec<Float>,
+    pub generated: Vec<FloatValue>,
 }
 
 /// How far a ray query came.
@@ -255,21 +255,21 @@ pub struct Traversal {
     /// Where a shader traced it.
     pub called_at: Option<SourceLine>,
     /// The ray's origin.
-    pub origin: [Float; 3],
+    pub origin: [FloatValue; 3],
     /// The ray's direction.
-    pub direction: [Float; 3],
+    pub direction: [FloatValue; 3],
     /// The direction's length, rounded.
-    pub direction_length: Float,
+    pub direction_length: FloatValue,
     /// `RayTminKHR`
-    pub t_min: Float,
+    pub t_min: FloatValue,
     /// `RayTmaxKHR` at the start.
-    pub t_max: Float,
+    pub t_max: FloatValue,
     /// Ray flags.
     pub flags: Flags,
     /// The cull mask.
     pub cull_mask: u32,
     /// `CurrentRayTimeNV`; `None` where nothing moves and the ray names no time.
-    pub time: Option<Float>,
+    pub time: Option<FloatValue>,
     /// Nodes opened of the tree over the instances.
     pub nodes: u64,
     /// Every instance: what became of it.
@@ -339,11 +339,11 @@ pub struct PrimitiveReport {
     /// The decision.
     pub verdict: PrimitiveOutcome,
     /// Where the ray meets it, where it does.
-    pub t: Option<Float>,
+    pub t: Option<FloatValue>,
     /// Which surface.
     pub surface: Option<&'static str>,
     /// The t of the hit that it lies behind.
-    pub behind: Option<Float>,
+    pub behind: Option<FloatValue>,
 }
 
 /// Why a primitive was kept or dropped.
@@ -378,7 +378,7 @@ pub struct Decision {
     /// `PrimitiveId`
     pub primitive: u32,
     /// Where; for a box its entry.
-    pub t: Float,
+    pub t: FloatValue,
     /// Whether it is a box.
     pub is_box: bool,
     /// The hit record.
@@ -431,7 +431,7 @@ pub struct HitReport {
     /// `PrimitiveId`
     pub primitive: u32,
     /// The ray parameter.
-    pub t: Float,
+    pub t: FloatValue,
     /// `HitKindKHR`
     pub hit_kind: u32,
     /// The hit kind in words.
@@ -441,11 +441,11 @@ pub struct HitReport {
     /// Barycentrics of the second and third vertex, or u of a linear swept sphere.
     pub attributes: Vec<NamedValue>,
     /// origin + t * direction, rounded.
-    pub position: [Float; 3],
+    pub position: [FloatValue; 3],
     /// `ObjectRayOriginKHR`
-    pub object_ray_origin: [Float; 3],
+    pub object_ray_origin: [FloatValue; 3],
     /// `ObjectRayDirectionKHR`
-    pub object_ray_direction: [Float; 3],
+    pub object_ray_direction: [FloatValue; 3],
     /// The primitive's numbers in object space.
     pub data: Vec<NamedValue>,
 }

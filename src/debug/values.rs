@@ -21,13 +21,13 @@ pub struct TypedValue {
     pub ty: String,
     /// What it is.
     #[serde(rename = "value")]
-    pub content: Content,
+    pub content: ValueContent,
 }
 
 /// What a value is made of.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(untagged)]
-pub enum Content {
+pub enum ValueContent {
     /// A bool.
     Bool(bool),
     /// A signed integer.
@@ -35,16 +35,16 @@ pub enum Content {
     /// An unsigned integer.
     Uint(u64),
     /// A float.
-    Float(Float),
+    Float(FloatValue),
     /// The components of a vector, the columns of a matrix, the elements of an array.
-    List(Vec<Content>),
+    List(Vec<ValueContent>),
     /// A struct.
-    Members(Vec<Member>),
+    Members(Vec<ValueMember>),
 }
 
 /// A member of a struct.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Member {
+pub struct ValueMember {
     /// Its name, or `member N`.
     pub name: String,
     /// Its value.
@@ -56,7 +56,7 @@ pub struct Member {
 ///
 /// JSON knows neither infinities nor NaN: they are the strings `"inf"`, `"-inf"` and `"NaN"`.
 #[derive(Clone, Copy, Debug)]
-pub enum Float {
+pub enum FloatValue {
     /// `binary16`
     F16(f16),
     /// `binary32`
@@ -78,12 +78,14 @@ impl TypedValue {
     /// A builtin from its words.
     pub fn of_builtin(builtin: &Builtin, words: &[u32]) -> Self {
         let (ty, content) = match builtin.shape {
-            Shape::Bool => ("bool", Content::Bool(words.first().is_some_and(|&word| word != 0))),
-            Shape::Int => ("uint", Content::Uint(words.first().copied().unwrap_or(0).into())),
+            Shape::Bool => ("bool", ValueContent::Bool(words.first().is_some_and(|&word| word != 0))),
+            Shape::Int => ("uint", ValueContent::Uint(words.first().copied().unwrap_or(0).into())),
             Shape::Int2 => ("uvec2", uints(words)),
             Shape::Int3 => ("uvec3", uints(words)),
             Shape::Int4 => ("uvec4", uints(words)),
-            Shape::Float => ("float", Content::f32(words.first().map_or(0.0, |&word| f32::from_bits(word)))),
+            Shape::Float => {
+                ("float", ValueContent::f32(words.first().map_or(0.0, |&word| f32::from_bits(word))))
+            }
             Shape::Float2 => ("vec2", floats(words)),
             Shape::Float3 => ("vec3", floats(words)),
             Shape::Matrix4x3 => ("mat4x3", lists(words)),
@@ -103,21 +105,21 @@ impl TypedValue {
     }
 
     fn collect_parts<'a>(&'a self, path: String, parts: &mut Vec<(String, &'a TypedValue)>) {
-        let Content::Members(members) = &self.content else {
+        let ValueContent::Members(members) = &self.content else {
             parts.push((path, self));
             return;
         };
-        for Member { name, value } in members {
+        for ValueMember { name, value } in members {
             let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
             value.collect_parts(path, parts);
         }
     }
 }
 
-impl Content {
+impl ValueContent {
     /// A float of 32 bits.
     pub fn f32(value: f32) -> Self {
-        Self::Float(Float::F32(value))
+        Self::Float(FloatValue::F32(value))
     }
 
     /// A vector of floats of 32 bits.
@@ -130,13 +132,13 @@ impl Content {
 impl fmt::Display for TypedValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.content {
-            Content::List(_) | Content::Members(_) => write!(f, "{}{}", self.ty, self.content),
+            ValueContent::List(_) | ValueContent::Members(_) => write!(f, "{}{}", self.ty, self.content),
             _ => write!(f, "{} {}", self.ty, self.content),
         }
     }
 }
 
-impl fmt::Display for Content {
+impl fmt::Display for ValueContent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bool(value) => write!(f, "{value}"),
@@ -155,7 +157,7 @@ impl fmt::Display for Content {
             }
             Self::Members(members) => {
                 f.write_str(" {")?;
-                for (at, Member { name, value }) in members.iter().enumerate() {
+                for (at, ValueMember { name, value }) in members.iter().enumerate() {
                     write!(f, "{} {name}: {value}", if at == 0 { "" } else { "," })?;
                 }
                 f.write_str(" }")
@@ -165,7 +167,7 @@ impl fmt::Display for Content {
 }
 
 /// The shortest digits that read back as the same number; an exponent where they would be many.
-impl fmt::Display for Float {
+impl fmt::Display for FloatValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let plain = |size: f64| size == 0.0 || !size.is_finite() || (1e-4..1e9).contains(&size);
         match *self {
@@ -180,7 +182,7 @@ impl fmt::Display for Float {
 }
 
 /// Bit for bit, so that NaN equals itself and 0 differs from -0.
-impl PartialEq for Float {
+impl PartialEq for FloatValue {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::F16(a), Self::F16(b)) => a.to_bits() == b.to_bits(),
@@ -192,7 +194,7 @@ impl PartialEq for Float {
     }
 }
 
-impl Serialize for Float {
+impl Serialize for FloatValue {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let finite = match self {
             Self::F16(value) => value.is_finite(),
@@ -216,7 +218,7 @@ fn shortest(format: FloatFormat, value: f32) -> String {
         |near: &f32| format.value(format.round((*near).into())).to_bits() == f64::from(value).to_bits();
     let shorter = (0..9).filter_map(|digits| format!("{value:.digits$e}").parse::<f32>().ok());
     let near = shorter.filter(|_| value.is_finite()).find(reads_back).unwrap_or(value);
-    Float::F32(near).to_string()
+    FloatValue::F32(near).to_string()
 }
 
 /// The name of a type: a struct's own where it has one.
@@ -225,36 +227,36 @@ fn type_name(module: &Module, ty: TypeId) -> String {
     described.strip_prefix("struct ").map_or_else(|| described.clone(), str::to_owned)
 }
 
-fn content(module: &Module, ty: TypeId, words: &mut impl Iterator<Item = u32>) -> Content {
+fn content(module: &Module, ty: TypeId, words: &mut impl Iterator<Item = u32>) -> ValueContent {
     let mut next = || words.next().unwrap_or(0);
     match module.ty(ty) {
-        Type::Bool => Content::Bool(next() != 0),
+        Type::Bool => ValueContent::Bool(next() != 0),
         Type::Int { width: 64, signed } => {
             let bits = u64::from(next()) | u64::from(next()) << 32;
-            if *signed { Content::Int(bits as i64) } else { Content::Uint(bits) }
+            if *signed { ValueContent::Int(bits as i64) } else { ValueContent::Uint(bits) }
         }
         Type::Int { width, signed } => {
             let unused = 32 - (*width).clamp(1, 32);
             let bits = next() << unused;
             if *signed {
-                Content::Int((bits as i32 >> unused).into())
+                ValueContent::Int((bits as i32 >> unused).into())
             } else {
-                Content::Uint((bits >> unused).into())
+                ValueContent::Uint((bits >> unused).into())
             }
         }
         Type::Float { width: 16, encoding: None } => {
-            Content::Float(Float::F16(f16::from_bits(next() as u16)))
+            ValueContent::Float(FloatValue::F16(f16::from_bits(next() as u16)))
         }
-        Type::Float { width: 32, encoding: None } => Content::f32(f32::from_bits(next())),
+        Type::Float { width: 32, encoding: None } => ValueContent::f32(f32::from_bits(next())),
         Type::Float { width: 64, encoding: None } => {
             let bits = u64::from(next()) | u64::from(next()) << 32;
-            Content::Float(Float::F64(f64::from_bits(bits)))
+            ValueContent::Float(FloatValue::F64(f64::from_bits(bits)))
         }
         ty @ Type::Float { .. } => {
             let bits = u64::from(next());
             match ty.float_format() {
-                Some(format) => Content::Float(Float::Small(format, format.value(bits) as f32)),
-                None => Content::Uint(bits),
+                Some(format) => ValueContent::Float(FloatValue::Small(format, format.value(bits) as f32)),
+                None => ValueContent::Uint(bits),
             }
         }
         Type::Vector { component, count } => repeated(module, *component, (*count).into(), words),
@@ -263,37 +265,42 @@ fn content(module: &Module, ty: TypeId, words: &mut impl Iterator<Item = u32>) -
             repeated(module, *element, module.scalar_value(*length).unwrap_or(0), words)
         }
         Type::Struct { members, .. } => {
-            let member = |(at, member): (usize, &crate::module::ty::Member)| Member {
+            let member = |(at, member): (usize, &crate::module::ty::Member)| ValueMember {
                 name: if member.name.is_empty() { format!("member {at}") } else { member.name.clone() },
                 value: TypedValue {
                     ty: type_name(module, member.ty),
                     content: content(module, member.ty, words),
                 },
             };
-            Content::Members(members.iter().enumerate().map(member).collect())
+            ValueContent::Members(members.iter().enumerate().map(member).collect())
         }
-        _ => Content::Uint(next().into()),
+        _ => ValueContent::Uint(next().into()),
     }
 }
 
 /// Elements of one type, at most as many as there can be words.
-fn repeated(module: &Module, element: TypeId, count: u64, words: &mut impl Iterator<Item = u32>) -> Content {
+fn repeated(
+    module: &Module,
+    element: TypeId,
+    count: u64,
+    words: &mut impl Iterator<Item = u32>,
+) -> ValueContent {
     let mut words: &mut dyn Iterator<Item = u32> = words;
     let count = count.min(1 << 20);
-    Content::List((0..count).map(|_| content(module, element, &mut words)).collect())
+    ValueContent::List((0..count).map(|_| content(module, element, &mut words)).collect())
 }
 
-fn uints(words: &[u32]) -> Content {
-    Content::List(words.iter().map(|&word| Content::Uint(word.into())).collect())
+fn uints(words: &[u32]) -> ValueContent {
+    ValueContent::List(words.iter().map(|&word| ValueContent::Uint(word.into())).collect())
 }
 
-fn floats(words: &[u32]) -> Content {
-    Content::List(words.iter().map(|&word| Content::f32(f32::from_bits(word))).collect())
+fn floats(words: &[u32]) -> ValueContent {
+    ValueContent::List(words.iter().map(|&word| ValueContent::f32(f32::from_bits(word))).collect())
 }
 
 /// Vectors of three.
-fn lists(words: &[u32]) -> Content {
-    Content::List(words.chunks(3).map(floats).collect())
+fn lists(words: &[u32]) -> ValueContent {
+    ValueContent::List(words.chunks(3).map(floats).collect())
 }
 
 #[cfg(test)]
@@ -301,7 +308,7 @@ mod tests {
     use super::*;
 
     fn text(value: f32) -> String {
-        Float::F32(value).to_string()
+        FloatValue::F32(value).to_string()
     }
 
     #[test]
@@ -323,7 +330,7 @@ mod tests {
     fn floats_of_few_bits_are_shown_with_few_digits() {
         let bfloat = |bits: u64| {
             let format = FloatFormat::BFloat16;
-            Float::Small(format, format.value(bits) as f32).to_string()
+            FloatValue::Small(format, format.value(bits) as f32).to_string()
         };
         // 0x3DCD is 0.10009765625, the bfloat16 nearest to 0.1.
         assert_eq!(bfloat(0x3DCD), "0.1");
@@ -337,7 +344,7 @@ mod tests {
 
     #[test]
     fn json_has_numbers_where_it_can() {
-        let json = |value| serde_json::to_string(&Content::vector([value, 0.1])).unwrap();
+        let json = |value| serde_json::to_string(&ValueContent::vector([value, 0.1])).unwrap();
         assert_eq!(json(0.25), "[0.25,0.1]");
         assert_eq!(json(f32::NEG_INFINITY), "[\"-inf\",0.1]");
         assert_eq!(json(f32::NAN), "[\"NaN\",0.1]");
@@ -345,14 +352,17 @@ mod tests {
 
     #[test]
     fn structs_are_shown_by_member_and_taken_apart_by_path() {
-        let scalar = |name: &str, value: u64| Member {
+        let scalar = |name: &str, value: u64| ValueMember {
             name: name.into(),
-            value: TypedValue { ty: "uint".into(), content: Content::Uint(value) },
+            value: TypedValue { ty: "uint".into(), content: ValueContent::Uint(value) },
         };
-        let inner = TypedValue { ty: "Hit".into(), content: Content::Members(vec![scalar("t", 7)]) };
+        let inner = TypedValue { ty: "Hit".into(), content: ValueContent::Members(vec![scalar("t", 7)]) };
         let outer = TypedValue {
             ty: "Payload".into(),
-            content: Content::Members(vec![scalar("seen", 1), Member { name: "hit".into(), value: inner }]),
+            content: ValueContent::Members(vec![
+                scalar("seen", 1),
+                ValueMember { name: "hit".into(), value: inner },
+            ]),
         };
         assert_eq!(outer.to_string(), "Payload { seen: uint 1, hit: Hit { t: uint 7 } }");
         let paths: Vec<String> = outer.parts().into_iter().map(|(path, _)| path).collect();

@@ -14,7 +14,7 @@ use pretty_assertions::StrComparison;
 use crate::error::Result;
 use crate::harness::data::Data;
 use crate::harness::explain::Explain;
-use crate::harness::number::{Expected, Scalar, Tolerance};
+use crate::harness::number::{ExpectedNumber, Scalar, Tolerance};
 use crate::harness::shader_outcome::ShaderOutcome;
 use crate::harness::trace::Traced;
 use crate::harness::value::Value;
@@ -207,7 +207,7 @@ pub fn near(
     }
     for (at, (&(scalar, bits), &(kind, expected))) in numbers.iter().zip(&wanted).enumerate() {
         let exact = kind.value(expected);
-        let expected = Expected::Number(rounded(scalar, exact), exact);
+        let expected = ExpectedNumber::Number(rounded(scalar, exact), exact);
         let differences: Vec<_> =
             tolerances.iter().filter_map(|tolerance| tolerance.difference(scalar, &expected, bits)).collect();
         if differences.len() == tolerances.len() {

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::Fix;
-use crate::scene::read::{Source, Span};
+use crate::scene::read::{Span, TomlSource};
 
 /// Writes changes to the files that they are of, and gives the files in order.
 ///
@@ -45,7 +45,7 @@ pub fn bless(fixes: Vec<Fix>) -> Result<Vec<PathBuf>> {
 }
 
 /// A text with other words in some places.
-fn changed(source: &Source, mut changes: Vec<(Span, String)>) -> Result<String> {
+fn changed(source: &TomlSource, mut changes: Vec<(Span, String)>) -> Result<String> {
     changes.sort_by_key(|(span, _)| (span.range.start, span.range.end));
     changes.dedup();
     let mut text = String::new();
@@ -75,11 +75,11 @@ mod tests {
 
     use super::*;
 
-    fn source(text: &str) -> Arc<Source> {
-        Arc::new(Source { path: "a.toml".into(), text: text.into() })
+    fn source(text: &str) -> Arc<TomlSource> {
+        Arc::new(TomlSource { path: "a.toml".into(), text: text.into() })
     }
 
-    fn at(source: &Arc<Source>, old: &str, new: &str) -> (Span, String) {
+    fn at(source: &Arc<TomlSource>, old: &str, new: &str) -> (Span, String) {
         let start = source.text.find(old).expect("such a text");
         (Span { source: source.clone(), range: start..start + old.len() }, new.into())
     }

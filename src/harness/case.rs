@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::expect::{Difference, Expectations, Observed, OneRay};
-use crate::harness::run::{Watch, one_ray, run};
+use crate::harness::run::{RayMeasurements, one_ray, run};
 use crate::harness::stability::perturb;
 use crate::scene::file::SceneFile;
 use crate::scene::read::{Diagnostics, Document, Parse, Table};
@@ -42,7 +42,7 @@ pub struct Loaded {
 
 /// What running a case at one width left behind.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct CaseRun {
     /// Everything that expectations look at.
     pub observed: Observed,
     /// The modules that were loaded.
@@ -148,14 +148,14 @@ impl Case {
     ///
     /// # Errors
     /// The mistakes of scene and shaders; `Expectation` for each difference.
-    pub fn check(&self) -> Result<Run> {
+    pub fn check(&self) -> Result<CaseRun> {
         let loaded = self.load()?;
         let observed = loaded.widths()?;
         let mut differences = loaded.expectations.differences(&observed);
         for (at, expect) in loaded.rays.iter().enumerate() {
             let Some(expect) = expect else { continue };
             let (costs, stable) = (expect.rest.wants_costs(), expect.rest.stable.as_ref());
-            let mut watch = Watch { costs, stable, ..Watch::default() };
+            let mut watch = RayMeasurements { costs, stable, ..RayMeasurements::default() };
             differences.extend(expect.differences(&one_ray(
                 &loaded.scene,
                 &loaded.assembled,
@@ -167,7 +167,7 @@ impl Case {
             return Err(Difference::as_error(differences));
         }
         let modules = loaded.scene.shaders.iter().map(|module| module.path.clone()).collect();
-        Ok(Run { observed, modules })
+        Ok(CaseRun { observed, modules })
     }
 
     /// Loads the scene, runs it optimised and without any optimisation, and compares: see
@@ -179,7 +179,7 @@ impl Case {
         let loaded = self.load()?;
         loaded.check_launch(&run::<64>(&loaded.scene, &loaded.assembled))?;
         for at in (0..loaded.rays.len()).filter(|&at| loaded.rays[at].is_some()) {
-            let found = one_ray(&loaded.scene, &loaded.assembled, at, &mut Watch::default());
+            let found = one_ray(&loaded.scene, &loaded.assembled, at, &mut RayMeasurements::default());
             loaded.check_ray(at, &found)?;
         }
         Ok(())

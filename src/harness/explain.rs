@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::debug::names::Names;
-use crate::debug::reader::Reader;
+use crate::debug::reader::EventReader;
 use crate::debug::render::{self, Look};
 use crate::harness::memory;
 use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
@@ -85,7 +85,7 @@ impl Explanation {
             What::Shader { events, calls } => ("the shader by itself", events.clone(), &calls[..]),
         };
         let names = Names::unnamed(&self.pipeline);
-        let Some(root) = Reader::new(&self.pipeline, names, events).root() else { return String::new() };
+        let Some(root) = EventReader::new(&self.pipeline, names, events).root() else { return String::new() };
         let mut text = render::step(title, &root, Look::default());
         for call in calls {
             text.push_str(call);

@@ -147,14 +147,14 @@ impl Scalar {
 
 /// One expected number.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Expected {
+pub enum ExpectedNumber {
     /// `"any"`: whatever stands there.
     Any,
     /// A number: its bits, rounded once, and its value as an f64.
     Number(u64, f64),
 }
 
-impl Expected {
+impl ExpectedNumber {
     /// Reads a number of a type, or `"any"`.
     pub fn parse(value: TomlValue<'_>, scalar: Scalar) -> Option<At<Self>> {
         let expected = match value.text() {
@@ -171,7 +171,7 @@ pub struct Numbers {
     /// Their type.
     pub scalar: Scalar,
     /// Inner arrays are flattened.
-    pub elements: Vec<Vec<At<Expected>>>,
+    pub elements: Vec<Vec<At<ExpectedNumber>>>,
 }
 
 impl Numbers {
@@ -191,13 +191,13 @@ impl Numbers {
     }
 }
 
-fn flatten(value: TomlValue<'_>, scalar: Scalar) -> Option<Vec<At<Expected>>> {
+fn flatten(value: TomlValue<'_>, scalar: Scalar) -> Option<Vec<At<ExpectedNumber>>> {
     match value.elements() {
         Some(elements) => {
             let parts: Option<Vec<_>> = elements.map(|element| flatten(element, scalar)).collect();
             Some(parts?.concat())
         }
-        None => Some(vec![Expected::parse(value, scalar)?]),
+        None => Some(vec![ExpectedNumber::parse(value, scalar)?]),
     }
 }
 
@@ -238,8 +238,8 @@ impl Tolerance {
     }
 
     /// What is wrong with bits of a type where a number is expected; `None` if nothing is.
-    pub fn difference(self, scalar: Scalar, expected: &Expected, found: u64) -> Option<String> {
-        let Expected::Number(bits, exact) = *expected else { return None };
+    pub fn difference(self, scalar: Scalar, expected: &ExpectedNumber, found: u64) -> Option<String> {
+        let ExpectedNumber::Number(bits, exact) = *expected else { return None };
         if bits == found || scalar.is_nan(bits) && scalar.is_nan(found) {
             return None;
         }
@@ -294,8 +294,8 @@ fn ulp_of(scalar: Scalar, exact: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn number(value: f32) -> Expected {
-        Expected::Number(u64::from(value.to_bits()), f64::from(value))
+    fn number(value: f32) -> ExpectedNumber {
+        ExpectedNumber::Number(u64::from(value.to_bits()), f64::from(value))
     }
 
     fn holds(tolerance: Tolerance, expected: f32, found: f32) -> bool {
@@ -333,7 +333,7 @@ mod tests {
     #[test]
     fn half_an_ulp_is_correct_rounding() {
         // 1/3 lies between two floats, 0x3eaaaaaa and 0x3eaaaaab, nearer to the latter.
-        let third = Expected::Number(0, 1.0 / 3.0);
+        let third = ExpectedNumber::Number(0, 1.0 / 3.0);
         let found = |bits| Tolerance::Ulp(0.5).difference(Scalar::F32, &third, bits).is_none();
         assert!(found(0x3eaa_aaab));
         assert!(!found(0x3eaa_aaaa));

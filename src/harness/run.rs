@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::accel::Tlas;
-use crate::debug::session::{self, Settled};
+use crate::debug::session::{self, SettledRequest};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::{Costs, Counter, Meter};
 use crate::harness::coverage::{Counts, Recorder};
@@ -30,7 +30,7 @@ where
     LaneKernel: Width<W>,
 {
     let mut observed = launch(scene, assembled, |resources| assembled.run::<W>(resources, &|_| ()));
-    observed.rays = rays(scene, assembled, &mut Watch::default());
+    observed.rays = rays(scene, assembled, &mut RayMeasurements::default());
     observed
 }
 
@@ -48,7 +48,7 @@ pub fn run_launch(scene: &ResolvedScene, assembled: &Assembled) -> Observed {
 pub fn rays(
     scene: &ResolvedScene,
     assembled: &Assembled,
-    watch: &mut Watch<'_>,
+    watch: &mut RayMeasurements<'_>,
 ) -> Vec<(Option<String>, Result<RayFound>)> {
     (0..scene.rays.len()).flat_map(|at| one_ray(scene, assembled, at, watch).rays).collect()
 }
@@ -171,7 +171,7 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
 
 /// What is counted while a ray runs.
 #[derive(Debug, Default)]
-pub struct Watch<'a> {
+pub struct RayMeasurements<'a> {
     /// The recorder of coverage, where it is wanted.
     pub recorder: Option<&'a mut Recorder>,
     /// Whether to count what it costs.
@@ -182,7 +182,12 @@ pub struct Watch<'a> {
 
 /// One ray of a scene: what it found, as the only entry of [`Observed::rays`], and what its shaders
 /// left behind.
-pub fn one_ray(scene: &ResolvedScene, assembled: &Assembled, at: usize, watch: &mut Watch<'_>) -> Observed {
+pub fn one_ray(
+    scene: &ResolvedScene,
+    assembled: &Assembled,
+    at: usize,
+    watch: &mut RayMeasurements<'_>,
+) -> Observed {
     let entry = &scene.rays[at];
     let resources = fresh(&assembled.resources);
     let launch = Launch { pipeline: &assembled.pipeline, resources: &resources };
@@ -227,7 +232,7 @@ pub fn one_ray(scene: &ResolvedScene, assembled: &Assembled, at: usize, watch: &
     look(scene, &resources, &mut observed);
     if let Some(stable) = watch.stable.filter(|_| observed.trap.is_none()) {
         let found = |which| perturb_one(scene, assembled, &which, &stable.perturbation);
-        observed.stability = Some(Settled::of(entry).and_then(found));
+        observed.stability = Some(SettledRequest::of(entry).and_then(found));
     }
     observed
 }

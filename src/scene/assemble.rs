@@ -18,7 +18,9 @@ use crate::program::{Program, lower};
 use crate::scene::descriptors;
 use crate::scene::image::MAX_IMAGE_SIZE;
 use crate::scene::image_entry::Image;
-use crate::scene::resolved::{self, Group, ResolvedScene, Shader, ShaderCode, ShaderModule, ShaderRecord};
+use crate::scene::resolved::{
+    self, ResolvedGroup, ResolvedRecord, ResolvedScene, ResolvedShader, ShaderCode, ShaderModule,
+};
 use crate::scene::resources::Resource;
 
 /// A scene that can be launched.
@@ -131,7 +133,7 @@ pub fn assemble(scene: &ResolvedScene) -> Result<Assembled> {
 ///
 /// # Errors
 /// As [`assemble`].
-pub fn assemble_without(scene: &ResolvedScene, left_out: &resolved::Binding) -> Result<Assembled> {
+pub fn assemble_without(scene: &ResolvedScene, left_out: &resolved::ResolvedBinding) -> Result<Assembled> {
     assemble_but(scene, Some((left_out.set, left_out.binding, left_out.element)))
 }
 
@@ -188,7 +190,7 @@ fn once(errors: Vec<Error>) -> Vec<Error> {
 struct Shaders<'a> {
     scene: &'a ResolvedScene,
     modules: HashMap<usize, Result<Arc<Module>>>,
-    programs: Vec<(&'a Shader, Stage, Arc<Program>)>,
+    programs: Vec<(&'a ResolvedShader, Stage, Arc<Program>)>,
 }
 
 impl<'a> Shaders<'a> {
@@ -197,7 +199,7 @@ impl<'a> Shaders<'a> {
         self.modules.entry(index).or_insert_with(|| read(shader).map(Arc::new)).clone()
     }
 
-    fn program(&mut self, shader: &'a Shader, stage: Stage) -> Result<Arc<Program>> {
+    fn program(&mut self, shader: &'a ResolvedShader, stage: Stage) -> Result<Arc<Program>> {
         if let Some((.., program)) =
             self.programs.iter().find(|(known, of, _)| *known == shader && *of == stage)
         {
@@ -268,7 +270,7 @@ fn dispatches(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Vec<Dispatc
     dispatches
 }
 
-fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::Dispatch) -> Result<Dispatch> {
+fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::ResolvedDispatch) -> Result<Dispatch> {
     let at = |error: Error| error.at(one.shader.place.clone());
     let program = shaders.program(&one.shader, Stage::Compute)?;
     let mut compute = Compute::new(program).map_err(at)?;
@@ -295,10 +297,12 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
             }
         };
         let group = match group {
-            Group::RayGeneration(shader) => add(shader, Stage::RayGeneration).map(pipeline::Group::General),
-            Group::Miss(shader) => add(shader, Stage::Miss).map(pipeline::Group::General),
-            Group::Callable(shader) => add(shader, Stage::Callable).map(pipeline::Group::General),
-            Group::Hit(group) => Some(pipeline::Group::Hit(pipeline::HitGroup {
+            ResolvedGroup::RayGeneration(shader) => {
+                add(shader, Stage::RayGeneration).map(pipeline::Group::General)
+            }
+            ResolvedGroup::Miss(shader) => add(shader, Stage::Miss).map(pipeline::Group::General),
+            ResolvedGroup::Callable(shader) => add(shader, Stage::Callable).map(pipeline::Group::General),
+            ResolvedGroup::Hit(group) => Some(pipeline::Group::Hit(pipeline::HitGroup {
                 closest_hit: group.closest_hit.as_ref().and_then(|shader| add(shader, Stage::ClosestHit)),
                 any_hit: group.any_hit.as_ref().and_then(|shader| add(shader, Stage::AnyHit)),
                 intersection: group.intersection.as_ref().and_then(|shader| add(shader, Stage::Intersection)),
@@ -309,7 +313,7 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
             None => None,
         });
     }
-    let record = |record: &ShaderRecord| -> Option<Record> {
+    let record = |record: &ResolvedRecord| -> Option<Record> {
         let group = groups.get(record.group?).copied().flatten()?;
         let data = &record.data;
         Some(if data.is_empty() { Record::new(group) } else { Record::with_data(group, data) })
@@ -335,7 +339,7 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
 
 fn resources(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>, errors: &mut Vec<Error>) -> Resources {
     let mut resources = Resources { policy: scene.memory, ..Resources::default() };
-    let absent = |one: &resolved::Binding| left_out == Some((one.set, one.binding, one.element));
+    let absent = |one: &resolved::ResolvedBinding| left_out == Some((one.set, one.binding, one.element));
     for binding in scene.resources.iter().filter(|one| !absent(one)) {
         let descriptor = match &binding.resource {
             Resource::NullBuffer => scene

@@ -47,7 +47,7 @@ mod tests {
     use crate::module::interface::Stage;
     use crate::scene::DiskFiles;
     use crate::scene::file::RayEntry;
-    use crate::scene::resolved::{Group, Shader, ShaderCode};
+    use crate::scene::resolved::{ResolvedGroup, ResolvedShader, ShaderCode};
     use crate::scene::resources::Resource;
 
     fn slang() -> ResolvedScene {
@@ -99,7 +99,7 @@ mod tests {
         for scene in [scene(&LoadOptions::default()).unwrap(), slang()] {
             let records = [scene.sbt.raygen.len(), scene.sbt.miss.len(), scene.sbt.hit.len()];
             assert_eq!(records, [1, 2, 4]);
-            let has = |shader: &Shader, stage: Stage| {
+            let has = |shader: &ResolvedShader, stage: Stage| {
                 let ShaderCode::SpirV(bytes) = &scene.shaders[shader.module].code else { panic!() };
                 let module = crate::module::load(bytes).unwrap();
                 let entry = |e: &&_| matches_entry(e, &shader.entry, stage);
@@ -107,10 +107,10 @@ mod tests {
             };
             for group in &scene.groups {
                 match group {
-                    Group::RayGeneration(shader) => has(shader, Stage::RayGeneration),
-                    Group::Miss(shader) => has(shader, Stage::Miss),
-                    Group::Callable(shader) => has(shader, Stage::Callable),
-                    Group::Hit(group) => has(group.closest_hit.as_ref().unwrap(), Stage::ClosestHit),
+                    ResolvedGroup::RayGeneration(shader) => has(shader, Stage::RayGeneration),
+                    ResolvedGroup::Miss(shader) => has(shader, Stage::Miss),
+                    ResolvedGroup::Callable(shader) => has(shader, Stage::Callable),
+                    ResolvedGroup::Hit(group) => has(group.closest_hit.as_ref().unwrap(), Stage::ClosestHit),
                 }
             }
         }

@@ -18,7 +18,7 @@ use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::read::{
-    At, Diagnostics, Document, Named, OneOrMore, Parse, Source, Span, Table, TomlValue,
+    At, Diagnostics, Document, Named, OneOrMore, Parse, Span, Table, TomlSource, TomlValue,
 };
 use crate::scene::resources::ResourceEntry;
 use crate::scene::specialization::SpecializationValue;
@@ -106,7 +106,7 @@ impl SceneFile {
     }
 
     /// The file's path and text.
-    pub fn source(&self) -> &Arc<Source> {
+    pub fn source(&self) -> &Arc<TomlSource> {
         self.document.source()
     }
 }

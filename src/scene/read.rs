@@ -14,29 +14,29 @@ use std::sync::Arc;
 use toml::de::DeTable;
 
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::scene::tree::{Member, Node, Toml};
+use crate::scene::tree::{Toml, TomlMember, TomlNode};
 
 /// A TOML file that has been read.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Source {
+pub struct TomlSource {
     /// Its path as the user or an `include` gave it.
     pub path: PathBuf,
     /// Its text.
     pub text: Arc<str>,
 }
 
-impl Source {
+impl TomlSource {
     /// A path that the file names, relative to the file's own folder.
     pub fn sibling(&self, path: &str) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(path)
     }
 }
 
-/// A range of a [`Source`].
+/// A range of a [`TomlSource`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Span {
     /// The file.
-    pub source: Arc<Source>,
+    pub source: Arc<TomlSource>,
     /// The bytes.
     pub range: Range<usize>,
 }
@@ -128,8 +128,8 @@ impl Diagnostics {
 /// A whole TOML document, kept so that parts of it can be read later.
 #[derive(Clone, Debug)]
 pub struct Document {
-    source: Arc<Source>,
-    root: Node,
+    source: Arc<TomlSource>,
+    root: TomlNode,
 }
 
 impl Document {
@@ -138,7 +138,7 @@ impl Document {
     /// # Errors
     /// `InvalidScene` with every syntax error.
     pub fn parse(path: impl Into<PathBuf>, text: &str) -> Result<Self> {
-        let source = Arc::new(Source { path: path.into(), text: text.into() });
+        let source = Arc::new(TomlSource { path: path.into(), text: text.into() });
         let (root, errors) = DeTable::parse_recoverable(text);
         if !errors.is_empty() {
             let report = |error: &toml::de::Error| {
@@ -147,7 +147,7 @@ impl Document {
             };
             return Err(Error::several(errors.iter().map(report).collect()));
         }
-        Ok(Self { source, root: Node::from_table(&root) })
+        Ok(Self { source, root: TomlNode::from_table(&root) })
     }
 
     /// The root table.
@@ -157,7 +157,7 @@ impl Document {
     }
 
     /// The file.
-    pub fn source(&self) -> &Arc<Source> {
+    pub fn source(&self) -> &Arc<TomlSource> {
         &self.source
     }
 }
@@ -181,8 +181,8 @@ pub trait Named: Copy + 'static {
 /// One TOML value with its place.
 #[derive(Clone, Copy)]
 pub struct TomlValue<'a> {
-    node: &'a Node,
-    source: &'a Arc<Source>,
+    node: &'a TomlNode,
+    source: &'a Arc<TomlSource>,
     report: &'a Diagnostics,
 }
 
@@ -239,8 +239,8 @@ impl<'a> TomlValue<'a> {
 /// A value that owns its text, to be read later.
 #[derive(Clone, Debug)]
 pub struct Kept {
-    node: Node,
-    source: Arc<Source>,
+    node: TomlNode,
+    source: Arc<TomlSource>,
 }
 
 impl Kept {
@@ -258,7 +258,7 @@ impl Kept {
 /// A TOML table that remembers which keys were asked for.
 pub struct Table<'a> {
     value: TomlValue<'a>,
-    entries: &'a [Member],
+    entries: &'a [TomlMember],
     asked: RefCell<BTreeSet<&'static str>>,
     /// Old keys that were read in place of the keys that replaced them.
     renamed: RefCell<BTreeSet<&'static str>>,

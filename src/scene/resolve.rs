@@ -14,8 +14,8 @@ use crate::scene::files::Files;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::read::{At, Diagnostics, Document, nearest};
 use crate::scene::resolved::{
-    Dispatch, Group, HitGroup, ResolvedScene, Shader, ShaderBindingTable, ShaderCode, ShaderModule,
-    ShaderRecord,
+    ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedRecord, ResolvedScene, ResolvedShader,
+    ShaderBindingTable, ShaderCode, ShaderModule,
 };
 use crate::scene::resources::ResourceEntry;
 
@@ -116,7 +116,7 @@ struct Resolver<'a> {
     rays: Vec<RayEntry>,
     own: Document,
     modules: Vec<ShaderModule>,
-    groups: Vec<Group>,
+    groups: Vec<ResolvedGroup>,
 }
 
 impl<'a> Resolver<'a> {
@@ -229,40 +229,53 @@ impl<'a> Resolver<'a> {
     fn binding_table(&mut self) -> ShaderBindingTable {
         let Some(pipeline) = self.pipeline.clone() else { return ShaderBindingTable::default() };
         ShaderBindingTable {
-            raygen: pipeline.raygen.iter().map(|entry| self.general(entry, Group::RayGeneration)).collect(),
-            miss: pipeline.miss.iter().map(|entry| self.general(entry, Group::Miss)).collect(),
+            raygen: pipeline
+                .raygen
+                .iter()
+                .map(|entry| self.general(entry, ResolvedGroup::RayGeneration))
+                .collect(),
+            miss: pipeline.miss.iter().map(|entry| self.general(entry, ResolvedGroup::Miss)).collect(),
             hit: pipeline.hit.iter().map(|entry| self.hit(entry)).collect(),
-            callable: pipeline.callable.iter().map(|entry| self.general(entry, Group::Callable)).collect(),
+            callable: pipeline
+                .callable
+                .iter()
+                .map(|entry| self.general(entry, ResolvedGroup::Callable))
+                .collect(),
         }
     }
 
-    fn dispatches(&mut self) -> Vec<Dispatch> {
+    fn dispatches(&mut self) -> Vec<ResolvedDispatch> {
         let entries = std::mem::take(&mut self.dispatches);
         let dispatch = |entry: &DispatchEntry| {
             let push_constants = entry.push_constants.as_ref().map(|data| self.bytes(Some(data)));
-            Some(Dispatch { shader: self.shader(&entry.shader)?, groups: entry.groups, push_constants })
+            Some(ResolvedDispatch {
+                shader: self.shader(&entry.shader)?,
+                groups: entry.groups,
+                push_constants,
+            })
         };
         entries.iter().filter_map(dispatch).collect()
     }
 
-    fn general(&mut self, entry: &GeneralEntry, kind: fn(Shader) -> Group) -> ShaderRecord {
+    fn general(&mut self, entry: &GeneralEntry, kind: fn(ResolvedShader) -> ResolvedGroup) -> ResolvedRecord {
         let shader = entry.shader.as_ref().and_then(|name| self.shader(name));
         let group = shader.map(|shader| self.group(kind(shader)));
-        ShaderRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
+        ResolvedRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
     }
 
-    fn hit(&mut self, entry: &HitEntry) -> ShaderRecord {
+    fn hit(&mut self, entry: &HitEntry) -> ResolvedRecord {
         let mut shader = |name: &Option<At<String>>| name.as_ref().and_then(|name| self.shader(name));
         let (closest_hit, any_hit) = (shader(&entry.closest_hit), shader(&entry.any_hit));
         let intersection = shader(&entry.intersection);
         let some = closest_hit.is_some() || any_hit.is_some() || intersection.is_some();
-        let group =
-            some.then(|| self.group(Group::Hit(Box::new(HitGroup { closest_hit, any_hit, intersection }))));
-        ShaderRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
+        let group = some.then(|| {
+            self.group(ResolvedGroup::Hit(Box::new(ResolvedHitGroup { closest_hit, any_hit, intersection })))
+        });
+        ResolvedRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
     }
 
     /// The index of a group, which may be there already.
-    fn group(&mut self, group: Group) -> usize {
+    fn group(&mut self, group: ResolvedGroup) -> usize {
         self.groups.iter().position(|known| *known == group).unwrap_or_else(|| {
             self.groups.push(group);
             self.groups.len() - 1
@@ -270,7 +283,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// `name` or `name:entry`.
-    fn shader(&mut self, reference: &At<String>) -> Option<Shader> {
+    fn shader(&mut self, reference: &At<String>) -> Option<ResolvedShader> {
         let whole = self.shader_entries.iter().any(|entry| entry.name.value == reference.value);
         let (name, entry) = match reference.value.rsplit_once(':') {
             Some((name, entry)) if !whole => (name, Some(entry)),
@@ -279,7 +292,7 @@ impl<'a> Resolver<'a> {
         let name = At { value: name.to_string(), span: reference.span.clone() };
         let found = self.find(&self.shader_entries, &name, "shader")?.clone();
         let module = self.module(&name.value, &found)?;
-        Some(Shader {
+        Some(ResolvedShader {
             module,
             entry: entry.map_or(found.entry, str::to_string),
             specialization: found.specialization,
@@ -392,7 +405,7 @@ mod tests {
         );
         assert_eq!(scene.shaders.len(), 1);
         assert_eq!(scene.shaders[0].code, ShaderCode::SpirV(b"SPIR".to_vec()));
-        let records = |list: &[ShaderRecord]| -> Vec<(Option<usize>, Vec<u8>)> {
+        let records = |list: &[ResolvedRecord]| -> Vec<(Option<usize>, Vec<u8>)> {
             list.iter().map(|record| (record.group, record.data.clone())).collect()
         };
         assert_eq!(records(&scene.sbt.raygen), [(Some(0), vec![])]);
@@ -400,7 +413,7 @@ mod tests {
         let hit = [(Some(2), vec![0, 0, 0x80, 0x3f]), (Some(2), vec![2, 0, 0, 0]), (Some(3), vec![])];
         assert_eq!(records(&scene.sbt.hit), hit);
         assert_eq!(scene.sbt.hit[1].name.as_deref(), Some("b"));
-        let Group::Hit(group) = &scene.groups[3] else { panic!("{:?}", scene.groups[3]) };
+        let ResolvedGroup::Hit(group) = &scene.groups[3] else { panic!("{:?}", scene.groups[3]) };
         assert_eq!(group.closest_hit.as_ref().unwrap().entry, "ch");
         assert!(group.intersection.is_none());
         let any_hit = group.any_hit.as_ref().unwrap();

@@ -24,13 +24,13 @@ pub struct ResolvedScene {
     /// Every file with shaders, once.
     pub shaders: Vec<ShaderModule>,
     /// The shader groups, each once.
-    pub groups: Vec<Group>,
+    pub groups: Vec<ResolvedGroup>,
     /// The shader binding table.
     pub sbt: ShaderBindingTable,
     /// What the descriptor sets hold, sorted by set, binding and element.
-    pub resources: Vec<Binding>,
+    pub resources: Vec<ResolvedBinding>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
-    pub dispatches: Vec<Dispatch>,
+    pub dispatches: Vec<ResolvedDispatch>,
     /// The push constants' bytes.
     pub push_constants: Vec<u8>,
     /// The device that the scene is for.
@@ -80,7 +80,7 @@ pub enum ShaderCode {
 
 /// One entry point with its specialization.
 #[derive(Clone, Debug)]
-pub struct Shader {
+pub struct ResolvedShader {
     /// Index into [`ResolvedScene::shaders`].
     pub module: usize,
     /// The entry point's name.
@@ -91,7 +91,7 @@ pub struct Shader {
     pub place: Place,
 }
 
-impl PartialEq for Shader {
+impl PartialEq for ResolvedShader {
     fn eq(&self, other: &Self) -> bool {
         self.module == other.module
             && self.entry == other.entry
@@ -101,9 +101,9 @@ impl PartialEq for Shader {
 
 /// A dispatch of a compute shader.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Dispatch {
+pub struct ResolvedDispatch {
     /// The shader.
-    pub shader: Shader,
+    pub shader: ResolvedShader,
     /// The number of workgroups along x, y and z.
     pub groups: [u32; 3],
     /// The bytes of its own push constants; `None` for the scene's.
@@ -112,31 +112,31 @@ pub struct Dispatch {
 
 /// A shader group.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Group {
+pub enum ResolvedGroup {
     /// A ray-generation shader.
-    RayGeneration(Shader),
+    RayGeneration(ResolvedShader),
     /// A miss shader.
-    Miss(Shader),
+    Miss(ResolvedShader),
     /// A callable shader.
-    Callable(Shader),
+    Callable(ResolvedShader),
     /// A hit group.
-    Hit(Box<HitGroup>),
+    Hit(Box<ResolvedHitGroup>),
 }
 
 /// A hit group; procedural where it has an intersection shader.
 #[derive(Clone, Debug, PartialEq)]
-pub struct HitGroup {
+pub struct ResolvedHitGroup {
     /// Closest-hit shader.
-    pub closest_hit: Option<Shader>,
+    pub closest_hit: Option<ResolvedShader>,
     /// Any-hit shader.
-    pub any_hit: Option<Shader>,
+    pub any_hit: Option<ResolvedShader>,
     /// Intersection shader.
-    pub intersection: Option<Shader>,
+    pub intersection: Option<ResolvedShader>,
 }
 
 /// A record of the shader binding table.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ShaderRecord {
+pub struct ResolvedRecord {
     /// The scene's name for it.
     pub name: Option<String>,
     /// Index into [`ResolvedScene::groups`]; `None` is a null handle.
@@ -149,18 +149,18 @@ pub struct ShaderRecord {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ShaderBindingTable {
     /// The ray generation records; the first is launched.
-    pub raygen: Vec<ShaderRecord>,
+    pub raygen: Vec<ResolvedRecord>,
     /// The miss records.
-    pub miss: Vec<ShaderRecord>,
+    pub miss: Vec<ResolvedRecord>,
     /// The hit records.
-    pub hit: Vec<ShaderRecord>,
+    pub hit: Vec<ResolvedRecord>,
     /// The callable records.
-    pub callable: Vec<ShaderRecord>,
+    pub callable: Vec<ResolvedRecord>,
 }
 
 /// A descriptor.
 #[derive(Clone, Debug)]
-pub struct Binding {
+pub struct ResolvedBinding {
     /// The scene's name for it.
     pub name: String,
     /// The descriptor set.
@@ -179,7 +179,7 @@ pub struct Binding {
 
 impl ResolvedScene {
     /// The picture that a render saves: the storage image marked as output, or the only one.
-    pub fn output(&self) -> Option<&Binding> {
+    pub fn output(&self) -> Option<&ResolvedBinding> {
         let images = || self.resources.iter().filter(|b| matches!(b.resource, Resource::StorageImage(_)));
         let mut marked = images().filter(|binding| binding.output.is_some());
         marked.next().or_else(|| images().next().filter(|_| images().count() == 1))

@@ -9,7 +9,7 @@ use toml::de::{DeTable, DeValue};
 
 /// A value and the bytes it stands in.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Node {
+pub struct TomlNode {
     /// The bytes; for a table with a header, the header.
     pub range: Range<usize>,
     /// The value.
@@ -30,23 +30,23 @@ pub enum Toml {
     /// A date or time, which no scene needs.
     Datetime,
     /// An array.
-    Array(Vec<Node>),
+    Array(Vec<TomlNode>),
     /// A table in the order of its text.
-    Table(Vec<Member>),
+    Table(Vec<TomlMember>),
 }
 
 /// A key with its value.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Member {
+pub struct TomlMember {
     /// The key.
     pub key: String,
     /// The bytes of the key.
     pub key_range: Range<usize>,
     /// The value.
-    pub node: Node,
+    pub node: TomlNode,
 }
 
-impl Node {
+impl TomlNode {
     /// The document with this root.
     pub fn from_table(root: &Spanned<DeTable<'_>>) -> Self {
         Self { range: root.span(), value: table(root.get_ref()) }
@@ -82,12 +82,12 @@ impl Toml {
 }
 
 fn table(entries: &DeTable<'_>) -> Toml {
-    let member = |(key, value): (&Spanned<std::borrow::Cow<'_, str>>, _)| Member {
+    let member = |(key, value): (&Spanned<std::borrow::Cow<'_, str>>, _)| TomlMember {
         key: key.get_ref().to_string(),
         key_range: key.span(),
-        node: Node::from_value(value),
+        node: TomlNode::from_value(value),
     };
-    let mut members: Vec<Member> = entries.iter().map(member).collect();
+    let mut members: Vec<TomlMember> = entries.iter().map(member).collect();
     members.sort_by_key(|member| member.key_range.start);
     Toml::Table(members)
 }

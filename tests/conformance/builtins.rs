@@ -150,7 +150,8 @@ fn rays_and_matrices_of_an_instance() {
     }
 }
 
-/// The vertices of the triangle in object space, after the geometry's transform, whatever the instance's.
+/// The vertices of the triangle in object space, after the geometry's transform, whatever the
+/// instance's.
 #[test]
 fn vertex_positions() {
     let vertices = facing([0.25, 0.0, 0.5], 0.75, true);

@@ -131,8 +131,8 @@ pub enum Kind {
     Null,
 }
 
-/// Ray generation shaders that ask for hits of spheres and linear swept spheres: a trace, a ray query, a
-/// hit object, and the last two for one ray, compared word by word.
+/// Ray generation shaders that ask for hits of spheres and linear swept spheres: a trace, a ray
+/// query, a hit object, and the last two for one ray, compared word by word.
 pub const WAYS: [&str; 4] =
     ["probe/main.rgen", "swept/query.rgen", "swept/hit-object.rgen", "swept/both.rgen"];
 

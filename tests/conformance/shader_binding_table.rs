@@ -8,8 +8,8 @@ fn numbered(count: u32) -> Rig {
     Rig::with((0..count).map(|id| (Kind::Triangle, Plan { id, ..Plan::default() })))
 }
 
-/// Record = SBT offset + the instance's offset + geometry index * SBT stride; offset and stride have
-/// four bits.
+/// Record = SBT offset + the instance's offset + geometry index * SBT stride; offset and stride
+/// have four bits.
 #[test]
 fn hit_records() {
     let mut shots = Vec::new();

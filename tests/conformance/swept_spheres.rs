@@ -1,9 +1,9 @@
 //! Spheres and linear swept spheres: indices, indexing modes, end caps, vertex and radius formats,
 //! copies, traces and ray queries, in all combinations.
 //!
-//! The public suite's geometry: 16 centres or 8 segments in the plane z = -15 (z = 0 where the format
-//! has two components), rays down the z axis at some of the centres. The numbers of hits follow from
-//! which points are centres, or ends of segments with a cap.
+//! The public suite's geometry: 16 centres or 8 segments in the plane z = -15 (z = 0 where the
+//! format has two components), rays down the z axis at some of the centres. The numbers of hits
+//! follow from which points are centres, or ends of segments with a cap.
 
 use anyhit::accel::build_input::{BuildInput, BuildRange, IndexType, RadiusFormat, Strided, VertexFormat};
 use anyhit::accel::{EndCaps, GeometryData, Indexing};
@@ -81,7 +81,8 @@ fn rows() -> Vec<Row> {
     use Indexing::{List, Successive};
     let at = |order: &[usize]| order.iter().map(|&at| CENTRES[at]).collect::<Vec<_>>();
     let picked = at(&[15, 13, 11, 9, 7, 5, 3, 1, 2, 4, 6, 8]);
-    // Points at x = +-8 and y from 7 down to -7, two a line: the segments lie apart from each other.
+    // Points at x = +-8 and y from 7 down to -7, two a line: the segments lie apart from each
+    // other.
     let ladder: Vec<[f32; 2]> =
         (0..16).map(|at| [if at % 2 == 0 { -8.0 } else { 8.0 }, 7.0 - 2.0 * (at / 2) as f32]).collect();
     let spheres = |name, indices, hits| Row {
@@ -122,8 +123,8 @@ fn rows() -> Vec<Row> {
         spheres("spheres.indices", Some(vec![15, 13, 11, 9, 7, 5, 3, 1]), 8),
         // All of the points 0 to 11 are ends.
         capped("lss.vertices", None, List, 12),
-        // Segments between even points: 0-2, 2-4, 4-6, 8-10, 10-12, 12-14, on the line x = -8. Of the rays,
-        // 0 2 4 6 8 10 are at their ends, and the odd points are 16 away.
+        // Segments between even points: 0-2, 2-4, 4-6, 8-10, 10-12, 12-14, on the line x = -8. Of
+        // the rays, 0 2 4 6 8 10 are at their ends, and the odd points are 16 away.
         capped("lss.list", Some(vec![0, 2, 2, 4, 4, 6, 8, 10, 10, 12, 12, 14]), List, 6),
         // Segments 0-1 ... 4-5 and 8-9 ... 14-15: of the points 0 to 11 only 6 and 7 are no ends.
         capped("lss.successive", Some(vec![0, 1, 2, 3, 4, 8, 9, 10, 11, 12, 13, 14]), Successive, 10),
@@ -221,8 +222,8 @@ fn positions_and_radii_are_those_of_the_build() {
             let row = &rows()[2];
             let probes = rig.run([Instance::of(build(row, format, radius_format))], &shots[..1]);
             let probe = probes[0];
-            // Radii r0 = 0.5 and r1 = 0.6, 16 apart: the side begins before the first centre, and above
-            // that centre u = r0 (r1 - r0) / (16^2 - (r1 - r0)^2).
+            // Radii r0 = 0.5 and r1 = 0.6, 16 apart: the side begins before the first centre, and
+            // above that centre u = r0 (r1 - r0) / (16^2 - (r1 - r0)^2).
             let (r0, r1) = (f64::from(stored(0.5)), f64::from(stored(0.6)));
             let u = r0 * (r1 - r0) / (256.0 - (r1 - r0) * (r1 - r0));
             assert_eq!(probe.vertices[..2], [[-8.0, 7.0, -15.0], [8.0, 7.0, -15.0]]);
@@ -250,8 +251,8 @@ fn u_tells_caps_from_the_side() {
         assert_eq!([at([1.0, 1.0], -2.5), at([1.0, 1.0], 2.5)], [0.0, 1.0]);
         assert_eq!([at([1.0, 1.0], -1.0), at([1.0, 1.0], 1.5)], [0.25, 0.875]);
         // A cone from 1 to 1/2: sin a = (1 - 1/2) / 4 = 1/8. Above x the side's height is
-        // r(u) cos a, and its point lies r(u) sin a from its generating centre towards the thin end:
-        // x = -2 + 4 u + r(u) / 8 with r(u) = 1 - u / 2, so u = (x + 2 - 1/8) / (4 - 1/16).
+        // r(u) cos a, and its point lies r(u) sin a from its generating centre towards the thin
+        // end: x = -2 + 4 u + r(u) / 8 with r(u) = 1 - u / 2, so u = (x + 2 - 1/8) / (4 - 1/16).
         let u = at([1.0, 0.5], 0.0);
         assert!((u - (2.0 - 0.125) / 3.9375).abs() < 1e-7, "{u}");
         // At x = -2 + 1/8 the side begins: the ray at the centre itself still meets the cap.
@@ -336,8 +337,8 @@ fn instances_are_sheared_and_mirrored() {
             (SWEPT, straight.t_max, straight.attribute)
         );
         assert_eq!(placed.vertices, straight.vertices);
-        // World x = 4.5 is object x = (3 - 4.5) / 4 = -0.375: within the radius of 1/2 at y = -1, where
-        // 1.5 would be far outside.
+        // World x = 4.5 is object x = (3 - 4.5) / 4 = -0.375: within the radius of 1/2 at y = -1,
+        // where 1.5 would be far outside.
         let [beside] = rig.run([segment.clone().transform(matrix)], &[Shot::down([4.5, -1.0, 2.0])])[..]
         else {
             panic!()

@@ -44,7 +44,8 @@ impl Target {
         {
             for front in if stage == TRIANGLE { &[true, false][..] } else { &[true] } {
                 for opaque in [true, false] {
-                    // None, cull-disable, flip, force-opaque, force-no-opaque, flip with force-opaque.
+                    // None, cull-disable, flip, force-opaque, force-no-opaque, flip with
+                    // force-opaque.
                     for instance in [0, 1, 2, 4, 8, 6] {
                         all.push(Self { kind, stage, front: *front, opaque, instance });
                     }
@@ -88,13 +89,13 @@ impl Target {
     }
 }
 
-/// All legal combinations of ray flags, on front and back, opaque and not, four kinds of primitives, six
-/// sets of instance flags: which shaders run, and what they are told the flags are.
+/// All legal combinations of ray flags, on front and back, opaque and not, four kinds of
+/// primitives, six sets of instance flags: which shaders run, and what they are told the flags are.
 #[test]
 fn ray_flags() {
     let legal: Vec<u32> = (0..1024).filter(|&flags| is_legal(flags)).collect();
-    // 2^2 of terminate and skip-closest-hit, 5 of opacity, and of the rest none, one of three, or boxes
-    // with none or one of two faces: 4 * 5 * (4 + 3).
+    // 2^2 of terminate and skip-closest-hit, 5 of opacity, and of the rest none, one of three, or
+    // boxes with none or one of two faces: 4 * 5 * (4 + 3).
     assert_eq!(legal.len(), 140);
     for target in Target::all() {
         let plan = Plan { reports: 1, t: [2.0, 0.0], ..Plan::default() };
@@ -150,8 +151,8 @@ fn a_ray_and_its_pipeline_cannot_skip_everything() {
     }
 }
 
-/// 255 instances with masks 1 to 255, each alone on its ray: seen where mask and cull mask share a bit;
-/// only eight bits of the cull mask count, and shaders are told those.
+/// 255 instances with masks 1 to 255, each alone on its ray: seen where mask and cull mask share a
+/// bit; only eight bits of the cull mask count, and shaders are told those.
 #[test]
 fn cull_masks() {
     let scene = (1..=255u32)
@@ -169,8 +170,8 @@ fn cull_masks() {
     assert_eq!(stages, wanted);
 }
 
-/// Code behind the end of an any-hit shader never runs; what it wrote before counts; a miss shader runs
-/// where all was ignored.
+/// Code behind the end of an any-hit shader never runs; what it wrote before counts; a miss shader
+/// runs where all was ignored.
 #[test]
 fn any_hit_shaders_end_where_they_say() {
     // Two layers: primitive 0 at z = 0, primitive 1 behind.
@@ -318,7 +319,8 @@ fn how_many_boxes_hold_a_surface_does_not_show() {
     assert!(one.iter().all(|&(stage, kind, t)| (stage, kind, t) == (BOX, 9, 1.5)));
 }
 
-/// Null instances, instances without primitives and inactive ones are never hit and count all the same.
+/// Null instances, instances without primitives and inactive ones are never hit and count all the
+/// same.
 #[test]
 fn null_and_inactive_instances_are_counted() {
     let inactive = Instance::triangles([[f32::NAN, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]);

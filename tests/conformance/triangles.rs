@@ -44,8 +44,8 @@ fn barycentrics() {
     }
 }
 
-/// t counts lengths of the direction: 4 / scale, for a triangle and a box's face at distance 4, under
-/// rotations that the instance and the ray share.
+/// t counts lengths of the direction: 4 / scale, for a triangle and a box's face at distance 4,
+/// under rotations that the instance and the ray share.
 #[test]
 fn the_direction_is_not_normalised() {
     let mut random = numbers(2);
@@ -86,8 +86,8 @@ fn fan(edges: usize, scale: f32) -> Instance {
     Instance::of(GeometryData::Triangles { vertices, indices, transform: None })
 }
 
-/// Rays at the shared vertex and at the inner edges of closed fans, from 10^-12 to 10^12: each meets one
-/// triangle, and one only.
+/// Rays at the shared vertex and at the inner edges of closed fans, from 10^-12 to 10^12: each
+/// meets one triangle, and one only.
 #[test]
 fn closed_fans_neither_leak_nor_double() {
     for edges in [4, 16, 64, 256, 1024] {
@@ -101,7 +101,8 @@ fn closed_fans_neither_leak_nor_double() {
                     let target = [edge[0] * part, edge[1] * part];
                     let straight = Shot { t_max: f32::MAX, ..Shot::down([target[0], target[1], scale]) };
                     shots.push(straight);
-                    // From the side, through the vertex: origin + 1 * direction is the vertex exactly.
+                    // From the side, through the vertex: origin + 1 * direction is the vertex
+                    // exactly.
                     let side = [edge[0] * 0.5, edge[1] * -0.25, scale];
                     shots.push(Shot { origin: side, direction: side.map(|x| -x), ..straight });
                 }
@@ -180,8 +181,9 @@ fn cube(scale: f32) -> (Vec<[f32; 3]>, Vec<u32>) {
     (vertices.iter().map(|point| point.map(|x| x as f32 * scale)).collect(), indices)
 }
 
-/// Rays from within a closed mesh exactly at each of its vertices, at the middle of each edge and inside each
-/// triangle, from 10^-12 to 10^12: out of it goes every ray, and through one triangle only.
+/// Rays from within a closed mesh exactly at each of its vertices, at the middle of each edge and
+/// inside each triangle, from 10^-12 to 10^12: out of it goes every ray, and through one triangle
+/// only.
 #[test]
 fn nothing_leaves_a_closed_mesh_unseen() {
     for scale in

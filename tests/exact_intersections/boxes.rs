@@ -222,7 +222,8 @@ fn halves_of_a_swept_sphere_hold_it() {
         let radii = [0, 1].map(|_| draw.unit().abs() * s * [1e-6, 1e-2, 0.1][draw.below(3)]);
         let Some(halves) = linear_swept_sphere::halves(positions, radii) else { continue };
         halved += 1;
-        // A ball at u in each half, at its ends among them; f64 holds its corners but for a part of 2^-52.
+        // A ball at u in each half, at its ends among them; f64 holds its corners but for a part of
+        // 2^-52.
         for (half, bounds) in halves.iter().enumerate() {
             for step in 0..=8 {
                 let u = (half * 8 + step) as f64 / 16.0;

@@ -76,7 +76,8 @@ fn masks_of_the_subgroup() {
             (0..32).filter(|&other| holds(other)).map(|other| 1 << other).sum()
         };
         assert_eq!(first[0], mask(&|other| other == place));
-        // Bits above the own place reach to the size of a subgroup, which is 32 whatever its members.
+        // Bits above the own place reach to the size of a subgroup, which is 32 whatever its
+        // members.
         assert_eq!(first[4], mask(&|other| other >= place), "{id} of {size}");
         assert_eq!(first[8], mask(&|other| other > place));
         assert_eq!(second[0], mask(&|other| other <= place));

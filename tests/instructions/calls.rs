@@ -39,8 +39,8 @@ fn callable_data_is_found_by_its_location() {
     }
 }
 
-/// A variable that a function doubles through a pointer, as often as it is called: each call loads what the one
-/// before it stored.
+/// A variable that a function doubles through a pointer, as often as it is called: each call loads
+/// what the one before it stored.
 #[test]
 fn a_function_doubles_what_a_pointer_leads_to_with_each_call() {
     let found = Shader {

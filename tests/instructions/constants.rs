@@ -1,5 +1,5 @@
-//! `OpSpecConstantOp` with every instruction that it may hold in a shader, one by one, at edge values.
-//! The results are those of the same instruction in a function, by hand.
+//! `OpSpecConstantOp` with every instruction that it may hold in a shader, one by one, at edge
+//! values. The results are those of the same instruction in a function, by hand.
 
 use crate::run::Shader;
 

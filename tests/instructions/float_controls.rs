@@ -1,4 +1,5 @@
-//! Float controls (`SPV_KHR_float_controls`): denormals and rounding as an entry point asks for them.
+//! Float controls (`SPV_KHR_float_controls`): denormals and rounding as an entry point asks for
+//! them.
 
 use crate::run::Shader;
 
@@ -100,8 +101,8 @@ fn a_decorated_conversion_rounds_as_it_says() {
         [words[0], words[1]]
     };
     const MODE: &str = "OpExecutionMode %main RoundingModeRTZ 16";
-    // 1 + 2^-7 - 2^-23 lies above the middle of the f16 1 + 7 * 2^-10 and 1 + 2^-7, and above that of
-    // the bfloat16 1 and 1 + 2^-7.
+    // 1 + 2^-7 - 2^-23 lies above the middle of the f16 1 + 7 * 2^-10 and 1 + 2^-7, and above that
+    // of the bfloat16 1 and 1 + 2^-7.
     assert_eq!(run("", ""), [0x3C08, 0x3F81]);
     assert_eq!(run("", "OpDecorate %h FPRoundingMode 1\nOpDecorate %b FPRoundingMode 1"), [0x3C07, 0x3F80]);
     // A decoration stands before the mode, which is that of f16 alone.

@@ -1,7 +1,7 @@
-//! What the specification defines by a formula follows it operation by operation, left to right, each
-//! rounded. The operands are chosen so that another order, a fused product or a division in the place of
-//! a reciprocal would show. By hand: e = 2^-24 is half a unit in the last place of 1, so that 1 + e = 1
-//! (a tie, to even) and 1 + 2e = 1 + 2^-23.
+//! What the specification defines by a formula follows it operation by operation, left to right,
+//! each rounded. The operands are chosen so that another order, a fused product or a division in
+//! the place of a reciprocal would show. By hand: e = 2^-24 is half a unit in the last place of 1,
+//! so that 1 + e = 1 (a tie, to even) and 1 + 2e = 1 + 2^-23.
 
 use crate::run::Shader;
 
@@ -145,8 +145,8 @@ fn lengths_are_roots_of_such_sums() {
 
 #[test]
 fn normalize_multiplies_by_the_reciprocal_root() {
-    // 1 / sqrt(17) rounds to 0x3E785B42 (0.242535621...); 4 times that is exact. 1 / length would give
-    // 0x3E785B43, as sqrt(17) rounds downwards to 0x4083F07B.
+    // 1 / sqrt(17) rounds to 0x3E785B42 (0.242535621...); 4 times that is exact. 1 / length would
+    // give 0x3E785B43, as sqrt(17) rounds downwards to 0x4083F07B.
     let found = run(
         "",
         &[ONE, 0x4080_0000, ZERO],
@@ -204,10 +204,10 @@ fn reflect_rounds_twice_the_product_times_the_normal() {
 
 #[test]
 fn refract_follows_its_formula() {
-    // I = (0.6, -0.8), N = (0, 1), eta = 2/3, rounded. dot = -0.8 = 0xBF4CCCCD, its square 0x3F23D70B,
-    // 1 less that 0x3EB851EA, eta^2 0x3EE38E3A, their product 0x3E23D70A, k = 0x3F570A3E with the root
-    // 0x3F6AA0BD. eta * dot = 0xBF088889, and their sum is 0x3EC43068.
-    // eta * I - sum * N = (0x3ECCCCCE, 0xBF088889 - 0x3EC43068 = 0xBF6AA0BD).
+    // I = (0.6, -0.8), N = (0, 1), eta = 2/3, rounded. dot = -0.8 = 0xBF4CCCCD, its square
+    // 0x3F23D70B, 1 less that 0x3EB851EA, eta^2 0x3EE38E3A, their product 0x3E23D70A, k =
+    // 0x3F570A3E with the root 0x3F6AA0BD. eta * dot = 0xBF088889, and their sum is 0x3EC43068. eta
+    // * I - sum * N = (0x3ECCCCCE, 0xBF088889 - 0x3EC43068 = 0xBF6AA0BD).
     let body = "
         %i = OpCompositeConstruct %float2 %x0 %x1
         %n = OpCompositeConstruct %float2 %x2 %x3
@@ -245,8 +245,8 @@ fn mix_and_smoothstep_follow_their_formulas() {
     // 0x3FAAAAAB.
     // smoothstep(0, 5, 1): t = 0.2 = 0x3E4CCCCD, t t = 0x3D23D70B, 3 - 2 t = 0x40266666, product
     // 0x3DD4FDF4; t (t (3 - 2 t)) would be 0x3DD4FDF3.
-    // smoothstep(0, 7, 1): t = 0x3E124925, t t = 0x3CA72F06, 3 - 2 t = 0x402DB6DB, product 0x3D62E463;
-    // rounded once it would be 0x3D62E464.
+    // smoothstep(0, 7, 1): t = 0x3E124925, t t = 0x3CA72F06, 3 - 2 t = 0x402DB6DB, product
+    // 0x3D62E463; rounded once it would be 0x3D62E464.
     let found = run(
         "",
         &[ONE, 0x4000_0000, 0x3EAA_AAAB, ZERO, 0x40A0_0000, 0x40E0_0000],

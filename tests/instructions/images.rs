@@ -207,8 +207,8 @@ fn footprint(lod: &str, coarse: &str) -> [u32; 9] {
 
 #[test]
 fn footprints_tell_groups_of_texels() {
-    // Texels 15, 16 and 0, 1 of level 0: of groups of two by two 7, 8 and 0. Group 8 is the first of the
-    // second eight, one group lies before it: anchor 1, offset 1, bits 0 and 7.
+    // Texels 15, 16 and 0, 1 of level 0: of groups of two by two 7, 8 and 0. Group 8 is the first
+    // of the second eight, one group lies before it: anchor 1, offset 1, bits 0 and 7.
     assert_eq!(footprint("%f0", "%false"), [1, 1, 0, 1, 0, 0x81, 0, 0, 0]);
     // Level 0 is the only one: nothing of the coarser.
     assert_eq!(footprint("%f0", "%true"), [1, 0, 0, 0, 0, 0, 0, 0, 0]);

@@ -2,8 +2,8 @@
 
 use crate::run::Shader;
 
-/// The value that a phi behind a loop takes from the block that goes back: each invocation keeps that of its own
-/// last turn, while others go round again.
+/// The value that a phi behind a loop takes from the block that goes back: each invocation keeps
+/// that of its own last turn, while others go round again.
 #[test]
 fn a_phi_behind_a_loop_has_the_value_of_the_last_turn() {
     let found = Shader {
@@ -30,13 +30,15 @@ fn a_phi_behind_a_loop_has_the_value_of_the_last_turn() {
     }
     .run();
     for (id, words) in found.iter().enumerate() {
-        // 1 is tripled as often as the bound says, but once at least; the phi has what it was before the last time.
+        // 1 is tripled as often as the bound says, but once at least; the phi has what it was
+        // before the last time.
         assert_eq!(words[0], 3u32.pow((id as u32 & 3).max(1) - 1), "invocation {id}");
     }
 }
 
-/// The trap that ends an endless loop is the same with and without the optimizer where the loop's last instruction is
-/// a load that the optimizer eliminates: only what that load itself might have trapped at is not told.
+/// The trap that ends an endless loop is the same with and without the optimizer where the loop's
+/// last instruction is a load that the optimizer eliminates: only what that load itself might have
+/// trapped at is not told.
 #[test]
 fn an_endless_loop_with_a_load_that_nobody_reads_ends_in_its_trap() {
     let trap = Shader {

@@ -1,5 +1,5 @@
-//! Traces at a moment (`SPV_NV_ray_tracing_motion_blur`): the shaders that they call see the time. What moves is
-//! in `shaders/pass/motion-blur`.
+//! Traces at a moment (`SPV_NV_ray_tracing_motion_blur`): the shaders that they call see the time.
+//! What moves is in `shaders/pass/motion-blur`.
 
 use std::sync::Arc;
 

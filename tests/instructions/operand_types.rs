@@ -1,6 +1,6 @@
-//! Operands of every type: for each instruction with numeric operands, each combination of types and
-//! widths that the specification allows runs and gives the right values, and what it does not allow is
-//! refused. [`rules`] is the table, [`judge`] says what comes out.
+//! Operands of every type: for each instruction with numeric operands, each combination of types
+//! and widths that the specification allows runs and gives the right values, and what it does not
+//! allow is refused. [`rules`] is the table, [`judge`] says what comes out.
 
 mod arbitrary;
 mod exact;
@@ -41,7 +41,8 @@ struct Case {
     pair: bool,
     /// The result's, then those of the operands.
     types: Vec<Ty>,
-    /// What stands in front of the operands: the scope of a subgroup instruction, and its operation.
+    /// What stands in front of the operands: the scope of a subgroup instruction, and its
+    /// operation.
     head: &'static str,
     /// Literals behind the operands.
     tail: Vec<usize>,

@@ -122,7 +122,8 @@ fn a_phi_of_matrices_keeps_their_layout() {
          out 1 %y_word",
         "",
     );
-    // Column-major at 32 with 16 bytes from column to column: component r of column c is float 8 + 4 c + r.
+    // Column-major at 32 with 16 bytes from column to column: component r of column c is float 8 +
+    // 4 c + r.
     for (id, words) in found.iter().enumerate() {
         let odd = id as u32 % 2;
         assert_eq!(words[..2], [100 * odd + 12, 100 * odd + 8 + 4 * odd + 1]);
@@ -267,8 +268,8 @@ fn raw_access_chains_count_bytes() {
 
 #[test]
 fn constants_past_the_end_of_a_vector_trap_where_they_are_used() {
-    // "Each index must be in bounds" is undefined behaviour of `OpAccessChain`, not a rule of the module: spirv-val
-    // accepts both shaders.
+    // "Each index must be in bounds" is undefined behaviour of `OpAccessChain`, not a rule of the
+    // module: spirv-val accepts both shaders.
     let shader = |taken: &str| {
         let body = format!(
             "%point = OpVariable %ptr_own3 Function

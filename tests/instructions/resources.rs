@@ -69,7 +69,8 @@ fn structures_are_found_by_their_address() {
         resources.bind(0, 1, Descriptor::Buffer(Buffer::new(&address.to_le_bytes())))
     });
     for words in found.unwrap_or_else(|error| panic!("{}", error.render())) {
-        // The opaque sphere is a hit (as a triangle's is, SPV_NV_linear_swept_spheres); null has none.
+        // The opaque sphere is a hit (as a triangle's is, SPV_NV_linear_swept_spheres); null has
+        // none.
         assert_eq!(words[..3], [1, 1, 0]);
     }
 }

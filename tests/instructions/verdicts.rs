@@ -1,5 +1,5 @@
-//! Whose mistake a refused module is: a broken rule is cited, where the validator of SPIRV-Tools does not check it;
-//! what no rule forbids is this crate's gap.
+//! Whose mistake a refused module is: a broken rule is cited, where the validator of SPIRV-Tools
+//! does not check it; what no rule forbids is this crate's gap.
 
 use anyhit::error::ErrorKind;
 
@@ -75,7 +75,8 @@ fn a_print_without_a_string_names_its_instruction_set() {
 
 #[test]
 fn nothing_is_stored_to_shader_records_and_push_constants() {
-    // spirv-val: "ShaderRecordBufferKHR Storage Class variables are read only", "storage class is read-only".
+    // spirv-val: "ShaderRecordBufferKHR Storage Class variables are read only", "storage class is
+    // read-only".
     for class in ["ShaderRecordBufferKHR", "PushConstant"] {
         let declarations = format!(
             "%bare = OpTypeStruct %uint

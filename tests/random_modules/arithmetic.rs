@@ -1,5 +1,5 @@
-//! What instructions say about scalars, from the specification: integers as numbers modulo a power of
-//! two, floats rounded once. A result of `None` is one that the specification does not define.
+//! What instructions say about scalars, from the specification: integers as numbers modulo a power
+//! of two, floats rounded once. A result of `None` is one that the specification does not define.
 
 use rspirv::spirv::{GlslStd450Op as GLOp, Op};
 
@@ -31,8 +31,8 @@ pub fn float(bits: u64, width: u32) -> f64 {
     }
 }
 
-/// The bits of the float nearest to a value, even where two are; a value that is not exact must not be
-/// closer to the middle of two than its own last bit.
+/// The bits of the float nearest to a value, even where two are; a value that is not exact must not
+/// be closer to the middle of two than its own last bit.
 pub fn rounded(value: f64, width: u32) -> u64 {
     match width {
         16 => {
@@ -256,6 +256,7 @@ fn halves_round_to_even() {
     );
     // (1 + 2^-6)^2 - 1 = 2^-5 (1 + 2^-7).
     assert_eq!(fused(0x3C10, 0x3C10, 0xBC00, 16), 0x2808);
-    // 2048 * 2048 + 2^-24 is far from any tie; 2^-14 * 2^-11 + 2^-24 = 1.5 * 2^-24 is one, and goes to 2.
+    // 2048 * 2048 + 2^-24 is far from any tie; 2^-14 * 2^-11 + 2^-24 = 1.5 * 2^-24 is one, and goes
+    // to 2.
     assert_eq!(fused(0x0400, 0x1000, 0x0001, 16), 2);
 }

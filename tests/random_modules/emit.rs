@@ -35,8 +35,8 @@ type Edges = Vec<(Id, Vec<Id>)>;
 /// Where the ends of bodies lead.
 #[derive(Default)]
 struct Targets {
-    /// The continue target and the merge block of the innermost loop, the merge block of the innermost
-    /// switch, the next case.
+    /// The continue target and the merge block of the innermost loop, the merge block of the
+    /// innermost switch, the next case.
     next: Id,
     leave: Id,
     leave_switch: Id,
@@ -360,7 +360,8 @@ impl Emitter<'_> {
         self.op(Op::FunctionEnd, &[]);
     }
 
-    /// A body from an open block on, which ends in `next` where it falls; gives the edge that falls.
+    /// A body from an open block on, which ends in `next` where it falls; gives the edge that
+    /// falls.
     fn body(&mut self, body: &Body, label: Id, next: Id, targets: &mut Targets) -> Option<(Id, Vec<Id>)> {
         let label = self.nodes(&body.nodes, label, targets);
         let (target, edges) = match &body.end {
@@ -470,8 +471,8 @@ impl Emitter<'_> {
                         [self.label(), self.label(), self.label(), self.label()];
                     let back =
                         if it.again.is_some() || !it.continuing.is_empty() { self.label() } else { next };
-                    // The block of the back edge is known only when the continue construct is written:
-                    // where it is more than one block, it ends in a block of its own.
+                    // The block of the back edge is known only when the continue construct is
+                    // written: where it is more than one block, it ends in a block of its own.
                     self.op(Op::Branch, &[header]);
                     self.op(Op::Label, &[header]);
                     self.phis(&it.phis, &[(label, it.start.clone()), (back, it.next.clone())]);

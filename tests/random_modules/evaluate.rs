@@ -1,8 +1,10 @@
-//! What a module means: a plain walk over its words, one invocation at a time, from the specification.
+//! What a module means: a plain walk over its words, one invocation at a time, from the
+//! specification.
 //!
-//! Values are lists of scalars, and each scalar may be undefined; what would let an undefined one be
-//! seen, like everything else that the specification leaves undefined, ends the walk. Invocations of a
-//! workgroup run one after the other up to a barrier or a subgroup instruction, where they meet.
+//! Values are lists of scalars, and each scalar may be undefined; what would let an undefined one
+//! be seen, like everything else that the specification leaves undefined, ends the walk.
+//! Invocations of a workgroup run one after the other up to a barrier or a subgroup instruction,
+//! where they meet.
 
 // With their paths, as another crate's tests name this file by its own.
 #[path = "evaluate/compute.rs"]

@@ -21,8 +21,8 @@ use rspirv::spirv::{Decoration, Op, StorageClass};
 use crate::module::{Body, End, Function, Id, Inst, MAIN, Module, Node, Operand, Ty, Type, Variable};
 use crate::random::Random;
 
-/// Words that every invocation reads, behind the words that all of them read: the device address and
-/// two numbers.
+/// Words that every invocation reads, behind the words that all of them read: the device address
+/// and two numbers.
 pub const INPUTS: usize = 4;
 pub const HEAD: usize = 4;
 /// Words that every invocation writes.
@@ -38,13 +38,14 @@ pub struct Generated {
     pub module: Module,
     pub groups: u32,
     pub subgroup: u32,
-    /// The size of an invocation's element in the buffer of binding 2 and in that of the device address.
+    /// The size of an invocation's element in the buffer of binding 2 and in that of the device
+    /// address.
     pub element_sizes: [u32; 2],
     /// Where floats lie in them, with their widths.
     pub floats: [Vec<(u32, u32)>; 2],
     pub counts: BTreeMap<&'static str, usize>,
-    /// Whether it may hold what Vulkan drivers have only lately: fused products, bit instructions of
-    /// all widths.
+    /// Whether it may hold what Vulkan drivers have only lately: fused products, bit instructions
+    /// of all widths.
     pub recent: bool,
 }
 

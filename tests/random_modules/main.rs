@@ -1,9 +1,9 @@
-//! Random modules, drawn as SPIR-V itself: functions with pointers, composites in every storage class,
-//! structured control flow with phis, all widths, atomic and subgroup instructions.
+//! Random modules, drawn as SPIR-V itself: functions with pointers, composites in every storage
+//! class, structured control flow with phis, all widths, atomic and subgroup instructions.
 //!
-//! [`generate`] draws a tree, [`emit`] writes its words, and [`evaluate`] says what those words mean; it
-//! shares no code with the interpreter, which must leave the same in memory at 1, 8 and 64 lanes. A
-//! failing module is made small by [`reduce`].
+//! [`generate`] draws a tree, [`emit`] writes its words, and [`evaluate`] says what those words
+//! mean; it shares no code with the interpreter, which must leave the same in memory at 1, 8 and 64
+//! lanes. A failing module is made small by [`reduce`].
 //!
 //! `ANYHIT_RANDOM_MODULES` is how many modules are drawn, `ANYHIT_RANDOM_SEED` another seed.
 #![allow(clippy::print_stdout, reason = "a judge tells how much it has judged")]
@@ -101,7 +101,8 @@ fn judge(generated: &Generated, seed: u64) -> Option<String> {
     run::interpret(&words, &before, generated, &mut check).err()
 }
 
-/// A problem's kind, which a smaller module must share: what is wrong, and which way of running shows it.
+/// A problem's kind, which a smaller module must share: what is wrong, and which way of running
+/// shows it.
 fn kind(problem: &str) -> &str {
     problem.split(':').next().unwrap_or_default()
 }

@@ -236,7 +236,8 @@ impl Module {
         id
     }
 
-    /// Calls `visit` with every instruction of a tree, and every id that an edge or a condition uses.
+    /// Calls `visit` with every instruction of a tree, and every id that an edge or a condition
+    /// uses.
     pub fn visit_body(body: &Body, visit: &mut dyn FnMut(Visit<'_>)) {
         Self::visit_nodes(&body.nodes, visit);
         match &body.end {

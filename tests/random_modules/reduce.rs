@@ -1,5 +1,5 @@
-//! Makes a failing module small: leaves nodes out, takes arms for branches, and puts a value that is
-//! there already, or nought, in another's place, for as long as the module still fails.
+//! Makes a failing module small: leaves nodes out, takes arms for branches, and puts a value that
+//! is there already, or nought, in another's place, for as long as the module still fails.
 
 use std::collections::{HashMap, HashSet};
 

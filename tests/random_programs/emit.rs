@@ -1,5 +1,5 @@
-//! A program as SPIR-V text: a compute shader with workgroups of 32, its inputs in binding 0 and its
-//! outputs in binding 1 of set 0.
+//! A program as SPIR-V text: a compute shader with workgroups of 32, its inputs in binding 0 and
+//! its outputs in binding 1 of set 0.
 
 use crate::program::{
     COMPONENTS, ELEMENTS, Function, INPUTS, OUTPUTS, Program, Real, Selector, Statement, Truth, VARIABLES,

@@ -12,8 +12,9 @@ pub fn run(program: &Program, inputs: &[u32], invocations: usize) -> Vec<u32> {
     run_watched(program, inputs, invocations).0
 }
 
-/// Runs a program, and says of each invocation whether it divides by a float outside of 2^-126 to 2^126: for those alone
-/// Vulkan says how exact `OpFDiv` is ("Precision of Core SPIR-V Instructions").
+/// Runs a program, and says of each invocation whether it divides by a float outside of 2^-126 to
+/// 2^126: for those alone Vulkan says how exact `OpFDiv` is ("Precision of Core SPIR-V
+/// Instructions").
 pub fn run_watched(program: &Program, inputs: &[u32], invocations: usize) -> (Vec<u32>, Vec<bool>) {
     let (mut left, mut open) = (Vec::new(), Vec::new());
     for id in 0..invocations {

@@ -1,11 +1,11 @@
-//! Running the modules on lavapipe, Mesa's Vulkan driver for the CPU, through a small program in C++
-//! (`vulkan_compute.cpp`) that whoever wants this judge has compiled.
+//! Running the modules on lavapipe, Mesa's Vulkan driver for the CPU, through a small program in
+//! C++ (`vulkan_compute.cpp`) that whoever wants this judge has compiled.
 
 use std::path::Path;
 use std::process::Command;
 
-/// The command that `ANYHIT_VULKAN_COMPUTE` names: the program, where need be behind what brings it into
-/// the right surroundings.
+/// The command that `ANYHIT_VULKAN_COMPUTE` names: the program, where need be behind what brings it
+/// into the right surroundings.
 pub fn installed() -> Option<String> {
     std::env::var("ANYHIT_VULKAN_COMPUTE").ok().filter(|command| !command.is_empty())
 }

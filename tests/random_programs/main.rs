@@ -1,9 +1,9 @@
 //! Random programs, judged by evaluators that share nothing with the interpreter.
 //!
-//! A [`Program`] is a tree of statements that the generator drew: integers of 32 and 64 bits, floats,
-//! vectors, arrays, branches, loops, switches, phis and calls. [`emit`] writes it as SPIR-V, which runs
-//! here at 1, 8 and 64 lanes; [`evaluate`] walks the tree itself, one invocation at a time. Where
-//! lavapipe is installed, it runs the same modules, too: CONTRIBUTING.md says how.
+//! A [`Program`] is a tree of statements that the generator drew: integers of 32 and 64 bits,
+//! floats, vectors, arrays, branches, loops, switches, phis and calls. [`emit`] writes it as
+//! SPIR-V, which runs here at 1, 8 and 64 lanes; [`evaluate`] walks the tree itself, one invocation
+//! at a time. Where lavapipe is installed, it runs the same modules, too: CONTRIBUTING.md says how.
 #![allow(clippy::print_stdout, reason = "a judge that is missing is told")]
 
 #[path = "../support/assembly.rs"]
@@ -87,8 +87,8 @@ fn draws() -> impl proptest::strategy::Strategy<Value = Vec<u32>> {
     proptest::collection::vec(proptest::num::u32::ANY, 1..400)
 }
 
-/// Runs `check` on many programs, the same ones every time unless `PROPTEST_CASES` asks for more, and
-/// tells of the smallest failing one.
+/// Runs `check` on many programs, the same ones every time unless `PROPTEST_CASES` asks for more,
+/// and tells of the smallest failing one.
 fn for_many(cases: u32, check: impl Fn(&Program) -> Result<(), String>) {
     let cases = if std::env::var_os("PROPTEST_CASES").is_some() { Config::default().cases } else { cases };
     let config = Config { cases, failure_persistence: None, max_shrink_iters: 20_000, ..Config::default() };
@@ -178,6 +178,7 @@ fn programs_give_what_lavapipe_gives() {
     );
     let shortest = wrong.iter().min_by_key(|text| text.len());
     assert!(wrong.is_empty(), "{} of {}; the shortest: {}", wrong.len(), programs.len(), shortest.unwrap());
-    // One in a hundred divides by such a number; were they many, there would be nothing left to judge.
+    // One in a hundred divides by such a number; were they many, there would be nothing left to
+    // judge.
     assert!(judged > 20 * open, "{judged} and {open}");
 }

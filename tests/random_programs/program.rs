@@ -1,5 +1,5 @@
-//! The trees, and how they are read off a list of numbers. A list that ends is followed by zeros, and
-//! zero always draws the smallest thing, so that shorter lists are smaller programs.
+//! The trees, and how they are read off a list of numbers. A list that ends is followed by zeros,
+//! and zero always draws the smallest thing, so that shorter lists are smaller programs.
 
 /// Words that each invocation reads.
 pub const INPUTS: usize = 4;
@@ -45,8 +45,8 @@ pub enum Statement {
     /// Leaves the innermost loop, or goes on to its next round.
     BreakIf(Truth),
     ContinueIf(Truth),
-    /// Cases for 0, 1, ... of a selector modulo 8, each with whether it falls through into the next one;
-    /// the last is the default.
+    /// Cases for 0, 1, ... of a selector modulo 8, each with whether it falls through into the next
+    /// one; the last is the default.
     Switch(Selector, Vec<(Vec<Statement>, bool)>),
     ReturnIf(Truth, Word),
     /// A variable set to the result of function n on two words and a pointer to another variable.
@@ -127,8 +127,8 @@ pub enum Vector {
     Select(Box<Truth>, Box<Vector>, Box<Vector>),
 }
 
-/// Shifts take their amount modulo the width, divisions the divisor with its lowest bit set and, where
-/// they are signed, its highest bit cleared.
+/// Shifts take their amount modulo the width, divisions the divisor with its lowest bit set and,
+/// where they are signed, its highest bit cleared.
 pub const BINARY: [&str; 18] = [
     "IAdd",
     "ISub",

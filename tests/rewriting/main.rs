@@ -1,9 +1,10 @@
 //! Metamorphic tests: every case of `shaders/` with its modules rewritten at random.
 //!
-//! [`rewrite`] has the changes; none may be seen in any buffer, image, payload, printed line or trap, at
-//! 1, 8 and 64 lanes. `ANYHIT_REWRITES=100 cargo test --test rewriting` draws so many rewritings of each
-//! case, `ANYHIT_SEED` says where to begin. What differs is made short, printed, and saved in
-//! `target/tmp/rewriting`. With `ANYHIT_REWRITES_TO=FOLDER` every rewritten module is saved.
+//! [`rewrite`] has the changes; none may be seen in any buffer, image, payload, printed line or
+//! trap, at 1, 8 and 64 lanes. `ANYHIT_REWRITES=100 cargo test --test rewriting` draws so many
+//! rewritings of each case, `ANYHIT_SEED` says where to begin. What differs is made short, printed,
+//! and saved in `target/tmp/rewriting`. With `ANYHIT_REWRITES_TO=FOLDER` every rewritten module is
+//! saved.
 #![allow(clippy::print_stdout, reason = "what was done is told")]
 
 #[path = "../support/files.rs"]
@@ -19,7 +20,7 @@ use anyhit::Error;
 use anyhit::error::Place;
 use anyhit::harness::case::{Case, Loaded, discover};
 use anyhit::harness::expect::Observed;
-use anyhit::harness::run::{Watch, one_ray, run};
+use anyhit::harness::run::{RayMeasurements, one_ray, run};
 use anyhit::scene::resolved::ShaderCode;
 use rayon::prelude::*;
 use rewrite::{Family, Module, Step, plan, rewritten};
@@ -182,7 +183,8 @@ fn shortened(text: &str) -> String {
     text[..end].to_owned()
 }
 
-/// Everything that a run leaves behind, in words: memory, rays, printed lines, the trap and its place.
+/// Everything that a run leaves behind, in words: memory, rays, printed lines, the trap and its
+/// place.
 fn seen(loaded: &Loaded, observed: &Observed) -> Vec<String> {
     let memory = observed.buffers.iter().chain(&observed.images);
     let mut all: Vec<String> = memory
@@ -190,7 +192,7 @@ fn seen(loaded: &Loaded, observed: &Observed) -> Vec<String> {
         .collect();
     all.insert(0, observed.trap.as_ref().map_or_else(|| "no trap".into(), trap));
     let rays = (0..loaded.scene.rays.len())
-        .map(|at| one_ray(&loaded.scene, &loaded.assembled, at, &mut Watch::default()));
+        .map(|at| one_ray(&loaded.scene, &loaded.assembled, at, &mut RayMeasurements::default()));
     let rays: Vec<Observed> = rays.collect();
     for (name, found) in observed.rays.iter().chain(rays.iter().flat_map(|ray| &ray.rays)) {
         all.push(match found {

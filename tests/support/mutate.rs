@@ -1,8 +1,8 @@
-//! Mutants of SPIR-V modules: each differs from its module by a change or two that a compiler's author could have
-//! made by mistake. A seed makes the same mutant for ever.
+//! Mutants of SPIR-V modules: each differs from its module by a change or two that a compiler's
+//! author could have made by mistake. A seed makes the same mutant for ever.
 //!
-//! Most changes keep the grammar and look at types, so that a good part of the mutants is valid: the
-//! rest breaks one rule, and rarely a second one.
+//! Most changes keep the grammar and look at types, so that a good part of the mutants is valid:
+//! the rest breaks one rule, and rarely a second one.
 
 // With their paths, as another crate names this file by its own.
 #[path = "mutate/instructions.rs"]

@@ -33,7 +33,7 @@ pub struct Dump {
 
 /// A resource that was found.
 #[derive(Clone, Debug)]
-pub enum Found {
+pub enum FoundResource {
     Buffer(Arc<Buffer>),
     Image(Arc<Image>),
 }
@@ -46,7 +46,7 @@ pub struct Shown {
     element: u32,
     format: Format,
     unless_zero: bool,
-    found: Found,
+    found: FoundResource,
 }
 
 pub fn invalid(message: String) -> Error {
@@ -55,7 +55,7 @@ pub fn invalid(message: String) -> Error {
 
 /// How to ask for what a scene's run leaves.
 pub fn all(scene: &ResolvedScene) -> String {
-    let holds_data = |one: &&resolved::Binding| {
+    let holds_data = |one: &&resolved::ResolvedBinding| {
         matches!(one.resource, Resource::StorageBuffer(_) | Resource::StorageImage(_))
     };
     let names: Vec<_> =
@@ -112,7 +112,11 @@ impl Dump {
 }
 
 /// The resource with a name in the scene, or at `[SET,]BINDING`: its binding and array element.
-pub fn descriptor(what: &str, scene: &ResolvedScene, resources: &Resources) -> Result<(Binding, u32, Found)> {
+pub fn descriptor(
+    what: &str,
+    scene: &ResolvedScene,
+    resources: &Resources,
+) -> Result<(Binding, u32, FoundResource)> {
     let named = scene.resources.iter().find(|one| one.name == what);
     let (binding, element) = match named {
         Some(one) => (Binding { set: one.set, binding: one.binding }, one.element),
@@ -127,8 +131,10 @@ pub fn descriptor(what: &str, scene: &ResolvedScene, resources: &Resources) -> R
     };
     let list = resources.descriptors.get(&binding);
     let found = match list.and_then(|list| list.get(element as usize)) {
-        Some(Descriptor::Buffer(buffer)) => Found::Buffer(buffer.clone()),
-        Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => Found::Image(image.clone()),
+        Some(Descriptor::Buffer(buffer)) => FoundResource::Buffer(buffer.clone()),
+        Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => {
+            FoundResource::Image(image.clone())
+        }
         _ => {
             let Binding { set, binding } = binding;
             return Err(invalid(format!(
@@ -147,8 +153,8 @@ impl Shown {
         let element = if self.element > 0 { format!(", element {}", self.element) } else { String::new() };
         let title = format!("set {set}, binding {binding}{element}{name}");
         let bytes = match &self.found {
-            Found::Buffer(buffer) => buffer.bytes(),
-            Found::Image(image) => image.bytes(),
+            FoundResource::Buffer(buffer) => buffer.bytes(),
+            FoundResource::Image(image) => image.bytes(),
         };
         if self.unless_zero && bytes.iter().all(|&byte| byte == 0) {
             return Ok(String::new());
@@ -157,8 +163,8 @@ impl Shown {
             return Ok(format!("{title}: {} bytes\n{}", bytes.len(), hex(&bytes)));
         }
         let image = match &self.found {
-            Found::Image(image) => Some(image),
-            Found::Buffer(_) => None,
+            FoundResource::Image(image) => Some(image),
+            FoundResource::Buffer(_) => None,
         };
         if self.format == Format::Json {
             let value = match image {

@@ -2,7 +2,7 @@
 
 use crate::accel::Committed;
 use crate::harness::expect::Difference;
-use crate::harness::number::{Expected, Scalar, Tolerance};
+use crate::harness::number::{ExpectedNumber, Scalar, Tolerance};
 use crate::harness::value::Value as Found;
 use crate::scene::read::{At, Span, Table};
 
@@ -25,9 +25,9 @@ pub struct HitExpectation {
     /// `InstanceId`, `RayGeometryIndexKHR`, `PrimitiveId`, `HitKindKHR`, `InstanceCustomIndexKHR`.
     pub numbers: [Option<At<u32>>; 5],
     /// The hit distance.
-    pub t: Option<At<Expected>>,
+    pub t: Option<At<ExpectedNumber>>,
     /// The hit attributes of a triangle or a linear swept sphere.
-    pub attributes: Vec<At<Expected>>,
+    pub attributes: Vec<At<ExpectedNumber>>,
 }
 
 /// The keys of [`HitExpectation::numbers`], in its order.
@@ -37,7 +37,7 @@ impl HitExpectation {
     pub(super) fn of(table: &Table<'_>) -> Option<Self> {
         let miss = table.or("miss", false).then(|| key_and_value(table, "miss")).flatten();
         let numbers = NUMBERS.map(|key| table.optional(key));
-        let float = |value| Expected::parse(value, Scalar::F32);
+        let float = |value| ExpectedNumber::parse(value, Scalar::F32);
         let t = table.value("t").and_then(float);
         let attributes = table.value("attributes");
         let attributes: Vec<_> =

@@ -1,7 +1,7 @@
 //! `payload` of a ray: values by the names of the payload's members.
 
 use crate::harness::expect::{Difference, Subject};
-use crate::harness::number::{Expected, Scalar, Tolerance};
+use crate::harness::number::{ExpectedNumber, Scalar, Tolerance};
 use crate::harness::value::Value as Found;
 use crate::scene::read::{Diagnostics, Kept, Span, Table, TomlValue, nearest};
 use crate::scene::tree::Toml;
@@ -136,7 +136,7 @@ impl Comparison<'_> {
                 return;
             }
             (Some(scalar), _) => {
-                let Some(wanted) = Expected::parse(expected, scalar) else { return };
+                let Some(wanted) = ExpectedNumber::parse(expected, scalar) else { return };
                 let Some(message) = self.tolerance.difference(scalar, &wanted.value, bits) else { return };
                 (message, scalar.literal(bits))
             }

@@ -6,7 +6,7 @@ use image::RgbaImage;
 
 use crate::error::Result;
 use crate::harness::expect::{Bytes, Difference, Fix, Subject};
-use crate::harness::number::{Expected, Scalar, Tolerance};
+use crate::harness::number::{ExpectedNumber, Scalar, Tolerance};
 use crate::machine::format::Component;
 use crate::scene::image::Picture;
 use crate::scene::read::{At, Parse, Table, TomlValue};
@@ -243,7 +243,7 @@ impl Numbers {
         match (tolerance, self.step) {
             (_, None) => {
                 let bits = |number: f64| u64::from((number as f32).to_bits());
-                let wanted = Expected::Number(bits(expected), expected);
+                let wanted = ExpectedNumber::Number(bits(expected), expected);
                 tolerance.difference(Scalar::F32, &wanted, bits(found)).is_some()
             }
             (Tolerance::Exact, Some(step)) => distance > step / 2.0,

@@ -59,14 +59,14 @@ pub enum Wide {
 
 /// How much memory there is where the shader's types leave it open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Extent {
+pub struct FillExtent {
     /// Invocations along each axis: images have a texel for each.
     pub invocations: [u32; 3],
     /// 1, or more where that was too little.
     pub scale: u32,
 }
 
-impl Extent {
+impl FillExtent {
     /// Elements of this many bytes that runtime arrays have.
     pub fn elements(&self, stride: usize) -> usize {
         let invocations: u64 = self.invocations.iter().map(|&side| u64::from(side)).product();
@@ -134,7 +134,7 @@ impl Numbers {
 
 /// What lies behind an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Content {
+pub enum FillContent {
     /// Unknown: no run has reached it yet.
     Unknown,
     /// What a pointer of this type points to, many times.
@@ -151,7 +151,7 @@ pub type PlaceId = u64;
 #[derive(Clone, Debug)]
 struct Region {
     place: PlaceId,
-    content: Content,
+    content: FillContent,
     /// The pointer types that lead here.
     steps: Vec<TypeId>,
 }
@@ -161,8 +161,8 @@ pub struct Filler<'a> {
     module: &'a Module,
     numbers: Numbers,
     wide: Wide,
-    extent: Extent,
-    known: &'a BTreeMap<PlaceId, Content>,
+    extent: FillExtent,
+    known: &'a BTreeMap<PlaceId, FillContent>,
     regions: Vec<Region>,
     by_place: HashMap<PlaceId, usize>,
     steps: Vec<TypeId>,
@@ -175,8 +175,8 @@ impl<'a> Filler<'a> {
         module: &'a Module,
         numbers: Numbers,
         wide: Wide,
-        extent: Extent,
-        known: &'a BTreeMap<PlaceId, Content>,
+        extent: FillExtent,
+        known: &'a BTreeMap<PlaceId, FillContent>,
     ) -> Self {
         let (regions, by_place, steps) = (Vec::new(), HashMap::new(), Vec::new());
         Self { module, numbers, wide, extent, known, regions, by_place, steps, root: 0 }
@@ -219,9 +219,9 @@ impl<'a> Filler<'a> {
         let mut next = 0;
         while let Some(region) = self.regions.get(next).cloned() {
             let address = match region.content {
-                Content::Unknown => memory.add_buffer(&Buffer::zeroed(0)),
-                Content::Structure => memory.add_structure(&tlas()?),
-                Content::Pointer(pointer) => {
+                FillContent::Unknown => memory.add_buffer(&Buffer::zeroed(0)),
+                FillContent::Structure => memory.add_structure(&tlas()?),
+                FillContent::Pointer(pointer) => {
                     self.steps = region.steps;
                     memory.add_buffer(&Buffer::new(&self.pointees(pointer, region.place)))
                 }
@@ -229,7 +229,7 @@ impl<'a> Filler<'a> {
             assert_eq!(address, address_of(next), "bug in anyhit: an address of another region");
             next += 1;
         }
-        let unknown = |region: &Region| (region.content == Content::Unknown).then_some(region.place);
+        let unknown = |region: &Region| (region.content == FillContent::Unknown).then_some(region.place);
         Ok((memory, self.regions.iter().map(unknown).collect()))
     }
 
@@ -358,9 +358,9 @@ impl<'a> Filler<'a> {
         if self.steps.len() >= MOST_STEPS || known.is_none() && self.wide != Wide::Addresses {
             return None;
         }
-        let content = known.unwrap_or(Content::Unknown);
+        let content = known.unwrap_or(FillContent::Unknown);
         let mut steps = self.steps.clone();
-        if let Content::Pointer(pointer) = content {
+        if let FillContent::Pointer(pointer) = content {
             steps.push(pointer);
         }
         Some(self.region(place, content, steps))
@@ -374,10 +374,10 @@ impl<'a> Filler<'a> {
             return 0;
         }
         let steps = self.steps.iter().copied().chain([pointer]).collect();
-        self.region(place, Content::Pointer(pointer), steps)
+        self.region(place, FillContent::Pointer(pointer), steps)
     }
 
-    fn region(&mut self, place: PlaceId, content: Content, steps: Vec<TypeId>) -> u64 {
+    fn region(&mut self, place: PlaceId, content: FillContent, steps: Vec<TypeId>) -> u64 {
         let next = self.regions.len();
         let index = *self.by_place.entry(place).or_insert(next);
         if index == next {

@@ -40,13 +40,13 @@ use std::time::{Duration, Instant};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::coverage::Blocks;
 use crate::harness::smoke::judge::Try;
-use crate::harness::smoke::subject::{Progress, Subject, Way};
+use crate::harness::smoke::subject::{EntryUnderTest, Progress, Way};
 use crate::harness::smoke::watch::{Happened, tracing};
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::program::{self, Program, obstacles};
 
-pub use report::{EntryReport, Reached, Run, SmokeReport, TrapReport, Verdict};
+pub use report::{BlockCoverage, EntryReport, RunReport, SmokeReport, SmokeTrap, SmokeVerdict};
 
 /// How to run a smoke test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,7 +105,7 @@ fn entry_point(
     let mut report = EntryReport {
         name: entry.name.clone(),
         stage: entry.stage.name(),
-        result: Verdict::Ok,
+        result: SmokeVerdict::Ok,
         reasons: Vec::new(),
         coverage: None,
         runs: Vec::new(),
@@ -115,21 +115,21 @@ fn entry_point(
         Ok(Ok(program)) => Arc::new(program),
         Ok(Err(error)) => {
             report.result = match (entry.stage, error.kind()) {
-                (Stage::Other(_), _) => Verdict::OutOfScope,
-                (_, ErrorKind::InvalidModule) => Verdict::Invalid,
-                _ => Verdict::Unsupported,
+                (Stage::Other(_), _) => SmokeVerdict::OutOfScope,
+                (_, ErrorKind::InvalidModule) => SmokeVerdict::Invalid,
+                _ => SmokeVerdict::Unsupported,
             };
             report.reasons = obstacles(module, entry, &error);
             return report;
         }
         Err(bug) => {
-            report.result = Verdict::Bug;
+            report.result = SmokeVerdict::Bug;
             report.reasons.push(bug);
             return report;
         }
     };
     let variables = module.interface_of(entry);
-    let subject = Subject { module, entry, program, specialized: OnceCell::new(), variables, options };
+    let subject = EntryUnderTest { module, entry, program, specialized: OnceCell::new(), variables, options };
     let mut progress = Progress {
         blocks: Blocks::of(module, entry),
         executed: BTreeSet::new(),
@@ -149,24 +149,24 @@ fn entry_point(
             }
             Ok(Err(error)) => {
                 report.reasons.push(error.to_string());
-                Run { with: way.name(), result: verdict(&error), trap: None, note: None }
+                RunReport { with: way.name(), result: verdict(&error), trap: None, note: None }
             }
             Err(bug) => {
                 report.reasons.push(bug);
-                Run { with: way.name(), result: Verdict::Bug, trap: None, note: None }
+                RunReport { with: way.name(), result: SmokeVerdict::Bug, trap: None, note: None }
             }
         };
         report.runs.push(run);
     }
     excuse_kinds(&mut report.runs, &explored);
     let counted = report.runs.iter().filter(|run| !run.is_note());
-    report.result = counted.map(|run| run.result).max().unwrap_or(Verdict::Ok);
+    report.result = counted.map(|run| run.result).max().unwrap_or(SmokeVerdict::Ok);
     report.coverage = Some(reached(&subject.program, &progress));
     report
 }
 
 /// What the runs for one way of being called come to.
-fn ended(subject: &Subject<'_>, way: Way, tries: &[Try]) -> Run {
+fn ended(subject: &EntryUnderTest<'_>, way: Way, tries: &[Try]) -> RunReport {
     let describe = |one: &Try| match one.set.specialization.checked_sub(1) {
         Some(other) => format!("{}, {}", one.set.words(), subject.specialized()[other].0),
         None => one.set.words(),
@@ -181,8 +181,8 @@ fn ended(subject: &Subject<'_>, way: Way, tries: &[Try]) -> Run {
             note += &format!("; the first: {}", describe(first));
         }
         let error = trap.error.clone().note(note);
-        let trap = Some(TrapReport::of(&error, trap.offset));
-        return Run { with: way.name(), result: Verdict::Trap, trap, note: None };
+        let trap = Some(SmokeTrap::of(&error, trap.offset));
+        return RunReport { with: way.name(), result: SmokeVerdict::Trap, trap, note: None };
     }
     let mut notes: Vec<String> = Vec::new();
     for trap in Try::excused(tries) {
@@ -195,16 +195,16 @@ fn ended(subject: &Subject<'_>, way: Way, tries: &[Try]) -> Run {
     let mut needed = tries.iter().filter_map(|one| one.mended.as_ref());
     notes.extend(needed.next().map(|(what, trap)| format!("ran with {what}; else: {}", trap.error)));
     let note = (!notes.is_empty()).then(|| notes.join("\n"));
-    Run { with: way.name(), result: Verdict::Ok, trap: None, note }
+    RunReport { with: way.name(), result: SmokeVerdict::Ok, trap: None, note }
 }
 
 /// Where one kind of geometry passes, another kind's trap is a note: a shader need not be meant for
 /// all. But where the operands of a trace break a rule, another kind must get past that trace.
-fn excuse_kinds(runs: &mut [Run], explored: &[(Way, Vec<Try>)]) {
+fn excuse_kinds(runs: &mut [RunReport], explored: &[(Way, Vec<Try>)]) {
     let passing: Vec<&str> =
-        runs.iter().filter(|run| run.result == Verdict::Ok).map(|run| run.with).collect();
+        runs.iter().filter(|run| run.result == SmokeVerdict::Ok).map(|run| run.with).collect();
     let Some(other) = passing.first() else { return };
-    for run in runs.iter_mut().filter(|run| run.result == Verdict::Trap) {
+    for run in runs.iter_mut().filter(|run| run.result == SmokeVerdict::Trap) {
         let Some((_, own)) = explored.iter().find(|(way, _)| way.name() == run.with) else { continue };
         let Some(trap) = Try::verdict(own) else { continue };
         let mut others = explored.iter().flat_map(|(_, tries)| tries);
@@ -216,7 +216,7 @@ fn excuse_kinds(runs: &mut [Run], explored: &[(Way, Vec<Try>)]) {
 }
 
 /// What all runs of an entry point reached.
-fn reached(program: &Program, progress: &Progress) -> Reached {
+fn reached(program: &Program, progress: &Progress) -> BlockCoverage {
     let module = &*program.module;
     let [traces, queries] = tracing(program);
     let executed = |all: &BTreeSet<u32>| all.intersection(&progress.executed).count();
@@ -234,7 +234,7 @@ fn reached(program: &Program, progress: &Progress) -> Reached {
             missing.push(place);
         }
     }
-    Reached {
+    BlockCoverage {
         blocks_entered: progress.blocks.entered(),
         blocks: progress.blocks.all(),
         blocks_not_entered: missing,
@@ -251,11 +251,11 @@ fn reached(program: &Program, progress: &Progress) -> Reached {
     }
 }
 
-fn verdict(error: &Error) -> Verdict {
+fn verdict(error: &Error) -> SmokeVerdict {
     match error.kind() {
-        ErrorKind::UnsupportedModule => Verdict::Unsupported,
-        ErrorKind::InvalidModule => Verdict::Invalid,
-        _ => Verdict::Bug,
+        ErrorKind::UnsupportedModule => SmokeVerdict::Unsupported,
+        ErrorKind::InvalidModule => SmokeVerdict::Invalid,
+        _ => SmokeVerdict::Bug,
     }
 }
 

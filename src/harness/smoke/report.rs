@@ -13,7 +13,7 @@ const SHOWN: usize = 8;
 /// What became of an entry point, or of one of its runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Verdict {
+pub enum SmokeVerdict {
     /// It ran to its end.
     Ok,
     /// It belongs to a stage that is out of scope.
@@ -46,19 +46,19 @@ pub struct EntryReport {
     pub stage: &'static str,
     /// The worst of its runs, but for traps of one kind of geometry that are notes as another
     /// passes.
-    pub result: Verdict,
+    pub result: SmokeVerdict,
     /// What is unsupported or invalid, where something is.
     pub reasons: Vec<String>,
     /// What its runs reached.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub coverage: Option<Reached>,
+    pub coverage: Option<BlockCoverage>,
     /// Its runs; none where it cannot run.
-    pub runs: Vec<Run>,
+    pub runs: Vec<RunReport>,
 }
 
 /// What all runs of an entry point reached.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Reached {
+pub struct BlockCoverage {
     /// Blocks of the module that were entered.
     pub blocks_entered: usize,
     /// Blocks of the module that its branches and calls lead to.
@@ -88,7 +88,7 @@ pub struct Reached {
     pub cut_short: Option<&'static str>,
 }
 
-impl Reached {
+impl BlockCoverage {
     /// Whether every block was entered.
     pub fn is_whole(&self) -> bool {
         self.blocks_entered == self.blocks
@@ -146,14 +146,14 @@ impl Reached {
 
 /// One way in which an entry point was run.
 #[derive(Clone, Debug, Serialize)]
-pub struct Run {
+pub struct RunReport {
     /// What it was called for: `launch`, `dispatch`, `ray`, `call`, or the kind of geometry.
     pub with: &'static str,
     /// What became of it.
-    pub result: Verdict,
+    pub result: SmokeVerdict,
     /// Where it trapped.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub trap: Option<TrapReport>,
+    pub trap: Option<SmokeTrap>,
     /// Which values made it trap where others did not, a line for each trap; for a trap that does
     /// not count, why.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -162,7 +162,7 @@ pub struct Run {
 
 /// A trap with its place.
 #[derive(Clone, Debug, Serialize)]
-pub struct TrapReport {
+pub struct SmokeTrap {
     /// What happened, and the rule.
     pub rule: String,
     /// The source file, where the module names it.
@@ -178,7 +178,7 @@ pub struct TrapReport {
     pub text: String,
 }
 
-impl TrapReport {
+impl SmokeTrap {
     pub(super) fn of(error: &Error, word: u32) -> Self {
         let line = error.places().find_map(|(place, _)| match place {
             Place::Text { file, text, span } => {
@@ -203,12 +203,12 @@ impl TrapReport {
 impl SmokeReport {
     /// Whether every entry point that is in scope ran to its end.
     pub fn is_ok(&self) -> bool {
-        self.entry_points.iter().all(|entry| entry.result <= Verdict::OutOfScope)
+        self.entry_points.iter().all(|entry| entry.result <= SmokeVerdict::OutOfScope)
     }
 
     /// The worst of all.
-    pub fn worst(&self) -> Verdict {
-        self.entry_points.iter().map(|entry| entry.result).max().unwrap_or(Verdict::Ok)
+    pub fn worst(&self) -> SmokeVerdict {
+        self.entry_points.iter().map(|entry| entry.result).max().unwrap_or(SmokeVerdict::Ok)
     }
 
     /// The report for people.
@@ -229,7 +229,7 @@ impl EntryReport {
     /// Writing to a string does not fail. A trap that was reported before is only named.
     fn write(&self, out: &mut String, told: &mut BTreeSet<(u32, String)>) {
         let reached = self.coverage.as_ref().filter(|reached| !reached.is_whole());
-        let part = reached.filter(|_| self.result == Verdict::Ok).map_or_else(String::new, |reached| {
+        let part = reached.filter(|_| self.result == SmokeVerdict::Ok).map_or_else(String::new, |reached| {
             format!(", reached {} of {} blocks", reached.blocks_entered, reached.blocks)
         });
         let _ = writeln!(out, "{} `{}`: {}{part}", self.stage, self.name, self.result.words());
@@ -241,14 +241,14 @@ impl EntryReport {
         }
         let mut written = vec![false; self.runs.len()];
         for (at, run) in self.runs.iter().enumerate() {
-            let is_told = run.result != Verdict::Ok || run.note.is_some();
+            let is_told = run.result != SmokeVerdict::Ok || run.note.is_some();
             if !is_told || std::mem::replace(&mut written[at], true) {
                 continue;
             }
             // Kinds of geometry that end alike stand together.
             let mut with = vec![run.with];
             for (other, written) in self.runs.iter().zip(&mut written).skip(at + 1) {
-                let same = |run: &Run| run.trap.as_ref().map(|trap| (trap.word, trap.rule.clone()));
+                let same = |run: &RunReport| run.trap.as_ref().map(|trap| (trap.word, trap.rule.clone()));
                 if (other.result, same(other)) == (run.result, same(run))
                     && (run.trap.is_some() || other.note == run.note)
                 {
@@ -273,14 +273,14 @@ impl EntryReport {
     }
 }
 
-impl Run {
+impl RunReport {
     /// Whether it trapped, but that does not count.
     pub fn is_note(&self) -> bool {
-        self.result == Verdict::Trap && self.note.is_some()
+        self.result == SmokeVerdict::Trap && self.note.is_some()
     }
 }
 
-impl Verdict {
+impl SmokeVerdict {
     fn words(self) -> &'static str {
         match self {
             Self::Ok => "ok",

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::error::Result;
 use crate::harness::layout::array_length;
-use crate::harness::smoke::fill::{Content, Extent, Filler, Numbers, PlaceId, Wide, mix};
+use crate::harness::smoke::fill::{FillContent, FillExtent, Filler, Numbers, PlaceId, Wide, mix};
 use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::{Dimension, Image, Shape};
 use crate::machine::sampler::{CompareOp, Filter, Sampler};
@@ -30,13 +30,13 @@ const MOST_TEXELS: u64 = 1 << 20;
 
 /// Which values memory is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Values {
+pub struct MadeUpValues {
     /// What numbers are.
     pub numbers: Numbers,
     /// What could be an address.
     pub wide: Wide,
     /// How large things are.
-    pub extent: Extent,
+    pub extent: FillExtent,
 }
 
 /// Everything that one invocation is given.
@@ -60,8 +60,8 @@ pub struct Given {
 pub fn given(
     program: &Program,
     variables: &[InterfaceVariable],
-    values: Values,
-    known: &BTreeMap<PlaceId, Content>,
+    values: MadeUpValues,
+    known: &BTreeMap<PlaceId, FillContent>,
     tlas: &dyn Fn() -> Result<Arc<Tlas>>,
 ) -> Result<Given> {
     let module = &*program.module;
@@ -297,7 +297,7 @@ fn made_up(
     module: &Module,
     image: &ImageType,
     (numbers, root): (Numbers, u64),
-    extent: Extent,
+    extent: FillExtent,
 ) -> Result<Option<Arc<Image>>> {
     let Some(shape) = shape(image, extent) else { return Ok(None) };
     let format = format(module, image);
@@ -315,7 +315,7 @@ fn made_up(
 }
 
 /// A shape with a texel for every invocation, as far as its dimension has axes for them.
-fn shape(image: &ImageType, extent: Extent) -> Option<Shape> {
+fn shape(image: &ImageType, extent: FillExtent) -> Option<Shape> {
     let (dimension, axes, layers) = match (image.dim, image.arrayed) {
         (0, false) => (Dimension::D1, 1, 1),
         (0, true) => (Dimension::D1Array, 1, 4),

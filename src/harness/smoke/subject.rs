@@ -9,12 +9,12 @@ use crate::accel::{RayFlags, TraceRay};
 use crate::error::Result;
 use crate::geometry::Ray;
 use crate::harness::coverage::Blocks;
-use crate::harness::smoke::fill::{Content, Extent, PlaceId, Wide, region_of};
+use crate::harness::smoke::fill::{FillContent, FillExtent, PlaceId, Wide, region_of};
 use crate::harness::smoke::hits::{self, Kind};
 use crate::harness::smoke::judge::Try;
-use crate::harness::smoke::resources::{self, Given, Values};
+use crate::harness::smoke::resources::{self, Given, MadeUpValues};
 use crate::harness::smoke::sets::{LAUNCH, Set};
-use crate::harness::smoke::watch::{Happened, StandIn, Watch};
+use crate::harness::smoke::watch::{BlockRecorder, Happened, StandIn};
 use crate::harness::smoke::{SmokeOptions, specialized};
 use crate::machine::{Invocation, Observer, TrapCode};
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
@@ -121,7 +121,7 @@ impl Progress {
 }
 
 /// The shader that is tested.
-pub struct Subject<'a> {
+pub struct EntryUnderTest<'a> {
     /// Its module.
     pub module: &'a Arc<Module>,
     /// Its entry point.
@@ -139,7 +139,7 @@ pub struct Subject<'a> {
 /// What was learned of a shader's memory while it ran.
 #[derive(Default)]
 struct Learned {
-    known: BTreeMap<PlaceId, Content>,
+    known: BTreeMap<PlaceId, FillContent>,
     /// Factors of 8.
     scale_steps: u32,
     /// What was changed for which trap, in the run that goes on.
@@ -152,7 +152,7 @@ struct Learned {
     hopeless: BTreeSet<u32>,
 }
 
-impl Subject<'_> {
+impl EntryUnderTest<'_> {
     /// What it is run for.
     pub fn ways(&self) -> Vec<Way> {
         match self.program.stage {
@@ -218,18 +218,18 @@ impl Subject<'_> {
         set: Set,
         learned: &mut Learned,
         progress: &mut Progress,
-    ) -> Result<(Try, Values)> {
+    ) -> Result<(Try, MadeUpValues)> {
         let mut wide = Wide::Numbers;
         learned.geometry = None;
         loop {
-            let extent = Extent {
+            let extent = FillExtent {
                 invocations: self.invocations(way, program)?,
                 scale: SCALE_STEP.pow(learned.scale_steps),
             };
-            let values = Values { numbers: set.numbers, wide, extent };
+            let values = MadeUpValues { numbers: set.numbers, wide, extent };
             let scene = || hits::scene(learned.geometry);
             let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
-            let mut watch = Watch::new(program);
+            let mut watch = BlockRecorder::new(program);
             let mut stand_in = StandIn::new(program, set.numbers);
             let fuel = self.options.fuel >> if learned.is_spent { LESS_FUEL } else { 0 };
             let run = Once { way, program, given: &given, set, fuel };
@@ -336,9 +336,9 @@ impl Subject<'_> {
     }
 
     /// What the instruction that trapped expects behind its address.
-    fn content(&self, trapped: &Trapped) -> Option<Content> {
+    fn content(&self, trapped: &Trapped) -> Option<FillContent> {
         if trapped.code == TrapCode::AccelerationStructureMissing {
-            return Some(Content::Structure);
+            return Some(FillContent::Structure);
         }
         let module = &**self.module;
         let functions = module.functions.iter().flat_map(|function| &function.blocks);
@@ -346,7 +346,7 @@ impl Subject<'_> {
         let instruction = instructions.find(|instruction| instruction.offset == trapped.offset)?;
         let pointers = module.operand_ids(instruction).into_iter();
         let mut found = pointers.filter_map(|id| physical_pointer(module, base(module, id)));
-        found.next().map(Content::Pointer)
+        found.next().map(FillContent::Pointer)
     }
 
     /// Whether there are arrays of descriptors without a length.
@@ -367,7 +367,13 @@ impl Subject<'_> {
     }
 
     /// Runs it once more without observers, in its optimised form, which must end alike.
-    fn check_unwatched(&self, way: Way, watched: &Try, values: Values, learned: &Learned) -> Result<()> {
+    fn check_unwatched(
+        &self,
+        way: Way,
+        watched: &Try,
+        values: MadeUpValues,
+        learned: &Learned,
+    ) -> Result<()> {
         // What ends only for want of fuel takes long enough.
         if learned.is_spent {
             return Ok(());

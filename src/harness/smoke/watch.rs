@@ -13,7 +13,7 @@ use crate::pipeline::{Caller, Event, PipelineObserver, Shader};
 use crate::program::Program;
 
 /// Sees which blocks and operations of one program run.
-pub struct Watch<'a> {
+pub struct BlockRecorder<'a> {
     program: &'a Program,
     counts: Counts,
     executed: Vec<bool>,
@@ -22,7 +22,7 @@ pub struct Watch<'a> {
     pub spent: u64,
 }
 
-impl<'a> Watch<'a> {
+impl<'a> BlockRecorder<'a> {
     /// One that has seen nothing.
     pub fn new(program: &'a Program) -> Self {
         let none = vec![false; program.ops.len()];
@@ -46,7 +46,7 @@ impl<'a> Watch<'a> {
     }
 }
 
-impl<const W: usize> Observer<W> for Watch<'_> {
+impl<const W: usize> Observer<W> for BlockRecorder<'_> {
     fn resumed(&mut self, shader: u32, batch: &mut Batch<W>) {
         self.counts.resumed(shader, batch);
         // Behind a trace or call of which some lane came back.

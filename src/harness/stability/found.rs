@@ -13,12 +13,12 @@ pub struct Shadow {
     /// Float results that were compared.
     pub results: u64,
     /// By line.
-    pub lines: BTreeMap<Spot, Found>,
+    pub lines: BTreeMap<Spot, LineFindings>,
 }
 
 /// What the shadow showed on one line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Found {
+pub struct LineFindings {
     /// Float results of the line.
     pub results: u64,
     /// The greatest relative error of a result: the difference by the greater magnitude.
@@ -42,7 +42,7 @@ pub struct Found {
     pub hits: u64,
 }
 
-impl Found {
+impl LineFindings {
     /// Whether the line is worth a look.
     pub fn matters(&self) -> bool {
         self.flips() + self.cancellations + self.not_finite > 0 || self.error > ERROR
@@ -79,10 +79,10 @@ impl Shadow {
     }
 
     /// The lines, worst first: by decisions that flip, then by lost bits, then by error.
-    pub fn sorted(&self) -> Vec<(&Spot, &Found)> {
+    pub fn sorted(&self) -> Vec<(&Spot, &LineFindings)> {
         let mut lines: Vec<_> = self.lines.iter().collect();
         lines.sort_by(|(_, one), (_, other)| {
-            let key = |found: &Found| (found.flips() > 0, found.cancellations + found.not_finite > 0);
+            let key = |found: &LineFindings| (found.flips() > 0, found.cancellations + found.not_finite > 0);
             key(other)
                 .cmp(&key(one))
                 .then(other.bits_lost.total_cmp(&one.bits_lost))

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use rayon::prelude::*;
 
-use crate::debug::session::Settled;
+use crate::debug::session::SettledRequest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Batch, Bindings, Observer, Resources};
 use crate::pipeline::{Event, Launch};
@@ -146,7 +146,7 @@ pub(super) fn one<P: Probe>(
     scene: &ResolvedScene,
     assembled: &Assembled,
     resources: &Resources,
-    which: &Settled,
+    which: &SettledRequest,
     probe: P,
     event: &mut dyn FnMut(Event),
 ) -> Result<(P, Result<()>)> {
@@ -162,11 +162,11 @@ pub(super) fn one<P: Probe>(
         let mut eyes = Eyes { probe: &probe, first: 0 };
         let mut eyes: &mut dyn Observer<1> = &mut eyes;
         match which {
-            Settled::Pixel(id) => {
+            SettledRequest::Pixel(id) => {
                 probe.borrow_mut().begin(Part::Invocation(*id));
                 launch.run_one(*id, assembled.size, &mut sink, &mut eyes).map(|_| ())
             }
-            Settled::Ray(given) => {
+            SettledRequest::Ray(given) => {
                 probe.borrow_mut().begin(Part::Ray);
                 let Some((_, tlas)) = scene.tlas.first() else {
                     let message = "a ray needs a scene with instances";

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::error::Error;
 use crate::harness::stability::Spot;
-use crate::harness::stability::found::{Found, Shadow};
+use crate::harness::stability::found::{LineFindings, Shadow};
 use crate::harness::stability::perturb::{Instability, Perturbation, Where};
 
 impl Shadow {
@@ -53,7 +53,7 @@ impl Shadow {
 
     /// All lines, worst first.
     pub fn json(&self, trap: Option<&Error>) -> Value {
-        let line = |(spot, found): (&Spot, &Found)| {
+        let line = |(spot, found): (&Spot, &LineFindings)| {
             json!({
                 "file": spot.file,
                 "line": spot.line,
@@ -77,7 +77,7 @@ impl Shadow {
 }
 
 /// What stands beneath a row: the source, and where it was worst.
-fn notes(spot: &Spot, found: &Found) -> String {
+fn notes(spot: &Spot, found: &LineFindings) -> String {
     let mut text = String::new();
     if found.not_finite > 0 {
         let _ = write!(text, "\n      {} infinite or NaN where f64 is not, or only there", found.not_finite);

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use crate::accel::Candidate;
-use crate::harness::stability::found::{Found, Shadow};
+use crate::harness::stability::found::{LineFindings, Shadow};
 use crate::harness::stability::probe::{Part, Probe};
 use crate::harness::stability::rays::{Beside, Numbers, Queried, Traced};
 use crate::harness::stability::shadow::Plan;
@@ -41,7 +41,7 @@ pub(super) struct ShadowInterpreter<'a> {
     launch_id: Option<[u32; 3]>,
     dispatch: bool,
     /// By shader and word offset.
-    found: HashMap<(usize, u32), Found>,
+    found: HashMap<(usize, u32), LineFindings>,
 }
 
 impl<'a> ShadowInterpreter<'a> {
@@ -82,7 +82,7 @@ impl<'a> ShadowInterpreter<'a> {
         self.frames.last_mut().expect("bug in anyhit: no frame was pushed")
     }
 
-    fn note(&mut self, offset: u32) -> Option<&mut Found> {
+    fn note(&mut self, offset: u32) -> Option<&mut LineFindings> {
         let shader = self.frames.last()?.shader;
         Some(self.found.entry((shader, offset)).or_default())
     }

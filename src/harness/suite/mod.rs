@@ -76,7 +76,7 @@ pub enum Outcome {
     /// It fails, as is known; why.
     KnownFailure(String),
     /// Not as expected.
-    Failed(Box<Failure>),
+    Failed(Box<TestFailure>),
     /// It could not run.
     Broken(Error),
     /// Not as expected, and what was expected is written anew.
@@ -85,7 +85,7 @@ pub enum Outcome {
 
 /// Everything that helps to see why a test failed.
 #[derive(Clone, Debug)]
-pub struct Failure {
+pub struct TestFailure {
     /// Each difference at its place in the scene file.
     pub errors: Vec<Error>,
     /// The line of a shader that wrote the first wrong number, or trapped.

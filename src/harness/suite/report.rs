@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::error::{Error, Place};
 use crate::harness::coverage::Coverage;
-use crate::harness::suite::{Failure, Finished, Outcome, SuiteReport};
+use crate::harness::suite::{Finished, Outcome, SuiteReport, TestFailure};
 
 /// The version of the JSON.
 const VERSION: u32 = 1;
@@ -52,7 +52,7 @@ fn rendered(error: &Error, colour: bool) -> String {
 }
 
 /// What stands beneath a failure's differences.
-fn around(failure: &Failure, with_explanation: bool) -> String {
+fn around(failure: &TestFailure, with_explanation: bool) -> String {
     let mut out = String::new();
     if !failure.pictures.is_empty() {
         out.push_str("pictures:\n");

@@ -6,7 +6,7 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use crate::debug::render::{self, Look};
-use crate::debug::session::Settled;
+use crate::debug::session::SettledRequest;
 use crate::debug::transcript::SourceLine;
 use crate::debug::{Request, Session};
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -16,11 +16,11 @@ use crate::harness::case::Loaded;
 use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::{Difference, Fix, Subject};
 use crate::harness::rendering;
-use crate::harness::run::{Watch, launch_covered, one_ray, rays, run_launch};
+use crate::harness::run::{RayMeasurements, launch_covered, one_ray, rays, run_launch};
 use crate::harness::stability::found::Shadow;
 use crate::harness::stability::perturb::{Instability, Perturbation, perturb, perturb_one};
 use crate::harness::stability::shadow::{shadow, shadow_one};
-use crate::harness::suite::{Failure, Finished, Outcome, Part, Source, Suite, Test, pictures};
+use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, TestFailure, pictures};
 use crate::scene::file::RayEntry;
 
 /// How a suite is run.
@@ -279,7 +279,7 @@ impl Tester<'_> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         match self.part() {
             None => shadow(scene, assembled),
-            Some(at) => shadow_one(scene, assembled, &Settled::of(&scene.rays[at])?),
+            Some(at) => shadow_one(scene, assembled, &SettledRequest::of(&scene.rays[at])?),
         }
     }
 
@@ -297,7 +297,7 @@ impl Tester<'_> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         match self.part() {
             None => perturb(scene, assembled, perturbation),
-            Some(at) => perturb_one(scene, assembled, &Settled::of(&scene.rays[at])?, perturbation),
+            Some(at) => perturb_one(scene, assembled, &SettledRequest::of(&scene.rays[at])?, perturbation),
         }
     }
 
@@ -326,8 +326,11 @@ impl Tester<'_> {
                 None => run_launch(scene, assembled),
             };
             if !expectations.rays.is_empty() {
-                observed.rays =
-                    rays(scene, assembled, &mut Watch { recorder: recorder.as_mut(), ..Watch::default() });
+                observed.rays = rays(
+                    scene,
+                    assembled,
+                    &mut RayMeasurements { recorder: recorder.as_mut(), ..RayMeasurements::default() },
+                );
             }
             self.loaded.add_costs(&mut observed)?;
             observed
@@ -351,7 +354,7 @@ impl Tester<'_> {
             return Err(Error::new(ErrorKind::InvalidScene, message));
         };
         let (costs, stable) = (expect.rest.wants_costs(), expect.rest.stable.as_ref());
-        let mut watch = Watch { recorder: recorder.as_mut(), costs, stable };
+        let mut watch = RayMeasurements { recorder: recorder.as_mut(), costs, stable };
         let observed = one_ray(&self.loaded.scene, &self.loaded.assembled, at, &mut watch);
         if let [(_, Err(error))] = &observed.rays[..]
             && error.kind() != ErrorKind::Trap
@@ -396,7 +399,7 @@ impl Tester<'_> {
         let told = shown().position(|difference| difference.subject != Subject::Launch).unwrap_or(0);
         let Some(first) = shown().nth(told) else { return Outcome::Passed };
         let mendable = differences.iter().all(|difference| difference.fix.is_some());
-        let mut failure = Failure {
+        let mut failure = TestFailure {
             errors: Vec::new(),
             line: None,
             explanation: None,
@@ -437,7 +440,13 @@ impl Tester<'_> {
     }
 
     /// Explains the ray that a difference is about.
-    fn explain(&self, subject: &Subject, ray: Option<usize>, writer: Option<&Writer>, failure: &mut Failure) {
+    fn explain(
+        &self,
+        subject: &Subject,
+        ray: Option<usize>,
+        writer: Option<&Writer>,
+        failure: &mut TestFailure,
+    ) {
         let scene = &self.loaded.scene;
         let by_name = |name: &String| scene.rays.iter().find(|ray| name_of(ray) == Some(name));
         let size = self.loaded.assembled.size;

@@ -6,18 +6,18 @@ use crate::accel::Tlas;
 use crate::error::Place;
 use crate::machine::sampler::Sampler;
 use crate::scene::resolve::Resolver;
-use crate::scene::resolved::Binding;
+use crate::scene::resolved::ResolvedBinding;
 use crate::scene::resources::{Content, Kind, Resource};
 use crate::scene::sampler::SamplerReference;
 
 impl Resolver<'_> {
-    pub(super) fn bindings(&self, tlas: &[(String, Option<Arc<Tlas>>)]) -> Vec<Binding> {
-        let mut bindings: Vec<Binding> = Vec::new();
+    pub(super) fn bindings(&self, tlas: &[(String, Option<Arc<Tlas>>)]) -> Vec<ResolvedBinding> {
+        let mut bindings: Vec<ResolvedBinding> = Vec::new();
         let mut output: Option<Place> = None;
         for entry in &self.resource_entries {
             let Some(content) = &entry.content else { continue };
             let place = entry.name.span.place();
-            let same = |b: &&Binding| {
+            let same = |b: &&ResolvedBinding| {
                 (b.set, b.binding, b.element) == (content.set, content.binding, content.element)
             };
             if let Some(other) = bindings.iter().find(same) {
@@ -31,7 +31,7 @@ impl Resolver<'_> {
                 self.report.push(error.at_with(other, "the other one"));
             }
             if let Some(resource) = self.resource(&content.content, tlas) {
-                bindings.push(Binding {
+                bindings.push(ResolvedBinding {
                     name: entry.name.value.clone(),
                     set: content.set,
                     binding: content.binding,

@@ -1,4 +1,5 @@
-//! Operands of whatever type, for every instruction that runs: most are refused, and nothing panics.
+//! Operands of whatever type, for every instruction that runs: most are refused, and nothing
+//! panics.
 
 use std::fmt::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -81,7 +81,8 @@ pub fn read(kind: Kind, bits: u64) -> Value {
     Value::Number(Rational::integer(i128::from(significand) * sign).times(&power(exponent)))
 }
 
-/// The bits of a value, rounded to the nearest, ties to even; of a NaN those that all NaNs have here.
+/// The bits of a value, rounded to the nearest, ties to even; of a NaN those that all NaNs have
+/// here.
 pub fn round(kind: Kind, value: &Value) -> u64 {
     let (fraction, bias) = format(kind);
     let sign = |negative: bool| u64::from(negative) << (kind.bits() - 1);

@@ -1,5 +1,5 @@
-//! The table is whole: an instruction that runs and has operands of a type is in it, or stands here with
-//! the test that has its types.
+//! The table is whole: an instruction that runs and has operands of a type is in it, or stands here
+//! with the test that has its types.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,8 @@ use rspirv::grammar::{ExtInstOp, GLSL_STD_450_INSTRUCTION_TABLE, INSTRUCTION_TAB
 
 use crate::operand_types::{special, table};
 
-/// Instructions whose operands are numbers, and which other tests of this folder run with every type.
+/// Instructions whose operands are numbers, and which other tests of this folder run with every
+/// type.
 const ELSEWHERE: &[(&str, &[&str])] = &[
     (
         "operand_types/indices.rs",

@@ -1,4 +1,5 @@
-//! What subgroup instructions give: a subgroup is 32 consecutive invocations, all of which take part.
+//! What subgroup instructions give: a subgroup is 32 consecutive invocations, all of which take
+//! part.
 
 use crate::operand_types::Case;
 use crate::operand_types::exact::{self, to_f64};

@@ -68,7 +68,8 @@ fn told(body: &mut String, texel: &str, place: usize) {
 fn texels_are_fetched_by_integers_of_every_width() {
     for kind in KINDS.into_iter().filter(|kind| kind.is_integer()) {
         let name = kind.name();
-        // Column 3 with the offset -2, or where nothing is negative column 0 with the offset 1; row 1.
+        // Column 3 with the offset -2, or where nothing is negative column 0 with the offset 1; row
+        // 1.
         let (column, offset) = if kind.is_signed() { (3, kind.mask() - 1) } else { (0, 1) };
         let declarations = format!(
             "%column = OpConstant %{name} {}

@@ -131,7 +131,8 @@ fn indices_of_every_type_lead_to_the_same_element() {
 
 #[test]
 fn an_index_is_treated_as_signed_and_stays_outside_whatever_its_width() {
-    // SPIR-V, OpAccessChain: each index "is treated as signed", so 200 of 8 bits is -56; and 2^32 + 1 is not 1.
+    // SPIR-V, OpAccessChain: each index "is treated as signed", so 200 of 8 bits is -56; and 2^32 +
+    // 1 is not 1.
     let cases = [
         (Kind::I8, 0x80),
         (Kind::U8, 200),

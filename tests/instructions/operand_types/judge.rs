@@ -20,8 +20,8 @@ pub enum Expected {
 
 use Expected::{Bits, Near, Undefined};
 
-/// The components of an instruction's result, those of both members of a struct one after the other.
-/// The first type is the result's.
+/// The components of an instruction's result, those of both members of a struct one after the
+/// other. The first type is the result's.
 pub fn judge(case: &Case, operands: &[Vec<u64>]) -> Vec<Expected> {
     let (name, types) = (case.name, &case.types[..]);
     if let Some(found) = rearranged(case, operands).or_else(|| dot_product(case, operands)) {
@@ -443,7 +443,8 @@ fn float(name: &str, part: usize, kinds: &[Kind], args: &[u64]) -> Expected {
         "FMul" => mul(a, b),
         "FDiv" => div(a, b),
         "FmaKHR" => exact::fma(kind, a, b, c),
-        // Derived from x - y * trunc(x / y) and x - y * floor(x / y) (Vulkan, precision of operations).
+        // Derived from x - y * trunc(x / y) and x - y * floor(x / y) (Vulkan, precision of
+        // operations).
         "FRem" => sub(a, mul(b, number(value(div(a, b)).trunc()))),
         "FMod" => sub(a, mul(b, number(value(div(a, b)).floor()))),
         "VectorTimesScalar" => mul(a, b),

@@ -1,4 +1,5 @@
-//! Memory of every type: loads and stores, and atomic instructions on each width that they exist for.
+//! Memory of every type: loads and stores, and atomic instructions on each width that they exist
+//! for.
 
 use std::fmt::Write;
 

@@ -134,8 +134,8 @@ fn all_illegal() -> Vec<Case> {
     cases
 }
 
-/// With the path of `spirv-val` in `ANYHIT_SPIRV_VAL` it judges the table: it accepts each combination that is
-/// allowed, and rejects a part of those that are not.
+/// With the path of `spirv-val` in `ANYHIT_SPIRV_VAL` it judges the table: it accepts each
+/// combination that is allowed, and rejects a part of those that are not.
 #[test]
 fn spirv_val_agrees_with_the_table() {
     let Some(validator) = std::env::var_os("ANYHIT_SPIRV_VAL") else { return };

@@ -65,8 +65,8 @@ IAverageRoundedINTEL UAverageRoundedINTEL              | int        | int~0 int~
 IMul32x16INTEL UMul32x16INTEL                          | i32        | int~0 int~0
 ";
 
-/// Those of `GLSL.std.450`, section 2. The elementary functions are for f16 and f32; that this crate has
-/// them in f64 too is an addition.
+/// Those of `GLSL.std.450`, section 2. The elementary functions are for f16 and f32; that this
+/// crate has them in f64 too is an addition.
 pub const GLSL: &str = "
 Round RoundEven Trunc FAbs FSign Floor Ceil Fract      | float      | =0
 Radians Degrees Sin Cos Tan Asin Acos Atan             | short      | =0
@@ -93,7 +93,8 @@ UnpackSnorm2x16 UnpackUnorm2x16 UnpackHalf2x16         | f32:2      | i32.
 UnpackDouble2x32                                       | i32:2      | f64.
 ";
 
-/// Subgroup instructions, behind whose result stand a scope and (of the arithmetic ones) what is done.
+/// Subgroup instructions, behind whose result stand a scope and (of the arithmetic ones) what is
+/// done.
 pub const GROUP: &str = "
 GroupNonUniformAll GroupNonUniformAny                  | bool.      | bool.
 GroupNonUniformAllEqual                                | bool.      | any

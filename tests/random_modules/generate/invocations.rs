@@ -213,7 +213,8 @@ impl Generator {
         let (variable, element) = self.random.pick(&self.workgroup);
         let (workgroup, semantics) = (self.word(2), self.word(0x108));
         let barrier = [workgroup, workgroup, semantics].map(Operand::Id).to_vec();
-        // Which element that is, is drawn before the barriers: this may call functions, which store.
+        // Which element that is, is drawn before the barriers: this may call functions, which
+        // store.
         let value = if self.random.chance(1, 2) { self.local_index } else { self.value(Ty(1), 1) };
         let (step, size) = (self.random.below(4) as u32, self.module.local_size);
         let (step, size) = (self.word(step), self.word(size));

@@ -1,5 +1,5 @@
-//! Loops at random: left at their header, at their end or from within, with phis that take from each
-//! other and continue constructs that do work.
+//! Loops at random: left at their header, at their end or from within, with phis that take from
+//! each other and continue constructs that do work.
 
 use rspirv::spirv::Op;
 

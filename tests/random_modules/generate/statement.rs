@@ -139,7 +139,8 @@ impl Generator {
     fn copy_memory(&mut self) {
         let Some((to, path)) = self.any_part() else { return };
         let ty = self.module.at_path(to.to, &path);
-        // Source and target do not overlap: they belong to different objects, and parameters to none.
+        // Source and target do not overlap: they belong to different objects, and parameters to
+        // none.
         let known = to.object;
         let apart = move |place: &Place| place.object != known && place.object != 0 && known != 0;
         let aliased = |place: &Place| place.class != to.class || matches!(place.class, StorageClass::Private);
@@ -353,7 +354,8 @@ impl Generator {
                 self.count("leave switch");
                 End::LeaveSwitch(self.carried(&types))
             }),
-            // The entry point ends at its end, where its values are told; one in eight times before.
+            // The entry point ends at its end, where its values are told; one in eight times
+            // before.
             _ if !around.stays && (!self.entry || self.random.chance(1, 8)) => {
                 self.count(if self.times > 1 { "return in a loop" } else { "early return" });
                 Some(self.return_end())

@@ -9,7 +9,8 @@ use super::operations::is_pure;
 use super::places::{choose, is_debug};
 use super::words::{Inst, Module};
 
-/// A call made a first time on copies of the variables that it is given; what that gives is thrown away.
+/// A call made a first time on copies of the variables that it is given; what that gives is thrown
+/// away.
 pub fn on_copy(module: &mut Module, rng: &mut Rng) -> Option<()> {
     for (function, block, at) in choose(module, rng, |inst| inst.op == Op::FunctionCall) {
         let call = module.functions[function].blocks[block].body[at].clone();

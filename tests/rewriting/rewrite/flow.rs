@@ -1,4 +1,5 @@
-//! Control flow: blocks cut, put under conditions and into loops of one turn, branches written otherwise.
+//! Control flow: blocks cut, put under conditions and into loops of one turn, branches written
+//! otherwise.
 
 use rspirv::spirv::{Op, SelectionControl};
 
@@ -69,7 +70,8 @@ fn stretches(module: &Module, rng: &mut Rng) -> Vec<(At, usize)> {
     all
 }
 
-/// What a block defines and others use: ids and types; `None` where something cannot be in a variable.
+/// What a block defines and others use: ids and types; `None` where something cannot be in a
+/// variable.
 fn escaping(module: &Module, function: usize, block: usize) -> Option<Vec<(u32, u32)>> {
     let index = Index::of(module);
     let blocks = &module.functions[function].blocks;
@@ -153,8 +155,8 @@ pub fn loop_once(module: &mut Module, rng: &mut Rng) -> Option<()> {
     Some(())
 }
 
-/// A stretch of a block under a condition that always holds. Where it would not, something else would
-/// be done.
+/// A stretch of a block under a condition that always holds. Where it would not, something else
+/// would be done.
 pub fn under_condition(module: &mut Module, rng: &mut Rng) -> Option<()> {
     let ((function, block, at), end) = *stretches(module, rng).first()?;
     let after = cut(module, function, block, end);
@@ -286,8 +288,8 @@ pub fn doubled_selection(module: &mut Module, rng: &mut Rng) -> Option<()> {
     None
 }
 
-/// Whether a selection is left for nothing but its merge block and, where they are allowed, the merge
-/// blocks and continue targets of loops.
+/// Whether a selection is left for nothing but its merge block and, where they are allowed, the
+/// merge blocks and continue targets of loops.
 fn is_closed(function: &Function, graph: &Graph, block: usize, merge: u32, loops: bool) -> bool {
     let (_, exits) = graph.construct(function, block, merge);
     exits.iter().all(|label| *label == merge || (loops && graph.loop_exits.contains(label)))

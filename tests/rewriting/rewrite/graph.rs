@@ -65,8 +65,8 @@ impl Graph {
         }
     }
 
-    /// The blocks of a construct, from its first one up to its merge block, and the labels outside that
-    /// it branches to. Constructs within are left through their own merge blocks.
+    /// The blocks of a construct, from its first one up to its merge block, and the labels outside
+    /// that it branches to. Constructs within are left through their own merge blocks.
     pub fn construct(&self, function: &Function, from: usize, merge: u32) -> (Vec<usize>, HashSet<u32>) {
         let (mut region, mut exits) = (vec![from], HashSet::new());
         let mut inner = HashSet::new();

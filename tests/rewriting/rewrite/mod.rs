@@ -1,12 +1,12 @@
 //! Metamorphic rewriting: modules changed at random so that they do the same.
 //!
-//! A [`Step`] is one small change, the inverse of something an optimizer does: a value takes a detour
-//! through a variable, an expression becomes a function, a block a loop of one turn. Steps are drawn
-//! from a seed by [`plan`] and applied by [`apply`]. What they change must not be seen: every buffer,
-//! image, payload and trap stays, bit for bit, and every `file:line`.
+//! A [`Step`] is one small change, the inverse of something an optimizer does: a value takes a
+//! detour through a variable, an expression becomes a function, a block a loop of one turn. Steps
+//! are drawn from a seed by [`plan`] and applied by [`apply`]. What they change must not be seen:
+//! every buffer, image, payload and trap stays, bit for bit, and every `file:line`.
 //!
-//! A step picks its place by a hash of what is there, not by counting: so it picks the same place when
-//! steps before it are left out, which lets a failing list of steps be made short.
+//! A step picks its place by a hash of what is there, not by counting: so it picks the same place
+//! when steps before it are left out, which lets a failing list of steps be made short.
 
 mod build;
 mod calls;

@@ -137,9 +137,9 @@ fn taken(module: &Module, found: &Expression) -> Vec<Inst> {
     found.insts.iter().map(|at| body[*at].clone()).collect()
 }
 
-/// An expression as a function that writes it through a pointer: into a variable that holds one of the
-/// inputs before, or nothing. What follows from it may go through the same variable, and every call may
-/// be made on a copy first.
+/// An expression as a function that writes it through a pointer: into a variable that holds one of
+/// the inputs before, or nothing. What follows from it may go through the same variable, and every
+/// call may be made on a copy first.
 pub fn by_pointer(module: &mut Module, rng: &mut Rng) -> Option<()> {
     let index = Index::of(module);
     let found = expression(module, &index, rng)?;
@@ -225,8 +225,8 @@ pub fn by_pointer(module: &mut Module, rng: &mut Rng) -> Option<()> {
     Some(())
 }
 
-/// A stretch of a block as a function: what it takes from outside are parameters, what others take from
-/// it is written through pointers, or returned.
+/// A stretch of a block as a function: what it takes from outside are parameters, what others take
+/// from it is written through pointers, or returned.
 pub fn stretch(module: &mut Module, rng: &mut Rng) -> Option<()> {
     let index = Index::of(module);
     let starts = in_order(rng, sites(module).map(|(at, inst)| (name(inst), at)));

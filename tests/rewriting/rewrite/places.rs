@@ -13,7 +13,8 @@ use super::words::{Inst, Module};
 /// How many places a step looks at before it gives up.
 pub const TRIES: usize = 12;
 
-/// Some sites, in an order that depends on a key and on what each site is, not on how many there are.
+/// Some sites, in an order that depends on a key and on what each site is, not on how many there
+/// are.
 pub fn in_order<T>(rng: &mut Rng, sites: impl IntoIterator<Item = (u64, T)>) -> Vec<T> {
     let key = rng.draw();
     let mut all: Vec<(u64, T)> = sites

@@ -5,7 +5,8 @@ use rspirv::spirv::{Capability, Op, StorageClass};
 use super::build::{Code, Rng};
 use super::words::Module;
 
-/// Ways to make a value again. Each appends instructions and gives the id that stands for the value.
+/// Ways to make a value again. Each appends instructions and gives the id that stands for the
+/// value.
 pub type Remake = fn(&mut Code, &mut Module, u32, u32, &mut Rng) -> Option<u32>;
 
 /// Stored in a variable, whole or member by member, and loaded.
@@ -125,7 +126,8 @@ pub fn selected(code: &mut Code, module: &mut Module, value: u32, ty: u32, rng: 
     Some(code.op(module, Op::Select, ty, &[condition, value, other]))
 }
 
-/// Two steps that cancel: to the other sign and back, a number added and taken away, bits turned twice.
+/// Two steps that cancel: to the other sign and back, a number added and taken away, bits turned
+/// twice.
 pub fn there_and_back(
     code: &mut Code,
     module: &mut Module,

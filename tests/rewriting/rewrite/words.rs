@@ -1,7 +1,7 @@
 //! A SPIR-V module as instructions that know which of their words are ids: read, changed, written.
 //!
-//! Lines and debug scopes are no instructions here but belong to each instruction as its [`Place`], so
-//! that whatever moves or is inserted keeps its `file:line`.
+//! Lines and debug scopes are no instructions here but belong to each instruction as its [`Place`],
+//! so that whatever moves or is inserted keeps its `file:line`.
 
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock};

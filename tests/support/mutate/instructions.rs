@@ -158,7 +158,8 @@ impl Original {
         let before = self.in_function(random, |one| {
             !matches!(one.op, Op::Label | Op::Function | Op::FunctionParameter | Op::Phi | Op::Variable)
         })?;
-        // Values that are defined where it will stand: those of its function before it, and of module scope.
+        // Values that are defined where it will stand: those of its function before it, and of
+        // module scope.
         let function =
             (0..before).rev().find(|&at| self.instructions[at].op == Op::Function).unwrap_or(self.functions);
         let defined: Vec<(u32, u32)> = (0..self.functions)
