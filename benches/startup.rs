@@ -1,5 +1,5 @@
-//! What tests wait for: a thousand unit tests of one ray each, the parts that one is made of, and
-//! the program from its start to its end.
+//! Benchmarks of start-up time: a thousand unit tests of one ray each, the parts that one is made
+//! of, and the program from its start to its end.
 //!
 //! `cargo bench --bench startup` prints a table; `docs/testing.md` has figures. Everything runs on
 //! one thread. Each row is the median of several runs, beside the fastest: on a busy machine look

@@ -1,5 +1,5 @@
-//! Beside lavapipe (Mesa's Vulkan driver for the CPU), Embree and a plain loop over obvhs, in turn
-//! on the same scenes, rays and shaders: the table of ratios.
+//! Comparison with lavapipe (Mesa's Vulkan driver for the CPU), Embree and a plain loop over obvhs,
+//! in turn on the same scenes, rays and shaders: prints the table of ratios.
 //!
 //! `ANYHIT_PEERS=FOLDER cargo bench --bench peers` takes five rounds, or as many as stand after
 //! `--`; a word there instead chooses the rows whose names hold it. `benches/peers/README.md` says

@@ -1,4 +1,4 @@
-//! The crate that builds our trees, by itself: its BVH2 and its own triangles, in a plain loop.
+//! The peer obvhs, a crate of BVH builders: its BVH2 and its triangles in a plain loop.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What is compared: one row here, one at a peer.
+//! The rows of the comparison: one measured here, one at a peer.
 
 use anyhit::accel::GeometryFlags;
 

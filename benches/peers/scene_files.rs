@@ -1,4 +1,4 @@
-//! The scenes and shaders, as files that the peers read.
+//! Writes the scenes and shaders as files that the peers read.
 //!
 //! `SHARE/scenes/NAME/` holds little-endian numbers: `inputs` (what the shaders read of the
 //! camera), `rays` (origin, tmin, direction, tmax), `transforms` (three rows of four a matrix), and

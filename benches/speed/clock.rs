@@ -1,4 +1,4 @@
-//! Processor time.
+//! CPU time of this process.
 
 use std::time::Duration;
 

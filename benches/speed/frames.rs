@@ -1,4 +1,4 @@
-//! Whole launches: shaders and traversal together.
+//! Benchmarks of whole launches: shaders and traversal together.
 
 use std::path::Path;
 use std::sync::Arc;

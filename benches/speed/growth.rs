@@ -1,5 +1,5 @@
-//! How costs grow: building and tracing with primitives and instances, loading and lowering with
-//! instructions. All of it together also draws `docs/growth.svg`.
+//! Scaling benchmarks: building and tracing with primitives and instances, loading and lowering
+//! with instructions. All of it together also draws `docs/growth.svg`.
 
 use std::path::Path;
 

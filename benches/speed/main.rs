@@ -1,4 +1,5 @@
-//! What a ray costs: loading, lowering, building, traversing, shading, in processor time.
+//! Benchmarks of the stages of a launch in CPU time: loading, lowering, BVH build, traversal,
+//! shading.
 //!
 //! `cargo bench --bench speed` prints a table; what stands after `--` chooses the rows whose names
 //! begin so.

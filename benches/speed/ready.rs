@@ -1,4 +1,4 @@
-//! Getting ready: loading and lowering modules, building trees, the smallest launch.
+//! Benchmarks of set-up: loading and lowering modules, building BVHs, the smallest launch.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! The scenes: a heightfield of triangles, a cloud of spheres, a meadow of swept spheres.
+//! The benchmark scenes: a heightfield of triangles, a cloud of spheres, a meadow of swept spheres.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Modules as large as one likes: a ray generation shader made of functions that load, compute,
+//! Synthetic modules of any size: a ray generation shader made of functions that load, compute,
 //! branch, loop and call each other, in about the shares in which real renderers do.
 
 use crate::scenes::Random;

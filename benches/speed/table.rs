@@ -1,4 +1,4 @@
-//! Runs what is measured and prints the rows.
+//! Runs the measurements and prints the table.
 
 use std::cell::RefCell;
 use std::time::{Duration, Instant};

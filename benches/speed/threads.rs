@@ -1,4 +1,4 @@
-//! How threads help: several threads of one process beside as many processes of one thread each, in
+//! Thread scaling: several threads of one process against as many single-threaded processes, in
 //! turn.
 //!
 //! What processes reach together is what the machine gives: they share nothing but the machine

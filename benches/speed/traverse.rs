@@ -1,4 +1,4 @@
-//! Traversal and intersection alone, on one thread; and how it grows.
+//! Benchmarks of traversal and intersection alone, on one thread, and of their scaling.
 
 use anyhit::accel::{Counters, Cursor, GeometryFlags, Packet, RayFlags, Tlas, TraceRay};
 use anyhit::geometry::Ray;

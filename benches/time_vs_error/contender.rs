@@ -1,4 +1,4 @@
-//! What is compared: this crate in its three precisions, and formulas as they are published, in
+//! The contenders: this crate in its three precisions, and formulas as they are published, in
 //! plain f32. Every contender has a test of a block of four and a test of one lane that passed it.
 
 use anyhit::geometry::block::{self, BoxRay, CullRay, ShearedRay};

@@ -1,4 +1,4 @@
-//! What arbitrary precision says: the same rational reference as `anyhit stress`.
+//! The exact results, by the rational reference of `anyhit stress`.
 
 use anyhit::geometry::{Bounds, Ray};
 use anyhit::math::ulp_error;

@@ -1,5 +1,5 @@
-//! Time against error: each primitive and each scene under each precision and under formulas as
-//! they are published.
+//! Time against error of intersection tests: each primitive and each scene under each precision and
+//! under formulas as they are published.
 //!
 //! ```sh
 //! cargo bench --bench time_vs_error              # all; writes docs/time-vs-error.svg

@@ -1,4 +1,4 @@
-//! One contender's way through a scene: the loop that all share.
+//! The traversal loop that all contenders share.
 
 use anyhit::geometry::Ray;
 use anyhit::math::lane_ops::{LaneOps, LaneTask};

@@ -1,4 +1,5 @@
-//! The picture: a panel a scene, time to the right, error upwards; down and left is better.
+//! Draws the plot: one panel for each scene, time to the right, error upwards; lower left is
+//! better.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What is shot at, and the rays: half of them from a camera, half criss-cross.
+//! The scenes and the rays: half of them from a camera, half in random directions.
 
 use anyhit::accel::{EndCaps, GeometryData, Indexing};
 use anyhit::geometry::{Bounds, Ray, Transform};

@@ -1,4 +1,4 @@
-//! At which step the tests of the exact mode end.
+//! Counts the step at which the tests of the exact mode end: culling, filter or exact arithmetic.
 
 use anyhit::geometry::{ObjectRay, aabb, block, linear_swept_sphere, sphere, triangle};
 use anyhit::math::lane_ops::{CpuTier, LaneOps, LaneTask};

@@ -1,4 +1,4 @@
-//! Intersections as textbooks and articles have them, in f32. None has an error bound.
+//! Published intersection formulas of textbooks and articles, in f32. None has an error bound.
 #![allow(clippy::needless_range_loop, reason = "an axis numbers several arrays")]
 
 use anyhit::geometry::{Bounds, Ray};

@@ -1,4 +1,4 @@
-//! The tree and the leaf loop that all contenders share: four-wide nodes over leaves of one block.
+//! The BVH and the leaf loop that all contenders share: four-wide nodes over leaves of one block.
 
 use anyhit::geometry::Ray;
 use anyhit::math::f32x4::F32x4;

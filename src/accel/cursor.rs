@@ -251,13 +251,13 @@ enum State {
 pub struct Cursor {
     pub(super) trace: TraceRay,
     pub(super) traversal: TraversalState,
-    pub(super) hits: Hits,
+    pub(super) hits: HitQueue,
     state: State,
 }
 
 /// What a traversal has found.
 #[derive(Clone, Debug)]
-pub(super) struct Hits {
+pub(super) struct HitQueue {
     /// No hit behind it matters; a rounded t.
     pub cull_t: f32,
     waiting: BinaryHeap<Reverse<Waiting>>,
@@ -286,7 +286,7 @@ impl Cursor {
     }
 
     fn fresh(trace: TraceRay) -> Self {
-        let hits = Hits {
+        let hits = HitQueue {
             cull_t: trace.ray.t_max,
             waiting: BinaryHeap::new(),
             opaque: None,
@@ -469,7 +469,7 @@ impl Cursor {
     }
 }
 
-impl Hits {
+impl HitQueue {
     /// Discards all hits and candidates.
     #[inline(always)]
     fn clear(&mut self) {

@@ -1,9 +1,10 @@
 //! Acceleration structures and the resumable traversal.
 //!
 //! A [`Blas`] holds geometries of one kind, a [`Tlas`] places BLASes as instances, and a [`Cursor`]
-//! carries one ray through them, stopping wherever a shader has to decide. Trees are built when the
-//! first ray arrives; they save work and change nothing: what a cursor reports is what a linear
-//! scan would (`cursor` states the order, `trav_ray` proves that no hit is lost).
+//! traverses them with one ray, stopping wherever a shader has to decide; a [`Packet`] traverses
+//! them with coherent rays. Wide BVHs (`wide_bvh`, built by `binned_sah`) are built when the first
+//! rays arrive. They affect only time: a cursor reports what a linear scan would (`cursor` states
+//! the order, `trav_ray` proves that no hit is lost).
 
 mod binned_sah;
 pub mod blas;

@@ -3,7 +3,7 @@
 
 use crate::accel::blas::GeometryFlags;
 use crate::accel::built_blas::BuiltBlas;
-use crate::accel::cursor::{Candidate, Cursor, Hits, TraceRay};
+use crate::accel::cursor::{Candidate, Cursor, HitQueue, TraceRay};
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Node, NodeRef, WIDTH};
@@ -138,7 +138,7 @@ impl Cursor {
 /// argument would be copied through vector registers, which stalls on store forwarding.
 struct TraversalTask<'a, V, const PLAIN: bool> {
     traversal: &'a mut TraversalState,
-    hits: &'a mut Hits,
+    hits: &'a mut HitQueue,
     trace: &'a TraceRay,
     tlas: &'a Tlas,
     observer: &'a mut V,
@@ -159,7 +159,7 @@ impl<V: TraversalObserver, const PLAIN: bool> LaneTask for TraversalTask<'_, V, 
 /// A traversal while it runs.
 struct Traversal<'a, V, const PLAIN: bool> {
     traversal: &'a mut TraversalState,
-    hits: &'a mut Hits,
+    hits: &'a mut HitQueue,
     trace: &'a TraceRay,
     tlas: &'a Tlas,
     observer: &'a mut V,

@@ -1,4 +1,4 @@
-//! The functions and how their values are known otherwise.
+//! The functions under test, and independent evaluations of them.
 
 use dashu_float::Context;
 use dashu_float::round::mode::HalfEven;

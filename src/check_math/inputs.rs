@@ -1,8 +1,8 @@
-//! The inputs that are asked: all there are, every so-manieth, or pairs near the edges.
+//! The inputs: all of a format, every n-th, or pairs near boundaries.
 
 use std::fmt;
 
-use crate::check_math::Settings;
+use crate::check_math::CheckMathSettings;
 use crate::check_math::function::Function;
 use crate::check_math::judge::Format;
 
@@ -22,7 +22,7 @@ enum Kind {
 
 impl Inputs {
     /// The inputs of a function.
-    pub fn of(function: &Function, format: Format, settings: &Settings) -> Self {
+    pub fn of(function: &Function, format: Format, settings: &CheckMathSettings) -> Self {
         let pairs = function.operands() == 2;
         let bits = format.width() * if pairs { 2 } else { 1 };
         let stride = match (format, pairs) {
@@ -213,7 +213,7 @@ mod tests {
     use super::*;
     use crate::check_math::function::FUNCTIONS;
 
-    const SETTINGS: Settings = Settings { stride: 3, pairs: 1000, samples: 10, seed: 7 };
+    const SETTINGS: CheckMathSettings = CheckMathSettings { stride: 3, pairs: 1000, samples: 10, seed: 7 };
 
     #[test]
     fn a_stride_begins_where_the_seed_says_and_reaches_the_end() {

@@ -1,4 +1,4 @@
-//! What the right result is: formats, rounding boundaries, and the two evaluations against them.
+//! Decides whether a result is correct: formats, rounding boundaries, and the two evaluations.
 
 use dashu_float::FBig;
 use dashu_float::round::mode::HalfEven;

@@ -1,5 +1,5 @@
-//! The elementary functions and the other componentwise float instructions, judged on all inputs
-//! there are: `anyhit check-math`.
+//! Exhaustive test of the elementary functions and the other componentwise float instructions
+//! against correctly rounded results: `anyhit check-math`.
 //!
 //! A [`Function`] is a row of the instruction set and how to know its value otherwise: an
 //! evaluation in f64 by the platform's own library, which decides nearly every input by its
@@ -28,7 +28,7 @@ const ENOUGH: usize = 10;
 
 /// How much is asked.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct CheckMathSettings {
     /// Of the inputs of a function of one f32, and of the pairs of f16, every so-manieth.
     pub stride: u64,
     /// Pairs for a function of two f32.
@@ -52,7 +52,7 @@ pub struct Wrong {
 
 /// What was found out about one function at one width.
 #[derive(Clone, Debug, serde::Serialize)]
-pub struct Report {
+pub struct CheckMathReport {
     /// The specification's name.
     pub function: &'static str,
     /// Bits of the float type.
@@ -84,9 +84,9 @@ fn seconds<S: serde::Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Err
 pub fn run(
     function: &'static Function,
     format: Format,
-    settings: &Settings,
+    settings: &CheckMathSettings,
     progress: impl Fn(u64, u64) + Sync,
-) -> Report {
+) -> CheckMathReport {
     let begin = Instant::now();
     let row = function.row(format).expect("a function that exists for this float type");
     let inputs = Inputs::of(function, format, settings);
@@ -101,7 +101,7 @@ pub fn run(
             found
         })
         .reduce(Found::default, Found::with);
-    Report {
+    CheckMathReport {
         function: function.name,
         width: format.width(),
         which: inputs.to_string(),
@@ -196,13 +196,14 @@ mod tests {
     use super::*;
     use crate::check_math::function::FUNCTIONS;
 
-    const FEW: Settings = Settings { stride: 1, pairs: 20_000, samples: 60, seed: 1 };
+    const FEW: CheckMathSettings = CheckMathSettings { stride: 1, pairs: 20_000, samples: 60, seed: 1 };
 
-    fn right(format: Format, settings: &Settings, wanted: impl Fn(&Function) -> bool) {
+    fn right(format: Format, settings: &CheckMathSettings, wanted: impl Fn(&Function) -> bool) {
         let asked = FUNCTIONS.iter().filter(|function| wanted(function) && function.exists(format));
-        let reports: Vec<Report> = asked.map(|function| run(function, format, settings, |_, _| ())).collect();
+        let reports: Vec<CheckMathReport> =
+            asked.map(|function| run(function, format, settings, |_, _| ())).collect();
         assert!(!reports.is_empty() && reports.iter().all(|report| report.inputs > 0));
-        let wrong: Vec<&Report> = reports.iter().filter(|report| report.wrong > 0).collect();
+        let wrong: Vec<&CheckMathReport> = reports.iter().filter(|report| report.wrong > 0).collect();
         assert!(wrong.is_empty(), "{wrong:#x?}");
     }
 
@@ -214,8 +215,10 @@ mod tests {
     #[test]
     fn a_sample_of_all_is_right() {
         // Strides are odd, so that all low bits turn up.
-        right(Format::Half, &Settings { stride: 1_000_003, ..FEW }, |function| function.operands() == 2);
-        right(Format::Single, &Settings { stride: 200_003, ..FEW }, |_| true);
+        right(Format::Half, &CheckMathSettings { stride: 1_000_003, ..FEW }, |function| {
+            function.operands() == 2
+        });
+        right(Format::Single, &CheckMathSettings { stride: 200_003, ..FEW }, |_| true);
     }
 
     #[test]
@@ -227,7 +230,7 @@ mod tests {
     #[test]
     #[ignore = "asks billions of inputs: `anyhit check-math` does the same with progress"]
     fn everything_is_right() {
-        let all = Settings { stride: 1, pairs: 1 << 28, samples: 100_000, seed: 1 };
+        let all = CheckMathSettings { stride: 1, pairs: 1 << 28, samples: 100_000, seed: 1 };
         for format in Format::ALL {
             right(format, &all, |_| true);
         }

@@ -4,7 +4,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::check_math::function::{FUNCTIONS, Function};
 use crate::check_math::judge::Format;
-use crate::check_math::{self, Report, Settings};
+use crate::check_math::{self, CheckMathReport, CheckMathSettings};
 use crate::cli::output;
 use crate::error::{Error, ErrorKind, Result};
 
@@ -52,7 +52,7 @@ pub struct CheckMathArgs {
 /// `Expectation` where a result was wrong.
 pub fn run(args: CheckMathArgs) -> Result<()> {
     let settings =
-        Settings { stride: args.stride, pairs: args.pairs, samples: args.samples, seed: args.seed };
+        CheckMathSettings { stride: args.stride, pairs: args.pairs, samples: args.samples, seed: args.seed };
     let mut reports = Vec::new();
     if !args.json {
         output::print(format_args!("{}\n", heading()))?;
@@ -109,7 +109,7 @@ fn heading() -> String {
     )
 }
 
-fn line(report: &Report) -> String {
+fn line(report: &CheckMathReport) -> String {
     let mut out = format!(
         "{:<14} {:>5} {:>12} {:>10} {:>8} {:>9.1}  {}",
         report.function,

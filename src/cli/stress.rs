@@ -8,7 +8,7 @@ use crate::cli::{output, precision};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
 use crate::stress::family::FAMILIES;
-use crate::stress::{self, Found, Report, Settings, Tally};
+use crate::stress::{self, Found, StressReport, StressSettings, Tally};
 
 /// Draws adversarial rays and shapes and compares every answer with arbitrary precision.
 ///
@@ -43,7 +43,7 @@ pub struct StressArgs {
 /// `Expectation` where an answer was wrong; `Io` where its case cannot be saved.
 pub fn run(args: StressArgs) -> Result<()> {
     let settings =
-        Settings { seed: args.seed, rays: args.rays, time: args.minutes, precision: args.precision };
+        StressSettings { seed: args.seed, rays: args.rays, time: args.minutes, precision: args.precision };
     output::print(format_args!("seed {}, {} families\n", args.seed, FAMILIES.len()))?;
     let mut told = Instant::now();
     let report = stress::run(&settings, |report| {
@@ -81,12 +81,12 @@ fn minutes(text: &str) -> std::result::Result<Duration, String> {
         .ok_or_else(|| format!("`{text}` is not a positive number of minutes"))
 }
 
-fn line(report: &Report) -> String {
+fn line(report: &StressReport) -> String {
     let total = report.total();
     format!("{:>6} s  {:>12} rays  {} wrong\n", report.time.as_secs(), total.rays, report.found.len())
 }
 
-fn table(report: &Report) -> String {
+fn table(report: &StressReport) -> String {
     let row = |name: &str, columns: [&dyn Display; 5], about: &str| {
         let [lines, rays, hits, trees, packets] = columns;
         let row = format!("{name:<14} {lines:>11} {rays:>11} {hits:>11} {trees:>11} {packets:>11}  {about}");
@@ -112,7 +112,7 @@ fn table(report: &Report) -> String {
     out
 }
 
-fn save(folder: &Path, settings: &Settings, found: &Found) -> Result<PathBuf> {
+fn save(folder: &Path, settings: &StressSettings, found: &Found) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|error| Error::io(folder.display().to_string(), error))?;
     let path = folder.join(format!("{}-{}-{}.toml", found.case.family, settings.seed, found.number));
     let text = format!(

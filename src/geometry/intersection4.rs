@@ -89,9 +89,9 @@ impl<D: F64x4Ops> Ends<D> {
     }
 }
 
-/// `math::error_bound::Divisor`, lane by lane.
+/// `math::error_bound::Divisor` in four lanes.
 #[derive(Clone, Copy)]
-pub(super) struct Divisor<D: F64x4Ops> {
+pub(super) struct Divisor4<D: F64x4Ops> {
     simd: D,
     inverse: D::F64x4,
     /// Twice its own relative error, and the roundings of a quotient.
@@ -101,7 +101,7 @@ pub(super) struct Divisor<D: F64x4Ops> {
     pub is_certain: u32,
 }
 
-impl<D: F64x4Ops> Divisor<D> {
+impl<D: F64x4Ops> Divisor4<D> {
     /// Denominators that are off by some errors at most.
     #[inline(always)]
     pub fn new(simd: D, denominator: D::F64x4, error: D::F64x4) -> Self {

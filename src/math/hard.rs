@@ -1,4 +1,4 @@
-//! Functions of f32 with the numbers mended for which `pxfm` 0.1 does not give the nearest one.
+//! Functions of f32, corrected at the hard cases that `pxfm` 0.1 does not round correctly.
 //!
 //! Their values lie nearly in the middle of two f32, so near that a f64 does not tell the side.
 //! Found by asking for every f32 whose value lies within 2^-42 of a middle, relatively; the right

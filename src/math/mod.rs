@@ -1,5 +1,4 @@
-//! Numerics below everything else: elementary functions behind one door, exact arithmetic, error
-//! bounds, distances in ulp.
+//! Numerics: elementary functions, SIMD lanes, exact arithmetic, error bounds, distances in ulp.
 
 pub mod error_bound;
 pub mod exact;

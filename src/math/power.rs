@@ -1,4 +1,4 @@
-//! Powers: what the crate's functions leave to do for a correctly rounded one.
+//! Correctly rounded powers: the cases that `pxfm` does not round correctly.
 
 use crate::math::float::Float;
 

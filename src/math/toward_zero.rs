@@ -1,9 +1,9 @@
-//! Float arithmetic that rounds towards zero, by integers: exact results, cut off.
+//! Float arithmetic that rounds towards zero, in integers: exact results, truncated.
 
 use half::f16;
 
 /// A float format: its precision and the exponent of its smallest denormal's bit.
-pub trait Format: Copy {
+pub trait RoundTowardZero: Copy {
     /// Bits of the significand.
     const PRECISION: i32;
     /// The exponent of the last bit of denormals.
@@ -24,7 +24,7 @@ pub trait Format: Copy {
 
 macro_rules! formats {
     ($($ty:ty, $word:ty, $width:literal, $precision:literal, $least:literal;)*) => {$(
-        impl Format for $ty {
+        impl RoundTowardZero for $ty {
             const PRECISION: i32 = $precision;
             const LEAST: i32 = $least;
             const WIDTH: i32 = $width;
@@ -63,7 +63,7 @@ impl Number {
     }
 
     /// A float; `None` for infinities and NaN.
-    pub fn of<T: Format>(value: T) -> Option<Self> {
+    pub fn of<T: RoundTowardZero>(value: T) -> Option<Self> {
         let bits = value.to_word();
         let fraction = bits & ((1 << (T::PRECISION - 1)) - 1);
         let biased = (bits >> (T::PRECISION - 1)) & ((1 << (T::WIDTH - T::PRECISION)) - 1);
@@ -144,7 +144,7 @@ impl Number {
     }
 
     /// Cuts off what a format cannot hold; what is too large becomes its greatest number.
-    pub fn cut<T: Format>(self) -> T {
+    pub fn cut<T: RoundTowardZero>(self) -> T {
         let sign = u64::from(self.negative) << (T::WIDTH - 1);
         let (mut significand, mut exponent) = (self.significand, self.exponent);
         let bits = 128 - significand.leading_zeros() as i32;
@@ -174,22 +174,22 @@ fn low_top(number: Number) -> i32 {
 }
 
 /// `a + b`; `nearest` is the same rounded to nearest, for infinities and NaN.
-pub fn add<T: Format>(a: T, b: T, nearest: T) -> T {
+pub fn add<T: RoundTowardZero>(a: T, b: T, nearest: T) -> T {
     Number::of(a).zip(Number::of(b)).map_or(nearest, |(a, b)| a.plus(b).cut())
 }
 
 /// `a - b`.
-pub fn sub<T: Format>(a: T, b: T, nearest: T) -> T {
+pub fn sub<T: RoundTowardZero>(a: T, b: T, nearest: T) -> T {
     Number::of(a).zip(Number::of(b)).map_or(nearest, |(a, b)| a.plus(b.negated()).cut())
 }
 
 /// `a * b`.
-pub fn mul<T: Format>(a: T, b: T, nearest: T) -> T {
+pub fn mul<T: RoundTowardZero>(a: T, b: T, nearest: T) -> T {
     Number::of(a).zip(Number::of(b)).map_or(nearest, |(a, b)| a.times(b).cut())
 }
 
 /// `a / b`.
-pub fn div<T: Format>(a: T, b: T, nearest: T) -> T {
+pub fn div<T: RoundTowardZero>(a: T, b: T, nearest: T) -> T {
     match (Number::of(a), Number::of(b)) {
         (Some(a), Some(b)) if b.significand != 0 => a.over(b).cut(),
         _ => nearest,
@@ -197,7 +197,7 @@ pub fn div<T: Format>(a: T, b: T, nearest: T) -> T {
 }
 
 /// `a * b + c`, cut off once.
-pub fn mul_add<T: Format>(a: T, b: T, c: T, nearest: T) -> T {
+pub fn mul_add<T: RoundTowardZero>(a: T, b: T, c: T, nearest: T) -> T {
     match (Number::of(a), Number::of(b), Number::of(c)) {
         (Some(a), Some(b), Some(c)) => a.times(b).plus(c).cut(),
         _ => nearest,
@@ -205,7 +205,7 @@ pub fn mul_add<T: Format>(a: T, b: T, c: T, nearest: T) -> T {
 }
 
 /// A float in another format.
-pub fn convert<T: Format, U: Format>(value: T, nearest: U) -> U {
+pub fn convert<T: RoundTowardZero, U: RoundTowardZero>(value: T, nearest: U) -> U {
     Number::of(value).map_or(nearest, Number::cut)
 }
 

@@ -26,7 +26,7 @@ use crate::error::Result;
 use crate::lane_kernels;
 use crate::machine::Reg;
 use crate::math::float::Float;
-use crate::math::toward_zero::{self, Format, Number};
+use crate::math::toward_zero::{self, Number, RoundTowardZero};
 use crate::module::interface::EntryPoint;
 use crate::ops::conversion::encoded::Rounding;
 use crate::ops::lane_kernel::LaneKernel;
@@ -123,19 +123,19 @@ fn conversion(kernel: &LaneKernel) -> &'static str {
     }
 }
 
-fn cut_sum<T: Format + std::ops::Add<Output = T>>(a: T, b: T) -> T {
+fn cut_sum<T: RoundTowardZero + std::ops::Add<Output = T>>(a: T, b: T) -> T {
     toward_zero::add(a, b, a + b)
 }
 
-fn cut_difference<T: Format + std::ops::Sub<Output = T>>(a: T, b: T) -> T {
+fn cut_difference<T: RoundTowardZero + std::ops::Sub<Output = T>>(a: T, b: T) -> T {
     toward_zero::sub(a, b, a - b)
 }
 
-fn cut_product<T: Format + std::ops::Mul<Output = T>>(a: T, b: T) -> T {
+fn cut_product<T: RoundTowardZero + std::ops::Mul<Output = T>>(a: T, b: T) -> T {
     toward_zero::mul(a, b, a * b)
 }
 
-fn cut_quotient<T: Format + std::ops::Div<Output = T>>(a: T, b: T) -> T {
+fn cut_quotient<T: RoundTowardZero + std::ops::Div<Output = T>>(a: T, b: T) -> T {
     toward_zero::div(a, b, a / b)
 }
 

@@ -1,4 +1,4 @@
-//! Recorded hits against ours.
+//! Compares recorded hits with those that the engine finds.
 //!
 //! A ray's hit is *missed* where only the recording has one, *extra* where only we do, and on
 //! *another primitive* where both do but not on the same, unless both primitives are at the same

@@ -1,4 +1,4 @@
-//! `geometryG.*`: the geometries of the one BLAS.
+//! Reads `geometryG.*`: the geometries of the one BLAS of a recording.
 
 use crate::accel::{EndCaps, Geometry, GeometryData, GeometryFlags, Indexing};
 use crate::error::{Error, ErrorKind, Result};

@@ -1,4 +1,4 @@
-//! Recorded hits of a GPU, and how ours compare with them: `anyhit verify`.
+//! Recorded hits of a GPU, and their comparison with the engine: `anyhit verify`.
 //!
 //! A [`Recording`] is a safetensors file with geometry, instances, rays, and what became of each
 //! ray: `driver.*` as a driver reported it, `reference.*` as an independent computation of higher

@@ -1,4 +1,4 @@
-//! `ray.*`, and each ray traced with the shaders that the recordings were made with.
+//! Reads `ray.*`, and traces each ray as the shaders of the recording do.
 
 use crate::accel::{
     Candidate, Committed, Cursor, HitKind, HitPrimitive, PrimitiveVerdict, RayFlags, TraceRay,

@@ -1,4 +1,4 @@
-//! A safetensors file's tensors as plain vectors, or an error that names the tensor.
+//! Reads the tensors of a safetensors file as plain vectors; errors name the tensor.
 
 use half::f16;
 use safetensors::SafeTensors;

@@ -1,4 +1,4 @@
-//! Rays and what they are shot at, as plain numbers that can be written to a file.
+//! A test case: rays and the scene they are traced in, as numbers that can be written to a file.
 
 mod geometries;
 

@@ -1,4 +1,4 @@
-//! Seeded draws of rays and shapes near the edges of their decisions.
+//! Seeded random rays and shapes near the boundary between hit and miss.
 
 use crate::geometry::Ray;
 

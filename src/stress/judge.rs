@@ -1,4 +1,4 @@
-//! Compares every answer about a case with the reference's.
+//! Compares every result for a case with that of the exact reference.
 //!
 //! For each primitive and instance that the ray meets or comes near: the block test keeps what the
 //! line meets; hit or miss, the surface, t and the attributes are right, for the case's interval

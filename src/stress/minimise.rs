@@ -1,5 +1,4 @@
-//! Makes a failing case small: fewer primitives, instances and rays, nothing that moves, short
-//! numbers.
+//! Minimises a failing case: fewer primitives, instances and rays, no motion, short numbers.
 
 use crate::geometry::Precision;
 use crate::stress::case::{Case, Moves, Placement, Shape};

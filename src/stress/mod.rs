@@ -1,4 +1,4 @@
-//! Adversarial rays without end, judged by arbitrary precision: `anyhit stress`.
+//! Fuzzing of intersection and traversal against an exact reference: `anyhit stress`.
 //!
 //! A [`Case`] is a ray, perhaps with others that go together with it, and primitives of one kind in
 //! an instance or several, which may move. The [`family`] module draws cases where intersectors
@@ -32,7 +32,7 @@ const ENOUGH: usize = 10;
 
 /// What to run.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct StressSettings {
     /// The seed from which the cases are drawn.
     pub seed: u64,
     /// Ends the run after at least so many rays.
@@ -56,7 +56,7 @@ pub struct Found {
 
 /// What a run did.
 #[derive(Clone, Debug)]
-pub struct Report {
+pub struct StressReport {
     /// Cases drawn.
     pub cases: u64,
     /// Per family of [`FAMILIES`], what was checked.
@@ -67,7 +67,7 @@ pub struct Report {
     pub time: Duration,
 }
 
-impl Report {
+impl StressReport {
     /// The tally of all families together.
     pub fn total(&self) -> Tally {
         self.families.iter().fold(Tally::default(), |sum, one| sum.plus(one))
@@ -85,9 +85,9 @@ pub fn case(seed: u64, number: u64) -> Case {
 }
 
 /// Runs until the settings or ten failures end it; `progress` is told from time to time.
-pub fn run(settings: &Settings, mut progress: impl FnMut(&Report)) -> Report {
+pub fn run(settings: &StressSettings, mut progress: impl FnMut(&StressReport)) -> StressReport {
     let begin = Instant::now();
-    let mut report = Report {
+    let mut report = StressReport {
         cases: 0,
         families: vec![Tally::default(); FAMILIES.len()],
         found: Vec::new(),
@@ -139,7 +139,7 @@ mod tests {
     /// The judge must not be blind: plain f32 arithmetic is wrong in every run.
     #[test]
     fn plain_floats_are_found_wrong_and_the_case_is_made_small() {
-        let settings = Settings { seed: 1, rays: Some(1), time: None, precision: Precision::Float };
+        let settings = StressSettings { seed: 1, rays: Some(1), time: None, precision: Precision::Float };
         let report = run(&settings, |_| ());
         assert_eq!(report.found.len(), ENOUGH);
         for found in &report.found {
@@ -150,7 +150,8 @@ mod tests {
 
     #[test]
     fn exact_answers_are_found_right() {
-        let settings = Settings { seed: 2, rays: Some(200_000), time: None, precision: Precision::Exact };
+        let settings =
+            StressSettings { seed: 2, rays: Some(200_000), time: None, precision: Precision::Exact };
         let report = run(&settings, |_| ());
         assert!(report.found.is_empty(), "{:#?}", report.found);
         for (family, tally) in FAMILIES.iter().zip(&report.families) {

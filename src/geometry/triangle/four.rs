@@ -2,7 +2,7 @@
 //! lane by lane. A product that goes into a sum unrounded is off by less than the bounds allow.
 
 use crate::geometry::Surface;
-use crate::geometry::intersection4::{ALL, Divisor, Intersection4};
+use crate::geometry::intersection4::{ALL, Divisor4, Intersection4};
 use crate::geometry::object_ray::DoubleRay;
 use crate::math::error_bound::two_units;
 use crate::math::f32x4::F32x4;
@@ -62,7 +62,7 @@ pub fn intersect4<D: F64x4Ops>(
         return out;
     }
 
-    let divisor = Divisor::new(simd, det, e_det);
+    let divisor = Divisor4::new(simd, det, e_det);
     let t = divisor.quotient(simd.dot3(e2, q), simd.mul(simd.mul(e1n, e2n), error_bound));
     let (t_min, t_max) = (simd.splat(t_min.into()), simd.splat(t_max.into()));
     let outside = simd.cmp_ge(t_min, t.above) | simd.cmp_ge(t.below, t_max);

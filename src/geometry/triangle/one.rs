@@ -7,7 +7,7 @@
 //! table at `object_ray::View` det is off by at most c |d| N^2, beta and gamma by |d| N reach(|w|),
 //! and e2.q by N^2 reach(|w|). alpha is summed up with its components' differences taken first: two
 //! roundings more in each of its three products, 9u of the 12u of c, so that it is off by what the
-//! three are together. All are divided by det: [`Divisor`] lane by lane. With alpha / det, beta /
+//! three are together. All are divided by det: [`Divisor4`] lane by lane. With alpha / det, beta /
 //! det and gamma / det above 0 and t within the interval it is hit; with one of the former below 0,
 //! or t outside, missed, and so it is, whatever det is, where two of alpha, beta and gamma have
 //! opposite signs. The ends of what the quotients may be are compared after they were rounded to
@@ -19,7 +19,7 @@
 //! that is nearly always so, the processor foresees it, and whoever takes the t waits for no bound.
 
 use crate::geometry::Intersection;
-use crate::geometry::intersection4::{ALL, Divisor};
+use crate::geometry::intersection4::{ALL, Divisor4};
 use crate::geometry::object_ray::DoubleRay;
 use crate::geometry::triangle::facing;
 use crate::geometry::verdict::Verdict;
@@ -58,7 +58,7 @@ pub fn intersect_simd<D: F64x4Ops>(
     let weights =
         simd.mul_add(direction_norm, few([0.0, 1.0, 1.0, 2.0]), simd.mul(n, few([1.0, 0.0, 0.0, 0.0])));
     let errors = simd.mul_add(simd.mul(n, error_bound), weights, simd.mul(e_det, few([0.0, 0.0, 0.0, 1.0])));
-    let divisor = Divisor::new(simd, det, e_det);
+    let divisor = Divisor4::new(simd, det, e_det);
     let quotients = divisor.quotient(numerators, errors);
     let [first, last] = quotients.rounded_ends(simd);
 

@@ -1,4 +1,4 @@
-//! The primitives of a case as a BLAS takes them.
+//! Makes the geometries of a BLAS from the primitives of a case.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What moves: vertices and instances, at drawn times.
+//! Cases with motion: moving vertices and instances, at random times.
 
 use crate::accel::motion::interpolate;
 use crate::geometry::Ray;

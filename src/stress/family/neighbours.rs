@@ -1,4 +1,4 @@
-//! Rays beside that of a case, to be traced together with it.
+//! Neighbouring rays of a case, which are traced in one packet with it.
 
 use crate::stress::case::{Case, Neighbour, Shape};
 use crate::stress::draw::Draw;

@@ -1,4 +1,4 @@
-//! Many primitives: wide nodes, leaves of several blocks, swept spheres in two halves, trees over
+//! Cases with many primitives: wide nodes, leaves of several blocks, split swept spheres, BVHs over
 //! instances.
 
 use crate::geometry::{Ray, Transform};

@@ -1,5 +1,5 @@
-//! What of a case stands where at a time, and what a ray hits there if every primitive is tested,
-//! without boxes and trees.
+//! A case at one time: where its instances and vertices are, and what a ray hits by testing every
+//! primitive, without boxes and BVHs.
 
 use std::cmp::Ordering;
 
@@ -18,11 +18,11 @@ pub struct Moment {
     pub time: f32,
     /// None of them moves.
     pub shapes: Vec<Shape>,
-    pub places: Vec<Place>,
+    pub places: Vec<PlacedInstance>,
 }
 
 /// An instance at a time.
-pub struct Place {
+pub struct PlacedInstance {
     placement: Placement,
     /// Of one that moves, where there is one.
     moved: Option<Matrix>,
@@ -59,14 +59,14 @@ impl Moment {
                 Some(_) => Some(moved.unwrap_or([[0.0; 4]; 3])),
             };
             let transform = matrix.as_ref().and_then(Transform::new);
-            Place { placement, moved, matrix, transform }
+            PlacedInstance { placement, moved, matrix, transform }
         });
         Self { time, shapes: shapes.collect(), places: places.collect() }
     }
 
     /// Judges the numbers that an instance has at the time.
     pub fn check_place(&self, instance: usize) -> Result<(), Failure> {
-        let Place { placement, moved, .. } = &self.places[instance];
+        let PlacedInstance { placement, moved, .. } = &self.places[instance];
         let Some(moves) = &placement.motion else { return Ok(()) };
         if !is_transform(moves, self.time, moved.as_ref()) {
             return fail(format!("instance {instance} at {:e}: {moved:?} is wrong", self.time));
@@ -123,7 +123,7 @@ impl Moment {
     }
 }
 
-impl Place {
+impl PlacedInstance {
     /// The side of a primitive that an instance presents; `None` where the ray's flags cull it.
     fn presents(&self, surface: Surface, flags: RayFlags) -> Option<Surface> {
         let has = |flag: InstanceFlags| self.placement.flags & flag.0 != 0;

@@ -1,4 +1,4 @@
-//! Judges the answers about one primitive: hit or miss, the surface, t and the attributes.
+//! Judges the results for one primitive: hit or miss, the surface, t and the attributes.
 
 use crate::geometry::block::{self, BoxRay, CullRay, LANES, ShearedRay};
 use crate::geometry::{

@@ -1,7 +1,6 @@
-//! Judges what comes out of trees: a cursor and a packet must find what is found where every
-//! primitive is tested.
+//! Judges BVH traversal: a cursor and a packet must find what testing every primitive finds.
 //!
-//! All of it with the processor's vectors, and with those that every processor has. A cursor has
+//! Both run on the best instruction set of the CPU and on the baseline. A cursor has
 //! two ways through the same trees, and both are gone: an opaque ray commits the least hit of the
 //! key (t, instance, geometry, primitive), a ray for which nothing is opaque has all hits handed
 //! out in the order of that key, each once, whether somebody looks on or not. Packets are traced as

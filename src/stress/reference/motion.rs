@@ -1,4 +1,4 @@
-//! What moves, at a time, in rational numbers: from the definition at the head of `accel::motion`
+//! Motion in rational numbers: from the definition at the head of `accel::motion`
 //! (numbers at a time are those between the keys, and each that traversal works with is rounded
 //! once), but the rotation as a product of quaternions.
 
