@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use anyhit::harness::texels::plane;
 use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Image, Shape};
+use anyhit::machine::image::{Image, ImageShape};
 use anyhit::pipeline::{Launch, NotStreamed, Stats, Streamed};
 use anyhit::scene::{self, DiskFiles, LoadOptions};
 use anyhit::{Error, ErrorKind, Module, Pipeline, Program, Scene};
@@ -63,7 +63,8 @@ where
 }
 
 fn whole(pipeline: &Pipeline, [width, height]: [u32; 2], image: &Streamed) -> (Vec<u8>, Stats) {
-    let image = Image::filled(image.format, Shape::plane(width, height), &image.texel).expect("an image");
+    let image =
+        Image::filled(image.format, ImageShape::plane(width, height), &image.texel).expect("an image");
     let launched = pipeline.launch(&scene().image(0, 0, image.clone()), [width, height, 1]).expect("no trap");
     (image.bytes(), launched.stats)
 }

@@ -11,7 +11,7 @@ use crate::cli::{output, precision, stats};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::harness::stability::apart;
-use crate::machine::image::Shape;
+use crate::machine::image::ImageShape;
 use crate::machine::{Binding, Descriptor};
 use crate::pipeline::{Band, Bands, Streamed};
 use crate::scene::image::{stream_png, write_png};
@@ -164,7 +164,7 @@ fn in_bands<'a>(
     let [width, height, _] = assembled.size;
     let why = if args.stability.asks() {
         "--shadow and --perturb run the launch again on it"
-    } else if image.shape != Shape::plane(width, height) {
+    } else if image.shape != ImageShape::plane(width, height) {
         "it is no plane as wide and high as the launch, of one level and sample"
     } else if !image.is_filled() {
         "the scene gives its texels one by one"

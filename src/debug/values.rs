@@ -8,7 +8,7 @@ use serde::ser::{Serialize, Serializer};
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::builtin::{Builtin, Shape};
+use crate::ops::builtin::{Builtin, ValueShape};
 
 /// Longer lists are cut in text.
 const SHOWN: usize = 16;
@@ -78,20 +78,20 @@ impl TypedValue {
     /// A builtin from its words.
     pub fn of_builtin(builtin: &Builtin, words: &[u32]) -> Self {
         let (ty, content) = match builtin.shape {
-            Shape::Bool => ("bool", ValueContent::Bool(words.first().is_some_and(|&word| word != 0))),
-            Shape::Int => ("uint", ValueContent::Uint(words.first().copied().unwrap_or(0).into())),
-            Shape::Int2 => ("uvec2", uints(words)),
-            Shape::Int3 => ("uvec3", uints(words)),
-            Shape::Int4 => ("uvec4", uints(words)),
-            Shape::Float => {
+            ValueShape::Bool => ("bool", ValueContent::Bool(words.first().is_some_and(|&word| word != 0))),
+            ValueShape::Int => ("uint", ValueContent::Uint(words.first().copied().unwrap_or(0).into())),
+            ValueShape::Int2 => ("uvec2", uints(words)),
+            ValueShape::Int3 => ("uvec3", uints(words)),
+            ValueShape::Int4 => ("uvec4", uints(words)),
+            ValueShape::Float => {
                 ("float", ValueContent::f32(words.first().map_or(0.0, |&word| f32::from_bits(word))))
             }
-            Shape::Float2 => ("vec2", floats(words)),
-            Shape::Float3 => ("vec3", floats(words)),
-            Shape::Matrix4x3 => ("mat4x3", lists(words)),
-            Shape::FloatArray2 => ("float[2]", floats(words)),
-            Shape::Float3Array2 => ("vec3[2]", lists(words)),
-            Shape::Float3Array3 => ("vec3[3]", lists(words)),
+            ValueShape::Float2 => ("vec2", floats(words)),
+            ValueShape::Float3 => ("vec3", floats(words)),
+            ValueShape::Matrix4x3 => ("mat4x3", lists(words)),
+            ValueShape::FloatArray2 => ("float[2]", floats(words)),
+            ValueShape::Float3Array2 => ("vec3[2]", lists(words)),
+            ValueShape::Float3Array3 => ("vec3[3]", lists(words)),
         };
         Self { ty: ty.to_owned(), content }
     }

@@ -4,7 +4,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::layout::Layout;
 use crate::math::float_format::FloatFormat;
 use crate::module::ty::Type;
-use crate::ops::builtin::{self, Builtin, Shape};
+use crate::ops::builtin::{self, Builtin, ValueShape};
 use crate::scene::read::nearest;
 
 /// A Rust value made of scalars: `bool`, `u32`, `i32`, `f32`, `u64`, `i64`, `f64`, and arrays of
@@ -106,8 +106,8 @@ pub(super) fn builtin_words(name: &str, value: &impl Scalars) -> Result<(&'stati
         return Err(near.map_or(error.clone(), |near| error.note(format!("did you mean `{near}`?"))));
     };
     let kind = match builtin.shape {
-        Shape::Bool => "bool",
-        Shape::Int | Shape::Int2 | Shape::Int3 | Shape::Int4 => "integer",
+        ValueShape::Bool => "bool",
+        ValueShape::Int | ValueShape::Int2 | ValueShape::Int3 | ValueShape::Int4 => "integer",
         _ => "float",
     };
     let count = builtin.shape.words() as usize;

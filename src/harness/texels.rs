@@ -4,7 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use crate::machine::format::Format;
-use crate::machine::image::{Image, Position, Shape};
+use crate::machine::image::{Image, ImageShape, Position};
 
 /// An image whose texels a test looks at; level 0 and layer 0.
 #[derive(Clone)]
@@ -66,7 +66,7 @@ impl fmt::Debug for Texels {
 /// For a width or height of 0.
 #[track_caller]
 pub fn plane(format: Format, width: u32, height: u32) -> Arc<Image> {
-    match Image::zeroed(format, Shape::plane(width, height)) {
+    match Image::zeroed(format, ImageShape::plane(width, height)) {
         Ok(image) => image,
         Err(error) => panic!("{error}"),
     }

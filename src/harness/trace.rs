@@ -15,7 +15,7 @@ use crate::harness::layout::{Layout, Rules};
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::scene::Scene;
 use crate::harness::value::Value;
-use crate::machine::printed::Line;
+use crate::machine::printed::PrintedLine;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::{Band, Bands, Event, Launch, Pipeline, PipelineObserver, RayOperands, Stats, Streamed};
@@ -174,7 +174,7 @@ pub struct Launched {
     /// How many rays were traced and shaders run.
     pub stats: Stats,
     /// What shaders printed (`debugPrintfEXT`), in launch order.
-    pub printed: Vec<Line>,
+    pub printed: Vec<PrintedLine>,
     bound: Bound,
 }
 

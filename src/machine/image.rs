@@ -53,7 +53,7 @@ impl Dimension {
 
 /// The shape of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape {
+pub struct ImageShape {
     /// What its coordinates are.
     pub dimension: Dimension,
     /// Width, height, depth of level 0; 1 where the dimension has none.
@@ -66,7 +66,7 @@ pub struct Shape {
     pub samples: u32,
 }
 
-impl Shape {
+impl ImageShape {
     /// A plane of one level.
     pub fn plane(width: u32, height: u32) -> Self {
         Self { dimension: Dimension::D2, extent: [width, height, 1], layers: 1, levels: 1, samples: 1 }
@@ -164,7 +164,7 @@ pub struct SampleWeight {
 #[derive(Debug)]
 pub struct Image {
     format: Format,
-    shape: Shape,
+    shape: ImageShape,
     levels: SmallVec<[Level; 1]>,
     /// The texels that are there: all of them, but in a band.
     held: Range<usize>,
@@ -176,16 +176,16 @@ impl Image {
     /// An image of zeros.
     ///
     /// # Errors
-    /// As [`Shape::check`].
-    pub fn zeroed(format: Format, shape: Shape) -> Result<Arc<Self>> {
+    /// As [`ImageShape::check`].
+    pub fn zeroed(format: Format, shape: ImageShape) -> Result<Arc<Self>> {
         Self::filled(format, shape, &[0; 16][..format.texel_size() as usize])
     }
 
     /// An image of these bytes.
     ///
     /// # Errors
-    /// As [`Shape::check`], and `InvalidImage` for another number of bytes than the shape has.
-    pub fn new(format: Format, shape: Shape, bytes: &[u8]) -> Result<Arc<Self>> {
+    /// As [`ImageShape::check`], and `InvalidImage` for another number of bytes than the shape has.
+    pub fn new(format: Format, shape: ImageShape, bytes: &[u8]) -> Result<Arc<Self>> {
         let size = shape.texels().saturating_mul(u64::from(format.texel_size()));
         if bytes.len() as u64 != size {
             let message = format!("{} bytes for an image of {size}", bytes.len());
@@ -203,7 +203,7 @@ impl Image {
     ///
     /// # Errors
     /// As [`Image::new`].
-    pub fn filled(format: Format, shape: Shape, texel: &[u8]) -> Result<Arc<Self>> {
+    pub fn filled(format: Format, shape: ImageShape, texel: &[u8]) -> Result<Arc<Self>> {
         Self::of_one_texel(format, shape, whole(&shape), texel)
     }
 
@@ -224,10 +224,15 @@ impl Image {
             return Err(Error::new(ErrorKind::InvalidImage, message));
         }
         let [first, end] = [rows.start, rows.end].map(|row| row as usize * width as usize);
-        Self::of_one_texel(format, Shape::plane(width, height), first..end, texel)
+        Self::of_one_texel(format, ImageShape::plane(width, height), first..end, texel)
     }
 
-    fn of_one_texel(format: Format, shape: Shape, held: Range<usize>, texel: &[u8]) -> Result<Arc<Self>> {
+    fn of_one_texel(
+        format: Format,
+        shape: ImageShape,
+        held: Range<usize>,
+        texel: &[u8],
+    ) -> Result<Arc<Self>> {
         let each = format.texel_size() as usize;
         if texel.len() != each {
             let message = format!("{} bytes for a texel of {each}", texel.len());
@@ -245,7 +250,7 @@ impl Image {
 
     fn from_words(
         format: Format,
-        shape: Shape,
+        shape: ImageShape,
         held: Range<usize>,
         words: impl Iterator<Item = AtomicU64>,
     ) -> Result<Arc<Self>> {
@@ -276,7 +281,7 @@ impl Image {
     }
 
     /// Its shape.
-    pub fn shape(&self) -> &Shape {
+    pub fn shape(&self) -> &ImageShape {
         &self.shape
     }
 
@@ -405,7 +410,7 @@ impl Image {
 }
 
 /// All texels.
-fn whole(shape: &Shape) -> Range<usize> {
+fn whole(shape: &ImageShape) -> Range<usize> {
     0..usize::try_from(shape.texels()).unwrap_or(usize::MAX)
 }
 
@@ -428,7 +433,7 @@ mod tests {
         assert_eq!((band.row_bytes(3), band.bytes()), (vec![7, 7, 9], vec![7, 7, 7, 7, 7, 9]));
         assert_eq!(band.copied().row_bytes(3), [7, 7, 9]);
         assert!(Image::band(3, 5, 2..6, format, &[7]).is_err());
-        assert_eq!(Image::zeroed(format, Shape::plane(3, 5)).unwrap().rows(), 0..5);
+        assert_eq!(Image::zeroed(format, ImageShape::plane(3, 5)).unwrap().rows(), 0..5);
     }
 
     #[test]
@@ -437,9 +442,9 @@ mod tests {
         {
             let format = Format::new(component, channels);
             let texel: Vec<u8> = (1..=format.texel_size() as u8).collect();
-            let image = Image::filled(format, Shape::plane(5, 3), &texel).unwrap();
+            let image = Image::filled(format, ImageShape::plane(5, 3), &texel).unwrap();
             assert_eq!(image.bytes(), texel.repeat(15));
-            assert!(Image::filled(format, Shape::plane(5, 3), &[0; 3]).is_err());
+            assert!(Image::filled(format, ImageShape::plane(5, 3), &[0; 3]).is_err());
         }
     }
 
@@ -455,7 +460,7 @@ mod tests {
             let format = Format::new(component, channels);
             let size = format.texel_size() as usize;
             let bytes: Vec<u8> = (0..6 * size).map(|at| at as u8).collect();
-            let image = Image::new(format, Shape::plane(3, 2), &bytes).unwrap();
+            let image = Image::new(format, ImageShape::plane(3, 2), &bytes).unwrap();
             let middle = image.index(&Position { at: [1, 1, 0], ..Position::default() }).unwrap();
             assert_eq!(middle, 4);
             let mut texel = [0; 16];
@@ -472,7 +477,7 @@ mod tests {
     fn levels_layers_and_samples_have_their_places() {
         let format = Format::new(Component::Uint8, 1);
         let shape =
-            Shape { dimension: Dimension::D2Array, extent: [5, 2, 1], layers: 2, levels: 3, samples: 1 };
+            ImageShape { dimension: Dimension::D2Array, extent: [5, 2, 1], layers: 2, levels: 3, samples: 1 };
         // 5 x 2, 2 x 1, 1 x 1, each twice.
         assert_eq!((shape.texels(), shape.full_levels()), (26, 3));
         let image = Image::zeroed(format, shape).unwrap();
@@ -485,7 +490,7 @@ mod tests {
         }
         assert_eq!(index([2, 0, 0], 0, 1), None);
         assert_eq!(index([0, 0, 0], 0, 3), None);
-        let four = Image::zeroed(format, Shape { samples: 4, ..Shape::plane(2, 1) }).unwrap();
+        let four = Image::zeroed(format, ImageShape { samples: 4, ..ImageShape::plane(2, 1) }).unwrap();
         let sample = |sample| four.index(&Position { at: [1, 0, 0], sample, ..Position::default() });
         assert_eq!((sample(3), sample(4)), (Some(7), None));
     }
@@ -493,7 +498,7 @@ mod tests {
     #[test]
     fn an_update_gives_what_was_there() {
         let image =
-            Image::new(Format::new(Component::Uint32, 1), Shape::plane(2, 1), &[1, 0, 0, 0, 2, 0, 0, 0]);
+            Image::new(Format::new(Component::Uint32, 1), ImageShape::plane(2, 1), &[1, 0, 0, 0, 2, 0, 0, 0]);
         let image = image.unwrap();
         assert_eq!(image.update(1, |old| Some(old.wrapping_sub(3))), 2);
         assert_eq!((image.load(0), image.load(1)), (1, 0xffff_ffff));
@@ -501,22 +506,22 @@ mod tests {
 
     #[test]
     fn shapes_that_do_not_fit_are_refused() {
-        let plane = Shape::plane(4, 4);
+        let plane = ImageShape::plane(4, 4);
         let refused = [
-            Shape { extent: [4, 4, 2], ..plane },
-            Shape { layers: 2, ..plane },
-            Shape { levels: 4, ..plane },
-            Shape { samples: 3, ..plane },
-            Shape { samples: 4, levels: 2, ..plane },
-            Shape { extent: [0, 1, 1], ..plane },
-            Shape { dimension: Dimension::Cube, layers: 5, ..plane },
-            Shape { dimension: Dimension::Cube, layers: 6, extent: [4, 2, 1], ..plane },
-            Shape { dimension: Dimension::D1, ..plane },
+            ImageShape { extent: [4, 4, 2], ..plane },
+            ImageShape { layers: 2, ..plane },
+            ImageShape { levels: 4, ..plane },
+            ImageShape { samples: 3, ..plane },
+            ImageShape { samples: 4, levels: 2, ..plane },
+            ImageShape { extent: [0, 1, 1], ..plane },
+            ImageShape { dimension: Dimension::Cube, layers: 5, ..plane },
+            ImageShape { dimension: Dimension::Cube, layers: 6, extent: [4, 2, 1], ..plane },
+            ImageShape { dimension: Dimension::D1, ..plane },
         ];
         for shape in refused {
             assert_eq!(shape.check().unwrap_err().kind(), ErrorKind::InvalidImage, "{shape:?}");
         }
-        assert!(Shape { levels: 3, ..plane }.check().is_ok());
+        assert!(ImageShape { levels: 3, ..plane }.check().is_ok());
         assert!(Image::new(Format::RGBA32F, plane, &[0; 255]).is_err());
     }
 }

@@ -426,7 +426,7 @@ impl<const W: usize> Invocations<W> {
 
     /// What the builtins of a lane read that no field holds.
     #[inline]
-    pub fn one(&self, lane: usize) -> One<'_> {
+    pub fn one(&self, lane: usize) -> LaneInvocation<'_> {
         let tlas = self.structures.get(lane).filter(|_| self.hit);
         let hit = tlas.map(|tlas| {
             let HitLanes { instance, geometry, primitive, .. } = &self.hits;
@@ -437,7 +437,7 @@ impl<const W: usize> Invocations<W> {
                 kind: HitKind(self.hits.kind.0[lane]),
             }
         });
-        One {
+        LaneInvocation {
             launch_id: self.launch_id(lane),
             launch_size: self.launch_size,
             trace: self.rays.get(lane),
@@ -458,7 +458,7 @@ impl<const W: usize> Default for Invocations<W> {
 
 /// One invocation of a batch.
 #[derive(Clone, Debug)]
-pub struct One<'a> {
+pub struct LaneInvocation<'a> {
     /// `LaunchIdKHR`; in compute `GlobalInvocationId`
     pub launch_id: [u32; 3],
     /// `LaunchSizeKHR`; in compute the invocations of the whole dispatch
@@ -476,7 +476,7 @@ pub struct One<'a> {
     place: u32,
 }
 
-impl One<'_> {
+impl LaneInvocation<'_> {
     /// `CurrentRayTimeNV`: 0 for a trace without motion, and where there is none.
     pub fn time(&self) -> f32 {
         self.trace.time

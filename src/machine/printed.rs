@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// A text that an invocation printed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Line {
+pub struct PrintedLine {
     /// `LaunchIdKHR` of the invocation.
     pub launch_id: [u32; 3],
     /// The text, as the shader's format makes it.
@@ -14,17 +14,17 @@ pub struct Line {
 /// Collects texts from all threads.
 #[derive(Debug, Default)]
 pub struct Printed {
-    lines: Mutex<Vec<Line>>,
+    lines: Mutex<Vec<PrintedLine>>,
 }
 
 impl Printed {
     /// Adds a text.
     pub fn push(&self, launch_id: [u32; 3], text: String) {
-        self.lines.lock().unwrap_or_else(PoisonError::into_inner).push(Line { launch_id, text });
+        self.lines.lock().unwrap_or_else(PoisonError::into_inner).push(PrintedLine { launch_id, text });
     }
 
     /// Takes all texts so far, in launch order; those of one launch index as they came.
-    pub fn take(&self) -> Vec<Line> {
+    pub fn take(&self) -> Vec<PrintedLine> {
         let mut lines = std::mem::take(&mut *self.lines.lock().unwrap_or_else(PoisonError::into_inner));
         lines.sort_by_key(|line| [line.launch_id[2], line.launch_id[1], line.launch_id[0]]);
         lines

@@ -8,7 +8,7 @@ use crate::module::grammar::{is_id, opcode, walk};
 use crate::module::load::UnknownResults;
 use crate::module::names::opcode_name;
 use crate::module::words::{Span, invalid};
-use crate::module::{Block, Definition, Id, Instruction, Module};
+use crate::module::{BasicBlock, Definition, Id, Instruction, Module};
 use crate::module::{check_access, check_encoding};
 
 /// Checks every instruction of every function, then that no entry point calls itself in a circle;
@@ -186,7 +186,7 @@ impl Checker<'_> {
     }
 
     /// `OpPhi` opens a block; a merge instruction stands right before its end.
-    fn order(&self, block: &Block) -> Result<()> {
+    fn order(&self, block: &BasicBlock) -> Result<()> {
         let mut phis_over = false;
         let last = block.instructions.len().saturating_sub(1);
         for (index, instruction) in block.instructions.iter().enumerate() {

@@ -6,7 +6,7 @@ use smallvec::{SmallVec, smallvec};
 use crate::error::Result;
 use crate::module::grammar::opcode;
 use crate::module::words::invalid;
-use crate::module::{Block, Definition, Function, Id, Instruction, Module};
+use crate::module::{BasicBlock, Definition, Function, Id, Instruction, Module};
 
 /// Checks the edges between the blocks of every function.
 ///
@@ -79,6 +79,6 @@ fn check_phi(module: &Module, function: &Function, predecessors: &[u32], phi: &I
 }
 
 /// Whether an instruction of unknown opcode ends a block: nobody knows where it goes on.
-fn ends_unknown(block: &Block) -> bool {
+fn ends_unknown(block: &BasicBlock) -> bool {
     block.instructions.last().is_some_and(|last| opcode(last.opcode).is_none())
 }

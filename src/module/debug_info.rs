@@ -16,7 +16,7 @@ pub struct SourceFile {
 
 /// A place in a source file; line and column count from 1, column 0 is unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Line {
+pub struct SourceLine {
     /// Index into [`DebugInfo::files`].
     pub file: u32,
     /// From 1.
@@ -42,19 +42,19 @@ pub struct DebugInfo {
     /// Source files, from `OpString`/`OpSource` and `DebugSource`.
     pub files: Vec<SourceFile>,
     /// The line in force from a word offset on, ascending by offset; `None` ends one.
-    pub lines: Vec<(u32, Option<Line>)>,
+    pub lines: Vec<(u32, Option<SourceLine>)>,
 }
 
 impl DebugInfo {
     /// The source line of the instruction at a word offset.
-    pub fn line_at(&self, offset: u32) -> Option<Line> {
+    pub fn line_at(&self, offset: u32) -> Option<SourceLine> {
         let after = self.lines.partition_point(|&(start, _)| start <= offset);
         self.lines[..after].last()?.1
     }
 
     /// The last source line at or before a word offset, but not before another; whether or not it
     /// is still in force there.
-    pub fn line_before(&self, offset: u32, from: u32) -> Option<Line> {
+    pub fn line_before(&self, offset: u32, from: u32) -> Option<SourceLine> {
         let after = self.lines.partition_point(|&(start, _)| start <= offset);
         let lines = self.lines[..after].iter().rev().take_while(|&&(start, _)| start >= from);
         lines.into_iter().find_map(|&(_, line)| line)

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use rspirv::spirv::{NonsemanticShaderDebuginfo100Op as DebugOp, Op};
 
-use crate::module::debug_info::{DebugInfo, Line, SourceFile};
+use crate::module::debug_info::{DebugInfo, SourceFile, SourceLine};
 use crate::module::words::{Span, lossy_string};
 use crate::module::{Id, Module};
 
@@ -98,7 +98,7 @@ impl<'w> DebugReader<'w> {
                 }
             }
             (Op::Line, [file, line, column]) => {
-                let line = self.file(Id(*file)).map(|file| Line { file, line: *line, column: *column });
+                let line = self.file(Id(*file)).map(|file| SourceLine { file, line: *line, column: *column });
                 self.set_line(span.end, line);
             }
             (Op::NoLine, _) => self.set_line(span.end, None),
@@ -132,7 +132,7 @@ impl<'w> DebugReader<'w> {
             (DebugOp::DebugLine, [source, line, _line_end, column, ..]) => {
                 let line = match (self.sources.get(&Id(*source)), constant(line)) {
                     (Some(&file), Some(line)) => {
-                        Some(Line { file, line, column: constant(column).unwrap_or(0) })
+                        Some(SourceLine { file, line, column: constant(column).unwrap_or(0) })
                     }
                     _ => None,
                 };
@@ -213,7 +213,7 @@ impl<'w> DebugReader<'w> {
         }
     }
 
-    fn set_line(&mut self, offset: usize, line: Option<Line>) {
+    fn set_line(&mut self, offset: usize, line: Option<SourceLine>) {
         if self.info.lines.last().and_then(|(_, last)| *last) != line {
             self.info.lines.push((offset as u32, line));
         }
@@ -283,7 +283,7 @@ mod tests {
         );
         let instructions = &module.functions[0].blocks[0].instructions;
         assert_eq!(instructions.iter().map(|one| one.opcode).collect::<Vec<_>>(), [59, 61, 61, 253]);
-        assert_eq!(info.line_at(instructions[1].offset), Some(Line { file: 0, line: 7, column: 9 }));
+        assert_eq!(info.line_at(instructions[1].offset), Some(SourceLine { file: 0, line: 7, column: 9 }));
         assert_eq!(info.line_at(instructions[2].offset), None);
     }
 

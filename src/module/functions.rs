@@ -11,7 +11,7 @@ use crate::module::load::{FUNCTION_STORAGE, Loader};
 use crate::module::names::opcode_name;
 use crate::module::ty::{Type, TypeId};
 use crate::module::words::{Span, Walker, invalid};
-use crate::module::{Block, Definition, Function, Id, Instruction};
+use crate::module::{BasicBlock, Definition, Function, Id, Instruction};
 
 impl<'w> Loader<'w> {
     /// Reads the functions, of which the first has been met.
@@ -93,7 +93,7 @@ impl<'w> Loader<'w> {
                 self.check_parameter_count(span, body)?;
                 let block = self.module.functions[body.index as usize].blocks.len() as u32;
                 self.define(span.start + 1, Definition::Label(body.index, block))?;
-                body.open = Some(Block {
+                body.open = Some(BasicBlock {
                     label: self.id(span.start + 1),
                     offset: span.start as u32,
                     instructions: std::mem::take(&mut body.room),
@@ -261,7 +261,7 @@ struct Body {
     index: u32,
     /// Types of the parameters, by the function's type.
     wanted: Vec<TypeId>,
-    open: Option<Block>,
+    open: Option<BasicBlock>,
     /// Memory for the instructions of the next block.
     room: Vec<Instruction>,
 }

@@ -68,7 +68,7 @@ pub struct Instruction {
 
 /// A basic block: a label and the instructions up to and including its terminator.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Block {
+pub struct BasicBlock {
     /// The id of its `OpLabel`.
     pub label: Id,
     /// Where its `OpLabel` stands, in words.
@@ -92,7 +92,7 @@ pub struct Function {
     /// Parameters: result id and type.
     pub parameters: Vec<(Id, TypeId)>,
     /// Blocks; empty for a declaration without a body (an import).
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<BasicBlock>,
     /// Indices of the functions that its instructions call, one for each call, in their order.
     pub calls: Vec<u32>,
     /// Indices of the variables of module scope that its instructions name, ascending.

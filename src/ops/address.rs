@@ -12,10 +12,10 @@ use crate::ops::conversion::{self, Conversion};
 use crate::ops::integer_operand::Reading;
 use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::op::Op;
-use crate::ops::pointer::{self, Place, Pointer, storage};
+use crate::ops::pointer::{self, Pointer, PointerBase, storage};
 use crate::ops::pointer_stride;
 use crate::ops::relational_logical::{IEqual, LogicalAnd, LogicalNot};
-use crate::ops::translate::{Translator, Value, Words};
+use crate::ops::translate::{IdValue, Translator, Words};
 
 /// Kernels of address arithmetic.
 pub mod kernels {
@@ -66,13 +66,13 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let indices = &translator.operands(instruction)[2..];
             let pointer = pointer::follow(translator, pointer, indices)?;
             if let Some(id) = instruction.result {
-                translator.define(id, Value::Pointer(pointer.into()));
+                translator.define(id, IdValue::Pointer(pointer.into()));
             }
         }
         Opcode::RawAccessChainNV => {
             let pointer = raw(translator, instruction)?;
             if let Some(id) = instruction.result {
-                translator.define(id, Value::Pointer(pointer.into()));
+                translator.define(id, IdValue::Pointer(pointer.into()));
             }
         }
         Opcode::PtrEqual | Opcode::PtrNotEqual => {
@@ -154,14 +154,20 @@ fn raw(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Poi
         return Err(translator.invalid("a raw access chain gives a pointer"));
     };
     let base = translator.pointer(base)?;
-    if !matches!(base.place, Place::Buffer(_)) || base.storage_class != storage_class {
+    if !matches!(base.place, PointerBase::Buffer(_)) || base.storage_class != storage_class {
         return Err(translator.invalid("a raw access chain leads into a buffer (SPV_NV_raw_access_chains)"));
     }
     let mut index_so_far = base.index;
     for (index, stride) in [(index, stride), (offset, 1)] {
         let to = translator.fresh(1)?;
         let length = Length::Unknown;
-        translator.emit(Op::Memory(memory::Op::Index { to, base: index_so_far, index, stride, length }));
+        translator.emit(Op::Memory(memory::MemoryOp::Index {
+            to,
+            base: index_so_far,
+            index,
+            stride,
+            length,
+        }));
         index_so_far = Some(to);
     }
     Ok(Pointer { pointee, index: index_so_far, matrix: None, component_stride: None, ..base })
@@ -212,12 +218,12 @@ fn stride(
     };
     let pointer = translator.pointer(base)?;
     match pointer.place {
-        Place::Buffer(_) if pointer.is_packed(translator) => Ok(translator.word_count(pointee)? * 4),
-        Place::Buffer(_) => match stride {
+        PointerBase::Buffer(_) if pointer.is_packed(translator) => Ok(translator.word_count(pointee)? * 4),
+        PointerBase::Buffer(_) => match stride {
             Some(stride) => Ok(stride),
             None => untold(translator, base, &pointer),
         },
-        Place::Descriptors { .. } => pointer::descriptor_count(translator, pointee),
+        PointerBase::Descriptors { .. } => pointer::descriptor_count(translator, pointee),
         _ => translator.word_count(pointee),
     }
 }
@@ -259,10 +265,10 @@ fn element(translator: &mut Translator<'_>, mut pointer: Pointer, index: Id, str
     }
     let index = convert(translator, Conversion::S, width, 64, words[0])?;
     let stride = translator.constant(stride)?;
-    if let Place::Buffer(BufferRef::Address(base)) = pointer.place {
+    if let PointerBase::Buffer(BufferRef::Address(base)) = pointer.place {
         let base = address(translator, &pointer, base)?;
         let base = translator.emit_kernel(&kernels::AddressElement.kernels[0], &[base, index, stride])?;
-        pointer.place = Place::Buffer(BufferRef::Address(base));
+        pointer.place = PointerBase::Buffer(BufferRef::Address(base));
         pointer.index = None;
     } else {
         let constant = translator.constant(pointer.offset)?;

@@ -2,7 +2,7 @@
 //!
 //! Lanes apply them in ascending order, which is launch order. A program whose results depend on
 //! how invocations interleave (one that uses what an atomic returns, or adds floats) says so by
-//! [`Op::order_dependent`], and a launch then runs it invocation by invocation. Integer additions,
+//! [`AtomicOp::order_dependent`], and a launch then runs it invocation by invocation. Integer additions,
 //! bit operations, minima and maxima whose result nobody reads commute each with its own kind:
 //! those run on all threads, unless others may reach the same memory ([`Update::commutes_with`],
 //! [`crate::program::race_analysis`]).
@@ -24,7 +24,7 @@ use crate::ops::image::access::TexelPlace;
 use crate::ops::image::reader::Reader;
 use crate::ops::memory::{BufferRef, Chunk, computed_register, each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
-use crate::ops::pointer::{Place, Pointer};
+use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::{Translator, Words, registers_from};
 
 /// Opcodes translated here.
@@ -51,7 +51,7 @@ pub const OPCODES: &[Opcode] = &[
 
 /// What becomes of the value in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum AtomicKind {
     /// It stays as it is.
     Load,
     /// The operand.
@@ -88,7 +88,7 @@ pub enum Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Update {
     /// What becomes of the value.
-    pub kind: Kind,
+    pub kind: AtomicKind,
     /// Bits of the scalar.
     pub width: u32,
 }
@@ -98,7 +98,7 @@ impl Update {
     /// reach lie on each other at least in part. Differences are sums; bits are changed each by
     /// itself, whatever the width.
     pub fn commutes_with(self, other: Self) -> bool {
-        use Kind::{Add, And, Load, Or, SMax, SMin, Sub, UMax, UMin, Xor};
+        use AtomicKind::{Add, And, Load, Or, SMax, SMin, Sub, UMax, UMin, Xor};
         let same_width = self.width == other.width;
         match (self.kind, other.kind) {
             (Load, _) | (_, Load) => true,
@@ -128,9 +128,9 @@ pub enum Target {
 
 /// An atomic operation on one scalar.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Op {
+pub struct AtomicOp {
     /// What it does.
-    pub kind: Kind,
+    pub kind: AtomicKind,
     /// Bits of the scalar: 16, 32 or 64.
     pub width: u32,
     /// Which component it is of how many, 0 of 1 for a scalar.
@@ -145,7 +145,7 @@ pub struct Op {
     pub comparator: Reg,
 }
 
-impl Op {
+impl AtomicOp {
     /// How many words the scalar has.
     pub fn words(&self) -> u32 {
         self.width.div_ceil(32)
@@ -184,7 +184,11 @@ impl Op {
             return false;
         }
         match self.kind {
-            Kind::Exchange | Kind::CompareExchange | Kind::FAdd | Kind::FMin | Kind::FMax => true,
+            AtomicKind::Exchange
+            | AtomicKind::CompareExchange
+            | AtomicKind::FAdd
+            | AtomicKind::FMin
+            | AtomicKind::FMax => true,
             _ => used,
         }
     }
@@ -308,35 +312,35 @@ impl Op {
 }
 
 /// The new value; `None` where memory stays as it is.
-fn apply(kind: Kind, width: u32, old: u64, value: u64, comparator: u64) -> Option<u64> {
+fn apply(kind: AtomicKind, width: u32, old: u64, value: u64, comparator: u64) -> Option<u64> {
     let mask = u64::MAX >> (64 - width);
     let signed = |bits: u64| (bits << (64 - width)) as i64 >> (64 - width);
     let choose = |new: bool| Some(if new { value } else { old });
     Some(match kind {
-        Kind::Load => return None,
-        Kind::Exchange => value,
-        Kind::CompareExchange => return (old == comparator).then_some(value),
-        Kind::Add => old.wrapping_add(value) & mask,
-        Kind::Sub => old.wrapping_sub(value) & mask,
-        Kind::SMin => return choose(signed(value) < signed(old)),
-        Kind::SMax => return choose(signed(value) > signed(old)),
-        Kind::UMin => old.min(value),
-        Kind::UMax => old.max(value),
-        Kind::And => old & value,
-        Kind::Or => old | value,
-        Kind::Xor => old ^ value,
-        Kind::FAdd | Kind::FMin | Kind::FMax => float(kind, width, old, value),
+        AtomicKind::Load => return None,
+        AtomicKind::Exchange => value,
+        AtomicKind::CompareExchange => return (old == comparator).then_some(value),
+        AtomicKind::Add => old.wrapping_add(value) & mask,
+        AtomicKind::Sub => old.wrapping_sub(value) & mask,
+        AtomicKind::SMin => return choose(signed(value) < signed(old)),
+        AtomicKind::SMax => return choose(signed(value) > signed(old)),
+        AtomicKind::UMin => old.min(value),
+        AtomicKind::UMax => old.max(value),
+        AtomicKind::And => old & value,
+        AtomicKind::Or => old | value,
+        AtomicKind::Xor => old ^ value,
+        AtomicKind::FAdd | AtomicKind::FMin | AtomicKind::FMax => float(kind, width, old, value),
     })
 }
 
 /// Float sums are rounded once; minima and maxima prefer a number to a NaN, as `NMin` and `NMax`.
-fn float(kind: Kind, width: u32, old: u64, value: u64) -> u64 {
+fn float(kind: AtomicKind, width: u32, old: u64, value: u64) -> u64 {
     macro_rules! at {
         ($ty:ty, $bits:ty) => {{
             let (a, b) = (<$ty>::from_bits(old as $bits), <$ty>::from_bits(value as $bits));
             let result = match kind {
-                Kind::FAdd => a + b,
-                Kind::FMin => {
+                AtomicKind::FAdd => a + b,
+                AtomicKind::FMin => {
                     if a.is_nan() || b < a {
                         b
                     } else {
@@ -364,21 +368,21 @@ fn float(kind: Kind, width: u32, old: u64, value: u64) -> u64 {
 /// Translates atomic instructions; `false` for an instruction of another section.
 pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     let kind = match opcode {
-        Opcode::AtomicLoad => Kind::Load,
-        Opcode::AtomicStore | Opcode::AtomicExchange => Kind::Exchange,
-        Opcode::AtomicCompareExchange => Kind::CompareExchange,
-        Opcode::AtomicIIncrement | Opcode::AtomicIAdd => Kind::Add,
-        Opcode::AtomicIDecrement | Opcode::AtomicISub => Kind::Sub,
-        Opcode::AtomicSMin => Kind::SMin,
-        Opcode::AtomicUMin => Kind::UMin,
-        Opcode::AtomicSMax => Kind::SMax,
-        Opcode::AtomicUMax => Kind::UMax,
-        Opcode::AtomicAnd => Kind::And,
-        Opcode::AtomicOr => Kind::Or,
-        Opcode::AtomicXor => Kind::Xor,
-        Opcode::AtomicFAddEXT => Kind::FAdd,
-        Opcode::AtomicFMinEXT => Kind::FMin,
-        Opcode::AtomicFMaxEXT => Kind::FMax,
+        Opcode::AtomicLoad => AtomicKind::Load,
+        Opcode::AtomicStore | Opcode::AtomicExchange => AtomicKind::Exchange,
+        Opcode::AtomicCompareExchange => AtomicKind::CompareExchange,
+        Opcode::AtomicIIncrement | Opcode::AtomicIAdd => AtomicKind::Add,
+        Opcode::AtomicIDecrement | Opcode::AtomicISub => AtomicKind::Sub,
+        Opcode::AtomicSMin => AtomicKind::SMin,
+        Opcode::AtomicUMin => AtomicKind::UMin,
+        Opcode::AtomicSMax => AtomicKind::SMax,
+        Opcode::AtomicUMax => AtomicKind::UMax,
+        Opcode::AtomicAnd => AtomicKind::And,
+        Opcode::AtomicOr => AtomicKind::Or,
+        Opcode::AtomicXor => AtomicKind::Xor,
+        Opcode::AtomicFAddEXT => AtomicKind::FAdd,
+        Opcode::AtomicFMinEXT => AtomicKind::FMin,
+        Opcode::AtomicFMaxEXT => AtomicKind::FMax,
         _ => return Ok(false),
     };
     let id = translator.id(instruction, 0)?;
@@ -414,7 +418,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
 /// Appends an operation; where the value that was there goes.
 fn emit(
     translator: &mut Translator<'_>,
-    (kind, width, component): (Kind, u32, (u32, u32)),
+    (kind, width, component): (AtomicKind, u32, (u32, u32)),
     target: Target,
     (value, comparator): (Reg, Reg),
 ) -> Result<Reg> {
@@ -422,7 +426,7 @@ fn emit(
     if let Target::Registers { .. } = target {
         translator.forget();
     }
-    let op = Op { kind, width, component, target, to, value, comparator };
+    let op = AtomicOp { kind, width, component, target, to, value, comparator };
     translator.emit(Operation::Atomic(Box::new(op)));
     Ok(to)
 }
@@ -453,7 +457,7 @@ fn half_vector(translator: &Translator<'_>, opcode: Opcode, (component, count): 
 fn components(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
-    (kind, count): (Kind, u32),
+    (kind, count): (AtomicKind, u32),
     pointer: &Pointer,
 ) -> Result<()> {
     let values = translator.operand(instruction, 3)?;
@@ -464,8 +468,8 @@ fn components(
     }
     let none = translator.wide_constant(0)?;
     let stride = match pointer.place {
-        Place::Buffer(_) if pointer.is_packed(translator) => 4,
-        Place::Buffer(_) => pointer.component_stride.unwrap_or(2),
+        PointerBase::Buffer(_) if pointer.is_packed(translator) => 4,
+        PointerBase::Buffer(_) => pointer.component_stride.unwrap_or(2),
         _ => 1,
     };
     let mut words = Words::new();
@@ -492,27 +496,29 @@ fn scalar(translator: &mut Translator<'_>, instruction: &Instruction, at: usize,
 
 fn target(translator: &mut Translator<'_>, pointer: &Pointer, width: u32, count: u32) -> Result<Target> {
     match pointer.place {
-        Place::Texel(ref place) if (width == 64) == place.view.wide && width * count >= 32 => {
+        PointerBase::Texel(ref place) if (width == 64) == place.view.wide && width * count >= 32 => {
             Ok(Target::Texel(place.clone()))
         }
-        Place::Texel(_) => Err(translator.invalid("an atomic instruction on a texel of another width")),
-        Place::Buffer(buffer) => {
+        PointerBase::Texel(_) => Err(translator.invalid("an atomic instruction on a texel of another width")),
+        PointerBase::Buffer(buffer) => {
             let (count, part) = if width == 64 { (2, 32) } else { (1, width) };
             let (offset, index) = (pointer.offset, pointer.index);
             Ok(Target::Buffer(Chunk { buffer, offset, index, width: part, count, alignment: 1 }))
         }
-        Place::Registers { constant: true, .. } => Err(translator.invalid("an atomic on an input variable")),
-        Place::Registers { first, .. } => {
+        PointerBase::Registers { constant: true, .. } => {
+            Err(translator.invalid("an atomic on an input variable"))
+        }
+        PointerBase::Registers { first, .. } => {
             let first = first.plus(pointer.offset);
             if pointer.index.is_some() {
                 translator.addressed.push((first, width.div_ceil(32)));
             }
             Ok(Target::Registers { first, index: pointer.index })
         }
-        Place::ComputedRegisters => {
+        PointerBase::ComputedRegisters => {
             Ok(Target::Registers { first: pointer.pointed_registers(), index: pointer.index })
         }
-        Place::Descriptors { .. } => Err(translator.invalid("an atomic instruction on a descriptor")),
+        PointerBase::Descriptors { .. } => Err(translator.invalid("an atomic instruction on a descriptor")),
     }
 }
 
@@ -522,7 +528,7 @@ mod tests {
 
     #[test]
     fn updates_that_commute_leave_the_same_in_either_order() {
-        use Kind::*;
+        use AtomicKind::*;
         let kinds = [
             Load,
             Exchange,
@@ -574,26 +580,26 @@ mod tests {
     #[test]
     fn the_new_value_of_every_kind() {
         let new = |kind, width, old, value| apply(kind, width, old, value, 7);
-        assert_eq!(new(Kind::Load, 32, 5, 9), None);
-        assert_eq!(new(Kind::Exchange, 32, 5, 9), Some(9));
-        assert_eq!(new(Kind::CompareExchange, 32, 5, 9), None);
-        assert_eq!(new(Kind::CompareExchange, 32, 7, 9), Some(9));
-        assert_eq!(new(Kind::Add, 32, 0xFFFF_FFFF, 2), Some(1));
-        assert_eq!(new(Kind::Add, 64, 0xFFFF_FFFF, 2), Some(0x1_0000_0001));
-        assert_eq!(new(Kind::Sub, 32, 0, 1), Some(0xFFFF_FFFF));
-        assert_eq!(new(Kind::SMin, 32, 1, 0xFFFF_FFFF), Some(0xFFFF_FFFF));
-        assert_eq!(new(Kind::SMax, 32, 1, 0xFFFF_FFFF), Some(1));
-        assert_eq!(new(Kind::UMin, 32, 1, 0xFFFF_FFFF), Some(1));
-        assert_eq!(new(Kind::UMax, 32, 1, 0xFFFF_FFFF), Some(0xFFFF_FFFF));
-        assert_eq!(new(Kind::SMin, 64, 1, u64::MAX), Some(u64::MAX));
-        assert_eq!(new(Kind::And, 32, 0b1100, 0b1010), Some(0b1000));
-        assert_eq!(new(Kind::Or, 32, 0b1100, 0b1010), Some(0b1110));
-        assert_eq!(new(Kind::Xor, 32, 0b1100, 0b1010), Some(0b0110));
+        assert_eq!(new(AtomicKind::Load, 32, 5, 9), None);
+        assert_eq!(new(AtomicKind::Exchange, 32, 5, 9), Some(9));
+        assert_eq!(new(AtomicKind::CompareExchange, 32, 5, 9), None);
+        assert_eq!(new(AtomicKind::CompareExchange, 32, 7, 9), Some(9));
+        assert_eq!(new(AtomicKind::Add, 32, 0xFFFF_FFFF, 2), Some(1));
+        assert_eq!(new(AtomicKind::Add, 64, 0xFFFF_FFFF, 2), Some(0x1_0000_0001));
+        assert_eq!(new(AtomicKind::Sub, 32, 0, 1), Some(0xFFFF_FFFF));
+        assert_eq!(new(AtomicKind::SMin, 32, 1, 0xFFFF_FFFF), Some(0xFFFF_FFFF));
+        assert_eq!(new(AtomicKind::SMax, 32, 1, 0xFFFF_FFFF), Some(1));
+        assert_eq!(new(AtomicKind::UMin, 32, 1, 0xFFFF_FFFF), Some(1));
+        assert_eq!(new(AtomicKind::UMax, 32, 1, 0xFFFF_FFFF), Some(0xFFFF_FFFF));
+        assert_eq!(new(AtomicKind::SMin, 64, 1, u64::MAX), Some(u64::MAX));
+        assert_eq!(new(AtomicKind::And, 32, 0b1100, 0b1010), Some(0b1000));
+        assert_eq!(new(AtomicKind::Or, 32, 0b1100, 0b1010), Some(0b1110));
+        assert_eq!(new(AtomicKind::Xor, 32, 0b1100, 0b1010), Some(0b0110));
         let bits = |value: f32| u64::from(value.to_bits());
-        assert_eq!(new(Kind::FAdd, 32, bits(1.5), bits(0.25)), Some(bits(1.75)));
-        assert_eq!(new(Kind::FMin, 32, bits(f32::NAN), bits(2.0)), Some(bits(2.0)));
-        assert_eq!(new(Kind::FMax, 32, bits(2.0), bits(f32::NAN)), Some(bits(2.0)));
-        assert_eq!(new(Kind::FAdd, 16, 0x3C00, 0x3C00), Some(0x4000)); // 1 + 1
-        assert_eq!(new(Kind::FAdd, 64, 1f64.to_bits(), 1f64.to_bits()), Some(2f64.to_bits()));
+        assert_eq!(new(AtomicKind::FAdd, 32, bits(1.5), bits(0.25)), Some(bits(1.75)));
+        assert_eq!(new(AtomicKind::FMin, 32, bits(f32::NAN), bits(2.0)), Some(bits(2.0)));
+        assert_eq!(new(AtomicKind::FMax, 32, bits(2.0), bits(f32::NAN)), Some(bits(2.0)));
+        assert_eq!(new(AtomicKind::FAdd, 16, 0x3C00, 0x3C00), Some(0x4000)); // 1 + 1
+        assert_eq!(new(AtomicKind::FAdd, 64, 1f64.to_bits(), 1f64.to_bits()), Some(2f64.to_bits()));
     }
 }

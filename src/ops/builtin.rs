@@ -3,7 +3,7 @@
 use crate::accel::{HitKind, Primitive, Tlas};
 use crate::error::Result;
 use crate::geometry::ObjectRay;
-use crate::machine::invocation::{HitOf, InvocationField as Field, Invocations, One};
+use crate::machine::invocation::{HitOf, InvocationField as Field, Invocations, LaneInvocation};
 use crate::machine::{Lanes, Mask};
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
@@ -16,7 +16,7 @@ pub struct Builtin {
     /// Its number.
     pub number: u32,
     /// Its type.
-    pub shape: Shape,
+    pub shape: ValueShape,
     /// The stages that may read it, by letter: R I A C M K, and G for `GLCompute`.
     pub stages: &'static str,
     /// The rules on execution model, storage class and type.
@@ -24,26 +24,26 @@ pub struct Builtin {
     /// Whether it may change while the shader runs.
     pub volatile: bool,
     /// How it is read.
-    pub read: Read,
+    pub read: BuiltinRead,
 }
 
 /// How a builtin is read from the invocations of a batch. Words are 0 where nothing writes them.
 #[derive(Clone, Copy)]
-pub enum Read {
+pub enum BuiltinRead {
     /// Fields as they lie.
     Fields(&'static [Field]),
     /// The words that all of them have, from one of them.
-    Same(fn(&One<'_>, &mut [u32])),
+    Same(fn(&LaneInvocation<'_>, &mut [u32])),
     /// The words of one of them.
-    Each(fn(&One<'_>, &mut [u32])),
+    Each(fn(&LaneInvocation<'_>, &mut [u32])),
     /// The words of an instance at a time.
     Placed(fn(&Tlas, u32, f32, &mut [u32])),
     /// The words of one of them, where all hit one instance that stands in the world as it is:
     /// fields as they lie.
-    Ray(&'static [Field], fn(&One<'_>, &mut [u32])),
+    Ray(&'static [Field], fn(&LaneInvocation<'_>, &mut [u32])),
 }
 
-impl Read {
+impl BuiltinRead {
     /// Reads it for the lanes of a mask, into its registers.
     pub fn read<const W: usize>(self, from: &Invocations<W>, mask: Mask<W>, to: &mut [Lanes<W>]) {
         let Some(first) = mask.lowest() else { return };
@@ -138,7 +138,7 @@ impl Eq for Builtin {}
 
 /// The type of a builtin: 32-bit scalars, vectors of three, matrices and arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
+pub enum ValueShape {
     /// `bool`
     Bool,
     /// A 32-bit integer of either signedness.
@@ -165,7 +165,7 @@ pub enum Shape {
     Float3Array3,
 }
 
-impl Shape {
+impl ValueShape {
     /// All of them.
     #[cfg(test)]
     pub const ALL: [Self; 12] = [
@@ -221,7 +221,7 @@ macro_rules! builtins {
         pub static BUILTINS: &[Builtin] = &[$(Builtin {
             name: stringify!($name),
             number: $number,
-            shape: Shape::$shape,
+            shape: ValueShape::$shape,
             stages: $stages,
             vuids: [$($vuid),*],
             volatile: builtins!(@ $($volatile)?),
@@ -230,14 +230,14 @@ macro_rules! builtins {
     };
     (@) => { false };
     (@ volatile) => { true };
-    (# fields [$($field:expr),*]) => { Read::Fields(&[$($field),*]) };
-    (# same (|$from:ident, $to:ident| $read:expr)) => { Read::Same(|$from, $to| { $read; }) };
-    (# each (|$from:ident, $to:ident| $read:expr)) => { Read::Each(|$from, $to| { $read; }) };
+    (# fields [$($field:expr),*]) => { BuiltinRead::Fields(&[$($field),*]) };
+    (# same (|$from:ident, $to:ident| $read:expr)) => { BuiltinRead::Same(|$from, $to| { $read; }) };
+    (# each (|$from:ident, $to:ident| $read:expr)) => { BuiltinRead::Each(|$from, $to| { $read; }) };
     (# ray ([$($field:expr),*] |$from:ident, $to:ident| $read:expr)) => {
-        Read::Ray(&[$($field),*], |$from, $to| { $read; })
+        BuiltinRead::Ray(&[$($field),*], |$from, $to| { $read; })
     };
     (# placed (|$tlas:ident, $instance:ident, $time:ident, $to:ident| $read:expr)) => {
-        Read::Placed(|$tlas, $instance, $time, $to| $read)
+        BuiltinRead::Placed(|$tlas, $instance, $time, $to| $read)
     };
 }
 
@@ -394,7 +394,7 @@ pub fn check(translator: &Translator<'_>, builtin: &'static Builtin, ty: TypeId)
 }
 
 /// Whether a type has a shape.
-pub fn matches(translator: &Translator<'_>, shape: Shape, ty: TypeId) -> bool {
+pub fn matches(translator: &Translator<'_>, shape: ValueShape, ty: TypeId) -> bool {
     let module = translator.module;
     let is_float = |ty| matches!(module.ty(ty), Type::Float { width: 32, encoding: None });
     let is_int = |ty| matches!(module.ty(ty), Type::Int { width: 32, .. });
@@ -407,34 +407,42 @@ pub fn matches(translator: &Translator<'_>, shape: Shape, ty: TypeId) -> bool {
         _ => None,
     };
     match shape {
-        Shape::Bool => matches!(module.ty(ty), Type::Bool),
-        Shape::Int => is_int(ty),
-        Shape::Int2 => matches!(*module.ty(ty), Type::Vector { component, count: 2 } if is_int(component)),
-        Shape::Int4 => matches!(*module.ty(ty), Type::Vector { component, count: 4 } if is_int(component)),
-        Shape::Int3 => matches!(*module.ty(ty), Type::Vector { component, count: 3 } if is_int(component)),
-        Shape::Float => is_float(ty),
-        Shape::Float2 => {
+        ValueShape::Bool => matches!(module.ty(ty), Type::Bool),
+        ValueShape::Int => is_int(ty),
+        ValueShape::Int2 => {
+            matches!(*module.ty(ty), Type::Vector { component, count: 2 } if is_int(component))
+        }
+        ValueShape::Int4 => {
+            matches!(*module.ty(ty), Type::Vector { component, count: 4 } if is_int(component))
+        }
+        ValueShape::Int3 => {
+            matches!(*module.ty(ty), Type::Vector { component, count: 3 } if is_int(component))
+        }
+        ValueShape::Float => is_float(ty),
+        ValueShape::Float2 => {
             matches!(*module.ty(ty), Type::Vector { component, count: 2 } if is_float(component))
         }
-        Shape::Float3 => is_float3(ty),
-        Shape::Matrix4x3 => matches!(*module.ty(ty), Type::Matrix { column, count: 4 } if is_float3(column)),
-        Shape::FloatArray2 => array(ty, 2).is_some_and(is_float),
-        Shape::Float3Array2 => array(ty, 2).is_some_and(is_float3),
-        Shape::Float3Array3 => array(ty, 3).is_some_and(is_float3),
+        ValueShape::Float3 => is_float3(ty),
+        ValueShape::Matrix4x3 => {
+            matches!(*module.ty(ty), Type::Matrix { column, count: 4 } if is_float3(column))
+        }
+        ValueShape::FloatArray2 => array(ty, 2).is_some_and(is_float),
+        ValueShape::Float3Array2 => array(ty, 2).is_some_and(is_float3),
+        ValueShape::Float3Array3 => array(ty, 3).is_some_and(is_float3),
     }
 }
 
-fn hit<'a>(invocation: &One<'a>) -> Option<HitOf<'a>> {
+fn hit<'a>(invocation: &LaneInvocation<'a>) -> Option<HitOf<'a>> {
     invocation.hit
 }
 
-fn object_ray(invocation: &One<'_>) -> Option<ObjectRay> {
+fn object_ray(invocation: &LaneInvocation<'_>) -> Option<ObjectRay> {
     let hit = invocation.hit?;
     hit.tlas.object_ray(hit.place.instance, &invocation.trace.ray, invocation.time())
 }
 
 /// The mask of the places in the subgroup for which a relation to the own place holds.
-fn places(from: &One<'_>, to: &mut [u32], holds: impl Fn(u32, u32) -> bool) {
+fn places(from: &LaneInvocation<'_>, to: &mut [u32], holds: impl Fn(u32, u32) -> bool) {
     let own = from.subgroup_local_invocation_id();
     for place in (0..from.subgroup_size).filter(|&place| holds(own, place)) {
         to[place as usize / 32] |= 1 << (place % 32);

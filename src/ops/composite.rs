@@ -113,7 +113,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             translator.addressed.push((first, words.len() as u32));
             let index = scaled(translator, index, each, count)?;
             let to = translator.fresh(each)?;
-            translator.emit(Op::Memory(memory::Op::Gather { to, count: each, first, index }));
+            translator.emit(Op::Memory(memory::MemoryOp::Gather { to, count: each, first, index }));
             translator.result(instruction, registers_from(to, each));
         }
         Opcode::VectorInsertDynamic => {
@@ -125,12 +125,12 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let each = component.len() as u32;
             let to = translator.fresh(words.len() as u32)?;
             for (at, &from) in words.iter().enumerate() {
-                translator.emit(Op::Memory(memory::Op::Move { to: to.plus(at as u32), from }));
+                translator.emit(Op::Memory(memory::MemoryOp::Move { to: to.plus(at as u32), from }));
             }
             translator.addressed.push((to, words.len() as u32));
             let index = scaled(translator, index, each, count)?;
             let from = translator.consecutive(&component)?;
-            translator.emit(Op::Memory(memory::Op::Scatter { from, count: each, first: to, index }));
+            translator.emit(Op::Memory(memory::MemoryOp::Scatter { from, count: each, first: to, index }));
             translator.result(instruction, registers_from(to, words.len() as u32));
         }
         Opcode::Transpose => {
@@ -346,7 +346,7 @@ fn scaled(translator: &mut Translator<'_>, index: crate::module::Id, stride: u32
     let index = translator.integer(index, Reading::Index)?;
     let to = translator.fresh(1)?;
     let length = Length::Known(count);
-    translator.emit(Op::Memory(memory::Op::Index { to, base: None, index, stride, length }));
+    translator.emit(Op::Memory(memory::MemoryOp::Index { to, base: None, index, stride, length }));
     Ok(to)
 }
 

@@ -5,7 +5,7 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::Result;
 use crate::module::ty::TypeId;
 use crate::module::{Id, Instruction};
-use crate::ops::translate::{Translator, Value, Words};
+use crate::ops::translate::{IdValue, Translator, Words};
 
 /// The words of an operation on constants.
 pub fn operation(
@@ -36,7 +36,7 @@ pub fn operation(
         return Err(translator.unsupported(format!("{name} on operands that are not constant")));
     }
     match translator.local(id) {
-        Some(Value::Words(words)) => Ok(words.clone()),
+        Some(IdValue::Words(words)) => Ok(words.clone()),
         _ => Err(translator.invalid(format!("{name} gives no constant"))),
     }
 }

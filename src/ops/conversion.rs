@@ -14,15 +14,15 @@ use crate::machine::{Reg, Registers, Scalar};
 use crate::math::float;
 #[cfg(target_arch = "x86_64")]
 use crate::math::lane_ops::{LaneOps, LaneTask};
-use crate::ops::lane_kernel::{Bits, LaneKernel, LaneLoop, Unary};
+use crate::ops::lane_kernel::{LaneKernel, LaneLoop, ScalarWidth, Unary};
 
 macro_rules! conversions {
     ($($name:ident: $($from:ty => $to:ty),+;)+) => {$(
         mod $name {
             use super::*;
             pub(super) static KERNELS: &[(u32, LaneKernel)] = &[$((
-                <$to as Bits>::BITS,
-                if <$from as Bits>::FLOAT == 32 && <$to as Bits>::BITS == 32 && <$to as Bits>::SIGNED {
+                <$to as ScalarWidth>::BITS,
+                if <$from as ScalarWidth>::FLOAT == 32 && <$to as ScalarWidth>::BITS == 32 && <$to as ScalarWidth>::SIGNED {
                     truncating(crate::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>))
                 } else {
                     crate::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>)

@@ -23,7 +23,7 @@ pub const SET: &str = "NonSemantic.DebugPrintf";
 
 /// The type of an argument's components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scalar {
+pub enum PrintScalar {
     /// `bool`
     Bool,
     /// Bits, and whether it has a sign.
@@ -38,7 +38,7 @@ pub enum Argument {
     /// A scalar or a vector.
     Numbers {
         /// The type of a component.
-        scalar: Scalar,
+        scalar: PrintScalar,
         /// The first register of each component.
         components: Vec<Reg>,
     },
@@ -48,14 +48,14 @@ pub enum Argument {
 
 /// Prints a text for each running lane.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Op {
+pub struct PrintOp {
     /// The format.
     pub format: Arc<str>,
     /// The arguments.
     pub arguments: Arc<[Argument]>,
 }
 
-impl Op {
+impl PrintOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         visit(Access::Effect);
@@ -88,7 +88,7 @@ impl Op {
     }
 }
 
-impl Scalar {
+impl PrintScalar {
     fn is_wide(self) -> bool {
         matches!(self, Self::Int(64, _) | Self::Float(64))
     }
@@ -127,7 +127,7 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
         arguments.push(if is_physical(translator, ty) {
             let words = translator.carried(id)?;
             let address = translator.pair(words[0], words[1])?;
-            Argument::Numbers { scalar: Scalar::Int(64, false), components: vec![address] }
+            Argument::Numbers { scalar: PrintScalar::Int(64, false), components: vec![address] }
         } else {
             let scalar = scalar(translator, ty)?;
             let mut components = translator.components(id)?.to_vec();
@@ -139,18 +139,18 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
             Argument::Numbers { scalar, components }
         });
     }
-    translator.emit(Operation::Print(Op { format, arguments: arguments.into() }));
+    translator.emit(Operation::Print(PrintOp { format, arguments: arguments.into() }));
     // The call has a result of type void, which nothing may use.
     Ok(())
 }
 
-fn scalar(translator: &Translator<'_>, ty: TypeId) -> Result<Scalar> {
+fn scalar(translator: &Translator<'_>, ty: TypeId) -> Result<PrintScalar> {
     match *translator.module.ty(ty) {
-        Type::Bool => Ok(Scalar::Bool),
-        Type::Int { width, signed } => Ok(Scalar::Int(width, signed)),
-        Type::Float { width, encoding: None } => Ok(Scalar::Float(width)),
+        Type::Bool => Ok(PrintScalar::Bool),
+        Type::Int { width, signed } => Ok(PrintScalar::Int(width, signed)),
+        Type::Float { width, encoding: None } => Ok(PrintScalar::Float(width)),
         // As f32: see `widened`.
-        Type::Float { .. } => Ok(Scalar::Float(32)),
+        Type::Float { .. } => Ok(PrintScalar::Float(32)),
         Type::Vector { component, .. } => scalar(translator, component),
         _ => {
             let name = translator.module.describe_type(ty);

@@ -2,7 +2,7 @@
 //! `SPV_NV_shader_invocation_reorder`, and the hit object parts of `SPV_NV_linear_swept_spheres`).
 //!
 //! Reordering changes no result: it is counted. Tracing, executing and the address of a shader
-//! record are the pipeline's business, see [`crate::ops::ray_tracing::Op`].
+//! record are the pipeline's business, see [`crate::ops::ray_tracing::RayTracingOp`].
 
 use smallvec::SmallVec;
 
@@ -16,7 +16,7 @@ use crate::ops::memory;
 use crate::ops::object;
 use crate::ops::op::Access;
 
-pub use getters::Getter;
+pub use getters::HitObjectGetter;
 pub use translate::{OPCODES, translate};
 
 mod getters;
@@ -29,7 +29,7 @@ const MISS_OPERANDS: u32 = 11;
 /// An operation on hit objects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
-pub enum Op {
+pub enum HitObjectOp {
     /// `OpHitObjectRecordHitNV`, `OpHitObjectRecordHitWithIndexNV` and those with motion. The
     /// operands: acceleration structure (2), instance, primitive, geometry, hit kind, then SBT
     /// offset and stride or the record's index, origin (3), t min, direction (3), t max, time.
@@ -49,14 +49,14 @@ pub enum Op {
     /// `OpHitObjectSetShaderBindingTableRecordIndexEXT`
     SetRecord { object: ObjectRef, record: Reg },
     /// An instruction that reads.
-    Get { object: ObjectRef, getter: &'static Getter, to: Reg },
+    Get { object: ObjectRef, getter: &'static HitObjectGetter, to: Reg },
     /// `OpHitObjectGetAttributesEXT`
     GetAttributes { object: ObjectRef, to: RegSpan },
     /// `OpReorderThreadWithHintEXT`, `OpReorderThreadWithHitObjectEXT`
     Reorder,
 }
 
-impl Op {
+impl HitObjectOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         match *self {

@@ -202,13 +202,13 @@ mod tests {
     use super::*;
     use crate::error::{Error, ErrorKind};
     use crate::module::assemble::Assembler;
-    use crate::ops::builtin::{BUILTINS, Shape};
+    use crate::ops::builtin::{BUILTINS, ValueShape};
 
     const STAGES: [(u32, char); 6] =
         [(5313, 'R'), (5314, 'I'), (5315, 'A'), (5316, 'C'), (5317, 'M'), (5318, 'K')];
 
     /// A module with one variable that its entry point reads.
-    fn reading(model: u32, class: u32, builtin: u32, shape: Shape) -> Result<()> {
+    fn reading(model: u32, class: u32, builtin: u32, shape: ValueShape) -> Result<()> {
         let mut a = Assembler::new();
         a.with_string(Opcode::EntryPoint, &[model, 40], "main", &[30]);
         a.op(Opcode::Decorate, &[30, 11, builtin]);
@@ -223,18 +223,18 @@ mod tests {
         a.op(Opcode::TypeArray, &[68, 7, 70]);
         a.op(Opcode::TypeArray, &[69, 7, 8]);
         let ty = match shape {
-            Shape::Bool => 3,
-            Shape::Int => 5,
-            Shape::Float => 6,
-            Shape::Int2 => 73,
-            Shape::Int3 => 63,
-            Shape::Int4 => 64,
-            Shape::Float2 => 72,
-            Shape::Float3 => 7,
-            Shape::Matrix4x3 => 66,
-            Shape::FloatArray2 => 67,
-            Shape::Float3Array2 => 68,
-            Shape::Float3Array3 => 69,
+            ValueShape::Bool => 3,
+            ValueShape::Int => 5,
+            ValueShape::Float => 6,
+            ValueShape::Int2 => 73,
+            ValueShape::Int3 => 63,
+            ValueShape::Int4 => 64,
+            ValueShape::Float2 => 72,
+            ValueShape::Float3 => 7,
+            ValueShape::Matrix4x3 => 66,
+            ValueShape::FloatArray2 => 67,
+            ValueShape::Float3Array2 => 68,
+            ValueShape::Float3Array3 => 69,
         };
         a.op(Opcode::TypePointer, &[80, class, ty]);
         a.op(Opcode::Variable, &[80, 30, class]);
@@ -261,59 +261,59 @@ mod tests {
     /// stage, storage class and type, and the type. Where no rule speaks of stages the one on
     /// storage class stands.
     #[rustfmt::skip]
-    const RULES: &[(&str, u32, &str, [u32; 3], Shape)] = &[
-        ("InstanceId", 6, "IAC", [4254, 4255, 4256], Shape::Int),
-        ("PrimitiveId", 7, "IAC", [4330, 4334, 4337], Shape::Int),
-        ("NumWorkgroups", 24, "G", [4296, 4297, 4298], Shape::Int3),
-        ("WorkgroupSize", 25, "G", [4425, 4426, 4427], Shape::Int3),
-        ("WorkgroupId", 26, "G", [4422, 4423, 4424], Shape::Int3),
-        ("LocalInvocationId", 27, "G", [4281, 4282, 4283], Shape::Int3),
-        ("GlobalInvocationId", 28, "G", [4236, 4237, 4238], Shape::Int3),
-        ("LocalInvocationIndex", 29, "G", [4284, 4285, 4286], Shape::Int),
-        ("SubgroupSize", 36, "RIACMKG", [4382, 4382, 4383], Shape::Int),
-        ("NumSubgroups", 38, "G", [4293, 4294, 4295], Shape::Int),
-        ("SubgroupId", 40, "G", [4367, 4368, 4369], Shape::Int),
-        ("SubgroupLocalInvocationId", 41, "RIACMKG", [4380, 4380, 4381], Shape::Int),
-        ("CoreIDARM", 4160, "RIACMKG", [7599, 7599, 7600], Shape::Int),
-        ("CoreCountARM", 4161, "RIACMKG", [7595, 7595, 7596], Shape::Int),
-        ("CoreMaxIDARM", 4162, "RIACMKG", [7597, 7597, 7598], Shape::Int),
-        ("WarpIDARM", 4163, "RIACMKG", [7603, 7603, 7604], Shape::Int),
-        ("WarpMaxIDARM", 4164, "RIACMKG", [7601, 7601, 7602], Shape::Int),
-        ("SubgroupEqMask", 4416, "RIACMKG", [4370, 4370, 4371], Shape::Int4),
-        ("SubgroupGeMask", 4417, "RIACMKG", [4372, 4372, 4373], Shape::Int4),
-        ("SubgroupGtMask", 4418, "RIACMKG", [4374, 4374, 4375], Shape::Int4),
-        ("SubgroupLeMask", 4419, "RIACMKG", [4376, 4376, 4377], Shape::Int4),
-        ("SubgroupLtMask", 4420, "RIACMKG", [4378, 4378, 4379], Shape::Int4),
-        ("DeviceIndex", 4438, "RIACMKG", [4205, 4205, 4206], Shape::Int),
-        ("LaunchIdKHR", 5319, "RIACMK", [4266, 4267, 4268], Shape::Int3),
-        ("LaunchSizeKHR", 5320, "RIACMK", [4269, 4270, 4271], Shape::Int3),
-        ("WorldRayOriginKHR", 5321, "IACM", [4431, 4432, 4433], Shape::Float3),
-        ("WorldRayDirectionKHR", 5322, "IACM", [4428, 4429, 4430], Shape::Float3),
-        ("ObjectRayOriginKHR", 5323, "IAC", [4302, 4303, 4304], Shape::Float3),
-        ("ObjectRayDirectionKHR", 5324, "IAC", [4299, 4300, 4301], Shape::Float3),
-        ("RayTminKHR", 5325, "IACM", [4351, 4352, 4353], Shape::Float),
-        ("RayTmaxKHR", 5326, "IACM", [4348, 4349, 4350], Shape::Float),
-        ("InstanceCustomIndexKHR", 5327, "IAC", [4251, 4252, 4253], Shape::Int),
-        ("ObjectToWorldKHR", 5330, "IAC", [4305, 4306, 4307], Shape::Matrix4x3),
-        ("WorldToObjectKHR", 5331, "IAC", [4434, 4435, 4436], Shape::Matrix4x3),
-        ("HitTNV", 5332, "AC", [4245, 4246, 4247], Shape::Float),
-        ("HitKindKHR", 5333, "AC", [4242, 4243, 4244], Shape::Int),
-        ("CurrentRayTimeNV", 5334, "IACM", [4942, 4943, 4944], Shape::Float),
-        ("HitTriangleVertexPositionsKHR", 5335, "AC", [8747, 8748, 8749], Shape::Float3Array3),
-        ("IncomingRayFlagsKHR", 5351, "IACM", [4248, 4249, 4250], Shape::Int),
-        ("RayGeometryIndexKHR", 5352, "IAC", [4345, 4346, 4347], Shape::Int),
-        ("HitIsSphereNV", 5359, "AC", [10513, 10514, 10515], Shape::Bool),
-        ("HitIsLSSNV", 5360, "AC", [10516, 10517, 10518], Shape::Bool),
-        ("HitSpherePositionNV", 5361, "AC", [10519, 10520, 10521], Shape::Float3),
-        ("WarpsPerSMNV", 5374, "RIACMKG", [4418, 4418, 4419], Shape::Int),
-        ("SMCountNV", 5375, "RIACMKG", [4363, 4363, 4364], Shape::Int),
-        ("WarpIDNV", 5376, "RIACMKG", [4420, 4420, 4421], Shape::Int),
-        ("SMIDNV", 5377, "RIACMKG", [4365, 4365, 4366], Shape::Int),
-        ("HitLSSPositionsNV", 5396, "AC", [10525, 10526, 10527], Shape::Float3Array2),
-        ("HitSphereRadiusNV", 5420, "AC", [10522, 10523, 10524], Shape::Float),
-        ("HitLSSRadiiNV", 5421, "AC", [10528, 10529, 10530], Shape::FloatArray2),
-        ("ClusterIDNV", 5436, "AC", [10531, 10532, 10533], Shape::Int),
-        ("CullMaskKHR", 6021, "IACM", [6735, 6736, 6737], Shape::Int),
+    const RULES: &[(&str, u32, &str, [u32; 3], ValueShape)] = &[
+        ("InstanceId", 6, "IAC", [4254, 4255, 4256], ValueShape::Int),
+        ("PrimitiveId", 7, "IAC", [4330, 4334, 4337], ValueShape::Int),
+        ("NumWorkgroups", 24, "G", [4296, 4297, 4298], ValueShape::Int3),
+        ("WorkgroupSize", 25, "G", [4425, 4426, 4427], ValueShape::Int3),
+        ("WorkgroupId", 26, "G", [4422, 4423, 4424], ValueShape::Int3),
+        ("LocalInvocationId", 27, "G", [4281, 4282, 4283], ValueShape::Int3),
+        ("GlobalInvocationId", 28, "G", [4236, 4237, 4238], ValueShape::Int3),
+        ("LocalInvocationIndex", 29, "G", [4284, 4285, 4286], ValueShape::Int),
+        ("SubgroupSize", 36, "RIACMKG", [4382, 4382, 4383], ValueShape::Int),
+        ("NumSubgroups", 38, "G", [4293, 4294, 4295], ValueShape::Int),
+        ("SubgroupId", 40, "G", [4367, 4368, 4369], ValueShape::Int),
+        ("SubgroupLocalInvocationId", 41, "RIACMKG", [4380, 4380, 4381], ValueShape::Int),
+        ("CoreIDARM", 4160, "RIACMKG", [7599, 7599, 7600], ValueShape::Int),
+        ("CoreCountARM", 4161, "RIACMKG", [7595, 7595, 7596], ValueShape::Int),
+        ("CoreMaxIDARM", 4162, "RIACMKG", [7597, 7597, 7598], ValueShape::Int),
+        ("WarpIDARM", 4163, "RIACMKG", [7603, 7603, 7604], ValueShape::Int),
+        ("WarpMaxIDARM", 4164, "RIACMKG", [7601, 7601, 7602], ValueShape::Int),
+        ("SubgroupEqMask", 4416, "RIACMKG", [4370, 4370, 4371], ValueShape::Int4),
+        ("SubgroupGeMask", 4417, "RIACMKG", [4372, 4372, 4373], ValueShape::Int4),
+        ("SubgroupGtMask", 4418, "RIACMKG", [4374, 4374, 4375], ValueShape::Int4),
+        ("SubgroupLeMask", 4419, "RIACMKG", [4376, 4376, 4377], ValueShape::Int4),
+        ("SubgroupLtMask", 4420, "RIACMKG", [4378, 4378, 4379], ValueShape::Int4),
+        ("DeviceIndex", 4438, "RIACMKG", [4205, 4205, 4206], ValueShape::Int),
+        ("LaunchIdKHR", 5319, "RIACMK", [4266, 4267, 4268], ValueShape::Int3),
+        ("LaunchSizeKHR", 5320, "RIACMK", [4269, 4270, 4271], ValueShape::Int3),
+        ("WorldRayOriginKHR", 5321, "IACM", [4431, 4432, 4433], ValueShape::Float3),
+        ("WorldRayDirectionKHR", 5322, "IACM", [4428, 4429, 4430], ValueShape::Float3),
+        ("ObjectRayOriginKHR", 5323, "IAC", [4302, 4303, 4304], ValueShape::Float3),
+        ("ObjectRayDirectionKHR", 5324, "IAC", [4299, 4300, 4301], ValueShape::Float3),
+        ("RayTminKHR", 5325, "IACM", [4351, 4352, 4353], ValueShape::Float),
+        ("RayTmaxKHR", 5326, "IACM", [4348, 4349, 4350], ValueShape::Float),
+        ("InstanceCustomIndexKHR", 5327, "IAC", [4251, 4252, 4253], ValueShape::Int),
+        ("ObjectToWorldKHR", 5330, "IAC", [4305, 4306, 4307], ValueShape::Matrix4x3),
+        ("WorldToObjectKHR", 5331, "IAC", [4434, 4435, 4436], ValueShape::Matrix4x3),
+        ("HitTNV", 5332, "AC", [4245, 4246, 4247], ValueShape::Float),
+        ("HitKindKHR", 5333, "AC", [4242, 4243, 4244], ValueShape::Int),
+        ("CurrentRayTimeNV", 5334, "IACM", [4942, 4943, 4944], ValueShape::Float),
+        ("HitTriangleVertexPositionsKHR", 5335, "AC", [8747, 8748, 8749], ValueShape::Float3Array3),
+        ("IncomingRayFlagsKHR", 5351, "IACM", [4248, 4249, 4250], ValueShape::Int),
+        ("RayGeometryIndexKHR", 5352, "IAC", [4345, 4346, 4347], ValueShape::Int),
+        ("HitIsSphereNV", 5359, "AC", [10513, 10514, 10515], ValueShape::Bool),
+        ("HitIsLSSNV", 5360, "AC", [10516, 10517, 10518], ValueShape::Bool),
+        ("HitSpherePositionNV", 5361, "AC", [10519, 10520, 10521], ValueShape::Float3),
+        ("WarpsPerSMNV", 5374, "RIACMKG", [4418, 4418, 4419], ValueShape::Int),
+        ("SMCountNV", 5375, "RIACMKG", [4363, 4363, 4364], ValueShape::Int),
+        ("WarpIDNV", 5376, "RIACMKG", [4420, 4420, 4421], ValueShape::Int),
+        ("SMIDNV", 5377, "RIACMKG", [4365, 4365, 4366], ValueShape::Int),
+        ("HitLSSPositionsNV", 5396, "AC", [10525, 10526, 10527], ValueShape::Float3Array2),
+        ("HitSphereRadiusNV", 5420, "AC", [10522, 10523, 10524], ValueShape::Float),
+        ("HitLSSRadiiNV", 5421, "AC", [10528, 10529, 10530], ValueShape::FloatArray2),
+        ("ClusterIDNV", 5436, "AC", [10531, 10532, 10533], ValueShape::Int),
+        ("CullMaskKHR", 6021, "IACM", [6735, 6736, 6737], ValueShape::Int),
     ];
 
     /// Every builtin in every stage, in every storage class that a variable may have, of every
@@ -331,7 +331,7 @@ mod tests {
                     assert_eq!(found(storage::INPUT, shape), stage_rule, "{name} in {letter}");
                     continue;
                 }
-                for other in Shape::ALL {
+                for other in ValueShape::ALL {
                     let wanted = if other == shape { None } else { type_rule.clone() };
                     assert_eq!(found(storage::INPUT, other), wanted, "{name} in {letter} as {other:?}");
                 }

@@ -389,12 +389,12 @@ macro_rules! lane_kernel {
         }
         $crate::ops::lane_kernel::LaneKernel {
             name: stringify!($name),
-            width: <$ty as $crate::ops::lane_kernel::Bits>::BITS,
+            width: <$ty as $crate::ops::lane_kernel::ScalarWidth>::BITS,
             words: <$result as $crate::machine::Scalar>::WORDS,
             operands: $crate::ops::lane_kernel::operands(&[$(<$at as $crate::machine::Scalar>::WORDS),*]),
-            float_operands: $crate::ops::lane_kernel::operands(&[$(<$at as $crate::ops::lane_kernel::Bits>::FLOAT),*]),
-            float_result: <$result as $crate::ops::lane_kernel::Bits>::FLOAT,
-            signed: <$ty as $crate::ops::lane_kernel::Bits>::SIGNED,
+            float_operands: $crate::ops::lane_kernel::operands(&[$(<$at as $crate::ops::lane_kernel::ScalarWidth>::FLOAT),*]),
+            float_result: <$result as $crate::ops::lane_kernel::ScalarWidth>::FLOAT,
+            signed: <$ty as $crate::ops::lane_kernel::ScalarWidth>::SIGNED,
             one: eval::<1>,
             eight: eval::<8>,
             full: eval::<64>,
@@ -405,7 +405,7 @@ macro_rules! lane_kernel {
 }
 
 /// The width that chooses a kernel; `bool` has none.
-pub trait Bits {
+pub trait ScalarWidth {
     /// Bits, 0 for a bool.
     const BITS: u32;
     /// Bits of a float, else 0.
@@ -416,7 +416,7 @@ pub trait Bits {
 
 macro_rules! bits {
     ($($ty:ty: $bits:literal $float:literal $signed:literal)*) => {$(
-        impl Bits for $ty {
+        impl ScalarWidth for $ty {
             const BITS: u32 = $bits;
             const FLOAT: u32 = $float;
             const SIGNED: bool = $signed;

@@ -9,7 +9,7 @@ use crate::machine::{Bindings, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::ops::memory::{self, BufferRef, Chunk};
 use crate::ops::op::Op;
-use crate::ops::pointer::{Place, Pointer, descriptor_count, shifted, storage};
+use crate::ops::pointer::{Pointer, PointerBase, descriptor_count, shifted, storage};
 use crate::ops::translate::{Translator, Words, registers_from};
 
 /// Reads what a pointer leads to.
@@ -24,11 +24,11 @@ pub(super) fn load_aligned(
     alignment: u32,
 ) -> Result<Words> {
     let count = match pointer.place {
-        Place::Descriptors { .. } => 1,
+        PointerBase::Descriptors { .. } => 1,
         _ => translator.word_count(pointer.pointee)?,
     };
     match pointer.place {
-        Place::Registers { first: variable, count: registers, constant } => {
+        PointerBase::Registers { first: variable, count: registers, constant } => {
             let first = variable.plus(pointer.offset);
             match pointer.index {
                 None if constant => Ok(registers_from(first, count)),
@@ -39,27 +39,27 @@ pub(super) fn load_aligned(
                 }
             }
         }
-        Place::ComputedRegisters => {
+        PointerBase::ComputedRegisters => {
             let index = pointer.index.ok_or_else(|| translator.invalid("a pointer without a value"))?;
             gather(translator, pointer.pointed_registers(), index, count)
         }
-        Place::Buffer(buffer) => {
+        PointerBase::Buffer(buffer) => {
             let scalars = scalars(translator, pointer)?;
             let to = translator.fresh(count)?;
             let mut register = to;
             for chunk in chunks(&scalars, buffer, pointer, alignment) {
-                translator.emit(Op::Memory(memory::Op::BufferLoad { to: register, chunk }));
+                translator.emit(Op::Memory(memory::MemoryOp::BufferLoad { to: register, chunk }));
                 register = register.plus(chunk.count);
             }
             Ok(registers_from(to, count))
         }
-        Place::Texel(_) => {
+        PointerBase::Texel(_) => {
             Err(translator.invalid("a load through a pointer to a texel, which is for atomics"))
         }
-        Place::Descriptors { buffers: true, .. } => {
+        PointerBase::Descriptors { buffers: true, .. } => {
             Err(translator.invalid("a load of a whole array of buffers"))
         }
-        Place::Descriptors { first, array, .. } => {
+        PointerBase::Descriptors { first, array, .. } => {
             if let (true, &Type::Array { element, .. }) = (array, translator.module.ty(pointer.pointee)) {
                 let each = descriptor_count(translator, element)?;
                 let mut words = Words::new();
@@ -94,7 +94,7 @@ fn load_registers(translator: &mut Translator<'_>, first: Reg, count: u32) -> Re
     let to = translator.fresh_words(count)?;
     for (word, &to) in to.iter().enumerate() {
         let variable = first.plus(word as u32);
-        translator.emit(Op::Memory(memory::Op::Move { to, from: variable }));
+        translator.emit(Op::Memory(memory::MemoryOp::Move { to, from: variable }));
         translator.remember(variable, to);
     }
     Ok(to)
@@ -102,7 +102,7 @@ fn load_registers(translator: &mut Translator<'_>, first: Reg, count: u32) -> Re
 
 fn gather(translator: &mut Translator<'_>, first: Reg, index: Reg, count: u32) -> Result<Words> {
     let to = translator.fresh(count)?;
-    translator.emit(Op::Memory(memory::Op::Gather { to, count, first, index }));
+    translator.emit(Op::Memory(memory::MemoryOp::Gather { to, count, first, index }));
     Ok(registers_from(to, count))
 }
 
@@ -126,14 +126,16 @@ pub(super) fn store_aligned(
         return Err(translator.invalid(format!("a store to {class}, which is read-only")));
     }
     match pointer.place {
-        Place::Registers { constant: true, .. } => Err(translator.invalid("a store to an input variable")),
-        Place::Registers { first: variable, count: registers, .. } => {
+        PointerBase::Registers { constant: true, .. } => {
+            Err(translator.invalid("a store to an input variable"))
+        }
+        PointerBase::Registers { first: variable, count: registers, .. } => {
             let first = variable.plus(pointer.offset);
             match pointer.index {
                 None => {
                     for (word, &from) in words.iter().enumerate() {
                         let to = first.plus(word as u32);
-                        translator.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+                        translator.emit(Op::Memory(memory::MemoryOp::MoveMasked { to, from }));
                         translator.remember(to, from);
                     }
                 }
@@ -144,21 +146,21 @@ pub(super) fn store_aligned(
             }
             Ok(())
         }
-        Place::ComputedRegisters => {
+        PointerBase::ComputedRegisters => {
             let index = pointer.index.ok_or_else(|| translator.invalid("a pointer without a value"))?;
             scatter(translator, pointer.pointed_registers(), index, words)
         }
-        Place::Buffer(buffer) => {
+        PointerBase::Buffer(buffer) => {
             let scalars = scalars(translator, pointer)?;
             let mut register = translator.consecutive(words)?;
             for chunk in chunks(&scalars, buffer, pointer, alignment) {
-                translator.emit(Op::Memory(memory::Op::BufferStore { from: register, chunk }));
+                translator.emit(Op::Memory(memory::MemoryOp::BufferStore { from: register, chunk }));
                 register = register.plus(chunk.count);
             }
             Ok(())
         }
-        Place::Descriptors { .. } => Err(translator.invalid("a store to a descriptor")),
-        Place::Texel(_) => {
+        PointerBase::Descriptors { .. } => Err(translator.invalid("a store to a descriptor")),
+        PointerBase::Texel(_) => {
             Err(translator.invalid("a store through a pointer to a texel, which is for atomics"))
         }
     }
@@ -167,7 +169,7 @@ pub(super) fn store_aligned(
 fn scatter(translator: &mut Translator<'_>, first: Reg, index: Reg, words: &[Reg]) -> Result<()> {
     let from = translator.consecutive(words)?;
     let count = words.len() as u32;
-    translator.emit(Op::Memory(memory::Op::Scatter { from, count, first, index }));
+    translator.emit(Op::Memory(memory::MemoryOp::Scatter { from, count, first, index }));
     translator.forget();
     Ok(())
 }

@@ -2,7 +2,7 @@
 //!
 //! Function, Private, Input, payload and attribute variables are registers of the register file, so
 //! a load or store through constant indices is a move, and only a computed index needs a
-//! [`Op::Gather`]. Buffers are addressed by bytes.
+//! [`MemoryOp::Gather`]. Buffers are addressed by bytes.
 
 use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
@@ -16,7 +16,7 @@ use crate::machine::{
 use crate::ops::op::Access;
 
 pub use crate::ops::pointer::{
-    Place, Pointer, pointer_from_words, pointer_word_count, pointer_words, variable,
+    Pointer, PointerBase, pointer_from_words, pointer_word_count, pointer_words, variable,
 };
 
 /// What a computed offset becomes when an index is outside its array: whoever follows it traps.
@@ -86,7 +86,7 @@ impl Chunk {
 /// An operation that moves words.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
-pub enum Op {
+pub enum MemoryOp {
     /// Copies a register, in all lanes.
     Move { to: Reg, from: Reg },
     /// Copies a register in the running lanes only.
@@ -114,7 +114,7 @@ pub enum Length {
     Unknown,
 }
 
-impl Op {
+impl MemoryOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         match self {

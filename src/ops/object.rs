@@ -5,8 +5,8 @@ use crate::machine::Reg;
 use crate::machine::object::ObjectRef;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Instruction, Module};
-use crate::ops::builtin::{self, Shape};
-use crate::ops::memory::Place;
+use crate::ops::builtin::{self, ValueShape};
+use crate::ops::memory::PointerBase;
 use crate::ops::op::Access;
 use crate::ops::pointer::storage;
 use crate::ops::translate::{Translator, registers_from};
@@ -68,12 +68,12 @@ pub fn object(
         return Err(error.note(extension(translator.module.ty(pointer.pointee))));
     }
     match (&pointer.place, pointer.index) {
-        (&Place::Registers { first, .. }, None) => Ok(ObjectRef::Register(first.plus(pointer.offset))),
-        (&Place::Registers { first, count, .. }, Some(index)) => {
+        (&PointerBase::Registers { first, .. }, None) => Ok(ObjectRef::Register(first.plus(pointer.offset))),
+        (&PointerBase::Registers { first, count, .. }, Some(index)) => {
             translator.addressed.push((first, count));
             Ok(ObjectRef::Computed { first: first.plus(pointer.offset), index })
         }
-        (Place::ComputedRegisters, Some(index)) => {
+        (PointerBase::ComputedRegisters, Some(index)) => {
             Ok(ObjectRef::Computed { first: pointer.pointed_registers(), index })
         }
         _ => Err(translator.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES)),
@@ -107,7 +107,7 @@ pub fn check_moved(translator: &Translator<'_>, ty: TypeId) -> Result<()> {
 ///
 /// # Errors
 /// `InvalidModule` where the type has another shape.
-pub fn result(translator: &mut Translator<'_>, instruction: &Instruction, shape: Shape) -> Result<Reg> {
+pub fn result(translator: &mut Translator<'_>, instruction: &Instruction, shape: ValueShape) -> Result<Reg> {
     let ty = translator.result_type(instruction)?;
     if !builtin::matches(translator, shape, ty) {
         let name = crate::module::names::opcode_name(instruction.opcode);

@@ -17,23 +17,23 @@ pub enum Op {
         from: [Reg; 3],
     },
     /// Moves, loads and stores.
-    Memory(memory::Op),
+    Memory(memory::MemoryOp),
     /// Atomic instructions.
-    Atomic(Box<atomic::Op>),
+    Atomic(Box<atomic::AtomicOp>),
     /// Subgroup instructions.
-    Subgroup(Box<subgroup::Op>),
+    Subgroup(Box<subgroup::SubgroupOp>),
     /// `DebugPrintf`.
-    Print(debug_printf::Op),
+    Print(debug_printf::PrintOp),
     /// Image instructions.
-    Image(image::Op),
+    Image(image::ImageOp),
     /// Ray query instructions.
-    RayQuery(ray_query::Op),
+    RayQuery(ray_query::RayQueryOp),
     /// Hit object instructions.
-    HitObject(Box<hit_object::Op>),
+    HitObject(Box<hit_object::HitObjectOp>),
     /// `OpControlBarrier` of scope Workgroup, which hands the batch to the pipeline.
     Barrier,
     /// Instructions that hand the batch to the pipeline.
-    Stop(ray_tracing::Op),
+    Stop(ray_tracing::RayTracingOp),
 }
 
 // Every pass over a program goes through all of them: what is large and rare stands elsewhere.

@@ -41,7 +41,7 @@ pub mod storage {
 
 /// Where a pointer leads.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Place {
+pub enum PointerBase {
     /// Registers of the register file from a known one on.
     Registers {
         /// The variable's first register.
@@ -73,7 +73,7 @@ pub enum Place {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pointer {
     /// Where it leads.
-    pub place: Place,
+    pub place: PointerBase,
     /// What it points to.
     pub pointee: TypeId,
     /// Its storage class.
@@ -91,12 +91,12 @@ pub struct Pointer {
 
 impl Pointer {
     /// To the beginning of a place.
-    pub fn new(place: Place, pointee: TypeId, storage_class: u32) -> Self {
+    pub fn new(place: PointerBase, pointee: TypeId, storage_class: u32) -> Self {
         let (index, matrix, component_stride) = (None, None, None);
         Self { place, pointee, storage_class, offset: 0, index, matrix, component_stride }
     }
 
-    /// For [`Place::ComputedRegisters`]: the register from which the index counts.
+    /// For [`PointerBase::ComputedRegisters`]: the register from which the index counts.
     pub fn pointed_registers(&self) -> Reg {
         Reg(REGISTER_POINTER.wrapping_add(self.offset))
     }
@@ -173,7 +173,7 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
             let count = translator.word_count(pointee)?;
             let first = translator.fresh(count)?;
             translator.inputs.push(InputRegisters { builtin, first, count });
-            Ok(pointer(Place::Registers { first, count, constant: !builtin.volatile }))
+            Ok(pointer(PointerBase::Registers { first, count, constant: !builtin.volatile }))
         }
         storage::PRIVATE
         | storage::CALLABLE_DATA
@@ -202,14 +202,14 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
             };
             translator.interface.push(registers);
             translator.variables.push((first, count));
-            Ok(pointer(Place::Registers { first, count, constant: false }))
+            Ok(pointer(PointerBase::Registers { first, count, constant: false }))
         }
         storage::WORKGROUP => {
             let offset = translator.allocate_workgroup(pointee)?;
-            Ok(Pointer { offset, ..pointer(Place::Buffer(BufferRef::Workgroup)) })
+            Ok(Pointer { offset, ..pointer(PointerBase::Buffer(BufferRef::Workgroup)) })
         }
-        storage::PUSH_CONSTANT => Ok(pointer(Place::Buffer(BufferRef::PushConstants))),
-        storage::SHADER_RECORD_BUFFER => Ok(pointer(Place::Buffer(BufferRef::ShaderRecord))),
+        storage::PUSH_CONSTANT => Ok(pointer(PointerBase::Buffer(BufferRef::PushConstants))),
+        storage::SHADER_RECORD_BUFFER => Ok(pointer(PointerBase::Buffer(BufferRef::ShaderRecord))),
         storage::UNIFORM_CONSTANT | storage::UNIFORM | storage::STORAGE_BUFFER => {
             let decorations = &translator.module.decorations;
             let (Some(set), Some(binding)) = (decorations.literal(id, 34), decorations.literal(id, 33))
@@ -231,8 +231,8 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
                 matches!(translator.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
             let buffers = variable.storage_class != storage::UNIFORM_CONSTANT;
             Ok(match (buffers, array) {
-                (true, false) => pointer(Place::Buffer(BufferRef::Handle(Bindings::handle(slot, 0)))),
-                _ => pointer(Place::Descriptors { first: Bindings::handle(slot, 0), array, buffers }),
+                (true, false) => pointer(PointerBase::Buffer(BufferRef::Handle(Bindings::handle(slot, 0)))),
+                _ => pointer(PointerBase::Descriptors { first: Bindings::handle(slot, 0), array, buffers }),
             })
         }
         other => {
@@ -259,17 +259,17 @@ fn user_defined_input(translator: &Translator<'_>, id: Id, pointee: TypeId) -> E
 /// is what a variable holds before anything is stored there; no other pointer begins with zeros.
 pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Words> {
     match pointer.place {
-        Place::Registers { first, count, .. } => {
+        PointerBase::Registers { first, count, .. } => {
             translator.addressed.push((first, count));
             translator.forget();
             let base = translator.constant(REGISTER_POINTER + first.0 + pointer.offset)?;
             Ok(SmallVec::from_slice(&[shifted(translator, pointer.index, base)?]))
         }
-        Place::ComputedRegisters => {
+        PointerBase::ComputedRegisters => {
             let base = translator.constant(pointer.offset)?;
             Ok(SmallVec::from_slice(&[shifted(translator, pointer.index, base)?]))
         }
-        Place::Buffer(buffer) => {
+        PointerBase::Buffer(buffer) => {
             let handle = match buffer {
                 BufferRef::Handle(handle) => translator.constant(handle)?,
                 BufferRef::Computed(reg) => reg,
@@ -284,7 +284,7 @@ pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Resu
             let base = translator.constant(pointer.offset)?;
             Ok(SmallVec::from_slice(&[handle, shifted(translator, pointer.index, base)?]))
         }
-        Place::Descriptors { first, buffers, .. } => {
+        PointerBase::Descriptors { first, buffers, .. } => {
             let base = translator.constant(Bindings::element_handle(first, pointer.offset))?;
             let handle = shifted(translator, pointer.index, base)?;
             if !buffers {
@@ -293,7 +293,7 @@ pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Resu
             let offset = translator.constant(0)?;
             Ok(SmallVec::from_slice(&[handle, offset]))
         }
-        Place::Texel(_) => Err(translator.unsupported("a pointer to a texel as a value")),
+        PointerBase::Texel(_) => Err(translator.unsupported("a pointer to a texel as a value")),
     }
 }
 
@@ -304,12 +304,12 @@ pub fn pointer_from_words(translator: &mut Translator<'_>, ty: TypeId, words: &[
     };
     let (place, index) = match (storage_class, words) {
         (storage::PHYSICAL_STORAGE_BUFFER, &[low, high]) => {
-            (Place::Buffer(BufferRef::Address(translator.pair(low, high)?)), None)
+            (PointerBase::Buffer(BufferRef::Address(translator.pair(low, high)?)), None)
         }
         (storage::UNIFORM | storage::STORAGE_BUFFER, &[handle, _])
             if is_buffer_array(translator, pointee) =>
         {
-            (Place::Descriptors { first: 0, array: true, buffers: true }, Some(handle))
+            (PointerBase::Descriptors { first: 0, array: true, buffers: true }, Some(handle))
         }
         (
             storage::UNIFORM
@@ -318,17 +318,17 @@ pub fn pointer_from_words(translator: &mut Translator<'_>, ty: TypeId, words: &[
             | storage::PUSH_CONSTANT
             | storage::SHADER_RECORD_BUFFER,
             &[handle, offset],
-        ) => (Place::Buffer(BufferRef::Computed(handle)), Some(offset)),
+        ) => (PointerBase::Buffer(BufferRef::Computed(handle)), Some(offset)),
         (storage::UNIFORM_CONSTANT, &[handle]) => {
             let array =
                 matches!(translator.module.ty(pointee), Type::Array { .. } | Type::RuntimeArray { .. });
-            (Place::Descriptors { first: 0, array, buffers: false }, Some(handle))
+            (PointerBase::Descriptors { first: 0, array, buffers: false }, Some(handle))
         }
         (storage::PRIVATE | storage::FUNCTION | storage::INPUT, &[register]) => {
-            (Place::ComputedRegisters, Some(register))
+            (PointerBase::ComputedRegisters, Some(register))
         }
         (5328.., &[register]) if storage_class != storage::PHYSICAL_STORAGE_BUFFER => {
-            (Place::ComputedRegisters, Some(register))
+            (PointerBase::ComputedRegisters, Some(register))
         }
         _ => {
             let name = crate::module::names::storage_class_name(storage_class);
@@ -368,7 +368,7 @@ pub fn shifted(translator: &mut Translator<'_>, index: Option<Reg>, base: Reg) -
     let to = translator.fresh(1)?;
     let one = translator.constant(1)?;
     let scale = translator.constant_word(base).unwrap_or(0);
-    translator.emit(Op::Memory(memory::Op::Index {
+    translator.emit(Op::Memory(memory::MemoryOp::Index {
         to,
         base: Some(index),
         index: one,
@@ -388,7 +388,7 @@ pub fn follow(translator: &mut Translator<'_>, mut pointer: Pointer, indices: &[
 
 fn step(translator: &mut Translator<'_>, mut pointer: Pointer, index: crate::module::Id) -> Result<Pointer> {
     let packed = pointer.is_packed(translator);
-    let in_buffer = matches!(pointer.place, Place::Buffer(_)) && !packed;
+    let in_buffer = matches!(pointer.place, PointerBase::Buffer(_)) && !packed;
     match *translator.module.ty(pointer.pointee) {
         Type::Struct { ref members, .. } => {
             let at = translator.constant_integer(index)? as usize;
@@ -459,11 +459,11 @@ fn element_step(
     length: Length,
 ) -> Result<Pointer> {
     let stride = match pointer.place {
-        Place::Buffer(_) if pointer.is_packed(translator) => translator.word_count(element)? * 4,
-        Place::Buffer(_) => stride.ok_or_else(|| {
+        PointerBase::Buffer(_) if pointer.is_packed(translator) => translator.word_count(element)? * 4,
+        PointerBase::Buffer(_) => stride.ok_or_else(|| {
             translator.not_laid_out(pointer.storage_class, "a buffer's array has no ArrayStride decoration")
         })?,
-        Place::Descriptors { .. } => descriptor_count(translator, element)?,
+        PointerBase::Descriptors { .. } => descriptor_count(translator, element)?,
         _ => translator.word_count(element)?,
     };
     pointer.pointee = element;
@@ -471,7 +471,7 @@ fn element_step(
     let constant = translator.constant_word(index);
     // A handle's upper bits name the slot: an array without an end must not reach them.
     let length = match (&pointer.place, length) {
-        (Place::Descriptors { .. }, Length::Unknown) => Length::Known(1 << ELEMENT_BITS),
+        (PointerBase::Descriptors { .. }, Length::Unknown) => Length::Known(1 << ELEMENT_BITS),
         _ => length,
     };
     let inside = |at: u32| match length {
@@ -484,12 +484,12 @@ fn element_step(
         None => {
             let to = translator.fresh(1)?;
             let base = pointer.index;
-            translator.emit(Op::Memory(memory::Op::Index { to, base, index, stride, length }));
+            translator.emit(Op::Memory(memory::MemoryOp::Index { to, base, index, stride, length }));
             pointer.index = Some(to);
         }
     }
     let is_array = matches!(translator.module.ty(element), Type::Array { .. } | Type::RuntimeArray { .. });
-    if let Place::Descriptors { first, buffers: true, .. } = pointer.place
+    if let PointerBase::Descriptors { first, buffers: true, .. } = pointer.place
         && !is_array
     {
         // The element of an array of buffers is chosen: what follows are its bytes.
@@ -501,7 +501,7 @@ fn element_step(
                 BufferRef::Computed(shifted(translator, Some(index), handle)?)
             }
         };
-        pointer.place = Place::Buffer(buffer);
+        pointer.place = PointerBase::Buffer(buffer);
         pointer.offset = 0;
     }
     Ok(pointer)
@@ -555,7 +555,7 @@ pub fn translate(
             let indices = &translator.operands(instruction)[1..];
             let pointer = follow(translator, pointer, indices)?;
             if let Some(id) = instruction.result {
-                translator.define(id, crate::ops::translate::Value::Pointer(pointer.into()));
+                translator.define(id, crate::ops::translate::IdValue::Pointer(pointer.into()));
             }
         }
         Opcode::ArrayLength => {
@@ -569,12 +569,12 @@ pub fn translate(
                 let Type::RuntimeArray { stride, .. } = translator.module.ty(member.ty) else { return None };
                 Some((member.offset?, (*stride)?))
             });
-            let (Some((offset, stride)), Place::Buffer(buffer)) = (layout, &pointer.place) else {
+            let (Some((offset, stride)), PointerBase::Buffer(buffer)) = (layout, &pointer.place) else {
                 return Err(translator.invalid("OpArrayLength of what is no runtime array in a buffer"));
             };
             let to = translator.fresh(1)?;
             let buffer = *buffer;
-            translator.emit(Op::Memory(memory::Op::ArrayLength { to, buffer, offset, stride }));
+            translator.emit(Op::Memory(memory::MemoryOp::ArrayLength { to, buffer, offset, stride }));
             translator.result(instruction, SmallVec::from_slice(&[to]));
         }
         _ => return Ok(false),

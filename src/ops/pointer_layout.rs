@@ -11,8 +11,8 @@ use smallvec::SmallVec;
 use crate::error::Result;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
-use crate::ops::pointer::{Place, Pointer};
-use crate::ops::translate::{Translator, Value};
+use crate::ops::pointer::{Pointer, PointerBase};
+use crate::ops::translate::{IdValue, Translator};
 
 /// The layout of matrices below, and the bytes between the components of the vector pointed to,
 /// where they do not touch: as in [`Pointer`].
@@ -28,7 +28,7 @@ pub fn complete(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) -> R
         Type::Vector { .. } => true,
         _ => ends_in_matrix(module, pointer.pointee),
     };
-    if !concerned || !matches!(pointer.place, Place::Buffer(_)) || pointer.is_packed(translator) {
+    if !concerned || !matches!(pointer.place, PointerBase::Buffer(_)) || pointer.is_packed(translator) {
         return Ok(());
     }
     let mut trace = Trace { translator, module, seen: HashSet::new() };
@@ -64,7 +64,7 @@ type Layouts = SmallVec<[Layout; 1]>;
 
 impl Trace<'_, '_> {
     fn layouts(&mut self, id: Id) -> Layouts {
-        if let Some(Value::Pointer(known)) = self.translator.local(id) {
+        if let Some(IdValue::Pointer(known)) = self.translator.local(id) {
             return SmallVec::from_slice(&[(known.matrix, known.component_stride)]);
         }
         if !self.seen.insert(id) {

@@ -16,7 +16,7 @@ use crate::machine::object::ObjectRef;
 use crate::machine::{Batch, Bindings, Mask, RayQuery, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
-use crate::ops::builtin::{Shape, floats};
+use crate::ops::builtin::{ValueShape, floats};
 use crate::ops::memory;
 use crate::ops::object::{self, object, result};
 use crate::ops::op::{Access, Op as Operation};
@@ -38,7 +38,7 @@ const COMMITTED_GENERATED: u32 = 2;
 /// An operation on ray queries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
-pub enum Op {
+pub enum RayQueryOp {
     /// `OpRayQueryInitializeKHR`; the operands lie in consecutive registers. `micromaps`: whether
     /// there may be opacity micromaps.
     Initialize { query: ObjectRef, operands: Reg, micromaps: bool },
@@ -55,7 +55,7 @@ pub enum Op {
     /// An instruction that reads the ray.
     GetRay { query: ObjectRef, getter: &'static RayGetter, to: Reg },
     /// An instruction that reads the candidate or the committed hit.
-    Get { query: ObjectRef, committed: bool, getter: &'static Getter, to: Reg },
+    Get { query: ObjectRef, committed: bool, getter: &'static RayQueryGetter, to: Reg },
     /// The variable that holds `count` queries begins anew.
     Forget { first: Reg, count: u32 },
 }
@@ -63,14 +63,14 @@ pub enum Op {
 /// An instruction that reads the ray.
 pub struct RayGetter {
     opcode: Opcode,
-    shape: Shape,
+    shape: ValueShape,
     read: fn(&TraceRay, &mut [u32]),
 }
 
 /// An instruction that reads the candidate or the committed hit.
-pub struct Getter {
+pub struct RayQueryGetter {
     opcode: Opcode,
-    shape: Shape,
+    shape: ValueShape,
     read: fn(Seen<'_>, &mut [u32]) -> Result<(), TrapCode>,
 }
 
@@ -108,12 +108,12 @@ macro_rules! named {
     )*};
 }
 
-named!(RayGetter Getter);
+named!(RayGetter RayQueryGetter);
 
 macro_rules! getters {
     ($table:ident $ty:ident $($name:ident $shape:ident |$from:ident, $to:ident| $read:expr;)*) => {
         static $table: &[$ty] =
-            &[$($ty { opcode: Opcode::$name, shape: Shape::$shape, read: |$from, $to| $read }),*];
+            &[$($ty { opcode: Opcode::$name, shape: ValueShape::$shape, read: |$from, $to| $read }),*];
     };
 }
 
@@ -124,7 +124,7 @@ getters! { RAY_GETTERS RayGetter
     RayQueryGetWorldRayDirectionKHR Float3 |from, to| floats(to, &from.ray.direction);
 }
 
-getters! { GETTERS Getter
+getters! { GETTERS RayQueryGetter
     RayQueryGetIntersectionTKHR Float |from, to| from.t(to);
     RayQueryGetIntersectionInstanceCustomIndexKHR Int |from, to| from.custom_index(to);
     RayQueryGetIntersectionInstanceIdKHR Int |from, to| word(to, from.candidate.instance);
@@ -152,16 +152,16 @@ getters! { GETTERS Getter
 }
 
 /// `OpRayQueryGetIntersectionCandidateAABBOpaqueKHR`, which reads the candidate alone.
-static AABB_OPAQUE: Getter = Getter {
+static AABB_OPAQUE: RayQueryGetter = RayQueryGetter {
     opcode: Opcode::RayQueryGetIntersectionCandidateAABBOpaqueKHR,
-    shape: Shape::Bool,
+    shape: ValueShape::Bool,
     read: |from, to| match from.candidate.is_box() {
         true => word(to, from.candidate.opaque.into()),
         false => Err(TrapCode::RayQueryNotAabb),
     },
 };
 
-impl Op {
+impl RayQueryOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         match *self {
@@ -402,31 +402,41 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 Some(mode) => translator.constant_integer(mode)? != 0,
                 None => true,
             };
-            Op::Initialize { query, operands, micromaps }
+            RayQueryOp::Initialize { query, operands, micromaps }
         }
         Opcode::RayQueryProceedKHR => {
-            Op::Proceed { query, to: result(translator, instruction, Shape::Bool)? }
+            RayQueryOp::Proceed { query, to: result(translator, instruction, ValueShape::Bool)? }
         }
-        Opcode::RayQueryTerminateKHR => Op::Terminate { query },
-        Opcode::RayQueryConfirmIntersectionKHR => Op::Confirm { query },
+        Opcode::RayQueryTerminateKHR => RayQueryOp::Terminate { query },
+        Opcode::RayQueryConfirmIntersectionKHR => RayQueryOp::Confirm { query },
         Opcode::RayQueryGenerateIntersectionKHR => match translator.operand(instruction, 1)?[..] {
-            [t] => Op::Generate { query, t },
+            [t] => RayQueryOp::Generate { query, t },
             _ => return Err(translator.invalid("a hit distance must be a 32-bit float")),
         },
         Opcode::RayQueryGetIntersectionTypeKHR => {
             let committed = committed(translator, instruction)?;
-            Op::Type { query, committed, to: result(translator, instruction, Shape::Int)? }
+            RayQueryOp::Type { query, committed, to: result(translator, instruction, ValueShape::Int)? }
         }
         Opcode::RayQueryGetIntersectionCandidateAABBOpaqueKHR => {
             let getter = &AABB_OPAQUE;
-            Op::Get { query, committed: false, getter, to: result(translator, instruction, getter.shape)? }
+            RayQueryOp::Get {
+                query,
+                committed: false,
+                getter,
+                to: result(translator, instruction, getter.shape)?,
+            }
         }
         _ => {
             if let Some(getter) = RAY_GETTERS.iter().find(|getter| getter.opcode == opcode) {
-                Op::GetRay { query, getter, to: result(translator, instruction, getter.shape)? }
+                RayQueryOp::GetRay { query, getter, to: result(translator, instruction, getter.shape)? }
             } else if let Some(getter) = GETTERS.iter().find(|getter| getter.opcode == opcode) {
                 let committed = committed(translator, instruction)?;
-                Op::Get { query, committed, getter, to: result(translator, instruction, getter.shape)? }
+                RayQueryOp::Get {
+                    query,
+                    committed,
+                    getter,
+                    to: result(translator, instruction, getter.shape)?,
+                }
             } else {
                 return Ok(false);
             }

@@ -8,7 +8,7 @@ use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Reg, Stop};
 use crate::module::{Id, Instruction};
-use crate::ops::memory::{self, Place};
+use crate::ops::memory::{self, PointerBase};
 use crate::ops::object;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::storage;
@@ -32,7 +32,7 @@ pub const TRACE_OPERANDS: u32 = 16;
 /// An operation that stops the interpreter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "a variant's line tells its fields")]
-pub enum Op {
+pub enum RayTracingOp {
     /// `OpTraceRayKHR`, `OpTraceRayMotionNV`
     TraceRay { operands: Reg, payload: RegSpan },
     /// `OpExecuteCallableKHR`
@@ -47,7 +47,7 @@ pub enum Op {
     HitObjectRecordHandle { object: ObjectRef, to: Reg },
 }
 
-impl Op {
+impl RayTracingOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         visit(Access::Effect);
@@ -170,7 +170,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let operands = translator.consecutive(&words)?;
             let classes = &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD];
             let payload = named_variable(translator, opcode, instruction, count, classes)?;
-            translator.emit(Operation::Stop(Op::TraceRay { operands, payload }));
+            translator.emit(Operation::Stop(RayTracingOp::TraceRay { operands, payload }));
             translator.forget();
         }
         Opcode::ExecuteCallableKHR | Opcode::ExecuteCallableNV => {
@@ -180,7 +180,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let Some(&index) = index.first() else {
                 return Err(translator.invalid("an SBT index without a value").note(RULES));
             };
-            translator.emit(Operation::Stop(Op::ExecuteCallable { index, data }));
+            translator.emit(Operation::Stop(RayTracingOp::ExecuteCallable { index, data }));
             translator.forget();
         }
         Opcode::ReportIntersectionKHR => {
@@ -189,7 +189,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 return Err(translator.invalid("the operands of OpReportIntersectionKHR have wrong types"));
             };
             let accepted = translator.fresh(1)?;
-            translator.emit(Operation::Stop(Op::ReportIntersection { t, hit_kind, accepted }));
+            translator.emit(Operation::Stop(RayTracingOp::ReportIntersection { t, hit_kind, accepted }));
             translator.forget();
             translator.result(instruction, SmallVec::from_slice(&[accepted]));
         }
@@ -250,9 +250,9 @@ pub(super) fn variable_span(translator: &mut Translator<'_>, id: Id, classes: &[
         return Err(translator.invalid(message).note(RULES));
     }
     match pointer {
-        memory::Pointer { place: Place::Registers { first, .. }, index: None, offset, pointee, .. } => {
-            Ok(RegSpan { first: first.plus(offset), count: translator.word_count(pointee)? })
-        }
+        memory::Pointer {
+            place: PointerBase::Registers { first, .. }, index: None, offset, pointee, ..
+        } => Ok(RegSpan { first: first.plus(offset), count: translator.word_count(pointee)? }),
         _ => Err(translator.unsupported("a payload that is no whole variable")),
     }
 }

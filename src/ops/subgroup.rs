@@ -107,7 +107,7 @@ pub enum From {
 
 /// What a ballot's bits are counted or searched for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Bits {
+pub enum BallotCount {
     /// All bits set.
     Count,
     /// The bits set up to the own place.
@@ -133,7 +133,7 @@ pub enum Over {
 
 /// What a subgroup instruction does.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Kind {
+pub enum SubgroupKind {
     /// Whether this is the lowest invocation that takes part.
     Elect,
     /// Whether a bool holds everywhere, in clusters of this size.
@@ -148,8 +148,8 @@ pub enum Kind {
     Partition,
     /// Another invocation's value.
     Read(From),
-    /// Bits of a ballot.
-    Bits(Bits),
+    /// BallotCount of a ballot.
+    Bits(BallotCount),
     /// The bit of a ballot at the operand's place, or at the own one.
     Extract {
         /// Whether the own place is meant.
@@ -168,9 +168,9 @@ pub enum Kind {
 
 /// A subgroup operation.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Op {
+pub struct SubgroupOp {
     /// What it does.
-    pub kind: Kind,
+    pub kind: SubgroupKind,
     /// The first register of the result.
     pub to: Reg,
     /// Registers of the result.
@@ -185,12 +185,12 @@ pub struct Op {
     pub operands: u32,
 }
 
-impl Op {
+impl SubgroupOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         visit(Access::Read(self.value, self.values));
         visit(Access::Read(self.operand, self.operands));
-        if let Kind::Combine { kernel, over: Over::Exclusive(identity), .. } = self.kind {
+        if let SubgroupKind::Combine { kernel, over: Over::Exclusive(identity), .. } = self.kind {
             visit(Access::Read(identity, kernel.words));
         }
         visit(Access::Write(self.to, self.results));
@@ -238,27 +238,27 @@ impl Op {
         for &(lane, place) in members {
             let peers = |cluster: u32| members.iter().filter(move |peer| same(cluster, place, peer.1));
             let words = match self.kind {
-                Kind::Elect => one(place == members[0].1),
-                Kind::All(cluster) => one(peers(cluster).all(|peer| holds(peer.0))),
-                Kind::Any(cluster) => one(peers(cluster).any(|peer| holds(peer.0))),
-                Kind::AllEqual => one(self.all_equal(registers, members)),
-                Kind::Ballot => ballot(&holds),
-                Kind::Partition => {
+                SubgroupKind::Elect => one(place == members[0].1),
+                SubgroupKind::All(cluster) => one(peers(cluster).all(|peer| holds(peer.0))),
+                SubgroupKind::Any(cluster) => one(peers(cluster).any(|peer| holds(peer.0))),
+                SubgroupKind::AllEqual => one(self.all_equal(registers, members)),
+                SubgroupKind::Ballot => ballot(&holds),
+                SubgroupKind::Partition => {
                     let own = value(lane);
                     ballot(&|peer| value(peer) == own)
                 }
-                Kind::Read(from) => {
+                SubgroupKind::Read(from) => {
                     let sought = source(from, place, operand(lane), size).unwrap_or(members[0].1);
                     let found = members.iter().find(|peer| peer.1 == sought);
                     found.map_or_else(|| SmallVec::from_elem(0, self.values as usize), |peer| value(peer.0))
                 }
-                Kind::Bits(bits) => SmallVec::from_slice(&[count(bits, &value(lane), place, size)]),
-                Kind::Extract { own } => {
+                SubgroupKind::Bits(bits) => SmallVec::from_slice(&[count(bits, &value(lane), place, size)]),
+                SubgroupKind::Extract { own } => {
                     let at = if own { place } else { operand(lane) };
                     let word = value(lane).get(at as usize / 32).copied().unwrap_or(0);
                     one(word >> (at % 32) & 1 != 0)
                 }
-                Kind::Combine { kernel, over, partitioned } => {
+                SubgroupKind::Combine { kernel, over, partitioned } => {
                     let belongs = |peer: &(usize, u32)| {
                         if !partitioned {
                             return true;
@@ -314,7 +314,7 @@ fn source(from: From, place: u32, operand: u32, size: u32) -> Option<u32> {
     })
 }
 
-fn count(bits: Bits, ballot: &[u32], place: u32, size: u32) -> u32 {
+fn count(bits: BallotCount, ballot: &[u32], place: u32, size: u32) -> u32 {
     let mut wide = 0u128;
     for (at, &word) in ballot.iter().enumerate().take(4) {
         wide |= u128::from(word) << (32 * at);
@@ -322,11 +322,11 @@ fn count(bits: Bits, ballot: &[u32], place: u32, size: u32) -> u32 {
     let below = |count: u32| if count >= 128 { u128::MAX } else { (1 << count) - 1 };
     let counted = wide & below(size);
     match bits {
-        Bits::Count => counted.count_ones(),
-        Bits::CountInclusive => (counted & below(place + 1)).count_ones(),
-        Bits::CountExclusive => (counted & below(place)).count_ones(),
-        Bits::Lowest => counted.trailing_zeros(),
-        Bits::Highest => 127u32.wrapping_sub(counted.leading_zeros()),
+        BallotCount::Count => counted.count_ones(),
+        BallotCount::CountInclusive => (counted & below(place + 1)).count_ones(),
+        BallotCount::CountExclusive => (counted & below(place)).count_ones(),
+        BallotCount::Lowest => counted.trailing_zeros(),
+        BallotCount::Highest => 127u32.wrapping_sub(counted.leading_zeros()),
     }
 }
 
@@ -366,38 +366,38 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         _ => 1,
     };
     let kind = match opcode {
-        O::GroupNonUniformElect => Kind::Elect,
-        O::GroupNonUniformAll | O::SubgroupAllKHR => Kind::All(0),
-        O::GroupNonUniformAny | O::SubgroupAnyKHR => Kind::Any(0),
-        O::GroupNonUniformQuadAllKHR => Kind::All(4),
-        O::GroupNonUniformQuadAnyKHR => Kind::Any(4),
-        O::GroupNonUniformAllEqual | O::SubgroupAllEqualKHR => Kind::AllEqual,
-        O::GroupNonUniformBallot | O::SubgroupBallotKHR => Kind::Ballot,
-        O::GroupNonUniformPartitionEXT => Kind::Partition,
-        O::GroupNonUniformBroadcastFirst | O::SubgroupFirstInvocationKHR => Kind::Read(From::First),
+        O::GroupNonUniformElect => SubgroupKind::Elect,
+        O::GroupNonUniformAll | O::SubgroupAllKHR => SubgroupKind::All(0),
+        O::GroupNonUniformAny | O::SubgroupAnyKHR => SubgroupKind::Any(0),
+        O::GroupNonUniformQuadAllKHR => SubgroupKind::All(4),
+        O::GroupNonUniformQuadAnyKHR => SubgroupKind::Any(4),
+        O::GroupNonUniformAllEqual | O::SubgroupAllEqualKHR => SubgroupKind::AllEqual,
+        O::GroupNonUniformBallot | O::SubgroupBallotKHR => SubgroupKind::Ballot,
+        O::GroupNonUniformPartitionEXT => SubgroupKind::Partition,
+        O::GroupNonUniformBroadcastFirst | O::SubgroupFirstInvocationKHR => SubgroupKind::Read(From::First),
         O::GroupNonUniformBroadcast | O::GroupNonUniformShuffle | O::SubgroupReadInvocationKHR => {
-            Kind::Read(From::At)
+            SubgroupKind::Read(From::At)
         }
-        O::GroupNonUniformShuffleXor => Kind::Read(From::Xor),
-        O::GroupNonUniformShuffleUp => Kind::Read(From::Up),
-        O::GroupNonUniformShuffleDown => Kind::Read(From::Down),
-        O::GroupNonUniformQuadBroadcast => Kind::Read(From::Quad),
-        O::GroupNonUniformQuadSwap => Kind::Read(From::QuadSwap),
-        O::GroupNonUniformRotateKHR => Kind::Read(From::Rotate(cluster(translator, instruction, 3)?)),
-        O::GroupNonUniformInverseBallot => Kind::Extract { own: true },
-        O::GroupNonUniformBallotBitExtract => Kind::Extract { own: false },
-        O::GroupNonUniformBallotFindLSB => Kind::Bits(Bits::Lowest),
-        O::GroupNonUniformBallotFindMSB => Kind::Bits(Bits::Highest),
+        O::GroupNonUniformShuffleXor => SubgroupKind::Read(From::Xor),
+        O::GroupNonUniformShuffleUp => SubgroupKind::Read(From::Up),
+        O::GroupNonUniformShuffleDown => SubgroupKind::Read(From::Down),
+        O::GroupNonUniformQuadBroadcast => SubgroupKind::Read(From::Quad),
+        O::GroupNonUniformQuadSwap => SubgroupKind::Read(From::QuadSwap),
+        O::GroupNonUniformRotateKHR => SubgroupKind::Read(From::Rotate(cluster(translator, instruction, 3)?)),
+        O::GroupNonUniformInverseBallot => SubgroupKind::Extract { own: true },
+        O::GroupNonUniformBallotBitExtract => SubgroupKind::Extract { own: false },
+        O::GroupNonUniformBallotFindLSB => SubgroupKind::Bits(BallotCount::Lowest),
+        O::GroupNonUniformBallotFindMSB => SubgroupKind::Bits(BallotCount::Highest),
         O::GroupNonUniformBallotBitCount => {
             let operation = translator.literal(instruction, 1)?;
             let bits = match GroupOperation::from_u32(operation) {
-                Some(GroupOperation::Reduce) => Bits::Count,
-                Some(GroupOperation::InclusiveScan) => Bits::CountInclusive,
-                Some(GroupOperation::ExclusiveScan) => Bits::CountExclusive,
+                Some(GroupOperation::Reduce) => BallotCount::Count,
+                Some(GroupOperation::InclusiveScan) => BallotCount::CountInclusive,
+                Some(GroupOperation::ExclusiveScan) => BallotCount::CountExclusive,
                 _ => return Err(translator.invalid("a group operation that counts no bits")),
             };
             let value = translator.id(instruction, 2)?;
-            emit(translator, instruction, Kind::Bits(bits), Some(value), None)?;
+            emit(translator, instruction, SubgroupKind::Bits(bits), Some(value), None)?;
             return Ok(true);
         }
         _ => return arithmetic(translator, opcode, instruction).map(|()| true),
@@ -406,8 +406,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let id = |translator: &Translator<'_>, at: usize| {
         if at < count { translator.id(instruction, at).map(Some) } else { Ok(None) }
     };
-    let value = if kind == Kind::Elect { None } else { id(translator, first)? };
-    let operand = if kind == Kind::Elect { None } else { id(translator, first + 1)? };
+    let value = if kind == SubgroupKind::Elect { None } else { id(translator, first)? };
+    let operand = if kind == SubgroupKind::Elect { None } else { id(translator, first + 1)? };
     emit(translator, instruction, kind, value, operand)?;
     Ok(true)
 }
@@ -426,7 +426,7 @@ fn cluster(translator: &mut Translator<'_>, instruction: &Instruction, at: usize
 fn emit(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
-    kind: Kind,
+    kind: SubgroupKind,
     value: Option<Id>,
     operand: Option<Id>,
 ) -> Result<()> {
@@ -438,7 +438,9 @@ fn emit(
     if let Some(id) = operand {
         // An invocation's place, or a bit's, an integer of any width.
         registers[1] = match kind {
-            Kind::Read(_) | Kind::Extract { .. } => (translator.integer(id, Reading::Unsigned)?, 1),
+            SubgroupKind::Read(_) | SubgroupKind::Extract { .. } => {
+                (translator.integer(id, Reading::Unsigned)?, 1)
+            }
             _ => {
                 let words = translator.words(id)?;
                 (translator.consecutive(&words)?, words.len() as u32)
@@ -447,7 +449,7 @@ fn emit(
     }
     let ty = translator.result_type(instruction)?;
     let results = translator.word_count(ty)?;
-    if let Kind::Bits(_) = kind {
+    if let SubgroupKind::Bits(_) = kind {
         // Counted in 32 bits, and given in those of the result.
         let counted = append(translator, kind, 1, registers)?;
         let width = translator.scalar_width(ty)?;
@@ -459,8 +461,8 @@ fn emit(
         return Ok(());
     }
     let fits = match kind {
-        Kind::Read(_) => registers[0].1 == results,
-        Kind::Ballot | Kind::Partition => results == 4,
+        SubgroupKind::Read(_) => registers[0].1 == results,
+        SubgroupKind::Ballot | SubgroupKind::Partition => results == 4,
         _ => results == 1,
     };
     if !fits {
@@ -473,10 +475,15 @@ fn emit(
 
 /// Appends an operation on a value and a second operand, each its first register and how many there
 /// are, and gives the first register of the result.
-fn append(translator: &mut Translator<'_>, kind: Kind, results: u32, from: [(Reg, u32); 2]) -> Result<Reg> {
+fn append(
+    translator: &mut Translator<'_>,
+    kind: SubgroupKind,
+    results: u32,
+    from: [(Reg, u32); 2],
+) -> Result<Reg> {
     let to = translator.fresh(results)?;
     let [(value, values), (operand, operands)] = from;
-    translator.emit(Operation::Subgroup(Box::new(Op {
+    translator.emit(Operation::Subgroup(Box::new(SubgroupOp {
         kind,
         to,
         results,
@@ -490,7 +497,7 @@ fn append(translator: &mut Translator<'_>, kind: Kind, results: u32, from: [(Reg
 
 /// Reads a value of some words from another invocation that the own place tells.
 pub fn read(translator: &mut Translator<'_>, from: From, value: Reg, words: u32) -> Result<Reg> {
-    append(translator, Kind::Read(from), words, [(value, words), (Reg(0), 0)])
+    append(translator, SubgroupKind::Read(from), words, [(value, words), (Reg(0), 0)])
 }
 
 /// Appends a read from the invocation whose number an operand holds.
@@ -501,7 +508,7 @@ pub fn read_at(
     words: u32,
     operand: Reg,
 ) -> Result<Reg> {
-    append(translator, Kind::Read(from), words, [(value, words), (operand, 1)])
+    append(translator, SubgroupKind::Read(from), words, [(value, words), (operand, 1)])
 }
 
 /// Reductions and scans, component by component.
@@ -549,7 +556,7 @@ fn arithmetic(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Ins
         Some(GroupOperation::PartitionedExclusiveScanEXT) => (Over::Exclusive(identity), true),
         _ => return Err(translator.invalid(format!("group operation {operation}"))),
     };
-    let kind = Kind::Combine { kernel, over, partitioned };
+    let kind = SubgroupKind::Combine { kernel, over, partitioned };
     let partition = if partitioned {
         let words = translator.operand(instruction, 3)?;
         if words.len() != 4 {
@@ -610,13 +617,13 @@ mod tests {
     fn bits_of_ballots() {
         let ballot = [0b1011_0100, 0, 0, 0];
         let of = |bits| count(bits, &ballot, 4, 32);
-        assert_eq!(of(Bits::Count), 4);
-        assert_eq!(of(Bits::CountInclusive), 2);
-        assert_eq!(of(Bits::CountExclusive), 1);
-        assert_eq!(of(Bits::Lowest), 2);
-        assert_eq!(of(Bits::Highest), 7);
-        // Bits beyond the subgroup do not count.
-        assert_eq!(count(Bits::Count, &ballot, 0, 4), 1);
-        assert_eq!(count(Bits::Count, &[u32::MAX; 4], 0, 128), 128);
+        assert_eq!(of(BallotCount::Count), 4);
+        assert_eq!(of(BallotCount::CountInclusive), 2);
+        assert_eq!(of(BallotCount::CountExclusive), 1);
+        assert_eq!(of(BallotCount::Lowest), 2);
+        assert_eq!(of(BallotCount::Highest), 7);
+        // BallotCount beyond the subgroup do not count.
+        assert_eq!(count(BallotCount::Count, &ballot, 0, 4), 1);
+        assert_eq!(count(BallotCount::Count, &[u32::MAX; 4], 0, 128), 128);
     }
 }

@@ -34,13 +34,13 @@ use crate::machine::lanes::Lanes;
 use crate::machine::{Mask, Registers};
 use crate::math::lane_ops::{LaneOps, LaneTask};
 use crate::ops::conversion::{self, Between, Conversion};
-use crate::ops::lane_kernel::{Binary, Bits, LaneKernel, Width};
+use crate::ops::lane_kernel::{Binary, LaneKernel, ScalarWidth, Width};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select;
 use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
-use pairs::{After, Shape, Then, ThenWith, WithItself};
+use pairs::{After, PairShape, Then, ThenWith, WithItself};
 pub use plan::{ResultUse, takes_float};
-use words::{Chain, Last, One, Same, Settled, Three, Two, WithBoth, Words};
+use words::{Chain, Last, One, Same, Settled, Three, Two, WithBoth, WordFunction};
 
 /// One superinstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,7 +110,7 @@ impl<const W: usize> RegisterFile<W> for [Lanes<W>] {
 #[inline(always)]
 fn apply<
     const W: usize,
-    F: Words,
+    F: WordFunction,
     const AT: usize,
     const STORED: bool,
     const UNIFORM: u8,
@@ -253,14 +253,14 @@ macro_rules! functions {
             /// The lane kernels that have an opcode.
             fn kernels() -> Vec<(&'static LaneKernel, Self)> {
                 let families = [
-                    $(($unary_section::$unary.kernel(<$unary_type as Bits>::BITS), Self::$unary),)*
-                    $(($commuting_section::$commuting.kernel(<$commuting_type as Bits>::BITS), Self::$commuting),)*
-                    $(($binary_section::$binary.kernel(<$binary_type as Bits>::BITS), Self::$binary),)*
-                    $(($shift_section::$shift.kernel(<$shift_type as Bits>::BITS), Self::$shift),)*
-                    $(($ternary_section::$ternary.kernel(<$ternary_type as Bits>::BITS), Self::$ternary),)*
+                    $(($unary_section::$unary.kernel(<$unary_type as ScalarWidth>::BITS), Self::$unary),)*
+                    $(($commuting_section::$commuting.kernel(<$commuting_type as ScalarWidth>::BITS), Self::$commuting),)*
+                    $(($binary_section::$binary.kernel(<$binary_type as ScalarWidth>::BITS), Self::$binary),)*
+                    $(($shift_section::$shift.kernel(<$shift_type as ScalarWidth>::BITS), Self::$shift),)*
+                    $(($ternary_section::$ternary.kernel(<$ternary_type as ScalarWidth>::BITS), Self::$ternary),)*
                 ];
                 let conversions = [$((
-                    conversion::kernel(Conversion::$conversion, <$from as Bits>::BITS, <$into as Bits>::BITS),
+                    conversion::kernel(Conversion::$conversion, <$from as ScalarWidth>::BITS, <$into as ScalarWidth>::BITS),
                     Self::$conversion,
                 )),*];
                 let truncation = (conversion::kernel(Conversion::FToS, 32, 32), Self::FToS);
@@ -297,10 +297,10 @@ macro_rules! functions {
             }
 
             /// Pairs: both functions, how they hang together, and the function that is both.
-            const PAIRS: &'static [(Self, Self, Shape, Self)] = &[
-                $((Self::$two_first, Self::$two_second, Shape::$two_shape, Self::$two),)*
-                $((Self::$three_first, Self::$three_second, Shape::$three_shape, Self::$three),)*
-                $((Self::$chain_first, Self::$chain_second, Shape::$chain_shape, Self::$chain),)*
+            const PAIRS: &'static [(Self, Self, PairShape, Self)] = &[
+                $((Self::$two_first, Self::$two_second, PairShape::$two_shape, Self::$two),)*
+                $((Self::$three_first, Self::$three_second, PairShape::$three_shape, Self::$three),)*
+                $((Self::$chain_first, Self::$chain_second, PairShape::$chain_shape, Self::$chain),)*
             ];
         }
 

@@ -17,10 +17,10 @@ use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
 
 /// The number of an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Value(u32);
+pub struct ValueNumber(u32);
 
 /// The operands of an expression.
-pub type Values = SmallVec<[Value; 4]>;
+pub type Values = SmallVec<[ValueNumber; 4]>;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Expression {
@@ -47,7 +47,7 @@ enum Expression {
 /// All expressions so far.
 #[derive(Default)]
 pub struct Numbering {
-    numbers: FxHashMap<Expression, Value>,
+    numbers: FxHashMap<Expression, ValueNumber>,
     expressions: Vec<Expression>,
     /// Irregular operations without the registers that they name by themselves.
     irregular: FxHashMap<String, u32>,
@@ -86,33 +86,33 @@ impl Numbering {
         Self { commuting: words.map(address).collect(), ..Self::default() }
     }
 
-    fn number(&mut self, expression: Expression) -> Value {
+    fn number(&mut self, expression: Expression) -> ValueNumber {
         if let Some(&known) = self.numbers.get(&expression) {
             return known;
         }
-        let value = Value(self.expressions.len() as u32);
+        let value = ValueNumber(self.expressions.len() as u32);
         self.expressions.push(expression.clone());
         self.numbers.insert(expression, value);
         value
     }
 
     /// What a register held at the beginning.
-    pub fn initial(&mut self, reg: Reg) -> Value {
+    pub fn initial(&mut self, reg: Reg) -> ValueNumber {
         self.number(Expression::Initial(reg))
     }
 
     /// What a register holds that nobody has written.
-    pub fn undefined(&mut self, reg: Reg) -> Value {
+    pub fn undefined(&mut self, reg: Reg) -> ValueNumber {
         self.number(Expression::Undefined(reg))
     }
 
     /// A word known before running.
-    pub fn constant(&mut self, word: u32) -> Value {
+    pub fn constant(&mut self, word: u32) -> ValueNumber {
         self.number(Expression::Constant(word))
     }
 
     /// The word of a constant.
-    pub fn word_of(&self, value: Value) -> Option<u32> {
+    pub fn word_of(&self, value: ValueNumber) -> Option<u32> {
         match self.expressions[value.0 as usize] {
             Expression::Constant(word) => Some(word),
             _ => None,
@@ -120,7 +120,12 @@ impl Numbering {
     }
 
     /// A word of what a regular operation gives.
-    pub fn regular(&mut self, kernel: &'static LaneKernel, word: u32, operands: &[Value]) -> Value {
+    pub fn regular(
+        &mut self,
+        kernel: &'static LaneKernel,
+        word: u32,
+        operands: &[ValueNumber],
+    ) -> ValueNumber {
         let (mut kernel, mut operands) = (kernel, Values::from_slice(operands));
         // A clamp is a minimum of a maximum.
         let clamp = match kernel.name {
@@ -152,7 +157,7 @@ impl Numbering {
         self.number(Expression::Regular { kernel: address(kernel), word, operands })
     }
 
-    fn is_shifted_right(&self, value: Value) -> bool {
+    fn is_shifted_right(&self, value: ValueNumber) -> bool {
         let Expression::Regular { kernel, operands, .. } = &self.expressions[value.0 as usize] else {
             return false;
         };
@@ -160,12 +165,12 @@ impl Numbering {
         shift == Some(*kernel) && self.word_of(operands[1]).is_some_and(|by| (1..32).contains(&by))
     }
 
-    fn irregular(&mut self, op: u32, effects: u32, word: u32, operands: &Values) -> Value {
+    fn irregular(&mut self, op: u32, effects: u32, word: u32, operands: &Values) -> ValueNumber {
         self.number(Expression::Irregular { op, effects, word, operands: operands.clone() })
     }
 
     /// The first place in which two expressions differ, for messages.
-    pub fn difference(&self, one: Value, other: Value) -> [String; 2] {
+    pub fn difference(&self, one: ValueNumber, other: ValueNumber) -> [String; 2] {
         let [a, b] = [one, other].map(|value| &self.expressions[value.0 as usize]);
         let operands = match (a, b) {
             (
@@ -186,11 +191,11 @@ impl Numbering {
     }
 
     /// An expression for messages.
-    pub fn describe(&self, value: Value) -> String {
+    pub fn describe(&self, value: ValueNumber) -> String {
         self.describe_to(value, 4)
     }
 
-    fn describe_to(&self, value: Value, depth: u32) -> String {
+    fn describe_to(&self, value: ValueNumber, depth: u32) -> String {
         let list = |operands: &Values| {
             if depth == 0 {
                 return "...".to_owned();
@@ -242,9 +247,9 @@ pub struct Reached {
 /// What registers hold, and what has been done.
 #[derive(Clone)]
 pub struct State<'a> {
-    registers: FxHashMap<Reg, Value>,
+    registers: FxHashMap<Reg, ValueNumber>,
     /// What a register holds that is not written here.
-    begin: &'a dyn Fn(Reg, &mut Numbering) -> Value,
+    begin: &'a dyn Fn(Reg, &mut Numbering) -> ValueNumber,
     reached: &'a Reached,
     /// What has been done, in order.
     pub effects: Vec<Effect>,
@@ -254,7 +259,7 @@ pub struct State<'a> {
 
 impl<'a> State<'a> {
     /// Before the first operation.
-    pub fn new(begin: &'a dyn Fn(Reg, &mut Numbering) -> Value, reached: &'a Reached) -> Self {
+    pub fn new(begin: &'a dyn Fn(Reg, &mut Numbering) -> ValueNumber, reached: &'a Reached) -> Self {
         Self {
             registers: FxHashMap::default(),
             begin,
@@ -265,7 +270,7 @@ impl<'a> State<'a> {
     }
 
     /// What a register holds.
-    pub fn get(&mut self, reg: Reg, numbering: &mut Numbering) -> Value {
+    pub fn get(&mut self, reg: Reg, numbering: &mut Numbering) -> ValueNumber {
         *self.registers.entry(reg).or_insert_with(|| (self.begin)(reg, numbering))
     }
 
@@ -275,7 +280,7 @@ impl<'a> State<'a> {
     }
 
     /// Writes a register.
-    pub fn set(&mut self, reg: Reg, value: Value) {
+    pub fn set(&mut self, reg: Reg, value: ValueNumber) {
         self.registers.insert(reg, value);
     }
 
@@ -299,14 +304,14 @@ impl<'a> State<'a> {
                     self.written_in_all_lanes.push(to.plus(word));
                 }
             }
-            Op::Memory(memory::Op::Move { to, from }) => {
+            Op::Memory(memory::MemoryOp::Move { to, from }) => {
                 let value = self.get(*from, numbering);
                 self.set(*to, value);
                 if to != from {
                     self.written_in_all_lanes.push(*to);
                 }
             }
-            Op::Memory(memory::Op::MoveMasked { to, from }) => {
+            Op::Memory(memory::MemoryOp::MoveMasked { to, from }) => {
                 let value = self.get(*from, numbering);
                 self.set(*to, value);
             }
@@ -349,7 +354,7 @@ impl<'a> State<'a> {
                 word += 1;
             }
         };
-        if addresses && !matches!(op, Op::Memory(memory::Op::Gather { .. })) {
+        if addresses && !matches!(op, Op::Memory(memory::MemoryOp::Gather { .. })) {
             changes(&reached.addressed, self);
         }
         if waits {
@@ -363,7 +368,10 @@ impl<'a> State<'a> {
 
 /// Whether an operation may reach every variable with computed indices.
 pub fn reaches_addressed(op: &Op) -> bool {
-    matches!(op, Op::Memory(memory::Op::Gather { .. } | memory::Op::Scatter { .. }) | Op::Atomic(_))
+    matches!(
+        op,
+        Op::Memory(memory::MemoryOp::Gather { .. } | memory::MemoryOp::Scatter { .. }) | Op::Atomic(_)
+    )
 }
 
 /// The number of an irregular operation without the registers that it names by themselves: those
@@ -372,12 +380,13 @@ fn key(op: &Op, numbering: &mut Numbering) -> u32 {
     const ANY: Reg = Reg(0);
     let mut plain = op.clone();
     match &mut plain {
-        Op::Memory(memory::Op::Index { to, base, index, .. }) => {
+        Op::Memory(memory::MemoryOp::Index { to, base, index, .. }) => {
             (*to, *index) = (ANY, ANY);
             base.iter_mut().for_each(|base| *base = ANY);
         }
         Op::Memory(
-            memory::Op::BufferLoad { to: reg, chunk } | memory::Op::BufferStore { from: reg, chunk },
+            memory::MemoryOp::BufferLoad { to: reg, chunk }
+            | memory::MemoryOp::BufferStore { from: reg, chunk },
         ) => {
             chunk.index.iter_mut().for_each(|index| *index = ANY);
             if chunk.count == 1 {

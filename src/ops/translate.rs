@@ -21,7 +21,7 @@ use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::memory::{self, Pointer};
 use crate::ops::op::Op;
 use crate::ops::pointer_layout::{self, ends_in_matrix};
-pub use values::{Value, Words, registers_from};
+pub use values::{IdValue, Words, registers_from};
 use values::{Values, words_from};
 
 /// A descriptor binding that a program uses.
@@ -209,7 +209,7 @@ impl<'m> Translator<'m> {
         let sum = self.emit_family(&crate::ops::arithmetic::IAdd, 64, &[clock, more])?;
         for word in 0..2 {
             let (to, from) = (clock.plus(word), sum.plus(word));
-            self.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+            self.emit(Op::Memory(memory::MemoryOp::MoveMasked { to, from }));
         }
         Ok(())
     }
@@ -221,7 +221,7 @@ impl<'m> Translator<'m> {
             self.clock.ok_or_else(|| self.invalid("OpReadClockKHR without the capability ShaderClockKHR"))?;
         let to = self.fresh_words(2)?;
         for (word, &to) in to.iter().enumerate() {
-            self.emit(Op::Memory(memory::Op::Move { to, from: clock.plus(word as u32) }));
+            self.emit(Op::Memory(memory::MemoryOp::Move { to, from: clock.plus(word as u32) }));
         }
         Ok(to)
     }
@@ -380,8 +380,8 @@ impl<'m> Translator<'m> {
             return self.wide_constant(u64::from(low) | u64::from(high) << 32);
         }
         let to = self.fresh(2)?;
-        self.emit(Op::Memory(memory::Op::Move { to, from: low }));
-        self.emit(Op::Memory(memory::Op::Move { to: to.plus(1), from: high }));
+        self.emit(Op::Memory(memory::MemoryOp::Move { to, from: low }));
+        self.emit(Op::Memory(memory::MemoryOp::Move { to: to.plus(1), from: high }));
         Ok(to)
     }
 
@@ -394,7 +394,7 @@ impl<'m> Translator<'m> {
         }
         let to = self.fresh(words.len() as u32)?;
         for (at, &from) in words.iter().enumerate() {
-            self.emit(Op::Memory(memory::Op::Move { to: to.plus(at as u32), from }));
+            self.emit(Op::Memory(memory::MemoryOp::Move { to: to.plus(at as u32), from }));
         }
         Ok(to)
     }
@@ -446,12 +446,12 @@ impl<'m> Translator<'m> {
     }
 
     /// Gives an id its meaning.
-    pub fn define(&mut self, id: Id, value: Value) {
+    pub fn define(&mut self, id: Id, value: IdValue) {
         self.values.define(id, value);
     }
 
     /// What an id of the function that is lowered stands for.
-    pub fn local(&self, id: Id) -> Option<&Value> {
+    pub fn local(&self, id: Id) -> Option<&IdValue> {
         self.values.local(id)
     }
 
@@ -468,7 +468,7 @@ impl<'m> Translator<'m> {
     /// Gives the result of an instruction its words.
     pub fn result(&mut self, instruction: &Instruction, words: Words) {
         if let Some(id) = instruction.result {
-            self.define(id, Value::Words(words));
+            self.define(id, IdValue::Words(words));
         }
     }
 
@@ -476,7 +476,7 @@ impl<'m> Translator<'m> {
     /// goes by the type.
     pub fn check_result(&mut self, instruction: &Instruction) -> Result<()> {
         let (Some(id), Some(_)) = (instruction.result, instruction.result_type) else { return Ok(()) };
-        let Some(Value::Words(words)) = self.local(id) else { return Ok(()) };
+        let Some(IdValue::Words(words)) = self.local(id) else { return Ok(()) };
         let found = words.len();
         let ty = self.result_type(instruction)?;
         if self.word_count(ty)? as usize == found {
@@ -530,13 +530,13 @@ impl<'m> Translator<'m> {
     }
 
     /// What an id stands for.
-    pub fn value(&mut self, id: Id) -> Result<Value> {
+    pub fn value(&mut self, id: Id) -> Result<IdValue> {
         if let Some(value) = self.values.find(id) {
             return Ok(value.clone());
         }
         let value = match self.module.definition(id) {
-            Some(Definition::Constant(index)) => Value::Words(self.constant_words(index)?),
-            Some(Definition::Variable(index)) => Value::Pointer(memory::variable(self, index)?.into()),
+            Some(Definition::Constant(index)) => IdValue::Words(self.constant_words(index)?),
+            Some(Definition::Variable(index)) => IdValue::Pointer(memory::variable(self, index)?.into()),
             Some(Definition::Result(..) | Definition::Parameter(..)) => {
                 return Err(self.invalid(format!("%{} is used where it has no value yet", id.0)));
             }
@@ -552,11 +552,11 @@ impl<'m> Translator<'m> {
     /// `UnsupportedModule` for a pointer into a matrix, whose layout nobody could tell from memory
     /// or a composite.
     pub fn words(&mut self, id: Id) -> Result<Words> {
-        if let Some(Value::Words(words)) = self.values.find(id) {
+        if let Some(IdValue::Words(words)) = self.values.find(id) {
             return Ok(words_from(words));
         }
-        if let Value::Pointer(pointer) = self.value(id)?
-            && matches!(pointer.place, memory::Place::Buffer(_))
+        if let IdValue::Pointer(pointer) = self.value(id)?
+            && matches!(pointer.place, memory::PointerBase::Buffer(_))
             && !pointer.is_packed(self)
             && (pointer.component_stride.is_some() || ends_in_matrix(self.module, pointer.pointee))
         {
@@ -569,19 +569,19 @@ impl<'m> Translator<'m> {
     /// traces a pointer back.
     pub fn carried(&mut self, id: Id) -> Result<Words> {
         match self.value(id)? {
-            Value::Words(words) => Ok(words),
-            Value::Pointer(pointer) => memory::pointer_words(self, &pointer),
+            IdValue::Words(words) => Ok(words),
+            IdValue::Pointer(pointer) => memory::pointer_words(self, &pointer),
         }
     }
 
     /// The pointer that an id stands for.
     pub fn pointer(&mut self, id: Id) -> Result<Pointer> {
-        if let Some(Value::Pointer(pointer)) = self.values.find(id) {
+        if let Some(IdValue::Pointer(pointer)) = self.values.find(id) {
             return Ok(Pointer::clone(pointer));
         }
         match self.value(id)? {
-            Value::Pointer(pointer) => Ok(*pointer),
-            Value::Words(words) => {
+            IdValue::Pointer(pointer) => Ok(*pointer),
+            IdValue::Words(words) => {
                 let ty = self.type_of(id)?;
                 let mut pointer = memory::pointer_from_words(self, ty, &words)?;
                 pointer_layout::complete(self, id, &mut pointer)?;

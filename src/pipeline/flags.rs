@@ -143,7 +143,12 @@ pub(super) fn first_moving(tlas: &Tlas) -> Option<usize> {
 /// The operations that trace rays.
 fn traces(program: &Program) -> impl Iterator<Item = u32> {
     let traces = |op: &Op| {
-        matches!(op, Op::Stop(ray_tracing::Op::TraceRay { .. } | ray_tracing::Op::HitObjectTrace { .. }))
+        matches!(
+            op,
+            Op::Stop(
+                ray_tracing::RayTracingOp::TraceRay { .. } | ray_tracing::RayTracingOp::HitObjectTrace { .. }
+            )
+        )
     };
     (0..).zip(&program.ops).filter(move |(_, op)| traces(op)).map(|(at, _)| at)
 }

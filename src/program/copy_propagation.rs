@@ -85,7 +85,7 @@ pub fn forward_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
                     copies.clear();
                 }
             }
-            if let Op::Memory(memory::Op::Move { to, from }) = program.ops[at]
+            if let Op::Memory(memory::MemoryOp::Move { to, from }) = program.ops[at]
                 && writes[to.0 as usize] == 1
                 && !shared.holds(to)
                 && !shared.holds(from)
@@ -127,8 +127,10 @@ fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
                 }
             }
         }
-        Op::Memory(memory::Op::Move { from, .. } | memory::Op::MoveMasked { from, .. }) => visit(from),
-        Op::Memory(memory::Op::Index { base, index, .. }) => {
+        Op::Memory(memory::MemoryOp::Move { from, .. } | memory::MemoryOp::MoveMasked { from, .. }) => {
+            visit(from)
+        }
+        Op::Memory(memory::MemoryOp::Index { base, index, .. }) => {
             visit(index);
             base.iter_mut().for_each(visit);
         }
@@ -202,7 +204,7 @@ impl Stores {
         let mut bits = vec![NONE; program.register_count as usize + 1];
         let mut used = 0;
         for op in &program.ops {
-            if let Op::Memory(memory::Op::MoveMasked { to, .. }) = op
+            if let Op::Memory(memory::MemoryOp::MoveMasked { to, .. }) = op
                 && !shared.holds(*to)
                 && bits[to.0 as usize] == NONE
             {
@@ -220,7 +222,7 @@ impl Stores {
             each_read(&block.terminator, |reg| stores.note(&bits, reg, 1, Event::Read));
             for at in (block.first..block.end).rev() {
                 let op = &program.ops[at as usize];
-                if let &Op::Memory(memory::Op::MoveMasked { to, from }) = op
+                if let &Op::Memory(memory::MemoryOp::MoveMasked { to, from }) = op
                     && bits[to.0 as usize] != NONE
                 {
                     let [to, from] = [to, from].map(|reg| bits[reg.0 as usize]);

@@ -126,7 +126,7 @@ pub fn prune(program: &mut Program, addressed: &[(Reg, u32)], stores: Option<&[b
     });
     remove(program, &needed);
     program.uses_subgroups = program.ops.iter().any(|op| matches!(op, Op::Subgroup(_)));
-    let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::Op::HitObjectRecordHandle { .. }));
+    let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::RayTracingOp::HitObjectRecordHandle { .. }));
     program.addresses_records = program.ops.iter().any(addresses);
 }
 
@@ -148,6 +148,6 @@ fn remove(program: &mut Program, needed: &[bool]) {
     // The origins of terminators stand behind those of operations.
     let mut keep = needed.iter();
     program.origins.retain(|_| *keep.next().unwrap_or(&true));
-    let is_noop = |op: &Op| matches!(op, Op::Memory(memory::Op::Move { to, from }) if to == from);
+    let is_noop = |op: &Op| matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from);
     debug_assert!(!program.ops.iter().any(is_noop));
 }

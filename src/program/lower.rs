@@ -24,9 +24,9 @@ use crate::ops::interface_check;
 use crate::ops::load_store;
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::pointer::{Place as PointerPlace, Pointer, storage};
+use crate::ops::pointer::{Pointer, PointerBase, storage};
 use crate::ops::ray_query;
-use crate::ops::translate::{Origin, Translator, Value, Words};
+use crate::ops::translate::{IdValue, Origin, Translator, Words};
 use crate::ops::translate_checked;
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
@@ -390,27 +390,27 @@ impl<'m> Lowering<'m> {
     /// Gives a value registers that only the running lanes write.
     fn keep(&mut self, id: Id) -> Result<()> {
         match self.translator.value(id)? {
-            Value::Words(words) => {
+            IdValue::Words(words) => {
                 let kept = self.keep_words(&words)?;
-                self.translator.define(id, Value::Words(kept));
+                self.translator.define(id, IdValue::Words(kept));
             }
-            Value::Pointer(pointer) => {
+            IdValue::Pointer(pointer) => {
                 let mut kept = pointer.clone();
                 if let Some(index) = pointer.index {
                     kept.index = Some(self.keep_words(&[index])?[0]);
                 }
                 match pointer.place {
-                    PointerPlace::Buffer(memory::BufferRef::Computed(handle)) => {
+                    PointerBase::Buffer(memory::BufferRef::Computed(handle)) => {
                         let handle = self.keep_words(&[handle])?[0];
-                        kept.place = PointerPlace::Buffer(memory::BufferRef::Computed(handle));
+                        kept.place = PointerBase::Buffer(memory::BufferRef::Computed(handle));
                     }
-                    PointerPlace::Buffer(memory::BufferRef::Address(base)) => {
+                    PointerBase::Buffer(memory::BufferRef::Address(base)) => {
                         let base = self.keep_words(&[base, base.plus(1)])?[0];
-                        kept.place = PointerPlace::Buffer(memory::BufferRef::Address(base));
+                        kept.place = PointerBase::Buffer(memory::BufferRef::Address(base));
                     }
                     _ => {}
                 }
-                self.translator.define(id, Value::Pointer(kept));
+                self.translator.define(id, IdValue::Pointer(kept));
             }
         }
         Ok(())
@@ -422,7 +422,7 @@ impl<'m> Lowering<'m> {
         }
         let kept = self.translator.fresh_words(words.len() as u32)?;
         for (&to, &from) in kept.iter().zip(words) {
-            self.translator.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+            self.translator.emit(Op::Memory(memory::MemoryOp::MoveMasked { to, from }));
         }
         Ok(kept)
     }
@@ -481,11 +481,11 @@ impl<'m> Lowering<'m> {
         let count = self.translator.word_count(pointee)?;
         let first = self.translator.fresh(count)?;
         self.translator.variables.push((first, count));
-        let place = PointerPlace::Registers { first, count, constant: false };
+        let place = PointerBase::Registers { first, count, constant: false };
         let pointer = Pointer::new(place, pointee, storage_class);
         // A query of a function that runs again is not the query that it was.
         if self.translator.origin.scope != 0 && is_query(self.module, pointee) {
-            self.translator.emit(Op::RayQuery(ray_query::Op::Forget { first, count }));
+            self.translator.emit(Op::RayQuery(ray_query::RayQueryOp::Forget { first, count }));
         }
         if self.module.operands(instruction).len() > 1 {
             let initializer = self.translator.id(instruction, 1)?;
@@ -493,7 +493,7 @@ impl<'m> Lowering<'m> {
             load_store::store(&mut self.translator, &pointer, &words)?;
         }
         if let Some(id) = instruction.result {
-            self.translator.define(id, Value::Pointer(pointer.into()));
+            self.translator.define(id, IdValue::Pointer(pointer.into()));
         }
         Ok(())
     }

@@ -71,13 +71,13 @@ impl Program {
             seen.push(reg);
             for (at, writer) in (0..).zip(&self.ops) {
                 match *writer {
-                    Op::Memory(memory::Op::Index { to, base, .. }) if to == reg => {
+                    Op::Memory(memory::MemoryOp::Index { to, base, .. }) if to == reg => {
                         found.push(at);
                         work.extend(base);
                     }
-                    Op::Memory(memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from })
-                        if to == reg =>
-                    {
+                    Op::Memory(
+                        memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from },
+                    ) if to == reg => {
                         work.push(from);
                     }
                     _ => {}
@@ -88,7 +88,7 @@ impl Program {
     }
 
     fn describe_missed(&self, at: u32, index: u32) -> Option<String> {
-        let Op::Memory(memory::Op::Index { length, .. }) = self.ops[at as usize] else { return None };
+        let Op::Memory(memory::MemoryOp::Index { length, .. }) = self.ops[at as usize] else { return None };
         let steps = self.steps(self.origins[at as usize].offset);
         let chosen = |step: &&Step| {
             let constant = self.module.scalar_value(step.index).map(|known| known as u32);
@@ -120,9 +120,9 @@ impl Program {
     fn describe_element(&self, op: u32, fault_value: u64, accessed: &Accessed) -> Option<String> {
         let Accessed::Buffer { size, .. } = *accessed else { return None };
         let index = match &self.ops[op as usize] {
-            Op::Memory(memory::Op::BufferLoad { chunk, .. } | memory::Op::BufferStore { chunk, .. }) => {
-                chunk.index?
-            }
+            Op::Memory(
+                memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
+            ) => chunk.index?,
             Op::Atomic(op) => match &op.target {
                 atomic::Target::Buffer(chunk) => chunk.index?,
                 _ => return None,
@@ -130,9 +130,9 @@ impl Program {
             _ => return None,
         };
         let (at, stride) = self.ops.iter().enumerate().find_map(|(at, op)| match *op {
-            Op::Memory(memory::Op::Index { to, base: None, length: Length::Unknown, stride, .. }) => {
-                (to == index).then_some((at, stride))
-            }
+            Op::Memory(memory::MemoryOp::Index {
+                to, base: None, length: Length::Unknown, stride, ..
+            }) => (to == index).then_some((at, stride)),
             _ => None,
         })?;
         let steps = self.steps(self.origins[at].offset);

@@ -297,9 +297,9 @@ impl Program {
         }
         let op = self.ops.get(trap.op as usize)?;
         let chunk = match op {
-            Op::Memory(memory::Op::BufferLoad { chunk, .. } | memory::Op::BufferStore { chunk, .. }) => {
-                Some(chunk)
-            }
+            Op::Memory(
+                memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
+            ) => Some(chunk),
             Op::Atomic(op) => match &op.target {
                 atomic::Target::Buffer(chunk) => Some(chunk),
                 _ => None,

@@ -11,11 +11,11 @@ use crate::ops::ray_tracing;
 use crate::program::copy_propagation::each_read;
 use crate::program::{Block, Program, Terminator};
 
-/// Words of a payload, as bits; the highest stands for all that have no bit of their own.
+/// PayloadWords of a payload, as bits; the highest stands for all that have no bit of their own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Words(u64);
+pub struct PayloadWords(u64);
 
-impl Words {
+impl PayloadWords {
     /// All words of a payload.
     pub const ALL: Self = Self(u64::MAX);
 
@@ -47,16 +47,18 @@ impl Words {
 pub struct Payloads {
     /// The words of its own payload that it may write, where it leaves nothing else behind whatever
     /// its inputs are: it stores nothing, hands the batch to nobody, and cannot trap.
-    pub writes_only: Option<Words>,
+    pub writes_only: Option<PayloadWords>,
     /// By operation that traces or executes a hit object, ascending: the words of its payload that
     /// may be read behind it.
-    reads: Vec<(u32, Words)>,
+    reads: Vec<(u32, PayloadWords)>,
 }
 
 impl Payloads {
     /// The words of the payload that may be read behind the operation that traces.
-    pub fn reads_behind(&self, op: u32) -> Words {
-        self.reads.binary_search_by_key(&op, |&(at, _)| at).map_or(Words::ALL, |place| self.reads[place].1)
+    pub fn reads_behind(&self, op: u32) -> PayloadWords {
+        self.reads
+            .binary_search_by_key(&op, |&(at, _)| at)
+            .map_or(PayloadWords::ALL, |place| self.reads[place].1)
     }
 
     /// Looks at a program; `addressed` are registers that computed register numbers reach.
@@ -64,9 +66,9 @@ impl Payloads {
         let tracing = program.ops.iter().enumerate().filter_map(|(at, op)| {
             let payload = match *op {
                 Op::Stop(
-                    ray_tracing::Op::TraceRay { payload, .. }
-                    | ray_tracing::Op::HitObjectTrace { payload, .. }
-                    | ray_tracing::Op::HitObjectExecute { payload, .. },
+                    ray_tracing::RayTracingOp::TraceRay { payload, .. }
+                    | ray_tracing::RayTracingOp::HitObjectTrace { payload, .. }
+                    | ray_tracing::RayTracingOp::HitObjectExecute { payload, .. },
                 ) => payload,
                 _ => return None,
             };
@@ -83,8 +85,9 @@ impl Payloads {
         for payload in payloads {
             let behind = Liveness::of(program, payload, addressed);
             let of_it = tracing.iter().filter(|(_, other)| *other == payload);
-            reads
-                .extend(of_it.map(|&(op, _)| (op, behind.as_ref().map_or(Words::ALL, |all| all.behind(op)))));
+            reads.extend(
+                of_it.map(|&(op, _)| (op, behind.as_ref().map_or(PayloadWords::ALL, |all| all.behind(op)))),
+            );
         }
         reads.sort_unstable_by_key(|&(op, _)| op);
         Self { writes_only: writes_only(program), reads }
@@ -92,7 +95,7 @@ impl Payloads {
 }
 
 /// See [`Payloads::writes_only`].
-fn writes_only(program: &Program) -> Option<Words> {
+fn writes_only(program: &Program) -> Option<PayloadWords> {
     let ends = |(at, block): (usize, &Block)| match &block.terminator {
         // Without back edges the program ends, however little fuel it has.
         Terminator::Branch(to) => *to as usize > at,
@@ -107,7 +110,12 @@ fn writes_only(program: &Program) -> Option<Words> {
     let harmless = |op: &Op| match op {
         Op::LaneKernel { .. } => true,
         Op::Memory(op) => {
-            matches!(op, memory::Op::Move { .. } | memory::Op::MoveMasked { .. } | memory::Op::Index { .. })
+            matches!(
+                op,
+                memory::MemoryOp::Move { .. }
+                    | memory::MemoryOp::MoveMasked { .. }
+                    | memory::MemoryOp::Index { .. }
+            )
         }
         _ => false,
     };
@@ -115,13 +123,13 @@ fn writes_only(program: &Program) -> Option<Words> {
         return None;
     }
     let Some(payload) = program.interface_registers(storage::INCOMING_RAY_PAYLOAD) else {
-        return Some(Words::default());
+        return Some(PayloadWords::default());
     };
-    let mut written = Words::default();
+    let mut written = PayloadWords::default();
     for op in &program.ops {
         op.accesses(|access| {
             if let Access::Write(first, count) = access {
-                written = written.with(Words::of(payload.span(), first, count));
+                written = written.with(PayloadWords::of(payload.span(), first, count));
             }
         });
     }
@@ -133,13 +141,14 @@ struct Liveness<'a> {
     program: &'a Program,
     payload: RegSpan,
     /// By block, at its beginning.
-    begins: Vec<Words>,
+    begins: Vec<PayloadWords>,
 }
 
 impl<'a> Liveness<'a> {
     /// `None` where reads of the payload cannot be told by their registers.
     fn of(program: &'a Program, payload: RegSpan, addressed: &[(Reg, u32)]) -> Option<Self> {
-        let meets = |first: Reg, count: u32| Words::of(payload, first, count) != Words::default();
+        let meets =
+            |first: Reg, count: u32| PayloadWords::of(payload, first, count) != PayloadWords::default();
         for &(first, count) in addressed {
             // A computed index may reach every register of the variable.
             let holds =
@@ -149,7 +158,7 @@ impl<'a> Liveness<'a> {
                 return None;
             }
         }
-        let mut all = Self { program, payload, begins: vec![Words::default(); program.blocks.len()] };
+        let mut all = Self { program, payload, begins: vec![PayloadWords::default(); program.blocks.len()] };
         loop {
             let mut changed = false;
             for (at, block) in program.blocks.iter().enumerate().rev() {
@@ -163,7 +172,7 @@ impl<'a> Liveness<'a> {
     }
 
     /// What may be read behind the end of a block.
-    fn end(&self, block: &Block) -> Words {
+    fn end(&self, block: &Block) -> PayloadWords {
         let begins = |block: &u32| self.begins[*block as usize];
         let mut words = match &block.terminator {
             Terminator::Branch(to) => begins(to),
@@ -175,26 +184,28 @@ impl<'a> Liveness<'a> {
             Terminator::Exit(_) => {
                 let own =
                     self.program.interface.iter().filter(|registers| is_handed_back(registers.storage_class));
-                own.fold(Words::default(), |words, registers| {
-                    words.with(Words::of(self.payload, registers.first, registers.count))
+                own.fold(PayloadWords::default(), |words, registers| {
+                    words.with(PayloadWords::of(self.payload, registers.first, registers.count))
                 })
             }
-            Terminator::Unreachable => Words::default(),
+            Terminator::Unreachable => PayloadWords::default(),
             // Which call a function returns to is not followed.
-            Terminator::Call { .. } | Terminator::Return => Words::ALL,
+            Terminator::Call { .. } | Terminator::Return => PayloadWords::ALL,
         };
-        each_read(&block.terminator, |reg| words = words.with(Words::of(self.payload, reg, 1)));
+        each_read(&block.terminator, |reg| words = words.with(PayloadWords::of(self.payload, reg, 1)));
         words
     }
 
     /// What may be read at the first of some operations, given what may be behind the last.
-    fn back(&self, ops: std::ops::Range<u32>, behind: Words) -> Words {
+    fn back(&self, ops: std::ops::Range<u32>, behind: PayloadWords) -> PayloadWords {
         let ops = &self.program.ops[ops.start as usize..ops.end as usize];
         ops.iter().rev().fold(behind, |behind, op| {
-            let (mut read, mut written) = (Words::default(), Words::default());
+            let (mut read, mut written) = (PayloadWords::default(), PayloadWords::default());
             op.accesses(|access| match access {
-                Access::Read(first, count) => read = read.with(Words::of(self.payload, first, count)),
-                Access::Write(first, count) => written = written.with(Words::of(self.payload, first, count)),
+                Access::Read(first, count) => read = read.with(PayloadWords::of(self.payload, first, count)),
+                Access::Write(first, count) => {
+                    written = written.with(PayloadWords::of(self.payload, first, count))
+                }
                 Access::Effect => {}
             });
             behind.without(written).with(read)
@@ -202,10 +213,10 @@ impl<'a> Liveness<'a> {
     }
 
     /// What may be read behind an operation.
-    fn behind(&self, op: u32) -> Words {
+    fn behind(&self, op: u32) -> PayloadWords {
         let blocks = &self.program.blocks;
         let Some(block) = blocks.iter().find(|block| (block.first..block.end).contains(&op)) else {
-            return Words::ALL;
+            return PayloadWords::ALL;
         };
         self.back(op + 1..block.end, self.end(block))
     }

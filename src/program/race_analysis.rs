@@ -25,13 +25,13 @@ use smallvec::SmallVec;
 
 use crate::machine::{Binding, Bindings, Descriptor, Reg, Resources};
 use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
-use crate::ops::atomic::{Kind, Target as AtomicTarget, Update};
+use crate::ops::atomic::{AtomicKind, Target as AtomicTarget, Update};
 use crate::ops::bit::ShiftLeftLogical;
-use crate::ops::image::Op as ImageOp;
+use crate::ops::image::ImageOp;
 use crate::ops::image::access::TexelPlace;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{
-    BufferRef, Chunk, Length, Op as MemoryOp, PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE,
+    BufferRef, Chunk, Length, MemoryOp, PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE,
 };
 use crate::ops::op::{Access, Op};
 use crate::program::Program;
@@ -429,7 +429,7 @@ pub fn accesses(program: &Program) -> Vec<MemoryAccess> {
                 op.images().for_each(|image| add(Some(MemoryAccess::anywhere(trace.handle(image)))));
             }
             Op::Atomic(op) => {
-                let (stores, update) = (op.kind != Kind::Load, Some(op.update()));
+                let (stores, update) = (op.kind != AtomicKind::Load, Some(op.update()));
                 match &op.target {
                     AtomicTarget::Buffer(chunk) => add(trace.bytes(chunk, stores, update)),
                     AtomicTarget::Texel(place) => add(Some(trace.texel(place, stores, update))),
@@ -471,7 +471,7 @@ pub fn mixes_workgroup_atomics(program: &Program) -> bool {
         let place = trace.reached(chunk, None);
         MemoryAccess {
             memory: Memory::Unknown,
-            stores: update.kind != Kind::Load,
+            stores: update.kind != AtomicKind::Load,
             atomic: Some(*update),
             place,
         }

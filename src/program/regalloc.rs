@@ -69,10 +69,10 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
     let values = LocalValues::of(program, &mut ops, &starts, &shared);
     for op in &mut ops {
         // Whoever reads such a value later in the run is running now.
-        if let Op::Memory(memory::Op::MoveMasked { to, from }) = *op
+        if let Op::Memory(memory::MemoryOp::MoveMasked { to, from }) = *op
             && values.is_local(to)
         {
-            *op = Op::Memory(memory::Op::Move { to, from });
+            *op = Op::Memory(memory::MemoryOp::Move { to, from });
         }
     }
     let mut written = vec![0u32; program.register_count as usize];
@@ -117,7 +117,7 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
                 }
             });
             // A regular operation reads all lanes before it writes one: it may write where it read.
-            if let Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. }) = op {
+            if let Op::LaneKernel { .. } | Op::Memory(memory::MemoryOp::Move { .. }) = op {
                 pool.free.extend(left.drain(..));
             }
             each_single(op, |reg, single| {
@@ -211,7 +211,7 @@ fn result_uses(
                     operand += 1;
                 }
             });
-            let defines = matches!(op, Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. }));
+            let defines = matches!(op, Op::LaneKernel { .. } | Op::Memory(memory::MemoryOp::Move { .. }));
             each_single(op, |reg, single| {
                 if single == Single::Write && pool.shares(*reg) {
                     definition[reg.0 as usize] = if defines { at as u32 } else { NOBODY };
@@ -319,7 +319,7 @@ fn forward(
     written: &mut [u32],
     copies: &mut Copies,
 ) {
-    if !ops[superblock.clone()].iter().any(|op| matches!(op, Op::Memory(memory::Op::Move { .. }))) {
+    if !ops[superblock.clone()].iter().any(|op| matches!(op, Op::Memory(memory::MemoryOp::Move { .. }))) {
         return;
     }
     copies.clear();
@@ -342,7 +342,7 @@ fn forward(
         });
         match *op {
             Op::Stop(_) | Op::Barrier => stopped = at + 1,
-            Op::Memory(memory::Op::Move { to, from }) if values.is_local(to) => {
+            Op::Memory(memory::MemoryOp::Move { to, from }) if values.is_local(to) => {
                 let good = values.is_written_once(to) && !shared.holds(from);
                 // A copy of a copy is one of what that was made of.
                 let from = copies.find(from).filter(|copy| copy.good).map_or(from, |copy| copy.from);
@@ -358,7 +358,7 @@ fn forward(
                 *reg = from;
             }
         });
-        if let Op::Memory(memory::Op::Move { to, from }) = op
+        if let Op::Memory(memory::MemoryOp::Move { to, from }) = op
             && copies.find(*to).is_some_and(|copy| copy.good && copy.at as usize == at)
         {
             *to = *from;
@@ -368,7 +368,7 @@ fn forward(
 
 /// Whether an operation copies a register onto itself.
 pub(super) fn is_idle(op: &Op) -> bool {
-    matches!(op, Op::Memory(memory::Op::Move { to, from }) if to == from)
+    matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from)
 }
 
 /// The pool of registers that values share. The one freed last is taken next; at first the lowest,
@@ -501,22 +501,22 @@ fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg, Single)) {
                 visit(to, Single::Write);
             }
         }
-        Op::Memory(memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from }) => {
+        Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
             visit(from, Single::Read);
             visit(to, Single::Write);
         }
-        Op::Memory(memory::Op::Index { to, base, index, .. }) => {
+        Op::Memory(memory::MemoryOp::Index { to, base, index, .. }) => {
             visit(index, Single::Read);
             base.iter_mut().for_each(|base| visit(base, Single::Read));
             visit(to, Single::Write);
         }
-        Op::Memory(memory::Op::BufferLoad { to, chunk }) => {
+        Op::Memory(memory::MemoryOp::BufferLoad { to, chunk }) => {
             chunk.index.iter_mut().for_each(|index| visit(index, Single::Read));
             if chunk.count == 1 {
                 visit(to, Single::Write);
             }
         }
-        Op::Memory(memory::Op::BufferStore { from, chunk }) => {
+        Op::Memory(memory::MemoryOp::BufferStore { from, chunk }) => {
             chunk.index.iter_mut().for_each(|index| visit(index, Single::Read));
             if chunk.count == 1 {
                 visit(from, Single::Read);
@@ -551,7 +551,10 @@ mod tests {
         assert!(shared * 2 < plain, "{shared} registers of {plain}");
         let moves = |ops: &[Op]| {
             let is_move = |op: &&Op| {
-                let moves = matches!(op, Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }));
+                let moves = matches!(
+                    op,
+                    Op::Memory(memory::MemoryOp::Move { .. } | memory::MemoryOp::MoveMasked { .. })
+                );
                 moves && !is_idle(op)
             };
             ops.iter().filter(is_move).count()

@@ -74,7 +74,8 @@ impl Schedule {
         let regular = |op: &Op| {
             matches!(
                 op,
-                Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. })
+                Op::LaneKernel { .. }
+                    | Op::Memory(memory::MemoryOp::Move { .. } | memory::MemoryOp::MoveMasked { .. })
             )
         };
         for region in ops.chunk_by_mut(|a, b| regular(a) == regular(b)) {
@@ -120,7 +121,7 @@ impl Schedule {
                 waiting[follower as usize].count -= 1;
             }
             // A masked copy leaves the value at hand that it copies.
-            let copies = |op: &Op| matches!(op, Op::Memory(memory::Op::MoveMasked { .. }));
+            let copies = |op: &Op| matches!(op, Op::Memory(memory::MemoryOp::MoveMasked { .. }));
             if goes_on.is_none() || !copies(&ops[next as usize]) {
                 before = Some(next);
             }
@@ -202,9 +203,9 @@ impl Schedule {
 fn result(op: &Op) -> Option<Reg> {
     match *op {
         Op::LaneKernel { kernel, to, .. } => (kernel.words == 1).then_some(to),
-        Op::Memory(memory::Op::Move { to, .. }) => Some(to),
+        Op::Memory(memory::MemoryOp::Move { to, .. }) => Some(to),
         // The lanes that do not run keep what the register has.
-        Op::Memory(memory::Op::MoveMasked { from, .. }) => Some(from),
+        Op::Memory(memory::MemoryOp::MoveMasked { from, .. }) => Some(from),
         _ => None,
     }
 }
@@ -227,7 +228,7 @@ mod tests {
     }
 
     fn store(to: u32, from: u32) -> Op {
-        Op::Memory(memory::Op::MoveMasked { to: Reg(to), from: Reg(from) })
+        Op::Memory(memory::MemoryOp::MoveMasked { to: Reg(to), from: Reg(from) })
     }
 
     #[test]

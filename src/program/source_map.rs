@@ -1,7 +1,7 @@
 //! From operations back to the source.
 
 use crate::error::Place;
-use crate::module::debug_info::Line;
+use crate::module::debug_info::SourceLine;
 use crate::program::Program;
 
 impl Program {
@@ -24,7 +24,7 @@ impl Program {
         self.place_of(self.module.debug_info.line_before(offset, function.offset)?)
     }
 
-    fn place_of(&self, line: Line) -> Option<Place> {
+    fn place_of(&self, line: SourceLine) -> Option<Place> {
         let debug = &self.module.debug_info;
         let file = debug.files.get(line.file as usize)?;
         if let Some(text) = &file.text {

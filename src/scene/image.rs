@@ -456,7 +456,7 @@ mod tests {
 
     #[test]
     fn an_image_is_written_row_by_row_as_its_picture_would_be() {
-        let shape = machine::image::Shape::plane(3, 2);
+        let shape = machine::image::ImageShape::plane(3, 2);
         let texels: Vec<u8> = (0..24).map(|number| number * 10).collect();
         let image = machine::image::Image::new(format("rgba8"), shape, &texels).unwrap();
         let path = std::env::temp_dir().join(format!("anyhit-rows-{}.png", std::process::id()));

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::machine::format::Format;
-use crate::machine::image::{Dimension, Shape};
+use crate::machine::image::{Dimension, ImageShape};
 use crate::scene::data::{Data, read};
 use crate::scene::files::Files;
 use crate::scene::image::{MAX_EXTENT, MAX_IMAGE_SIZE, Picture, texel_bytes};
@@ -17,7 +17,7 @@ pub struct Image {
     /// Its texels' format.
     pub format: Format,
     /// Its shape.
-    pub shape: Shape,
+    pub shape: ImageShape,
     /// All texels, as [`machine::image::Image`](crate::machine::image::Image) wants them; or one,
     /// which all of them are.
     pub texels: Vec<u8>,
@@ -36,7 +36,7 @@ impl Image {
 
     /// What is wrong where it does not fit into memory.
     pub fn too_large(&self) -> String {
-        let Shape { extent, layers, .. } = self.shape;
+        let ImageShape { extent, layers, .. } = self.shape;
         format!("{extent:?} texels in {layers} layers are too many for an image: {} bytes", self.size())
     }
 }
@@ -172,7 +172,7 @@ impl ImageEntry {
             extent[axes..].fill(1);
         }
         let Self { dimension, layers, samples, .. } = *self;
-        let mut shape = Shape { dimension, extent, layers, levels: 1, samples };
+        let mut shape = ImageShape { dimension, extent, layers, levels: 1, samples };
         shape.levels = match self.levels {
             Levels::Count(count) => count,
             Levels::All => shape.full_levels(),
@@ -223,7 +223,7 @@ impl ImageEntry {
     }
 
     /// Texels of all levels, or of level 0, from which the others are made.
-    fn complete(&self, format: Format, shape: Shape, mut texels: Vec<u8>) -> Result<Image> {
+    fn complete(&self, format: Format, shape: ImageShape, mut texels: Vec<u8>) -> Result<Image> {
         let size = u64::from(format.texel_size());
         let (first, all) = (shape.level_texels(0) * size, shape.texels() * size);
         let found = texels.len() as u64;

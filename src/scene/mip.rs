@@ -6,14 +6,14 @@
 //! over slices, rows, columns in this order, and each mean is rounded once to its format.
 
 use crate::machine::format::{Class, Format};
-use crate::machine::image::Shape;
+use crate::machine::image::ImageShape;
 use crate::scene::image::{texel_bytes, texel_numbers};
 
 /// The texels of the levels 1 and up, from those of level 0.
 ///
 /// # Errors
 /// A message, where means make no sense: for integers.
-pub fn generate(format: Format, shape: &Shape, level0: &[u8]) -> Result<Vec<u8>, String> {
+pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec<u8>, String> {
     if format.class() != Class::Float {
         return Err("levels of integers are given, not generated: the mean of integers is none".to_string());
     }
@@ -67,7 +67,7 @@ mod tests {
 
     fn line(texels: &[f32], levels: u32) -> Vec<f32> {
         let extent = [texels.len() as u32, 1, 1];
-        let shape = Shape { dimension: Dimension::D1, extent, layers: 1, levels, samples: 1 };
+        let shape = ImageShape { dimension: Dimension::D1, extent, layers: 1, levels, samples: 1 };
         let bytes: Vec<u8> = texels.iter().flat_map(|x| x.to_le_bytes()).collect();
         let more = generate(Format::new(Component::Float32, 1), &shape, &bytes).unwrap();
         more.chunks(4).map(|x| f32::from_le_bytes(x.try_into().unwrap())).collect()
@@ -83,7 +83,8 @@ mod tests {
     #[test]
     fn planes_and_layers() {
         let format = Format::new(Component::Unorm8, 1);
-        let shape = Shape { dimension: Dimension::D2Array, layers: 2, levels: 2, ..Shape::plane(2, 2) };
+        let shape =
+            ImageShape { dimension: Dimension::D2Array, layers: 2, levels: 2, ..ImageShape::plane(2, 2) };
         // (0 + 1 + 2 + 4) / 4 = 1.75, (1 + 1 + 1 + 6) / 4 = 2.25.
         assert_eq!(generate(format, &shape, &[0, 1, 2, 4, 1, 1, 1, 6]), Ok(vec![2, 2]));
     }
@@ -91,7 +92,7 @@ mod tests {
     #[test]
     fn srgb_is_averaged_in_linear_light() {
         let format = Format { channels: 4, ..Format::RGBA8_SRGB };
-        let shape = Shape { levels: 2, ..Shape::plane(2, 1) };
+        let shape = ImageShape { levels: 2, ..ImageShape::plane(2, 1) };
         // Black and white: linear 0.5 is code 188 (187.516), alpha 127.5 goes to 128.
         let mean = generate(format, &shape, &[0, 0, 0, 0, 255, 255, 255, 255]);
         assert_eq!(mean, Ok(vec![188, 188, 188, 128]));
@@ -100,6 +101,6 @@ mod tests {
     #[test]
     fn integers_have_no_mean() {
         let format = Format::new(Component::Uint8, 1);
-        assert!(generate(format, &Shape { levels: 2, ..Shape::plane(2, 1) }, &[0, 1]).is_err());
+        assert!(generate(format, &ImageShape { levels: 2, ..ImageShape::plane(2, 1) }, &[0, 1]).is_err());
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhit::error::ErrorKind;
 use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Image, Shape};
+use anyhit::machine::image::{Image, ImageShape};
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use half::f16;
 
@@ -62,8 +62,8 @@ fn run(body: &str) -> (Vec<[u32; 16]>, Vec<u8>, Vec<u8>) {
         let buffer =
             Buffer::new(&halves(&[2047.0, 5.0, 0.0, 0.0, -1.0, 2.0, -3.0, f32::NAN, 0.0, 0.0, 0.0, 0.0]));
         let texel = halves(&[1.0, 2.0, 3.0, 4.0]);
-        let image =
-            Image::new(Format::new(Component::Float16, 4), Shape::plane(1, 1), &texel).expect("an image");
+        let image = Image::new(Format::new(Component::Float16, 4), ImageShape::plane(1, 1), &texel)
+            .expect("an image");
         made.push((buffer.clone(), image.clone()));
         let resources = Resources::default().bind(0, 1, Descriptor::Buffer(buffer));
         resources.bind(0, 2, Descriptor::Image(image))

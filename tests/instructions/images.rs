@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Dimension, Image, SampleWeight, Shape};
+use anyhit::machine::image::{Dimension, Image, ImageShape, SampleWeight};
 use anyhit::machine::sampler::{AddressMode, BlockMatchWindow, Filter, Sampler};
 use anyhit::machine::{Descriptor, Resources};
 
@@ -86,10 +86,10 @@ fn run(body: &str, image: &Arc<Image>, sampler: Sampler, weights: [&Arc<Image>; 
 
 /// Four texels a row: 0, 1, 2, 3 and 10, 11, 12, 13.
 fn plane() -> Arc<Image> {
-    floats(Shape::plane(4, 2), &[0.0, 1.0, 2.0, 3.0, 10.0, 11.0, 12.0, 13.0])
+    floats(ImageShape::plane(4, 2), &[0.0, 1.0, 2.0, 3.0, 10.0, 11.0, 12.0, 13.0])
 }
 
-fn floats(shape: Shape, texels: &[f32]) -> Arc<Image> {
+fn floats(shape: ImageShape, texels: &[f32]) -> Arc<Image> {
     let bytes: Vec<u8> = texels.iter().flat_map(|texel| texel.to_le_bytes()).collect();
     Image::new(Format::new(Component::Float32, 1), shape, &bytes).expect("an image")
 }
@@ -103,9 +103,10 @@ fn in_texels() -> Sampler {
 }
 
 fn processed(body: &str, sampler: Sampler) -> Vec<f32> {
-    let weights = floats(Shape { dimension: Dimension::D2Array, ..Shape::plane(2, 1) }, &[0.25, 0.75]);
+    let weights =
+        floats(ImageShape { dimension: Dimension::D2Array, ..ImageShape::plane(2, 1) }, &[0.25, 0.75]);
     weights.weights(SampleWeight { center: [0, 0], size: [2, 1], phases: 1 });
-    let shape = Shape { dimension: Dimension::D1Array, layers: 2, ..Shape::plane(4, 1) };
+    let shape = ImageShape { dimension: Dimension::D1Array, layers: 2, ..ImageShape::plane(4, 1) };
     let separable = floats(shape, &[0.5, 0.5, 0.0, 0.0, 0.25, 0.75, 0.0, 0.0]);
     separable.weights(SampleWeight { center: [0, 0], size: [2, 2], phases: 1 });
     let mut text = body.to_owned();
@@ -173,7 +174,7 @@ fn texels_are_weighted_by_another_image() {
 
 /// The words of a footprint at s = 1/4, t = 1/64 of 64 x 64 texels with two levels.
 fn footprint(lod: &str, coarse: &str) -> [u32; 9] {
-    let shape = Shape { levels: 2, ..Shape::plane(64, 64) };
+    let shape = ImageShape { levels: 2, ..ImageShape::plane(64, 64) };
     let image = Image::zeroed(Format::new(Component::Unorm8, 1), shape).expect("an image");
     let sampler = Sampler {
         mipmap_mode: Filter::Linear,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Image, Shape};
+use anyhit::machine::image::{Image, ImageShape};
 use anyhit::machine::sampler::{Filter, Sampler};
 use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit::{Instance, Scene};
@@ -120,7 +120,7 @@ fn whole_arrays_of_descriptors_are_loaded() {
         let mut resources = Resources::default();
         for element in 0..4u32 {
             let texel = (10.0 + element as f32).to_le_bytes();
-            let image = Image::new(Format::new(Component::Float32, 1), Shape::plane(1, 1), &texel);
+            let image = Image::new(Format::new(Component::Float32, 1), ImageShape::plane(1, 1), &texel);
             let descriptor = Descriptor::Image(image.expect("an image"));
             resources.insert(Binding { set: 0, binding: 1 }, element, descriptor);
         }
@@ -164,11 +164,12 @@ fn variables_of_several_types_share_a_binding() {
         ..Shader::default()
     };
     let found = shader.run_with(&mut || {
-        let plane = Image::new(Format::new(Component::Float32, 1), Shape::plane(1, 1), &5f32.to_le_bytes());
-        let shape = Shape {
+        let plane =
+            Image::new(Format::new(Component::Float32, 1), ImageShape::plane(1, 1), &5f32.to_le_bytes());
+        let shape = ImageShape {
             dimension: anyhit::machine::image::Dimension::D3,
             extent: [1, 1, 2],
-            ..Shape::plane(1, 1)
+            ..ImageShape::plane(1, 1)
         };
         let volume = Image::new(Format::new(Component::Uint8, 1), shape, &[6, 7]);
         let kinds = [plane, volume].map(|image| Descriptor::Image(image.expect("an image")));

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Image, Shape};
+use anyhit::machine::image::{Image, ImageShape};
 use anyhit::machine::sampler::Sampler;
 use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit::program::race_analysis::{LaunchExtent, Memory};
@@ -350,8 +350,9 @@ fn what_a_sampler_reads_counts() {
         %index = OpIAdd %uint %row %x
         %own = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %index
         OpStore %own %word";
-    let image =
-        || Image::new(Format::new(Component::Float32, 1), Shape::plane(1, 1), &[0; 4]).expect("an image");
+    let image = || {
+        Image::new(Format::new(Component::Float32, 1), ImageShape::plane(1, 1), &[0; 4]).expect("an image")
+    };
     let sampler = Arc::new(Sampler::default());
     let (one, other) = (image(), image());
     let picture = Some(Memory::Binding(Binding { set: 0, binding: 2 }));

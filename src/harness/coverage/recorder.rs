@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::debug::names::Names;
 use crate::harness::coverage::{Coverage, Edge, RayCounts};
 use crate::machine::{Batch, Observer};
-use crate::module::debug_info::Line;
+use crate::module::debug_info::SourceLine;
 use crate::module::{Id, Module};
 use crate::pipeline::{Event, Shader};
 use crate::program::{Program, Terminator};
@@ -174,7 +174,7 @@ impl Lines {
             let first = instructions.partition_point(|(offset, _)| *offset < span.first);
             let all = instructions[first..].iter().take_while(|(offset, _)| *offset <= span.last);
             for (offset, _) in all.filter(|(_, opcode)| !SILENT.contains(opcode)) {
-                let Some(Line { file, line, .. }) = debug.line_at(*offset) else { continue };
+                let Some(SourceLine { file, line, .. }) = debug.line_at(*offset) else { continue };
                 let known = lines.entry((span.scope, file, line)).or_default();
                 *known = count.max(*known);
                 if entered.insert(span.scope) {
@@ -214,7 +214,9 @@ impl Lines {
         }
         let mut ordinals: BTreeMap<(u32, u32), u32> = BTreeMap::new();
         for (offset, (count, taken)) in branches {
-            let Some(Line { file, line, .. }) = program.module.debug_info.line_at(offset) else { continue };
+            let Some(SourceLine { file, line, .. }) = program.module.debug_info.line_at(offset) else {
+                continue;
+            };
             let Some(name) = names.get(file as usize) else { continue };
             let ordinal = ordinals.entry((file, line)).or_default();
             let branch = *ordinal;

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::harness::layout::array_length;
 use crate::harness::smoke::fill::{FillContent, FillExtent, Filler, Numbers, PlaceId, Wide, mix};
 use crate::machine::format::{Class, Component, Format};
-use crate::machine::image::{Dimension, Image, Shape};
+use crate::machine::image::{Dimension, Image, ImageShape};
 use crate::machine::sampler::{CompareOp, Filter, Sampler};
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::Module;
@@ -315,7 +315,7 @@ fn made_up(
 }
 
 /// A shape with a texel for every invocation, as far as its dimension has axes for them.
-fn shape(image: &ImageType, extent: FillExtent) -> Option<Shape> {
+fn shape(image: &ImageType, extent: FillExtent) -> Option<ImageShape> {
     let (dimension, axes, layers) = match (image.dim, image.arrayed) {
         (0, false) => (Dimension::D1, 1, 1),
         (0, true) => (Dimension::D1Array, 1, 4),
@@ -363,7 +363,7 @@ fn shape(image: &ImageType, extent: FillExtent) -> Option<Shape> {
     let samples = if image.multisampled { 4 } else { 1 };
     let one_level = image.sampled == 2 || image.multisampled || dimension == Dimension::Buffer;
     let levels = if one_level { 1 } else { sides.iter().max().map_or(1, |side| side.ilog2() + 1) };
-    Some(Shape { dimension, extent: sides, layers, levels, samples })
+    Some(ImageShape { dimension, extent: sides, layers, levels, samples })
 }
 
 /// The format that an image type declares, or one that suits its component type.

@@ -82,8 +82,10 @@ pub fn tracing(program: &Program) -> [BTreeSet<u32>; 2] {
     let mut found = [BTreeSet::new(), BTreeSet::new()];
     for (op, origin) in program.ops.iter().zip(&program.origins) {
         let kind = match op {
-            Op::Stop(ray_tracing::Op::TraceRay { .. } | ray_tracing::Op::HitObjectTrace { .. }) => 0,
-            Op::RayQuery(ray_query::Op::Initialize { .. }) => 1,
+            Op::Stop(
+                ray_tracing::RayTracingOp::TraceRay { .. } | ray_tracing::RayTracingOp::HitObjectTrace { .. },
+            ) => 0,
+            Op::RayQuery(ray_query::RayQueryOp::Initialize { .. }) => 1,
             _ => continue,
         };
         found[kind].insert(origin.offset);

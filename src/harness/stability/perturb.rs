@@ -436,7 +436,7 @@ impl Probe for Mover<'_> {
         let plan = self.plan;
         let program = &plan.programs.all[self.shader];
         match &program.ops[op as usize] {
-            &Op::RayQuery(ray_query::Op::Proceed { query, to }) if batch.registers[to].0[0] == 0 => {
+            &Op::RayQuery(ray_query::RayQueryOp::Proceed { query, to }) if batch.registers[to].0[0] == 0 => {
                 let handle = query.register(&batch.registers, 0).map(|row| batch.registers[row].0[0]);
                 if let Ok(query) = handle.and_then(|handle| batch.queries.query(handle)) {
                     let place = (self.shader, program.origins[op as usize].offset, Where::Hit);
@@ -448,7 +448,7 @@ impl Probe for Mover<'_> {
                 let offset = program.origins[op as usize].offset;
                 self.kernel(batch, offset, (kernel, *to, from));
             }
-            Op::Memory(memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from }) => {
+            Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
                 match self.products.get(from).copied() {
                     Some(product) => self.products.insert(*to, product),
                     None => self.products.remove(to),

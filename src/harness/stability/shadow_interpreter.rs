@@ -198,34 +198,34 @@ impl<'a> ShadowInterpreter<'a> {
         }
     }
 
-    fn moves(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &memory::Op) {
+    fn moves(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &memory::MemoryOp) {
         let Some(frame) = self.frames.last_mut() else { return };
         let at = |first: Reg, row: Reg| first.computed(batch.registers[row].0[0]);
         match *op {
-            memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from } => {
+            memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from } => {
                 let entry = frame.entry(from);
                 frame.set(to, entry);
             }
-            memory::Op::Gather { to, count, first, index } => {
+            memory::MemoryOp::Gather { to, count, first, index } => {
                 for word in 0..count {
                     let entry = frame.entry(at(first, index).plus(word));
                     frame.set(to.plus(word), entry);
                 }
             }
-            memory::Op::Scatter { from, count, first, index } => {
+            memory::MemoryOp::Scatter { from, count, first, index } => {
                 for word in 0..count {
                     let entry = frame.entry(from.plus(word));
                     frame.set(at(first, index).plus(word), entry);
                 }
             }
-            memory::Op::BufferLoad { to, chunk } => {
+            memory::MemoryOp::BufferLoad { to, chunk } => {
                 let keys = keys(batch, bindings, &chunk);
                 for word in 0..chunk.count {
                     let known = keys.and_then(|key| self.memory.get(&key(word)).copied());
                     frame.set(to.plus(word), known);
                 }
             }
-            memory::Op::BufferStore { from, chunk } => {
+            memory::MemoryOp::BufferStore { from, chunk } => {
                 let Some(key) = keys(batch, bindings, &chunk) else { return };
                 for word in 0..chunk.count {
                     match frame.entry(from.plus(word)) {
@@ -234,12 +234,14 @@ impl<'a> ShadowInterpreter<'a> {
                     };
                 }
             }
-            memory::Op::Index { to, .. } | memory::Op::ArrayLength { to, .. } => frame.forget(to, 1),
+            memory::MemoryOp::Index { to, .. } | memory::MemoryOp::ArrayLength { to, .. } => {
+                frame.forget(to, 1)
+            }
         }
     }
 
     /// Follows a ray query; where it ends, or what it committed is read, its hit is judged.
-    fn query(&mut self, batch: &mut Batch<1>, offset: u32, op: &ray_query::Op) {
+    fn query(&mut self, batch: &mut Batch<1>, offset: u32, op: &ray_query::RayQueryOp) {
         let Some(frame) = self.frames.last_mut() else { return };
         op.accesses(&mut |access| {
             if let Access::Write(first, count) = access {
@@ -251,28 +253,28 @@ impl<'a> ShadowInterpreter<'a> {
         let Some((handle, Ok(query))) = handle.map(|handle| (handle, batch.queries.query(handle))) else {
             return;
         };
-        if let ray_query::Op::Initialize { operands, .. } = *op {
+        if let ray_query::RayQueryOp::Initialize { operands, .. } = *op {
             let beside = frame.beside(Numbers::QUERY, operands);
             frame.queries.insert(handle, Queried::new(beside));
             return;
         }
         let Some(queried) = frame.queries.get_mut(&handle) else { return };
         let judged = match *op {
-            ray_query::Op::Confirm { .. } | ray_query::Op::Generate { .. } => {
+            ray_query::RayQueryOp::Confirm { .. } | ray_query::RayQueryOp::Generate { .. } => {
                 queried.confirm();
                 false
             }
-            ray_query::Op::Terminate { .. } => {
+            ray_query::RayQueryOp::Terminate { .. } => {
                 queried.terminate();
                 false
             }
-            ray_query::Op::Proceed { .. } => {
+            ray_query::RayQueryOp::Proceed { .. } => {
                 let candidate = query.candidate().ok();
                 queried.proceed(candidate);
                 candidate.is_none()
             }
-            ray_query::Op::Type { committed, .. } => committed,
-            ray_query::Op::GetRay { getter, to, .. } => {
+            ray_query::RayQueryOp::Type { committed, .. } => committed,
+            ray_query::RayQueryOp::GetRay { getter, to, .. } => {
                 let beside = queried.beside.clone();
                 for word in 0..getter.words() {
                     let number = getter.operand().and_then(|first| first.checked_sub(Numbers::QUERY.0));
@@ -447,20 +449,20 @@ impl Probe for ShadowInterpreter<'_> {
         let Some(Op::Stop(stop)) = program.ops.get(at) else { return };
         frame.waits_at = program.origins[at].offset;
         match *stop {
-            ray_tracing::Op::TraceRay { operands, payload }
-            | ray_tracing::Op::HitObjectTrace { operands, payload, .. } => {
+            ray_tracing::RayTracingOp::TraceRay { operands, payload }
+            | ray_tracing::RayTracingOp::HitObjectTrace { operands, payload, .. } => {
                 frame.waits = Waits::Trace(payload);
                 let beside = frame.beside(Numbers::TRACE, operands);
                 let payload = frame.entries(payload);
                 self.rays.push(Traced { payload, beside, ..Traced::default() });
             }
-            ray_tracing::Op::HitObjectExecute { payload, .. } => {
+            ray_tracing::RayTracingOp::HitObjectExecute { payload, .. } => {
                 frame.waits = Waits::Trace(payload);
                 let payload = frame.entries(payload);
                 self.rays.push(Traced { payload, ..Traced::default() });
             }
-            ray_tracing::Op::ExecuteCallable { data, .. } => frame.waits = Waits::Call(data),
-            ray_tracing::Op::ReportIntersection { t, accepted, .. } => {
+            ray_tracing::RayTracingOp::ExecuteCallable { data, .. } => frame.waits = Waits::Call(data),
+            ray_tracing::RayTracingOp::ReportIntersection { t, accepted, .. } => {
                 frame.waits = Waits::Report;
                 frame.forget(accepted, 1);
                 let t = frame.entry(t);
@@ -470,7 +472,7 @@ impl Probe for ShadowInterpreter<'_> {
                     ray.reported = (t, attributes);
                 }
             }
-            ray_tracing::Op::HitObjectRecordHandle { to, .. } => frame.forget(to, 2),
+            ray_tracing::RayTracingOp::HitObjectRecordHandle { to, .. } => frame.forget(to, 2),
         }
     }
 

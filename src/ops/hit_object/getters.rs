@@ -6,24 +6,24 @@ use crate::accel::Committed;
 use crate::geometry::ObjectRay;
 use crate::machine::TrapCode;
 use crate::machine::hit_object::HitObject;
-use crate::ops::builtin::Shape;
+use crate::ops::builtin::ValueShape;
 use crate::ops::seen::{Seen, put, word};
 
 /// An instruction that reads a hit object.
-pub struct Getter {
+pub struct HitObjectGetter {
     name: &'static str,
     pub(super) opcodes: &'static [Opcode],
-    pub(super) shape: Shape,
+    pub(super) shape: ValueShape,
     pub(super) read: fn(&HitObject, &mut [u32]) -> Result<(), TrapCode>,
 }
 
-impl std::fmt::Debug for Getter {
+impl std::fmt::Debug for HitObjectGetter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.name)
     }
 }
 
-impl PartialEq for Getter {
+impl PartialEq for HitObjectGetter {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name
     }
@@ -31,10 +31,10 @@ impl PartialEq for Getter {
 
 macro_rules! getters {
     ($($name:ident [$($opcode:ident)*] $shape:ident |$from:ident, $to:ident| $read:expr;)*) => {
-        pub(super) static GETTERS: &[Getter] = &[$(Getter {
+        pub(super) static GETTERS: &[HitObjectGetter] = &[$(HitObjectGetter {
             name: stringify!($name),
             opcodes: &[$(Opcode::$opcode),*],
-            shape: Shape::$shape,
+            shape: ValueShape::$shape,
             read: |$from, $to| $read,
         }),*];
     };

@@ -9,9 +9,9 @@ use crate::machine::stop::RegSpan;
 use crate::module::Instruction;
 use crate::module::interface::Stage;
 use crate::module::ty::Type;
-use crate::ops::builtin::Shape;
+use crate::ops::builtin::ValueShape;
 use crate::ops::hit_object::getters::GETTERS;
-use crate::ops::hit_object::{MISS_OPERANDS, Op, hit_operands};
+use crate::ops::hit_object::{HitObjectOp, MISS_OPERANDS, hit_operands};
 use crate::ops::object::{self, result};
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::storage;
@@ -103,14 +103,14 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     }
     check_stage(translator, opcode, instruction)?;
     if matches!(opcode, Opcode::ReorderThreadWithHintEXT | Opcode::ReorderThreadWithHintNV) {
-        emit(translator, Op::Reorder);
+        emit(translator, HitObjectOp::Reorder);
         return Ok(true);
     }
     let id = translator.id(instruction, 0)?;
     let object = object::object(translator, id, |ty| matches!(ty, Type::HitObject { .. }))?;
     if let Some(getter) = GETTERS.iter().find(|getter| getter.opcodes.contains(&opcode)) {
         let to = result(translator, instruction, getter.shape)?;
-        emit(translator, Op::Get { object, getter, to });
+        emit(translator, HitObjectOp::Get { object, getter, to });
         return Ok(true);
     }
     match opcode {
@@ -123,14 +123,19 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let end = if moves(opcode) { 12 } else { 11 };
             let operands = timed(translator, instruction, 1..end, moves(opcode), TRACE_OPERANDS)?;
             let payload = payload(translator, instruction, end)?;
-            translator.emit(Operation::Stop(ray_tracing::Op::HitObjectTrace { object, operands, payload }));
+            translator.emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectTrace {
+                object,
+                operands,
+                payload,
+            }));
             translator.forget();
             if matches!(
                 opcode,
                 Opcode::HitObjectTraceReorderExecuteEXT | Opcode::HitObjectTraceMotionReorderExecuteEXT
             ) {
-                emit(translator, Op::Reorder);
-                translator.emit(Operation::Stop(ray_tracing::Op::HitObjectExecute { object, payload }));
+                emit(translator, HitObjectOp::Reorder);
+                translator
+                    .emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectExecute { object, payload }));
             }
         }
         Opcode::HitObjectExecuteShaderEXT
@@ -138,14 +143,14 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         | Opcode::HitObjectReorderExecuteShaderEXT => {
             let payload = payload(translator, instruction, 1)?;
             if opcode == Opcode::HitObjectReorderExecuteShaderEXT {
-                emit(translator, Op::Reorder);
+                emit(translator, HitObjectOp::Reorder);
             }
-            translator.emit(Operation::Stop(ray_tracing::Op::HitObjectExecute { object, payload }));
+            translator.emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectExecute { object, payload }));
             translator.forget();
         }
         Opcode::HitObjectGetShaderRecordBufferHandleEXT | Opcode::HitObjectGetShaderRecordBufferHandleNV => {
-            let to = result(translator, instruction, Shape::Int2)?;
-            translator.emit(Operation::Stop(ray_tracing::Op::HitObjectRecordHandle { object, to }));
+            let to = result(translator, instruction, ValueShape::Int2)?;
+            translator.emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectRecordHandle { object, to }));
         }
         Opcode::HitObjectRecordHitNV
         | Opcode::HitObjectRecordHitWithIndexNV
@@ -158,12 +163,12 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let end = 12 - usize::from(with_index) + usize::from(moves(opcode));
             let operands = timed(translator, instruction, 1..end, moves(opcode), hit_operands(with_index))?;
             let attributes = attributes(translator, instruction, end)?;
-            emit(translator, Op::RecordHit { object, operands, with_index, attributes });
+            emit(translator, HitObjectOp::RecordHit { object, operands, with_index, attributes });
         }
         Opcode::HitObjectRecordMissEXT | Opcode::HitObjectRecordMissMotionEXT => {
             let end = if moves(opcode) { 8 } else { 7 };
             let operands = timed(translator, instruction, 1..end, moves(opcode), MISS_OPERANDS)?;
-            emit(translator, Op::RecordMiss { object, operands });
+            emit(translator, HitObjectOp::RecordMiss { object, operands });
         }
         Opcode::HitObjectRecordMissNV | Opcode::HitObjectRecordMissMotionNV => {
             // These have no ray flags.
@@ -176,10 +181,10 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 words.push(translator.constant(0)?);
             }
             let operands = whole(translator, instruction, &words, MISS_OPERANDS)?;
-            emit(translator, Op::RecordMiss { object, operands });
+            emit(translator, HitObjectOp::RecordMiss { object, operands });
         }
         Opcode::HitObjectRecordEmptyEXT | Opcode::HitObjectRecordEmptyNV => {
-            emit(translator, Op::RecordEmpty { object });
+            emit(translator, HitObjectOp::RecordEmpty { object });
         }
         Opcode::HitObjectRecordFromQueryEXT => {
             let query = translator.id(instruction, 1)?;
@@ -188,25 +193,25 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let attributes = attributes(translator, instruction, 3)?;
             let has_kind = translator.operands(instruction).len() > 4;
             let hit_kind = if has_kind { Some(scalar(translator, instruction, 4)?) } else { None };
-            let op = Op::RecordFromQuery { object, query, record, attributes, hit_kind };
+            let op = HitObjectOp::RecordFromQuery { object, query, record, attributes, hit_kind };
             emit(translator, op);
         }
         Opcode::HitObjectSetShaderBindingTableRecordIndexEXT => {
             let record = scalar(translator, instruction, 1)?;
-            emit(translator, Op::SetRecord { object, record });
+            emit(translator, HitObjectOp::SetRecord { object, record });
         }
         Opcode::HitObjectGetAttributesEXT | Opcode::HitObjectGetAttributesNV => {
             let to = attributes(translator, instruction, 1)?;
-            emit(translator, Op::GetAttributes { object, to });
+            emit(translator, HitObjectOp::GetAttributes { object, to });
             translator.forget();
         }
         // OpReorderThreadWithHitObject*
-        _ => emit(translator, Op::Reorder),
+        _ => emit(translator, HitObjectOp::Reorder),
     }
     Ok(true)
 }
 
-fn emit(translator: &mut Translator<'_>, op: Op) {
+fn emit(translator: &mut Translator<'_>, op: HitObjectOp) {
     translator.emit(Operation::HitObject(Box::new(op)));
 }
 

@@ -14,11 +14,11 @@ use crate::module::ty::Type;
 use crate::ops::image::operands::Operands;
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, check_texel, view_of};
-use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::image::{ImageOp, Texel, texel_result};
 use crate::ops::integer_operand::Reading;
 use crate::ops::op::{Access, Op as Operation};
-use crate::ops::pointer::{Place, Pointer};
-use crate::ops::translate::{Translator, Value, Words};
+use crate::ops::pointer::{Pointer, PointerBase};
+use crate::ops::translate::{IdValue, Translator, Words};
 
 /// A texel by integer coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -149,14 +149,14 @@ impl TexelPlace {
 
 /// Reads a texel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Read {
+pub struct TexelRead {
     /// Where to.
     pub to: Texel,
     /// Where from.
     pub place: TexelPlace,
 }
 
-impl Read {
+impl TexelRead {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         self.place.registers().for_each(|reg| visit(Access::Read(reg, 1)));
@@ -178,7 +178,7 @@ impl Read {
 
 /// Writes a texel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Write {
+pub struct TexelWrite {
     /// The first register of each of four components.
     pub from: [Reg; 4],
     /// How integers are extended.
@@ -187,7 +187,7 @@ pub struct Write {
     pub place: TexelPlace,
 }
 
-impl Write {
+impl TexelWrite {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         let registers = if self.place.view.wide { 2 } else { 1 };
@@ -223,7 +223,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             if to.wide != place.view.wide {
                 return Err(translator.invalid("the texel's type is not the image's Sampled Type"));
             }
-            translator.emit(Operation::Image(Op::Read(Box::new(Read { to, place }))));
+            translator.emit(Operation::Image(ImageOp::Read(Box::new(TexelRead { to, place }))));
         }
         Opcode::ImageWrite => {
             let operands = Operands::read(translator, instruction, 3, false)?;
@@ -239,7 +239,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let zero = translator.wide_constant(0)?;
             let from = std::array::from_fn(|at| components.get(at).copied().unwrap_or(zero));
             let class = operands.class.unwrap_or(place.view.class);
-            translator.emit(Operation::Image(Op::Write(Box::new(Write { from, class, place }))));
+            translator.emit(Operation::Image(ImageOp::Write(Box::new(TexelWrite { from, class, place }))));
         }
         Opcode::ImageTexelPointer => texel_pointer(translator, instruction)?,
         _ => return Ok(false),
@@ -280,9 +280,9 @@ fn texel_pointer(translator: &mut Translator<'_>, instruction: &Instruction) -> 
     let sample = Some(sample).filter(|_| view.multisampled);
     let operands = Operands { sample, ..Operands::default() };
     let place = TexelPlace::new(translator, view, image, coordinate, &operands)?;
-    let pointer = Pointer::new(Place::Texel(Box::new(place)), pointee, storage_class);
+    let pointer = Pointer::new(PointerBase::Texel(Box::new(place)), pointee, storage_class);
     if let Some(id) = instruction.result {
-        translator.define(id, Value::Pointer(pointer.into()));
+        translator.define(id, IdValue::Pointer(pointer.into()));
     }
     Ok(())
 }

@@ -14,7 +14,7 @@ use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::derivative::derivative;
-use crate::ops::image::Op;
+use crate::ops::image::ImageOp;
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::operands::Operands;
 use crate::ops::image::reader::Reader;
@@ -24,7 +24,7 @@ use crate::ops::translate::{Translator, Words};
 
 /// A query for a footprint.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Footprint {
+pub struct FootprintOp {
     /// The registers of: whether one level is read; anchor; offset; mask of two words; level;
     /// granularity.
     pub to: Reg,
@@ -71,7 +71,7 @@ fn group(granularity: u32, axes: usize) -> Option<[u32; 3]> {
     }
 }
 
-impl Footprint {
+impl FootprintOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         let registers = [self.image, self.sampler, self.granularity, self.coarse];
@@ -180,7 +180,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         );
     }
     let to = translator.fresh(registers)?;
-    translator.emit(Operation::Image(Op::Footprint(Box::new(Footprint {
+    translator.emit(Operation::Image(ImageOp::Footprint(Box::new(FootprintOp {
         to,
         registers,
         view,

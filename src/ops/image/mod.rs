@@ -84,22 +84,22 @@ pub const IMPLICIT: &[Opcode] = &[
 
 /// An operation on images.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Op {
+pub enum ImageOp {
     /// Samples or gathers.
     Sample(Box<sample::Sample>),
     /// Reads a texel.
-    Read(Box<access::Read>),
+    Read(Box<access::TexelRead>),
     /// Writes a texel.
-    Write(Box<access::Write>),
+    Write(Box<access::TexelWrite>),
     /// Reads sizes and counts of an image.
     Query(query::Query),
     /// Returns which texels a sample would read.
-    Footprint(Box<footprint::Footprint>),
+    Footprint(Box<footprint::FootprintOp>),
     /// Filters and compares blocks of texels.
     Process(Box<processing::Process>),
 }
 
-impl Op {
+impl ImageOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
         match self {

@@ -18,7 +18,7 @@ use crate::module::{Id, Instruction};
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
-use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::image::{ImageOp, Texel, texel_result};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::{Translator, Words};
 
@@ -35,7 +35,7 @@ pub struct Sampled {
 
 /// What is done.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Kind {
+pub enum ProcessKind {
     /// The mean of a box, whose sides stand in rows.
     Box(Words),
     /// A sum weighted by another image.
@@ -73,16 +73,16 @@ pub struct Process {
     pub to: Texel,
     target: Sampled,
     coordinate: Words,
-    kind: Kind,
+    kind: ProcessKind,
 }
 
 impl Process {
     /// The handles of the image and of the other one.
     pub fn images(&self) -> impl Iterator<Item = Reg> {
         let other = match &self.kind {
-            Kind::Weighted(weights) => Some(weights.image),
-            Kind::Match { reference, .. } => Some(reference.image),
-            Kind::Box(_) => None,
+            ProcessKind::Weighted(weights) => Some(weights.image),
+            ProcessKind::Match { reference, .. } => Some(reference.image),
+            ProcessKind::Box(_) => None,
         };
         [self.target.image].into_iter().chain(other)
     }
@@ -98,9 +98,11 @@ impl Process {
         [self.target.image, self.target.sampler].into_iter().for_each(&mut read);
         self.coordinate.iter().copied().for_each(&mut read);
         match &self.kind {
-            Kind::Box(sides) => sides.iter().copied().for_each(&mut read),
-            Kind::Weighted(weights) => [weights.image, weights.sampler].into_iter().for_each(&mut read),
-            Kind::Match { reference, at, size, .. } => {
+            ProcessKind::Box(sides) => sides.iter().copied().for_each(&mut read),
+            ProcessKind::Weighted(weights) => {
+                [weights.image, weights.sampler].into_iter().for_each(&mut read)
+            }
+            ProcessKind::Match { reference, at, size, .. } => {
                 [reference.image, reference.sampler].into_iter().for_each(&mut read);
                 at.iter().chain(size).copied().for_each(&mut read);
             }
@@ -116,9 +118,11 @@ impl Process {
         let (image, sampler) = find(self.target)?;
         let floats = |words: &Words| [0, 1].map(|at: usize| reader.float(words[at]));
         let value = match &self.kind {
-            Kind::Box(sides) => boxed(image, sampler, floats(&self.coordinate), floats(sides)),
-            Kind::Weighted(weights) => weighted(image, sampler, floats(&self.coordinate), find(*weights)?.0)?,
-            Kind::Match { reference, at, size, squared, times } => {
+            ProcessKind::Box(sides) => boxed(image, sampler, floats(&self.coordinate), floats(sides)),
+            ProcessKind::Weighted(weights) => {
+                weighted(image, sampler, floats(&self.coordinate), find(*weights)?.0)?
+            }
+            ProcessKind::Match { reference, at, size, squared, times } => {
                 let integers = |words: &Words| [0, 1].map(|axis: usize| i64::from(reader.word(words[axis])));
                 let (other, _) = find(*reference)?;
                 let (at, size) = (integers(at), integers(size));
@@ -322,10 +326,10 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let target = sampled(translator, instruction, 0, &planes)?;
     let coordinate = pair(translator, instruction, 1)?;
     let kind = match opcode {
-        ImageBoxFilterQCOM => Kind::Box(pair(translator, instruction, 2)?),
+        ImageBoxFilterQCOM => ProcessKind::Box(pair(translator, instruction, 2)?),
         ImageSampleWeightedQCOM => {
             let kinds = [Dimension::D2Array, Dimension::D1Array];
-            Kind::Weighted(sampled(translator, instruction, 2, &kinds)?)
+            ProcessKind::Weighted(sampled(translator, instruction, 2, &kinds)?)
         }
         _ => {
             let squared = matches!(
@@ -337,7 +341,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 ImageBlockMatchGatherSSDQCOM | ImageBlockMatchGatherSADQCOM => Times::Gather,
                 _ => Times::Window,
             };
-            Kind::Match {
+            ProcessKind::Match {
                 reference: sampled(translator, instruction, 2, &planes)?,
                 at: pair(translator, instruction, 3)?,
                 size: pair(translator, instruction, 4)?,
@@ -347,7 +351,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         }
     };
     let to = texel_result(translator, instruction, false, false)?;
-    translator.emit(Operation::Image(Op::Process(Box::new(Process { to, target, coordinate, kind }))));
+    translator.emit(Operation::Image(ImageOp::Process(Box::new(Process { to, target, coordinate, kind }))));
     Ok(true)
 }
 

@@ -8,7 +8,7 @@ use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
-use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::image::{ImageOp, Texel, texel_result};
 use crate::ops::integer_operand::Reading;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::Translator;
@@ -92,6 +92,6 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let view = view_of(translator, id)?;
     let image = translator.words(id)?[0];
     let to = texel_result(translator, instruction, false, false)?;
-    translator.emit(Operation::Image(Op::Query(Query { to, view, image, question })));
+    translator.emit(Operation::Image(ImageOp::Query(Query { to, view, image, question })));
     Ok(true)
 }

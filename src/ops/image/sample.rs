@@ -14,14 +14,14 @@ use crate::ops::image::filter::Lookup;
 use crate::ops::image::operands::{self, Operands};
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
-use crate::ops::image::{Op, Texel, texel_result};
+use crate::ops::image::{ImageOp, Texel, texel_result};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::{Translator, Words};
 
 /// What is made of the texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum SampleKind {
     /// A filtered value.
     Filter,
     /// One component of four texels, its number in a register.
@@ -38,7 +38,7 @@ pub struct Sample {
     /// Where to.
     pub to: Texel,
     /// What is made of the texels.
-    pub kind: Kind,
+    pub kind: SampleKind,
     /// What the shader declares of the image.
     pub view: View,
     /// The image's handle.
@@ -58,7 +58,7 @@ pub struct Sample {
 impl Sample {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
-        let component = if let Kind::Gather(component) = self.kind { Some(component) } else { None };
+        let component = if let SampleKind::Gather(component) = self.kind { Some(component) } else { None };
         let optional = [self.divisor, self.reference, component].into_iter().flatten();
         let registers = [self.image, self.sampler].into_iter().chain(optional);
         registers
@@ -93,16 +93,17 @@ impl Sample {
         }
         let lod = self.operands.level(reader);
         Ok(match self.kind {
-            Kind::Filter => {
+            SampleKind::Filter => {
                 let [bias, least] = self.operands.limits(reader);
                 lookup.sample(lod, bias, least)
             }
-            Kind::Level => {
+            SampleKind::Level => {
                 let [level, lambda] = lookup.query(lod).map(|value| u64::from(value.to_bits()));
                 [level, lambda, 0, 0]
             }
-            Kind::Gather(_) | Kind::GatherCompared => {
-                let component = if let Kind::Gather(reg) = self.kind { reader.word(reg).min(3) } else { 0 };
+            SampleKind::Gather(_) | SampleKind::GatherCompared => {
+                let component =
+                    if let SampleKind::Gather(reg) = self.kind { reader.word(reg).min(3) } else { 0 };
                 let offsets = self.operands.offsets.as_ref().map(|offsets| {
                     std::array::from_fn(|at| {
                         [reader.integer(offsets[2 * at]), reader.integer(offsets[2 * at + 1])]
@@ -204,10 +205,10 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     }
     let divisor = (projected && !implicit).then(|| coordinate[count]);
     let kind = match third {
-        Some(component) if gathers && !compared => Kind::Gather(component),
-        _ if gathers => Kind::GatherCompared,
-        _ if queries => Kind::Level,
-        _ => Kind::Filter,
+        Some(component) if gathers && !compared => SampleKind::Gather(component),
+        _ if gathers => SampleKind::GatherCompared,
+        _ if queries => SampleKind::Level,
+        _ => SampleKind::Filter,
     };
     let to = texel_result(translator, instruction, sparse, !queries)?;
     let sample = Sample {
@@ -221,7 +222,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         reference: third.filter(|_| compared),
         operands,
     };
-    translator.emit(Operation::Image(Op::Sample(Box::new(sample))));
+    translator.emit(Operation::Image(ImageOp::Sample(Box::new(sample))));
     Ok(true)
 }
 

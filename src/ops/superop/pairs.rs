@@ -8,7 +8,7 @@ use crate::ops::lane_kernel::{Binary, Ternary, Unary};
 /// How the functions of a pair are composed: see the types of these names here and in
 /// [`words`](super::words).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
+pub enum PairShape {
     Then,
     After,
     ThenWith,

@@ -9,7 +9,7 @@ use crate::machine::Reg;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::superop::pairs::Shape;
+use crate::ops::superop::pairs::PairShape;
 use crate::ops::superop::{DIRECT_REGISTERS, Function, Operands, SuperCode, SuperOp, has, opcode};
 
 /// How the result of an operation is used.
@@ -130,8 +130,8 @@ fn is_extended_op(op: &Op) -> bool {
             let operands = kernel.operands.iter().zip(from).filter(|(words, _)| **words > 0);
             extended(to) || operands.into_iter().any(|(_, reg)| extended(reg))
         }
-        Op::Memory(memory::Op::Move { to, from }) => to != from && (extended(to) || extended(from)),
-        Op::Memory(memory::Op::MoveMasked { to, from }) => extended(to) || extended(from),
+        Op::Memory(memory::MemoryOp::Move { to, from }) => to != from && (extended(to) || extended(from)),
+        Op::Memory(memory::MemoryOp::MoveMasked { to, from }) => extended(to) || extended(from),
         _ => false,
     }
 }
@@ -283,10 +283,10 @@ impl SuperCode {
 /// a clamp.
 fn plan(at: usize, op: &Op, result_use: ResultUse, constants: &Constants, planned: &mut Vec<Planned>) {
     let known = match op {
-        Op::Memory(memory::Op::Move { to, from }) if to == from => return,
+        Op::Memory(memory::MemoryOp::Move { to, from }) if to == from => return,
         Op::LaneKernel { kernel, .. } => known(kernel),
-        Op::Memory(memory::Op::Move { .. }) => Some(Known::One(Function::Move)),
-        Op::Memory(memory::Op::MoveMasked { .. }) => Some(Known::One(Function::MoveMasked)),
+        Op::Memory(memory::MemoryOp::Move { .. }) => Some(Known::One(Function::Move)),
+        Op::Memory(memory::MemoryOp::MoveMasked { .. }) => Some(Known::One(Function::MoveMasked)),
         _ => None,
     };
     let result = match known {
@@ -343,7 +343,7 @@ fn single(
             let [a, b, c] = [from[0], from[1.min(operands - 1)], from[2.min(operands - 1)]].map(word);
             (word(*to)?, [a?, b?, c?], operands, kernel.float_result == 32)
         }
-        Op::Memory(memory::Op::Move { to, from } | memory::Op::MoveMasked { to, from }) => {
+        Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
             (word(*to)?, [word(*from)?; 3], 1, false)
         }
         _ => return None,
@@ -379,7 +379,7 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
         .filter(|known| known.0 == first.function && known.1 == second.function)
         .peekable();
     pairs.peek()?;
-    let found = |wanted: Shape| pairs.clone().find(|known| known.2 == wanted);
+    let found = |wanted: PairShape| pairs.clone().find(|known| known.2 == wanted);
     let reads = second.from[..second.operands].iter().filter(|&&register| register == first.to).count();
     if reads != 1 {
         return None;
@@ -398,13 +398,13 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     }
     if next == first.to
         && first.result_use.reads == Some(if second.twice { 2 } else { 1 })
-        && let Some(known) = found(Shape::Chain)
+        && let Some(known) = found(PairShape::Chain)
     {
         return chain(known.3, &others[..last]);
     }
     if second.from[last] == first.to
         && first.result_use.reads == Some(1)
-        && let Some(known) = found(Shape::Last)
+        && let Some(known) = found(PairShape::Last)
     {
         return chain(known.3, &second.from[..last]);
     }
@@ -418,8 +418,8 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     }
     let mut twice = first.twice;
     let (function, from, operands) = if c == first.to {
-        let itself = found(Shape::WithItself).filter(|_| d == a && second.function.commutes());
-        match (itself, found(Shape::Then), found(Shape::ThenWith)) {
+        let itself = found(PairShape::WithItself).filter(|_| d == a && second.function.commutes());
+        match (itself, found(PairShape::Then), found(PairShape::ThenWith)) {
             (Some(known), ..) => {
                 twice = true;
                 (known.3, [a, b, b], 2)
@@ -429,7 +429,7 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
             _ => return None,
         }
     } else {
-        (found(Shape::After)?.3, [a, b, c], 3)
+        (found(PairShape::After)?.3, [a, b, c], 3)
     };
     Some(Planned { function, from: self::operands(from), operands, twice, ..*second })
 }

@@ -45,7 +45,7 @@ fn kernel(kernel: &'static LaneKernel, to: u32, from: [u32; 3]) -> Op {
 }
 
 fn copy(to: u32, from: u32) -> Op {
-    Op::Memory(memory::Op::Move { to: Reg(to), from: Reg(from) })
+    Op::Memory(memory::MemoryOp::Move { to: Reg(to), from: Reg(from) })
 }
 
 /// The superinstructions of operations that form one superblock.
@@ -84,7 +84,7 @@ fn one_by_one(ops: &[Op], round: u32) -> Registers<64> {
     for op in ops {
         match op {
             Op::LaneKernel { kernel, to, from } => Width::<64>::run(*kernel, &mut registers, *to, from),
-            Op::Memory(memory::Op::Move { to, from }) => registers.copy(*to, *from, Mask::ALL),
+            Op::Memory(memory::MemoryOp::Move { to, from }) => registers.copy(*to, *from, Mask::ALL),
             _ => unreachable!("a regular operation"),
         }
     }
@@ -147,7 +147,7 @@ fn every_function_gives_what_its_row_gives_from_rows_and_from_the_accumulator() 
 type Known = (&'static LaneKernel, Function);
 
 /// Both functions of a pair, and how they hang together.
-fn halves(pair: Function) -> (Function, Function, Shape) {
+fn halves(pair: Function) -> (Function, Function, PairShape) {
     let &(first, second, shape, _) =
         Function::PAIRS.iter().find(|known| known.3 == pair).expect("a pair, as it is no kernel");
     (first, second, shape)
@@ -160,7 +160,7 @@ fn count(function: Function, kernels: &[Known]) -> usize {
     }
     let (first, second, shape) = halves(function);
     match shape {
-        Shape::WithItself => count(first, kernels),
+        PairShape::WithItself => count(first, kernels),
         _ => count(first, kernels) + count(second, kernels) - 1,
     }
 }
@@ -177,9 +177,9 @@ fn parts(function: Function, from: &[u32], kernels: &[Known], ops: &mut Vec<Op>)
     let (before, rest) = from.split_at(count(first, kernels));
     let that = parts(first, before, kernels, ops);
     let operands = match shape {
-        Shape::Then | Shape::ThenWith | Shape::Chain => [&[that], rest].concat(),
-        Shape::After | Shape::Last => [rest, &[that]].concat(),
-        Shape::WithItself => vec![from[0], that],
+        PairShape::Then | PairShape::ThenWith | PairShape::Chain => [&[that], rest].concat(),
+        PairShape::After | PairShape::Last => [rest, &[that]].concat(),
+        PairShape::WithItself => vec![from[0], that],
     };
     parts(second, &operands, kernels, ops)
 }
@@ -365,7 +365,7 @@ fn a_nan_whose_bits_are_seen_has_the_bits_of_all() {
 fn a_store_leaves_the_lanes_alone_that_do_not_run() {
     let ops = [
         copy(4, 0),
-        Op::Memory(memory::Op::MoveMasked { to: Reg(5), from: Reg(4) }),
+        Op::Memory(memory::MemoryOp::MoveMasked { to: Reg(5), from: Reg(4) }),
         kernel(arithmetic::IAdd.kernel(32).expect("a kernel"), 6, [5, 4, 5]),
     ];
     let code = superops(
@@ -388,7 +388,7 @@ fn a_float_is_settled_and_stored_at_once() {
     let subtract = arithmetic::FSub.kernel(32).expect("a kernel");
     let ops = [
         kernel(subtract, 3, [0, 0, 0]),
-        Op::Memory(memory::Op::MoveMasked { to: Reg(4), from: Reg(3) }),
+        Op::Memory(memory::MemoryOp::MoveMasked { to: Reg(4), from: Reg(3) }),
         kernel(arithmetic::IAdd.kernel(32).expect("a kernel"), 5, [4, 4, 4]),
     ];
     let code = superops(&ops, &[once(true), ResultUse::UNKNOWN, ResultUse::UNKNOWN]);

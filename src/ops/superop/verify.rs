@@ -9,14 +9,14 @@ use rustc_hash::FxHashMap;
 use crate::machine::Reg;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::{Access, Op};
-use crate::ops::superop::pairs::Shape;
+use crate::ops::superop::pairs::PairShape;
 use crate::ops::superop::{Function, SuperCode, SuperOp, has, takes_float};
-use crate::ops::symbolic::{Numbering, State, Value};
+use crate::ops::symbolic::{Numbering, State, ValueNumber};
 
 /// What a register or the accumulator holds while superinstructions run.
 #[derive(Clone, Copy, Debug)]
 struct Held {
-    value: Value,
+    value: ValueNumber,
     /// Whether a NaN in it has the one pattern that others may see.
     settled: bool,
 }
@@ -49,9 +49,9 @@ fn operand_count(function: Function) -> usize {
     }
     match Function::PAIRS.iter().find(|pair| pair.3 == function) {
         Some(&(first, second, shape, _)) => match shape {
-            Shape::Then | Shape::After => 3,
-            Shape::ThenWith | Shape::WithItself => 2,
-            Shape::Chain | Shape::Last => operand_count(first) + operand_count(second) - 1,
+            PairShape::Then | PairShape::After => 3,
+            PairShape::ThenWith | PairShape::WithItself => 2,
+            PairShape::Chain | PairShape::Last => operand_count(first) + operand_count(second) - 1,
         },
         None => 1,
     }
@@ -70,7 +70,7 @@ fn calculate(function: Function, from: &[Held], numbering: &mut Numbering) -> Re
                 return Err(format!("{kernel:?} sees the bits of a NaN"));
             }
         }
-        let values: Vec<Value> = from.iter().map(|held| held.value).collect();
+        let values: Vec<ValueNumber> = from.iter().map(|held| held.value).collect();
         let is_number = matches!(function, Function::UToF | Function::SToF | Function::Step);
         let settled = kernel.float_result != 32 || is_number;
         return Ok(Held { value: numbering.regular(kernel, 0, &values), settled });
@@ -83,9 +83,9 @@ fn calculate(function: Function, from: &[Held], numbering: &mut Numbering) -> Re
     let (own, others) = from.split_at(operand_count(first));
     let inner = calculate(first, own, numbering)?;
     let operands: Vec<Held> = match shape {
-        Shape::Then | Shape::ThenWith | Shape::Chain => [&[inner][..], others].concat(),
-        Shape::After | Shape::Last => [others, &[inner]].concat(),
-        Shape::WithItself => vec![own[0], inner],
+        PairShape::Then | PairShape::ThenWith | PairShape::Chain => [&[inner][..], others].concat(),
+        PairShape::After | PairShape::Last => [others, &[inner]].concat(),
+        PairShape::WithItself => vec![own[0], inner],
     };
     calculate(second, &operands, numbering)
 }

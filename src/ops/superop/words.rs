@@ -4,8 +4,8 @@ use crate::machine::Scalar;
 use crate::ops::lane_kernel::{Binary, Ternary, Unary};
 use crate::ops::superop::Operands;
 
-/// A function of words, of which the first [`Words::OPERANDS`] count.
-pub trait Words {
+/// A function of words, of which the first [`WordFunction::OPERANDS`] count.
+pub trait WordFunction {
     const OPERANDS: usize;
     /// The result, a NaN as the processor made it.
     fn apply(words: Operands<u32>) -> u32;
@@ -15,7 +15,7 @@ pub struct One<F>(F);
 pub struct Two<F>(F);
 pub struct Three<F>(F);
 
-impl<F: Unary> Words for One<F> {
+impl<F: Unary> WordFunction for One<F> {
     const OPERANDS: usize = 1;
     #[inline(always)]
     fn apply([a, ..]: Operands<u32>) -> u32 {
@@ -23,7 +23,7 @@ impl<F: Unary> Words for One<F> {
     }
 }
 
-impl<F: Binary> Words for Two<F> {
+impl<F: Binary> WordFunction for Two<F> {
     const OPERANDS: usize = 2;
     #[inline(always)]
     fn apply([a, b, ..]: Operands<u32>) -> u32 {
@@ -31,7 +31,7 @@ impl<F: Binary> Words for Two<F> {
     }
 }
 
-impl<F: Ternary> Words for Three<F> {
+impl<F: Ternary> WordFunction for Three<F> {
     const OPERANDS: usize = 3;
     #[inline(always)]
     fn apply([a, b, c, ..]: Operands<u32>) -> u32 {
@@ -42,7 +42,7 @@ impl<F: Ternary> Words for Three<F> {
 /// A function, then another one whose first operand is what that gave.
 pub struct Chain<F, G>(F, G);
 
-impl<F: Words, G: Words> Words for Chain<F, G> {
+impl<F: WordFunction, G: WordFunction> WordFunction for Chain<F, G> {
     const OPERANDS: usize = F::OPERANDS + G::OPERANDS - 1;
     #[inline(always)]
     fn apply(words: Operands<u32>) -> u32 {
@@ -57,7 +57,7 @@ impl<F: Words, G: Words> Words for Chain<F, G> {
 /// those of the first.
 pub struct Last<F, G>(F, G);
 
-impl<F: Words, G: Words> Words for Last<F, G> {
+impl<F: WordFunction, G: WordFunction> WordFunction for Last<F, G> {
     const OPERANDS: usize = F::OPERANDS + G::OPERANDS - 1;
     #[inline(always)]
     fn apply(words: Operands<u32>) -> u32 {

@@ -35,7 +35,7 @@ pub(super) fn words_from(words: &[Reg]) -> Words {
 
 /// What an id stands for while its function is lowered.
 #[derive(Clone, Debug)]
-pub enum Value {
+pub enum IdValue {
     /// A value in registers.
     Words(Words),
     /// A pointer that is known at least in part.
@@ -45,10 +45,10 @@ pub enum Value {
 /// The values of ids: of a module's constants and variables for good, of a function's own as long
 /// as it is lowered.
 pub(super) struct Values {
-    globals: FxHashMap<Id, Value>,
+    globals: FxHashMap<Id, IdValue>,
     /// The values of the function that is lowered, behind those of the functions that it is inlined
     /// into.
-    locals: Vec<(Id, Value)>,
+    locals: Vec<(Id, IdValue)>,
     /// Where an id stood last among `locals`: what stands there now may be another one's.
     places: IdMap<u32>,
 }
@@ -60,18 +60,18 @@ impl Values {
     }
 
     /// The value of an id.
-    pub fn find(&self, id: Id) -> Option<&Value> {
+    pub fn find(&self, id: Id) -> Option<&IdValue> {
         self.local(id).or_else(|| self.globals.get(&id))
     }
 
     /// The value of an id of the function that is lowered.
-    pub fn local(&self, id: Id) -> Option<&Value> {
+    pub fn local(&self, id: Id) -> Option<&IdValue> {
         let (owner, value) = self.locals.get(self.places.find(id)? as usize)?;
         (*owner == id).then_some(value)
     }
 
     /// Gives an id of the function that is lowered its value.
-    pub fn define(&mut self, id: Id, value: Value) {
+    pub fn define(&mut self, id: Id, value: IdValue) {
         let known = self.places.find(id).and_then(|place| self.locals.get_mut(place as usize));
         match known.filter(|(owner, _)| *owner == id) {
             Some((_, known)) => *known = value,
@@ -83,7 +83,7 @@ impl Values {
     }
 
     /// Gives a constant or a variable of the module its value.
-    pub fn define_global(&mut self, id: Id, value: Value) {
+    pub fn define_global(&mut self, id: Id, value: IdValue) {
         self.globals.insert(id, value);
     }
 

@@ -70,7 +70,7 @@ impl Lowering<'_> {
                 let words = self.translator.carried(value)?;
                 if let Return::Inlined { result, .. } | Return::StandingAlone { result } = place.plan {
                     for (&to, from) in result.iter().zip(words) {
-                        self.translator.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+                        self.translator.emit(Op::Memory(memory::MemoryOp::MoveMasked { to, from }));
                     }
                 }
                 self.leave(place);
@@ -148,12 +148,12 @@ impl Lowering<'_> {
             targets.sort_unstable();
             for (_, from) in moves.iter_mut().filter(|(_, from)| targets.binary_search(from).is_ok()) {
                 let saved = self.translator.fresh(1)?;
-                self.translator.emit(Op::Memory(memory::Op::Move { to: saved, from: *from }));
+                self.translator.emit(Op::Memory(memory::MemoryOp::Move { to: saved, from: *from }));
                 *from = saved;
             }
         }
         for (to, from) in moves {
-            self.translator.emit(Op::Memory(memory::Op::MoveMasked { to, from }));
+            self.translator.emit(Op::Memory(memory::MemoryOp::MoveMasked { to, from }));
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use crate::error::Result;
 use crate::module::{Definition, Function, Id, Instruction};
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::translate::{Origin, Value, Words};
+use crate::ops::translate::{IdValue, Origin, Words};
 use crate::program::lower::{INLINE_DEPTH, INLINE_SIZE, INLINE_TOTAL, Inlining, Lowering, Return, Standing};
 use crate::program::{Scope, Terminator};
 
@@ -80,7 +80,7 @@ impl Lowering<'_> {
         for (&argument, parameter) in arguments.iter().zip(&standing.parameters) {
             let words = self.translator.carried(argument)?;
             for (&to, from) in parameter.iter().zip(words) {
-                self.translator.emit(Op::Memory(memory::Op::Move { to, from }));
+                self.translator.emit(Op::Memory(memory::MemoryOp::Move { to, from }));
             }
         }
         self.translator.set_clock()?;
@@ -89,7 +89,7 @@ impl Lowering<'_> {
         self.begin(return_to);
         let result = self.translator.fresh_words(standing.result.len() as u32)?;
         for (&to, &from) in result.iter().zip(&standing.result) {
-            self.translator.emit(Op::Memory(memory::Op::Move { to, from }));
+            self.translator.emit(Op::Memory(memory::MemoryOp::Move { to, from }));
         }
         self.translator.result(instruction, result);
         Ok(())
@@ -107,7 +107,7 @@ impl Lowering<'_> {
         self.translator.origin = Origin { offset: 0, scope: self.scopes.len() as u32 - 1 };
         self.translator.leave(0);
         for (&(id, _), words) in function.parameters.iter().zip(standing.parameters) {
-            self.translator.define(id, Value::Words(words));
+            self.translator.define(id, IdValue::Words(words));
         }
         self.begin(standing.label);
         self.body(function, &Return::StandingAlone { result: standing.result })

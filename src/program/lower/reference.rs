@@ -18,7 +18,7 @@ pub(super) fn complete(program: &mut Program, optimized: &Program) {
     program.order_dependent = optimized.order_dependent;
     program.accesses.clone_from(&optimized.accesses);
     program.uses_subgroups = program.ops.iter().any(|op| matches!(op, Op::Subgroup(_)));
-    let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::Op::HitObjectRecordHandle { .. }));
+    let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::RayTracingOp::HitObjectRecordHandle { .. }));
     program.addresses_records = program.ops.iter().any(addresses);
     let superblocks =
         (0..).zip(&program.blocks).map(|(last, block)| Superblock { end: block.end, last }).collect();
@@ -50,7 +50,7 @@ fn silent(program: &Program, optimized: &Program) -> Vec<bool> {
 }
 
 fn may_trap(op: &Op) -> bool {
-    use memory::Op as Memory;
+    use memory::MemoryOp as Memory;
     !matches!(
         op,
         Op::LaneKernel { .. }
@@ -60,7 +60,9 @@ fn may_trap(op: &Op) -> bool {
 
 fn part(op: &Op) -> Part {
     match op {
-        Op::Memory(memory::Op::BufferLoad { chunk, .. }) => Some((chunk.offset, chunk.width, chunk.count)),
+        Op::Memory(memory::MemoryOp::BufferLoad { chunk, .. }) => {
+            Some((chunk.offset, chunk.width, chunk.count))
+        }
         _ => None,
     }
 }

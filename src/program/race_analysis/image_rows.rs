@@ -4,7 +4,7 @@
 use super::{AffineExpr, LaunchExtent, Memory, MemoryAccess, Stored, Symbol, Trace};
 use crate::machine::Binding;
 use crate::ops::atomic::Target as AtomicTarget;
-use crate::ops::image::Op as ImageOp;
+use crate::ops::image::ImageOp;
 use crate::ops::op::Op;
 use crate::program::Program;
 

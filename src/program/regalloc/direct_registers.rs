@@ -90,8 +90,8 @@ pub(super) fn rename_constants(program: &mut Program, ops: &mut [Op], pool: &Reg
     }
     // A copy that is gone stays so.
     for op in ops.iter_mut().filter(|op| !is_idle(op)) {
-        if let Op::LaneKernel { .. } | Op::Memory(memory::Op::Move { .. } | memory::Op::MoveMasked { .. }) =
-            op
+        if let Op::LaneKernel { .. }
+        | Op::Memory(memory::MemoryOp::Move { .. } | memory::MemoryOp::MoveMasked { .. }) = op
         {
             each_single(op, |reg, single| {
                 if single != Single::Read || !extended(*reg) {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Image, Shape};
+use anyhit::machine::image::{Image, ImageShape};
 use anyhit::machine::sampler::Sampler;
 use anyhit::machine::{Descriptor, Resources};
 
@@ -33,7 +33,7 @@ fn resources() -> Resources {
     let texels = [0f32, 1.0, 2.0, 3.0, 10.0, 11.0, 12.0, 13.0];
     let bytes: Vec<u8> = texels.iter().flat_map(|texel| texel.to_le_bytes()).collect();
     let image: Arc<Image> =
-        Image::new(Format::new(Component::Float32, 1), Shape::plane(4, 2), &bytes).expect("an image");
+        Image::new(Format::new(Component::Float32, 1), ImageShape::plane(4, 2), &bytes).expect("an image");
     Resources::default().bind(0, 1, Descriptor::Image(image)).bind(
         0,
         2,
