@@ -1,4 +1,4 @@
-//! `anyhit compile`: shader sources to SPIR-V.
+//! `anyhit compile`: compiles shader sources to SPIR-V.
 
 use std::path::PathBuf;
 

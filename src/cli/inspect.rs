@@ -1,4 +1,4 @@
-//! `anyhit inspect`: what a module declares, and what of it would run.
+//! `anyhit inspect`: lists what a module declares and which entry points can run.
 
 use std::fmt::Write;
 use std::path::PathBuf;

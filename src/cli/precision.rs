@@ -1,4 +1,4 @@
-//! `--precision`.
+//! The argument `--precision`, which several commands take.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 

@@ -1,4 +1,4 @@
-//! What `--stats` prints.
+//! The tables of `--stats`.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! `anyhit stress`: adversarial rays without end, judged by arbitrary precision.
+//! `anyhit stress`: draws adversarial rays and checks each answer in arbitrary precision.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};

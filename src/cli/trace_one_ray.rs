@@ -1,4 +1,4 @@
-//! `anyhit trace-one-ray`: why a ray went as it did.
+//! `anyhit trace-one-ray`: explains what a ray met and which shaders it called.
 
 use std::io::{IsTerminal, stdout};
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! `anyhit verify`: recorded hits against ours.
+//! `anyhit verify`: compares hits that a GPU recorded with those of this crate.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

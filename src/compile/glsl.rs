@@ -1,4 +1,4 @@
-//! GLSL through glslang.
+//! Compiles GLSL with the built-in glslang.
 
 use glslang::error::GlslangError;
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};

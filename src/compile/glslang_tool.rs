@@ -1,4 +1,4 @@
-//! GLSL through an installed `glslang`, `glslangValidator` or `glslc`.
+//! Compiles GLSL with an installed `glslang`, `glslangValidator` or `glslc`.
 
 use std::process::Command;
 

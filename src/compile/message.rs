@@ -1,4 +1,4 @@
-//! What outside compilers say, as errors with places.
+//! Parses the messages of external compilers into errors with places.
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! From a file, or a text, to a loaded module.
+//! Opens a SPIR-V file, or compiles a source, and loads the module.
 
 use std::path::Path;
 use std::sync::Arc;

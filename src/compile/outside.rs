@@ -1,4 +1,4 @@
-//! Compilers that are programs of their own: where they are, and one run of them.
+//! External compilers: finds the programs and runs them.
 
 use std::env;
 use std::fs;

@@ -1,4 +1,4 @@
-//! Slang and HLSL through the tool `slangc`, where it is installed.
+//! Compiles Slang and HLSL with the tool `slangc`, where it is installed.
 
 use std::path::Path;
 use std::process::Command;

@@ -1,4 +1,4 @@
-//! WGSL through naga.
+//! Compiles WGSL with naga.
 
 use naga::back::spv;
 use naga::valid::{Capabilities, ValidationFlags, Validator};

@@ -1,4 +1,4 @@
-//! Words of a command line: `3,4` and `0,0,5 0,0,-1`.
+//! Parses pixels and rays of a command line: `3,4` and `0,0,5 0,0,-1`.
 
 use crate::debug::names;
 use crate::error::{Error, ErrorKind, Result};

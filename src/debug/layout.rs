@@ -1,4 +1,4 @@
-//! Which part of a buffer's type a byte belongs to.
+//! Maps the bytes of a buffer to the members of its type.
 
 use crate::debug::values::TypedValue;
 use crate::machine::Binding;

@@ -1,4 +1,4 @@
-//! Why a ray went as it did.
+//! The debugger: explains what a ray met and which shaders it called.
 //!
 //! A [`session`] runs one invocation or one ray under an observer and reads the pipeline's events
 //! into a [`transcript`]: a tree of plain data, with names instead of indices and typed values

@@ -1,5 +1,5 @@
-//! What things are called: shaders, records and structures by the scene's names, numbers by the
-//! specification's.
+//! Names for a transcript: those of the scene for shaders, records and structures, those of the
+//! specification for numbers.
 
 use std::sync::Arc;
 

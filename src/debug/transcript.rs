@@ -1,4 +1,5 @@
-//! What happened to one ray, as a tree of plain data: text and JSON are made from it.
+//! The transcript of a ray or an invocation: a tree of plain data, from which text and JSON are
+//! made.
 //!
 //! The JSON of `anyhit trace-one-ray --json` is this tree, field by field; `docs/trace-one-ray.md`
 //! describes it. A change that could break a reader of it raises [`VERSION`].

@@ -1,5 +1,5 @@
-//! Assertions that print what a person needs: the numbers and their distance, the fields that
-//! differ, and beneath them what the ray or the shader did.
+//! Assertions on results of shaders. A failure prints the numbers and their distance, the fields
+//! that differ, and an explanation of the ray or the shader run.
 //!
 //! [`assert_ulps!`](crate::assert_ulps), [`assert_near!`](crate::assert_near) and
 //! [`assert_payload_eq!`](crate::assert_payload_eq). A value taken by name

@@ -1,4 +1,4 @@
-//! Which source line wrote a wrong number: the run again, with an eye on one word.
+//! Finds the source line that wrote a wrong number: runs again and observes the writes of one word.
 
 use std::sync::Arc;
 

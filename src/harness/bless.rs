@@ -1,4 +1,4 @@
-//! Recorded expectations written anew: values in scene files, and whole files beside them.
+//! Rewrites recorded expectations: values in scene files, and whole files beside them.
 //!
 //! Only the bytes of a value change: comments, order and form of a file stay as they are.
 

@@ -168,7 +168,7 @@ impl ExpectedNumber {
 /// Typed numbers, by the elements of the outermost array.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Numbers {
-    /// Their type.
+    /// The scalar type of the numbers.
     pub scalar: Scalar,
     /// Inner arrays are flattened.
     pub elements: Vec<Vec<At<ExpectedNumber>>>,

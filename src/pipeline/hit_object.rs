@@ -1,4 +1,4 @@
-//! Hit objects at the pipeline: executing them, and where their shader records lie.
+//! Hit objects in the pipeline: executes them and finds their shader records.
 
 use crate::accel::Tlas;
 use crate::machine::hit_object::{Encoded, HitEncoded, HitObject};

@@ -1,4 +1,4 @@
-//! In which order the invocations of a launch run.
+//! The order in which the invocations of a launch run: by launch index, or by tiles.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! The stack: shaders that run or wait, and between them what they wait for.
+//! The stack of shader calls: shaders that run or wait, and between them what they wait for.
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Tasks that threads take up one after the other.
+//! The queue of a launch's tasks, from which each thread takes the next.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 

@@ -1,4 +1,4 @@
-//! The report of a trap: what, where, and through which shaders it was reached.
+//! The report of a trap: its message, its source line and the stack of shader calls.
 
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::{Batch, Observer, Trap, TrapCode};

@@ -1,5 +1,5 @@
-//! Workgroups at work: batches that run until each of their lanes has ended or come to a barrier,
-//! again and again.
+//! Runs workgroups: batches of lanes run until each lane has ended or waits at a barrier, and again
+//! behind the barrier.
 //!
 //! A workgroup larger than a batch is spread over several; several small ones share a batch. At a
 //! barrier it counts that every invocation of a workgroup has come to the same instruction, not

@@ -1,4 +1,4 @@
-//! From a resolved scene to a pipeline and its resources.
+//! Makes a pipeline and its resources from a resolved scene.
 
 use std::borrow::Cow;
 use std::collections::HashMap;

@@ -1,4 +1,4 @@
-//! What a scene binds is of the descriptor types that its shaders declare.
+//! Checks that a scene binds the descriptor types that its shaders declare.
 
 use crate::error::{Error, ErrorKind};
 use crate::machine::Binding;

@@ -1,4 +1,4 @@
-//! Pictures: from files to texels, and from texels to PNG.
+//! Decodes picture files into texels, and encodes texels as PNG.
 
 use std::fs::File;
 use std::io::{BufWriter, Cursor, Write};

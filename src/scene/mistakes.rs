@@ -1,4 +1,4 @@
-//! What a scene's mistakes look like: each class with the message that its author gets.
+//! Tests of scenes with mistakes: each class with the message that its author gets.
 
 use std::path::Path;
 

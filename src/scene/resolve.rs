@@ -1,4 +1,4 @@
-//! From a scene's files to what can be run: names become indices, files become bytes.
+//! Resolves a scene's files: names become indices, files become bytes.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! What a scene comes to: plain descriptions with all files loaded.
+//! A resolved scene: plain descriptions with all files loaded.
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! `[resources.NAME]`: what shaders reach through descriptor sets.
+//! `[resources.NAME]`: the resources that shaders access through descriptor sets.
 
 use crate::error::Result;
 use crate::machine::resource::ELEMENT_BITS;

@@ -1,4 +1,4 @@
-//! Ray queries as text.
+//! Renders ray queries as text.
 
 use crate::debug::page::{Ink, Page};
 use crate::debug::render::{Way, Writer, called_at, ray};

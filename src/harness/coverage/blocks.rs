@@ -1,4 +1,4 @@
-//! Which blocks of its module an entry point has entered.
+//! Counts the basic blocks that an entry point has entered.
 
 use std::collections::BTreeSet;
 

@@ -1,6 +1,6 @@
 //! Coverage: which lines and branches of the shaders' sources ran, and which ways rays went.
 //!
-//! Nothing is instrumented. A [`Recorder`] watches a launch or a ray as an
+//! Nothing is instrumented. A [`Recorder`] observes a launch or a ray as an
 //! [`Observer`](crate::machine::Observer): how many lanes entered each block of a program, and took
 //! each edge of a branch. What a block runs of its module is known from lowering
 //! ([`Program::stretches`](crate::program::Program)), and its lines from debug information. A line

@@ -1,4 +1,4 @@
-//! Counting while shaders run, and from the counts to lines.
+//! Counts the blocks and branches that run, and derives the coverage of source lines.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What holds, what does not, and the words for it.
+//! Tests of expectations: which hold, which fail, and with which messages.
 
 use super::*;
 use crate::accel::{Candidate, Committed, HitKind};

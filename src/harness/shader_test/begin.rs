@@ -1,4 +1,4 @@
-//! What the invocation begins with.
+//! Sets up the invocation of a shader under test: builtins, payload, attributes, resources.
 
 use crate::error::Result;
 use crate::harness::bound::blocks;

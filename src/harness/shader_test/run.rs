@@ -1,4 +1,4 @@
-//! Running it.
+//! Runs the shader under test.
 
 use std::sync::Arc;
 

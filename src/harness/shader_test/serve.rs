@@ -1,4 +1,4 @@
-//! Answering what the shader stops for.
+//! Answers the traces, calls and reports of the shader under test.
 
 use crate::error::{Error, Result};
 use crate::harness::data::Data;

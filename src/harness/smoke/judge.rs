@@ -1,4 +1,4 @@
-//! What several runs of one shader come to: which traps made-up values may be to blame for.
+//! Judges several runs of one shader: decides which traps may be due to made-up values.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! What a smoke test found, as text and as JSON.
+//! Reports a smoke test as text and as JSON.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;

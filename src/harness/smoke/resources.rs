@@ -1,4 +1,4 @@
-//! What an entry point has bound, made up from what it declares.
+//! Makes up the resources of an entry point from what it declares.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -198,7 +198,7 @@ enum Like {
     Missed,
     /// Integers are this number.
     Far(u32),
-    /// Like all else.
+    /// Made up like any other resource.
     Hit,
 }
 

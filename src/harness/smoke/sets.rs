@@ -1,4 +1,4 @@
-//! The sets of values that a shader is tried on, one after the other.
+//! The sets of made-up values that an entry point runs on, in order.
 
 use crate::harness::smoke::fill::{Floats, Integers, Numbers};
 

@@ -1,4 +1,4 @@
-//! One entry point, run on one set of values after the other.
+//! Runs one entry point on one set of made-up values after the other.
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};

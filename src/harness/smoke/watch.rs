@@ -1,4 +1,4 @@
-//! What is seen of a run, and answers in the place of the shaders that are not there.
+//! Records the blocks that a run enters, and answers calls in place of missing shaders.
 
 use std::collections::{BTreeSet, HashMap};
 

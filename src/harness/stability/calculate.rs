@@ -1,4 +1,4 @@
-//! Drawing results.
+//! Draws perturbed results of arithmetic within an error bound.
 
 use crate::harness::stability::allowed::Envelope;
 
@@ -7,7 +7,7 @@ use crate::harness::stability::allowed::Envelope;
 pub(super) struct Random(pub u64);
 
 impl Random {
-    /// Sixty-four bits.
+    /// Draws 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         mixed(self.0)
@@ -37,7 +37,7 @@ pub(super) struct Draw<'a> {
 }
 
 impl Draw<'_> {
-    /// One of two.
+    /// Draws true or false with equal odds.
     pub fn coin(&mut self) -> bool {
         self.random.bits() >> 63 == 1
     }

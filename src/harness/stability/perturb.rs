@@ -24,10 +24,10 @@ use crate::pipeline::Event;
 use crate::program::{Program, Terminator};
 use crate::scene::{Assembled, ResolvedScene};
 
-/// What is tried.
+/// How runs are perturbed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Perturbation {
-    /// How many runs.
+    /// The number of runs.
     pub runs: u32,
     /// What the random numbers depend on, and nothing else: the order of threads does not matter.
     pub seed: u64,
@@ -55,7 +55,7 @@ pub enum Where {
 /// What was not the same in every run.
 #[derive(Clone, Debug, Default)]
 pub struct Instability {
-    /// What was tried.
+    /// How runs were perturbed.
     pub perturbation: Perturbation,
     /// How many outputs there are.
     pub outputs_seen: usize,

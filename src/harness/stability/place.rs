@@ -1,4 +1,4 @@
-//! Where in the sources something was found.
+//! The source lines of findings.
 
 use std::sync::Arc;
 

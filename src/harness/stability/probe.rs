@@ -1,4 +1,4 @@
-//! Running a scene's invocations one by one, each watched.
+//! Runs a scene's invocations one by one under observers.
 
 use std::cell::RefCell;
 

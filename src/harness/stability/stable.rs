@@ -1,4 +1,4 @@
-//! `[expect.stable]`: the same outputs on every device that conforms.
+//! `[expect.stable]`: the outputs must be equal on every conforming device.
 
 use crate::error::Result;
 use crate::harness::expect::Difference;
@@ -10,7 +10,7 @@ use crate::scene::read::{Parse, Span, Table, TomlValue};
 pub struct StableExpectation {
     /// Where its table begins.
     pub span: Span,
-    /// What is tried.
+    /// How runs are perturbed.
     pub perturbation: Perturbation,
     /// Whether branches must go the same way in every run, too.
     pub branches: bool,

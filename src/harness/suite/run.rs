@@ -1,4 +1,4 @@
-//! Running a suite.
+//! Runs the tests of a suite in parallel.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

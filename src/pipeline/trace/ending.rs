@@ -1,4 +1,5 @@
-//! The end of rays: which shaders they call, and for which of them none need run.
+//! The end of rays: finds the closest-hit and miss shaders that they call, and elides those without
+//! effect.
 
 use smallvec::SmallVec;
 
