@@ -41,7 +41,7 @@ pub struct Function {
     /// The specification's name, and behind it the type of an integer result.
     pub name: &'static str,
     rows: Rows,
-    /// What they have to give.
+    /// The correct results.
     pub how: How,
 }
 

@@ -33,14 +33,14 @@ pub enum Format {
     Double,
 }
 
-/// What the judge says about a result.
+/// The verdict on a result.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Judgement {
     /// It is right, an evaluation in f64 sufficed to know.
     Right,
     /// It is right, as arbitrary precision says; the error in units in the last place (f64 only).
     Precise(f64),
-    /// It is wrong; what would be right.
+    /// The result is wrong; the correct one.
     Wrong(String),
 }
 
@@ -75,7 +75,7 @@ impl Format {
         self.sign() - (1 << self.shape().0)
     }
 
-    /// The number that bits stand for.
+    /// Decodes a number from its bits.
     pub fn value(self, bits: u64) -> f64 {
         let magnitude = bits & (self.sign() - 1);
         let value = match self {

@@ -23,10 +23,10 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 /// Inputs that run between two words of progress.
 const BLOCK: u64 = 1 << 16;
 
-/// After so many wrong results of a function no more are kept.
+/// The largest number of wrong results that are kept for a function.
 const ENOUGH: usize = 10;
 
-/// How much is asked.
+/// The settings of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct CheckMathSettings {
     /// Of the inputs of a function of one f32, and of the pairs of f16, every so-manieth.
@@ -39,18 +39,18 @@ pub struct CheckMathSettings {
     pub seed: u64,
 }
 
-/// A result that is not what the function has to give.
+/// A wrong result of a function.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Wrong {
     /// The bits of the operands.
     pub operands: Vec<u64>,
     /// The bits that came out.
     pub found: u64,
-    /// What is right, in words.
+    /// The correct result, in words.
     pub right: String,
 }
 
-/// What was found out about one function at one width.
+/// The results for one function at one width.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct CheckMathReport {
     /// The specification's name.
@@ -59,7 +59,7 @@ pub struct CheckMathReport {
     pub width: u32,
     /// `all`, or which.
     pub which: String,
-    /// How many inputs were asked.
+    /// The number of inputs that were tested.
     pub inputs: u64,
     /// How many of them arbitrary precision had to decide.
     pub precise: u64,

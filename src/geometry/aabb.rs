@@ -51,18 +51,18 @@ pub fn intersect(
     Some(Intersection { t, attributes: [0.0; 2], surface: Surface::Aabb })
 }
 
-/// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
+/// Whether f64 decides this test, so that exact arithmetic is not needed (for statistics).
 pub fn is_decided_in_f64(ray: &ObjectRay, min: [f32; 3], max: [f32; 3]) -> bool {
     !holds_points(min, max) || filtered::<f64, true>(ray, min, max) != Verdict::Undecided
 }
 
-/// The box itself; `None` where it is inactive or holds no point.
+/// The box itself as bounds; `None` if it is inactive or empty.
 #[inline]
 pub fn bounds(min: [f32; 3], max: [f32; 3]) -> Option<Bounds> {
     holds_points(min, max).then_some(Bounds { min, max })
 }
 
-/// False for NaNs too.
+/// Whether the box contains a finite point; false for NaNs.
 fn holds_points(min: [f32; 3], max: [f32; 3]) -> bool {
     (0..3).all(|i| min[i] <= max[i] && min[i] < f32::INFINITY && max[i] > f32::NEG_INFINITY)
 }
@@ -178,7 +178,7 @@ fn intersect_exactly(ray: &ObjectRay, min: [f32; 3], max: [f32; 3]) -> Option<f3
     t.filter(|t| t.is_finite())
 }
 
-/// A quotient with a positive denominator.
+/// An exact quotient with a positive denominator.
 struct Ratio {
     numerator: Dyadic,
     denominator: Dyadic,

@@ -1,23 +1,23 @@
-//! What the f64 step says of four primitives at once, and what it divides by.
+//! The result of the f64 filter for four primitives at once, and its division with error bounds.
 
 use crate::geometry::{Intersection, Surface};
 use crate::math::error_bound::four_units;
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;
 
-/// A bit for every lane.
+/// The mask of all lanes.
 pub(super) const ALL: u32 = 0b1111;
 
-/// Which of four primitives are hit and where, as far as f64 carries.
+/// The hits of a ray on four primitives, as far as the f64 filter decides them.
 #[derive(Clone, Copy, Debug)]
 pub struct Intersection4 {
-    /// A bit for each that is hit, within the interval.
+    /// A mask of the primitives that are hit within the interval.
     pub(super) hits: u32,
-    /// A bit for each of which the bounds can't tell.
+    /// A mask of the primitives that the error bounds do not decide.
     pub(super) undecided: u32,
-    /// A bit for each that is met on the second surface.
+    /// A mask of the primitives that are hit on the second surface.
     pub(super) marked: u32,
-    /// Which they are met on.
+    /// The first and the second surface.
     pub(super) surfaces: [Surface; 2],
     pub(super) t: [f32; 4],
     pub(super) attributes: [[f32; 4]; 2],
@@ -34,13 +34,13 @@ impl Intersection4 {
         attributes: [[0.0; 4]; 2],
     };
 
-    /// A bit for each primitive that is not surely missed.
+    /// A mask of the primitives that the ray may hit.
     #[inline(always)]
     pub fn maybe_hit_mask(&self) -> u32 {
         self.hits | self.undecided
     }
 
-    /// Where one of them is hit; `None` where that is undecided.
+    /// The hit of one of them; `None` if it is missed or undecided.
     #[inline(always)]
     pub fn hit(&self, lane: usize) -> Option<Intersection> {
         let [first, second] = &self.attributes;
@@ -53,7 +53,7 @@ impl Intersection4 {
     }
 }
 
-/// Numbers, and between which the exact ones lie.
+/// Computed numbers with lower and upper bounds of the exact ones.
 #[derive(Clone, Copy)]
 pub(super) struct Ends<D: F64x4Ops> {
     pub middle: D::F64x4,
@@ -62,7 +62,7 @@ pub(super) struct Ends<D: F64x4Ops> {
 }
 
 impl<D: F64x4Ops> Ends<D> {
-    /// Computed numbers that are off by some errors at most.
+    /// Makes bounds from computed numbers and their errors.
     #[inline(always)]
     pub fn around(simd: D, middle: D::F64x4, error: D::F64x4) -> Self {
         Self { middle, below: simd.sub(middle, error), above: simd.add(middle, error) }
@@ -97,12 +97,12 @@ pub(super) struct Divisor4<D: F64x4Ops> {
     /// Twice its own relative error, and the roundings of a quotient.
     relative: D::F64x4,
     most: D::F64x4,
-    /// A bit for each lane in which the others mean something.
+    /// A mask of the lanes in which the relative error of the denominator is at most 1/2.
     pub is_certain: u32,
 }
 
 impl<D: F64x4Ops> Divisor4<D> {
-    /// Denominators that are off by some errors at most.
+    /// Prepares computed denominators with their errors.
     #[inline(always)]
     pub fn new(simd: D, denominator: D::F64x4, error: D::F64x4) -> Self {
         let one = simd.splat(1.0);
@@ -119,7 +119,7 @@ impl<D: F64x4Ops> Divisor4<D> {
         }
     }
 
-    /// Numerators over them.
+    /// Divides computed numerators with their errors by the denominators.
     #[inline(always)]
     pub fn quotient(&self, numerator: D::F64x4, error: D::F64x4) -> Ends<D> {
         let simd = self.simd;

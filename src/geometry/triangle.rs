@@ -27,9 +27,9 @@
 //! left-handed system, that is d.(e1 x e2) < 0, that is det > 0. Decided in object space.
 //!
 //! # Steps
-//! The f64 step takes one triangle (`one`) or the four of a block (`four`). The bounds of det,
+//! The f64 filter takes one triangle (`one`) or the four of a block (`four`). The bounds of det,
 //! beta, gamma and e2.q are rows of the table at `object_ray::View`, quotients have
-//! `math::error_bound::Divisor`. Products stay within 2^-450 and 2^520. What it leaves open is
+//! `math::error_bound::Divisor`. Products stay within 2^-450 and 2^520. What it leaves undecided is
 //! decided exactly.
 
 mod four;
@@ -66,7 +66,7 @@ fn in_f64(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Intersection> {
     intersect_simd(BaselineSimd, &DoubleRay::of(BaselineSimd, ray), vertices)
 }
 
-/// Whether the f64 step decides this test, so that exact arithmetic is not needed: for statistics.
+/// Whether f64 decides this test, so that exact arithmetic is not needed (for statistics).
 pub fn is_decided_in_f64(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> bool {
     in_f64(ray, vertices) != Verdict::Undecided
 }
@@ -81,7 +81,7 @@ fn is_finite(vertices: [[f32; 3]; 3]) -> bool {
     vertices.as_flattened().iter().all(|x| x.is_finite())
 }
 
-/// Without bounds; apart, so that only the exact way is compiled into its callers.
+/// The test without bounds. It is not inlined, so that callers contain only the exact test.
 #[inline(never)]
 fn intersect_in<R: Real>(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Intersection> {
     let ray = &ray.view::<R>();
@@ -149,7 +149,7 @@ fn intersect_exactly(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Interse
     Some(Intersection { t, attributes, surface: facing(det.sign() > 0) })
 }
 
-/// The two axes that are left when the one along which the direction is greatest is set aside.
+/// The two axes other than that of the greatest component of the direction.
 fn axes_across(d: &exact::Vector) -> [usize; 2] {
     let mut greatest = 0;
     for axis in 1..3 {

@@ -44,7 +44,7 @@ pub fn quotient_error<R: Real>(q: R, en: R, d: R, ed: R) -> R {
 #[derive(Clone, Copy, Debug)]
 pub struct Divisor<R> {
     inverse: R,
-    /// Its own relative error, or more.
+    /// An upper bound of its relative error.
     relative: R,
     /// At least 1 / |D| for the exact D; infinite where its sign is not certain enough.
     most: R,

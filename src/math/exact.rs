@@ -50,7 +50,7 @@ impl Dyadic {
         Self { mantissa: mantissa.into(), exponent: exponent + i64::from(zeros) }
     }
 
-    /// -1, 0 or 1.
+    /// The sign of the number: -1, 0 or 1.
     pub fn sign(&self) -> i32 {
         match self.mantissa.sign() {
             Sign::Minus => -1,
@@ -59,7 +59,7 @@ impl Dyadic {
         }
     }
 
-    /// Whether it is 0.
+    /// Whether the number is 0.
     pub fn is_zero(&self) -> bool {
         self.sign() == 0
     }
@@ -76,7 +76,7 @@ impl Dyadic {
         if self.sign() < 0 { -self } else { self.clone() }
     }
 
-    /// How it compares with another.
+    /// Compares two numbers.
     pub fn compare(&self, other: &Self) -> Ordering {
         (self - other).sign().cmp(&0)
     }

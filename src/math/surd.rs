@@ -1,6 +1,6 @@
-//! Numbers of the form (p + q sqrt r) / d with dyadic p, q, r, d: what a ray's meeting with a
-//! plane, sphere or cone has for its parameter. Their signs and comparisons with floats are exact,
-//! and so is their rounding to `f32`.
+//! Numbers of the form (p + q sqrt r) / d with dyadic p, q, r, d: the t of the intersection of a
+//! ray with a plane, sphere or cone. Their signs and comparisons with floats are exact, and so is
+//! their rounding to `f32`.
 
 use std::cmp::Ordering;
 
@@ -27,7 +27,7 @@ impl Surd {
         Self::new(p, Dyadic::zero(), Dyadic::zero(), d)
     }
 
-    /// -1, 0 or 1.
+    /// The sign of the number: -1, 0 or 1.
     pub fn sign(&self) -> i32 {
         sign_of_sum(&self.p, &self.q, &self.r) * self.d.sign()
     }
@@ -39,13 +39,13 @@ impl Surd {
         Self::new(p, b * &self.q, self.r.clone(), c * &self.d)
     }
 
-    /// How it compares with a dyadic number.
+    /// Compares the number with a dyadic number.
     pub fn compare(&self, other: &Dyadic) -> Ordering {
         let p = &self.p - &(other * &self.d);
         (sign_of_sum(&p, &self.q, &self.r) * self.d.sign()).cmp(&0)
     }
 
-    /// How it compares with a float, infinities included. NaN is a bug of the caller.
+    /// Compares the number with a float, infinities included. NaN is a bug of the caller.
     pub fn compare_f32(&self, other: f32) -> Ordering {
         assert!(!other.is_nan(), "bug in anyhit: NaN has no order");
         if other == f32::INFINITY {

@@ -20,12 +20,12 @@ const LEAST_EDGE_MARGIN: f64 = 1e-15;
 /// Rows that are described, of each kind of comparison.
 const EXAMPLES: usize = 5;
 
-/// What the comparison of one recording came to.
+/// The results of the comparison of one recording.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     /// Rays of the recording.
     pub rays: usize,
-    /// What its geometries are made of.
+    /// The kind of primitive of its geometries.
     pub geometry: Option<String>,
     /// Against `reference.*`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -36,23 +36,23 @@ pub struct Comparison {
     /// Tensors that would shape the scene, if their names meant something.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ignored_tensors: Vec<String>,
-    /// What of the geometry was left out.
+    /// Notes on geometry that was left out.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
 }
 
-/// Which rays hit, what, and where.
+/// The comparison of hit or miss, of primitives and of t.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Hits {
     /// The number of rows compared.
     pub rows: usize,
     /// The number of rows left out.
     pub undecidable: usize,
-    /// Rows in which the recording has a hit.
+    /// The number of rows in which the recording has a hit.
     pub hits: usize,
-    /// The recording has a hit, we have none.
+    /// The number of rows in which only the recording has a hit.
     pub missed: usize,
-    /// We have a hit, the recording has none.
+    /// The number of rows in which only the engine has a hit.
     pub extra: usize,
     /// Both have one, on different primitives at different t.
     pub other_primitive: usize,
@@ -166,7 +166,7 @@ pub fn compare(recording: &Recording) -> Comparison {
     }
 }
 
-/// A ray and what we make of it.
+/// A ray and the result of the engine.
 struct Row {
     at: usize,
     ray: TraceRay,

@@ -20,23 +20,23 @@ use crate::recording::tensors::Tensors;
 pub use compare::{Comparison, compare};
 pub use ray::Traced;
 
-/// What a file's geometries and rays are, and what was recorded of them.
+/// The contents of a recording: geometries, rays, and the recorded results.
 #[derive(Debug)]
 pub struct Recording {
     /// The acceleration structure: every instance holds all geometries.
     pub tlas: Arc<Tlas>,
     /// The rays.
     pub rays: Vec<TraceRay>,
-    /// What a driver reported, if anything.
+    /// The results of a driver, if recorded.
     pub driver: Option<Driver>,
-    /// What a computation of higher precision found, if there is one.
+    /// The results of a computation of higher precision, if recorded.
     pub reference: Option<Reference>,
     /// The sphere that a box's intersection shader looks for, as centre and radius, of all boxes of
     /// all geometries in turn.
     spheres: Vec<[f32; 4]>,
     /// Tensors that would shape the scene, if their names meant something.
     pub strange: Vec<String>,
-    /// What of the geometry was left out, in sentences.
+    /// Notes on geometry that was left out, in sentences.
     pub notes: Vec<String>,
     /// Which of the spheres belongs to the first box of a geometry.
     first_sphere: Vec<usize>,
@@ -58,7 +58,7 @@ pub struct Places {
 pub struct Reference {
     /// t, negative for a miss.
     pub t: Vec<f64>,
-    /// What t lacks to a sum of two.
+    /// The low part of t, which is a sum of two floats.
     pub t_low: Option<Vec<f64>>,
     /// The primitive.
     pub places: Places,

@@ -9,7 +9,7 @@ use crate::geometry::{Intersection, Ray};
 use crate::recording::Recording;
 use crate::recording::tensors::Tensors;
 
-/// What `ray.tmax` is where the file does not say.
+/// The default of `ray.tmax`.
 const T_MAX: f32 = 1e30;
 
 pub(super) fn read(tensors: &Tensors<'_>) -> Result<Vec<TraceRay>> {
@@ -33,7 +33,7 @@ pub(super) fn read(tensors: &Tensors<'_>) -> Result<Vec<TraceRay>> {
     Ok((0..count).map(ray).collect())
 }
 
-/// What a ray came to whose any-hit shader counts and accepts all.
+/// The result of a ray whose any-hit shader counts and accepts all hits.
 #[derive(Clone, Debug)]
 pub struct Traced {
     /// The closest hit.

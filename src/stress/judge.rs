@@ -22,7 +22,7 @@ use crate::stress::judge::one::{One, intersect};
 use crate::stress::judge::traced::Scene;
 use crate::stress::reference::LineOf;
 
-/// What a case added to a run.
+/// The counts of one case or of a whole run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Rays: a line, an interval and a primitive, or a traversal, or a ray of a packet.
@@ -54,7 +54,7 @@ impl Tally {
     }
 }
 
-/// What is wrong.
+/// A wrong result, in words.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Failure(pub(in crate::stress) String);
 
@@ -73,15 +73,15 @@ pub fn check_caught(case: &Case, precision: Precision) -> Result<Tally, Failure>
     catch_unwind(AssertUnwindSafe(|| check(case, precision))).unwrap_or_else(|_| fail("it panics"))
 }
 
-/// So many pairs of instance and primitive of a case are all judged.
+/// Up to this many pairs of instance and primitive of a case are all judged.
 const ALL: usize = 24;
-/// Of more: those that are hit, and so many near misses.
+/// Of more pairs those that are hit are judged, and this many near misses.
 const NEAR: usize = 16;
-/// On so many instances, beside those with hits.
+/// The number of instances without hits that are judged.
 const INSTANCES: usize = 4;
-/// Of so many hits, the closest, intervals that end there are judged as well.
+/// For this many of the closest hits intervals that end there are judged too.
 const ENDED: usize = 12;
-/// Of so many neighbours the hit is judged in rational numbers as well.
+/// For this many neighbours the hit is judged in rational numbers too.
 const NEIGHBOURS: usize = 3;
 
 /// Judges all answers about a case.

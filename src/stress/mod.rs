@@ -27,15 +27,15 @@ use crate::stress::family::FAMILIES;
 /// How many cases run between two looks at the clock.
 const ROUND: u64 = 1000;
 
-/// After so many failures a run ends: there is enough to mend.
+/// A run ends after this many failures.
 const ENOUGH: usize = 10;
 
-/// What to run.
+/// The settings of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct StressSettings {
     /// The seed from which the cases are drawn.
     pub seed: u64,
-    /// Ends the run after at least so many rays.
+    /// The run ends after at least this many rays.
     pub rays: Option<u64>,
     /// Ends the run after so long.
     pub time: Option<Duration>,
@@ -54,12 +54,12 @@ pub struct Found {
     pub case: Case,
 }
 
-/// What a run did.
+/// The results of a run.
 #[derive(Clone, Debug)]
 pub struct StressReport {
     /// Cases drawn.
     pub cases: u64,
-    /// Per family of [`FAMILIES`], what was checked.
+    /// The counts of each family of [`FAMILIES`].
     pub families: Vec<Tally>,
     /// The first failures.
     pub found: Vec<Found>,

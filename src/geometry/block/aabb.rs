@@ -25,18 +25,18 @@ use crate::math::prefetch::prefetch;
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 pub struct Aabb4 {
-    /// The least coordinates, then the greatest.
+    /// The minimum corners, then the maximum corners.
     sides: [[Row; 3]; 2],
 }
 
-/// A ray made ready for the boxes of one BLAS: the ray's part of the test.
+/// A ray in f32 with widened slabs, prepared for the boxes of one BLAS.
 #[derive(Clone, Copy, Debug)]
 pub struct BoxRay {
     near_origin: [f32; 3],
     far_origin: [f32; 3],
     near_reciprocal: [f32; 3],
     far_reciprocal: [f32; 3],
-    /// Per axis which side is entered first.
+    /// For each axis the side that is entered first.
     near_side: [usize; 3],
 }
 
@@ -50,7 +50,7 @@ impl BoxRay {
         near_side: [0; 3],
     };
 
-    /// Makes a ray ready for boxes that lie within the given one (object space).
+    /// Prepares a ray for boxes that lie within the given one (object space).
     pub fn new(object_ray: &ObjectRay, around: &Bounds) -> Self {
         let mut out = Self::EMPTY;
         let (ray, errors) = CullRay::prepare(object_ray, around);
@@ -86,7 +86,7 @@ const SHRINK: f64 = 1.0 - 1.0 / 1_048_576.0;
 const WIDEN: f64 = 1.0 + 1.0 / 1_048_576.0;
 
 impl Aabb4 {
-    /// None; a lane that is not set means nothing.
+    /// A block of no primitives; the results of lanes that are not set have no meaning.
     pub const EMPTY: Self = Self { sides: [[[0.0; LANES]; 3]; 2] };
 
     /// Prefetches the block into the L1 cache.
@@ -95,7 +95,7 @@ impl Aabb4 {
         prefetch(self.sides.as_flattened().as_flattened());
     }
 
-    /// Puts a box into a lane.
+    /// Stores a box into a lane.
     #[inline(always)]
     pub fn set(&mut self, lane: usize, min: [f32; 3], max: [f32; 3]) {
         for (rows, corner) in self.sides.iter_mut().zip([min, max]) {
@@ -105,7 +105,7 @@ impl Aabb4 {
         }
     }
 
-    /// A bit for each lane that the ray's line does not surely miss.
+    /// A mask of the lanes that the line of the ray may hit.
     #[inline]
     pub fn maybe_hit_mask(&self, slabs: &BoxRay) -> u32 {
         let mut near = F32x4::splat(0.0);
@@ -124,7 +124,7 @@ impl Aabb4 {
         ALL & !(near.cmp_gt(far))
     }
 
-    /// Where a ray enters the box in a lane: [`aabb::intersect`].
+    /// Intersects the box in a lane: [`aabb::intersect`].
     #[inline]
     pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
         let [min, max] = self.sides.map(|rows| rows.map(|row| row[lane]));

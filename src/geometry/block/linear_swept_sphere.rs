@@ -23,8 +23,8 @@ use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_
 use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::prefetch::prefetch;
 
-/// Up to four linear swept spheres without their caps: two lines of cache, where a ray that meets
-/// none reads nothing more.
+/// Up to four linear swept spheres without their caps: two cache lines, all that a ray reads that
+/// misses them.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct LinearSweptSphere4 {
@@ -32,7 +32,7 @@ pub struct LinearSweptSphere4 {
     radii: [Row; 2],
 }
 
-/// What both tests begin with, as at the head of this file.
+/// The terms that both tests share, in the symbols of the module documentation.
 struct Beside {
     /// W, the vector from the first end to the origin.
     from_start: [F32x4; 3],
@@ -42,12 +42,12 @@ struct Beside {
     square: F32x4,
     /// An upper bound of |A|.
     length: F32x4,
-    /// |W.(E x A)|, or less.
+    /// A lower bound of |W.(E x A)|.
     apart: F32x4,
 }
 
 impl LinearSweptSphere4 {
-    /// None; a lane that is not set means nothing.
+    /// A block of no primitives; the results of lanes that are not set have no meaning.
     pub const EMPTY: Self = Self { positions: [[[0.0; LANES]; 3]; 2], radii: [[0.0; LANES]; 2] };
 
     /// Prefetches the block into the L1 cache.
@@ -57,7 +57,7 @@ impl LinearSweptSphere4 {
         prefetch(self.radii.as_flattened());
     }
 
-    /// Puts the ends of a swept sphere into a lane.
+    /// Stores the ends of a swept sphere into a lane.
     #[inline(always)]
     pub fn set(&mut self, lane: usize, positions: [[f32; 3]; 2], radii: [f32; 2]) {
         for end in 0..2 {
@@ -68,8 +68,7 @@ impl LinearSweptSphere4 {
         }
     }
 
-    /// A bit for each lane of which the ray's line does not surely miss the cylinder of its greater
-    /// radius.
+    /// A mask of the lanes whose capsule of the greater radius the line of the ray may hit.
     #[inline(always)]
     pub fn maybe_hit_mask<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         let Beside { square, apart, .. } = self.beside(simd, ray);
@@ -78,9 +77,8 @@ impl LinearSweptSphere4 {
         ALL & !((apart * apart).cmp_gt(room))
     }
 
-    /// A bit for each lane of which the ray's line does not surely miss the cone: fewer, for half
-    /// as many operations again. Pays for rays that go by themselves, whose next branches wait for
-    /// it.
+    /// A mask of the lanes whose double cone, too, the line of the ray may hit: fewer, for half as
+    /// many operations again. This pays for single rays, whose next branches depend on it.
     #[inline(always)]
     pub fn maybe_hit_mask_tight<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         let Beside { from_start, across, square, length, apart } = self.beside(simd, ray);
@@ -97,7 +95,7 @@ impl LinearSweptSphere4 {
         ALL & !((apart * rest * apart).cmp_gt(room))
     }
 
-    /// Where the ray's line passes the axes' lines.
+    /// Computes the terms of both tests.
     #[inline(always)]
     fn beside<F: FmaOps>(&self, simd: F, ray: &CullRay) -> Beside {
         let p0 = load(&self.positions[0]);
@@ -111,7 +109,7 @@ impl LinearSweptSphere4 {
         Beside { from_start, across, square: simd.fma_dot(across, across), length, apart }
     }
 
-    /// Where a ray enters the swept sphere in a lane: [`linear_swept_sphere::intersect`]. `caps`
+    /// Intersects the swept sphere in a lane: [`linear_swept_sphere::intersect`]. `caps`
     /// are those of all lanes, and read only where one is entered: on a disabled one there is no
     /// candidate.
     #[inline(always)]

@@ -28,7 +28,7 @@ pub struct Sphere4 {
 }
 
 impl Sphere4 {
-    /// None; a lane that is not set means nothing.
+    /// A block of no primitives; the results of lanes that are not set have no meaning.
     pub const EMPTY: Self = Self { center: [[0.0; LANES]; 3], radius: [0.0; LANES] };
 
     /// Prefetches the block into the L1 cache.
@@ -38,7 +38,7 @@ impl Sphere4 {
         prefetch(&self.radius);
     }
 
-    /// Puts a sphere into a lane.
+    /// Stores a sphere into a lane.
     #[inline(always)]
     pub fn set(&mut self, lane: usize, center: [f32; 3], radius: f32) {
         for (row, x) in self.center.iter_mut().zip(center) {
@@ -47,7 +47,7 @@ impl Sphere4 {
         self.radius[lane] = radius;
     }
 
-    /// A bit for each lane that the ray's line does not surely miss.
+    /// A mask of the lanes that the line of the ray may hit.
     #[inline(always)]
     pub fn maybe_hit_mask<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
         self.met_from(simd, ray, F32x4::splat(f32::INFINITY))
@@ -75,7 +75,7 @@ impl Sphere4 {
         sphere::intersect4(simd, ray, (&self.center, &self.radius), limit)
     }
 
-    /// Where a ray enters the sphere in a lane: [`sphere::intersect`].
+    /// Intersects the sphere in a lane: [`sphere::intersect`].
     #[inline(always)]
     pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
         let center = [self.center[0][lane], self.center[1][lane], self.center[2][lane]];

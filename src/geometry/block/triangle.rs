@@ -32,14 +32,15 @@ use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::f64x4::F64x4Ops;
 use crate::math::prefetch::prefetch;
 
-/// A ray made ready for blocks of triangles.
+/// A ray in f32 with error bounds, sheared onto its greatest axis, prepared for blocks of
+/// triangles.
 #[derive(Clone, Copy, Debug)]
 pub struct ShearedRay {
-    /// i, j and k: that along which the direction is greatest comes last.
+    /// The axes i, j and k; k is that of the greatest component of the direction.
     axes: [Axis; 3],
     /// The origin, in the order of `axes`.
     origin: [f32; 3],
-    /// -s, along i and j.
+    /// The components of -s on i and j.
     shear: [f32; 2],
     /// 10 e: the part of P that does not depend on the triangle.
     absolute_error: f32,
@@ -47,8 +48,7 @@ pub struct ShearedRay {
     relative_error: f32,
 }
 
-/// An axis. The compiler knows that there are three, and as wide as an index it need not be
-/// widened.
+/// An axis, as an enum as wide as an index: it needs neither a bounds check nor a conversion.
 #[derive(Clone, Copy, Debug)]
 #[repr(usize)]
 enum Axis {
@@ -103,7 +103,7 @@ impl ShearedRay {
         Self::new(axis, &ray.origin, &ray.direction, 2.0 * TINY as f32, (13.0 * UNIT) as f32)
     }
 
-    /// Any other.
+    /// The sheared form of a ray with error bounds.
     #[inline(always)]
     pub fn of(ray: &CullRay) -> Self {
         // With its margins; written so that a NaN is not known well.
@@ -132,7 +132,7 @@ impl ShearedRay {
         }
     }
 
-    /// A vertex of each lane, sheared so that the ray goes along the third axis from 0.
+    /// A vertex of each lane, sheared so that the ray runs along the third axis from 0.
     #[inline(always)]
     fn seen<F: FmaOps>(&self, simd: F, vertex: &[Row; 3]) -> [F32x4; 3] {
         let [i, j, k] = [self.axes[0] as usize, self.axes[1] as usize, self.axes[2] as usize];
@@ -152,7 +152,7 @@ pub struct Triangle4 {
 }
 
 impl Triangle4 {
-    /// None; a lane that is not set means nothing.
+    /// A block of no primitives; the results of lanes that are not set have no meaning.
     pub const EMPTY: Self = Self { vertices: [[[0.0; LANES]; 3]; 3] };
 
     /// Prefetches the block into the L1 cache.
@@ -161,7 +161,7 @@ impl Triangle4 {
         prefetch(self.vertices.as_flattened().as_flattened());
     }
 
-    /// Puts a triangle into a lane.
+    /// Stores a triangle into a lane.
     #[inline(always)]
     pub fn set(&mut self, lane: usize, vertices: [[f32; 3]; 3]) {
         for (rows, vertex) in self.vertices.iter_mut().zip(vertices) {
@@ -171,7 +171,7 @@ impl Triangle4 {
         }
     }
 
-    /// A bit for each lane that the ray's line does not surely miss.
+    /// A mask of the lanes that the line of the ray may hit.
     #[inline(always)]
     pub fn maybe_hit_mask<F: FmaOps>(&self, simd: F, ray: &ShearedRay) -> u32 {
         let [a, b, c] = &self.vertices;
@@ -203,7 +203,7 @@ impl Triangle4 {
         [vertex(a), vertex(b), vertex(c)]
     }
 
-    /// The f64 step for one lane.
+    /// The f64 filter for one lane.
     #[inline(always)]
     pub fn intersect_simd<D: F64x4Ops>(
         &self,
@@ -214,20 +214,20 @@ impl Triangle4 {
         triangle::intersect_simd(simd, ray, self.vertices(lane))
     }
 
-    /// The f64 step for all lanes.
+    /// The f64 filter for all lanes.
     #[inline(always)]
     pub fn intersect4<D: F64x4Ops>(&self, simd: D, ray: &DoubleRay<D>, limit: f32) -> Intersection4 {
         triangle::intersect4(simd, ray, &self.vertices, limit)
     }
 
-    /// Where a ray meets the triangle in a lane: [`triangle::intersect`].
+    /// Intersects the triangle in a lane: [`triangle::intersect`].
     #[inline(always)]
     pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
         triangle::intersect(ray, self.vertices(lane), precision)
     }
 }
 
-/// All but some lanes: out of line, so that this is a branch.
+/// The mask of all lanes but some. It is not inlined, so that its call is a branch.
 #[cold]
 #[inline(never)]
 fn not_surely(missed: u32) -> u32 {

@@ -8,8 +8,8 @@ use crate::geometry::object_ray::ObjectRay;
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;
 
-/// Tests the spheres whose centres and radii stand in rows; what lies behind `limit`, a rounded t,
-/// may be left out. Lanes without a sphere mean nothing.
+/// Tests four spheres in SoA form; hits behind `limit`, a rounded t, may be left out. The results
+/// of lanes without a sphere have no meaning.
 #[inline(always)]
 pub fn intersect4<D: F64x4Ops>(
     simd: D,

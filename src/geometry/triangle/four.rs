@@ -12,8 +12,8 @@ use crate::math::f64x4::F64x4Ops;
 const MISSED: Intersection4 =
     Intersection4 { surfaces: [Surface::TriangleBack, Surface::TriangleFront], ..Intersection4::MISSED };
 
-/// Tests the triangles whose vertices stand in rows; what lies behind `limit`, a rounded t, may be
-/// left out. Lanes without a triangle mean nothing.
+/// Tests four triangles in SoA form; hits behind `limit`, a rounded t, may be left out. The results
+/// of lanes without a triangle have no meaning.
 #[inline(always)]
 pub fn intersect4<D: F64x4Ops>(
     simd: D,
@@ -89,7 +89,7 @@ fn point<D: F64x4Ops>(simd: D, rows: &[[f32; 4]; 3]) -> [D::F64x4; 3] {
     [simd.from_f32(&rows[0]), simd.from_f32(&rows[1]), simd.from_f32(&rows[2])]
 }
 
-/// A bit for each lane whose number surely has that sign.
+/// A mask of the lanes whose number certainly has the given sign.
 #[derive(Clone, Copy)]
 struct Signs {
     negative: u32,

@@ -16,7 +16,7 @@ type Matrix = [[f32; 4]; 3];
 /// The primitives and instances of a case at a time.
 pub struct Moment {
     pub time: f32,
-    /// None of them moves.
+    /// The shapes at the time, without motion.
     pub shapes: Vec<Shape>,
     pub places: Vec<PlacedInstance>,
 }
@@ -32,7 +32,7 @@ pub struct PlacedInstance {
     transform: Option<Transform>,
 }
 
-/// What a ray hits.
+/// A hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     pub instance: usize,

@@ -83,7 +83,7 @@ impl Scene {
         }
     }
 
-    /// A ray that goes by itself.
+    /// Judges the traversal of a single ray.
     pub fn check_alone(&self, moment: &Moment, trace: &TraceRay, tally: &mut Tally) -> Result<(), Failure> {
         let hits = moment.hits(trace, self.precision);
         let Ray { t_min, t_max, .. } = trace.ray;
@@ -145,7 +145,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Rays that go together; the moment of each stands beside it.
+    /// Judges the traversal of rays in packets, each with its moment.
     pub fn check_together(&self, rays: &[(TraceRay, &Moment)], tally: &mut Tally) -> Result<(), Failure> {
         if self.has_boxes || rays.is_empty() {
             return Ok(());
