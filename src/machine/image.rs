@@ -158,9 +158,8 @@ pub struct SampleWeight {
 /// An image.
 ///
 /// Texels follow each other by level, then layer, slice, row (the top one first), column, sample,
-/// each
-/// [`Format::texel_size`] bytes. They lie in relaxed atomics: plain loads and stores on every machine,
-/// and no undefined behaviour where a shader races.
+/// each [`Format::texel_size`] bytes. They lie in relaxed atomics: plain loads and stores on every
+/// machine, and no undefined behaviour where a shader races.
 #[derive(Debug)]
 pub struct Image {
     format: Format,

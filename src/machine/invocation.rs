@@ -535,7 +535,7 @@ pub struct Hit {
     pub kind: HitKind,
 }
 
-/// The data of a shader record: a stretch of a buffer.
+/// The data of a shader record: a range of bytes of a buffer.
 #[derive(Clone, Debug)]
 pub struct ShaderRecord {
     /// The table's data.

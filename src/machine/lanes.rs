@@ -108,12 +108,12 @@ impl<const W: usize> Registers<W> {
         &mut self.registers
     }
 
-    /// A stretch of registers.
+    /// Consecutive registers.
     pub fn span_mut(&mut self, first: Reg, count: u32) -> &mut [Lanes<W>] {
         &mut self.registers[first.0 as usize..(first.0 + count) as usize]
     }
 
-    /// The words of one lane in a stretch of registers.
+    /// The words of one lane in consecutive registers.
     #[inline]
     pub fn lane_words(&self, first: Reg, count: u32, lane: usize) -> LaneWords<'_, W> {
         LaneWords { registers: self.registers[first.0 as usize..(first.0 + count) as usize].iter(), lane }
@@ -174,7 +174,7 @@ impl<const W: usize> Registers<W> {
     }
 }
 
-/// The words of one lane in a stretch of registers.
+/// The words of one lane in consecutive registers.
 #[derive(Clone, Debug)]
 pub struct LaneWords<'a, const W: usize> {
     registers: std::slice::Iter<'a, Lanes<W>>,

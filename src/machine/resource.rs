@@ -383,7 +383,8 @@ impl Bindings {
     }
 
     /// The acceleration structure that a value of two words means: a descriptor's handle below
-    /// [`STRUCTURE_HANDLE`], else a device address. 0 is the null structure, which every ray misses.
+    /// [`STRUCTURE_HANDLE`], else a device address. 0 is the null structure, which every ray
+    /// misses.
     #[inline]
     pub fn acceleration_structure(&self, words: [u32; 2]) -> Option<&Arc<Tlas>> {
         match words {

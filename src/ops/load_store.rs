@@ -1,5 +1,5 @@
 //! Loads and stores through pointers: moves between registers, gathers and scatters where a
-//! register is computed, and stretches of scalars in buffers.
+//! register is computed, and consecutive scalars in buffers.
 
 use smallvec::SmallVec;
 

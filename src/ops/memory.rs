@@ -46,7 +46,7 @@ pub const SHADER_RECORD_HANDLE: u32 = u32::MAX - 2;
 /// The handle that stands for [`BufferRef::Workgroup`] in a [`BufferRef::Computed`].
 pub const WORKGROUP_HANDLE: u32 = u32::MAX - 3;
 
-/// A stretch of a buffer: scalars of `width` bits (8, 16 or 32) side by side.
+/// A range of a buffer: consecutive scalars of `width` bits (8, 16 or 32).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chunk {
     /// Which buffer.

@@ -1,21 +1,22 @@
 //! The instruction set: how instructions are translated to operations, and how those run.
 //!
-//! Regular instructions are lane kernels ([`lane_kernel`]): a scalar closure each, in the file of their
-//! section. An irregular one is a variant of its file's operation, with an arm in `translate` and in
-//! `eval`. The files are of four kinds:
+//! Regular instructions are lane kernels ([`lane_kernel`]): a scalar closure each, in the file of
+//! their section. An irregular one is a variant of its file's operation, with an arm in `translate`
+//! and in `eval`. The files are of four kinds:
 //!
-//! * Sections of the instructions in the SPIR-V specification: `arithmetic` with `dot_product`, `atomic`,
-//!   `barrier`, `bit`, `composite`, `conversion`, `derivative`, `image`, `linear_algebra` (sums of
-//!   products), `memory` with `load_store`, `pointer` and `address`, `relational_logical`, `subgroup`,
-//!   and `constant` for `OpSpecConstantOp`.
+//! * Sections of the instructions in the SPIR-V specification: `arithmetic` with `dot_product`,
+//!   `atomic`, `barrier`, `bit`, `composite`, `conversion`, `derivative`, `image`, `linear_algebra`
+//!   (sums of products), `memory` with `load_store`, `pointer` and `address`, `relational_logical`,
+//!   `subgroup`, and `constant` for `OpSpecConstantOp`.
 //! * Extensions and extended instruction sets: `amd`, `debug_printf`, `float_controls`, `glsl`,
 //!   `hit_object`, `integer_functions`, `ray_query`, `ray_tracing`.
-//! * `irregular`: instructions of several sections that are made of lane kernels, but not componentwise.
+//! * `irregular`: instructions of several sections that are made of lane kernels, but not
+//!   componentwise.
 //! * What the others share: the translator ([`translate`]), which turns ids into registers, so that
-//!   composites cost nothing when the program runs; operations ([`op`], [`lane_kernel`], [`superop`]);
-//!   operands (`builtin`, `integer_operand`, `object`, `pointer_layout`, `pointer_stride`, `seen`); rules
-//!   (`interface_check`, `operand_types`, `ray_rules`, `support`); other ways to execute operations
-//!   (`shadow_op`, `symbolic`).
+//!   composites cost nothing when the program runs; operations ([`op`], [`lane_kernel`],
+//!   [`superop`]); operands (`builtin`, `integer_operand`, `object`, `pointer_layout`,
+//!   `pointer_stride`, `seen`); rules (`interface_check`, `operand_types`, `ray_rules`, `support`);
+//!   other ways to execute operations (`shadow_op`, `symbolic`).
 
 pub mod address;
 pub mod amd;

@@ -148,7 +148,7 @@ pub enum SubgroupKind {
     Partition,
     /// Another invocation's value.
     Read(From),
-    /// BallotCount of a ballot.
+    /// The number of bits set in a ballot.
     Bits(BallotCount),
     /// The bit of a ballot at the operand's place, or at the own one.
     Extract {
@@ -622,7 +622,7 @@ mod tests {
         assert_eq!(of(BallotCount::CountExclusive), 1);
         assert_eq!(of(BallotCount::Lowest), 2);
         assert_eq!(of(BallotCount::Highest), 7);
-        // BallotCount beyond the subgroup do not count.
+        // Bits beyond the subgroup do not count.
         assert_eq!(count(BallotCount::Count, &ballot, 0, 4), 1);
         assert_eq!(count(BallotCount::Count, &[u32::MAX; 4], 0, 128), 128);
     }

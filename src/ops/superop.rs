@@ -1,13 +1,13 @@
 //! Superinstructions: frequent operations on 32-bit values, run without leaving one loop.
 //!
 //! Most of what a shader does are some ninety regular instructions on 32-bit values, and moves. A
-//! [`SuperOp`] names one of them by an opcode. Its loop over the lanes stands in one arm of a `match`
-//! that is compiled for the processor's vectors as a whole. The result of each superinstruction
-//! stays in an *accumulator*, a register that the compiler keeps in vector registers from one
-//! superinstruction to the next: an operand that the one before it gave is not loaded, and a result
-//! that nobody else reads is never stored. Frequent pairs and chains of operations have an opcode
-//! of their own, because dispatch takes time, too. Each operation of them rounds as it does by
-//! itself.
+//! [`SuperOp`] names one of them by an opcode. Its loop over the lanes stands in one arm of a
+//! `match` that is compiled for the processor's vectors as a whole. The result of each
+//! superinstruction stays in an *accumulator*, a register that the compiler keeps in vector
+//! registers from one superinstruction to the next: an operand that the one before it gave is not
+//! loaded, and a result that nobody else reads is never stored. Frequent pairs and chains of
+//! operations have an opcode of their own, because dispatch takes time, too. Each operation of them
+//! rounds as it does by itself.
 //!
 //! Lane kernels write every NaN as the same bits ([`crate::machine::Scalar::to_words`]). Here that
 //! is a superinstruction of its own, `Settle`. It stands only behind results whose NaN payload may

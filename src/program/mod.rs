@@ -217,8 +217,8 @@ impl Program {
         lower(module, found.ok_or_else(|| Error::new(ErrorKind::InvalidArgument, message()))?)
     }
 
-    /// The same entry point lowered without any optimisation: the reference that an optimised
-    /// program is checked against. It gives the same results, slowly.
+    /// Lowers the entry point of this program again, without any optimisation: the reference that
+    /// an optimised program is checked against. It gives the same results, slowly.
     ///
     /// # Errors
     /// As [`lower()`].

@@ -11,7 +11,7 @@ use crate::ops::ray_tracing;
 use crate::program::copy_propagation::each_read;
 use crate::program::{Block, Program, Terminator};
 
-/// PayloadWords of a payload, as bits; the highest stands for all that have no bit of their own.
+/// Words of a payload, as bits; the highest stands for all that have no bit of their own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PayloadWords(u64);
 

@@ -15,6 +15,7 @@
 //! counts as what lies behind addresses. Plain accesses to workgroup memory are left out: it is
 //! there to be shared, between barriers.
 
+mod affine;
 mod image_rows;
 
 use std::collections::BTreeMap;
@@ -36,6 +37,7 @@ use crate::ops::memory::{
 use crate::ops::op::{Access, Op};
 use crate::program::Program;
 
+use affine::{AffineExpr, AffineRange, Symbol, scaled};
 pub use image_rows::OwnRow;
 
 /// Where memory is reached from.
@@ -61,82 +63,6 @@ pub struct MemoryAccess {
     /// The place in it, where that is known: the bytes of a buffer, or one after the other the
     /// coordinates of a texel.
     place: Option<SmallVec<[AffineRange; 3]>>,
-}
-
-/// Consecutive numbers from an affine value on.
-#[derive(Clone, Debug, PartialEq)]
-struct AffineRange {
-    from: AffineExpr,
-    count: u64,
-}
-
-/// A factor of a term of an [`AffineExpr`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Symbol {
-    /// A component of `LaunchIdKHR`, or of `WorkgroupId`.
-    Index(u8),
-    /// A component of `LocalInvocationId`.
-    Local(u8),
-    /// A component of `LaunchSizeKHR`, or of `NumWorkgroups`.
-    Size(u8),
-    /// The word at a byte of the push constants, or of an element of a binding: the same for all,
-    /// and known once resources are.
-    Word(Option<(Binding, u32)>, u32),
-}
-
-/// A sum of products of symbols, each with its factor; sorted. It is affine in the indices once the
-/// launch fixes its sizes and words (MLIR calls that semi-affine).
-#[derive(Clone, Debug, PartialEq, Default)]
-struct AffineExpr(SmallVec<[(SmallVec<[Symbol; 2]>, i64); 4]>);
-
-/// The most terms, and factors of one term, that an expression may have.
-const MAX_TERMS: usize = 12;
-
-impl AffineExpr {
-    fn constant(value: i64) -> Self {
-        Self::of(SmallVec::new(), value)
-    }
-
-    fn symbol(symbol: Symbol) -> Self {
-        Self::of(SmallVec::from_slice(&[symbol]), 1)
-    }
-
-    fn of(symbols: SmallVec<[Symbol; 2]>, factor: i64) -> Self {
-        Self(if factor == 0 { SmallVec::new() } else { SmallVec::from_iter([(symbols, factor)]) })
-    }
-
-    fn plus(mut self, other: &Self) -> Option<Self> {
-        for (symbols, factor) in &other.0 {
-            match self.0.iter_mut().find(|(known, _)| known == symbols) {
-                Some((_, known)) => *known = known.checked_add(*factor)?,
-                None => self.0.push((symbols.clone(), *factor)),
-            }
-        }
-        self.0.sort_unstable();
-        (self.0.len() <= MAX_TERMS).then_some(self)
-    }
-
-    fn times(&self, other: &Self) -> Option<Self> {
-        let mut product = Self::default();
-        for (a, left) in &self.0 {
-            for (b, right) in &other.0 {
-                let mut symbols = a.clone();
-                symbols.extend(b.iter().copied());
-                symbols.sort_unstable();
-                if symbols.len() > MAX_TERMS {
-                    return None;
-                }
-                product = product.plus(&Self::of(symbols, left.checked_mul(*right)?))?;
-            }
-        }
-        Some(product)
-    }
-
-    /// Its constant part, and the rest.
-    fn split(&self) -> (i64, Self) {
-        let constant = self.0.iter().find(|(symbols, _)| symbols.is_empty()).map_or(0, |term| term.1);
-        (constant, Self(self.0.iter().filter(|(symbols, _)| !symbols.is_empty()).cloned().collect()))
-    }
 }
 
 /// How many invocations a launch has along what tells them apart, and what it is given.
@@ -335,21 +261,6 @@ fn commute(accesses: &[&MemoryAccess]) -> bool {
 fn never_meet(a: &MemoryAccess, b: &MemoryAccess) -> bool {
     let (Some(a), Some(b)) = (&a.place, &b.place) else { return false };
     a.len() == b.len() && a.iter().zip(b).any(|(a, b)| a.avoids(b))
-}
-
-impl AffineRange {
-    /// Whether no value of one is a value of the other, by what remains when they are divided by a
-    /// power of two that all their terms are multiples of: numbers of 32 bits begin anew behind
-    /// one.
-    fn avoids(&self, other: &Self) -> bool {
-        let ((own, rest), (others, other_rest)) = (self.from.split(), other.from.split());
-        let terms = rest.0.iter().chain(&other_rest.0);
-        let zeros = terms.map(|(_, factor)| factor.trailing_zeros()).min().unwrap_or(32).min(32);
-        let step = 1u64 << zeros;
-        let ahead = others.wrapping_sub(own).rem_euclid(step as i64) as u64;
-        let fits = |distance: u64, count: u64| distance > 0 && count <= distance;
-        fits(ahead, self.count) && fits(step - ahead, other.count)
-    }
 }
 
 /// What shaders store to.
@@ -691,11 +602,6 @@ fn minus(a: Option<AffineRange>, b: Option<AffineRange>) -> Option<AffineRange> 
     // The numbers from `b` on, with their signs changed, begin at the last of them.
     let last = b.from.plus(&AffineExpr::constant(i64::try_from(b.count - 1).ok()?))?;
     plus(a, Some(AffineRange { from: last.times(&AffineExpr::constant(-1))?, ..b }))
-}
-
-fn scaled(range: AffineRange, by: u64) -> Option<AffineRange> {
-    let count = (range.count - 1).checked_mul(by)?.checked_add(1)?;
-    Some(AffineRange { from: range.from.times(&AffineExpr::constant(by.try_into().ok()?))?, count })
 }
 
 /// Builtins, numbers of the specification.
