@@ -22,7 +22,7 @@ use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::image::access::TexelPlace;
 use crate::ops::image::reader::Reader;
-use crate::ops::memory::{BufferRef, Chunk, computed_register, each_access, trap};
+use crate::ops::memory::{Chunk, computed_register, each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::{Translator, Words, registers_from};
@@ -135,6 +135,8 @@ pub struct AtomicOp {
     pub width: u32,
     /// Which component it is of how many, 0 of 1 for a scalar.
     pub component: (u32, u32),
+    /// In a buffer: the bytes that the scalar's offset is a multiple of.
+    pub alignment: u32,
     /// Where the value lies.
     pub target: Target,
     /// The first register that takes the value that was there before.
@@ -246,11 +248,7 @@ impl AtomicOp {
         let mut misaligned = Mask::NONE;
         let (to, value, comparator) = (self.to, self.value, self.comparator);
         let (width, wide) = (self.width, self.width == 64);
-        // Workgroup memory without a layout of its own is an array of words, and one thread's.
-        let alignment = match chunk.buffer {
-            BufferRef::Workgroup => u64::from(self.width / 8).min(4),
-            _ => u64::from(self.width / 8),
-        };
+        let alignment = u64::from(self.alignment);
         each_access(
             batch,
             bindings,
@@ -409,26 +407,31 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         _ => (scalar(translator, instruction, 3, width)?, none),
     };
     let target = target(translator, &pointer, width, 1)?;
-    let to = emit(translator, (kind, width, (0, 1)), target, (value, comparator))?;
+    let alignment = alignment(translator, &pointer, width);
+    let to = emit(
+        translator,
+        AtomicOp { kind, width, component: (0, 1), alignment, target, to: none, value, comparator },
+    )?;
     let words = registers_from(to, width.div_ceil(32));
     translator.result(instruction, SmallVec::from_slice(&words));
     Ok(true)
 }
 
-/// Appends an operation; where the value that was there goes.
-fn emit(
-    translator: &mut Translator<'_>,
-    (kind, width, component): (AtomicKind, u32, (u32, u32)),
-    target: Target,
-    (value, comparator): (Reg, Reg),
-) -> Result<Reg> {
-    let to = translator.fresh(width.div_ceil(32))?;
-    if let Target::Registers { .. } = target {
+/// Appends an operation, which gets registers of its own for what was in memory before; gives the first of them.
+fn emit(translator: &mut Translator<'_>, mut op: AtomicOp) -> Result<Reg> {
+    op.to = translator.fresh(op.words())?;
+    if let Target::Registers { .. } = op.target {
         translator.forget();
     }
-    let op = AtomicOp { kind, width, component, target, to, value, comparator };
+    let to = op.to;
     translator.emit(Operation::Atomic(Box::new(op)));
     Ok(to)
+}
+
+/// The bytes that the offset of a scalar must be a multiple of. Workgroup memory without a layout of its own is an
+/// array of words, and one thread's.
+fn alignment(translator: &Translator<'_>, pointer: &Pointer, width: u32) -> u32 {
+    if pointer.is_packed(translator) { (width / 8).min(4) } else { width / 8 }
 }
 
 /// Refuses vectors that atomic instructions must not be used with.
@@ -479,7 +482,12 @@ fn components(
         let offset = component.checked_mul(stride).and_then(|bytes| part.offset.checked_add(bytes));
         part.offset = offset.ok_or_else(|| translator.unsupported("an offset beyond 4 GiB"))?;
         let target = target(translator, &part, 16, count)?;
-        words.push(emit(translator, (kind, 16, (component, count)), target, (value, none))?);
+        let (component, alignment) = ((component, count), alignment(translator, pointer, 16));
+        let (to, comparator) = (none, none);
+        words.push(emit(
+            translator,
+            AtomicOp { kind, width: 16, component, alignment, target, to, value, comparator },
+        )?);
     }
     translator.result(instruction, words);
     Ok(())

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use anyhit::error::ErrorKind;
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::pipeline::{Compute, Launch, Pipeline};
+use anyhit::program::{Inlining, LowerOptions};
 
 use crate::assembly::assemble;
 use crate::run::{INVOCATIONS, Shader};
@@ -398,5 +399,86 @@ fn memory_behind_an_address_is_counted_in() {
     for buffer in counted {
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&buffer.bytes());
         assert_eq!(words, [1 + 3 * INVOCATIONS as u32, 0, 0, 1]);
+    }
+}
+
+/// Workgroup memory without a layout is an array of words: a 64-bit integer there lies on any of them, also where a
+/// function that is really called reaches it through a pointer.
+#[test]
+fn wide_integers_in_workgroup_memory_lie_on_any_word() {
+    let module = assemble(
+        "OpCapability Shader
+         OpCapability Int64
+         OpCapability Int64Atomics
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint GLCompute %main \"main\" %index %cells %out
+         OpExecutionMode %main LocalSize 96 1 1
+         OpDecorate %index BuiltIn LocalInvocationIndex
+         OpDecorate %words ArrayStride 8
+         OpDecorate %block Block
+         OpMemberDecorate %block 0 Offset 0
+         OpDecorate %out DescriptorSet 0
+         OpDecorate %out Binding 0
+         %void = OpTypeVoid
+         %function = OpTypeFunction %void
+         %uint = OpTypeInt 32 0
+         %ulong = OpTypeInt 64 0
+         %0 = OpConstant %uint 0
+         %1 = OpConstant %uint 1
+         %2 = OpConstant %uint 2
+         %96 = OpConstant %uint 96
+         %start = OpConstant %ulong 0xFFFFFFFF
+         %ptr_in = OpTypePointer Input %uint
+         %index = OpVariable %ptr_in Input
+         %cell = OpTypeStruct %uint %ulong
+         %array = OpTypeArray %cell %96
+         %ptr_array = OpTypePointer Workgroup %array
+         %ptr_cell = OpTypePointer Workgroup %cell
+         %ptr_wide = OpTypePointer Workgroup %ulong
+         %cells = OpVariable %ptr_array Workgroup
+         %words = OpTypeRuntimeArray %ulong
+         %block = OpTypeStruct %words
+         %ptr_block = OpTypePointer StorageBuffer %block
+         %ptr_ulong = OpTypePointer StorageBuffer %ulong
+         %out = OpVariable %ptr_block StorageBuffer
+         %helper_type = OpTypeFunction %void %ptr_cell
+         %helper = OpFunction %void DontInline %helper_type
+         %parameter = OpFunctionParameter %ptr_cell
+         %helper_entry = OpLabel
+         %wide = OpAccessChain %ptr_wide %parameter %1
+         %old = OpAtomicIIncrement %ulong %wide %2 %0
+         OpReturn
+         OpFunctionEnd
+         %main = OpFunction %void None %function
+         %entry = OpLabel
+         %i = OpLoad %uint %index
+         %own = OpAccessChain %ptr_cell %cells %i
+         %own_wide = OpAccessChain %ptr_wide %cells %i %1
+         OpStore %own_wide %start
+         %call = OpFunctionCall %void %helper %own
+         %again = OpFunctionCall %void %helper %own
+         %sum = OpLoad %ulong %own_wide
+         %pointer = OpAccessChain %ptr_ulong %out %0 %i
+         OpStore %pointer %sum
+         OpReturn
+         OpFunctionEnd",
+    );
+    let module = Arc::new(anyhit::module::load(&module).expect("a module"));
+    for inlining in [Inlining::Never, Inlining::WherePaying] {
+        let options = LowerOptions { inlining, ..LowerOptions::default() };
+        let program = anyhit::program::lower_with(&module, &module.entry_points[0], options);
+        let compute = Compute::new(program.expect("a program")).expect("a compute shader");
+        for lanes in [1, 8, 64] {
+            let out = Buffer::zeroed(8 * 96);
+            let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
+            match lanes {
+                1 => compute.run::<1>(&resources, [1, 1, 1], &|_| ()),
+                8 => compute.run::<8>(&resources, [1, 1, 1], &|_| ()),
+                _ => compute.run::<64>(&resources, [1, 1, 1], &|_| ()),
+            }
+            .unwrap_or_else(|error| panic!("{inlining:?}, {lanes} lanes: {}", error.render()));
+            let sums: Vec<u64> = bytemuck::pod_collect_to_vec(&out.bytes());
+            assert_eq!(sums, [0x1_0000_0001; 96], "{inlining:?}, {lanes} lanes");
+        }
     }
 }

@@ -9,6 +9,17 @@ pub fn signed(bits: u64, width: u32) -> i128 {
     if bits >> (width - 1) & 1 == 1 { i128::from(bits) - (1 << width) } else { bits.into() }
 }
 
+/// Whether the bits are those of a subnormal float.
+pub fn is_subnormal(bits: u64, width: u32) -> bool {
+    let fraction = match width {
+        16 => 10,
+        32 => 23,
+        _ => 52,
+    };
+    let magnitude = bits & mask(width - 1);
+    magnitude != 0 && magnitude < 1 << fraction
+}
+
 pub fn mask(width: u32) -> u64 {
     u64::MAX >> (64 - width)
 }

@@ -12,9 +12,9 @@ pub fn run(program: &Program, inputs: &[u32], invocations: usize) -> Vec<u32> {
     run_watched(program, inputs, invocations).0
 }
 
-/// Runs a program, and says of each invocation whether it divides by a float outside of 2^-126 to
-/// 2^126: for those alone Vulkan says how exact `OpFDiv` is ("Precision of Core SPIR-V
-/// Instructions").
+/// As [`run`], and of each invocation whether Vulkan leaves a result open: it divides by a float outside of 2^-126
+/// to 2^126, as for those alone Vulkan says how exact `OpFDiv` is ("Precision of Core SPIR-V Instructions"), or
+/// meets a subnormal number, which a driver that does not keep them may take for zero.
 pub fn run_watched(program: &Program, inputs: &[u32], invocations: usize) -> (Vec<u32>, Vec<bool>) {
     let (mut left, mut open) = (Vec::new(), Vec::new());
     for id in 0..invocations {
@@ -40,7 +40,7 @@ struct Machine<'a> {
     inputs: &'a [u32],
     outputs: [u32; OUTPUTS],
     id: u32,
-    /// Whether a division was one that Vulkan leaves open.
+    /// Whether a result was one that Vulkan leaves open.
     open: Cell<bool>,
 }
 
@@ -251,8 +251,8 @@ impl Machine<'_> {
             Real::Unsigned(word) => f64::from(self.word(word, frame)) as f32,
             Real::Signed(word) => f64::from(self.word(word, frame) as i32) as f32,
             Real::Unary(name, a) => {
-                let a = self.real(a, frame);
-                match *name {
+                let a = self.seen(self.real(a, frame));
+                self.seen(match *name {
                     "FNegate" => f32::from_bits(a.to_bits() ^ 1 << 31),
                     "FAbs" => f32::from_bits(a.to_bits() & !(1 << 31)),
                     "Floor" => f64::from(a).floor() as f32,
@@ -260,12 +260,12 @@ impl Machine<'_> {
                     // 53 >= 2 * 24 + 2 bits: rounding twice is rounding once.
                     "Sqrt" => f64::from(a).sqrt() as f32,
                     other => unreachable!("{other}"),
-                }
+                })
             }
             Real::Binary(name, a, b) => {
-                // The f64 operation rounded to f32 is the f32 operation.
-                let (a, b) = (f64::from(self.real(a, frame)), f64::from(self.real(b, frame)));
-                (match *name {
+                // As above, the f64 operation rounded to f32 is the f32 operation.
+                let [a, b] = [a, b].map(|operand| f64::from(self.seen(self.real(operand, frame))));
+                let result = match *name {
                     "FAdd" => a + b,
                     "FSub" => a - b,
                     "FMul" => a * b,
@@ -275,12 +275,19 @@ impl Machine<'_> {
                         a / b
                     }
                     other => unreachable!("{other}"),
-                }) as f32
+                };
+                self.seen(result as f32)
             }
             Real::Select(condition, a, b) => {
                 self.real(if self.truth(condition, frame) { a } else { b }, frame)
             }
         }
+    }
+
+    /// An operand or result of float arithmetic.
+    fn seen(&self, value: f32) -> f32 {
+        self.open.set(self.open.get() || value.is_subnormal());
+        value
     }
 
     fn truth(&self, truth: &Truth, frame: &Frame<'_>) -> bool {
@@ -291,7 +298,8 @@ impl Machine<'_> {
             }
             Truth::Wides(name, a, b) => compare(name, self.wide(a, frame), self.wide(b, frame), 64),
             Truth::Reals(name, a, b) => {
-                let order = self.real(a, frame).partial_cmp(&self.real(b, frame));
+                let [a, b] = [a, b].map(|operand| self.seen(self.real(operand, frame)));
+                let order = a.partial_cmp(&b);
                 let Some(order) = order else { return name.starts_with("FUnord") };
                 match *name {
                     "FOrdEqual" | "FUnordEqual" => order.is_eq(),

@@ -173,7 +173,7 @@ fn programs_give_what_lavapipe_gives() {
         }
     }
     println!(
-        "{} programs, {judged} invocations judged by lavapipe, {open} with a division that Vulkan leaves open",
+        "{} programs, {judged} invocations judged by lavapipe, {open} with a result that Vulkan leaves open",
         programs.len()
     );
     let shortest = wrong.iter().min_by_key(|text| text.len());

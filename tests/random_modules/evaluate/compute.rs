@@ -20,8 +20,22 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// Instructions that take numbers and give numbers.
+    /// Instructions that take numbers and give numbers. Notes subnormal ones, which a driver that does not
+    /// keep them may take for zero.
     pub(super) fn arithmetic(&self, one: &Invocation, op: Op, w: &[u32], out: &mut Vec<Cell>) -> Outcome<()> {
+        self.compute(one, op, w, out)?;
+        let operands = if op == Op::ExtInst { &w[5..] } else { &w[3..] };
+        let inputs = operands.iter().map(|&id| (read_type(self.read, id), self.value(one, id)));
+        for (ty, cells) in inputs.chain([(w[1], out.as_slice())]) {
+            if let Type::Float(width) = *self.scalar(ty) {
+                let subnormal = |cell: &Cell| exact::is_subnormal(cell.bits, width);
+                self.open.set(self.open.get() || cells.iter().any(subnormal));
+            }
+        }
+        Ok(())
+    }
+
+    fn compute(&self, one: &Invocation, op: Op, w: &[u32], out: &mut Vec<Cell>) -> Outcome<()> {
         let (extended, operands) = match op {
             Op::ExtInst => (Some(GLOp::from_u32(w[4]).ok_or("an extended instruction")?), &w[5..]),
             _ => (None, &w[3..]),
