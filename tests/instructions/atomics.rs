@@ -427,7 +427,7 @@ fn wide_integers_in_workgroup_memory_lie_on_any_word() {
          %1 = OpConstant %uint 1
          %2 = OpConstant %uint 2
          %96 = OpConstant %uint 96
-         %start = OpConstant %ulong 0xFFFFFFFF
+         %start = OpConstant %ulong 4294967295 0
          %ptr_in = OpTypePointer Input %uint
          %index = OpVariable %ptr_in Input
          %cell = OpTypeStruct %uint %ulong

@@ -111,7 +111,7 @@ fn text<'a>(body: &'a str) -> Shader<'a> {
         declarations: DECLARATIONS,
         body,
         functions: FUNCTIONS,
-        invocations: None,
+        ..Shader::default()
     }
 }
 

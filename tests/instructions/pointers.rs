@@ -62,7 +62,7 @@ fn run(body: &str, functions: &str) -> Vec<[u32; 16]> {
              {body}"
         ),
         functions,
-        invocations: None,
+        ..Shader::default()
     };
     shader.run_with(&mut blocks).unwrap_or_else(|error| panic!("{}", error.render()))
 }

@@ -61,7 +61,7 @@ fn structures_are_found_by_their_address() {
             %kind = OpRayQueryGetIntersectionTypeKHR %uint %query %committed
             OpReturnValue %kind
             OpFunctionEnd",
-        invocations: None,
+        ..Shader::default()
     };
     let found = shader.run_with(&mut || {
         let mut resources = Resources::default();

@@ -32,6 +32,8 @@ pub struct Shader<'a> {
     pub invocations: Option<usize>,
     /// Whole functions behind the entry point.
     pub functions: &'a str,
+    /// The fuel of an invocation, where not that of every pipeline.
+    pub fuel: Option<u64>,
 }
 
 impl Shader<'_> {
@@ -48,6 +50,9 @@ impl Shader<'_> {
         builder.ray_generation(program)?;
         for entry in module.entry_points.iter().filter(|entry| entry.stage == Stage::Callable) {
             builder.callable(anyhit::program::lower(&module, entry)?)?;
+        }
+        if let Some(fuel) = self.fuel {
+            builder.fuel(fuel);
         }
         let pipeline = builder.build()?;
         let reference = pipeline.unoptimized()?;
