@@ -1,0 +1,148 @@
+//! The words of the code: comments are sentences in at most 100 columns, no two public types have
+//! one name, and identifiers that were given up for the field's own terms do not come back
+//! (`tests/retired_names.txt`).
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+#[path = "support/files.rs"]
+mod files;
+
+/// Where this project's own Rust code lies.
+const FOLDERS: &[&str] =
+    &["src", "tests", "benches", "examples", "judges/src", "judges/tests", "fuzz/fuzz_targets"];
+
+/// Columns of a line with a comment.
+const COLUMNS: usize = 100;
+
+/// Every Rust file below some folders: its path from the root, with slashes, and its text.
+fn sources(folders: &[&str]) -> Vec<(String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut all = Vec::new();
+    for folder in folders {
+        for path in files::with_extension(&root.join(folder), "rs") {
+            let name = path.strip_prefix(root).expect("a path below the root");
+            let name = name.to_string_lossy().replace('\\', "/");
+            if name.contains("/target/") {
+                continue;
+            }
+            all.push((name, fs::read_to_string(&path).expect("a readable file")));
+        }
+    }
+    assert!(!all.is_empty(), "no sources below {folders:?}");
+    all
+}
+
+/// The text of a line that is nothing but a comment, without its marks.
+fn comment(line: &str) -> Option<&str> {
+    let line = line.trim_start();
+    let marks = ["///", "//!", "//"].into_iter().find(|marks| line.starts_with(marks))?;
+    Some(line[marks.len()..].trim())
+}
+
+/// Whether a line is one of documentation.
+fn is_doc(line: &str) -> bool {
+    let line = line.trim_start();
+    line.starts_with("///") || line.starts_with("//!")
+}
+
+fn report(mistakes: &[String]) {
+    assert!(mistakes.is_empty(), "{} places:\n{}", mistakes.len(), mistakes.join("\n"));
+}
+
+#[test]
+fn comments_fit_into_100_columns() {
+    let mut mistakes = Vec::new();
+    for (name, text) in sources(FOLDERS) {
+        for (number, line) in text.lines().enumerate() {
+            // An address cannot be broken.
+            let breaks = comment(line).is_some_and(|text| text.contains(' '));
+            if breaks && line.chars().count() > COLUMNS {
+                mistakes.push(format!("{name}:{}: {} columns", number + 1, line.chars().count()));
+            }
+        }
+    }
+    report(&mistakes);
+}
+
+#[test]
+fn comments_say_something() {
+    let mut mistakes = Vec::new();
+    for (name, text) in sources(FOLDERS) {
+        let lines: Vec<&str> = text.lines().collect();
+        for (number, line) in lines.iter().enumerate() {
+            let Some(text) = comment(line) else { continue };
+            let is_first = number == 0 || comment(lines[number - 1]).is_none();
+            let is_last = lines.get(number + 1).is_none_or(|next| comment(next).is_none());
+            if !is_first {
+                continue;
+            }
+            if text.starts_with("The same") {
+                mistakes.push(format!("{name}:{}: say what it is: {text}", number + 1));
+            }
+            // A word of the specification in quotation marks names its source.
+            let quotes = text.starts_with('`') || text.starts_with("[`");
+            if is_doc(line) && is_last && !quotes && !text.is_empty() && !text.contains(' ') {
+                mistakes.push(format!("{name}:{}: one word is no sentence: {text}", number + 1));
+            }
+        }
+    }
+    report(&mistakes);
+}
+
+#[test]
+fn no_two_public_types_have_one_name() {
+    let mut types: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for (file, text) in sources(&["src"]) {
+        for line in text.lines() {
+            // Those at the top of a file; what a function or a module of tests has is its own affair.
+            let Some(rest) = line.strip_prefix("pub ") else { continue };
+            let mut words = rest.split_whitespace();
+            if !matches!(words.next(), Some("struct" | "enum" | "union" | "trait")) {
+                continue;
+            }
+            let name: String = words
+                .next()
+                .unwrap_or_default()
+                .chars()
+                .take_while(|&part| part.is_alphanumeric() || part == '_')
+                .collect();
+            types.entry(name).or_default().push(file.clone());
+        }
+    }
+    assert!(types.len() > 200, "{}", types.len());
+    let twice = types.iter().filter(|(_, files)| files.len() > 1);
+    let mistakes: Vec<String> = twice.map(|(name, files)| format!("{name}: {}", files.join(", "))).collect();
+    report(&mistakes);
+}
+
+#[test]
+fn retired_identifiers_do_not_come_back() {
+    let table = include_str!("retired_names.txt");
+    let mut mistakes = Vec::new();
+    let mut rows = 0;
+    let all = sources(&["src", "benches"]);
+    for row in table.lines().filter(|line| !line.is_empty() && !line.starts_with('#')) {
+        let [path, old, new] = row.split('\t').collect::<Vec<_>>()[..] else {
+            panic!("a row has a path, an old name and a new one: {row}");
+        };
+        rows += 1;
+        for (name, text) in all.iter().filter(|(name, _)| name.starts_with(path)) {
+            for (number, line) in text.lines().enumerate() {
+                if holds_word(line, old) {
+                    mistakes.push(format!("{name}:{}: `{old}` is called `{new}`", number + 1));
+                }
+            }
+        }
+    }
+    assert!(rows > 100, "{rows} rows");
+    report(&mistakes);
+}
+
+/// Whether a whole identifier stands in a line.
+fn holds_word(line: &str, word: &str) -> bool {
+    let is_part = |part: char| part.is_alphanumeric() || part == '_';
+    line.match_indices(word)
+        .any(|(at, _)| !line[..at].ends_with(is_part) && !line[at + word.len()..].starts_with(is_part))
+}
