@@ -11,7 +11,7 @@ use anyhit::program::lower;
 #[path = "support/files.rs"]
 mod files;
 
-/// SplitMix64.
+/// The generator SplitMix64 (Steele, Lea and Flood, 2014).
 struct Random(u64);
 
 impl Random {

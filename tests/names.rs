@@ -55,9 +55,11 @@ fn report(mistakes: &[String]) {
 fn comments_fit_into_100_columns() {
     let mut mistakes = Vec::new();
     for (name, text) in sources(FOLDERS) {
+        let mut is_code = false;
         for (number, line) in text.lines().enumerate() {
-            // An address cannot be broken.
-            let breaks = comment(line).is_some_and(|text| text.contains(' '));
+            is_code ^= comment(line).is_some_and(|text| text.starts_with("```"));
+            // An address cannot be broken, and an example is code.
+            let breaks = !is_code && comment(line).is_some_and(|text| text.contains(' '));
             if breaks && line.chars().count() > COLUMNS {
                 mistakes.push(format!("{name}:{}: {} columns", number + 1, line.chars().count()));
             }
@@ -96,7 +98,8 @@ fn no_two_public_types_have_one_name() {
     let mut types: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for (file, text) in sources(&["src"]) {
         for line in text.lines() {
-            // Those at the top of a file; what a function or a module of tests has is its own affair.
+            // Those at the top of a file; what a function or a module of tests has is its own
+            // affair.
             let Some(rest) = line.strip_prefix("pub ") else { continue };
             let mut words = rest.split_whitespace();
             if !matches!(words.next(), Some("struct" | "enum" | "union" | "trait")) {

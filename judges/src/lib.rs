@@ -1,9 +1,9 @@
 //! Independent judges of the interpreter: what SPIRV-Tools makes of a module must mean the same.
 //!
 //! `tests/folding.rs` lets it fold instructions on constants, `tests/optimised.rs` lets it optimise
-//! every fixture, `tests/random_modules.rs` runs each of its passes on random modules, `tests/verdict.rs`
-//! lets it validate mutants of the fixtures, `tests/smoke.rs` compares what `smoke` says of a module before and
-//! after `-O`. `.ci/judges` runs them.
+//! every fixture, `tests/random_modules.rs` runs each of its passes on random modules,
+//! `tests/verdict.rs` lets it validate mutants of the fixtures, `tests/smoke.rs` compares what
+//! `smoke` says of a module before and after `-O`. `.ci/judges` runs them.
 
 pub mod list;
 #[path = "../../tests/support/mutate.rs"]
@@ -21,8 +21,9 @@ use spirv_tools::opt::{Optimizer, Passes};
 /// What to do to a module.
 #[derive(Clone, Copy, Debug)]
 pub enum Recipe {
-    /// `--simplify-instructions`, which folds an instruction on constants. Not `--ccp`: its assertions do not
-    /// hold where an extended instruction on constants is one that it cannot fold.
+    /// `--simplify-instructions`, which folds an instruction on constants. Not `--ccp`: its
+    /// assertions do not hold where an extended instruction on constants is one that it cannot
+    /// fold.
     Fold,
     /// `-O`: inlining, phis for variables, unrolling, and all else of the performance recipe.
     Performance,
@@ -49,7 +50,8 @@ pub fn optimise(words: &[u32], recipe: Recipe) -> Result<Vec<u32>, String> {
     }
 }
 
-/// Runs one pass of the optimizer on the words of a module; its complaint where it does not take the module.
+/// Runs one pass of the optimizer on the words of a module; its complaint where it does not take
+/// the module.
 pub fn optimise_by(words: &[u32], pass: Passes) -> Result<Vec<u32>, String> {
     let mut optimizer = CompiledOptimizer::with_env(TargetEnv::Universal_1_6);
     optimizer.register_pass(pass);

@@ -2,9 +2,10 @@
 
 use spirv_tools::opt::Passes;
 
-/// The passes that must keep what a compute shader means, by name. Not among them are those that relax
-/// precision, turn what they do not know into something else, touch only what these modules do not hold
-/// (debug information, specialization constants, `OpKill`, descriptors in arrays), or are for other stages.
+/// The passes that must keep what a compute shader means, by name. Not among them are those that
+/// relax precision, turn what they do not know into something else, touch only what these modules
+/// do not hold (debug information, specialization constants, `OpKill`, descriptors in arrays), or
+/// are for other stages.
 pub const PASSES: &[(&str, Passes)] = &[
     ("AggressiveDCE", Passes::AggressiveDCE),
     ("BlockMerge", Passes::BlockMerge),

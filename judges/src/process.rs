@@ -1,5 +1,5 @@
-//! SPIRV-Tools in a process of its own: an assertion of it that does not hold, or a wrong pointer, ends that
-//! process and not the judge.
+//! SPIRV-Tools in a process of its own: an assertion of it that does not hold, or a wrong pointer,
+//! ends that process and not the judge.
 
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -34,8 +34,8 @@ impl ToolProcess {
         self.ask(VALIDATE, module).map(|answer| answer.map(drop))
     }
 
-    /// What one of the passes makes of a module, by its number in [`PASSES`], or its complaint; `None` where
-    /// its process ended.
+    /// What one of the passes makes of a module, by its number in [`PASSES`], or its complaint;
+    /// `None` where its process ended.
     pub fn optimise_by(&mut self, pass: usize, module: &[u32]) -> Option<Result<Vec<u32>, String>> {
         self.ask(u8::try_from(pass).expect("few passes"), module)
     }

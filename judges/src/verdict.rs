@@ -43,8 +43,8 @@ pub fn theirs(words: &[u32]) -> Theirs {
     })
 }
 
-/// A message without what differs from module to module: numbers, names of ids and types. The rules' names
-/// stay.
+/// A message without what differs from module to module: numbers, names of ids and types. The
+/// rules' names stay.
 pub fn normalised(message: &str) -> String {
     let mut out = String::new();
     let mut rest = message;

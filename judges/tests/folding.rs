@@ -1,11 +1,13 @@
-//! SPIRV-Tools folds instructions on constants with an implementation of its own: what it folds must
-//! have our bits. Each instruction runs here on edge values, decorated NoContraction, its operands once as
-//! constants, once read from buffers. SPIRV-Tools is given the constants without the decoration: it folds
-//! no decorated float, and an instruction by itself has nothing to be contracted with.
+//! SPIRV-Tools folds instructions on constants with an implementation of its own: what it folds
+//! must have our bits. Each instruction runs here on edge values, decorated NoContraction, its
+//! operands once as constants, once read from buffers. SPIRV-Tools is given the constants without
+//! the decoration: it folds no decorated float, and an instruction by itself has nothing to be
+//! contracted with.
 //!
 //! Where the specification leaves a result undefined, or open as that of an elementary function is,
-//! the two may differ: such inputs are not drawn, such functions are counted and told. Where SPIRV-Tools
-//! is known to differ, [`excuse`] says in what and why; these are counted and told, too.
+//! the two may differ: such inputs are not drawn, such functions are counted and told. Where
+//! SPIRV-Tools is known to differ, [`excuse`] says in what and why; these are counted and told,
+//! too.
 
 #[path = "../../tests/support/assembly.rs"]
 mod assembly;
@@ -649,7 +651,8 @@ fn excuse(snippet: &Snippet, operands: &[u64], here: u64, there: u64) -> Option<
     let typed: Vec<(Type, u64)> = snippet.operands.iter().copied().zip(operands.iter().copied()).collect();
     let zero = |bits: u64| matches!(snippet.result, Float(_)) && snippet.result.number(bits) == 0.0;
     match name {
-        // OpSMod: "the remainder r of Operand 1 divided by Operand 2", and no remainder is as great as that.
+        // OpSMod: "the remainder r of Operand 1 divided by Operand 2", and no remainder is as great
+        // as that.
         "SMod" if here == 0 && there == operands[1] && typed[1].0.integer(there) < 0 => {
             Some("SMod: SPIRV-Tools takes a negative divisor for the rest where nothing remains")
         }

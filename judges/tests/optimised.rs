@@ -1,5 +1,5 @@
-//! Every case of `shaders/` with each of its modules optimised by SPIRV-Tools: inlined, unrolled, its
-//! variables made phis. All of them must meet the same expectations, at 1, 8 and 64 lanes.
+//! Every case of `shaders/` with each of its modules optimised by SPIRV-Tools: inlined, unrolled,
+//! its variables made phis. All of them must meet the same expectations, at 1, 8 and 64 lanes.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,8 +10,8 @@ use anyhit::harness::run::{RayMeasurements, one_ray};
 use anyhit::scene::resolved::ShaderCode;
 use anyhit_judges::{Recipe, bytes, optimise, words};
 
-/// Modules that were optimised, and cases that were then met, with each recipe when this was written;
-/// there are more now or the judge has lost some.
+/// Modules that were optimised, and cases that were then met, with each recipe when this was
+/// written; there are more now or the judge has lost some.
 const LEAST_MODULES: usize = 258;
 const LEAST_CASES: usize = 138;
 
@@ -83,8 +83,8 @@ fn check(mut loaded: Loaded) -> Result<(), String> {
     if differences.is_empty() { Ok(()) } else { Err(told(Difference::as_error(differences))) }
 }
 
-/// The cases themselves hold without the optimizer, so that a failure above is the optimizer's doing
-/// or ours, not the case's: `tests/cases.rs` says so. Here only that there are any.
+/// The cases themselves hold without the optimizer, so that a failure above is the optimizer's
+/// doing or ours, not the case's: `tests/cases.rs` says so. Here only that there are any.
 #[test]
 fn there_are_cases() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository");

@@ -1,5 +1,6 @@
-//! Random modules with each pass of SPIRV-Tools alone, and with all passes of `-O`: what a pass makes of a module must leave the same
-//! in memory, by the evaluator of `tests/random_modules/` and by the interpreter.
+//! Random modules with each pass of SPIRV-Tools alone, and with all passes of `-O`: what a pass
+//! makes of a module must leave the same in memory, by the evaluator of `tests/random_modules/` and
+//! by the interpreter.
 //!
 //! `ANYHIT_RANDOM_MODULES` is how many modules are drawn, `ANYHIT_RANDOM_SEED` another seed,
 //! `ANYHIT_RANDOM_FIRST` the number of the first module, `ANYHIT_RANDOM_PASS` the one pass to run.

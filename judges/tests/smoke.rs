@@ -1,6 +1,6 @@
-//! `smoke` says of a module what it says of it after `spirv-opt -O`: its made-up values are keyed by set,
-//! binding, array element and byte offset, so that neither the order of declarations nor what an optimizer
-//! removes changes them.
+//! `smoke` says of a module what it says of it after `spirv-opt -O`: its made-up values are keyed
+//! by set, binding, array element and byte offset, so that neither the order of declarations nor
+//! what an optimizer removes changes them.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,9 +1,10 @@
-//! Whether a module is valid: our word against that of SPIRV-Tools, over every fixture and some 100,000
-//! mutants of them.
+//! Whether a module is valid: our word against that of SPIRV-Tools, over every fixture and some
+//! 100,000 mutants of them.
 //!
 //! Where we say that a module breaks a rule, the validator must say so too, or the error cites
-//! the rule and `verdicts/only_we_refuse.toml` has it. What we run although the validator rejects it is in
-//! `verdicts/only_they_refuse.toml`. What the validator accepts never ends in a bug of ours.
+//! the rule and `verdicts/only_we_refuse.toml` has it. What we run although the validator rejects
+//! it is in `verdicts/only_they_refuse.toml`. What the validator accepts never ends in a bug of
+//! ours.
 //!
 //! `ANYHIT_MUTANTS` is how many mutants of each fixture there are.
 

@@ -69,7 +69,7 @@ pub struct TestArgs {
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// Text
+    /// Plain text
     #[default]
     Plain,
     /// Text, with an annotation for each failure that GitHub shows at the shader's line

@@ -417,7 +417,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     Ok(true)
 }
 
-/// Appends an operation, which gets registers of its own for what was in memory before; gives the first of them.
+/// Appends an operation, which gets registers of its own for what was in memory before; gives the
+/// first of them.
 fn emit(translator: &mut Translator<'_>, mut op: AtomicOp) -> Result<Reg> {
     op.to = translator.fresh(op.words())?;
     if let Target::Registers { .. } = op.target {
@@ -428,8 +429,8 @@ fn emit(translator: &mut Translator<'_>, mut op: AtomicOp) -> Result<Reg> {
     Ok(to)
 }
 
-/// The bytes that the offset of a scalar must be a multiple of. Workgroup memory without a layout of its own is an
-/// array of words, and one thread's.
+/// The bytes that the offset of a scalar must be a multiple of. Workgroup memory without a layout
+/// of its own is an array of words, and one thread's.
 fn alignment(translator: &Translator<'_>, pointer: &Pointer, width: u32) -> u32 {
     if pointer.is_packed(translator) { (width / 8).min(4) } else { width / 8 }
 }

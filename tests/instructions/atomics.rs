@@ -402,8 +402,8 @@ fn memory_behind_an_address_is_counted_in() {
     }
 }
 
-/// Workgroup memory without a layout is an array of words: a 64-bit integer there lies on any of them, also where a
-/// function that is really called reaches it through a pointer.
+/// Workgroup memory without a layout is an array of words: a 64-bit integer there lies on any of
+/// them, also where a function that is really called reaches it through a pointer.
 #[test]
 fn wide_integers_in_workgroup_memory_lie_on_any_word() {
     let module = assemble(

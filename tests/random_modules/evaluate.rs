@@ -34,8 +34,8 @@ pub fn run(words: &[u32], memory: &Memory, groups: u32, subgroup: u32) -> Result
     run_watched(words, memory, groups, subgroup).map(|(memory, _)| memory)
 }
 
-/// As [`run`], and whether a result was met that Vulkan leaves open: a division by what is very small or
-/// very large, a subnormal number.
+/// As [`run`], and whether a result was met that Vulkan leaves open: a division by what is very
+/// small or very large, a subnormal number.
 pub fn run_watched(
     words: &[u32],
     memory: &Memory,

@@ -12,9 +12,10 @@ pub fn run(program: &Program, inputs: &[u32], invocations: usize) -> Vec<u32> {
     run_watched(program, inputs, invocations).0
 }
 
-/// As [`run`], and of each invocation whether Vulkan leaves a result open: it divides by a float outside of 2^-126
-/// to 2^126, as for those alone Vulkan says how exact `OpFDiv` is ("Precision of Core SPIR-V Instructions"), or
-/// meets a subnormal number, which a driver that does not keep them may take for zero.
+/// As [`run`], and of each invocation whether Vulkan leaves a result open: it divides by a float
+/// outside of 2^-126 to 2^126, as for those alone Vulkan says how exact `OpFDiv` is ("Precision of
+/// Core SPIR-V Instructions"), or meets a subnormal number, which a driver that does not keep them
+/// may take for zero.
 pub fn run_watched(program: &Program, inputs: &[u32], invocations: usize) -> (Vec<u32>, Vec<bool>) {
     let (mut left, mut open) = (Vec::new(), Vec::new());
     for id in 0..invocations {

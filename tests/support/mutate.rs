@@ -20,7 +20,7 @@ use rspirv::spirv::{self, Op};
 
 use opcodes::name;
 
-/// SplitMix64.
+/// The generator SplitMix64 (Steele, Lea and Flood, 2014).
 pub struct Random(pub u64);
 
 impl Random {

@@ -20,8 +20,8 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// Instructions that take numbers and give numbers. Notes subnormal ones, which a driver that does not
-    /// keep them may take for zero.
+    /// Instructions that take numbers and give numbers. Notes subnormal ones, which a driver that
+    /// does not keep them may take for zero.
     pub(super) fn arithmetic(&self, one: &Invocation, op: Op, w: &[u32], out: &mut Vec<Cell>) -> Outcome<()> {
         self.compute(one, op, w, out)?;
         let operands = if op == Op::ExtInst { &w[5..] } else { &w[3..] };
