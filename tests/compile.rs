@@ -5,7 +5,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhit::ErrorKind;
-use anyhit::compile::{CompileOptions, DebugInfo, Language, Optimize, Source, compile, content_hash, tool};
+use anyhit::compile::{
+    CompileOptions, DebugInfoLevel, Language, Optimize, Source, compile, content_hash, tool,
+};
 use anyhit::error::Place;
 
 const GLSL_MISS: &str = "#version 460\n#extension GL_EXT_ray_tracing : require\n\
@@ -79,9 +81,9 @@ fn glsl_debug_info_adds_lines_or_nonsemantic_instructions() {
         let found = opcodes(&spirv);
         (found.contains(&OP_LINE), found.contains(&OP_EXT_INST))
     };
-    assert_eq!(with(DebugInfo::Names), (false, false));
-    assert_eq!(with(DebugInfo::Lines), (true, false));
-    assert!(with(DebugInfo::Full).1);
+    assert_eq!(with(DebugInfoLevel::Names), (false, false));
+    assert_eq!(with(DebugInfoLevel::Lines), (true, false));
+    assert!(with(DebugInfoLevel::Full).1);
 }
 
 #[test]
@@ -90,7 +92,8 @@ fn glsl_debug_info_carries_the_text_as_written() {
     let text = format!("{GLSL_MISS}// as written\n");
     let source = Source::from_text("a.rmiss", text).unwrap();
     let spirv =
-        compile(&source, &CompileOptions { debug: DebugInfo::Full, ..CompileOptions::default() }).unwrap();
+        compile(&source, &CompileOptions { debug: DebugInfoLevel::Full, ..CompileOptions::default() })
+            .unwrap();
     let copies = spirv.windows(13).filter(|bytes| bytes == b"// as written").count();
     assert_eq!(copies, 1);
     assert_eq!(spirv.windows(9).filter(|bytes| bytes == b"#version ").count(), 1);
@@ -168,7 +171,7 @@ fn a_named_glslang_is_used_and_must_exist() {
 #[test]
 fn a_build_without_glslang_calls_an_installed_one_or_says_how_to_get_it() {
     let source = Source::from_text("a.rmiss", GLSL_MISS).unwrap();
-    if tool(Language::Glsl(anyhit::compile::Stage::Miss)).is_ok() {
+    if tool(Language::Glsl(anyhit::compile::SourceStage::Miss)).is_ok() {
         assert_eq!(compile(&source, &CompileOptions::default()).unwrap()[..8], SPIRV_1_6);
         let text = GLSL_MISS.replace("vec4(1.0)", "blue");
         let report = compile(&Source::from_text("a.rmiss", text).unwrap(), &CompileOptions::default())
@@ -239,8 +242,8 @@ fn slang_debug_info_adds_nonsemantic_instructions() {
         let spirv = compile(&source, &CompileOptions { debug, ..CompileOptions::default() }).unwrap();
         opcodes(&spirv).contains(&OP_EXT_INST)
     };
-    assert!(!with(DebugInfo::Names));
-    assert!(with(DebugInfo::Full));
+    assert!(!with(DebugInfoLevel::Names));
+    assert!(with(DebugInfoLevel::Full));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::accel::{Blas, Geometry, GeometryData, GeometryFlags, Instance, Tlas};
+use anyhit::accel::{Blas, Geometry, GeometryData, GeometryFlags, Tlas, TlasInstance};
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::pipeline::{Launch, Pipeline};
 use anyhit::program::Program;
@@ -25,7 +25,7 @@ where
 {
     let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![0.5], indices: None };
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("a valid geometry");
-    let tlas = Tlas::new(vec![Instance::of(blas, IDENTITY)]).expect("a valid instance");
+    let tlas = Tlas::new(vec![TlasInstance::of(blas, IDENTITY)]).expect("a valid instance");
     let mut builder = Pipeline::builder();
     builder.ray_generation(program("main.rgen.spv")).expect("a ray generation shader");
     builder.miss(program("main.rmiss.spv")).expect("a miss shader");

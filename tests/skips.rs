@@ -4,7 +4,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use anyhit::accel::{
-    Blas, Counters, Cursor, Geometry, GeometryData, GeometryFlags, Instance, RayFlags, Tlas, TraceRay,
+    Blas, Counters, Cursor, Geometry, GeometryData, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay,
 };
 use anyhit::machine::Resources;
 use anyhit::module::interface::Stage;
@@ -23,10 +23,10 @@ fn spheres(count: usize, flags: GeometryFlags) -> Arc<Blas> {
     Blas::new(vec![Geometry::new(data, flags)]).expect("legal spheres")
 }
 
-fn instance(blas: &Arc<Blas>, y: f32) -> Instance {
+fn instance(blas: &Arc<Blas>, y: f32) -> TlasInstance {
     let mut transform = IDENTITY;
     transform[1][3] = y;
-    Instance::of(blas.clone(), transform)
+    TlasInstance::of(blas.clone(), transform)
 }
 
 /// A ray down onto the sphere in column x of row y.
@@ -99,7 +99,7 @@ fn only_what_a_ray_reaches_is_built() -> Result<()> {
 #[test]
 fn a_masked_or_skipped_instance_is_never_built() -> Result<()> {
     let blas = spheres(5, GeometryFlags::OPAQUE);
-    let tlas = Tlas::new(vec![Instance { mask: 1, ..instance(&blas, 0.0) }])?;
+    let tlas = Tlas::new(vec![TlasInstance { mask: 1, ..instance(&blas, 0.0) }])?;
     walk(&tlas, TraceRay { cull_mask: 2, ..ray(0.0, 0.0) });
     // Spheres are skipped with triangles (SPV_NV_linear_swept_spheres, SkipBuiltinPrimitivesNV).
     walk(&tlas, TraceRay { flags: RayFlags(256), ..ray(0.0, 0.0) });

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use anyhit::Result;
-use anyhit::accel::{Blas, Geometry, GeometryData, GeometryFlags, Instance, Tlas};
+use anyhit::accel::{Blas, Geometry, GeometryData, GeometryFlags, Tlas, TlasInstance};
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::module::interface::Stage;
 use anyhit::pipeline::{Event, Launch, Pipeline, Stats};
@@ -104,7 +104,7 @@ fn closest_hit(body: &str) -> Program {
 fn launch(ray_generation: Program, called: Program, radius: f32, watched: bool) -> Result<(Stats, [u32; 2])> {
     let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![radius], indices: None };
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)])?;
-    let tlas = Tlas::new(vec![Instance::of(blas, IDENTITY)])?;
+    let tlas = Tlas::new(vec![TlasInstance::of(blas, IDENTITY)])?;
     let mut builder = Pipeline::builder();
     builder.ray_generation(ray_generation)?;
     match called.stage {

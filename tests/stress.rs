@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhit::geometry::Precision;
-use anyhit::stress::{Case, check};
+use anyhit::stress::{StressCase, check};
 
 #[test]
 fn what_was_wrong_once_is_right_now() {
@@ -13,7 +13,7 @@ fn what_was_wrong_once_is_right_now() {
     for entry in std::fs::read_dir(&folder).expect("the folder") {
         let path = entry.expect("an entry").path();
         let text = std::fs::read_to_string(&path).expect("a file");
-        let case = Case::from_toml(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let case = StressCase::from_toml(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         if let Err(failure) = check(&case, Precision::Exact) {
             panic!("{}: {failure}", path.display());
         }
@@ -43,7 +43,7 @@ fn the_command_tells_what_it_found() {
     let mut saved = 0;
     for entry in std::fs::read_dir(&folder).expect("cases are saved") {
         let text = std::fs::read_to_string(entry.expect("an entry").path()).expect("a file");
-        let case = Case::from_toml(&text).expect("a case");
+        let case = StressCase::from_toml(&text).expect("a case");
         assert!(check(&case, Precision::Float).is_err(), "{text}");
         saved += 1;
     }

@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use anyhit::accel::{
-    Blas, Committed, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing, Instance,
-    RayFlags, Tlas, TraceRay,
+    Blas, Committed, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing, RayFlags,
+    Tlas, TlasInstance, TraceRay,
 };
 use anyhit::geometry::{Ray, Surface};
 
@@ -14,7 +14,7 @@ const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.
 
 fn scene(data: GeometryData) -> Arc<Tlas> {
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).unwrap();
-    Tlas::new(vec![Instance::of(blas, IDENTITY)]).unwrap()
+    Tlas::new(vec![TlasInstance::of(blas, IDENTITY)]).unwrap()
 }
 
 fn trace(tlas: &Tlas, origin: [f32; 3], direction: [f32; 3]) -> Option<Committed> {

@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use anyhit::accel::{
-    Blas, Candidate, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing, Instance,
-    InstanceFlags, Primitive, RayFlags, Tlas, TraceRay,
+    Blas, Candidate, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing,
+    InstanceFlags, Primitive, RayFlags, Tlas, TlasInstance, TraceRay,
 };
 use anyhit::geometry::{
     Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
@@ -366,10 +366,10 @@ impl Draw {
                 if self.below(4) != 0 {
                     transform = self.transform(scale);
                 }
-                Instance {
+                TlasInstance {
                     mask: [0xFF, 0xFF, 0x0F, 0][self.below(4) as usize],
                     flags: InstanceFlags([0, 0, 1, 2, 3, 4, 8][self.below(7) as usize]),
-                    ..Instance::of(blas, transform)
+                    ..TlasInstance::of(blas, transform)
                 }
             })
             .collect();

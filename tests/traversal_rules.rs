@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use anyhit::accel::{
     Blas, Candidate, Counters, Cursor, Geometry, GeometryData, GeometryFlags, HitKind, HitPrimitive,
-    Instance, InstanceFlags, InstanceVerdict, Motion, Packet, Primitive, PrimitiveVerdict, RayFlags, Srt,
-    Tlas, TraceRay, TraversalObserver,
+    InstanceFlags, InstanceVerdict, Motion, Packet, Primitive, PrimitiveVerdict, RayFlags, Srt, Tlas,
+    TlasInstance, TraceRay, TraversalObserver,
 };
 use anyhit::error::ErrorKind;
 use anyhit::geometry::Ray;
@@ -32,11 +32,11 @@ fn boxes(at: &[(f32, f32)], flags: GeometryFlags) -> Geometry {
     Geometry::new(GeometryData::Aabbs(corners), flags)
 }
 
-fn instance(geometries: Vec<Geometry>) -> Instance {
-    Instance::of(Blas::new(geometries).unwrap(), IDENTITY)
+fn instance(geometries: Vec<Geometry>) -> TlasInstance {
+    TlasInstance::of(Blas::new(geometries).unwrap(), IDENTITY)
 }
 
-fn tlas(instances: Vec<Instance>) -> Arc<Tlas> {
+fn tlas(instances: Vec<TlasInstance>) -> Arc<Tlas> {
     Tlas::new(instances).unwrap()
 }
 
@@ -196,7 +196,7 @@ fn facing_follows_the_winding_the_flip_and_the_geometry_transform_but_no_mirror(
     let kind = |geometry_transform, transform, flags| {
         let data =
             GeometryData::Triangles { vertices: triangle(3.0), indices: None, transform: geometry_transform };
-        let scene = tlas(vec![Instance {
+        let scene = tlas(vec![TlasInstance {
             transform,
             flags: InstanceFlags(flags),
             ..instance(vec![Geometry::new(data, OPAQUE)])
@@ -216,8 +216,8 @@ fn facing_follows_the_winding_the_flip_and_the_geometry_transform_but_no_mirror(
 #[test]
 fn few_primitives_and_instances_build_nothing_and_unreached_blases_stay_unbuilt() {
     let scene = tlas(vec![
-        Instance { mask: 1, ..instance(vec![triangles(&[2.0], OPAQUE)]) },
-        Instance { mask: 2, ..instance(vec![triangles(&[3.0; 100], OPAQUE)]) },
+        TlasInstance { mask: 1, ..instance(vec![triangles(&[2.0], OPAQUE)]) },
+        TlasInstance { mask: 2, ..instance(vec![triangles(&[3.0; 100], OPAQUE)]) },
     ]);
     let mut counters = Counters::default();
     let trace = TraceRay { cull_mask: 1, ..along_z(0) };
@@ -264,11 +264,11 @@ impl TraversalObserver for Notes {
 #[test]
 fn an_onlooker_learns_why_each_was_kept_or_dropped() {
     let scene = tlas(vec![
-        Instance { mask: 0x10, ..instance(vec![triangles(&[1.0], OPAQUE)]) },
+        TlasInstance { mask: 0x10, ..instance(vec![triangles(&[1.0], OPAQUE)]) },
         instance(vec![boxes(&[(1.0, 2.0)], NON_OPAQUE)]),
         // Seen from its back, culled by bit 16 unless the flip turns it.
         instance(vec![triangles(&[2.0], OPAQUE)]),
-        Instance { flags: InstanceFlags(2), ..instance(vec![triangles(&[4.0, 200.0, 6.0], OPAQUE)]) },
+        TlasInstance { flags: InstanceFlags(2), ..instance(vec![triangles(&[4.0, 200.0, 6.0], OPAQUE)]) },
     ]);
     let mut notes = Notes::default();
     let trace = TraceRay { cull_mask: 0x0F, ..along_z(16 | 512) };
@@ -326,7 +326,7 @@ fn mistakes_are_named_with_their_rule() {
     assert!(Blas::new(spheres(vec![f32::NAN; 2], None)).is_ok());
     assert!(Blas::new(aabb([f32::NAN, 1.0, 0.0, 1.0, 0.5, 1.0])).is_ok());
 
-    let placed = |change: fn(&mut Instance)| {
+    let placed = |change: fn(&mut TlasInstance)| {
         let mut one = instance(vec![triangles(&[1.0], OPAQUE)]);
         change(&mut one);
         Tlas::new(vec![one])
@@ -369,7 +369,7 @@ fn what_moves_is_where_it_is_at_the_time_of_a_ray() {
             quaternion: [next(), next(), next(), 1.5],
             translation: [4.0 * next(), 4.0 * next(), 4.0 * next()],
         };
-        let instances: Vec<Instance> = (0..12)
+        let instances: Vec<TlasInstance> = (0..12)
             .map(|at| {
                 let motion = Motion::Srt(Box::new([srt(), srt()]));
                 let ends = [0.0, 1.0].map(|time| motion.at(time).expect("a rotation"));
@@ -379,12 +379,12 @@ fn what_moves_is_where_it_is_at_the_time_of_a_ray() {
                     1 => Some(Motion::Matrix(ends)),
                     _ => None,
                 };
-                Instance { transform: ends[0], motion, ..instance(vec![geometry]) }
+                TlasInstance { transform: ends[0], motion, ..instance(vec![geometry]) }
             })
             .collect();
         let moved = tlas(instances.clone());
         for time in [0.0, 0.125, 0.5, 0.77, 1.0] {
-            let at_time = |one: &Instance| {
+            let at_time = |one: &TlasInstance| {
                 let geometry = &one.blas.geometries()[0];
                 let data = match &geometry.vertices_t1 {
                     Some(_) => {
@@ -401,7 +401,7 @@ fn what_moves_is_where_it_is_at_the_time_of_a_ray() {
                     None => geometry.data.clone(),
                 };
                 let transform = one.object_to_world(time);
-                Instance { transform, motion: None, ..instance(vec![Geometry::new(data, OPAQUE)]) }
+                TlasInstance { transform, motion: None, ..instance(vec![Geometry::new(data, OPAQUE)]) }
             };
             let copied = tlas(instances.iter().map(at_time).collect());
             for _ in 0..200 {
@@ -435,14 +435,14 @@ fn what_moves_is_where_it_is_at_the_time_of_a_ray() {
 #[test]
 fn motion_has_rules() {
     let refused =
-        |one: Instance| Tlas::new(vec![one]).map(|_| ()).expect_err("a mistake").message().to_owned();
+        |one: TlasInstance| Tlas::new(vec![one]).map(|_| ()).expect_err("a mistake").message().to_owned();
     let one = || instance(vec![triangles(&[2.0], OPAQUE)]);
     let flat = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0; 4]];
-    let told = refused(Instance { motion: Some(Motion::Matrix([IDENTITY, flat])), ..one() });
+    let told = refused(TlasInstance { motion: Some(Motion::Matrix([IDENTITY, flat])), ..one() });
     assert!(told.contains("at time 1 is singular"), "{told}");
     let mut infinite = IDENTITY;
     infinite[0][3] = f32::INFINITY;
-    let told = refused(Instance { motion: Some(Motion::Matrix([infinite, IDENTITY])), ..one() });
+    let told = refused(TlasInstance { motion: Some(Motion::Matrix([infinite, IDENTITY])), ..one() });
     assert!(told.contains("not finite"), "{told}");
     let two = triangles(&[1.0, 2.0], OPAQUE);
     let few = Geometry { vertices_t1: Some(vec![[0.0; 3]; 3].into()), ..two };
@@ -455,7 +455,7 @@ fn motion_has_rules() {
     // there.
     let mut mirrored = IDENTITY;
     mirrored[0][0] = -1.0;
-    let scene = tlas(vec![Instance { motion: Some(Motion::Matrix([IDENTITY, mirrored])), ..one() }]);
+    let scene = tlas(vec![TlasInstance { motion: Some(Motion::Matrix([IDENTITY, mirrored])), ..one() }]);
     for (time, hit) in [(0.0, true), (0.5, false), (1.0, true)] {
         let trace = TraceRay { time, ..along_z(0) };
         let mut cursor = Cursor::new(&scene, trace);
@@ -472,7 +472,7 @@ fn many_instances_of_nothing_are_hit_by_nothing() {
     );
     for geometries in [vec![], vec![nothing]] {
         let blas = Blas::new(geometries).unwrap();
-        let scene = tlas(vec![Instance::of(blas, IDENTITY); 9]);
+        let scene = tlas(vec![TlasInstance::of(blas, IDENTITY); 9]);
         for flags in [0, 2] {
             assert_eq!(ignore_all(&scene, along_z(flags)), (vec![], None));
         }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhit::accel::{
-    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, Packet, RayFlags, Tlas,
+    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Packet, RayFlags, Tlas, TlasInstance,
     TraceRay,
 };
 use anyhit::geometry::Ray;
@@ -250,7 +250,7 @@ impl Scene {
     /// Its BLAS placed once.
     pub fn tlas(&self, flags: GeometryFlags) -> Arc<Tlas> {
         let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
-        Tlas::new(vec![Instance::of(self.blas(flags), identity)]).expect("a valid instance")
+        Tlas::new(vec![TlasInstance::of(self.blas(flags), identity)]).expect("a valid instance")
     }
 
     /// Its BLAS in 8 x 8 places, every other one turned.
@@ -261,7 +261,7 @@ impl Scene {
 
 /// A BLAS in side x side places.
 pub fn placed(blas: &Arc<Blas>, side: u32) -> Arc<Tlas> {
-    let instances = tiles(side).map(|transform| Instance::of(blas.clone(), transform));
+    let instances = tiles(side).map(|transform| TlasInstance::of(blas.clone(), transform));
     Tlas::new(instances.collect()).expect("valid instances")
 }
 

@@ -29,7 +29,7 @@ mod tree;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhit::accel::{Blas, Cursor, Instance, RayFlags, Tlas, TraceRay};
+use anyhit::accel::{Blas, Cursor, RayFlags, Tlas, TlasInstance, TraceRay};
 use anyhit::geometry::block::{self, ShearedRay};
 use anyhit::geometry::{Precision, Ray};
 use anyhit::math::lane_ops::CpuTier;
@@ -213,7 +213,7 @@ fn runner<'a, C: Contender + 'a>(scene: &'a Scene, trees: &'a Trees) -> Run<'a> 
 
 fn engine(scene: &Scene, precision: Precision) -> Run<'static> {
     let blas = Blas::new(vec![shape::opaque(scene.data.clone())]).expect("a valid BLAS");
-    let instances = scene.matrices.iter().map(|matrix| Instance::of(blas.clone(), *matrix));
+    let instances = scene.matrices.iter().map(|matrix| TlasInstance::of(blas.clone(), *matrix));
     let tlas = Tlas::with_precision(instances.collect(), precision).expect("a valid TLAS");
     let trace = |ray| TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
     let mut cursor = Cursor::new(&tlas, trace(scene.rays[0]));

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::{env, fs};
 
 use anyhit::ErrorKind;
-use anyhit::compile::{DebugInfo, CompileOptions, Source, compile, content_hash};
+use anyhit::compile::{DebugInfoLevel, CompileOptions, Source, compile, content_hash};
 
 const SHADERS: &[&str] = &["lss.rchit"];
 
@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for name in SHADERS {
         let source = Source::read_in(Path::new("shaders"), name)?;
         let (kept, hash) = (format!("spirv/{name}.spv"), format!("spirv/{name}.hash"));
-        let options = CompileOptions { debug: DebugInfo::Lines, ..CompileOptions::default() };
+        let options = CompileOptions { debug: DebugInfoLevel::Lines, ..CompileOptions::default() };
         let module = match compile(&source, &options) {
             Ok(module) => module,
             Err(error) if error.kind() == ErrorKind::UnsupportedTool => {

@@ -27,7 +27,7 @@ use std::collections::BinaryHeap;
 use crate::accel::observer::{ErasedObserver, HitPrimitive, ObserverAdapter, TraversalObserver};
 use crate::accel::primitive::Primitive;
 pub use crate::accel::rules::{RayFlags, RayRule};
-use crate::accel::tlas::{Instance, Tlas};
+use crate::accel::tlas::{Tlas, TlasInstance};
 use crate::accel::traversal::TraversalState;
 use crate::geometry::{Intersection, Ray, Surface};
 
@@ -139,7 +139,7 @@ impl Candidate {
     /// # Panics
     /// Where the structure is not the one that it was found in.
     #[inline]
-    pub fn instance_in<'a>(&self, tlas: &'a Tlas) -> &'a Instance {
+    pub fn instance_in<'a>(&self, tlas: &'a Tlas) -> &'a TlasInstance {
         &tlas.instances()[self.instance as usize]
     }
 

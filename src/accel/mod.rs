@@ -36,4 +36,4 @@ pub use motion::{Motion, Srt};
 pub use observer::{Counters, HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};
 pub use packet::Packet;
 pub use primitive::Primitive;
-pub use tlas::{Instance, InstanceFlags, Tlas, hit_record_index};
+pub use tlas::{InstanceFlags, Tlas, TlasInstance, hit_record_index};

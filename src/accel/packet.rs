@@ -42,14 +42,14 @@ const SINGLE_STEPS_PER_RAY: u32 = 2;
 ///
 /// ```
 /// use anyhit::accel::{
-///     Blas, Geometry, GeometryData, GeometryFlags, Instance, Packet, RayFlags, Tlas, TraceRay,
+///     Blas, Geometry, GeometryData, GeometryFlags, Packet, RayFlags, Tlas, TlasInstance, TraceRay,
 /// };
 /// use anyhit::geometry::Ray;
 ///
 /// let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![1.0], indices: None };
 /// let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)])?;
 /// let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
-/// let tlas = Tlas::new(vec![Instance::of(blas, identity)])?;
+/// let tlas = Tlas::new(vec![TlasInstance::of(blas, identity)])?;
 /// let down = |x: f32| Ray::new([x, 0.0, 3.0], [0.0, 0.0, -1.0]);
 /// let flags = RayFlags::default();
 /// let trace = |x| TraceRay { ray: down(x), flags, cull_mask: 0xFF, time: 0.0 };

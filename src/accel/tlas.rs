@@ -45,7 +45,7 @@ impl InstanceFlags {
 
 /// An instance of a BLAS.
 #[derive(Clone, Debug)]
-pub struct Instance {
+pub struct TlasInstance {
     /// The BLAS that the instance places.
     pub blas: Arc<Blas>,
     /// Object to world, row-major 3x4 (`VkTransformMatrixKHR`); counts where `motion` is `None`.
@@ -62,7 +62,7 @@ pub struct Instance {
     pub flags: InstanceFlags,
 }
 
-impl Instance {
+impl TlasInstance {
     /// An instance at rest that every ray may meet (mask 0xFF), with custom index, offset and flags
     /// 0; `transform` is object to world.
     pub fn of(blas: Arc<Blas>, transform: [[f32; 4]; 3]) -> Self {
@@ -105,7 +105,7 @@ pub fn hit_record_index(instance_offset: u32, geometry: u32, stride: u32, offset
 /// A top-level acceleration structure.
 #[derive(Debug)]
 pub struct Tlas {
-    instances: Vec<Instance>,
+    instances: Vec<TlasInstance>,
     /// The transform of each instance.
     placed: Vec<Placed>,
     /// The exact inverse transform of each instance, computed when a shader reads it.
@@ -126,7 +126,7 @@ impl Tlas {
     /// `InvalidScene`, naming the instance, where a field has too many bits, flags contradict each
     /// other, or a transform is not finite or singular (VUID-VkTransformMatrixKHR-matrix-03799;
     /// decided exactly). All mistakes are reported at once.
-    pub fn new(instances: Vec<Instance>) -> Result<Arc<Self>> {
+    pub fn new(instances: Vec<TlasInstance>) -> Result<Arc<Self>> {
         Self::with_precision(instances, Precision::Exact)
     }
 
@@ -135,12 +135,16 @@ impl Tlas {
     ///
     /// # Errors
     /// As [`Tlas::new`].
-    pub fn with_precision(instances: Vec<Instance>, precision: Precision) -> Result<Arc<Self>> {
+    pub fn with_precision(instances: Vec<TlasInstance>, precision: Precision) -> Result<Arc<Self>> {
         Self::on(instances, precision, CpuTier::new())
     }
 
     /// [`Tlas::with_precision`] on a given instruction set.
-    pub(crate) fn on(instances: Vec<Instance>, precision: Precision, cpu_tier: CpuTier) -> Result<Arc<Self>> {
+    pub(crate) fn on(
+        instances: Vec<TlasInstance>,
+        precision: Precision,
+        cpu_tier: CpuTier,
+    ) -> Result<Arc<Self>> {
         let mistakes = validate::instances(&instances);
         if !mistakes.is_empty() {
             return Err(Error::several(mistakes));
@@ -148,13 +152,13 @@ impl Tlas {
         let still = |transform: &[[f32; 4]; 3]| {
             Transform::new(transform).expect("bug in anyhit: a singular instance passed validation")
         };
-        let place = |instance: &Instance| match &instance.motion {
+        let place = |instance: &TlasInstance| match &instance.motion {
             Some(_) => Placed::Moving,
             None if instance.is_identity() => Placed::InWorld,
             None => Placed::Still(still(&instance.transform)),
         };
         let placed = instances.iter().map(place).collect();
-        let has_micromap = |instance: &Instance| {
+        let has_micromap = |instance: &TlasInstance| {
             instance.blas.geometries().iter().any(|geometry| geometry.opacity_micromap.is_some())
         };
         let has_micromaps = instances.iter().any(has_micromap);
@@ -187,7 +191,7 @@ impl Tlas {
     }
 
     /// The instances in the order of their `InstanceId`.
-    pub fn instances(&self) -> &[Instance] {
+    pub fn instances(&self) -> &[TlasInstance] {
         &self.instances
     }
 

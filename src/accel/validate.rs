@@ -3,7 +3,7 @@
 use crate::accel::blas::Geometry;
 use crate::accel::geometry_data::{GeometryData, GeometryKind, Indexing};
 use crate::accel::primitive::Primitive;
-use crate::accel::tlas::{Instance, InstanceFlags};
+use crate::accel::tlas::{InstanceFlags, TlasInstance};
 use crate::error::{Error, ErrorKind};
 use crate::geometry::Transform;
 
@@ -174,7 +174,7 @@ fn negative_radius(data: &GeometryData) -> Option<String> {
 }
 
 /// The mistakes in the instances of a TLAS.
-pub fn instances(instances: &[Instance]) -> Vec<Error> {
+pub fn instances(instances: &[TlasInstance]) -> Vec<Error> {
     const FIELD: u32 = 1 << 24;
     let mut mistakes = Vec::new();
     if instances.len() > MAX_GEOMETRIES {

@@ -3,7 +3,7 @@
 use dashu_float::Context;
 use dashu_float::round::mode::HalfEven;
 
-use crate::check_math::judge::{Big, Format, big};
+use crate::check_math::judge::{Big, FloatWidth, big};
 use crate::ops::conversion::Conversion;
 use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::{arithmetic, conversion, glsl};
@@ -37,7 +37,7 @@ pub enum How {
 
 /// A function.
 #[derive(Debug)]
-pub struct Function {
+pub struct CheckedFunction {
     /// The specification's name, and behind it the type of an integer result.
     pub name: &'static str,
     rows: Rows,
@@ -54,9 +54,9 @@ enum Rows {
     To(Conversion, u32),
 }
 
-impl Function {
+impl CheckedFunction {
     /// The row for floats of this format.
-    pub fn row(&self, format: Format) -> Option<&'static LaneKernel> {
+    pub fn row(&self, format: FloatWidth) -> Option<&'static LaneKernel> {
         match self.rows {
             Rows::Of(family) => {
                 family.kernel(format.width()).filter(|row| row.float_result == format.width())
@@ -71,44 +71,48 @@ impl Function {
     }
 
     /// Whether it is judged at this width.
-    pub fn exists(&self, format: Format) -> bool {
+    pub fn exists(&self, format: FloatWidth) -> bool {
         let exact = matches!(self.how, How::Rounded(_) | How::RoundedPair(_));
         let pair = matches!(self.how, How::RoundedPair(_));
         self.row(format).is_some()
-            && (!exact || format == Format::Half || (format == Format::Single && !pair))
+            && (!exact || format == FloatWidth::Half || (format == FloatWidth::Single && !pair))
     }
 }
 
-const fn rounded(family: &'static OpFamily, value: Estimate) -> Function {
-    Function { name: family.name, rows: Rows::Of(family), how: How::Rounded(value) }
+const fn rounded(family: &'static OpFamily, value: Estimate) -> CheckedFunction {
+    CheckedFunction { name: family.name, rows: Rows::Of(family), how: How::Rounded(value) }
 }
 
-const fn rounded_pair(family: &'static OpFamily, value: EstimateOfTwo) -> Function {
-    Function { name: family.name, rows: Rows::Of(family), how: How::RoundedPair(value) }
+const fn rounded_pair(family: &'static OpFamily, value: EstimateOfTwo) -> CheckedFunction {
+    CheckedFunction { name: family.name, rows: Rows::Of(family), how: How::RoundedPair(value) }
 }
 
-const fn elementary(family: &'static OpFamily, estimate: Estimate, precise: fn(&Big) -> Big) -> Function {
-    Function { name: family.name, rows: Rows::Of(family), how: How::Elementary(estimate, precise) }
+const fn elementary(
+    family: &'static OpFamily,
+    estimate: Estimate,
+    precise: fn(&Big) -> Big,
+) -> CheckedFunction {
+    CheckedFunction { name: family.name, rows: Rows::Of(family), how: How::Elementary(estimate, precise) }
 }
 
 const fn elementary_pair(
     family: &'static OpFamily,
     estimate: EstimateOfTwo,
     precise: fn(&Big, &Big) -> Big,
-) -> Function {
-    Function { name: family.name, rows: Rows::Of(family), how: How::ElementaryPair(estimate, precise) }
+) -> CheckedFunction {
+    CheckedFunction { name: family.name, rows: Rows::Of(family), how: How::ElementaryPair(estimate, precise) }
 }
 
-const fn to_signed(name: &'static str, bits: u32) -> Function {
-    Function { name, rows: Rows::To(Conversion::FToS, bits), how: How::Whole { signed: true, bits } }
+const fn to_signed(name: &'static str, bits: u32) -> CheckedFunction {
+    CheckedFunction { name, rows: Rows::To(Conversion::FToS, bits), how: How::Whole { signed: true, bits } }
 }
 
-const fn to_unsigned(name: &'static str, bits: u32) -> Function {
-    Function { name, rows: Rows::To(Conversion::FToU, bits), how: How::Whole { signed: false, bits } }
+const fn to_unsigned(name: &'static str, bits: u32) -> CheckedFunction {
+    CheckedFunction { name, rows: Rows::To(Conversion::FToU, bits), how: How::Whole { signed: false, bits } }
 }
 
 /// Every function, in the order of the specification.
-pub static FUNCTIONS: &[Function] = &[
+pub static FUNCTIONS: &[CheckedFunction] = &[
     rounded(&arithmetic::FNegate, |a| -a),
     rounded_pair(&arithmetic::FAdd, |a, b| a + b),
     rounded_pair(&arithmetic::FSub, |a, b| a - b),
@@ -208,7 +212,7 @@ fn round_even(a: f64) -> f64 {
 
 /// The nearest f16 without denormals.
 fn quantized(a: f64) -> f64 {
-    let half = Format::Half.value(Format::Half.bits_of(a));
+    let half = FloatWidth::Half.value(FloatWidth::Half.bits_of(a));
     // 2^-14
     if half.abs() < 1.0 / 16_384.0 { 0f64.copysign(a) } else { half }
 }

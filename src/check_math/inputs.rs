@@ -3,12 +3,12 @@
 use std::fmt;
 
 use crate::check_math::CheckMathSettings;
-use crate::check_math::function::Function;
-use crate::check_math::judge::Format;
+use crate::check_math::function::CheckedFunction;
+use crate::check_math::judge::FloatWidth;
 
 /// The inputs of one function, by number.
 pub struct Inputs {
-    format: Format,
+    format: FloatWidth,
     count: u64,
     kind: Kind,
 }
@@ -22,12 +22,12 @@ enum Kind {
 
 impl Inputs {
     /// The inputs of a function.
-    pub fn of(function: &Function, format: Format, settings: &CheckMathSettings) -> Self {
+    pub fn of(function: &CheckedFunction, format: FloatWidth, settings: &CheckMathSettings) -> Self {
         let pairs = function.operands() == 2;
         let bits = format.width() * if pairs { 2 } else { 1 };
         let stride = match (format, pairs) {
             // All f16 is no effort.
-            (Format::Half, false) => 1,
+            (FloatWidth::Half, false) => 1,
             _ => settings.stride.max(1),
         };
         if bits <= 32 {
@@ -35,7 +35,7 @@ impl Inputs {
             let count = ((1u64 << bits) - first).div_ceil(stride);
             return Self { format, count, kind: Kind::Every { stride, first } };
         }
-        let count = if format == Format::Double { settings.samples } else { settings.pairs };
+        let count = if format == FloatWidth::Double { settings.samples } else { settings.pairs };
         Self { format, count, kind: Kind::Drawn { seed: settings.seed, pairs } }
     }
 
@@ -51,7 +51,7 @@ impl Inputs {
             Kind::Every { stride, first } => {
                 let bits = number * stride + first;
                 match self.format {
-                    Format::Half => [bits & 0xFFFF, bits >> 16],
+                    FloatWidth::Half => [bits & 0xFFFF, bits >> 16],
                     _ => [bits, 0],
                 }
             }
@@ -83,7 +83,7 @@ fn scattered(number: u64) -> u64 {
 
 /// Draws floats where functions break.
 struct Draw {
-    format: Format,
+    format: FloatWidth,
     state: u64,
 }
 
@@ -195,7 +195,7 @@ impl Draw {
             6 => {
                 let base = self.moderate(30) & (self.mask() >> 1);
                 let ends: [f64; 3] = match format {
-                    Format::Double => [1024.0, -1022.0, -1075.0],
+                    FloatWidth::Double => [1024.0, -1022.0, -1075.0],
                     _ => [128.0, -126.0, -150.0],
                 };
                 let end = ends[self.below(3) as usize] + (self.below(4001) as f64 - 2000.0) / 1000.0;
@@ -218,18 +218,18 @@ mod tests {
     #[test]
     fn a_stride_begins_where_the_seed_says_and_reaches_the_end() {
         let sin = FUNCTIONS.iter().find(|function| function.name == "Sin").unwrap();
-        let inputs = Inputs::of(sin, Format::Single, &SETTINGS);
+        let inputs = Inputs::of(sin, FloatWidth::Single, &SETTINGS);
         // 1, 4, ... 2^32 - 3
         assert_eq!([inputs.at(0)[0], inputs.at(inputs.count() - 1)[0]], [1, (1 << 32) - 3]);
-        assert_eq!(Inputs::of(sin, Format::Half, &SETTINGS).count(), 1 << 16);
+        assert_eq!(Inputs::of(sin, FloatWidth::Half, &SETTINGS).count(), 1 << 16);
     }
 
     #[test]
     fn pairs_are_the_same_for_a_seed_and_reach_all_kinds() {
         let pow = FUNCTIONS.iter().find(|function| function.name == "Pow").unwrap();
-        let inputs = Inputs::of(pow, Format::Single, &SETTINGS);
+        let inputs = Inputs::of(pow, FloatWidth::Single, &SETTINGS);
         assert_eq!(inputs.count(), 1000);
-        let again = Inputs::of(pow, Format::Single, &SETTINGS);
+        let again = Inputs::of(pow, FloatWidth::Single, &SETTINGS);
         let mut kinds = [0; 5];
         for number in 0..1000 {
             assert_eq!(inputs.at(number), again.at(number));

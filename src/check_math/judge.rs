@@ -3,7 +3,7 @@
 use dashu_float::FBig;
 use dashu_float::round::mode::HalfEven;
 
-use crate::check_math::function::{Function, How};
+use crate::check_math::function::{CheckedFunction, How};
 
 /// A number of arbitrary precision.
 pub type Big = FBig<HalfEven, 2>;
@@ -24,7 +24,7 @@ const ULPS: f64 = 1.0;
 
 /// A float type of SPIR-V.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum FloatWidth {
     /// The format `f16`.
     Half,
     /// The format `f32`.
@@ -44,7 +44,7 @@ pub enum Judgement {
     Wrong(String),
 }
 
-impl Format {
+impl FloatWidth {
     /// All formats, from the narrowest.
     pub const ALL: [Self; 3] = [Self::Half, Self::Single, Self::Double];
 
@@ -131,9 +131,9 @@ pub fn big(value: f64) -> Big {
     exact.with_precision(PRECISION).value()
 }
 
-impl Function {
+impl CheckedFunction {
     /// Judges a result.
-    pub fn judge(&self, format: Format, operands: &[u64; 2], result: u64) -> Judgement {
+    pub fn judge(&self, format: FloatWidth, operands: &[u64; 2], result: u64) -> Judgement {
         let [a, b] = operands.map(|bits| format.value(bits));
         let (estimate, exact) = match self.how {
             How::Rounded(value) => (value(a), true),
@@ -147,10 +147,10 @@ impl Function {
             return if right { Judgement::Right } else { Judgement::Wrong("NaN".into()) };
         }
         // Zeros and infinities are exact, or far beyond what the format has.
-        if exact || (format != Format::Double && (estimate == 0.0 || estimate.is_infinite())) {
+        if exact || (format != FloatWidth::Double && (estimate == 0.0 || estimate.is_infinite())) {
             return same(format, result, format.bits_of(estimate));
         }
-        if format == Format::Double {
+        if format == FloatWidth::Double {
             return self.judge_double([a, b], estimate, f64::from_bits(result));
         }
         let low = format.bits_of(estimate * (1.0 - MARGIN));
@@ -219,7 +219,7 @@ fn judge_whole(value: f64, signed: bool, bits: u32, result: u64) -> Judgement {
     if same { Judgement::Right } else { Judgement::Wrong(right.to_string()) }
 }
 
-fn same(format: Format, result: u64, right: u64) -> Judgement {
+fn same(format: FloatWidth, result: u64, right: u64) -> Judgement {
     if result == right {
         return Judgement::Right;
     }
@@ -228,7 +228,7 @@ fn same(format: Format, result: u64, right: u64) -> Judgement {
 
 /// Whether a result is the number of the format nearest to a value, by the middles between the
 /// result and its neighbours.
-fn judge_precise(format: Format, value: &Big, result: u64) -> Judgement {
+fn judge_precise(format: FloatWidth, value: &Big, result: u64) -> Judgement {
     let magnitude = result & (format.sign() - 1);
     let negative = result & format.sign() != 0;
     let size = if *value < Big::ZERO { -value.clone() } else { value.clone() };
@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     fn halves_are_rounded_to_nearest_even() {
-        let bits = |value: f64| Format::Half.bits_of(value);
+        let bits = |value: f64| FloatWidth::Half.bits_of(value);
         // 1 + 2^-11 is a tie; 65520 is the tie between the largest number and 65536.
         assert_eq!(
             [bits(1.0), bits(1.0 + 2f64.powi(-11)), bits(1.0 + 3.0 * 2f64.powi(-11))],
@@ -275,7 +275,7 @@ mod tests {
             [1, 0, 0x8000, 0x400]
         );
         for number in 0..=0xFFFF {
-            let value = Format::Half.value(number);
+            let value = FloatWidth::Half.value(number);
             assert!(value.is_nan() || bits(value) == number, "{number:#x}");
         }
     }
@@ -287,8 +287,9 @@ mod tests {
         let tie = big(1.0 + 2f64.powi(-24));
         let more = tie.clone() + big(2.0).powi((-100).into());
         let less = tie.clone() - big(2.0).powi((-100).into());
-        let right =
-            |value: &Big, bits| matches!(judge_precise(Format::Single, value, bits), Judgement::Precise(_));
+        let right = |value: &Big, bits| {
+            matches!(judge_precise(FloatWidth::Single, value, bits), Judgement::Precise(_))
+        };
         assert_eq!([right(&tie, 0x3F80_0000), right(&tie, 0x3F80_0001)], [true, false]);
         assert_eq!([right(&more, 0x3F80_0000), right(&more, 0x3F80_0001)], [false, true]);
         assert_eq!([right(&less, 0x3F80_0000), right(&less, 0x3F80_0001)], [true, false]);

@@ -1,7 +1,7 @@
 //! Exhaustive test of the elementary functions and the other componentwise float instructions
 //! against correctly rounded results: `anyhit check-math`.
 //!
-//! A [`Function`] is a row of the instruction set and how to know its value otherwise: an
+//! A [`CheckedFunction`] is a row of the instruction set and how to know its value otherwise: an
 //! evaluation in f64 by the platform's own library, which decides nearly every input by its
 //! distance from the next rounding boundary, and one in arbitrary precision for the rest. The rows
 //! use neither. [`judge`] says what is right, [`inputs`] what is asked.
@@ -14,9 +14,9 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::check_math::function::{Function, How};
+use crate::check_math::function::{CheckedFunction, How};
 use crate::check_math::inputs::Inputs;
-use crate::check_math::judge::{Format, Judgement};
+use crate::check_math::judge::{FloatWidth, Judgement};
 use crate::machine::{Reg, Registers};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 
@@ -82,8 +82,8 @@ fn seconds<S: serde::Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Err
 /// Asks one function at one width; `progress` is told, from any thread, of so many more inputs of
 /// so many in all.
 pub fn run(
-    function: &'static Function,
-    format: Format,
+    function: &'static CheckedFunction,
+    format: FloatWidth,
     settings: &CheckMathSettings,
     progress: impl Fn(u64, u64) + Sync,
 ) -> CheckMathReport {
@@ -109,7 +109,7 @@ pub fn run(
         precise: found.precise,
         wrong: found.wrong,
         examples: found.examples,
-        greatest_error: (format == Format::Double).then_some(found.greatest_error),
+        greatest_error: (format == FloatWidth::Double).then_some(found.greatest_error),
         time: begin.elapsed(),
     }
 }
@@ -136,8 +136,8 @@ impl Found {
 
 /// Runs a stretch of the inputs in batches of 64 lanes and judges them.
 fn run_block(
-    function: &Function,
-    format: Format,
+    function: &CheckedFunction,
+    format: FloatWidth,
     row: &LaneKernel,
     inputs: &Inputs,
     range: std::ops::Range<u64>,
@@ -181,7 +181,7 @@ fn run_block(
     found
 }
 
-impl Function {
+impl CheckedFunction {
     /// How many operands it takes.
     pub fn operands(&self) -> usize {
         match self.how {
@@ -198,7 +198,7 @@ mod tests {
 
     const FEW: CheckMathSettings = CheckMathSettings { stride: 1, pairs: 20_000, samples: 60, seed: 1 };
 
-    fn right(format: Format, settings: &CheckMathSettings, wanted: impl Fn(&Function) -> bool) {
+    fn right(format: FloatWidth, settings: &CheckMathSettings, wanted: impl Fn(&CheckedFunction) -> bool) {
         let asked = FUNCTIONS.iter().filter(|function| wanted(function) && function.exists(format));
         let reports: Vec<CheckMathReport> =
             asked.map(|function| run(function, format, settings, |_, _| ())).collect();
@@ -209,21 +209,21 @@ mod tests {
 
     #[test]
     fn every_half_is_right_in_functions_of_one() {
-        right(Format::Half, &FEW, |function| function.operands() == 1);
+        right(FloatWidth::Half, &FEW, |function| function.operands() == 1);
     }
 
     #[test]
     fn a_sample_of_all_is_right() {
         // Strides are odd, so that all low bits turn up.
-        right(Format::Half, &CheckMathSettings { stride: 1_000_003, ..FEW }, |function| {
+        right(FloatWidth::Half, &CheckMathSettings { stride: 1_000_003, ..FEW }, |function| {
             function.operands() == 2
         });
-        right(Format::Single, &CheckMathSettings { stride: 200_003, ..FEW }, |_| true);
+        right(FloatWidth::Single, &CheckMathSettings { stride: 200_003, ..FEW }, |_| true);
     }
 
     #[test]
     fn doubles_are_off_by_one_unit_at_most() {
-        right(Format::Double, &FEW, |_| true);
+        right(FloatWidth::Double, &FEW, |_| true);
     }
 
     /// All f32 of all functions of one: about an hour of one core in a release build.
@@ -231,7 +231,7 @@ mod tests {
     #[ignore = "asks billions of inputs: `anyhit check-math` does the same with progress"]
     fn everything_is_right() {
         let all = CheckMathSettings { stride: 1, pairs: 1 << 28, samples: 100_000, seed: 1 };
-        for format in Format::ALL {
+        for format in FloatWidth::ALL {
             right(format, &all, |_| true);
         }
     }
@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn a_neighbour_of_the_right_result_is_wrong() {
         for function in FUNCTIONS {
-            for format in Format::ALL.into_iter().filter(|&format| function.exists(format)) {
+            for format in FloatWidth::ALL.into_iter().filter(|&format| function.exists(format)) {
                 let row = function.row(format).expect("a row");
                 let one = format.bits_of(1.0);
                 let operands = [format.bits_of(0.75), one];

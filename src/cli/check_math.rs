@@ -2,8 +2,8 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::check_math::function::{FUNCTIONS, Function};
-use crate::check_math::judge::Format;
+use crate::check_math::function::{CheckedFunction, FUNCTIONS};
+use crate::check_math::judge::FloatWidth;
 use crate::check_math::{self, CheckMathReport, CheckMathSettings};
 use crate::cli::output;
 use crate::error::{Error, ErrorKind, Result};
@@ -57,9 +57,9 @@ pub fn run(args: CheckMathArgs) -> Result<()> {
     if !args.json {
         output::print(format_args!("{}\n", heading()))?;
     }
-    for format in Format::ALL {
+    for format in FloatWidth::ALL {
         let wanted = args.width.is_empty() || args.width.contains(&format.width().to_string());
-        let named = |function: &&Function| {
+        let named = |function: &&CheckedFunction| {
             args.function.is_empty() || args.function.contains(&function.instruction())
         };
         for function in FUNCTIONS.iter().filter(named).filter(|one| wanted && one.exists(format)) {
@@ -94,9 +94,9 @@ pub fn run(args: CheckMathArgs) -> Result<()> {
 }
 
 fn function(name: &str) -> std::result::Result<&'static str, String> {
-    let found = FUNCTIONS.iter().map(Function::instruction).find(|one| one.eq_ignore_ascii_case(name));
+    let found = FUNCTIONS.iter().map(CheckedFunction::instruction).find(|one| one.eq_ignore_ascii_case(name));
     found.ok_or_else(|| {
-        let mut names: Vec<_> = FUNCTIONS.iter().map(Function::instruction).collect();
+        let mut names: Vec<_> = FUNCTIONS.iter().map(CheckedFunction::instruction).collect();
         names.dedup();
         format!("the functions are {}", names.join(", "))
     })

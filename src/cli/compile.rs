@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::cli::output;
-use crate::compile::{CompileOptions, DebugInfo, Optimize, Source, compile, fixtures};
+use crate::compile::{CompileOptions, DebugInfoLevel, Optimize, Source, compile, fixtures};
 use crate::error::{Error, ErrorKind, Result};
 
 /// Compiles GLSL, WGSL, Slang or HLSL to SPIR-V.
@@ -51,9 +51,9 @@ pub fn run(args: CompileArgs) -> Result<()> {
 
 fn compile_sources(args: &CompileArgs) -> Result<()> {
     let debug = match (args.full, args.lines) {
-        (true, _) => DebugInfo::Full,
-        (false, true) => DebugInfo::Lines,
-        (false, false) => DebugInfo::Names,
+        (true, _) => DebugInfoLevel::Full,
+        (false, true) => DebugInfoLevel::Lines,
+        (false, false) => DebugInfoLevel::Names,
     };
     let optimize = match args.optimize.as_deref() {
         None => Optimize::Default,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::compile::{CompileOptions, DebugInfo, Language, Source, compile_once};
+use crate::compile::{CompileOptions, DebugInfoLevel, Language, Source, compile_once};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::module::{self, Module};
 
@@ -27,7 +27,7 @@ pub fn read_or_compile(path: &Path) -> Result<Module> {
     if Language::of(path).is_none() {
         return read(path);
     }
-    let options = CompileOptions { debug: DebugInfo::Full, ..CompileOptions::default() };
+    let options = CompileOptions { debug: DebugInfoLevel::Full, ..CompileOptions::default() };
     let spirv = compile_once(&Source::read(path)?, &options)?;
     module::load(&spirv).map_err(|error| error.at(Place::File(path.to_owned())))
 }

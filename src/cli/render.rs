@@ -15,7 +15,7 @@ use crate::machine::image::ImageShape;
 use crate::machine::{Binding, Descriptor};
 use crate::pipeline::{Band, Bands, Streamed};
 use crate::scene::image::{stream_png, write_png};
-use crate::scene::image_entry::Image;
+use crate::scene::image_entry::ImageContent;
 use crate::scene::resources::{Output, Resource};
 use crate::scene::{self, Assembled, DiskFiles, LoadOptions, ResolvedScene, resolved};
 
@@ -145,7 +145,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
 }
 
 /// The image that is saved.
-fn output_of(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &Image)> {
+fn output_of(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &ImageContent)> {
     let output = scene.output()?;
     match &output.resource {
         Resource::StorageImage(image) => Some((output, image)),
@@ -158,7 +158,7 @@ fn in_bands<'a>(
     args: &RenderArgs,
     assembled: &'a Assembled,
     output: &resolved::ResolvedBinding,
-    image: &Image,
+    image: &ImageContent,
     streamed: &'a Streamed,
 ) -> Result<Bands<'a>, String> {
     let [width, height, _] = assembled.size;

@@ -8,7 +8,7 @@ use crate::machine::{Binding, Descriptor};
 use crate::pipeline::{Bands, Stats};
 use crate::program::race_analysis::Memory;
 use crate::scene::Assembled;
-use crate::scene::image_entry::Image;
+use crate::scene::image_entry::ImageContent;
 
 /// Rays, invocations, occupancy, times.
 pub fn table(stats: &Stats, ready: Duration, traced: Duration) -> String {
@@ -66,7 +66,7 @@ pub fn order(assembled: &Assembled) -> String {
 }
 
 /// How an image was handed out while it was rendered.
-pub fn bands(bands: &Bands<'_>, image: &Image) -> String {
+pub fn bands(bands: &Bands<'_>, image: &ImageContent) -> String {
     let rows = bands.rows();
     let bytes = image.size() / u64::from(image.shape.extent[1]) * u64::from(rows);
     format!(

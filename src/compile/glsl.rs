@@ -7,11 +7,11 @@ use glslang::{
     SpirvVersion, Target, VulkanVersion,
 };
 
-use super::{CompileOptions, DebugInfo, Source, Stage, bytes, glslang_debug, message};
+use super::{CompileOptions, DebugInfoLevel, Source, SourceStage, bytes, glslang_debug, message};
 use crate::error::{Error, ErrorKind, Result};
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
-pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -> Result<Vec<u8>> {
+pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Vec<u8>> {
     if source.text().contains('\0') {
         let text = format!("{}: the text holds a zero byte", source.name());
         return Err(Error::new(ErrorKind::InvalidSource, text));
@@ -35,7 +35,7 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
         .map_err(|error| failed(source, &error))?;
     let shader = compiler.create_shader(input).map_err(|error| failed(source, &error))?;
     let words = match options.debug {
-        DebugInfo::Names => shader.compile().map_err(|error| failed(source, &error))?,
+        DebugInfoLevel::Names => shader.compile().map_err(|error| failed(source, &error))?,
         debug => {
             let preprocessed = shader.get_preprocessed_code();
             glslang_debug::compile(source, &preprocessed, stage, debug)
@@ -45,15 +45,15 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
     Ok(bytes(&words))
 }
 
-fn shader_stage(stage: Stage) -> ShaderStage {
+fn shader_stage(stage: SourceStage) -> ShaderStage {
     match stage {
-        Stage::RayGeneration => ShaderStage::RayGeneration,
-        Stage::Intersection => ShaderStage::Intersect,
-        Stage::AnyHit => ShaderStage::AnyHit,
-        Stage::ClosestHit => ShaderStage::ClosestHit,
-        Stage::Miss => ShaderStage::Miss,
-        Stage::Callable => ShaderStage::Callable,
-        Stage::Compute => ShaderStage::Compute,
+        SourceStage::RayGeneration => ShaderStage::RayGeneration,
+        SourceStage::Intersection => ShaderStage::Intersect,
+        SourceStage::AnyHit => ShaderStage::AnyHit,
+        SourceStage::ClosestHit => ShaderStage::ClosestHit,
+        SourceStage::Miss => ShaderStage::Miss,
+        SourceStage::Callable => ShaderStage::Callable,
+        SourceStage::Compute => ShaderStage::Compute,
     }
 }
 

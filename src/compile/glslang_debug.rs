@@ -13,7 +13,7 @@ use glslang::ShaderStage;
 use glslang::limits::{DEFAULT_LIMITS, ResourceLimits};
 use glslang_sys as sys;
 
-use super::{DebugInfo, Source};
+use super::{DebugInfoLevel, Source};
 
 /// glslang's name and version.
 pub(super) fn version() -> String {
@@ -32,7 +32,7 @@ pub(super) fn compile(
     source: &Source,
     preprocessed: &str,
     stage: ShaderStage,
-    debug: DebugInfo,
+    debug: DebugInfoLevel,
 ) -> Result<Vec<u32>, String> {
     let c_string = |text: &str| CString::new(text).map_err(|_| "the text holds a zero byte".to_owned());
     let code = c_string(preprocessed)?;
@@ -64,7 +64,7 @@ pub(super) fn compile(
         },
         callbacks_ctx: std::ptr::null_mut(),
     };
-    let full = debug == DebugInfo::Full;
+    let full = debug == DebugInfoLevel::Full;
     let mut options = sys::glslang_spv_options_t {
         generate_debug_info: true,
         strip_debug_info: false,

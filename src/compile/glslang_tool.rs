@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use super::outside::{Desk, Tool, said};
-use super::{CompileOptions, DebugInfo, Optimize, Source, Stage, message};
+use super::{CompileOptions, DebugInfoLevel, Optimize, Source, SourceStage, message};
 use crate::error::{Error, ErrorKind, Result};
 
 /// The environment variable that names the tool to use, also where glslang is built in.
@@ -19,14 +19,14 @@ pub(super) fn asked_for() -> bool {
 }
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
-pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -> Result<Vec<u8>> {
+pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Vec<u8>> {
     let tool = tool()?;
     let desk = Desk::new(source)?;
     let mut command = Command::new(&tool.path);
     let stage = stage.extension();
     if is_glslc(&tool) {
         command.args(["--target-env=vulkan1.3", "-x", "glsl"]).arg(format!("-fshader-stage={stage}"));
-        if options.debug != DebugInfo::Names {
+        if options.debug != DebugInfoLevel::Names {
             command.arg("-g");
         }
         match options.optimize {
@@ -41,11 +41,11 @@ pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -
     } else {
         command.args(["-V", "--target-env", "vulkan1.3", "-S", stage]);
         match options.debug {
-            DebugInfo::Names => {}
-            DebugInfo::Lines => {
+            DebugInfoLevel::Names => {}
+            DebugInfoLevel::Lines => {
                 command.arg("-g");
             }
-            DebugInfo::Full => {
+            DebugInfoLevel::Full => {
                 command.arg("-gVS");
             }
         }

@@ -35,7 +35,7 @@ mod glslang_debug;
 mod wgsl;
 
 pub use cache::compile_once;
-pub use source::{Language, Source, Stage, content_hash};
+pub use source::{Language, Source, SourceStage, content_hash};
 
 use crate::error::{Error, ErrorKind, Result};
 
@@ -43,7 +43,7 @@ use crate::error::{Error, ErrorKind, Result};
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CompileOptions {
     /// The debug information about its source that a module holds.
-    pub debug: DebugInfo,
+    pub debug: DebugInfoLevel,
     /// Whether the compiler optimises. Only `slangc` does; glslang is built without its optimiser,
     /// and naga has none.
     pub optimize: Optimize,
@@ -51,7 +51,7 @@ pub struct CompileOptions {
 
 /// The debug information about its source that a module holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum DebugInfo {
+pub enum DebugInfoLevel {
     /// Names, as the compiler gives them by default, and no lines.
     #[default]
     Names,
@@ -83,8 +83,8 @@ impl CompileOptions {
         let mut options = Self::default();
         for flag in flags {
             match flag {
-                "-g" => options.debug = DebugInfo::Lines,
-                "-gVS" | "-g2" => options.debug = DebugInfo::Full,
+                "-g" => options.debug = DebugInfoLevel::Lines,
+                "-gVS" | "-g2" => options.debug = DebugInfoLevel::Full,
                 "-O0" => options.optimize = Optimize::Off,
                 "-O2" => options.optimize = Optimize::High,
                 _ => {
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn flags_become_options() {
         let options = CompileOptions::from_flags(["-gVS", "-O0"]).unwrap();
-        assert_eq!(options, CompileOptions { debug: DebugInfo::Full, optimize: Optimize::Off });
+        assert_eq!(options, CompileOptions { debug: DebugInfoLevel::Full, optimize: Optimize::Off });
         let error = CompileOptions::from_flags(["-O3"]).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         assert!(error.message().contains("-O3"), "{error}");

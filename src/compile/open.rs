@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{CompileOptions, DebugInfo, Language, Source, compile_once};
+use super::{CompileOptions, DebugInfoLevel, Language, Source, compile_once};
 use crate::error::{Error, Place, Result};
 use crate::module::{Module, load};
 
 /// How a source is compiled by default: with lines, so that a trap can name its own.
 const OPTIONS: CompileOptions =
-    CompileOptions { debug: DebugInfo::Lines, optimize: super::Optimize::Default };
+    CompileOptions { debug: DebugInfoLevel::Lines, optimize: super::Optimize::Default };
 
 impl Module {
     /// Opens a module: a file of SPIR-V, or a source in GLSL, WGSL, Slang or HLSL by its extension,

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use super::outside::{Desk, Tool, said};
-use super::{CompileOptions, DebugInfo, Optimize, Source, message};
+use super::{CompileOptions, DebugInfoLevel, Optimize, Source, message};
 use crate::error::Result;
 
 /// What `slangc` says where the library beside it is missing that optimises SPIR-V.
@@ -21,7 +21,7 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u
         for folder in &folders {
             command.arg("-I").arg(folder);
         }
-        if options.debug != DebugInfo::Names {
+        if options.debug != DebugInfoLevel::Names {
             command.arg("-g2");
         }
         match optimize {

@@ -14,7 +14,7 @@ pub(super) const EXTENSIONS: &str = "GLSL: .rgen .rint .rahit .rchit .rmiss .rca
 
 /// A pipeline stage, named by the file extension that glslang knows it by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Stage {
+pub enum SourceStage {
     /// `.rgen`
     RayGeneration,
     /// `.rint`
@@ -31,7 +31,7 @@ pub enum Stage {
     Compute,
 }
 
-impl Stage {
+impl SourceStage {
     const ALL: [Self; 7] = [
         Self::RayGeneration,
         Self::Intersection,
@@ -60,7 +60,7 @@ impl Stage {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Language {
     /// GLSL: one stage a file, entry point `main`.
-    Glsl(Stage),
+    Glsl(SourceStage),
     /// WGSL (`.wgsl`), with naga's ray-tracing extensions.
     Wgsl,
     /// Slang (`.slang`).
@@ -73,7 +73,7 @@ impl Language {
     /// The language of a file name, by its extension; `None` for headers and everything else.
     pub fn of(path: &Path) -> Option<Self> {
         let extension = path.extension()?.to_str()?;
-        let stage = |name: &str| Stage::ALL.into_iter().find(|stage| stage.extension() == name);
+        let stage = |name: &str| SourceStage::ALL.into_iter().find(|stage| stage.extension() == name);
         Some(match extension {
             "wgsl" => Self::Wgsl,
             "slang" => Self::Slang,
@@ -308,8 +308,8 @@ mod tests {
     #[test]
     fn extensions_tell_language_and_stage() {
         let of = |name: &str| Language::of(Path::new(name));
-        assert_eq!(of("a.rchit"), Some(Language::Glsl(Stage::ClosestHit)));
-        assert_eq!(of("a.rmiss.glsl"), Some(Language::Glsl(Stage::Miss)));
+        assert_eq!(of("a.rchit"), Some(Language::Glsl(SourceStage::ClosestHit)));
+        assert_eq!(of("a.rmiss.glsl"), Some(Language::Glsl(SourceStage::Miss)));
         assert_eq!(of("a.hlsl"), Some(Language::Hlsl));
         assert_eq!(of("common.glsl"), None);
         assert_eq!(of("a.rchit.spv"), None);

@@ -3,7 +3,7 @@
 use naga::back::spv;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use super::{CompileOptions, DebugInfo, Source, bytes};
+use super::{CompileOptions, DebugInfoLevel, Source, bytes};
 use crate::error::{Error, ErrorKind, Place, Result};
 
 /// naga has no constant for its version; a test compares this with `Cargo.lock`.
@@ -32,7 +32,7 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u
         })?;
 
     let mut flags = spv::WriterFlags::empty();
-    let debug_info = (options.debug != DebugInfo::Names).then(|| spv::DebugInfo {
+    let debug_info = (options.debug != DebugInfoLevel::Names).then(|| spv::DebugInfo {
         source_code: text,
         file_name: source.name(),
         language: spv::SourceLanguage::WGSL,

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use crate::accel::{HitKind, Tlas};
-use crate::debug::transcript::{Flags, ShaderLabel, SourceLine};
+use crate::debug::transcript::{Flags, ShaderLabel, TranscriptLine};
 use crate::error::Place;
 use crate::geometry::Surface;
 use crate::pipeline::{Group, Pipeline, Shader};
@@ -79,19 +79,19 @@ pub fn surface(surface: Surface) -> &'static str {
 }
 
 /// The source line of an operation.
-pub fn source_line(program: &Program, op: u32) -> Option<SourceLine> {
+pub fn source_line(program: &Program, op: u32) -> Option<TranscriptLine> {
     source_line_at(program, program.origins.get(op as usize)?.offset)
 }
 
 /// The source line of the instruction at a word offset of the module.
-pub fn source_line_at(program: &Program, offset: u32) -> Option<SourceLine> {
+pub fn source_line_at(program: &Program, offset: u32) -> Option<TranscriptLine> {
     Some(match program.place_at(offset)? {
-        Place::Text { file, text, span } => SourceLine {
+        Place::Text { file, text, span } => TranscriptLine {
             file,
             line: text[..span.start].matches('\n').count() as u32 + 1,
             text: Some(text[span].to_owned()),
         },
-        Place::Line { file, line, .. } => SourceLine { file, line, text: None },
+        Place::Line { file, line, .. } => TranscriptLine { file, line, text: None },
         _ => return None,
     })
 }

@@ -12,7 +12,7 @@ use crate::debug::names::{self, Names};
 use crate::debug::query_reader::Queries;
 use crate::debug::transcript::{
     Arithmetic, Decision, Ending, ExitKind, HitReport, InstanceOutcome, InstanceReport, NamedValue,
-    PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderRun, SourceLine, Step, Trace, Traversal,
+    PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderRun, Step, Trace, TranscriptLine, Traversal,
 };
 use crate::debug::values::{FloatValue, TypedValue, ValueContent};
 use crate::geometry::{Intersection, Surface};
@@ -207,7 +207,7 @@ impl<'a> EventReader<'a> {
     /// A ray before its way.
     pub(super) fn traversal(
         &self,
-        called_at: Option<SourceLine>,
+        called_at: Option<TranscriptLine>,
         tlas: &Arc<Tlas>,
         operands: &TraceRay,
     ) -> Traversal {
@@ -230,7 +230,7 @@ impl<'a> EventReader<'a> {
     }
 
     fn instances(&self, tlas: &Arc<Tlas>) -> Vec<InstanceReport> {
-        let one = |(number, instance): (usize, &accel::Instance)| InstanceReport {
+        let one = |(number, instance): (usize, &accel::TlasInstance)| InstanceReport {
             instance: number as u32,
             geometry: self.names.geometry(tlas, number as u32).to_vec(),
             primitive_kind: instance.blas.kind().map(|kind| kind.to_string()),

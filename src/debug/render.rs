@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use crate::debug::page::{Ink, Page, grouped};
 use crate::debug::transcript::{
     ChangedPlace, Decision, ExitKind, HitReport, InstanceOutcome, InstanceReport, MemoryChange, NamedValue,
-    PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderLabel, ShaderRun, SourceLine, Step, Trace,
-    Transcript, Traversal,
+    PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderLabel, ShaderRun, Step, Trace, Transcript,
+    TranscriptLine, Traversal,
 };
 use crate::debug::values::{FloatValue, TypedValue, ValueContent};
 
@@ -483,8 +483,8 @@ fn ray(ray: &Traversal) -> Vec<(String, String)> {
 }
 
 /// ` traced at a.rgen:19: the line's text`
-fn called_at(line: Option<&SourceLine>, verb: &str) -> String {
-    let Some(SourceLine { file, line, text }) = line else { return String::new() };
+fn called_at(line: Option<&TranscriptLine>, verb: &str) -> String {
+    let Some(TranscriptLine { file, line, text }) = line else { return String::new() };
     let text = text.as_ref().map_or_else(String::new, |text| format!(": {text}"));
     let gap = if verb.is_empty() { "" } else { ", " };
     format!("{gap}{verb} at {file}:{line}{text}")

@@ -143,7 +143,7 @@ pub struct Ending {
     /// What went wrong, for a trap.
     pub message: Option<&'static str>,
     /// Where, for a trap.
-    pub at: Option<SourceLine>,
+    pub at: Option<TranscriptLine>,
 }
 
 /// How a shader ended, in a word.
@@ -162,7 +162,7 @@ pub enum ExitKind {
 
 /// A line of a source.
 #[derive(Clone, Debug, Serialize)]
-pub struct SourceLine {
+pub struct TranscriptLine {
     /// The file's name as the compiler wrote it.
     pub file: String,
     /// From 1.
@@ -254,7 +254,7 @@ pub struct Traversal {
     /// The acceleration structure's name.
     pub structure: Option<String>,
     /// Where a shader traced it.
-    pub called_at: Option<SourceLine>,
+    pub called_at: Option<TranscriptLine>,
     /// The ray's origin.
     pub origin: [FloatValue; 3],
     /// The ray's direction.

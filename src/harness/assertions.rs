@@ -12,9 +12,9 @@ use bytemuck::{AnyBitPattern, NoUninit};
 use pretty_assertions::StrComparison;
 
 use crate::error::Result;
-use crate::harness::data::Data;
+use crate::harness::data::TypedBytes;
 use crate::harness::explain::Explain;
-use crate::harness::number::{ExpectedNumber, Scalar, Tolerance};
+use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::harness::shader_outcome::ShaderOutcome;
 use crate::harness::trace::Traced;
 use crate::harness::value::Value;
@@ -128,9 +128,9 @@ macro_rules! assert_payload_eq {
 }
 
 /// What has numbers to compare.
-pub trait Numbers {
+pub trait AsNumbers {
     /// Kind and bits of each.
-    fn numbers(&self) -> Vec<(Scalar, u64)>;
+    fn numbers(&self) -> Vec<(NumberType, u64)>;
 
     /// What led to them, where that is known.
     fn explanation(&self) -> Option<String> {
@@ -138,38 +138,38 @@ pub trait Numbers {
     }
 }
 
-impl Numbers for f32 {
-    fn numbers(&self) -> Vec<(Scalar, u64)> {
-        vec![(Scalar::F32, self.to_bits().into())]
+impl AsNumbers for f32 {
+    fn numbers(&self) -> Vec<(NumberType, u64)> {
+        vec![(NumberType::F32, self.to_bits().into())]
     }
 }
 
-impl Numbers for f64 {
-    fn numbers(&self) -> Vec<(Scalar, u64)> {
-        vec![(Scalar::F64, self.to_bits())]
+impl AsNumbers for f64 {
+    fn numbers(&self) -> Vec<(NumberType, u64)> {
+        vec![(NumberType::F64, self.to_bits())]
     }
 }
 
-impl<T: Numbers> Numbers for [T] {
-    fn numbers(&self) -> Vec<(Scalar, u64)> {
-        self.iter().flat_map(Numbers::numbers).collect()
+impl<T: AsNumbers> AsNumbers for [T] {
+    fn numbers(&self) -> Vec<(NumberType, u64)> {
+        self.iter().flat_map(AsNumbers::numbers).collect()
     }
 }
 
-impl<T: Numbers, const N: usize> Numbers for [T; N] {
-    fn numbers(&self) -> Vec<(Scalar, u64)> {
+impl<T: AsNumbers, const N: usize> AsNumbers for [T; N] {
+    fn numbers(&self) -> Vec<(NumberType, u64)> {
         self[..].numbers()
     }
 }
 
-impl<T: Numbers> Numbers for Vec<T> {
-    fn numbers(&self) -> Vec<(Scalar, u64)> {
+impl<T: AsNumbers> AsNumbers for Vec<T> {
+    fn numbers(&self) -> Vec<(NumberType, u64)> {
         self[..].numbers()
     }
 }
 
-impl<T: Numbers + ?Sized> Numbers for &T {
-    fn numbers(&self) -> Vec<(Scalar, u64)> {
+impl<T: AsNumbers + ?Sized> AsNumbers for &T {
+    fn numbers(&self) -> Vec<(NumberType, u64)> {
         (**self).numbers()
     }
 
@@ -178,8 +178,8 @@ impl<T: Numbers + ?Sized> Numbers for &T {
     }
 }
 
-impl Numbers for Value {
-    fn numbers(&self) -> Vec<(Scalar, u64)> {
+impl AsNumbers for Value {
+    fn numbers(&self) -> Vec<(NumberType, u64)> {
         Value::numbers(self)
     }
 
@@ -194,8 +194,8 @@ impl Numbers for Value {
 /// Where a number is outside all tolerances, or their count differs.
 #[track_caller]
 pub fn near(
-    found: &impl Numbers,
-    expected: &impl Numbers,
+    found: &impl AsNumbers,
+    expected: &impl AsNumbers,
     tolerances: &[Tolerance],
     what: &str,
     outcome: Option<&dyn Explain>,
@@ -223,7 +223,7 @@ pub fn near(
 }
 
 /// The bits of a number as a type holds it.
-fn rounded(scalar: Scalar, exact: f64) -> u64 {
+fn rounded(scalar: NumberType, exact: f64) -> u64 {
     match scalar.format() {
         Some(format) => format.round(exact),
         None => exact as i64 as u64 & 0xFFFF_FFFF,
@@ -243,7 +243,7 @@ pub trait HasPayload: Explain {
     fn read_payload<T: AnyBitPattern + Debug>(&self) -> Result<T>;
 
     /// The payload, to be changed.
-    fn payload_data(&self) -> Option<&Data>;
+    fn payload_data(&self) -> Option<&TypedBytes>;
 }
 
 macro_rules! has_payload {
@@ -253,7 +253,7 @@ macro_rules! has_payload {
                 self.payload()
             }
 
-            fn payload_data(&self) -> Option<&Data> {
+            fn payload_data(&self) -> Option<&TypedBytes> {
                 self.data.as_ref()
             }
         }
@@ -284,7 +284,7 @@ where
 /// # Panics
 /// Where a member differs, or there is none of its path.
 #[track_caller]
-pub fn members_eq(outcome: &impl HasPayload, expect: impl FnOnce(&mut Data) -> Result<()>) {
+pub fn members_eq(outcome: &impl HasPayload, expect: impl FnOnce(&mut TypedBytes) -> Result<()>) {
     let Some(found) = outcome.payload_data() else {
         panic!("there is no payload: no shader that ran declares one\n\n{}", outcome.explain());
     };

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::debug::names;
-use crate::debug::transcript::SourceLine;
+use crate::debug::transcript::TranscriptLine;
 use crate::harness::case::Loaded;
 use crate::harness::expect::Subject;
 use crate::harness::run::{fresh, trace};
@@ -22,7 +22,7 @@ pub struct Writer {
     /// The invocation of ray generation, where the launch was looked at.
     pub launch_id: Option<[u32; 3]>,
     /// The line.
-    pub line: Option<SourceLine>,
+    pub line: Option<TranscriptLine>,
 }
 
 impl Writer {
@@ -152,7 +152,7 @@ impl<'a> WriteFinder<'a> {
         }
     }
 
-    fn line(&self) -> Option<SourceLine> {
+    fn line(&self) -> Option<TranscriptLine> {
         let (shader, op) = self.written?;
         names::source_line(&self.pipeline.programs[shader as usize], op)
     }

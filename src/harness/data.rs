@@ -15,7 +15,7 @@ use crate::module::ty::TypeId;
 
 /// A payload or callable data: bytes with the type that the shader gives them.
 #[derive(Clone, Debug)]
-pub struct Data {
+pub struct TypedBytes {
     module: Arc<Module>,
     ty: TypeId,
     /// What it is, for errors: "the payload".
@@ -23,7 +23,7 @@ pub struct Data {
     bytes: Vec<u8>,
 }
 
-impl Data {
+impl TypedBytes {
     /// Words of the registers that hold a value of a type.
     pub(super) fn new(
         module: &Arc<Module>,
@@ -65,7 +65,7 @@ impl Data {
     /// Overwrites it with a plain Rust value.
     ///
     /// # Errors
-    /// As [`Data::read`].
+    /// As [`TypedBytes::read`].
     pub fn write<T: NoUninit + Debug>(&mut self, value: &T) -> Result<()> {
         self.take(&Bytes::of(value))
     }

@@ -34,7 +34,7 @@ pub struct Hit {
 
 /// What a [`Hit`] comes to.
 pub(super) struct Resolved {
-    pub hit: machine::Hit,
+    pub hit: machine::TlasHit,
     pub trace: TraceRay,
     /// `RayTmaxKHR`
     pub t: f32,
@@ -108,7 +108,7 @@ impl Hit {
         let trace = TraceRay { ray, flags: self.ray_flags, cull_mask: self.cull_mask, time: self.time };
         match first_hit(&tlas, trace) {
             Some(Committed { candidate, t, hit_kind: kind }) => {
-                Ok(Resolved { hit: machine::Hit { tlas, candidate, kind }, trace, t })
+                Ok(Resolved { hit: machine::TlasHit { tlas, candidate, kind }, trace, t })
             }
             None => Err(wrong(format!("the ray misses the primitive: {ray:?}"))
                 .note(what)

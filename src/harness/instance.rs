@@ -195,8 +195,8 @@ impl Instance {
 
     /// # Errors
     /// `InvalidScene` for numbers that no geometry may have.
-    pub(super) fn make(self) -> Result<accel::Instance> {
-        Ok(accel::Instance {
+    pub(super) fn make(self) -> Result<accel::TlasInstance> {
+        Ok(accel::TlasInstance {
             blas: Blas::new(self.geometries)?,
             transform: self.transform,
             motion: self.motion,

@@ -8,7 +8,7 @@ use bytemuck::NoUninit;
 
 use crate::accel::{Committed, Tlas, TraceRay, hit_record_index};
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::data::{Bytes, Data};
+use crate::harness::data::{Bytes, TypedBytes};
 use crate::harness::hit::first_hit;
 use crate::harness::instance::Instance;
 use crate::harness::value::Value;
@@ -30,7 +30,7 @@ pub struct TraceCall {
     /// The payload as the shader gives it.
     pub given: Value,
     /// The payload: what the answer leaves here the shader finds afterwards.
-    pub payload: Data,
+    pub payload: TypedBytes,
     /// Whether it is traced into a hit object: no closest-hit or miss shader runs, and
     /// [`TraceCall::hit`] says what it finds.
     pub into_hit_object: bool,
@@ -52,7 +52,7 @@ pub struct ExecuteCall {
     /// The payload as the shader gives it.
     pub given: Value,
     /// The payload: what the answer leaves here the shader finds afterwards.
-    pub payload: Data,
+    pub payload: TypedBytes,
 }
 
 /// `OpExecuteCallableKHR` as the tested shader executes it.
@@ -65,7 +65,7 @@ pub struct CallableCall {
     /// The callable data as the shader gives it.
     pub given: Value,
     /// The callable data: what the answer leaves here the shader finds afterwards.
-    pub data: Data,
+    pub data: TypedBytes,
 }
 
 impl TraceCall {
@@ -114,27 +114,27 @@ impl TraceCall {
         })
     }
 
-    pub(super) fn parts(&mut self) -> (usize, &mut Data) {
+    pub(super) fn parts(&mut self) -> (usize, &mut TypedBytes) {
         (self.number, &mut self.payload)
     }
 }
 
 impl ExecuteCall {
     /// Of a hit object that encodes a hit or a miss.
-    pub(super) fn of(object: &HitObject, number: usize, payload: Data) -> Option<Self> {
+    pub(super) fn of(object: &HitObject, number: usize, payload: TypedBytes) -> Option<Self> {
         let encoded = object.encoded().ok()?;
         let committed = object.hit().ok().map(|(_, hit)| hit.committed);
         let (trace, record) = (encoded.trace, encoded.record);
         Some(Self { number, trace, committed, record, given: payload.value(), payload })
     }
 
-    pub(super) fn parts(&mut self) -> (usize, &mut Data) {
+    pub(super) fn parts(&mut self) -> (usize, &mut TypedBytes) {
         (self.number, &mut self.payload)
     }
 }
 
 impl CallableCall {
-    pub(super) fn parts(&mut self) -> (usize, &mut Data) {
+    pub(super) fn parts(&mut self) -> (usize, &mut TypedBytes) {
         (self.number, &mut self.data)
     }
 }
@@ -169,7 +169,7 @@ impl<C> fmt::Debug for Answer<C> {
 pub(super) fn in_turn<C: 'static, T: NoUninit + Debug>(
     answers: &[T],
     what: &'static str,
-    parts: fn(&mut C) -> (usize, &mut Data),
+    parts: fn(&mut C) -> (usize, &mut TypedBytes),
 ) -> Answer<C> {
     let answers: Vec<Bytes> = answers.iter().map(Bytes::of).collect();
     Answer::new(move |call| {

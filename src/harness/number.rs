@@ -7,7 +7,7 @@ use crate::scene::read::{At, Parse, Table, TomlValue};
 /// A type that memory is looked at by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the names are the specification's")]
-pub enum Scalar {
+pub enum NumberType {
     F16,
     F32,
     F64,
@@ -24,24 +24,24 @@ pub enum Scalar {
     I64,
 }
 
-const SCALARS: [(&str, Scalar); 14] = [
-    ("f16", Scalar::F16),
-    ("f32", Scalar::F32),
-    ("f64", Scalar::F64),
-    ("bf16", Scalar::Bf16),
-    ("e4m3", Scalar::E4m3),
-    ("e5m2", Scalar::E5m2),
-    ("u8", Scalar::U8),
-    ("u16", Scalar::U16),
-    ("u32", Scalar::U32),
-    ("u64", Scalar::U64),
-    ("i8", Scalar::I8),
-    ("i16", Scalar::I16),
-    ("i32", Scalar::I32),
-    ("i64", Scalar::I64),
+const SCALARS: [(&str, NumberType); 14] = [
+    ("f16", NumberType::F16),
+    ("f32", NumberType::F32),
+    ("f64", NumberType::F64),
+    ("bf16", NumberType::Bf16),
+    ("e4m3", NumberType::E4m3),
+    ("e5m2", NumberType::E5m2),
+    ("u8", NumberType::U8),
+    ("u16", NumberType::U16),
+    ("u32", NumberType::U32),
+    ("u64", NumberType::U64),
+    ("i8", NumberType::I8),
+    ("i16", NumberType::I16),
+    ("i32", NumberType::I32),
+    ("i64", NumberType::I64),
 ];
 
-impl Scalar {
+impl NumberType {
     /// The size in bytes.
     pub fn size(self) -> usize {
         match self {
@@ -156,7 +156,7 @@ pub enum ExpectedNumber {
 
 impl ExpectedNumber {
     /// Reads a number of a type, or `"any"`.
-    pub fn parse(value: TomlValue<'_>, scalar: Scalar) -> Option<At<Self>> {
+    pub fn parse(value: TomlValue<'_>, scalar: NumberType) -> Option<At<Self>> {
         let expected = match value.text() {
             Some("any") => Self::Any,
             _ => scalar.read(value).map(|(bits, exact)| Self::Number(bits, exact))?,
@@ -167,14 +167,14 @@ impl ExpectedNumber {
 
 /// Typed numbers, by the elements of the outermost array.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Numbers {
+pub struct TypedNumbers {
     /// The scalar type of the numbers.
-    pub scalar: Scalar,
+    pub scalar: NumberType,
     /// Inner arrays are flattened.
     pub elements: Vec<Vec<At<ExpectedNumber>>>,
 }
 
-impl Numbers {
+impl TypedNumbers {
     /// Reads the one key of a table that is named as a type: `f32 = [[0, 1], [2, "any"]]`.
     pub fn of(table: &Table<'_>) -> Option<Self> {
         let given: Vec<_> =
@@ -191,7 +191,7 @@ impl Numbers {
     }
 }
 
-fn flatten(value: TomlValue<'_>, scalar: Scalar) -> Option<Vec<At<ExpectedNumber>>> {
+fn flatten(value: TomlValue<'_>, scalar: NumberType) -> Option<Vec<At<ExpectedNumber>>> {
     match value.elements() {
         Some(elements) => {
             let parts: Option<Vec<_>> = elements.map(|element| flatten(element, scalar)).collect();
@@ -238,7 +238,7 @@ impl Tolerance {
     }
 
     /// What is wrong with bits of a type where a number is expected; `None` if nothing is.
-    pub fn difference(self, scalar: Scalar, expected: &ExpectedNumber, found: u64) -> Option<String> {
+    pub fn difference(self, scalar: NumberType, expected: &ExpectedNumber, found: u64) -> Option<String> {
         let ExpectedNumber::Number(bits, exact) = *expected else { return None };
         if bits == found || scalar.is_nan(bits) && scalar.is_nan(found) {
             return None;
@@ -256,7 +256,7 @@ impl Tolerance {
             return None;
         }
         let away = match self {
-            Self::Exact if scalar == Scalar::F32 => {
+            Self::Exact if scalar == NumberType::F32 => {
                 let steps = ulp::ulps(f32::from_bits(bits as u32), f32::from_bits(found as u32));
                 match steps {
                     0 if value == exact => ": zeros of two signs, alike with `absolute = 0.0`".into(),
@@ -278,10 +278,10 @@ impl Tolerance {
 }
 
 /// The distance of neighbouring numbers of a type in the binade that holds a value.
-fn ulp_of(scalar: Scalar, exact: f64) -> f64 {
+fn ulp_of(scalar: NumberType, exact: f64) -> f64 {
     let exponent = |least: i32, most: i32| ((exact.abs().to_bits() >> 52) as i32 - 1023).clamp(least, most);
     match (scalar, scalar.format()) {
-        (Scalar::F32, _) => ulp::ulp_of(exact),
+        (NumberType::F32, _) => ulp::ulp_of(exact),
         (_, Some(format)) => {
             let (least, greatest, significand) = format.binades();
             2f64.powi(exponent(least, greatest) - significand)
@@ -299,7 +299,7 @@ mod tests {
     }
 
     fn holds(tolerance: Tolerance, expected: f32, found: f32) -> bool {
-        tolerance.difference(Scalar::F32, &number(expected), u64::from(found.to_bits())).is_none()
+        tolerance.difference(NumberType::F32, &number(expected), u64::from(found.to_bits())).is_none()
     }
 
     #[test]
@@ -334,7 +334,7 @@ mod tests {
     fn half_an_ulp_is_correct_rounding() {
         // 1/3 lies between two floats, 0x3eaaaaaa and 0x3eaaaaab, nearer to the latter.
         let third = ExpectedNumber::Number(0, 1.0 / 3.0);
-        let found = |bits| Tolerance::Ulp(0.5).difference(Scalar::F32, &third, bits).is_none();
+        let found = |bits| Tolerance::Ulp(0.5).difference(NumberType::F32, &third, bits).is_none();
         assert!(found(0x3eaa_aaab));
         assert!(!found(0x3eaa_aaaa));
     }
@@ -342,9 +342,9 @@ mod tests {
     #[test]
     fn integers_are_read_by_their_width_and_sign() {
         let bytes = [0xFF, 0xFF, 0xFE, 0xFF];
-        assert_eq!(Scalar::I16.load(&bytes, 2), Some(0xFFFE));
-        assert_eq!(Scalar::I16.describe(0xFFFE), "-2");
-        assert_eq!(Scalar::U16.describe(0xFFFE), "65534");
-        assert_eq!(Scalar::U16.load(&bytes, 3), None);
+        assert_eq!(NumberType::I16.load(&bytes, 2), Some(0xFFFE));
+        assert_eq!(NumberType::I16.describe(0xFFFE), "-2");
+        assert_eq!(NumberType::U16.describe(0xFFFE), "65534");
+        assert_eq!(NumberType::U16.load(&bytes, 3), None);
     }
 }

@@ -11,12 +11,12 @@ use crate::scene::read::nearest;
 /// them (vectors; matrices as arrays of columns).
 pub trait Scalars {
     /// Its scalars in order, matrices column by column.
-    fn scalars(&self) -> Vec<Scalar>;
+    fn scalars(&self) -> Vec<ScalarValue>;
 }
 
 /// One scalar.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Scalar {
+pub enum ScalarValue {
     /// `bool`
     Bool(bool),
     /// A signed integer.
@@ -29,7 +29,7 @@ pub enum Scalar {
     Double(f64),
 }
 
-impl Scalar {
+impl ScalarValue {
     fn kind(self) -> &'static str {
         match self {
             Self::Bool(_) => "bool",
@@ -65,8 +65,8 @@ impl Scalar {
 macro_rules! scalars {
     ($($ty:ty => $variant:ident;)*) => {$(
         impl Scalars for $ty {
-            fn scalars(&self) -> Vec<Scalar> {
-                vec![Scalar::$variant((*self).into())]
+            fn scalars(&self) -> Vec<ScalarValue> {
+                vec![ScalarValue::$variant((*self).into())]
             }
         }
     )*};
@@ -84,13 +84,13 @@ scalars! {
 
 /// Vectors, arrays, and matrices as arrays of columns.
 impl<T: Scalars, const N: usize> Scalars for [T; N] {
-    fn scalars(&self) -> Vec<Scalar> {
+    fn scalars(&self) -> Vec<ScalarValue> {
         self.iter().flat_map(Scalars::scalars).collect()
     }
 }
 
-impl Scalars for &[Scalar] {
-    fn scalars(&self) -> Vec<Scalar> {
+impl Scalars for &[ScalarValue] {
+    fn scalars(&self) -> Vec<ScalarValue> {
         self.to_vec()
     }
 }
@@ -112,8 +112,8 @@ pub(super) fn builtin_words(name: &str, value: &impl Scalars) -> Result<(&'stati
     };
     let count = builtin.shape.words() as usize;
     let scalars = value.scalars();
-    let word = |scalar: &Scalar| match (*scalar, kind) {
-        (Scalar::Bool(value), "bool") => Some(u32::from(value)),
+    let word = |scalar: &ScalarValue| match (*scalar, kind) {
+        (ScalarValue::Bool(value), "bool") => Some(u32::from(value)),
         (scalar, "integer") => scalar.as_integer(32).map(|bits| bits as u32),
         (scalar, "float") => scalar.as_float(FloatFormat::Binary32).map(|bits| bits as u32),
         _ => None,
@@ -141,7 +141,7 @@ pub(super) fn write(layout: Layout<'_>, bytes: &mut [u8], what: &str, value: &im
     }
     for (scalar, (offset, part)) in scalars.iter().zip(places) {
         let bits = match (layout.module.ty(part.ty), *scalar) {
-            (Type::Bool, Scalar::Bool(value)) => Some(u64::from(value)),
+            (Type::Bool, ScalarValue::Bool(value)) => Some(u64::from(value)),
             (Type::Int { width, .. }, scalar) => scalar.as_integer(*width),
             (ty @ Type::Float { .. }, scalar) => ty.float_format().and_then(|format| scalar.as_float(format)),
             _ => None,
@@ -155,7 +155,7 @@ pub(super) fn write(layout: Layout<'_>, bytes: &mut [u8], what: &str, value: &im
     Ok(())
 }
 
-fn describe(scalars: &[Scalar]) -> String {
+fn describe(scalars: &[ScalarValue]) -> String {
     let kind = scalars.first().map_or("nothing", |scalar| scalar.kind());
     match scalars {
         [only] => format!("the {kind} {}", shown(*only)),
@@ -163,13 +163,13 @@ fn describe(scalars: &[Scalar]) -> String {
     }
 }
 
-fn shown(scalar: Scalar) -> String {
+fn shown(scalar: ScalarValue) -> String {
     match scalar {
-        Scalar::Bool(value) => value.to_string(),
-        Scalar::Int(value) => value.to_string(),
-        Scalar::Uint(value) => value.to_string(),
-        Scalar::Float(value) => format!("{value:?}"),
-        Scalar::Double(value) => format!("{value:?}"),
+        ScalarValue::Bool(value) => value.to_string(),
+        ScalarValue::Int(value) => value.to_string(),
+        ScalarValue::Uint(value) => value.to_string(),
+        ScalarValue::Float(value) => format!("{value:?}"),
+        ScalarValue::Double(value) => format!("{value:?}"),
     }
 }
 

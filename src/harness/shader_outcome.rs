@@ -7,7 +7,7 @@ use bytemuck::AnyBitPattern;
 
 use crate::error::Result;
 use crate::harness::bound::{Bound, reads_what_is_bound};
-use crate::harness::data::Data;
+use crate::harness::data::TypedBytes;
 use crate::harness::explain::{Explain, Explanation};
 use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
 use crate::harness::value::Value;
@@ -45,7 +45,7 @@ pub struct ShaderOutcome {
     pub calls: Vec<CallableCall>,
     /// What it printed (`debugPrintfEXT`).
     pub printed: Vec<String>,
-    pub(super) data: Option<Data>,
+    pub(super) data: Option<TypedBytes>,
     pub(super) bound: Bound,
     pub(super) explanation: Arc<Explanation>,
 }

@@ -9,7 +9,7 @@ use crate::accel::{Committed, HitKind, RayFlags, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
 use crate::harness::bound::{Bound, reads_what_is_bound};
-use crate::harness::data::{Bytes, Data};
+use crate::harness::data::{Bytes, TypedBytes};
 use crate::harness::explain::{Explain, Explanation, What};
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::rust_layout::RustLayout;
@@ -116,7 +116,7 @@ pub struct Traced {
     /// What its shaders printed (`debugPrintfEXT`).
     pub printed: Vec<String>,
     custom_index: u32,
-    pub(super) data: Option<Data>,
+    pub(super) data: Option<TypedBytes>,
     bound: Bound,
     explanation: Arc<Explanation>,
 }
@@ -289,11 +289,11 @@ impl Pipeline {
         let outcome = launch.trace(scene.tlas(), operands.clone(), pipeline_observer)?;
         let data = largest.map(|(program, rows)| {
             let words = outcome.payload.iter().copied();
-            Data::new(&program.module, rows.ty, "the payload", words)
+            TypedBytes::new(&program.module, rows.ty, "the payload", words)
         });
         let what = What::Ray { tlas: scene.tlas().clone(), operands, resources: resources.clone() };
         let explanation = Arc::new(Explanation { pipeline: self.clone(), what });
-        let mut payload = data.as_ref().map_or_else(Value::nothing, Data::value);
+        let mut payload = data.as_ref().map_or_else(Value::nothing, TypedBytes::value);
         payload.explained_by(&explanation);
         let custom_index = outcome.committed.map_or(0, |hit| scene.custom_index(hit.candidate.instance));
         let printed = resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());

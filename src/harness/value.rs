@@ -8,7 +8,7 @@ use bytemuck::AnyBitPattern;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::explain::{Explain, Explanation};
-use crate::harness::number::Scalar;
+use crate::harness::number::NumberType;
 use crate::math::float_format::FloatFormat;
 
 /// A value that a shader left: a payload, a buffer, a member or an element of one.
@@ -108,19 +108,19 @@ impl Value {
     }
 
     /// Every scalar in it that is a number, with its bytes' kind: `f32`, `u16`, ...
-    pub(super) fn numbers(&self) -> Vec<(Scalar, u64)> {
+    pub(super) fn numbers(&self) -> Vec<(NumberType, u64)> {
         match &self.content {
             Content::Scalar(number) => {
                 let bits = bits_of(&self.bytes);
                 let scalar = match (number, self.ty.as_str()) {
-                    (Number::Float(_), "double") => Scalar::F64,
-                    (Number::Float(_), "float") => Scalar::F32,
-                    (Number::Float(_), "bfloat16_t") => Scalar::Bf16,
-                    (Number::Float(_), "floate4m3_t") => Scalar::E4m3,
-                    (Number::Float(_), "floate5m2_t") => Scalar::E5m2,
-                    (Number::Float(_), _) => Scalar::F16,
-                    (Number::Int(_), _) => Scalar::I32,
-                    (Number::Uint(_) | Number::Bool(_), _) => Scalar::U32,
+                    (Number::Float(_), "double") => NumberType::F64,
+                    (Number::Float(_), "float") => NumberType::F32,
+                    (Number::Float(_), "bfloat16_t") => NumberType::Bf16,
+                    (Number::Float(_), "floate4m3_t") => NumberType::E4m3,
+                    (Number::Float(_), "floate5m2_t") => NumberType::E5m2,
+                    (Number::Float(_), _) => NumberType::F16,
+                    (Number::Int(_), _) => NumberType::I32,
+                    (Number::Uint(_) | Number::Bool(_), _) => NumberType::U32,
                 };
                 vec![(scalar, bits)]
             }

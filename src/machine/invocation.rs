@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Candidate, HitKind, HitPrimitive, Instance, RayFlags, Tlas, TraceRay};
+use crate::accel::{Candidate, HitKind, HitPrimitive, RayFlags, Tlas, TlasInstance, TraceRay};
 use crate::geometry::Ray;
 use crate::machine::lanes::{Lanes, Mask, Reg, Registers};
 use crate::machine::resource::Buffer;
@@ -22,7 +22,7 @@ pub struct Invocation {
     /// `RayTmaxKHR` as this stage sees it.
     pub t_max: f32,
     /// What was hit, in any-hit, closest-hit and intersection shaders.
-    pub hit: Option<Hit>,
+    pub hit: Option<TlasHit>,
     /// The shader record's data after the handle.
     pub record: Option<ShaderRecord>,
     /// How deep in the tree of traces this runs: 0 in ray generation.
@@ -317,7 +317,7 @@ impl<const W: usize> Invocations<W> {
         let nowhere = (HitPrimitive { instance: 0, geometry: 0, primitive: 0 }, HitKind(0));
         let (place, kind) = hit.as_ref().map_or(nowhere, |hit| (hit.candidate.hit_primitive(), hit.kind));
         self.hits.set(lane, place, kind);
-        if let Some(Hit { tlas, .. }) = hit {
+        if let Some(TlasHit { tlas, .. }) = hit {
             self.structures.set(Mask::lane(lane), &tlas);
         }
         self.records[lane] = record;
@@ -519,14 +519,14 @@ pub struct HitOf<'a> {
 
 impl<'a> HitOf<'a> {
     /// The instance that was hit.
-    pub fn instance(&self) -> &'a Instance {
+    pub fn instance(&self) -> &'a TlasInstance {
         &self.tlas.instances()[self.place.instance as usize]
     }
 }
 
 /// A hit or candidate together with the structure that holds it.
 #[derive(Clone, Debug)]
-pub struct Hit {
+pub struct TlasHit {
     /// Where instance and primitive are looked up.
     pub tlas: Arc<Tlas>,
     /// The instance, geometry and primitive.

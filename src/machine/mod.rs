@@ -26,7 +26,7 @@ pub mod workgroup;
 pub use batch::{Batch, Frame};
 pub use device_memory::DeviceMemory;
 pub use hit_object::{HitObject, HitObjects};
-pub use invocation::{Hit, Invocation, Invocations, ShaderRecord};
+pub use invocation::{Invocation, Invocations, ShaderRecord, TlasHit};
 pub use lanes::{Lanes, Mask, REGISTER_POINTER, Reg, Registers, Scalar};
 pub use missed::MissedIndices;
 pub use observe::Observer;

@@ -40,7 +40,7 @@ use crate::ops::relational_logical::select;
 use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
 use pairs::{After, PairShape, Then, ThenWith, WithItself};
 pub use plan::{ResultUse, takes_float};
-use words::{Chain, Last, One, Same, Settled, Three, Two, WithBoth, WordFunction};
+use words::{BinaryWord, Chain, Last, Same, Settled, TernaryWord, UnaryWord, WithBoth, WordFunction};
 
 /// One superinstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -317,105 +317,105 @@ macro_rules! functions {
             let mut rest = superops.iter();
             while let Some(superop) = rest.next() {
                 match superop.opcode {
-                    codes::Move::REGISTERS => apply::<W, One<Same>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::Move::REGISTERS => apply::<W, UnaryWord<Same>, 0, false, 0, 0>(acc, registers, superop),
                     codes::Move::FIRST => {}
-                    codes::Move::REGISTERS_STORED => apply::<W, One<Same>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::Move::FIRST_STORED => apply::<W, One<Same>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::Move::REGISTERS_STORED => apply::<W, UnaryWord<Same>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::Move::FIRST_STORED => apply::<W, UnaryWord<Same>, 1, true, 0, 0>(acc, registers, superop),
                     codes::MoveMasked::REGISTERS_STORED => store::<W, 0>(acc, registers, superop, running),
                     codes::MoveMasked::FIRST_STORED => store::<W, 1>(acc, registers, superop, running),
                     codes::SettleMasked::FIRST_STORED => {
-                        apply::<W, One<Settled>, 1, false, 0, 0>(acc, registers, superop);
+                        apply::<W, UnaryWord<Settled>, 1, false, 0, 0>(acc, registers, superop);
                         store::<W, 1>(acc, registers, superop, running);
                     }
                     codes::FToS::REGISTERS => to_integers::<W, V, 0, false>(vectors, acc, registers, superop),
                     codes::FToS::REGISTERS_STORED => to_integers::<W, V, 0, true>(vectors, acc, registers, superop),
                     codes::FToS::FIRST => to_integers::<W, V, 1, false>(vectors, acc, registers, superop),
                     codes::FToS::FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, registers, superop),
-                    codes::Square::FIRST => apply::<W, One<WithBoth<FMul>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::Square::FIRST_STORED => apply::<W, One<WithBoth<FMul>>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::Settle::FIRST => apply::<W, One<Settled>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::Settle::FIRST_STORED => apply::<W, One<Settled>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::Square::FIRST => apply::<W, UnaryWord<WithBoth<FMul>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::Square::FIRST_STORED => apply::<W, UnaryWord<WithBoth<FMul>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::Settle::FIRST => apply::<W, UnaryWord<Settled>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::Settle::FIRST_STORED => apply::<W, UnaryWord<Settled>, 1, true, 0, 0>(acc, registers, superop),
                     $(
-                    codes::$unary::REGISTERS => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$unary::REGISTERS_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$unary::FIRST => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$unary::FIRST_STORED => apply::<W, One<$unary_section::$unary<$unary_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$unary::REGISTERS => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$unary::REGISTERS_STORED => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$unary::FIRST => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$unary::FIRST_STORED => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 1, true, 0, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$conversion::REGISTERS => apply::<W, One<Between<$from, $into>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$conversion::REGISTERS_STORED => apply::<W, One<Between<$from, $into>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$conversion::FIRST => apply::<W, One<Between<$from, $into>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$conversion::FIRST_STORED => apply::<W, One<Between<$from, $into>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$conversion::REGISTERS => apply::<W, UnaryWord<Between<$from, $into>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$conversion::REGISTERS_STORED => apply::<W, UnaryWord<Between<$from, $into>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$conversion::FIRST => apply::<W, UnaryWord<Between<$from, $into>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$conversion::FIRST_STORED => apply::<W, UnaryWord<Between<$from, $into>>, 1, true, 0, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$commuting::REGISTERS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$commuting::REGISTERS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$commuting::FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$commuting::FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$commuting::UNIFORM_REGISTERS => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, false, SECOND, 0>(acc, registers, superop),
-                    codes::$commuting::UNIFORM_REGISTERS_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 0, true, SECOND, 0>(acc, registers, superop),
-                    codes::$commuting::UNIFORM_FIRST => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, false, SECOND, 0>(acc, registers, superop),
-                    codes::$commuting::UNIFORM_FIRST_STORED => apply::<W, Two<$commuting_section::$commuting<$commuting_type>>, 1, true, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::REGISTERS => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$commuting::REGISTERS_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$commuting::FIRST => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$commuting::FIRST_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_REGISTERS => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, false, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_REGISTERS_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, true, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_FIRST => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, false, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_FIRST_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, true, SECOND, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$binary::REGISTERS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$binary::REGISTERS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$binary::FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$binary::FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$binary::SECOND => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, false, 0, 0>(acc, registers, superop),
-                    codes::$binary::SECOND_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 2, true, 0, 0>(acc, registers, superop),
-                    codes::$binary::UNIFORM_REGISTERS => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, false, SECOND, 0>(acc, registers, superop),
-                    codes::$binary::UNIFORM_REGISTERS_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 0, true, SECOND, 0>(acc, registers, superop),
-                    codes::$binary::UNIFORM_FIRST => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, false, SECOND, 0>(acc, registers, superop),
-                    codes::$binary::UNIFORM_FIRST_STORED => apply::<W, Two<$binary_section::$binary<$binary_type>>, 1, true, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::REGISTERS => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$binary::REGISTERS_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$binary::FIRST => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$binary::FIRST_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$binary::SECOND => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$binary::SECOND_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_REGISTERS => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, false, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_REGISTERS_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, true, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_FIRST => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, false, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_FIRST_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, true, SECOND, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$shift::REGISTERS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$shift::REGISTERS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$shift::FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$shift::FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$shift::SECOND => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, false, 0, 0>(acc, registers, superop),
-                    codes::$shift::SECOND_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 2, true, 0, 0>(acc, registers, superop),
-                    codes::$shift::UNIFORM_REGISTERS => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, false, SECOND, SECOND>(acc, registers, superop),
-                    codes::$shift::UNIFORM_REGISTERS_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 0, true, SECOND, SECOND>(acc, registers, superop),
-                    codes::$shift::UNIFORM_FIRST => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, false, SECOND, SECOND>(acc, registers, superop),
-                    codes::$shift::UNIFORM_FIRST_STORED => apply::<W, Two<$shift_section::$shift<$shift_type>>, 1, true, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::REGISTERS => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$shift::REGISTERS_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$shift::FIRST => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$shift::FIRST_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$shift::SECOND => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$shift::SECOND_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$shift::UNIFORM_REGISTERS => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, false, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::UNIFORM_REGISTERS_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, true, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::UNIFORM_FIRST => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, false, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::UNIFORM_FIRST_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, true, SECOND, SECOND>(acc, registers, superop),
                     )*
                     $(
-                    codes::$two::REGISTERS => apply::<W, Two<$two_type>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$two::REGISTERS_STORED => apply::<W, Two<$two_type>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$two::FIRST => apply::<W, Two<$two_type>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$two::FIRST_STORED => apply::<W, Two<$two_type>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$two::SECOND => apply::<W, Two<$two_type>, 2, false, 0, 0>(acc, registers, superop),
-                    codes::$two::SECOND_STORED => apply::<W, Two<$two_type>, 2, true, 0, 0>(acc, registers, superop),
-                    codes::$two::UNIFORM_REGISTERS => apply::<W, Two<$two_type>, 0, false, SECOND, $two_amounts>(acc, registers, superop),
-                    codes::$two::UNIFORM_REGISTERS_STORED => apply::<W, Two<$two_type>, 0, true, SECOND, $two_amounts>(acc, registers, superop),
-                    codes::$two::UNIFORM_FIRST => apply::<W, Two<$two_type>, 1, false, SECOND, $two_amounts>(acc, registers, superop),
-                    codes::$two::UNIFORM_FIRST_STORED => apply::<W, Two<$two_type>, 1, true, SECOND, $two_amounts>(acc, registers, superop),
+                    codes::$two::REGISTERS => apply::<W, BinaryWord<$two_type>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$two::REGISTERS_STORED => apply::<W, BinaryWord<$two_type>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$two::FIRST => apply::<W, BinaryWord<$two_type>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$two::FIRST_STORED => apply::<W, BinaryWord<$two_type>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$two::SECOND => apply::<W, BinaryWord<$two_type>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$two::SECOND_STORED => apply::<W, BinaryWord<$two_type>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$two::UNIFORM_REGISTERS => apply::<W, BinaryWord<$two_type>, 0, false, SECOND, $two_amounts>(acc, registers, superop),
+                    codes::$two::UNIFORM_REGISTERS_STORED => apply::<W, BinaryWord<$two_type>, 0, true, SECOND, $two_amounts>(acc, registers, superop),
+                    codes::$two::UNIFORM_FIRST => apply::<W, BinaryWord<$two_type>, 1, false, SECOND, $two_amounts>(acc, registers, superop),
+                    codes::$two::UNIFORM_FIRST_STORED => apply::<W, BinaryWord<$two_type>, 1, true, SECOND, $two_amounts>(acc, registers, superop),
                     )*
                     $(
-                    codes::$ternary::REGISTERS => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$ternary::REGISTERS_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$ternary::FIRST => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$ternary::FIRST_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$ternary::SECOND => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, false, 0, 0>(acc, registers, superop),
-                    codes::$ternary::SECOND_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 2, true, 0, 0>(acc, registers, superop),
-                    codes::$ternary::THIRD => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, false, 0, 0>(acc, registers, superop),
-                    codes::$ternary::THIRD_STORED => apply::<W, Three<$ternary_section::$ternary<$ternary_type>>, 3, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::REGISTERS => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::REGISTERS_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::FIRST => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::FIRST_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::SECOND => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::SECOND_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::THIRD => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 3, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::THIRD_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 3, true, 0, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$three::REGISTERS => apply::<W, Three<$three_type>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$three::REGISTERS_STORED => apply::<W, Three<$three_type>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$three::FIRST => apply::<W, Three<$three_type>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$three::FIRST_STORED => apply::<W, Three<$three_type>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$three::SECOND => apply::<W, Three<$three_type>, 2, false, 0, 0>(acc, registers, superop),
-                    codes::$three::SECOND_STORED => apply::<W, Three<$three_type>, 2, true, 0, 0>(acc, registers, superop),
-                    codes::$three::THIRD => apply::<W, Three<$three_type>, 3, false, 0, 0>(acc, registers, superop),
-                    codes::$three::THIRD_STORED => apply::<W, Three<$three_type>, 3, true, 0, 0>(acc, registers, superop),
-                    codes::$three::UNIFORM_REGISTERS => apply::<W, Three<$three_type>, 0, false, $three_uniform, $three_amounts>(acc, registers, superop),
-                    codes::$three::UNIFORM_REGISTERS_STORED => apply::<W, Three<$three_type>, 0, true, $three_uniform, $three_amounts>(acc, registers, superop),
-                    codes::$three::UNIFORM_FIRST => apply::<W, Three<$three_type>, 1, false, $three_uniform, $three_amounts>(acc, registers, superop),
-                    codes::$three::UNIFORM_FIRST_STORED => apply::<W, Three<$three_type>, 1, true, $three_uniform, $three_amounts>(acc, registers, superop),
+                    codes::$three::REGISTERS => apply::<W, TernaryWord<$three_type>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$three::REGISTERS_STORED => apply::<W, TernaryWord<$three_type>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$three::FIRST => apply::<W, TernaryWord<$three_type>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$three::FIRST_STORED => apply::<W, TernaryWord<$three_type>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$three::SECOND => apply::<W, TernaryWord<$three_type>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$three::SECOND_STORED => apply::<W, TernaryWord<$three_type>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$three::THIRD => apply::<W, TernaryWord<$three_type>, 3, false, 0, 0>(acc, registers, superop),
+                    codes::$three::THIRD_STORED => apply::<W, TernaryWord<$three_type>, 3, true, 0, 0>(acc, registers, superop),
+                    codes::$three::UNIFORM_REGISTERS => apply::<W, TernaryWord<$three_type>, 0, false, $three_uniform, $three_amounts>(acc, registers, superop),
+                    codes::$three::UNIFORM_REGISTERS_STORED => apply::<W, TernaryWord<$three_type>, 0, true, $three_uniform, $three_amounts>(acc, registers, superop),
+                    codes::$three::UNIFORM_FIRST => apply::<W, TernaryWord<$three_type>, 1, false, $three_uniform, $three_amounts>(acc, registers, superop),
+                    codes::$three::UNIFORM_FIRST_STORED => apply::<W, TernaryWord<$three_type>, 1, true, $three_uniform, $three_amounts>(acc, registers, superop),
                     )*
                     $(
                     codes::$chain::REGISTERS => apply::<W, $chain_type, 0, false, 0, 0>(acc, registers, superop),
@@ -479,11 +479,11 @@ type Or = bit::BitwiseOr<u32>;
 
 type ShiftXor = WithItself<Right, Xor>;
 /// Two rounds by which hashes mix bits.
-type MixTwice = Chain<Three<Then<ShiftXor, IMul>>, Three<Then<ShiftXor, IMul>>>;
+type MixTwice = Chain<TernaryWord<Then<ShiftXor, IMul>>, TernaryWord<Then<ShiftXor, IMul>>>;
 /// A third round ends with its exclusive or.
-type Mix = Chain<MixTwice, Two<ShiftXor>>;
+type Mix = Chain<MixTwice, BinaryWord<ShiftXor>>;
 /// Of inner products, and of matrices and vectors.
-type TwoProducts = Last<Two<FMul>, Three<Then<FMul, FAdd>>>;
+type TwoProducts = Last<BinaryWord<FMul>, TernaryWord<Then<FMul, FAdd>>>;
 
 functions! {
     unary {
@@ -543,9 +543,9 @@ functions! {
     chains {
     MixTwice 0b11110 0b01010 Chain ShiftXorTimes ShiftXorTimes MixTwice;
     Mix 0b111110 0b101010 Chain MixTwice ShiftXor Mix;
-    SubMulTimes 0b0110 0 Chain SubMul FMul Chain<Three<After<FMul, FSub>>, Two<FMul>>;
+    SubMulTimes 0b0110 0 Chain SubMul FMul Chain<TernaryWord<After<FMul, FSub>>, BinaryWord<FMul>>;
     TwoProducts 0b1010 0 Last FMul MulAdd TwoProducts;
-    ThreeProducts 0b101010 0 Last TwoProducts MulAdd Last<TwoProducts, Three<Then<FMul, FAdd>>>;
+    ThreeProducts 0b101010 0 Last TwoProducts MulAdd Last<TwoProducts, TernaryWord<Then<FMul, FAdd>>>;
     }
 }
 

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::accel::{Committed, GeometryKind, HitKind, HitPrimitive, Primitive, RayFlags, TraceRay};
 use crate::math::ulp::{ulp_error, ulp_of};
-use crate::recording::{Driver, Places, Recording, Reference, Traced};
+use crate::recording::{Driver, Places, Recording, Reference, TracedRay};
 
 /// Below this relative margin a reference of 113 bits does not decide (an exact 0 is a tangent).
 const LEAST_MARGIN: f64 = 1e-28;
@@ -170,7 +170,7 @@ pub fn compare(recording: &Recording) -> Comparison {
 struct Row {
     at: usize,
     ray: TraceRay,
-    traced: Traced,
+    traced: TracedRay,
     candidates: Option<i64>,
     undecidable: bool,
 }
@@ -243,7 +243,7 @@ impl Places {
 }
 
 impl Recorded {
-    fn relation(&self, traced: &Traced) -> Relation {
+    fn relation(&self, traced: &TracedRay) -> Relation {
         let Some(closest) = &traced.committed else {
             return if self.hit { Relation::Missed } else { Relation::BothMiss };
         };

@@ -13,12 +13,12 @@ mod tensors;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::accel::{Instance, InstanceFlags, Tlas, TraceRay};
+use crate::accel::{InstanceFlags, Tlas, TlasInstance, TraceRay};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::recording::tensors::Tensors;
 
 pub use compare::{Comparison, compare};
-pub use ray::Traced;
+pub use ray::TracedRay;
 
 /// The contents of a recording: geometries, rays, and the recorded results.
 #[derive(Debug)]
@@ -182,7 +182,7 @@ fn procedural_spheres(
     }
 }
 
-fn instances(tensors: &Tensors<'_>, blas: &Arc<crate::accel::Blas>) -> Result<Vec<Instance>> {
+fn instances(tensors: &Tensors<'_>, blas: &Arc<crate::accel::Blas>) -> Result<Vec<TlasInstance>> {
     const IDENTITY: [f32; 12] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0.];
     let transforms = tensors.matrices("instance.object_to_world")?.unwrap_or_else(|| vec![IDENTITY]);
     let count = transforms.len();
@@ -190,7 +190,7 @@ fn instances(tensors: &Tensors<'_>, blas: &Arc<crate::accel::Blas>) -> Result<Ve
     let (masks, flags) = (field("mask", 8)?, field("flags", 8)?);
     let (custom, offsets) = (field("custom_index", 24)?, field("sbt_offset", 24)?);
     let of = |all: &Option<Vec<u32>>, at: usize, without: u32| all.as_ref().map_or(without, |all| all[at]);
-    let instance = |(at, m): (usize, &[f32; 12])| Instance {
+    let instance = |(at, m): (usize, &[f32; 12])| TlasInstance {
         blas: blas.clone(),
         transform: std::array::from_fn(|row| std::array::from_fn(|column| m[4 * row + column])),
         motion: None,

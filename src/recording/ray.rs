@@ -35,7 +35,7 @@ pub(super) fn read(tensors: &Tensors<'_>) -> Result<Vec<TraceRay>> {
 
 /// The result of a ray whose any-hit shader counts and accepts all hits.
 #[derive(Clone, Debug)]
-pub struct Traced {
+pub struct TracedRay {
     /// The closest hit.
     pub committed: Option<Committed>,
     /// Its attributes.
@@ -50,7 +50,7 @@ pub struct Traced {
 
 impl Recording {
     /// Traces a ray with an any-hit shader that counts and accepts.
-    pub fn trace(&self, ray: TraceRay) -> Traced {
+    pub fn trace(&self, ray: TraceRay) -> TracedRay {
         let mut met = Met::default();
         let mut cursor = Cursor::new(&self.tlas, ray);
         let (mut any_hits, mut nearly_tangent, mut reported) = (0, false, [0.0; 2]);
@@ -70,7 +70,7 @@ impl Recording {
             true => reported,
             false => hit.candidate.intersection.attributes,
         });
-        Traced { committed, attributes, any_hits, met: met.0, nearly_tangent }
+        TracedRay { committed, attributes, any_hits, met: met.0, nearly_tangent }
     }
 
     /// The candidates of a ray whose any-hit shader ignores all.

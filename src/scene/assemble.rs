@@ -17,7 +17,7 @@ use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
 use crate::program::{Program, lower};
 use crate::scene::descriptors;
 use crate::scene::image::MAX_IMAGE_SIZE;
-use crate::scene::image_entry::Image;
+use crate::scene::image_entry::ImageContent;
 use crate::scene::resolved::{
     self, ResolvedGroup, ResolvedRecord, ResolvedScene, ResolvedShader, ShaderCode, ShaderModule,
 };
@@ -248,7 +248,8 @@ fn read(shader: &ShaderModule) -> Result<Module> {
                     return Err(Error::new(ErrorKind::InvalidSource, message).at(shader.place.clone()));
                 }
             };
-            let options = compile::CompileOptions { debug: compile::DebugInfo::Lines, ..Default::default() };
+            let options =
+                compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
             let source = source.include_folders(folders);
             let spirv =
                 compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
@@ -385,7 +386,7 @@ fn resources(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>, errors: &
 ///
 /// # Errors
 /// `InvalidScene` where it is too large, and as [`machine::Image::new`].
-pub fn image(image: &Image) -> Result<Arc<machine::Image>> {
+pub fn image(image: &ImageContent) -> Result<Arc<machine::Image>> {
     if image.size() > MAX_IMAGE_SIZE {
         return Err(Error::new(ErrorKind::InvalidScene, image.too_large()));
     }

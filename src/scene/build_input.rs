@@ -8,7 +8,7 @@ use crate::accel::build_input::{
 };
 use crate::accel::{EndCaps, GeometryData, Indexing};
 use crate::error::Result;
-use crate::scene::data::Data;
+use crate::scene::data::DataPieces;
 use crate::scene::files::Files;
 use crate::scene::read::{Named, Span, Table};
 
@@ -18,7 +18,7 @@ pub(super) struct BuildEntry {
     span: Span,
     vertices: Buffer,
     /// The vertices at time 1, with the same stride and format.
-    vertices_t1: Option<Data>,
+    vertices_t1: Option<DataPieces>,
     indices: Option<(Buffer, IndexType)>,
     radii: Option<(Buffer, RadiusFormat)>,
     format: VertexFormat,
@@ -28,7 +28,7 @@ pub(super) struct BuildEntry {
 
 #[derive(Clone, Debug)]
 struct Buffer {
-    data: Data,
+    data: DataPieces,
     stride: Option<u64>,
 }
 
@@ -100,7 +100,7 @@ impl BuildEntry {
         let vertices_t1 = if matches!(kind, Kind::Triangles(_)) { later(table) } else { None };
         let stride = table.optional("vertex_stride");
         let format = table.or("vertex_format", VertexFormat::R32G32B32Sfloat);
-        let index_data = table.optional::<Data>("index_data");
+        let index_data = table.optional::<DataPieces>("index_data");
         let index_stride = table.optional("index_stride");
         let index_type = table.or("index_type", IndexType::Uint32);
         let radii = match kind {
@@ -146,7 +146,7 @@ impl BuildEntry {
         })
     }
 
-    fn load_with(&self, vertices: &Data, files: &dyn Files) -> Result<GeometryData> {
+    fn load_with(&self, vertices: &DataPieces, files: &dyn Files) -> Result<GeometryData> {
         let at_table = |error: crate::error::Error| self.span.error(error.message());
         let bytes = |buffer: &Buffer| buffer.data.encode(files, 1.0);
         let vertices = vertices.encode(files, 1.0)?;

@@ -22,7 +22,7 @@ pub const MAX_DATA_SIZE: u64 = 1 << 30;
 
 /// A sequence of pieces.
 #[derive(Clone, Debug)]
-pub struct Data(Vec<At<Piece>>);
+pub struct DataPieces(Vec<At<Piece>>);
 
 #[derive(Clone, Debug)]
 struct Piece {
@@ -41,7 +41,7 @@ enum Content {
     Camera(Camera),
 }
 
-impl Data {
+impl DataPieces {
     /// The bytes; `aspect` is the width of the picture through its height, for cameras.
     ///
     /// # Errors
@@ -82,7 +82,7 @@ fn at(error: Error, span: &Span, path: &Path) -> Error {
     }
 }
 
-impl Parse for Data {
+impl Parse for DataPieces {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         OneOrMore::parse(value).map(|pieces| Self(pieces.0))
     }
@@ -286,7 +286,7 @@ mod tests {
         let document = Document::parse("t.toml", text)?;
         let report = Diagnostics::default();
         let table = document.root(&report);
-        let data: Option<Data> = table.required("x");
+        let data: Option<DataPieces> = table.required("x");
         table.finish();
         report.finish()?;
         data.unwrap().encode(&EmbeddedFiles(&[("b.bin", &[9, 8, 7])]), 1.0)

@@ -7,7 +7,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::ResolvedScene;
-use crate::scene::resources::{Kind, Resource};
+use crate::scene::resources::{DescriptorKind, Resource};
 
 /// What is bound where the shaders that use the binding declare only others, each at its place.
 ///
@@ -56,7 +56,7 @@ pub(super) fn mismatches<'a>(
 }
 
 /// The descriptor types of a module's variables at a binding.
-fn declared(module: &Module, binding: Binding) -> Vec<Kind> {
+fn declared(module: &Module, binding: Binding) -> Vec<DescriptorKind> {
     let at = |id| {
         let number = |decoration| module.decorations.literal(id, decoration);
         number(34) == Some(binding.set) && number(33) == Some(binding.binding)
@@ -73,29 +73,29 @@ fn declared(module: &Module, binding: Binding) -> Vec<Kind> {
     kinds
 }
 
-fn kind(module: &Module, storage_class: u32, mut ty: TypeId) -> Option<Kind> {
+fn kind(module: &Module, storage_class: u32, mut ty: TypeId) -> Option<DescriptorKind> {
     while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = module.ty(ty) {
         ty = *element;
     }
     let image = |ty: TypeId, with_sampler| {
         let Type::Image(image) = module.ty(ty) else { return None };
         Some(match (image.dim, image.sampled) {
-            (BUFFER, 2) => Kind::StorageTexelBuffer,
-            (BUFFER, _) => Kind::UniformTexelBuffer,
-            (_, 2) => Kind::StorageImage,
-            _ if with_sampler => Kind::CombinedImageSampler,
-            _ => Kind::SampledImage,
+            (BUFFER, 2) => DescriptorKind::StorageTexelBuffer,
+            (BUFFER, _) => DescriptorKind::UniformTexelBuffer,
+            (_, 2) => DescriptorKind::StorageImage,
+            _ if with_sampler => DescriptorKind::CombinedImageSampler,
+            _ => DescriptorKind::SampledImage,
         })
     };
     match (storage_class, module.ty(ty)) {
         (storage::STORAGE_BUFFER, _) | (storage::UNIFORM, Type::Struct { buffer_block: true, .. }) => {
-            Some(Kind::StorageBuffer)
+            Some(DescriptorKind::StorageBuffer)
         }
-        (storage::UNIFORM, _) => Some(Kind::UniformBuffer),
+        (storage::UNIFORM, _) => Some(DescriptorKind::UniformBuffer),
         (_, Type::Image(_)) => image(ty, false),
         (_, Type::SampledImage(of)) => image(*of, true),
-        (_, Type::Sampler) => Some(Kind::Sampler),
-        (_, Type::AccelerationStructure) => Some(Kind::AccelerationStructure),
+        (_, Type::Sampler) => Some(DescriptorKind::Sampler),
+        (_, Type::AccelerationStructure) => Some(DescriptorKind::AccelerationStructure),
         _ => None,
     }
 }
@@ -104,27 +104,34 @@ fn kind(module: &Module, storage_class: u32, mut ty: TypeId) -> Option<Kind> {
 const BUFFER: u32 = 5;
 
 /// Whether a resource may stand where a descriptor type is declared.
-fn suits(declared: Kind, bound: &Resource) -> bool {
+fn suits(declared: DescriptorKind, bound: &Resource) -> bool {
     match bound {
-        Resource::StorageBuffer(_) => declared == Kind::StorageBuffer,
-        Resource::UniformBuffer(_) => declared == Kind::UniformBuffer,
-        Resource::NullBuffer => matches!(declared, Kind::StorageBuffer | Kind::UniformBuffer),
-        Resource::StorageImage(_) => declared == Kind::StorageImage,
-        Resource::SampledImage(_) => declared == Kind::SampledImage,
-        Resource::TexelBuffer(_) => matches!(declared, Kind::UniformTexelBuffer | Kind::StorageTexelBuffer),
-        Resource::Sampler(_) => declared == Kind::Sampler,
+        Resource::StorageBuffer(_) => declared == DescriptorKind::StorageBuffer,
+        Resource::UniformBuffer(_) => declared == DescriptorKind::UniformBuffer,
+        Resource::NullBuffer => {
+            matches!(declared, DescriptorKind::StorageBuffer | DescriptorKind::UniformBuffer)
+        }
+        Resource::StorageImage(_) => declared == DescriptorKind::StorageImage,
+        Resource::SampledImage(_) => declared == DescriptorKind::SampledImage,
+        Resource::TexelBuffer(_) => {
+            matches!(declared, DescriptorKind::UniformTexelBuffer | DescriptorKind::StorageTexelBuffer)
+        }
+        Resource::Sampler(_) => declared == DescriptorKind::Sampler,
         // Its two halves may be declared separately.
         Resource::CombinedImageSampler(..) => {
-            matches!(declared, Kind::CombinedImageSampler | Kind::SampledImage | Kind::Sampler)
+            matches!(
+                declared,
+                DescriptorKind::CombinedImageSampler | DescriptorKind::SampledImage | DescriptorKind::Sampler
+            )
         }
         Resource::AccelerationStructure(_) | Resource::NullAccelerationStructure => {
-            declared == Kind::AccelerationStructure
+            declared == DescriptorKind::AccelerationStructure
         }
     }
 }
 
 /// What a scene file calls it.
-fn name(kind: Kind) -> &'static str {
+fn name(kind: DescriptorKind) -> &'static str {
     use crate::scene::read::Named;
-    Kind::NAMES.iter().find(|(_, known)| *known == kind).map_or("", |(name, _)| name)
+    DescriptorKind::NAMES.iter().find(|(_, known)| *known == kind).map_or("", |(name, _)| name)
 }

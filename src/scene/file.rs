@@ -13,7 +13,7 @@ use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
 use crate::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands};
-use crate::scene::data::Data;
+use crate::scene::data::DataPieces;
 use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
@@ -48,7 +48,7 @@ pub struct SceneFile {
     /// `[resources.NAME]`
     pub resources: Vec<Entry<ResourceEntry>>,
     /// `push_constants`
-    pub push_constants: Option<Data>,
+    pub push_constants: Option<DataPieces>,
     /// `[[dispatch]]`
     pub dispatches: Vec<DispatchEntry>,
     /// `precision`
@@ -165,7 +165,7 @@ pub struct DispatchEntry {
     /// The number of workgroups along x, y and z.
     pub groups: [u32; 3],
     /// Push constants of its own, in place of the scene's.
-    pub push_constants: Option<Data>,
+    pub push_constants: Option<DataPieces>,
 }
 
 impl Parse for DispatchEntry {
@@ -326,7 +326,7 @@ pub struct GeneralEntry {
     /// `None` is a null record.
     pub shader: Option<At<String>>,
     /// The data behind the record's handle.
-    pub record: Option<Data>,
+    pub record: Option<DataPieces>,
 }
 
 impl Parse for GeneralEntry {
@@ -357,7 +357,7 @@ pub struct HitEntry {
     /// Its intersection shader, for boxes.
     pub intersection: Option<At<String>>,
     /// The data behind the record's handle.
-    pub record: Option<Data>,
+    pub record: Option<DataPieces>,
 }
 
 impl Parse for HitEntry {
@@ -516,7 +516,7 @@ impl Parse for RayEntry {
 
 /// A ray's payload: data in whole words.
 fn payload(value: TomlValue<'_>) -> Option<Vec<u32>> {
-    let data = Data::parse(value)?;
+    let data = DataPieces::parse(value)?;
     let bytes = match data.encode(&EmbeddedFiles(&[]), 1.0) {
         Ok(bytes) => bytes,
         Err(_) => return value.wrong("the payload of a ray is given in place: `{ f32 = [1, 2] }`"),

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use crate::accel::{
-    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Instance, InstanceFlags, Motion,
-    OpacityMicromap,
+    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, InstanceFlags, Motion, OpacityMicromap,
+    TlasInstance,
 };
 use crate::error::Result;
 use crate::scene::build_input::BuildEntry;
@@ -392,8 +392,8 @@ impl Parse for InstanceEntry {
 
 impl InstanceEntry {
     /// The instance with this BLAS.
-    pub fn instance(&self, blas: Arc<Blas>) -> Instance {
-        Instance {
+    pub fn instance(&self, blas: Arc<Blas>) -> TlasInstance {
+        TlasInstance {
             blas,
             transform: self.transform,
             motion: self.motion.clone(),

@@ -3,17 +3,17 @@
 use crate::error::Result;
 use crate::machine::format::Format;
 use crate::machine::image::{Dimension, ImageShape};
-use crate::scene::data::{Data, read};
+use crate::scene::data::{DataPieces, read};
 use crate::scene::files::Files;
 use crate::scene::image::{MAX_EXTENT, MAX_IMAGE_SIZE, Picture, texel_bytes};
 use crate::scene::mip;
 use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, TomlValue};
-use crate::scene::resources::Kind;
+use crate::scene::resources::DescriptorKind;
 use crate::scene::sampler::SamplerReference;
 
 /// An image's content.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Image {
+pub struct ImageContent {
     /// Its texels' format.
     pub format: Format,
     /// Its shape.
@@ -23,7 +23,7 @@ pub struct Image {
     pub texels: Vec<u8>,
 }
 
-impl Image {
+impl ImageContent {
     /// The bytes of all its texels.
     pub fn size(&self) -> u64 {
         self.shape.texels().saturating_mul(u64::from(self.format.texel_size()))
@@ -77,7 +77,7 @@ impl Parse for Levels {
 pub struct ImageEntry {
     span: Span,
     files: Vec<At<String>>,
-    data: Option<Data>,
+    data: Option<DataPieces>,
     format: Option<Format>,
     dimension: Dimension,
     extent: Option<[u32; 3]>,
@@ -91,8 +91,8 @@ pub struct ImageEntry {
 
 impl ImageEntry {
     /// Reads the keys of an image out of its resource's table.
-    pub fn parse(table: &Table<'_>, kind: Kind) -> Option<Self> {
-        let buffer = matches!(kind, Kind::UniformTexelBuffer | Kind::StorageTexelBuffer);
+    pub fn parse(table: &Table<'_>, kind: DescriptorKind) -> Option<Self> {
+        let buffer = matches!(kind, DescriptorKind::UniformTexelBuffer | DescriptorKind::StorageTexelBuffer);
         let format = table.optional("format");
         let extent = extent(table);
         let fill = fill(table);
@@ -119,7 +119,7 @@ impl ImageEntry {
             entry.levels = table.or("levels", Levels::Count(1));
             entry.samples = table.or("samples", 1);
         }
-        if kind == Kind::CombinedImageSampler {
+        if kind == DescriptorKind::CombinedImageSampler {
             entry.sampler = table.optional("sampler");
         }
         extent?;
@@ -150,7 +150,7 @@ impl ImageEntry {
     ///
     /// # Errors
     /// `Io` or `InvalidImage` about its files; `InvalidScene` where sizes do not fit.
-    pub fn load(&self, files: &dyn Files, launch: [u32; 3], streams: bool) -> Result<Image> {
+    pub fn load(&self, files: &dyn Files, launch: [u32; 3], streams: bool) -> Result<ImageContent> {
         let pictures = self.pictures(files)?;
         let format = match pictures.first() {
             Some((picture, _)) => picture.format,
@@ -179,7 +179,7 @@ impl ImageEntry {
         };
         shape.check().map_err(|error| self.span.error(error.message()))?;
         let most = if dimension == Dimension::Buffer { 1 << 27 } else { MAX_EXTENT };
-        let image = Image { format, shape, texels: texel_bytes(format, self.fill) };
+        let image = ImageContent { format, shape, texels: texel_bytes(format, self.fill) };
         let streams = streams && data.is_none() && pictures.is_empty();
         if extent.iter().any(|side| *side > most) || !streams && image.size() > MAX_IMAGE_SIZE {
             return Err(self.span.error(image.too_large()));
@@ -223,7 +223,7 @@ impl ImageEntry {
     }
 
     /// Texels of all levels, or of level 0, from which the others are made.
-    fn complete(&self, format: Format, shape: ImageShape, mut texels: Vec<u8>) -> Result<Image> {
+    fn complete(&self, format: Format, shape: ImageShape, mut texels: Vec<u8>) -> Result<ImageContent> {
         let size = u64::from(format.texel_size());
         let (first, all) = (shape.level_texels(0) * size, shape.texels() * size);
         let found = texels.len() as u64;
@@ -235,7 +235,7 @@ impl ImageEntry {
                 format!("{found} bytes of texels, where level 0 has {first} and all levels have {all}");
             return Err(self.span.error(message));
         }
-        Ok(Image { format, shape, texels })
+        Ok(ImageContent { format, shape, texels })
     }
 }
 

@@ -49,7 +49,7 @@ fn every_key_is_described() {
         names::<crate::scene::geometry::Kind>().map(|name| format!("[geometry.g]\ntype = '{name}'\nzzz = 1")),
     );
     tables.extend(
-        names::<crate::scene::resources::Kind>()
+        names::<crate::scene::resources::DescriptorKind>()
             .map(|name| format!("[resources.r]\ntype = '{name}'\nzzz = 1")),
     );
     for text in tables {
@@ -76,7 +76,7 @@ fn every_name_is_described() {
         .chain(names::<crate::machine::format::Format>())
         .chain(names::<EndCaps>())
         .chain(names::<Indexing>())
-        .chain(names::<Kind>())
+        .chain(names::<DescriptorKind>())
         .chain(names::<Dimension>())
         .chain(names::<Filter>())
         .chain(names::<AddressMode>())

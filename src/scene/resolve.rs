@@ -6,7 +6,7 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::machine::sampler::Sampler;
 use crate::pipeline::DeviceProfile;
-use crate::scene::data::{Data, read};
+use crate::scene::data::{DataPieces, read};
 use crate::scene::file::{
     DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
 };
@@ -109,7 +109,7 @@ struct Resolver<'a> {
     resource_entries: Vec<Entry<ResourceEntry>>,
     device: Option<DeviceProfile>,
     pipeline: Option<PipelineEntry>,
-    push_constants: Option<Data>,
+    push_constants: Option<DataPieces>,
     dispatches: Vec<DispatchEntry>,
     precision: Precision,
     launch: [u32; 3],
@@ -332,7 +332,7 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    fn bytes(&self, data: Option<&Data>) -> Vec<u8> {
+    fn bytes(&self, data: Option<&DataPieces>) -> Vec<u8> {
         let bytes = data.map(|data| self.report.keep(data.encode(self.files, self.aspect())));
         bytes.flatten().unwrap_or_default()
     }

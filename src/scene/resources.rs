@@ -3,9 +3,9 @@
 use crate::error::Result;
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::sampler::Sampler;
-use crate::scene::data::{Data, MAX_DATA_SIZE};
+use crate::scene::data::{DataPieces, MAX_DATA_SIZE};
 use crate::scene::files::Files;
-use crate::scene::image_entry::{Image, ImageEntry};
+use crate::scene::image_entry::{ImageContent, ImageEntry};
 use crate::scene::read::{At, Named, Parse, Span, Table, TomlValue};
 use crate::scene::sampler::SamplerReference;
 
@@ -17,15 +17,15 @@ pub enum Resource {
     /// `VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER`
     UniformBuffer(Vec<u8>),
     /// `VK_DESCRIPTOR_TYPE_STORAGE_IMAGE`
-    StorageImage(Image),
+    StorageImage(ImageContent),
     /// `VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE`
-    SampledImage(Image),
+    SampledImage(ImageContent),
     /// `VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER` and `VK_DESCRIPTOR_TYPE_STORAGE_TEXEL_BUFFER`
-    TexelBuffer(Image),
+    TexelBuffer(ImageContent),
     /// `VK_DESCRIPTOR_TYPE_SAMPLER`
     Sampler(Sampler),
     /// `VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER`
-    CombinedImageSampler(Image, Sampler),
+    CombinedImageSampler(ImageContent, Sampler),
     /// `VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR`: index into `ResolvedScene::tlas`.
     AccelerationStructure(usize),
     /// A null buffer of either kind.
@@ -81,20 +81,20 @@ pub struct ResourceEntry {
 #[derive(Clone, Debug)]
 pub enum Content {
     /// A buffer of either kind.
-    Buffer(Kind, BufferEntry),
+    Buffer(DescriptorKind, BufferEntry),
     /// An image of either kind, or with a sampler.
-    Image(Kind, ImageEntry),
+    Image(DescriptorKind, ImageEntry),
     /// A sampler without an image.
     Sampler(SamplerReference),
     /// A TLAS by its name.
     AccelerationStructure(At<String>),
     /// `VK_NULL_HANDLE` in place of a buffer or a TLAS.
-    Null(Kind),
+    Null(DescriptorKind),
 }
 
 /// A descriptor's type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum DescriptorKind {
     /// A storage buffer.
     StorageBuffer,
     /// A uniform buffer.
@@ -115,7 +115,7 @@ pub enum Kind {
     AccelerationStructure,
 }
 
-impl Named for Kind {
+impl Named for DescriptorKind {
     const WHAT: &'static str = "type of resource";
     const NAMES: &'static [(&'static str, Self)] = &[
         ("storage_buffer", Self::StorageBuffer),
@@ -136,36 +136,40 @@ impl Parse for ResourceEntry {
         let Some(kind) = table.value("type") else {
             return value.wrong("a resource needs its `type`: `storage_buffer`, `storage_image`, ...");
         };
-        let kind = Kind::parse(kind)?;
+        let kind = DescriptorKind::parse(kind)?;
         let set = table.or("set", 0);
         let binding = table.required("binding");
         let element = element(&table);
         let output = match kind {
-            Kind::StorageImage => table.optional::<Marked>("output").and_then(|marked| marked.0),
+            DescriptorKind::StorageImage => table.optional::<Marked>("output").and_then(|marked| marked.0),
             _ => None,
         };
-        let nullable =
-            matches!(kind, Kind::StorageBuffer | Kind::UniformBuffer | Kind::AccelerationStructure);
+        let nullable = matches!(
+            kind,
+            DescriptorKind::StorageBuffer
+                | DescriptorKind::UniformBuffer
+                | DescriptorKind::AccelerationStructure
+        );
         if let Some(null) = table.value("null").filter(|_| !nullable) {
             return null
                 .wrong("only buffers and acceleration structures may be null here, no image or sampler");
         }
         let content = match kind {
             _ if nullable && table.or("null", false) => Some(Content::Null(kind)),
-            Kind::StorageBuffer | Kind::UniformBuffer => {
+            DescriptorKind::StorageBuffer | DescriptorKind::UniformBuffer => {
                 BufferEntry::parse(&table).map(|entry| Content::Buffer(kind, entry))
             }
-            Kind::StorageImage
-            | Kind::SampledImage
-            | Kind::CombinedImageSampler
-            | Kind::UniformTexelBuffer
-            | Kind::StorageTexelBuffer => {
+            DescriptorKind::StorageImage
+            | DescriptorKind::SampledImage
+            | DescriptorKind::CombinedImageSampler
+            | DescriptorKind::UniformTexelBuffer
+            | DescriptorKind::StorageTexelBuffer => {
                 ImageEntry::parse(&table, kind).map(|entry| Content::Image(kind, entry))
             }
-            Kind::Sampler => Some(Content::Sampler(
+            DescriptorKind::Sampler => Some(Content::Sampler(
                 table.optional("sampler").unwrap_or(SamplerReference::Inline(Sampler::default())),
             )),
-            Kind::AccelerationStructure => {
+            DescriptorKind::AccelerationStructure => {
                 let main = At { value: "main".to_string(), span: value.span() };
                 Some(Content::AccelerationStructure(table.or("tlas", main)))
             }
@@ -190,7 +194,7 @@ fn element(table: &Table<'_>) -> u32 {
 /// A buffer as a scene writes it.
 #[derive(Clone, Debug)]
 pub struct BufferEntry {
-    data: Option<Data>,
+    data: Option<DataPieces>,
     size: Option<At<u64>>,
 }
 
@@ -211,7 +215,7 @@ impl BufferEntry {
     /// Its bytes, filled up with zeros to its size.
     ///
     /// # Errors
-    /// Where the data is longer than the size, or as [`Data::encode`] says.
+    /// Where the data is longer than the size, or as [`DataPieces::encode`] says.
     pub fn load(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
         let mut bytes = match &self.data {
             Some(data) => data.encode(files, aspect)?,

@@ -14,7 +14,7 @@ type Matrix = [[f32; 4]; 3];
 /// several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Case {
+pub struct StressCase {
     /// The family that drew it.
     pub family: String,
     /// Where t is 0.
@@ -186,7 +186,7 @@ pub enum Shape {
     },
 }
 
-impl Case {
+impl StressCase {
     /// Shapes and a ray over the whole half-line.
     pub fn new(shapes: Vec<Shape>, (ray, transform): (Ray, Option<Matrix>)) -> Self {
         let Ray { origin, direction, t_min, t_max } = ray;
@@ -271,7 +271,7 @@ impl Case {
         toml::to_string(self).expect("bug in anyhit: plain numbers are TOML")
     }
 
-    /// Reads what [`Case::to_toml`] wrote.
+    /// Reads what [`StressCase::to_toml`] wrote.
     ///
     /// # Errors
     /// `InvalidArgument` with the parser's message.
@@ -297,20 +297,20 @@ mod tests {
             Shape::Sphere { center: [0.7; 3], radius: 0.1 },
         ];
         let ray = Ray::new([0.1, 0.2, 0.3], [1e-40, 0.0, -1.0]).with_interval(0.1, f32::INFINITY);
-        let mut case = Case::new(shapes, (ray, Some([[0.1; 4]; 3]))).named("test");
+        let mut case = StressCase::new(shapes, (ray, Some([[0.1; 4]; 3]))).named("test");
         case.shapes.push(Shape::MovingTriangle([[[0.7; 3]; 3], [[1e-45; 3]; 3]]));
         (case.time, case.flags, case.hidden) = (0.1, 16, 0);
         case.motion = Some(Moves::Srt([[0.1; 16], [1e30; 16]]));
         let motion = Some(Moves::Matrix([[[0.3; 4]; 3], [[-0.0; 4]; 3]]));
         case.others = vec![Placement::new(None, motion), Placement::new(None, None)];
         case.others.push(Placement { transform: Some([[0.9; 4]; 3]), mask: 6, flags: 2, motion: None });
-        let Case { origin, direction, t_min, t_max, .. } = case;
+        let StressCase { origin, direction, t_min, t_max, .. } = case;
         let neighbour = Neighbour { origin, direction, t_min, t_max, time: 0.3, flags: 32, cull_mask: 8 };
         case.neighbours = vec![neighbour; 3];
-        let mut again = Case::from_toml(&case.to_toml()).unwrap();
+        let mut again = StressCase::from_toml(&case.to_toml()).unwrap();
         assert_eq!(case, again);
-        let bits = |case: &mut Case| case.numbers().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        let bits = |case: &mut StressCase| case.numbers().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&mut case), bits(&mut again));
-        assert!(Case::from_toml("family = 1").is_err());
+        assert!(StressCase::from_toml("family = 1").is_err());
     }
 }

@@ -5,7 +5,7 @@ mod neighbours;
 mod trees;
 
 use crate::geometry::Ray;
-use crate::stress::case::{Case, Shape};
+use crate::stress::case::{Shape, StressCase};
 use crate::stress::draw::Draw;
 pub use neighbours::surround;
 
@@ -16,7 +16,7 @@ pub struct Family {
     /// What is hard about it.
     pub about: &'static str,
     /// Draws one case of the family.
-    pub draw: fn(&mut Draw) -> Case,
+    pub draw: fn(&mut Draw) -> StressCase,
 }
 
 /// All families. Cases take turns: case n is of family n modulo their number, so that a new family
@@ -88,25 +88,25 @@ pub const FAMILIES: &[Family] = &[
     },
 ];
 
-fn spheres(draw: &mut Draw) -> Case {
+fn spheres(draw: &mut Draw) -> StressCase {
     let (center, radius) = draw.sphere();
-    Case::new(vec![Shape::Sphere { center, radius }], draw.ray_near([center; 2], [radius; 2]))
+    StressCase::new(vec![Shape::Sphere { center, radius }], draw.ray_near([center; 2], [radius; 2]))
 }
 
-fn swept(draw: &mut Draw) -> Case {
+fn swept(draw: &mut Draw) -> StressCase {
     let (positions, radii, caps) = draw.linear_swept_sphere();
     let placed = draw.ray_near(positions, radii);
-    Case::new(vec![Shape::LinearSweptSphere { positions, radii, caps }], placed)
+    StressCase::new(vec![Shape::LinearSweptSphere { positions, radii, caps }], placed)
 }
 
-fn triangles(draw: &mut Draw) -> Case {
+fn triangles(draw: &mut Draw) -> StressCase {
     let vertices = draw.triangle();
-    Case::new(vec![Shape::Triangle(vertices)], draw.ray_through(vertices))
+    StressCase::new(vec![Shape::Triangle(vertices)], draw.ray_through(vertices))
 }
 
-fn boxes(draw: &mut Draw) -> Case {
+fn boxes(draw: &mut Draw) -> StressCase {
     let (min, max) = draw.aabb();
-    Case::new(vec![Shape::Aabb([min, max])], draw.ray_near([min, max], [0.0; 2]))
+    StressCase::new(vec![Shape::Aabb([min, max])], draw.ray_near([min, max], [0.0; 2]))
 }
 
 /// A round shape of radius 1 or so, and the ends between which it runs.
@@ -152,16 +152,16 @@ fn clamp(x: f64) -> f32 {
     x.clamp(-3e38, 3e38) as f32
 }
 
-fn grazing(draw: &mut Draw) -> Case {
+fn grazing(draw: &mut Draw) -> StressCase {
     let (shape, ends, radii) = round(draw);
     let off = ten_to(-(1 + draw.below(16) as i32)) * if draw.one_in(2) { 1.0 } else { -1.0 };
     let distance = ten_to(draw.below(4) as i32);
     let ray = passing(draw, ends, radii, off, distance);
     let placed = draw.placed(ray.origin, ray.direction);
-    Case::new(vec![shape], placed)
+    StressCase::new(vec![shape], placed)
 }
 
-fn axis_parallel(draw: &mut Draw) -> Case {
+fn axis_parallel(draw: &mut Draw) -> StressCase {
     let s = draw.scale();
     let mut direction = [0.0; 3];
     direction[draw.below(3)] = if draw.one_in(2) { s } else { -s };
@@ -183,10 +183,10 @@ fn axis_parallel(draw: &mut Draw) -> Case {
         }
     };
     let placed = draw.placed(origin, direction);
-    Case::new(vec![shape], placed)
+    StressCase::new(vec![shape], placed)
 }
 
-fn enclosing(draw: &mut Draw) -> Case {
+fn enclosing(draw: &mut Draw) -> StressCase {
     let s = draw.scale();
     // Pythagorean quadruples: lengths that are exact.
     let (axis, length) =
@@ -205,10 +205,10 @@ fn enclosing(draw: &mut Draw) -> Case {
     let (positions, radii) = if draw.one_in(2) { ([p, q], [small, great]) } else { ([q, p], [great, small]) };
     let caps = [!draw.one_in(3), !draw.one_in(3)];
     let placed = draw.ray_near(positions, radii);
-    Case::new(vec![Shape::LinearSweptSphere { positions, radii, caps }], placed)
+    StressCase::new(vec![Shape::LinearSweptSphere { positions, radii, caps }], placed)
 }
 
-fn needles(draw: &mut Draw) -> Case {
+fn needles(draw: &mut Draw) -> StressCase {
     let s = draw.scale();
     let thin = ten_to(-(2 + draw.below(6) as i32)) as f32;
     let (p, q) = (draw.anywhere(s), draw.anywhere(s));
@@ -216,7 +216,7 @@ fn needles(draw: &mut Draw) -> Case {
         // A sliver: the third vertex beside the edge.
         let u = draw.unit().abs();
         let r: [f32; 3] = std::array::from_fn(|i| p[i] + (q[i] - p[i]) * u + draw.unit() * thin * s);
-        return Case::new(vec![Shape::Triangle([p, q, r])], draw.ray_through([p, q, r]));
+        return StressCase::new(vec![Shape::Triangle([p, q, r])], draw.ray_through([p, q, r]));
     }
     let r = draw.unit().abs() * s * thin;
     let radii = [r, [0.0, r, r * thin, r * 0.5][draw.below(4)]];
@@ -232,10 +232,10 @@ fn needles(draw: &mut Draw) -> Case {
     };
     let caps = [!draw.one_in(4), !draw.one_in(4)];
     let placed = draw.placed(ray.origin, ray.direction);
-    Case::new(vec![Shape::LinearSweptSphere { positions: [p, q], radii, caps }], placed)
+    StressCase::new(vec![Shape::LinearSweptSphere { positions: [p, q], radii, caps }], placed)
 }
 
-fn zero_length(draw: &mut Draw) -> Case {
+fn zero_length(draw: &mut Draw) -> StressCase {
     let s = draw.scale();
     let p = draw.lattice(s);
     let mut q = p;
@@ -254,7 +254,7 @@ fn zero_length(draw: &mut Draw) -> Case {
     if draw.one_in(6) {
         ray.direction = [0.0; 3];
     }
-    Case::new(vec![shape], (ray, matrix))
+    StressCase::new(vec![shape], (ray, matrix))
 }
 
 /// Draws a size from 10^-30 to 10^30.
@@ -262,7 +262,7 @@ fn any_size(draw: &mut Draw) -> f32 {
     2f32.powi(draw.below(200) as i32 - 100) * (1.0 + draw.unit().abs())
 }
 
-fn radii(draw: &mut Draw) -> Case {
+fn radii(draw: &mut Draw) -> StressCase {
     let (a, b, s) = (any_size(draw), any_size(draw), any_size(draw));
     let p = draw.anywhere(s);
     let near = any_size(draw);
@@ -278,10 +278,10 @@ fn radii(draw: &mut Draw) -> Case {
     } else {
         Shape::LinearSweptSphere { positions: [p, q], radii, caps: [true; 2] }
     };
-    Case::new(vec![shape], placed)
+    StressCase::new(vec![shape], placed)
 }
 
-fn far(draw: &mut Draw) -> Case {
+fn far(draw: &mut Draw) -> StressCase {
     let distance = ten_to(3 + draw.below(10) as i32);
     match draw.below(4) {
         0 => {
@@ -290,7 +290,7 @@ fn far(draw: &mut Draw) -> Case {
             let origin = std::array::from_fn(|i| {
                 clamp(f64::from(ray.origin[i]) - f64::from(ray.direction[i]) * distance)
             });
-            Case::new(vec![Shape::Triangle(vertices)], (Ray { origin, ..ray }, matrix))
+            StressCase::new(vec![Shape::Triangle(vertices)], (Ray { origin, ..ray }, matrix))
         }
         1 => {
             let (min, max) = draw.aabb();
@@ -298,19 +298,19 @@ fn far(draw: &mut Draw) -> Case {
             let origin = std::array::from_fn(|i| {
                 clamp(f64::from(ray.origin[i]) - f64::from(ray.direction[i]) * distance)
             });
-            Case::new(vec![Shape::Aabb([min, max])], (Ray { origin, ..ray }, matrix))
+            StressCase::new(vec![Shape::Aabb([min, max])], (Ray { origin, ..ray }, matrix))
         }
         _ => {
             let (shape, ends, radii) = round(draw);
             let off = [0.0, 1e-7, -1e-7, -0.5, 1e-3, -1e-5][draw.below(6)];
             let ray = passing(draw, ends, radii, off, distance);
             let placed = draw.placed(ray.origin, ray.direction);
-            Case::new(vec![shape], placed)
+            StressCase::new(vec![shape], placed)
         }
     }
 }
 
-fn leaving(draw: &mut Draw) -> Case {
+fn leaving(draw: &mut Draw) -> StressCase {
     let (shape, ends, radii) = round(draw);
     let off = [0.0, 1e-7, -1e-7, 1e-6, -1e-6][draw.below(5)];
     let mut ray = passing(draw, ends, radii, off, 0.0);
@@ -318,10 +318,10 @@ fn leaving(draw: &mut Draw) -> Case {
         ray.direction = draw.direction();
     }
     let placed = draw.placed(ray.origin, ray.direction);
-    Case::new(vec![shape], placed)
+    StressCase::new(vec![shape], placed)
 }
 
-fn directions(draw: &mut Draw) -> Case {
+fn directions(draw: &mut Draw) -> StressCase {
     let mut case = any(draw);
     let long = 2f64.powi(draw.below(276) as i32 - 149);
     for x in &mut case.direction {
@@ -332,11 +332,11 @@ fn directions(draw: &mut Draw) -> Case {
 }
 
 /// A case of one of the plain families.
-fn any(draw: &mut Draw) -> Case {
+fn any(draw: &mut Draw) -> StressCase {
     [spheres, swept, triangles, boxes, grazing, axis_parallel][draw.below(6)](draw)
 }
 
-fn degenerate(draw: &mut Draw) -> Case {
+fn degenerate(draw: &mut Draw) -> StressCase {
     let s = draw.scale();
     let a = if draw.one_in(2) { draw.lattice(s) } else { draw.anywhere(s) };
     let step = draw.lattice(s);
@@ -353,20 +353,20 @@ fn degenerate(draw: &mut Draw) -> Case {
     }
     let turn = draw.below(3);
     vertices.rotate_left(turn);
-    Case::new(vec![Shape::Triangle(vertices)], draw.ray_through(vertices))
+    StressCase::new(vec![Shape::Triangle(vertices)], draw.ray_through(vertices))
 }
 
-fn fans(draw: &mut Draw) -> Case {
+fn fans(draw: &mut Draw) -> StressCase {
     let count = 4 + draw.below(5);
     let (fan, ray, matrix) = draw.fan(count);
     let shapes = (0..count).map(|i| {
         let (a, b) = (fan[1 + i], fan[1 + (i + 1) % count]);
         Shape::Triangle(if i % 2 == 0 { [fan[0], a, b] } else { [b, a, fan[0]] })
     });
-    Case::new(shapes.collect(), (ray, matrix))
+    StressCase::new(shapes.collect(), (ray, matrix))
 }
 
-fn instances(draw: &mut Draw) -> Case {
+fn instances(draw: &mut Draw) -> StressCase {
     let case = any(draw);
     // The object-space ray of the case becomes the world ray of its image.
     let (origin, direction) = (case.origin, case.direction);
@@ -388,10 +388,10 @@ fn instances(draw: &mut Draw) -> Case {
             draw.image(m, origin, direction)
         }
     };
-    Case::new(case.shapes, (ray, matrix))
+    StressCase::new(case.shapes, (ray, matrix))
 }
 
-fn chains(draw: &mut Draw) -> Case {
+fn chains(draw: &mut Draw) -> StressCase {
     let s = draw.scale();
     let points: [[f32; 3]; 4] =
         std::array::from_fn(|_| if draw.one_in(2) { draw.lattice(s) } else { draw.anywhere(s) });
@@ -404,17 +404,17 @@ fn chains(draw: &mut Draw) -> Case {
     let shapes: Vec<Shape> = shapes.collect();
     let joint = draw.below(4);
     let placed = draw.ray_near([points[joint]; 2], [radii[joint]; 2]);
-    Case::new(shapes, placed)
+    StressCase::new(shapes, placed)
 }
 
-fn ties(draw: &mut Draw) -> Case {
+fn ties(draw: &mut Draw) -> StressCase {
     let mut case = any(draw);
     let count = 2 + draw.below(7);
     case.shapes = vec![case.shapes[0]; count];
     case
 }
 
-fn fields(draw: &mut Draw) -> Case {
+fn fields(draw: &mut Draw) -> StressCase {
     let mut case = any(draw);
     let kind = std::mem::discriminant(&case.shapes[0]);
     // Others of the kind, drawn at their own scales.
@@ -437,7 +437,7 @@ fn fields(draw: &mut Draw) -> Case {
     case
 }
 
-fn bits(draw: &mut Draw) -> Case {
+fn bits(draw: &mut Draw) -> StressCase {
     let mut case = any(draw);
     let mut number = || loop {
         let x = f32::from_bits(draw.word());

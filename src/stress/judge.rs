@@ -16,10 +16,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::accel::TraceRay;
 use crate::geometry::{Precision, Ray};
-use crate::stress::case::{Case, Shape};
-use crate::stress::judge::moment::{Hit, Moment};
-use crate::stress::judge::one::{One, intersect};
-use crate::stress::judge::traced::Scene;
+use crate::stress::case::{Shape, StressCase};
+use crate::stress::judge::moment::{ExactHit, Moment};
+use crate::stress::judge::one::{LineAndPrimitive, intersect};
+use crate::stress::judge::traced::TracedScene;
 use crate::stress::reference::LineOf;
 
 /// The counts of one case or of a whole run.
@@ -69,7 +69,7 @@ fn fail<T>(what: impl Into<String>) -> Result<T, Failure> {
 }
 
 /// [`check`], with a panic as a failure.
-pub fn check_caught(case: &Case, precision: Precision) -> Result<Tally, Failure> {
+pub fn check_caught(case: &StressCase, precision: Precision) -> Result<Tally, Failure> {
     catch_unwind(AssertUnwindSafe(|| check(case, precision))).unwrap_or_else(|_| fail("it panics"))
 }
 
@@ -88,7 +88,7 @@ const NEIGHBOURS: usize = 3;
 ///
 /// # Errors
 /// The first wrong answer.
-pub fn check(case: &Case, precision: Precision) -> Result<Tally, Failure> {
+pub fn check(case: &StressCase, precision: Precision) -> Result<Tally, Failure> {
     let mut tally = Tally { lines: 1 + case.neighbours.len() as u64, ..Tally::default() };
     let trace = case.trace();
     if !(0.0..=1.0).contains(&trace.time) {
@@ -99,7 +99,7 @@ pub fn check(case: &Case, precision: Precision) -> Result<Tally, Failure> {
     if !judge.check_primitives(&mut tally)? || trace.check().is_err() {
         return Ok(tally);
     }
-    let Some(scene) = Scene::new(case, precision)? else { return Ok(tally) };
+    let Some(scene) = TracedScene::new(case, precision)? else { return Ok(tally) };
     scene.check_alone(&moment, &trace, &mut tally)?;
     if let Some(closest) = moment.hits(&trace, precision).first() {
         let (Ray { t_min, t_max, .. }, t) = (trace.ray, closest.found.t);
@@ -116,8 +116,8 @@ pub fn check(case: &Case, precision: Precision) -> Result<Tally, Failure> {
 
 /// Judges the rays beside that of the case.
 fn check_neighbours(
-    case: &Case,
-    scene: &Scene,
+    case: &StressCase,
+    scene: &TracedScene,
     moment: &Moment,
     precision: Precision,
     tally: &mut Tally,
@@ -156,7 +156,7 @@ fn check_neighbours(
 
 /// Judges the answers of the primitives' tests about one ray.
 struct Judge<'a> {
-    case: &'a Case,
+    case: &'a StressCase,
     precision: Precision,
     moment: &'a Moment,
     ray: Ray,
@@ -223,7 +223,7 @@ impl Judge<'_> {
     }
 
     /// Judges a hit that is known.
-    fn check_hit(&self, hit: &Hit, tally: &mut Tally) -> Result<(), Failure> {
+    fn check_hit(&self, hit: &ExactHit, tally: &mut Tally) -> Result<(), Failure> {
         match self.line(hit.instance)? {
             Some(line) => self.check_primitive((hit.instance, hit.shape), &line, false, tally),
             None => fail(format!("instance {} is hit", hit.instance)),
@@ -246,7 +246,7 @@ impl Judge<'_> {
         let Some(object) = self.moment.object_ray(instance, &self.ray) else { return Ok(()) };
         let matrix = self.moment.places[instance].matrix.as_ref();
         let (shape, precision) = (&self.moment.shapes[index], self.precision);
-        let one = One { shape, line, matrix, precision, index };
+        let one = LineAndPrimitive { shape, line, matrix, precision, index };
         let expected = one.expected();
         one.check_block(&object, expected.as_ref(), tally).map_err(in_instance)?;
         let found = one.check(&self.ray, expected.as_ref(), tally).map_err(in_instance)?;

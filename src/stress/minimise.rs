@@ -1,7 +1,7 @@
 //! Minimises a failing case: fewer primitives, instances and rays, no motion, short numbers.
 
 use crate::geometry::Precision;
-use crate::stress::case::{Case, Moves, Placement, Shape};
+use crate::stress::case::{Moves, Placement, Shape, StressCase};
 use crate::stress::judge::{Failure, check_caught};
 
 /// A case that fails, no greater than the given one in any respect, and how it fails. Tries each
@@ -9,8 +9,8 @@ use crate::stress::judge::{Failure, check_caught};
 ///
 /// # Panics
 /// Where the given case does not fail.
-pub fn minimise(case: &Case, precision: Precision) -> (Case, Failure) {
-    let fails = |case: &Case| check_caught(case, precision).err();
+pub fn minimise(case: &StressCase, precision: Precision) -> (StressCase, Failure) {
+    let fails = |case: &StressCase| check_caught(case, precision).err();
     let failure = fails(case).expect("bug in anyhit: a case that does not fail is made smaller");
     let mut search = Search { best: case.clone(), failure, fails };
     // A change that is kept makes the case smaller, so that this ends; the bound is for time.
@@ -38,14 +38,14 @@ pub fn minimise(case: &Case, precision: Precision) -> (Case, Failure) {
 
 /// The least case so far that fails.
 struct Search<F> {
-    best: Case,
+    best: StressCase,
     failure: Failure,
     fails: F,
 }
 
-impl<F: Fn(&Case) -> Option<Failure>> Search<F> {
+impl<F: Fn(&StressCase) -> Option<Failure>> Search<F> {
     /// Makes a change where the case still fails; says whether it does, and is another one.
-    fn keeps(&mut self, change: impl FnOnce(&mut Case)) -> bool {
+    fn keeps(&mut self, change: impl FnOnce(&mut StressCase)) -> bool {
         let mut candidate = self.best.clone();
         change(&mut candidate);
         if candidate == self.best {
@@ -61,7 +61,7 @@ impl<F: Fn(&Case) -> Option<Failure>> Search<F> {
 
     /// Leaves out elements of a list, down to `least`: half of it at once, then quarters, then
     /// single ones.
-    fn shorten<T>(&mut self, least: usize, list: fn(&mut Case) -> &mut Vec<T>) {
+    fn shorten<T>(&mut self, least: usize, list: fn(&mut StressCase) -> &mut Vec<T>) {
         let mut many = list(&mut self.best).len();
         while many > 0 {
             let mut first = 0;
@@ -112,7 +112,7 @@ impl<F: Fn(&Case) -> Option<Failure>> Search<F> {
     /// Neighbours become the ray of the case, or at least start, head, and end as it does.
     fn equalise(&mut self) {
         for at in 0..self.best.neighbours.len() {
-            let Case { origin, direction, t_min, t_max, time, flags, .. } = self.best;
+            let StressCase { origin, direction, t_min, t_max, time, flags, .. } = self.best;
             self.keeps(|case| {
                 (case.neighbours[at].origin, case.neighbours[at].direction) = (origin, direction)
             });
@@ -155,7 +155,7 @@ mod tests {
     fn all_that_a_failure_does_not_need_goes() {
         let ray = Ray::new([3.25, 0.0, 0.0], [0.1, 0.2, 0.3]);
         let ball = |k: usize| Shape::Sphere { center: [k as f32, 0.3, 0.0], radius: 1.0 };
-        let mut case = Case::new((0..77).map(ball).collect(), (ray, Some([[0.5; 4]; 3])));
+        let mut case = StressCase::new((0..77).map(ball).collect(), (ray, Some([[0.5; 4]; 3])));
         let Ray { origin, direction, t_min, .. } = ray;
         let neighbour =
             Neighbour { origin, direction, t_min, t_max: 7.0, time: 0.5, flags: 16, cull_mask: 3 };
@@ -164,7 +164,7 @@ mod tests {
         let motion = Moves::Matrix([[[0.1; 4]; 3], [[0.2; 4]; 3]]);
         case.others = vec![Placement::new(Some([[0.7; 4]; 3]), Some(motion)); 9];
         // Eight rays, of which one goes down, and a ball of its own.
-        let fails = |case: &Case| {
+        let fails = |case: &StressCase| {
             let has_ball = case.shapes.iter().any(|shape| *shape == ball(40));
             let goes_down = case.neighbours.iter().any(|neighbour| neighbour.direction[2] < 0.0);
             (has_ball && goes_down && case.neighbours.len() >= 7).then(|| Failure("it fails".to_owned()))
@@ -176,7 +176,7 @@ mod tests {
         search.shorten(1, |case| &mut case.shapes);
         search.simplify();
         search.equalise();
-        let mut least = Case { hidden: 0, ..Case::new(vec![ball(40)], (ray, None)) };
+        let mut least = StressCase { hidden: 0, ..StressCase::new(vec![ball(40)], (ray, None)) };
         let alike = Neighbour { t_max: ray.t_max, time: 0.0, flags: 0, cull_mask: 1, ..neighbour };
         least.neighbours = vec![alike; 7];
         let down = search.best.neighbours.iter().position(|neighbour| neighbour.direction[2] < 0.0);
@@ -187,12 +187,12 @@ mod tests {
     #[test]
     fn an_instance_keeps_what_matters_alone() {
         let keys = [[[0.1; 4]; 3], [[0.2; 4]; 3]];
-        let mut case = Case::new(vec![], (Ray::new([0.0; 3], [1.0; 3]), None));
+        let mut case = StressCase::new(vec![], (Ray::new([0.0; 3], [1.0; 3]), None));
         let whole = Placement { mask: 3, flags: 2, ..Placement::new(Some([[0.7; 4]; 3]), None) };
         case.others = vec![Placement { motion: Some(Moves::Matrix(keys)), ..whole.clone() }; 3];
         case.shapes = vec![Shape::MovingTriangle([[[1.0; 3]; 3], [[2.0; 3]; 3]]); 2];
         // A second key, and flags.
-        let fails = |case: &Case| {
+        let fails = |case: &StressCase| {
             let moves = |other: &Placement| other.motion.is_some() && other.flags == 2;
             case.others.iter().any(moves).then(|| Failure("it fails".to_owned()))
         };

@@ -1,10 +1,11 @@
 //! Fuzzing of intersection and traversal against an exact reference: `anyhit stress`.
 //!
-//! A [`Case`] is a ray, perhaps with others that go together with it, and primitives of one kind in
-//! an instance or several, which may move. The [`family`] module draws cases where intersectors
-//! break, [`judge`] compares every answer with [`mod@reference`], which computes in rational
-//! numbers and shares no code with `geometry`, and [`minimise`] makes a failure small enough to
-//! read. Case number n of a seed is the same on every machine, whatever the number of threads.
+//! A [`StressCase`] is a ray, perhaps with others that go together with it, and primitives of one
+//! kind in an instance or several, which may move. The [`family`] module draws cases where
+//! intersectors break, [`judge`] compares every answer with [`mod@reference`], which computes in
+//! rational numbers and shares no code with `geometry`, and [`minimise`] makes a failure small
+//! enough to read. Case number n of a seed is the same on every machine, whatever the number of
+//! threads.
 
 pub mod case;
 pub mod draw;
@@ -13,7 +14,7 @@ pub mod judge;
 pub mod minimise;
 pub mod reference;
 
-pub use case::{Case, Shape};
+pub use case::{Shape, StressCase};
 pub use judge::{Failure, Tally, check};
 
 use std::time::{Duration, Instant};
@@ -51,7 +52,7 @@ pub struct Found {
     /// What is wrong with the smaller case.
     pub failure: Failure,
     /// The case, made smaller.
-    pub case: Case,
+    pub case: StressCase,
 }
 
 /// The results of a run.
@@ -75,7 +76,7 @@ impl StressReport {
 }
 
 /// The case with a number.
-pub fn case(seed: u64, number: u64) -> Case {
+pub fn case(seed: u64, number: u64) -> StressCase {
     let family = &FAMILIES[(number % FAMILIES.len() as u64) as usize];
     // Seeds of draws must differ in more than a few bits: SplitMix64 scatters them.
     let mut draw = Draw::new(seed.wrapping_mul(0xD134_2543_DE82_EF95).wrapping_add(number));

@@ -6,11 +6,11 @@
 use std::collections::BTreeSet;
 
 use anyhit::Ray;
-use anyhit::accel::{Blas, Cursor, Geometry, GeometryFlags, Instance, RayFlags, Tlas, TraceRay};
+use anyhit::accel::{Blas, Cursor, Geometry, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay};
 use anyhit::geometry::linear_swept_sphere;
 use anyhit::stress::draw::Draw;
 use anyhit::stress::reference::LineOf;
-use anyhit::stress::{Case, Shape};
+use anyhit::stress::{Shape, StressCase};
 
 use crate::cases;
 
@@ -156,14 +156,14 @@ fn check(seed: u64, kind: usize) {
     for _ in 0..cases(120) {
         let s = scale(&mut draw);
         let shapes: Vec<Shape> = (0..PRIMITIVES).map(|_| shape(&mut draw, kind, s)).collect();
-        let case = Case::new(shapes.clone(), (Ray::new([0.0; 3], [0.0, 0.0, 1.0]), None));
+        let case = StressCase::new(shapes.clone(), (Ray::new([0.0; 3], [0.0, 0.0, 1.0]), None));
         let (geometries, _) = case.geometries().expect("shapes of one kind");
         // Not opaque: every primitive that the ray meets is handed out.
         let flags = GeometryFlags::default();
         let geometries = geometries.into_iter().map(|geometry| Geometry { flags, ..geometry });
         let blas = Blas::new(geometries.collect()).expect("legal primitives");
         let matrices: Vec<Matrix> = (0..INSTANCES).map(|_| matrix(&mut draw, s)).collect();
-        let instances = matrices.iter().map(|&transform| Instance::of(blas.clone(), transform));
+        let instances = matrices.iter().map(|&transform| TlasInstance::of(blas.clone(), transform));
         // Singular matrices are refused; there are plenty of others.
         let Ok(tlas) = Tlas::new(instances.collect()) else { continue };
         scenes += 1;

@@ -108,7 +108,7 @@ pub struct RaySoA {
 
 /// Rays of a packet whose directions have the same signs.
 #[derive(Clone, Copy, Debug)]
-pub struct Group {
+pub struct OctantGroup {
     /// A mask of the rays.
     pub rays: u64,
     /// For each axis the plane that is entered first: 0 the lower, 1 the upper.
@@ -220,9 +220,9 @@ impl RaySoA {
 
     /// The group of those of some rays, at least one, whose direction signs are those of the first.
     #[inline(always)]
-    pub fn first_group(&self, rays: u64) -> Group {
+    pub fn first_group(&self, rays: u64) -> OctantGroup {
         let first = rays & rays.wrapping_neg();
-        let mut group = Group { rays, near_side: [0; 3] };
+        let mut group = OctantGroup { rays, near_side: [0; 3] };
         for axis in 0..3 {
             let downwards = self.downwards[axis];
             group.near_side[axis] = usize::from(downwards & first != 0);
@@ -240,7 +240,7 @@ impl RaySoA {
     /// `(high - o) / d` if that is not negative; if it is every ray misses. Negative directions are
     /// mirrored.
     #[inline(always)]
-    pub fn frustum<E: F32x8Ops>(&self, simd: E, rays: &WorldRays, group: &Group) -> TravRay {
+    pub fn frustum<E: F32x8Ops>(&self, simd: E, rays: &WorldRays, group: &OctantGroup) -> TravRay {
         // A sum with NaN is ignored by minimum and maximum.
         let mut members = PerRay([f32::NAN; MAX_RAYS]);
         for (at, member) in members.0.iter_mut().enumerate() {
@@ -271,7 +271,7 @@ impl RaySoA {
 
     /// A single ray of a group.
     #[inline(always)]
-    pub fn single(&self, rays: &WorldRays, at: usize, group: &Group) -> TravRay {
+    pub fn single(&self, rays: &WorldRays, at: usize, group: &OctantGroup) -> TravRay {
         let mut ray = TravRay::from(rays.t_min.0[at]);
         ray.near_side = group.near_side;
         for axis in 0..3 {
@@ -290,7 +290,7 @@ impl RaySoA {
         &self,
         simd: E,
         rays: &WorldRays,
-        group: &Group,
+        group: &OctantGroup,
         (node, slot): (&Node, usize),
         limits: &PerRay,
     ) -> u64 {

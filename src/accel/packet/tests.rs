@@ -5,7 +5,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 
 use super::*;
-use crate::accel::{Blas, Geometry, GeometryData, GeometryFlags, Instance, RayFlags};
+use crate::accel::{Blas, Geometry, GeometryData, GeometryFlags, RayFlags, TlasInstance};
 use crate::accel::{EndCaps, Indexing};
 use crate::geometry::Ray;
 use crate::math::f32x8::BaselineSimd;
@@ -93,7 +93,7 @@ fn structure() -> impl Strategy<Value = Arc<Tlas>> {
             .collect();
         let instances = places.into_iter().map(|(matrix, last)| {
             let number = if last { blas.len() - 1 } else { 0 };
-            Instance::of(blas[number].clone(), matrix)
+            TlasInstance::of(blas[number].clone(), matrix)
         });
         Tlas::new(instances.collect()).expect("valid instances")
     })
@@ -141,7 +141,7 @@ fn floor() -> (Arc<Tlas>, impl Fn(f32, f32) -> TraceRay) {
     });
     let data = GeometryData::Triangles { vertices: vertices.collect(), indices: None, transform: None };
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("valid numbers");
-    let tlas = Tlas::new(vec![Instance::of(blas, IDENTITY)]).expect("a valid instance");
+    let tlas = Tlas::new(vec![TlasInstance::of(blas, IDENTITY)]).expect("a valid instance");
     let trace = |x: f32, z: f32| {
         let ray = Ray::new([0.1, 8.0, 0.1], [x, -8.0, z]);
         TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 }
@@ -168,7 +168,7 @@ fn what_takes_long_together_is_given_up() {
     let vertices = (0..1000).flat_map(|k| corners(k as f32 * -0.001)).collect();
     let data = GeometryData::Triangles { vertices, indices: None, transform: None };
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("valid numbers");
-    let layers = Tlas::new(vec![Instance::of(blas, IDENTITY)]).expect("a valid instance");
+    let layers = Tlas::new(vec![TlasInstance::of(blas, IDENTITY)]).expect("a valid instance");
     let culled = |flags| tile.iter().map(|trace| TraceRay { flags, ..*trace }).collect::<Vec<_>>();
     let through = [RayFlags::CULL_BACK_FACING_TRIANGLES, RayFlags::CULL_FRONT_FACING_TRIANGLES]
         .map(culled)

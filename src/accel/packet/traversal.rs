@@ -5,7 +5,7 @@ use crate::accel::built_blas::{BuiltBlas, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
-use crate::accel::packet::ray_soa::{Group, PerRay, RaySoA};
+use crate::accel::packet::ray_soa::{OctantGroup, PerRay, RaySoA};
 use crate::accel::packet::{Found, MAX_RAYS, Packet};
 use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible, presented};
 use crate::accel::tlas::{Placed, Tlas};
@@ -135,7 +135,7 @@ impl PacketTraversal<'_> {
     /// Traverses a tree with a group of rays, the nearest nodes first; below nodes that at most
     /// [`FEW`] of them hit these go singly.
     #[inline(always)]
-    fn visit<E: LaneOps>(&mut self, simd: E, group: &Group, bvh: &WideBvh, leaves: &impl Leaves) {
+    fn visit<E: LaneOps>(&mut self, simd: E, group: &OctantGroup, bvh: &WideBvh, leaves: &impl Leaves) {
         if group.rays.count_ones() <= FEW {
             return self.visit_singly(simd, group, bvh, bvh.root(), leaves);
         }
@@ -170,7 +170,7 @@ impl PacketTraversal<'_> {
             if child.is_leaf() {
                 leaves.visit_leaf(self, simd, child, maybe_hit);
             } else if maybe_hit.count_ones() <= FEW {
-                self.visit_singly(simd, &Group { rays: maybe_hit, ..*group }, bvh, child, leaves);
+                self.visit_singly(simd, &OctantGroup { rays: maybe_hit, ..*group }, bvh, child, leaves);
             } else {
                 inner = Some(child);
                 continue;
@@ -184,7 +184,7 @@ impl PacketTraversal<'_> {
     fn visit_singly<E: LaneOps>(
         &mut self,
         simd: E,
-        group: &Group,
+        group: &OctantGroup,
         bvh: &WideBvh,
         root: NodeRef,
         leaves: &impl Leaves,

@@ -256,7 +256,7 @@ fn read(path: &Path) -> Result<(Vec<u8>, Module)> {
         return Ok((bytes, module));
     }
     let source = compile::Source::read(path)?;
-    let options = compile::CompileOptions { debug: compile::DebugInfo::Lines, ..Default::default() };
+    let options = compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
     let bytes = compile::compile_once(&source, &options)?;
     let module = module::load(&bytes)?;
     Ok((bytes, module))

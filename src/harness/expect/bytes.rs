@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::harness::expect::{Difference, SHOWN, Subject};
-use crate::harness::number::{Numbers, Tolerance};
+use crate::harness::number::{Tolerance, TypedNumbers};
 use crate::machine::image::Image;
 use crate::scene::read::{At, Parse, Table, TomlValue};
 
@@ -35,7 +35,7 @@ pub struct BytesExpectation {
     /// An image's first texel, x and y.
     pub at: Option<At<[u32; 2]>>,
     /// The numbers, by outermost element.
-    pub numbers: Numbers,
+    pub numbers: TypedNumbers,
     /// How exact.
     pub tolerance: Tolerance,
     /// Why this is expected.
@@ -50,7 +50,7 @@ impl Parse for BytesExpectation {
         let stride = table.optional::<u32>("stride").map(|stride| stride as usize);
         let at = table.optional("at");
         let tolerance = Tolerance::of(&table);
-        let numbers = Numbers::of(&table);
+        let numbers = TypedNumbers::of(&table);
         let because = table.optional("because");
         table.finish();
         let (tolerance, numbers) = (tolerance?, numbers?);

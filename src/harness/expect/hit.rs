@@ -2,7 +2,7 @@
 
 use crate::accel::Committed;
 use crate::harness::expect::Difference;
-use crate::harness::number::{ExpectedNumber, Scalar, Tolerance};
+use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::harness::value::Value as Found;
 use crate::scene::read::{At, Span, Table};
 
@@ -37,7 +37,7 @@ impl HitExpectation {
     pub(super) fn of(table: &Table<'_>) -> Option<Self> {
         let miss = table.or("miss", false).then(|| key_and_value(table, "miss")).flatten();
         let numbers = NUMBERS.map(|key| table.optional(key));
-        let float = |value| ExpectedNumber::parse(value, Scalar::F32);
+        let float = |value| ExpectedNumber::parse(value, NumberType::F32);
         let t = table.value("t").and_then(float);
         let attributes = table.value("attributes");
         let attributes: Vec<_> =
@@ -106,10 +106,10 @@ impl HitExpectation {
         let t = self.t.iter().map(|expected| ("t".to_string(), expected, hit.t));
         for (name, expected, found) in t.chain(attributes) {
             let bits = u64::from(found.to_bits());
-            if let Some(message) = tolerance.difference(Scalar::F32, &expected.value, bits) {
+            if let Some(message) = tolerance.difference(NumberType::F32, &expected.value, bits) {
                 let span = &expected.span;
                 let difference = Difference::new(span, format!("{name}: {message}"), because);
-                differences.push(difference.mended(span, Scalar::F32.literal(bits), because));
+                differences.push(difference.mended(span, NumberType::F32.literal(bits), because));
             }
         }
         differences
@@ -143,6 +143,6 @@ pub(crate) fn keys(hit: &Committed) -> Vec<String> {
         format!("instance = {}", hit.candidate.instance),
         format!("geometry = {}", hit.candidate.geometry),
         format!("primitive = {}", hit.candidate.primitive),
-        format!("t = {}", Scalar::F32.literal(u64::from(hit.t.to_bits()))),
+        format!("t = {}", NumberType::F32.literal(u64::from(hit.t.to_bits()))),
     ]
 }

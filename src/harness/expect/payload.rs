@@ -1,7 +1,7 @@
 //! `payload` of a ray: values by the names of the payload's members.
 
 use crate::harness::expect::{Difference, Subject};
-use crate::harness::number::{ExpectedNumber, Scalar, Tolerance};
+use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::harness::value::Value as Found;
 use crate::scene::read::{Diagnostics, Kept, Span, Table, TomlValue, nearest};
 use crate::scene::tree::Toml;
@@ -113,7 +113,7 @@ impl Comparison<'_> {
     fn scalar(
         &mut self,
         expected: TomlValue<'_>,
-        scalar: Option<Scalar>,
+        scalar: Option<NumberType>,
         bits: u64,
         found: &Found,
         path: &str,
@@ -154,23 +154,23 @@ fn words(found: &Found) -> usize {
 }
 
 /// A scalar's type and bits; no type for a bool.
-pub(crate) fn scalar_of(found: &Found) -> Option<(Option<Scalar>, u64)> {
+pub(crate) fn scalar_of(found: &Found) -> Option<(Option<NumberType>, u64)> {
     let scalar = match found.ty() {
         "bool" => return Some((None, u64::from(found.bool()))),
-        "float" => Scalar::F32,
-        "double" => Scalar::F64,
-        "float16_t" => Scalar::F16,
-        "bfloat16_t" => Scalar::Bf16,
-        "floate4m3_t" => Scalar::E4m3,
-        "floate5m2_t" => Scalar::E5m2,
-        "int" => Scalar::I32,
-        "uint" => Scalar::U32,
-        "int8_t" => Scalar::I8,
-        "int16_t" => Scalar::I16,
-        "int64_t" => Scalar::I64,
-        "uint8_t" => Scalar::U8,
-        "uint16_t" => Scalar::U16,
-        "uint64_t" => Scalar::U64,
+        "float" => NumberType::F32,
+        "double" => NumberType::F64,
+        "float16_t" => NumberType::F16,
+        "bfloat16_t" => NumberType::Bf16,
+        "floate4m3_t" => NumberType::E4m3,
+        "floate5m2_t" => NumberType::E5m2,
+        "int" => NumberType::I32,
+        "uint" => NumberType::U32,
+        "int8_t" => NumberType::I8,
+        "int16_t" => NumberType::I16,
+        "int64_t" => NumberType::I64,
+        "uint8_t" => NumberType::U8,
+        "uint16_t" => NumberType::U16,
+        "uint64_t" => NumberType::U64,
         _ => return None,
     };
     let bits = scalar.load(found.bytes(), 0)?;

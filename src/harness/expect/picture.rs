@@ -6,7 +6,7 @@ use image::RgbaImage;
 
 use crate::error::Result;
 use crate::harness::expect::{Bytes, Difference, Fix, Subject};
-use crate::harness::number::{ExpectedNumber, Scalar, Tolerance};
+use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::machine::format::Component;
 use crate::scene::image::Picture;
 use crate::scene::read::{At, Parse, Table, TomlValue};
@@ -244,7 +244,7 @@ impl Numbers {
             (_, None) => {
                 let bits = |number: f64| u64::from((number as f32).to_bits());
                 let wanted = ExpectedNumber::Number(bits(expected), expected);
-                tolerance.difference(Scalar::F32, &wanted, bits(found)).is_some()
+                tolerance.difference(NumberType::F32, &wanted, bits(found)).is_some()
             }
             (Tolerance::Exact, Some(step)) => distance > step / 2.0,
             (Tolerance::Ulp(bound), Some(step)) => distance > (bound + 1e-6) * step,

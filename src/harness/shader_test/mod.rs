@@ -18,7 +18,7 @@ use crate::harness::data::Bytes;
 use crate::harness::given::{Given, gives_resources};
 use crate::harness::hit::Hit;
 use crate::harness::mock::{Answer, CallableCall, ExecuteCall, TraceCall, in_turn};
-use crate::harness::scalars::{Scalar, Scalars, builtin_words};
+use crate::harness::scalars::{ScalarValue, Scalars, builtin_words};
 use crate::harness::shader_outcome::ReportedHit;
 use crate::machine::Buffer;
 use crate::module::Module;
@@ -54,7 +54,7 @@ pub struct ShaderTest {
     launch: [[u32; 3]; 2],
     builtins: Vec<(&'static Builtin, Vec<u32>)>,
     payload: Option<Bytes>,
-    members: Vec<(String, Vec<Scalar>)>,
+    members: Vec<(String, Vec<ScalarValue>)>,
     attributes: Option<Bytes>,
     record: Option<Bytes>,
     given: Given,

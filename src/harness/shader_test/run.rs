@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::harness::bound::Bound;
-use crate::harness::data::Data;
+use crate::harness::data::TypedBytes;
 use crate::harness::explain::{Explanation, What};
 use crate::harness::memory;
 use crate::harness::shader_outcome::ShaderOutcome;
@@ -131,9 +131,9 @@ impl ShaderTest {
         }
     }
 
-    pub(super) fn data(&self, batch: &Batch<1>, rows: &InterfaceRegisters, what: &'static str) -> Data {
+    pub(super) fn data(&self, batch: &Batch<1>, rows: &InterfaceRegisters, what: &'static str) -> TypedBytes {
         let words = batch.registers.lane_words(rows.first, rows.count, 0);
-        Data::new(&self.program.module, rows.ty, what, words)
+        TypedBytes::new(&self.program.module, rows.ty, what, words)
     }
 
     pub(super) fn read(&self, batch: &Batch<1>, rows: Option<&InterfaceRegisters>) -> Value {

@@ -1,7 +1,7 @@
 //! Answers the traces, calls and reports of the shader under test.
 
 use crate::error::{Error, Result};
-use crate::harness::data::Data;
+use crate::harness::data::TypedBytes;
 use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
 use crate::harness::shader_outcome::ReportedHit;
 use crate::harness::shader_test::{ShaderTest, invalid};
@@ -23,7 +23,7 @@ impl ShaderTest {
     }
 
     /// The variable of the interface whose rows an instruction names.
-    fn data_at(&self, batch: &Batch<1>, at: RegSpan, what: &'static str) -> Data {
+    fn data_at(&self, batch: &Batch<1>, at: RegSpan, what: &'static str) -> TypedBytes {
         let rows = self.program.interface.iter().find(|rows| rows.first == at.first);
         let rows = rows.expect("bug in anyhit: a payload that is no variable of the interface");
         self.data(batch, rows, what)

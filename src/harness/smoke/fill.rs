@@ -48,12 +48,12 @@ pub enum Floats {
 
 /// What integers of 64 bits, and pairs of 32, are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wide {
+pub enum WideIntegers {
     /// Small numbers, but where an address is known to be taken from.
     Numbers,
     /// Device addresses.
     Addresses,
-    /// As with [`Wide::Numbers`], after addresses were tried.
+    /// As with [`WideIntegers::Numbers`], after addresses were tried.
     Known,
 }
 
@@ -80,7 +80,7 @@ impl FillExtent {
 /// Numbers for everything that is no address: each follows from the seed, from where it stands (its
 /// root: a binding's element, say) and from its place there alone, whatever else is there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Numbers {
+pub struct ValueSource {
     /// The seed.
     pub seed: u64,
     /// What integers are.
@@ -89,7 +89,7 @@ pub struct Numbers {
     pub floats: Floats,
 }
 
-impl Numbers {
+impl ValueSource {
     /// A random number of a place.
     fn bits(&self, root: u64, at: u64) -> u64 {
         mix(mix(self.seed, root), at)
@@ -159,8 +159,8 @@ struct Region {
 /// Fills memory by its types, and makes the memory that its addresses lead to.
 pub struct Filler<'a> {
     module: &'a Module,
-    numbers: Numbers,
-    wide: Wide,
+    numbers: ValueSource,
+    wide: WideIntegers,
     extent: FillExtent,
     known: &'a BTreeMap<PlaceId, FillContent>,
     regions: Vec<Region>,
@@ -173,8 +173,8 @@ impl<'a> Filler<'a> {
     /// A filler for the values of a module; `known` says what is behind addresses.
     pub fn new(
         module: &'a Module,
-        numbers: Numbers,
-        wide: Wide,
+        numbers: ValueSource,
+        wide: WideIntegers,
         extent: FillExtent,
         known: &'a BTreeMap<PlaceId, FillContent>,
     ) -> Self {
@@ -271,7 +271,7 @@ impl<'a> Filler<'a> {
             }
             ty @ Type::Float { .. } => {
                 let value = self.numbers.float(self.root, offset as u64);
-                let value = Numbers::float_bits(ty, value);
+                let value = ValueSource::float_bits(ty, value);
                 put(out, offset, layout.size(), value);
             }
             Type::Vector { component, count } => {
@@ -346,7 +346,7 @@ impl<'a> Filler<'a> {
                     Some(matrix) => at * matrix.stride as usize + row * scalar,
                     None => (at * count as usize + row) * scalar,
                 };
-                let value = Numbers::float_bits(float, f32::from(u8::from(at == row)));
+                let value = ValueSource::float_bits(float, f32::from(u8::from(at == row)));
                 put(out, offset + place, scalar, value);
             }
         }
@@ -355,7 +355,7 @@ impl<'a> Filler<'a> {
     /// The address for a number that may be meant as one.
     fn address_if_wanted(&mut self, place: PlaceId) -> Option<u64> {
         let known = self.known.get(&place).copied();
-        if self.steps.len() >= MOST_STEPS || known.is_none() && self.wide != Wide::Addresses {
+        if self.steps.len() >= MOST_STEPS || known.is_none() && self.wide != WideIntegers::Addresses {
             return None;
         }
         let content = known.unwrap_or(FillContent::Unknown);
@@ -417,7 +417,7 @@ mod tests {
     fn three_small_integers_in_a_row_differ() {
         let mut seen = [0; 4];
         for root in 0..200 {
-            let numbers = Numbers { seed: root / 7, integers: Integers::Small, floats: Floats::Unit };
+            let numbers = ValueSource { seed: root / 7, integers: Integers::Small, floats: Floats::Unit };
             let row: Vec<u64> = (0..300).map(|at| numbers.integer(root, at)).collect();
             for three in row.windows(3) {
                 assert!(three[0] != three[1] && three[1] != three[2] && three[0] != three[2], "{row:?}");
@@ -432,7 +432,7 @@ mod tests {
 
     #[test]
     fn large_integers_and_zeros_stand_among_small_ones() {
-        let numbers = Numbers { seed: 1, integers: Integers::Mixed, floats: Floats::Signed };
+        let numbers = ValueSource { seed: 1, integers: Integers::Mixed, floats: Floats::Signed };
         let row: Vec<u64> = (0..8000).map(|at| numbers.integer(5, at)).collect();
         let count = |wanted: u64| row.iter().filter(|value| **value == wanted).count();
         // 1/8 are 1000; 1/8 and a quarter of the other 6/8 are 0. Four standard deviations are 120

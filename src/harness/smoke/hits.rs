@@ -13,7 +13,7 @@ use crate::program::Program;
 
 /// A kind of geometry that a hit shader can be called for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum SmokeGeometry {
     /// A triangle.
     Triangle,
     /// A box, whose intersection shader reported a hit.
@@ -24,7 +24,7 @@ pub enum Kind {
     Lss,
 }
 
-impl Kind {
+impl SmokeGeometry {
     /// The kinds that a closest-hit or any-hit shader may be called for, as far as what it declares
     /// tells: hit attributes of other than two floats are those of an intersection shader, and a
     /// builtin that only one kind has means that kind.
@@ -56,7 +56,7 @@ impl Kind {
     ///
     /// # Errors
     /// None: the geometry is known.
-    pub fn hit(self, behind: bool) -> Result<(machine::Hit, TraceRay, f32)> {
+    pub fn hit(self, behind: bool) -> Result<(machine::TlasHit, TraceRay, f32)> {
         let instance = match self {
             Self::Triangle => Instance::triangle([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]),
             Self::Aabb => Instance::aabb([-1.0; 3], [1.0; 3]),
@@ -91,7 +91,7 @@ pub fn one_box() -> Result<Arc<Tlas>> {
 ///
 /// # Errors
 /// None: the geometry is known.
-pub fn scene(only: Option<Kind>) -> Result<Arc<Tlas>> {
+pub fn scene(only: Option<SmokeGeometry>) -> Result<Arc<Tlas>> {
     static SCENES: [OnceLock<Arc<Tlas>>; 5] = [const { OnceLock::new() }; 5];
     let all = || {
         let wall = |z: f32| {
@@ -100,14 +100,14 @@ pub fn scene(only: Option<Kind>) -> Result<Arc<Tlas>> {
         };
         let floor = [[-8.0, -2.0, -8.0], [8.0, -2.0, -8.0], [0.0, -2.0, 8.0]];
         let instances = [
-            (Kind::Triangle, Instance::triangles(wall(4.0))),
+            (SmokeGeometry::Triangle, Instance::triangles(wall(4.0))),
             (
-                Kind::Triangle,
+                SmokeGeometry::Triangle,
                 Instance::triangles([wall(-4.0).as_slice(), floor.as_slice()].concat()).custom_index(1),
             ),
-            (Kind::Aabb, Instance::aabbs([[[-4.0, -1.0, -1.0], [-2.0, 1.0, 1.0]]]).custom_index(2)),
-            (Kind::Sphere, Instance::sphere([3.0, 0.0, 0.0], 1.0).custom_index(3)),
-            (Kind::Lss, Instance::lss([[-1.0, 3.0, 0.0], [1.0, 3.0, 0.0]], [1.0, 0.5]).opaque()),
+            (SmokeGeometry::Aabb, Instance::aabbs([[[-4.0, -1.0, -1.0], [-2.0, 1.0, 1.0]]]).custom_index(2)),
+            (SmokeGeometry::Sphere, Instance::sphere([3.0, 0.0, 0.0], 1.0).custom_index(3)),
+            (SmokeGeometry::Lss, Instance::lss([[-1.0, 3.0, 0.0], [1.0, 3.0, 0.0]], [1.0, 0.5]).opaque()),
         ];
         let wanted = instances.into_iter().filter(|(kind, _)| only.is_none_or(|only| only == *kind));
         wanted.map(|(_, instance)| instance).collect()

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::error::Result;
 use crate::harness::layout::array_length;
-use crate::harness::smoke::fill::{FillContent, FillExtent, Filler, Numbers, PlaceId, Wide, mix};
+use crate::harness::smoke::fill::{FillContent, FillExtent, Filler, PlaceId, ValueSource, WideIntegers, mix};
 use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::{Dimension, Image, ImageShape};
 use crate::machine::sampler::{CompareOp, Filter, Sampler};
@@ -32,9 +32,9 @@ const MOST_TEXELS: u64 = 1 << 20;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MadeUpValues {
     /// What numbers are.
-    pub numbers: Numbers,
+    pub numbers: ValueSource,
     /// What could be an address.
-    pub wide: Wide,
+    pub wide: WideIntegers,
     /// How large things are.
     pub extent: FillExtent,
 }
@@ -176,7 +176,7 @@ fn share(held: &mut Descriptor, new: &Descriptor) {
 pub fn answer(
     module: &Module,
     rows: &InterfaceRegisters,
-    (numbers, root): (Numbers, u64),
+    (numbers, root): (ValueSource, u64),
     far: u32,
 ) -> Vec<u32> {
     // One answer in four looks like that of a miss shader, and one has large integers, so that
@@ -204,7 +204,7 @@ enum Like {
 
 struct Answer<'a> {
     module: &'a Module,
-    numbers: Numbers,
+    numbers: ValueSource,
     root: u64,
     like: Like,
     words: Vec<u32>,
@@ -216,7 +216,7 @@ impl Answer<'_> {
         match self.module.ty(ty) {
             ty @ Type::Float { width, .. } => {
                 let value = if self.like == Like::Missed { -1.0 } else { self.numbers.float(self.root, at) };
-                let bits = Numbers::float_bits(ty, value);
+                let bits = ValueSource::float_bits(ty, value);
                 self.words.push(bits as u32);
                 if *width == 64 {
                     self.words.push((bits >> 32) as u32);
@@ -296,7 +296,7 @@ fn sampler(linear: bool) -> Sampler {
 fn made_up(
     module: &Module,
     image: &ImageType,
-    (numbers, root): (Numbers, u64),
+    (numbers, root): (ValueSource, u64),
     extent: FillExtent,
 ) -> Result<Option<Arc<Image>>> {
     let Some(shape) = shape(image, extent) else { return Ok(None) };

@@ -1,6 +1,6 @@
 //! The sets of made-up values that an entry point runs on, in order.
 
-use crate::harness::smoke::fill::{Floats, Integers, Numbers};
+use crate::harness::smoke::fill::{Floats, Integers, ValueSource};
 
 /// Invocations of a ray generation shader.
 pub const LAUNCH: [u32; 3] = [8, 4, 1];
@@ -11,7 +11,7 @@ pub struct Set {
     /// `LaunchSizeKHR`, or where it is one a dispatch of one workgroup.
     pub launch_size: [u32; 3],
     /// What memory holds.
-    pub numbers: Numbers,
+    pub numbers: ValueSource,
     /// Whether geometry is hit from behind.
     pub behind: bool,
     /// Which of the specialized programs runs; 0 has the defaults.
@@ -57,7 +57,7 @@ impl Set {
         let (one, next, integers, floats, behind) = numbers;
         Self {
             launch_size: if one { [1; 3] } else { LAUNCH },
-            numbers: Numbers { seed: seed.wrapping_add(next), integers, floats },
+            numbers: ValueSource { seed: seed.wrapping_add(next), integers, floats },
             behind,
             specialization,
         }
@@ -66,7 +66,7 @@ impl Set {
     /// Whether nothing of it is an exception: not numbers that are all the same or far apart, and
     /// specialization constants have their defaults.
     pub fn is_plain(&self) -> bool {
-        let Numbers { integers, floats, .. } = self.numbers;
+        let ValueSource { integers, floats, .. } = self.numbers;
         integers == Integers::Small && floats == Floats::Unit && self.specialization == 0
     }
 
@@ -77,7 +77,7 @@ impl Set {
 
     /// In words, without its specialization.
     pub fn words(&self) -> String {
-        let Numbers { seed, integers, floats } = self.numbers;
+        let ValueSource { seed, integers, floats } = self.numbers;
         let integers = match integers {
             Integers::Small => String::new(),
             Integers::Mixed => ", some integers 0 or 1000".to_owned(),

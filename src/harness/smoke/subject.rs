@@ -9,8 +9,8 @@ use crate::accel::{RayFlags, TraceRay};
 use crate::error::Result;
 use crate::geometry::Ray;
 use crate::harness::coverage::Blocks;
-use crate::harness::smoke::fill::{FillContent, FillExtent, PlaceId, Wide, region_of};
-use crate::harness::smoke::hits::{self, Kind};
+use crate::harness::smoke::fill::{FillContent, FillExtent, PlaceId, WideIntegers, region_of};
+use crate::harness::smoke::hits::{self, SmokeGeometry};
 use crate::harness::smoke::judge::Try;
 use crate::harness::smoke::resources::{self, Given, MadeUpValues};
 use crate::harness::smoke::sets::{LAUNCH, Set};
@@ -62,7 +62,7 @@ pub enum Way {
     /// A launch of a ray generation shader.
     Launch,
     /// A hit of geometry.
-    Hit(Kind),
+    Hit(SmokeGeometry),
     /// A box, for an intersection shader.
     Box,
     /// A ray that hit nothing.
@@ -79,7 +79,7 @@ impl Way {
         match self {
             Self::Launch => "launch",
             Self::Hit(kind) => kind.name(),
-            Self::Box => Kind::Aabb.name(),
+            Self::Box => SmokeGeometry::Aabb.name(),
             Self::Miss => "ray",
             Self::Call => "call",
             Self::Dispatch => "dispatch",
@@ -145,7 +145,7 @@ struct Learned {
     /// What was changed for which trap, in the run that goes on.
     mended: Option<(String, Box<Trapped>)>,
     /// The one kind of geometry that there is, where a shader needs it.
-    geometry: Option<Kind>,
+    geometry: Option<SmokeGeometry>,
     /// Whether it ran out of fuel: it has less of it from then on.
     is_spent: bool,
     /// Instructions, by their word offset, for which no resource is large enough.
@@ -157,7 +157,7 @@ impl EntryUnderTest<'_> {
     pub fn ways(&self) -> Vec<Way> {
         match self.program.stage {
             Stage::ClosestHit | Stage::AnyHit => {
-                Kind::of_program(&self.program).into_iter().map(Way::Hit).collect()
+                SmokeGeometry::of_program(&self.program).into_iter().map(Way::Hit).collect()
             }
             Stage::Intersection => vec![Way::Box],
             Stage::Miss => vec![Way::Miss],
@@ -219,7 +219,7 @@ impl EntryUnderTest<'_> {
         learned: &mut Learned,
         progress: &mut Progress,
     ) -> Result<(Try, MadeUpValues)> {
-        let mut wide = Wide::Numbers;
+        let mut wide = WideIntegers::Numbers;
         learned.geometry = None;
         loop {
             let extent = FillExtent {
@@ -261,7 +261,7 @@ impl EntryUnderTest<'_> {
         trapped: &Trapped,
         given: &Given,
         learned: &mut Learned,
-        wide: &mut Wide,
+        wide: &mut WideIntegers,
         fuel: &mut u64,
     ) -> bool {
         if *fuel == 0 {
@@ -301,10 +301,10 @@ impl EntryUnderTest<'_> {
             learned.hopeless.insert(trapped.offset);
         }
         let kind = match trapped.code {
-            TrapCode::NotTriangle | TrapCode::RayQueryNotTriangle => Some(Kind::Triangle),
-            TrapCode::RayQueryNotAabb => Some(Kind::Aabb),
-            TrapCode::NotSphere => Some(Kind::Sphere),
-            TrapCode::NotLinearSweptSphere => Some(Kind::Lss),
+            TrapCode::NotTriangle | TrapCode::RayQueryNotTriangle => Some(SmokeGeometry::Triangle),
+            TrapCode::RayQueryNotAabb => Some(SmokeGeometry::Aabb),
+            TrapCode::NotSphere => Some(SmokeGeometry::Sphere),
+            TrapCode::NotLinearSweptSphere => Some(SmokeGeometry::Lss),
             _ => None,
         };
         if let (Some(kind), None) = (kind, learned.geometry) {
@@ -314,13 +314,13 @@ impl EntryUnderTest<'_> {
             return true;
         }
         match (content, place) {
-            (Some(_), None) if *wide == Wide::Numbers => {
-                *wide = Wide::Addresses;
+            (Some(_), None) if *wide == WideIntegers::Numbers => {
+                *wide = WideIntegers::Addresses;
                 true
             }
             // What is no address must not be as large as one: a count, say.
-            _ if *wide == Wide::Addresses && !learned.known.is_empty() && !lost => {
-                *wide = Wide::Known;
+            _ if *wide == WideIntegers::Addresses && !learned.known.is_empty() && !lost => {
+                *wide = WideIntegers::Known;
                 true
             }
             _ => false,
@@ -465,7 +465,7 @@ impl Once<'_> {
                 let (hit, trace, t) = kind.hit(set.behind)?;
                 (invocation.hit, invocation.trace, invocation.t_max) = (Some(hit), Some(trace), t);
                 let attributes = match (&invocation.hit, kind) {
-                    (_, Kind::Aabb) | (None, _) => given.attributes.clone(),
+                    (_, SmokeGeometry::Aabb) | (None, _) => given.attributes.clone(),
                     (Some(hit), _) => hit.candidate.intersection.attributes.map(f32::to_bits).to_vec(),
                 };
                 launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &attributes, watch)

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashMap};
 
 use crate::harness::coverage::{Blocks, Counts};
-use crate::harness::smoke::fill::{Numbers, mix};
+use crate::harness::smoke::fill::{ValueSource, mix};
 use crate::harness::smoke::resources;
 use crate::machine::{Batch, Bindings, Observer, RayQueryStep};
 use crate::module::interface::Stage;
@@ -112,7 +112,7 @@ pub struct Happened {
 /// Answers in the place of the shaders that are not there, and counts what happens.
 pub struct StandIn<'a> {
     program: &'a Program,
-    numbers: Numbers,
+    numbers: ValueSource,
     launch_id: [u32; 3],
     /// How many answers each invocation was given.
     answers: HashMap<[u32; 3], u64>,
@@ -122,7 +122,7 @@ pub struct StandIn<'a> {
 
 impl<'a> StandIn<'a> {
     /// One whose answers are made of these numbers.
-    pub fn new(program: &'a Program, numbers: Numbers) -> Self {
+    pub fn new(program: &'a Program, numbers: ValueSource) -> Self {
         let (launch_id, answers) = ([0; 3], HashMap::new());
         Self { program, numbers, launch_id, answers, happened: Happened::default() }
     }

@@ -11,7 +11,7 @@ pub use run::{SuiteOptions, SuiteReport};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::debug::transcript::SourceLine;
+use crate::debug::transcript::TranscriptLine;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::case::{Case, scenes};
 use crate::harness::expect::Fix;
@@ -89,7 +89,7 @@ pub struct TestFailure {
     /// Each difference at its place in the scene file.
     pub errors: Vec<Error>,
     /// The line of a shader that wrote the first wrong number, or trapped.
-    pub line: Option<SourceLine>,
+    pub line: Option<TranscriptLine>,
     /// The ray that the first difference is about, explained: the text of `trace-one-ray`.
     pub explanation: Option<String>,
     /// The command that explains it again.

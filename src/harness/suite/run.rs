@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::debug::render::{self, Look};
 use crate::debug::session::SettledRequest;
-use crate::debug::transcript::SourceLine;
+use crate::debug::transcript::TranscriptLine;
 use crate::debug::{Request, Session};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::blame::{Writer, writer};
@@ -519,13 +519,15 @@ fn command(scene: &str, request: &Request) -> String {
 }
 
 /// The shader's line that an error points at: of a trap, not of an expectation.
-fn place(error: &Error) -> Option<SourceLine> {
+fn place(error: &Error) -> Option<TranscriptLine> {
     if error.kind() != ErrorKind::Trap {
         return None;
     }
     error.places().find_map(|(place, _)| match place {
-        Place::Line { file, line, .. } => Some(SourceLine { file: file.clone(), line: *line, text: None }),
-        Place::Text { file, text, span } => Some(SourceLine {
+        Place::Line { file, line, .. } => {
+            Some(TranscriptLine { file: file.clone(), line: *line, text: None })
+        }
+        Place::Text { file, text, span } => Some(TranscriptLine {
             file: file.clone(),
             line: text[..span.start].matches('\n').count() as u32 + 1,
             text: text.get(span.clone()).map(str::to_owned),

@@ -11,11 +11,11 @@ pub trait WordFunction {
     fn apply(words: Operands<u32>) -> u32;
 }
 
-pub struct One<F>(F);
-pub struct Two<F>(F);
-pub struct Three<F>(F);
+pub struct UnaryWord<F>(F);
+pub struct BinaryWord<F>(F);
+pub struct TernaryWord<F>(F);
 
-impl<F: Unary> WordFunction for One<F> {
+impl<F: Unary> WordFunction for UnaryWord<F> {
     const OPERANDS: usize = 1;
     #[inline(always)]
     fn apply([a, ..]: Operands<u32>) -> u32 {
@@ -23,7 +23,7 @@ impl<F: Unary> WordFunction for One<F> {
     }
 }
 
-impl<F: Binary> WordFunction for Two<F> {
+impl<F: Binary> WordFunction for BinaryWord<F> {
     const OPERANDS: usize = 2;
     #[inline(always)]
     fn apply([a, b, ..]: Operands<u32>) -> u32 {
@@ -31,7 +31,7 @@ impl<F: Binary> WordFunction for Two<F> {
     }
 }
 
-impl<F: Ternary> WordFunction for Three<F> {
+impl<F: Ternary> WordFunction for TernaryWord<F> {
     const OPERANDS: usize = 3;
     #[inline(always)]
     fn apply([a, b, c, ..]: Operands<u32>) -> u32 {

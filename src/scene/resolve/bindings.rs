@@ -7,7 +7,7 @@ use crate::error::Place;
 use crate::machine::sampler::Sampler;
 use crate::scene::resolve::Resolver;
 use crate::scene::resolved::ResolvedBinding;
-use crate::scene::resources::{Content, Kind, Resource};
+use crate::scene::resources::{Content, DescriptorKind, Resource};
 use crate::scene::sampler::SamplerReference;
 
 impl Resolver<'_> {
@@ -51,7 +51,7 @@ impl Resolver<'_> {
             Content::Buffer(kind, entry) => {
                 let bytes = self.report.keep(entry.load(self.files, self.aspect()))?;
                 Some(match kind {
-                    Kind::UniformBuffer => Resource::UniformBuffer(bytes),
+                    DescriptorKind::UniformBuffer => Resource::UniformBuffer(bytes),
                     _ => Resource::StorageBuffer(bytes),
                 })
             }
@@ -60,16 +60,18 @@ impl Resolver<'_> {
                     None => Some(Sampler::default()),
                     Some(reference) => self.sampler(reference),
                 };
-                let streams = self.options.streams && *kind == Kind::StorageImage;
+                let streams = self.options.streams && *kind == DescriptorKind::StorageImage;
                 let image = self.report.keep(entry.load(self.files, self.launch, streams))?;
                 Some(match kind {
-                    Kind::SampledImage => Resource::SampledImage(image),
-                    Kind::UniformTexelBuffer | Kind::StorageTexelBuffer => Resource::TexelBuffer(image),
-                    Kind::CombinedImageSampler => Resource::CombinedImageSampler(image, sampler?),
+                    DescriptorKind::SampledImage => Resource::SampledImage(image),
+                    DescriptorKind::UniformTexelBuffer | DescriptorKind::StorageTexelBuffer => {
+                        Resource::TexelBuffer(image)
+                    }
+                    DescriptorKind::CombinedImageSampler => Resource::CombinedImageSampler(image, sampler?),
                     _ => Resource::StorageImage(image),
                 })
             }
-            Content::Null(Kind::AccelerationStructure) => Some(Resource::NullAccelerationStructure),
+            Content::Null(DescriptorKind::AccelerationStructure) => Some(Resource::NullAccelerationStructure),
             Content::Null(_) => Some(Resource::NullBuffer),
             Content::Sampler(reference) => self.sampler(reference).map(Resource::Sampler),
             Content::AccelerationStructure(name) => {

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use crate::accel::{Blas, Geometry, Instance, Tlas};
+use crate::accel::{Blas, Geometry, Tlas, TlasInstance};
 use crate::scene::geometry::InstanceEntry;
 use crate::scene::read::Span;
 use crate::scene::resolve::Resolver;
@@ -16,7 +16,7 @@ struct Members<'a> {
 
 /// An instance and where it is written.
 struct Placed<'a> {
-    instance: Instance,
+    instance: TlasInstance,
     span: &'a Span,
 }
 

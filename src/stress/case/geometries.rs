@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::accel::{EndCaps, Geometry, GeometryData, GeometryFlags, Indexing};
-use crate::stress::case::{Case, Shape};
+use crate::stress::case::{Shape, StressCase};
 
 /// A geometry of a case has so many primitives at most, so that cases of many have several.
 const MOST: usize = 48;
@@ -39,7 +39,7 @@ impl Shape {
     }
 }
 
-impl Case {
+impl StressCase {
     /// The primitives as opaque geometries, and of each how many primitives it has: in their order,
     /// so that (geometry, primitive) orders them as they stand. `None` where none of Vulkan's forms
     /// holds them: a swept sphere has both caps or none, or only the second where it begins with
@@ -143,7 +143,7 @@ mod tests {
 
     /// What a BLAS makes of the geometries is what the case says.
     fn check(shapes: Vec<Shape>, counts: &[usize]) {
-        let case = Case::new(shapes, (Ray::new([0.0; 3], [1.0; 3]), None));
+        let case = StressCase::new(shapes, (Ray::new([0.0; 3], [1.0; 3]), None));
         let (geometries, found) = case.geometries().expect("one of the forms");
         assert_eq!(found, counts);
         let mut shapes = case.shapes.iter();
@@ -195,7 +195,7 @@ mod tests {
         let long = (0..70).map(|k| link(k, [k == 0, true])).collect();
         check(long, &[70]);
         let refused = |shapes: Vec<Shape>| {
-            Case::new(shapes, (Ray::new([0.0; 3], [1.0; 3]), None)).geometries().is_none()
+            StressCase::new(shapes, (Ray::new([0.0; 3], [1.0; 3]), None)).geometries().is_none()
         };
         assert!(refused(vec![link(0, [false, true])]), "it follows nothing");
         assert!(refused(vec![link(0, [true, true]), link(5, [false, true])]), "another end");

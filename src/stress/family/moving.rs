@@ -2,7 +2,7 @@
 
 use crate::accel::motion::interpolate;
 use crate::geometry::Ray;
-use crate::stress::case::{Case, Moves, Placement, Shape};
+use crate::stress::case::{Moves, Placement, Shape, StressCase};
 use crate::stress::draw::Draw;
 use crate::stress::family::trees::{few, is_regular, sheet};
 
@@ -16,7 +16,7 @@ fn time(draw: &mut Draw) -> f32 {
     }
 }
 
-pub fn moving_triangles(draw: &mut Draw) -> Case {
+pub fn moving_triangles(draw: &mut Draw) -> StressCase {
     let side = 1 + draw.below(5);
     let sheet = sheet(draw, side);
     let (time, scale) = (time(draw), sheet.scale);
@@ -46,7 +46,7 @@ pub fn moving_triangles(draw: &mut Draw) -> Case {
     let target = std::array::from_fn(|i| interpolate(target[i], there[i], time));
     let (origin, direction) = draw.aim(target, scale);
     let placed = draw.placed(origin, direction);
-    Case { time, ..Case::new(shapes, placed) }
+    StressCase { time, ..StressCase::new(shapes, placed) }
 }
 
 /// How an instance moves, with an inverse at both ends.
@@ -126,7 +126,7 @@ fn decompositions(draw: &mut Draw, scale: f32) -> Moves {
 
 /// A box whose corner stays where it is while the numbers of its matrix change places, and rounding
 /// moves it by a bit; the ray runs along an axis past that corner.
-fn still_corner(draw: &mut Draw) -> Case {
+fn still_corner(draw: &mut Draw) -> StressCase {
     let s = draw.scale();
     let time = time(draw);
     let all: Vec<_> = (0..6)
@@ -143,7 +143,7 @@ fn still_corner(draw: &mut Draw) -> Case {
         .collect();
     let shape = Shape::Aabb([[0.0; 3], [s; 3]]);
     let Some(seen) = all.first().and_then(|moves| moves.motion().at(time)) else {
-        return Case::new(vec![shape], draw.placed([0.0; 3], [s; 3]));
+        return StressCase::new(vec![shape], draw.placed([0.0; 3], [s; 3]));
     };
     let corner = seen.map(|[a, b, c, d]| {
         let wide = [a, b, c].iter().map(|&x| f64::from(x) * f64::from(s)).sum::<f64>() + f64::from(d);
@@ -153,13 +153,13 @@ fn still_corner(draw: &mut Draw) -> Case {
     let (along, far) = (draw.below(3), 16.0 * s);
     let (mut origin, mut direction) = (corner, [0.0; 3]);
     (origin[along], direction[along]) = (origin[along] - far, far);
-    let mut case = Case { time, ..Case::new(vec![shape], (Ray::new(origin, direction), None)) };
+    let mut case = StressCase { time, ..StressCase::new(vec![shape], (Ray::new(origin, direction), None)) };
     case.motion = Some(all[0]);
     case.others = all[1..].iter().map(|&moves| Placement::new(None, Some(moves))).collect();
     case
 }
 
-pub fn moving_instances(draw: &mut Draw) -> Case {
+pub fn moving_instances(draw: &mut Draw) -> StressCase {
     if draw.one_in(6) {
         return still_corner(draw);
     }
@@ -182,7 +182,7 @@ pub fn moving_instances(draw: &mut Draw) -> Case {
         Some(matrix) => draw.image(matrix, origin, direction).0,
         None => Ray::new(origin, direction),
     };
-    let mut case = Case { time, ..Case::new(shapes, (ray, None)) };
+    let mut case = StressCase { time, ..StressCase::new(shapes, (ray, None)) };
     case.motion = all[0].motion;
     case.others = all[1..].to_vec();
     case.hidden = if draw.one_in(2) { 4 } else { 0 };

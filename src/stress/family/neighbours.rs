@@ -1,13 +1,13 @@
 //! Neighbouring rays of a case, which are traced in one packet with it.
 
-use crate::stress::case::{Case, Neighbour, Shape};
+use crate::stress::case::{Neighbour, Shape, StressCase};
 use crate::stress::draw::Draw;
 
 /// Known hits cost a test of each primitive by each ray: so many at the most.
 const TESTS: usize = 4096;
 
 /// Gives a case neighbours, now and then: a packet is eight rays at least, and 64 at most.
-pub fn surround(draw: &mut Draw, case: &mut Case) {
+pub fn surround(draw: &mut Draw, case: &mut StressCase) {
     let primitives = case.shapes.len() * (1 + case.others.len());
     let has_tree = primitives > 4;
     if !draw.one_in(if has_tree { 2 } else { 8 }) || matches!(case.shapes[0], Shape::Aabb(_)) {
@@ -60,8 +60,8 @@ impl Way {
         }
     }
 
-    fn next(&self, draw: &mut Draw, case: &Case) -> Neighbour {
-        let Case { mut origin, mut direction, mut t_min, mut t_max, time, flags, .. } = *case;
+    fn next(&self, draw: &mut Draw, case: &StressCase) -> Neighbour {
+        let StressCase { mut origin, mut direction, mut t_min, mut t_max, time, flags, .. } = *case;
         let (from, long) = (draw.size(origin), draw.size(direction));
         if self.is_aimed && case.transform.is_none() {
             // Of the case's length, so that t is alike.
@@ -97,7 +97,7 @@ impl Way {
 }
 
 /// A corner or the middle of one of the primitives.
-fn corner(draw: &mut Draw, case: &Case) -> [f32; 3] {
+fn corner(draw: &mut Draw, case: &StressCase) -> [f32; 3] {
     match case.shapes[draw.below(case.shapes.len())] {
         Shape::Triangle(vertices) | Shape::MovingTriangle([vertices, _]) => vertices[draw.below(3)],
         Shape::Aabb(corners) => corners[draw.below(2)],

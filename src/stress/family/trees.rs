@@ -2,7 +2,7 @@
 //! instances.
 
 use crate::geometry::{Ray, Transform};
-use crate::stress::case::{Case, Placement, Shape};
+use crate::stress::case::{Placement, Shape, StressCase};
 use crate::stress::draw::Draw;
 use crate::stress::family::any;
 
@@ -66,12 +66,12 @@ impl Sheet {
 }
 
 /// A case with a ray at a target.
-fn aimed(draw: &mut Draw, shapes: Vec<Shape>, target: [f32; 3], scale: f32) -> Case {
+fn aimed(draw: &mut Draw, shapes: Vec<Shape>, target: [f32; 3], scale: f32) -> StressCase {
     let (origin, direction) = draw.aim(target, scale);
-    Case::new(shapes, draw.placed(origin, direction))
+    StressCase::new(shapes, draw.placed(origin, direction))
 }
 
-pub fn meshes(draw: &mut Draw) -> Case {
+pub fn meshes(draw: &mut Draw) -> StressCase {
     // Of more than 512 primitives the first few rays look through a list.
     let side = if draw.one_in(60) { 17 } else { 2 + draw.below(6) };
     let sheet = sheet(draw, side);
@@ -81,7 +81,7 @@ pub fn meshes(draw: &mut Draw) -> Case {
     aimed(draw, shapes, target, scale)
 }
 
-pub fn grids(draw: &mut Draw) -> Case {
+pub fn grids(draw: &mut Draw) -> StressCase {
     let scale = draw.scale();
     let side = 2 + draw.below(3);
     // Beside each other, flat, overlapping, or with a gap of one bit.
@@ -101,7 +101,7 @@ pub fn grids(draw: &mut Draw) -> Case {
     aimed(draw, shapes, target, scale)
 }
 
-pub fn strands(draw: &mut Draw) -> Case {
+pub fn strands(draw: &mut Draw) -> StressCase {
     if draw.one_in(4) {
         return level(draw);
     }
@@ -114,13 +114,13 @@ pub fn strands(draw: &mut Draw) -> Case {
         return aimed(draw, shapes, target, scale);
     }
     let placed = draw.ray_near(positions, radii);
-    Case::new(shapes, placed)
+    StressCase::new(shapes, placed)
 }
 
 /// Swept spheres whose ends reach up to one plane, though at other heights and with other radii,
 /// and a ray in that plane: boxes around their halves end there, too, where the middle of the axis
 /// is rounded.
-fn level(draw: &mut Draw) -> Case {
+fn level(draw: &mut Draw) -> StressCase {
     let scale = draw.scale();
     let [up, along, across] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]][draw.below(3)];
     let top = draw.unit() * scale;
@@ -150,7 +150,7 @@ fn level(draw: &mut Draw) -> Case {
         direction[along] = draw.unit();
     }
     let origin = std::array::from_fn(|i| target[i] - 16.0 * scale * direction[i]);
-    Case::new(shapes, (Ray::new(origin, direction), None))
+    StressCase::new(shapes, (Ray::new(origin, direction), None))
 }
 
 /// A chain of swept spheres: hair, tubes, or from point to point of the lattice.
@@ -181,7 +181,7 @@ fn strand(draw: &mut Draw) -> (Vec<Shape>, f32) {
     (links.collect(), scale)
 }
 
-pub fn swarms(draw: &mut Draw) -> Case {
+pub fn swarms(draw: &mut Draw) -> StressCase {
     let scale = draw.scale();
     let shapes: Vec<Shape> = if draw.one_in(2) {
         // A lattice of balls that touch, or nearly.
@@ -209,10 +209,10 @@ pub fn swarms(draw: &mut Draw) -> Case {
         return aimed(draw, shapes, target, scale);
     }
     let placed = draw.ray_near([center; 2], [radius; 2]);
-    Case::new(shapes, placed)
+    StressCase::new(shapes, placed)
 }
 
-pub fn soups(draw: &mut Draw) -> Case {
+pub fn soups(draw: &mut Draw) -> StressCase {
     let mut case = any(draw);
     let kind = std::mem::discriminant(&case.shapes[0]);
     let count = 16 + draw.below(64);
@@ -277,7 +277,7 @@ pub fn few(draw: &mut Draw) -> (Vec<Shape>, [f32; 3], f32) {
     }
 }
 
-pub fn places(draw: &mut Draw) -> Case {
+pub fn places(draw: &mut Draw) -> StressCase {
     let (shapes, target, scale) = few(draw);
     let count = 2 + draw.below(20);
     let kind = draw.below(4);
@@ -310,11 +310,11 @@ pub fn places(draw: &mut Draw) -> Case {
     let matrices: Vec<_> = matrices.into_iter().filter(is_regular).collect();
     let (origin, direction) = draw.aim(target, scale);
     if matrices.is_empty() {
-        return Case::new(shapes, draw.placed(origin, direction));
+        return StressCase::new(shapes, draw.placed(origin, direction));
     }
     let seen = matrices[draw.below(matrices.len())];
     let (ray, transform) = draw.image(seen, origin, direction);
-    let mut case = Case::new(shapes, (ray, transform));
+    let mut case = StressCase::new(shapes, (ray, transform));
     case.hidden = 0;
     case.others = matrices
         .into_iter()

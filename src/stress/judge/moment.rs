@@ -6,7 +6,7 @@ use std::cmp::Ordering;
 use crate::accel::motion::interpolate;
 use crate::accel::{InstanceFlags, RayFlags, TraceRay};
 use crate::geometry::{Intersection, ObjectRay, Precision, Ray, Surface, Transform};
-use crate::stress::case::{Case, Placement, Shape};
+use crate::stress::case::{Placement, Shape, StressCase};
 use crate::stress::judge::one::intersect;
 use crate::stress::judge::{Failure, fail};
 use crate::stress::reference::motion::{is_between, is_transform};
@@ -34,7 +34,7 @@ pub struct PlacedInstance {
 
 /// A hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hit {
+pub struct ExactHit {
     pub instance: usize,
     pub shape: usize,
     /// Its surface is the one that the instance presents.
@@ -43,7 +43,7 @@ pub struct Hit {
 
 impl Moment {
     /// The time must be one from 0 to 1.
-    pub fn new(case: &Case, time: f32) -> Self {
+    pub fn new(case: &StressCase, time: f32) -> Self {
         let shapes = case.shapes.iter().map(|shape| match shape {
             Shape::MovingTriangle([first, second]) => {
                 let number = |i: usize, j: usize| interpolate(first[i][j], second[i][j], time);
@@ -75,7 +75,7 @@ impl Moment {
     }
 
     /// Checks a primitive at the time of the ray.
-    pub fn check_shape(&self, case: &Case, shape: usize) -> Result<(), Failure> {
+    pub fn check_shape(&self, case: &StressCase, shape: usize) -> Result<(), Failure> {
         let (Shape::MovingTriangle(keys), Shape::Triangle(found)) =
             (&case.shapes[shape], &self.shapes[shape])
         else {
@@ -101,7 +101,7 @@ impl Moment {
     }
 
     /// All hits of a ray of this time, in the order of their keys (t, instance, primitive).
-    pub fn hits(&self, trace: &TraceRay, precision: Precision) -> Vec<Hit> {
+    pub fn hits(&self, trace: &TraceRay, precision: Precision) -> Vec<ExactHit> {
         let mut hits = Vec::new();
         for (instance, place) in self.places.iter().enumerate() {
             // Vulkan, "Ray Culling": the low eight bits of both masks share one.
@@ -112,12 +112,12 @@ impl Moment {
             for (shape, numbers) in self.shapes.iter().enumerate() {
                 let Some(found) = intersect(numbers, &ray, precision) else { continue };
                 if let Some(surface) = place.presents(found.surface, trace.flags) {
-                    hits.push(Hit { instance, shape, found: Intersection { surface, ..found } });
+                    hits.push(ExactHit { instance, shape, found: Intersection { surface, ..found } });
                 }
             }
         }
-        let key = |hit: &Hit| (hit.instance, hit.shape);
-        let order = |a: &Hit, b: &Hit| a.found.t.partial_cmp(&b.found.t).unwrap_or(Ordering::Equal);
+        let key = |hit: &ExactHit| (hit.instance, hit.shape);
+        let order = |a: &ExactHit, b: &ExactHit| a.found.t.partial_cmp(&b.found.t).unwrap_or(Ordering::Equal);
         hits.sort_by(|a, b| order(a, b).then_with(|| key(a).cmp(&key(b))));
         hits
     }

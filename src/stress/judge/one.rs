@@ -63,7 +63,7 @@ impl LaneTask for Tested<'_> {
 }
 
 /// One primitive of a case and the line of a ray.
-pub struct One<'a> {
+pub struct LineAndPrimitive<'a> {
     /// Where it is at the time.
     pub shape: &'a Shape,
     pub line: &'a LineOf,
@@ -72,7 +72,7 @@ pub struct One<'a> {
     pub index: usize,
 }
 
-impl One<'_> {
+impl LineAndPrimitive<'_> {
     /// Where the line meets it; `None` for a box, whose entry depends on the interval.
     pub fn expected(&self) -> Option<Expected> {
         match *self.shape {

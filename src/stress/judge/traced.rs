@@ -10,20 +10,20 @@
 use std::sync::Arc;
 
 use crate::accel::{
-    Blas, Candidate, Cursor, HitKind, HitPrimitive, Instance, InstanceFlags, Packet, RayFlags, Tlas,
+    Blas, Candidate, Cursor, HitKind, HitPrimitive, InstanceFlags, Packet, RayFlags, Tlas, TlasInstance,
     TraceRay, TraversalObserver,
 };
 use crate::geometry::{Intersection, Precision, Ray, Surface};
 use crate::math::lane_ops::CpuTier;
-use crate::stress::case::{Case, Shape};
-use crate::stress::judge::moment::{Hit, Moment};
+use crate::stress::case::{Shape, StressCase};
+use crate::stress::judge::moment::{ExactHit, Moment};
 use crate::stress::judge::{Failure, Tally, fail};
 use crate::stress::reference::LineOf;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// The structures that a case's rays are traced in.
-pub struct Scene {
+pub struct TracedScene {
     /// The structures of the case: for the best instruction set of the CPU, and for the baseline if
     /// that differs.
     structures: Vec<(&'static str, Arc<Tlas>)>,
@@ -40,18 +40,18 @@ struct Seen {
     found: Intersection,
 }
 
-impl Scene {
+impl TracedScene {
     /// `None` where the case is none that Vulkan allows: negative radii, boxes that are inside out,
     /// keys of a motion without inverse.
-    pub fn new(case: &Case, precision: Precision) -> Result<Option<Self>, Failure> {
+    pub fn new(case: &StressCase, precision: Precision) -> Result<Option<Self>, Failure> {
         let Some((geometries, counts)) = case.geometries() else { return Ok(None) };
         let Ok(blas) = Blas::new(geometries) else { return Ok(None) };
         let placements = case.placements();
-        let instances = placements.iter().map(|placement| Instance {
+        let instances = placements.iter().map(|placement| TlasInstance {
             motion: placement.motion.map(|moves| moves.motion()),
             mask: placement.mask,
             flags: InstanceFlags(placement.flags),
-            ..Instance::of(blas.clone(), placement.transform.unwrap_or(IDENTITY))
+            ..TlasInstance::of(blas.clone(), placement.transform.unwrap_or(IDENTITY))
         });
         let instances: Vec<_> = instances.collect();
         // Traversal knows two kinds of vectors.
@@ -75,7 +75,7 @@ impl Scene {
         Ok(Some(Self { structures, precision, places: places.collect(), has_boxes }))
     }
 
-    fn seen(&self, hit: &Hit) -> Seen {
+    fn seen(&self, hit: &ExactHit) -> Seen {
         let (geometry, primitive) = self.places[hit.shape];
         Seen {
             hit_primitive: HitPrimitive { instance: hit.instance as u32, geometry, primitive },
@@ -99,7 +99,7 @@ impl Scene {
         &self,
         tlas: &Tlas,
         trace: &TraceRay,
-        hits: &[Hit],
+        hits: &[ExactHit],
         tally: &mut Tally,
     ) -> Result<(), Failure> {
         let flags = RayFlags(trace.flags.0 & !RayFlags::OPAQUE.0 | RayFlags::NO_OPAQUE.0);
@@ -153,7 +153,7 @@ impl Scene {
         let traces: Vec<_> = rays.iter().map(|(trace, _)| *trace).collect();
         let precision = self.precision;
         let hits: Vec<_> = rays.iter().map(|(trace, moment)| moment.hits(trace, precision)).collect();
-        let ended = |(at, (trace, hits)): (usize, (&TraceRay, &Vec<Hit>))| {
+        let ended = |(at, (trace, hits)): (usize, (&TraceRay, &Vec<ExactHit>))| {
             let t = hits.first()?.found.t;
             let [min, max] = [trace.ray.t_min, trace.ray.t_max];
             let (t_min, t_max) = [(min, t), (t, max), (min, t.next_down()), (t.next_up(), max)][at % 4];
@@ -182,7 +182,7 @@ impl Scene {
         &self,
         packet: &mut Packet,
         tlas: &Tlas,
-        (traces, hits): (&[TraceRay], &[Vec<Hit>]),
+        (traces, hits): (&[TraceRay], &[Vec<ExactHit>]),
         any: bool,
         tally: &mut Tally,
     ) -> Result<(), Failure> {
@@ -207,7 +207,7 @@ impl Scene {
     /// `any`: it may be any of the hits.
     fn check_committed(
         &self,
-        hits: &[Hit],
+        hits: &[ExactHit],
         committed: Option<(Seen, f32, HitKind)>,
         any: bool,
     ) -> Result<(), String> {
@@ -260,10 +260,10 @@ mod tests {
 
     /// Balls of radius 1 along the x axis, four apart, in a tree, and a ray through the first
     /// `count` of them.
-    fn balls(count: usize) -> Case {
+    fn balls(count: usize) -> StressCase {
         let ball = |k: usize| Shape::Sphere { center: [4.0 * k as f32, 0.0, 0.0], radius: 1.0 };
         let ray = Ray::new([-4.0, 0.0, 0.0], [1.0, 0.0, 0.0]);
-        let mut case = Case::new((0..count).map(ball).collect(), (ray, None));
+        let mut case = StressCase::new((0..count).map(ball).collect(), (ray, None));
         case.hidden = 0;
         let Ray { origin, t_min, t_max, .. } = ray;
         // Past all of them, but for the first rays.
@@ -277,8 +277,8 @@ mod tests {
     }
 
     /// Judges the traversal of one case by what is hit of another one.
-    fn judged(traced: &Case, known: &Case) -> [Result<Tally, String>; 2] {
-        let scene = Scene::new(traced, Precision::Exact).expect("regular").expect("legal");
+    fn judged(traced: &StressCase, known: &StressCase) -> [Result<Tally, String>; 2] {
+        let scene = TracedScene::new(traced, Precision::Exact).expect("regular").expect("legal");
         let moment = Moment::new(known, 0.0);
         let mut tallies = [Tally::default(); 2];
         let alone = scene.check_alone(&moment, &known.trace(), &mut tallies[0]);
@@ -330,7 +330,7 @@ mod tests {
         // Wound so that a ray downwards sees the front: e1 x e2 = (0, 0, 1).
         let triangle = Shape::Triangle([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]);
         let ray = Ray::new([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]);
-        let mut case = Case::new(vec![triangle], (ray, None));
+        let mut case = StressCase::new(vec![triangle], (ray, None));
         let below = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]];
         case.others = vec![
             Placement { mask: 2, ..Placement::new(None, None) },
@@ -341,7 +341,7 @@ mod tests {
             let trace = TraceRay { flags: RayFlags(flags), ..case.trace() };
             let moment = Moment::new(&case, 0.0);
             let hits = moment.hits(&trace, Precision::Exact);
-            let scene = Scene::new(&case, Precision::Exact).expect("regular").expect("legal");
+            let scene = TracedScene::new(&case, Precision::Exact).expect("regular").expect("legal");
             scene.check_alone(&moment, &trace, &mut Tally::default()).expect("the same");
             hits.iter().map(|hit| (hit.instance, hit.found.t, hit.found.surface)).collect::<Vec<_>>()
         };
