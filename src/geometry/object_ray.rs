@@ -547,7 +547,7 @@ impl<D: F64x4Ops> DoubleRay<D> {
     #[inline(always)]
     pub fn of(simd: D, ray: &ObjectRay) -> Self {
         let View { origin, direction, origin_error, slack, direction_norm, .. } = ray.view::<f64>();
-        let three = |[x, y, z]: [f64; 3]| simd.from_array([x, y, z, 0.0]);
+        let three = |[x, y, z]: [f64; 3]| simd.load_f64([x, y, z, 0.0]);
         Self {
             origin: three(origin),
             direction: three(direction),
@@ -564,7 +564,7 @@ impl<D: F64x4Ops> DoubleRay<D> {
     pub fn in_world(simd: D, ray: &Ray) -> Self {
         // With what stands next to them, as that is one load.
         let numbers: &[f32; 8] = bytemuck::cast_ref(ray);
-        let three = |four: Option<&[f32; 4]>| simd.xyz0(simd.from_f32(four.expect("four of eight")));
+        let three = |four: Option<&[f32; 4]>| simd.xyz0(simd.load_f32(four.expect("four of eight")));
         let (origin, direction) = (three(numbers.first_chunk()), three(numbers[3..].first_chunk()));
         Self {
             origin,

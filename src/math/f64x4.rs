@@ -17,11 +17,11 @@ pub trait F64x4Ops: Copy {
     type F64x4: Copy;
 
     /// Widens four `f32`, exactly.
-    fn from_f32(self, values: &[f32; 4]) -> Self::F64x4;
+    fn load_f32(self, values: &[f32; 4]) -> Self::F64x4;
     /// Rounds each lane to `f32`, to nearest even.
     fn to_f32(self, value: Self::F64x4) -> [f32; 4];
     /// Makes a value from its lanes.
-    fn from_array(self, values: [f64; 4]) -> Self::F64x4;
+    fn load_f64(self, values: [f64; 4]) -> Self::F64x4;
     /// One value in all lanes.
     fn splat(self, value: f64) -> Self::F64x4;
     /// `a + b` in each lane.
@@ -95,7 +95,7 @@ impl F64x4Ops for BaselineSimd {
     type F64x4 = [f64; 4];
 
     #[inline(always)]
-    fn from_f32(self, values: &[f32; 4]) -> [f64; 4] {
+    fn load_f32(self, values: &[f32; 4]) -> [f64; 4] {
         values.map(f64::from)
     }
 
@@ -105,7 +105,7 @@ impl F64x4Ops for BaselineSimd {
     }
 
     #[inline(always)]
-    fn from_array(self, values: [f64; 4]) -> [f64; 4] {
+    fn load_f64(self, values: [f64; 4]) -> [f64; 4] {
         values
     }
 
@@ -206,7 +206,7 @@ impl F64x4Ops for V3 {
     type F64x4 = f64x4;
 
     #[inline(always)]
-    fn from_f32(self, values: &[f32; 4]) -> f64x4 {
+    fn load_f32(self, values: &[f32; 4]) -> f64x4 {
         self.convert_f32x4_to_f64x4(pulp::cast(*values))
     }
 
@@ -216,7 +216,7 @@ impl F64x4Ops for V3 {
     }
 
     #[inline(always)]
-    fn from_array(self, values: [f64; 4]) -> f64x4 {
+    fn load_f64(self, values: [f64; 4]) -> f64x4 {
         pulp::cast(values)
     }
 
@@ -333,8 +333,8 @@ mod tests {
     /// Numbers whose products and sums need no rounding, so that both ways must agree with hand
     /// arithmetic.
     fn check<D: F64x4Ops>(simd: D) {
-        let a = simd.from_f32(&[1.5, -2.0, 0.0, 1e30]);
-        let b = simd.from_f32(&[0.5, 4.0, -0.0, f32::NAN]);
+        let a = simd.load_f32(&[1.5, -2.0, 0.0, 1e30]);
+        let b = simd.load_f32(&[0.5, 4.0, -0.0, f32::NAN]);
         let c = simd.splat(-8.0);
         let numbers = |four: D::F64x4| simd.to_f32(four)[..3].to_vec();
         assert_eq!(numbers(simd.add(a, b)), [2.0, 2.0, 0.0]);
@@ -346,9 +346,9 @@ mod tests {
         assert_eq!(numbers(simd.neg_mul_add(a, b, c)), [-8.75, 0.0, -8.0]);
         assert_eq!(numbers(simd.sqrt(simd.mul(a, a))), [1.5, 2.0, 0.0]);
         assert_eq!(numbers(simd.abs(c)), [8.0; 3]);
-        assert_eq!(numbers(simd.relaxed_max(simd.from_array([1.0, 5.0, -3.0, 0.0]), a)), [1.5, 5.0, 0.0]);
+        assert_eq!(numbers(simd.relaxed_max(simd.load_f64([1.0, 5.0, -3.0, 0.0]), a)), [1.5, 5.0, 0.0]);
         let lanes = |four: D::F64x4| simd.to_f32(four);
-        let v = simd.from_array([1.0, 20.0, 300.0, 4000.0]);
+        let v = simd.load_f64([1.0, 20.0, 300.0, 4000.0]);
         assert_eq!(lanes(simd.xyz0(v)), [1.0, 20.0, 300.0, 0.0]);
         assert_eq!(simd.splat_xyz(v).map(lanes), [[1.0; 4], [20.0; 4], [300.0; 4]]);
         assert_eq!(lanes(simd.yzx(v)), [20.0, 300.0, 1.0, 4000.0]);

@@ -28,8 +28,8 @@ pub fn intersect4<D: F64x4Ops>(
     let direction = [simd.splat(x), simd.splat(y), simd.splat(z)];
     let [x, y, z] = ray.origin;
     let origin = [simd.splat(x), simd.splat(y), simd.splat(z)];
-    let center = [simd.from_f32(&center[0]), simd.from_f32(&center[1]), simd.from_f32(&center[2])];
-    let radius = simd.from_f32(radius);
+    let center = [simd.load_f32(&center[0]), simd.load_f32(&center[1]), simd.load_f32(&center[2])];
+    let radius = simd.load_f32(radius);
 
     let w = simd.sub3(origin, center);
     let sigma = simd.mul(simd.dot3(direction, w), simd.splat(inverse));

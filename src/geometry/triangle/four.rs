@@ -86,7 +86,7 @@ pub fn intersect4<D: F64x4Ops>(
 
 #[inline(always)]
 fn point<D: F64x4Ops>(simd: D, rows: &[[f32; 4]; 3]) -> [D::F64x4; 3] {
-    [simd.from_f32(&rows[0]), simd.from_f32(&rows[1]), simd.from_f32(&rows[2])]
+    [simd.load_f32(&rows[0]), simd.load_f32(&rows[1]), simd.load_f32(&rows[2])]
 }
 
 /// A mask of the lanes whose number certainly has the given sign.

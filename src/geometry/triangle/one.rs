@@ -34,7 +34,7 @@ pub fn intersect_simd<D: F64x4Ops>(
     [v0, v1, v2]: [[f32; 3]; 3],
 ) -> Verdict<Intersection> {
     let DoubleRay { origin, direction: d, origin_error, slack, direction_norm, t_min, t_max } = *ray;
-    let point = |[x, y, z]: [f32; 3]| simd.from_f32(&[x, y, z, 0.0]);
+    let point = |[x, y, z]: [f32; 3]| simd.load_f32(&[x, y, z, 0.0]);
     let (v0, v1, v2) = (point(v0), point(v1), point(v2));
     let (e1, e2, w) = (simd.sub(v1, v0), simd.sub(v2, v0), simd.sub(origin, v0));
 
@@ -53,7 +53,7 @@ pub fn intersect_simd<D: F64x4Ops>(
     let n = simd.reduce_sum(simd.relaxed_max(simd.abs(e1), simd.abs(e2)));
     let error_bound = simd.mul_add(slack, simd.reduce_sum(simd.abs(w)), origin_error);
     let e_det = simd.mul(simd.mul(n, n), simd.mul(slack, direction_norm));
-    let few = |lanes: [f32; 4]| simd.from_f32(&lanes);
+    let few = |lanes: [f32; 4]| simd.load_f32(&lanes);
     // Of e2.q N, of beta and gamma |d|, of alpha 2 |d|: times N reach.
     let weights =
         simd.mul_add(direction_norm, few([0.0, 1.0, 1.0, 2.0]), simd.mul(n, few([1.0, 0.0, 0.0, 0.0])));
