@@ -12,8 +12,8 @@ use anyhit_judges::{Recipe, bytes, optimise, words};
 
 /// Modules that were optimised, and cases that were then met, with each recipe when this was
 /// written; there are more now or the judge has lost some.
-const LEAST_MODULES: usize = 258;
-const LEAST_CASES: usize = 138;
+const LEAST_MODULES: usize = 280;
+const LEAST_CASES: usize = 153;
 
 #[test]
 fn cases_are_met_with_optimised_modules() {
