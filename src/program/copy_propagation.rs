@@ -48,8 +48,8 @@ impl Shared {
 }
 
 /// Lets operations read a variable's register itself, where its copy serves this block alone; what
-/// nobody reads then is left to `prune`.
-pub fn forward_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
+/// nobody reads then is left to `eliminate_dead_code`.
+pub fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
     let shared = Shared::of(program, addressed);
     // How often a register is written.
     let mut writes = vec![0u32; program.register_count as usize + 1];

@@ -100,7 +100,7 @@ impl<'a> Needs<'a> {
 /// Removes operations whose results are not read; `addressed` are registers that computed register
 /// numbers reach, `stores` tells of each operation where it is false that it is no use. What is
 /// left also tells whether the order of invocations matters.
-pub fn prune(program: &mut Program, addressed: &[(Reg, u32)], stores: Option<&[bool]>) {
+pub fn eliminate_dead_code(program: &mut Program, addressed: &[(Reg, u32)], stores: Option<&[bool]>) {
     let mut needs = Needs::new(program);
     for &(first, count) in addressed {
         // A computed index may reach every register of the variable.

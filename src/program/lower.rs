@@ -30,8 +30,8 @@ use crate::ops::translate::{IdValue, Origin, Translator, Words};
 use crate::ops::translate_checked;
 use crate::program::call_graph::{Size, sizes};
 use crate::program::control_flow::{escaping_values, structured_order};
-use crate::program::copy_propagation::{forward_copies, live_stores};
-use crate::program::dce::prune;
+use crate::program::copy_propagation::{live_stores, propagate_copies};
+use crate::program::dce::eliminate_dead_code;
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::accesses;
 use crate::program::regalloc::{allocate_registers, superblocks};
@@ -189,16 +189,16 @@ fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
             expect_same(program, name, verifier.compare(&Version::of(program), &|reg| reg));
         }
     };
-    pass(program, "prune", &|program| prune(program, addressed, None));
+    pass(program, "dead-code elimination", &|program| eliminate_dead_code(program, addressed, None));
     // What was dropped, and room that was never used, would stay with the program.
     program.ops.shrink_to_fit();
     program.origins.shrink_to_fit();
     program.blocks.shrink_to_fit();
     program.instruction_spans.shrink_to_fit();
-    pass(program, "forward", &|program| forward_copies(program, addressed));
-    pass(program, "live stores", &|program| {
+    pass(program, "copy propagation", &|program| propagate_copies(program, addressed));
+    pass(program, "dead-store elimination", &|program| {
         let stores = live_stores(program, addressed);
-        prune(program, addressed, stores.as_deref());
+        eliminate_dead_code(program, addressed, stores.as_deref());
     });
     program.accesses = accesses(program);
     program.eliminated = Eliminated {
@@ -212,7 +212,7 @@ fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
     if let Some(verifier) = verifier {
         let after = Version { ops: program.optimized.ops.clone(), ..Version::of(program) };
         let renamed = |reg: Reg| renamed.get(reg.0 as usize).copied().unwrap_or(reg);
-        expect_same(program, "reuse", verifier.compare(&after, &renamed));
+        expect_same(program, "register allocation", verifier.compare(&after, &renamed));
         if let Some(supercode) = &program.optimized.supercode {
             expect_same(
                 program,

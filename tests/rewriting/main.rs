@@ -128,6 +128,7 @@ impl Subject {
             let told = |error: Error| error.render();
             loaded.assembled = anyhit::scene::assemble(&loaded.scene).map_err(told)?;
             let observed = loaded.widths().map_err(told)?;
+            loaded.check_launch(&observed).map_err(told)?;
             let found = seen(&loaded, &observed);
             if let Some((one, other)) = self.expected.iter().zip(&found).find(|(one, other)| one != other) {
                 return Err(format!("expected {}\nfound    {}", shortened(one), shortened(other)));
