@@ -84,7 +84,7 @@ impl ErrorKind {
 pub enum Place {
     /// A word of a SPIR-V module, counted from its first word.
     Word(usize),
-    /// A stretch of a text file; the range counts bytes.
+    /// A span of a text file; the range counts bytes.
     Text {
         /// The file's name as the user gave it.
         file: String,

@@ -27,6 +27,8 @@ pub enum Recipe {
     Fold,
     /// `-O`: inlining, phis for variables, unrolling, and all else of the performance recipe.
     Performance,
+    /// One pass alone.
+    Pass(Passes),
 }
 
 /// Runs the optimizer on the words of a module; its complaint where it does not take the module.
@@ -41,20 +43,10 @@ pub fn optimise(words: &[u32], recipe: Recipe) -> Result<Vec<u32>, String> {
         Recipe::Performance => {
             optimizer.register_performance_passes();
         }
+        Recipe::Pass(pass) => {
+            optimizer.register_pass(pass);
+        }
     }
-    let mut complaints = Vec::new();
-    let mut listen = |message: spirv_tools::error::Message| complaints.push(message.message.clone());
-    match optimizer.optimize(words, &mut listen, None) {
-        Ok(binary) => Ok(AsRef::<[u32]>::as_ref(&binary).to_vec()),
-        Err(error) => Err(complaints.first().cloned().unwrap_or_else(|| format!("{error:?}"))),
-    }
-}
-
-/// Runs one pass of the optimizer on the words of a module; its complaint where it does not take
-/// the module.
-pub fn optimise_by(words: &[u32], pass: Passes) -> Result<Vec<u32>, String> {
-    let mut optimizer = CompiledOptimizer::with_env(TargetEnv::Universal_1_6);
-    optimizer.register_pass(pass);
     let mut complaints = Vec::new();
     let mut listen = |message: spirv_tools::error::Message| complaints.push(message.message.clone());
     match optimizer.optimize(words, &mut listen, None) {

@@ -5,13 +5,12 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use crate::passes::PASSES;
+use crate::passes::RECIPES;
 use crate::verdict::{Theirs, theirs};
-use crate::{Recipe, bytes, optimise, optimise_by, words};
+use crate::{bytes, optimise, words};
 
-/// The numbers of what can be asked: those below are passes.
+/// The number that asks for the validator; those below are of [`RECIPES`].
 const VALIDATE: u8 = u8::MAX;
-const PERFORMANCE: u8 = u8::MAX - 1;
 
 /// What an answer begins with.
 const DONE: u8 = 0;
@@ -34,15 +33,10 @@ impl ToolProcess {
         self.ask(VALIDATE, module).map(|answer| answer.map(drop))
     }
 
-    /// What one of the passes makes of a module, by its number in [`PASSES`], or its complaint;
-    /// `None` where its process ended.
-    pub fn optimise_by(&mut self, pass: usize, module: &[u32]) -> Option<Result<Vec<u32>, String>> {
-        self.ask(u8::try_from(pass).expect("few passes"), module)
-    }
-
-    /// What all passes of `-O` make of a module, one behind the other.
-    pub fn optimise(&mut self, module: &[u32]) -> Option<Result<Vec<u32>, String>> {
-        self.ask(PERFORMANCE, module)
+    /// What the optimizer makes of a module by one of [`RECIPES`], given by its number, or its
+    /// complaint; `None` where its process ended.
+    pub fn optimise(&mut self, recipe: usize, module: &[u32]) -> Option<Result<Vec<u32>, String>> {
+        self.ask(u8::try_from(recipe).expect("few recipes"), module)
     }
 
     fn ask(&mut self, task: u8, module: &[u32]) -> Option<Result<Vec<u32>, String>> {
@@ -108,8 +102,7 @@ pub fn serve() -> io::Result<()> {
         let module = words(&message);
         let answer = match task {
             VALIDATE => theirs(&module).map(|()| Vec::new()),
-            PERFORMANCE => optimise(&module, Recipe::Performance),
-            pass => optimise_by(&module, PASSES[usize::from(pass)].1),
+            recipe => optimise(&module, RECIPES[usize::from(recipe)].1),
         };
         match answer {
             Ok(words) => send(&mut output, DONE, &bytes(&words))?,

@@ -30,7 +30,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
-use anyhit_judges::passes::PASSES;
+use anyhit_judges::passes::RECIPES;
 use anyhit_judges::process::ToolProcess;
 use rayon::prelude::*;
 
@@ -99,22 +99,6 @@ impl Tally {
     }
 }
 
-/// What is done to each module: a pass by its number, or all of `-O`.
-#[derive(Clone, Copy)]
-enum Way {
-    Pass(usize),
-    Performance,
-}
-
-impl Way {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Pass(at) => PASSES[at].0,
-            Self::Performance => "-O",
-        }
-    }
-}
-
 #[test]
 fn each_pass_keeps_what_modules_mean() {
     let number = |name: &str| std::env::var(name).ok().and_then(|value| value.parse::<u64>().ok());
@@ -122,21 +106,19 @@ fn each_pass_keeps_what_modules_mean() {
     let first = number("ANYHIT_RANDOM_FIRST").unwrap_or(0);
     let seed = number("ANYHIT_RANDOM_SEED").unwrap_or(1);
     let wanted = std::env::var("ANYHIT_RANDOM_PASS").ok();
-    let ways: Vec<Way> = (0..PASSES.len())
-        .map(Way::Pass)
-        .chain([Way::Performance])
-        .filter(|way| wanted.as_ref().is_none_or(|wanted| wanted == way.name()))
+    let recipes: Vec<usize> = (0..RECIPES.len())
+        .filter(|&recipe| wanted.as_ref().is_none_or(|wanted| wanted == RECIPES[recipe].0))
         .collect();
-    assert!(!ways.is_empty(), "no pass has the name {wanted:?}");
+    assert!(!recipes.is_empty(), "no pass has the name {wanted:?}");
     let start = Instant::now();
     let program = Path::new(env!("CARGO_BIN_EXE_spirv_tools"));
-    let none = || ways.iter().map(|_| Tally::default()).collect::<Vec<_>>();
+    let none = || recipes.iter().map(|_| Tally::default()).collect::<Vec<_>>();
     let tallies = (first..first + count)
         .into_par_iter()
         .fold(
             || (ToolProcess::new(program), none()),
             |(mut tools, mut tallies), index| {
-                let outcomes = judge(&mut tools, seed, index, &ways);
+                let outcomes = judge(&mut tools, seed, index, &recipes);
                 tallies.iter_mut().zip(outcomes).for_each(|(tally, outcome)| tally.note(index, outcome));
                 (tools, tallies)
             },
@@ -149,10 +131,11 @@ fn each_pass_keeps_what_modules_mean() {
     let seconds = start.elapsed().as_secs_f64();
     let mut judged = 0;
     let mut wrong = Vec::new();
-    for (way, tally) in ways.iter().zip(tallies) {
-        println!("{}: {:?} {:?}", way.name(), tally.counts, tally.first);
+    for (&recipe, tally) in recipes.iter().zip(tallies) {
+        let name = RECIPES[recipe].0;
+        println!("{}: {:?} {:?}", name, tally.counts, tally.first);
         judged += tally.counts.get("same").copied().unwrap_or_default();
-        wrong.extend(tally.wrong.iter().map(|problem| format!("{}, seed {seed}, {problem}", way.name())));
+        wrong.extend(tally.wrong.iter().map(|problem| format!("{}, seed {seed}, {problem}", name)));
     }
     println!(
         "{count} modules, {judged} changed ones judged in {seconds:.1} s: {:.0} an hour",
@@ -163,7 +146,7 @@ fn each_pass_keeps_what_modules_mean() {
 }
 
 /// A module under each of the passes. Passes that make the same of it are judged once.
-fn judge(tools: &mut ToolProcess, seed: u64, index: u64, ways: &[Way]) -> Vec<Outcome> {
+fn judge(tools: &mut ToolProcess, seed: u64, index: u64, recipes: &[usize]) -> Vec<Outcome> {
     let generated = generate::generate(seed, index);
     let words = emit::words(&generated.module);
     let before = run::memory(&generated, seed);
@@ -198,12 +181,8 @@ fn judge(tools: &mut ToolProcess, seed: u64, index: u64, ways: &[Way]) -> Vec<Ou
         outcome
     };
     let mut outcomes = Vec::new();
-    for way in ways {
-        let answer = match *way {
-            Way::Pass(pass) => tools.optimise_by(pass, &words),
-            Way::Performance => tools.optimise(&words),
-        };
-        outcomes.push(match answer {
+    for &recipe in recipes {
+        outcomes.push(match tools.optimise(recipe, &words) {
             None => Outcome::Aborted,
             Some(Err(problem)) => Outcome::Refused(problem),
             Some(Ok(optimised)) => judge(tools, optimised),

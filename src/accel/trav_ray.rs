@@ -228,7 +228,7 @@ impl TravRay {
             }
             let parallel = is_parallel(d, d_bound);
             if parallel && d_bound != 0.0 {
-                // |d t| over the stretch of t that is left.
+                // |d t| over the interval of t that is left.
                 bound = (bound + (leave - shift) * (2.0 * d_bound)) * (1.0 + 8.0 * U);
             }
             if !(origin.is_finite() && bound.is_finite()) {

@@ -134,7 +134,7 @@ impl Found {
     }
 }
 
-/// Runs a stretch of the inputs in batches of 64 lanes and judges them.
+/// Runs a range of the inputs in batches of 64 lanes and judges them.
 fn run_block(
     function: &CheckedFunction,
     format: FloatWidth,

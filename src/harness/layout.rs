@@ -240,7 +240,7 @@ impl<'a> Layout<'a> {
     }
 
     /// Offsets and layouts of the elements of an array, the columns of a matrix, the components of
-    /// a vector. A column of a row-major matrix is no stretch of bytes: its components stand for
+    /// a vector. A column of a row-major matrix is no range of bytes: its components stand for
     /// it.
     fn parts(self) -> Vec<(usize, Self)> {
         let row = |count: usize, stride: usize, part: Self| {

@@ -131,7 +131,6 @@ pub(super) fn look(scene: &ResolvedScene, resources: &Resources, observed: &mut 
 /// The trap of the first invocation that traps, and `UnsupportedModule` where invocations cannot
 /// run by themselves.
 pub fn costs(assembled: &Assembled) -> Result<Costs> {
-    let [width, height, depth] = assembled.size.map(u64::from);
     if assembled.pipeline.uses_subgroups() && assembled.pipeline.subgroup_size > 1 {
         let message = "what single rays cost, of a pipeline with subgroup instructions";
         return Err(Error::new(ErrorKind::UnsupportedModule, message)
@@ -139,8 +138,7 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
     }
     let resources = fresh(&assembled.resources);
     let launch = Launch { pipeline: &assembled.pipeline, resources: &resources };
-    let run = |meter: &mut Meter, index: u64| {
-        let id = [index % width, index / width % height, index / width / height].map(|axis| axis as u32);
+    let run = |meter: &mut Meter, id: [u32; 3]| {
         meter.begin(Some(id));
         let meter = &*meter;
         let mut sink = |event: Event| meter.event(&event);
@@ -149,24 +147,37 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
         let mut counter: &mut dyn Observer<1> = &mut counter;
         launch.run_one(id, assembled.size, &mut sink, &mut counter)
     };
-    let stretch = |range: std::ops::Range<u64>| {
+    let all = in_tasks(assembled, |_, ids| {
         let mut meter = Meter::new(&assembled.pipeline);
-        for index in range {
-            run(&mut meter, index)?;
+        for id in ids {
+            run(&mut meter, id)?;
         }
         Ok(meter.costs())
-    };
+    });
+    all.into_iter().try_fold(Costs::default(), |sum, one| Ok(sum.or(one?)))
+}
+
+/// Runs the invocations of a launch in tasks on all threads: in ranges of 256 consecutive launch
+/// indices, or in one task where shaders depend on the order of invocations or share memory. A
+/// task is given its number and the launch ids of its invocations; the results are in the tasks'
+/// order.
+pub(super) fn in_tasks<T: Send>(
+    assembled: &Assembled,
+    task: impl Fn(u64, &mut dyn Iterator<Item = [u32; 3]>) -> T + Sync,
+) -> Vec<T> {
+    const INVOCATIONS: u64 = 256;
+    let [width, height, depth] = assembled.size.map(u64::from);
+    let id =
+        |index: u64| [index % width, index / width % height, index / width / height].map(|axis| axis as u32);
     let count = width * height * depth;
-    const STRETCH: u64 = 256;
     let ordered = assembled.pipeline.order_dependent()
         || assembled.pipeline.shared_memory(assembled.size, &assembled.resources).is_some();
-    if count <= STRETCH || ordered {
-        return stretch(0..count);
+    if ordered {
+        return vec![task(0, &mut (0..count).map(id))];
     }
-    let stretches = (0..count.div_ceil(STRETCH)).into_par_iter();
-    let all: Vec<Result<Costs>> =
-        stretches.map(|at| stretch(at * STRETCH..count.min((at + 1) * STRETCH))).collect();
-    all.into_iter().try_fold(Costs::default(), |sum, one| Ok(sum.or(one?)))
+    let range = |number: u64| number * INVOCATIONS..count.min((number + 1) * INVOCATIONS);
+    let tasks = (0..count.div_ceil(INVOCATIONS)).into_par_iter();
+    tasks.map(|number| task(number, &mut range(number).map(id))).collect()
 }
 
 /// What is counted while a ray runs.

@@ -3,7 +3,7 @@
 //!
 //! That can be done where every invocation keeps to one row of the image, that of its launch index
 //! or the same counted from the other end ([`race_analysis`](crate::program::race_analysis)). A
-//! band is a stretch of the launch's order that begins where a batch, a tile and a subgroup begin:
+//! band is a range of the launch's order that begins where a batch, a tile and a subgroup begin:
 //! so batches, schedule and counts are those of the whole launch, and so is every bit.
 
 use std::fmt;

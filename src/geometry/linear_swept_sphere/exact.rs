@@ -1,5 +1,5 @@
 //! The exact step for linear swept spheres: the three conditions of the parent module, asked in
-//! dyadic numbers and in the order in which the line meets the stretches.
+//! dyadic numbers and in the order in which the line meets the intervals.
 
 use std::cmp::Ordering;
 

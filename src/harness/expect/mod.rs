@@ -97,7 +97,7 @@ pub struct Difference {
 /// A change of a scene file, or another file to write.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Fix {
-    /// Another text for a stretch of the file.
+    /// Another text for a range of the file.
     Text(Span, String),
     /// A file, written as a whole.
     File(std::path::PathBuf, Vec<u8>),

@@ -147,7 +147,7 @@ pub enum FillContent {
 /// the array elements on the way.
 pub type PlaceId = u64;
 
-/// A stretch of device memory.
+/// A range of device memory.
 #[derive(Clone, Debug)]
 struct Region {
     place: PlaceId,

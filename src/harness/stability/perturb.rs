@@ -243,7 +243,7 @@ struct Product {
     factors: [f64; 2],
 }
 
-/// Moves the results of one stretch of invocations.
+/// Moves the results of one task of invocations.
 struct Mover<'a> {
     plan: &'a Plan,
     /// From 1; 0 moves nothing.

@@ -2,10 +2,9 @@
 
 use std::cell::RefCell;
 
-use rayon::prelude::*;
-
 use crate::debug::session::SettledRequest;
 use crate::error::{Error, ErrorKind, Result};
+use crate::harness::run::in_tasks;
 use crate::machine::{Batch, Bindings, Observer, Resources};
 use crate::pipeline::{Event, Launch};
 use crate::scene::{Assembled, ResolvedScene};
@@ -64,12 +63,8 @@ impl<P: Probe> Observer<1> for Eyes<'_, P> {
     }
 }
 
-/// Invocations that one task of a thread runs.
-const STRETCH: u64 = 256;
-
-/// Runs the launch and the dispatches of a scene on resources, in stretches: each has a probe of
-/// its own, and all are given to `take` in order. A launch whose shaders depend on the order of
-/// invocations, or share memory, is one stretch.
+/// Runs the launch and the dispatches of a scene on resources. Each task of the launch
+/// ([`in_tasks`]) and each dispatch has a probe of its own; all are given to `take` in order.
 pub(super) fn run<P: Probe>(
     assembled: &Assembled,
     resources: &Resources,
@@ -80,27 +75,18 @@ pub(super) fn run<P: Probe>(
     let mut number = 0;
     if pipeline.sbt.ray_generation.is_some() {
         alone(assembled)?;
-        let [width, height, depth] = assembled.size.map(u64::from);
         let launch = Launch { pipeline, resources };
-        let stretch = |number: u64, range: std::ops::Range<u64>| {
+        let done = in_tasks(assembled, |number, ids| {
             let probe = RefCell::new(new(number));
-            let outcome = range.map(|index| {
-                let id = [index % width, index / width % height, index / width / height];
-                invocation(&launch, assembled, id.map(|axis| axis as u32), &probe)
-            });
-            let outcome = outcome.collect::<Result<Vec<()>>>();
-            (probe.into_inner(), outcome.map(|_| ()))
-        };
-        let count = width * height * depth;
-        let ordered = pipeline.order_dependent()
-            || pipeline.shared_memory(assembled.size, &assembled.resources).is_some();
-        let done: Vec<(P, Result<()>)> = match ordered {
-            true => vec![stretch(0, 0..count)],
-            false => {
-                let all = (0..count.div_ceil(STRETCH)).into_par_iter();
-                all.map(|at| stretch(at, at * STRETCH..count.min((at + 1) * STRETCH))).collect()
+            let mut outcome = Ok(());
+            for id in ids {
+                outcome = invocation(&launch, assembled, id, &probe);
+                if outcome.is_err() {
+                    break;
+                }
             }
-        };
+            (probe.into_inner(), outcome)
+        });
         number = done.len() as u64;
         for (probe, outcome) in done {
             take(probe);

@@ -404,7 +404,7 @@ fn a_float_is_settled_and_stored_at_once() {
 }
 
 #[test]
-fn a_stretch_ends_before_an_irregular_operation_and_leaves_idle_ones_out() {
+fn a_superinstruction_chain_ends_before_an_irregular_operation_and_leaves_idle_ones_out() {
     let ops = [copy(5, 0), copy(1, 1), copy(2, 2), copy(6, 5), Op::Barrier, copy(7, 6)];
     let code = superops(&ops, &[ResultUse::UNKNOWN; 6]);
     assert_eq!(code.superops.len(), 4);
