@@ -19,7 +19,8 @@ where
 {
     let OptimizedCode { ops, supercode, superblocks } = &program.optimized;
     let ops = if O::active() { &program.ops } else { ops };
-    let supercode = supercode.as_ref().filter(|_| LaneKernel::HAS_SUPEROPS && !O::active());
+    let has_superops = LaneKernel::HAS_SUPEROPS && batch.registers.cpu_tier().is_wide() && !O::active();
+    let supercode = supercode.as_ref().filter(|_| has_superops);
     loop {
         let block = &program.blocks[batch.block as usize];
         // Behind a stop a block goes on, it is not entered.

@@ -96,14 +96,28 @@ impl CpuTier {
         BaselineSimd.dispatch(task)
     }
 
-    /// Runs a task whose loops the compiler vectorizes, on the widest registers of the CPU.
-    #[inline(always)]
-    pub fn run_widest<T: LaneTask>(self, task: T) -> T::Output {
+    /// Whether [`CpuTier::run_wide`] runs tasks on this CPU.
+    #[inline]
+    pub fn is_wide(self) -> bool {
         #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.avx512 {
-            return simd.vectorize(InAvx { task, simd: *simd });
+        return self.avx2.is_some();
+        #[cfg(not(target_arch = "x86_64"))]
+        true
+    }
+
+    /// Runs a large task whose loops the compiler vectorizes, on the widest registers of the CPU.
+    /// `None` on a CPU of x86-64 without AVX2, for which no such task is compiled.
+    #[inline(always)]
+    pub fn run_wide<T: LaneTask>(self, task: T) -> Option<T::Output> {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if let Some(simd) = self.avx512 {
+                return Some(simd.vectorize(InAvx { task, simd: *simd }));
+            }
+            self.avx2.map(|simd| simd.dispatch(task))
         }
-        self.run(task)
+        #[cfg(not(target_arch = "x86_64"))]
+        Some(BaselineSimd.dispatch(task))
     }
 
     /// Runs a loop that the compiler vectorizes for AVX2; the closure must be inlined.

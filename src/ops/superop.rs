@@ -19,7 +19,8 @@
 //! not matter which lanes run.
 //!
 //! `plan` selects superinstructions for operations. A lane kernel without an opcode is called as a
-//! function; an irregular operation leaves the loop. Only functions that need few vector registers
+//! function, and so is one that reads or writes an extended register ([`DIRECT_REGISTERS`]); an
+//! irregular operation leaves the loop. Only functions that need few vector registers
 //! have an opcode: one arm that needs all sixteen makes the compiler spill the accumulator in every
 //! arm.
 
@@ -48,8 +49,8 @@ pub struct SuperOp {
     /// The function, which operand the accumulator is, and whether the result goes to its register,
     /// too.
     opcode: u16,
-    to: u16,
-    from: Operands<u16>,
+    to: u8,
+    from: Operands<u8>,
 }
 
 /// Of a superop: three are what one operation has, chains of patterns have more. With eight the
@@ -64,43 +65,14 @@ pub struct SuperCode {
     op_of: Vec<u32>,
     /// The first superinstruction of each operation, and one more entry.
     first: Vec<u32>,
-    /// Whether a superinstruction names an extended register.
-    extended: bool,
 }
 
-/// Registers as superinstructions name them: the direct ones, whose number is one byte and needs no
-/// bounds check, or any.
-trait RegisterFile<const W: usize> {
-    fn register(&self, number: u16) -> &Lanes<W>;
-    fn register_mut(&mut self, number: u16) -> &mut Lanes<W>;
-}
-
-/// How many registers are direct: named by one byte. The others are extended.
+/// How many registers are direct: superinstructions name them by one byte, which needs no bounds
+/// check. An operation on any of the others, the extended ones, becomes no superinstruction.
 pub const DIRECT_REGISTERS: usize = 256;
 
-impl<const W: usize> RegisterFile<W> for [Lanes<W>; DIRECT_REGISTERS] {
-    #[inline(always)]
-    fn register(&self, number: u16) -> &Lanes<W> {
-        &self[usize::from(number as u8)]
-    }
-
-    #[inline(always)]
-    fn register_mut(&mut self, number: u16) -> &mut Lanes<W> {
-        &mut self[usize::from(number as u8)]
-    }
-}
-
-impl<const W: usize> RegisterFile<W> for [Lanes<W>] {
-    #[inline(always)]
-    fn register(&self, number: u16) -> &Lanes<W> {
-        &self[usize::from(number)]
-    }
-
-    #[inline(always)]
-    fn register_mut(&mut self, number: u16) -> &mut Lanes<W> {
-        &mut self[usize::from(number)]
-    }
-}
+/// The direct registers.
+type DirectRegisters<const W: usize> = [Lanes<W>; DIRECT_REGISTERS];
 
 /// The accumulator takes what a function gives of registers, and of what it held, which is operand
 /// `AT` (none for 0); the result goes to its register, too, where it is `STORED`. Operands whose
@@ -117,39 +89,55 @@ fn apply<
     const AMOUNTS: u8,
 >(
     accumulator: &mut [u32; W],
-    registers: &mut (impl RegisterFile<W> + ?Sized),
+    registers: &mut DirectRegisters<W>,
     superop: &SuperOp,
 ) {
+    // Written out: closures would be compiled anew for each of the many instances of this function.
     let held = Lanes(*accumulator);
-    let register = |at: usize| {
-        let reads = at < F::OPERANDS && at + 1 != AT && !has(UNIFORM, at);
-        if reads { registers.register(superop.from[at]) } else { &held }
-    };
-    let word = |at: usize| {
-        if at < F::OPERANDS && has(UNIFORM, at) {
-            // What the compiler knows to be less than 32 it need not compare.
-            registers.register(superop.from[at]).0[0] & if has(AMOUNTS, at) { 31 } else { !0 }
-        } else {
-            0
-        }
-    };
-    let [a, b, c, d, e, f] = std::array::from_fn(register);
-    let words: Operands<u32> = std::array::from_fn(word);
+    let [a, b, c, d, e, f] = [
+        if const { reads::<F>(AT, UNIFORM, 0) } { &registers[usize::from(superop.from[0])] } else { &held },
+        if const { reads::<F>(AT, UNIFORM, 1) } { &registers[usize::from(superop.from[1])] } else { &held },
+        if const { reads::<F>(AT, UNIFORM, 2) } { &registers[usize::from(superop.from[2])] } else { &held },
+        if const { reads::<F>(AT, UNIFORM, 3) } { &registers[usize::from(superop.from[3])] } else { &held },
+        if const { reads::<F>(AT, UNIFORM, 4) } { &registers[usize::from(superop.from[4])] } else { &held },
+        if const { reads::<F>(AT, UNIFORM, 5) } { &registers[usize::from(superop.from[5])] } else { &held },
+    ];
+    let words = [
+        if const { has(UNIFORM, 0) } { uniform(registers, superop, 0, AMOUNTS) } else { 0 },
+        if const { has(UNIFORM, 1) } { uniform(registers, superop, 1, AMOUNTS) } else { 0 },
+        if const { has(UNIFORM, 2) } { uniform(registers, superop, 2, AMOUNTS) } else { 0 },
+        if const { has(UNIFORM, 3) } { uniform(registers, superop, 3, AMOUNTS) } else { 0 },
+        if const { has(UNIFORM, 4) } { uniform(registers, superop, 4, AMOUNTS) } else { 0 },
+        if const { has(UNIFORM, 5) } { uniform(registers, superop, 5, AMOUNTS) } else { 0 },
+    ];
     let mut result = [0; W];
     for lane in 0..W {
         result[lane] = F::apply([
-            if has(UNIFORM, 0) { words[0] } else { a.0[lane] },
-            if has(UNIFORM, 1) { words[1] } else { b.0[lane] },
-            if has(UNIFORM, 2) { words[2] } else { c.0[lane] },
-            if has(UNIFORM, 3) { words[3] } else { d.0[lane] },
-            if has(UNIFORM, 4) { words[4] } else { e.0[lane] },
-            if has(UNIFORM, 5) { words[5] } else { f.0[lane] },
+            if const { has(UNIFORM, 0) } { words[0] } else { a.0[lane] },
+            if const { has(UNIFORM, 1) } { words[1] } else { b.0[lane] },
+            if const { has(UNIFORM, 2) } { words[2] } else { c.0[lane] },
+            if const { has(UNIFORM, 3) } { words[3] } else { d.0[lane] },
+            if const { has(UNIFORM, 4) } { words[4] } else { e.0[lane] },
+            if const { has(UNIFORM, 5) } { words[5] } else { f.0[lane] },
         ]);
     }
     if STORED {
-        registers.register_mut(superop.to).0 = result;
+        registers[usize::from(superop.to)].0 = result;
     }
     *accumulator = result;
+}
+
+/// Whether an operand of a function is read lane by lane from its register: not one that the
+/// function does not have, that the accumulator is, or that is uniform.
+const fn reads<F: WordFunction>(accumulator: usize, uniform: u8, at: usize) -> bool {
+    at < F::OPERANDS && at + 1 != accumulator && !has(uniform, at)
+}
+
+/// The word of a uniform operand.
+#[inline(always)]
+fn uniform<const W: usize>(registers: &DirectRegisters<W>, superop: &SuperOp, at: usize, amounts: u8) -> u32 {
+    // What the compiler knows to be less than 32 it need not compare.
+    registers[usize::from(superop.from[at])].0[0] & if has(amounts, at) { 31 } else { !0 }
 }
 
 /// Whether operands that are the same in all lanes have one among them.
@@ -163,18 +151,18 @@ const fn has(uniform: u8, operand: usize) -> bool {
 fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
     vectors: V,
     accumulator: &mut [u32; W],
-    registers: &mut (impl RegisterFile<W> + ?Sized),
+    registers: &mut DirectRegisters<W>,
     superop: &SuperOp,
 ) {
     const { assert!(W.is_multiple_of(8)) }
     let held = *accumulator;
-    let floats = if AT == 0 { &registers.register(superop.from[0]).0 } else { &held };
+    let floats = if AT == 0 { &registers[usize::from(superop.from[0])].0 } else { &held };
     let mut result = [0; W];
     for (eight, to) in floats.as_chunks::<8>().0.iter().zip(result.as_chunks_mut::<8>().0) {
         *to = vectors.to_i32(vectors.load(&eight.map(f32::from_bits))).map(|integer| integer as u32);
     }
     if STORED {
-        registers.register_mut(superop.to).0 = result;
+        registers[usize::from(superop.to)].0 = result;
     }
     *accumulator = result;
 }
@@ -185,14 +173,14 @@ fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
 #[inline(always)]
 fn store<const W: usize, const AT: usize>(
     accumulator: &mut [u32; W],
-    registers: &mut (impl RegisterFile<W> + ?Sized),
+    registers: &mut DirectRegisters<W>,
     superop: &SuperOp,
     running: Option<&Lanes<W>>,
 ) {
     if AT == 0 {
-        *accumulator = registers.register(superop.from[0]).0;
+        *accumulator = registers[usize::from(superop.from[0])].0;
     }
-    let to = registers.register_mut(superop.to);
+    let to = &mut registers[usize::from(superop.to)];
     match running {
         None => to.0 = *accumulator,
         Some(running) => {
@@ -306,9 +294,9 @@ macro_rules! functions {
 
         /// Runs superinstructions. Returns how many ran before one that leaves the loop.
         #[inline(always)]
-        fn run_superops<const W: usize, R: RegisterFile<W> + ?Sized, V: LaneOps>(
+        fn run_superops<const W: usize, V: LaneOps>(
             vectors: V,
-            registers: &mut R,
+            registers: &mut DirectRegisters<W>,
             superops: &[SuperOp],
             running: Option<&Lanes<W>>,
         ) -> usize {
@@ -584,22 +572,19 @@ impl SuperCode {
         running: Option<&Lanes<W>>,
     ) -> usize {
         let cpu_tier = registers.cpu_tier();
-        let registers = registers.all_mut();
-        match if self.extended { None } else { registers.first_chunk_mut::<DIRECT_REGISTERS>() } {
-            Some(registers) => cpu_tier.run_widest(Loop { registers, superops, running }),
-            None => cpu_tier.run_widest(Loop { registers, superops, running }),
-        }
+        let registers = registers.all_mut().first_chunk_mut().expect("every batch has the direct registers");
+        cpu_tier.run_wide(Loop { registers, superops, running }).unwrap_or(0)
     }
 }
 
 /// The interpreter loop with its arguments.
-struct Loop<'a, const W: usize, R: ?Sized> {
-    registers: &'a mut R,
+struct Loop<'a, const W: usize> {
+    registers: &'a mut DirectRegisters<W>,
     superops: &'a [SuperOp],
     running: Option<&'a Lanes<W>>,
 }
 
-impl<const W: usize, R: RegisterFile<W> + ?Sized> LaneTask for Loop<'_, W, R> {
+impl<const W: usize> LaneTask for Loop<'_, W> {
     type Output = usize;
 
     #[inline(always)]

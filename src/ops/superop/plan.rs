@@ -10,7 +10,7 @@ use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::superop::pairs::PairShape;
-use crate::ops::superop::{DIRECT_REGISTERS, Function, Operands, SuperCode, SuperOp, has, opcode};
+use crate::ops::superop::{Function, Operands, SuperCode, SuperOp, has, opcode};
 
 /// How the result of an operation is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,8 +72,8 @@ fn address(kernel: &'static LaneKernel) -> usize {
 #[derive(Clone, Copy)]
 struct Planned {
     function: Function,
-    to: u16,
-    from: Operands<u16>,
+    to: u8,
+    from: Operands<u8>,
     operands: usize,
     result_use: ResultUse,
     /// Whether its first operand stands for two.
@@ -117,29 +117,15 @@ impl Constants {
         Self(words)
     }
 
-    fn word(&self, register: u16) -> Option<u32> {
+    fn word(&self, register: u8) -> Option<u32> {
         self.0.get(usize::from(register)).copied().flatten()
-    }
-}
-
-/// Whether an operation that may become a superinstruction names an extended register.
-fn is_extended_op(op: &Op) -> bool {
-    let extended = |reg: &Reg| reg.0 as usize >= DIRECT_REGISTERS;
-    match op {
-        Op::LaneKernel { kernel, to, from } => {
-            let operands = kernel.operands.iter().zip(from).filter(|(words, _)| **words > 0);
-            extended(to) || operands.into_iter().any(|(_, reg)| extended(reg))
-        }
-        Op::Memory(memory::MemoryOp::Move { to, from }) => to != from && (extended(to) || extended(from)),
-        Op::Memory(memory::MemoryOp::MoveMasked { to, from }) => extended(to) || extended(from),
-        _ => false,
     }
 }
 
 /// The value that the accumulator holds while superinstructions are selected.
 struct Held {
     /// The register that it stands for.
-    register: u16,
+    register: u8,
     /// The superinstruction that computed it.
     superop: usize,
     /// How often it is read, and was read from the accumulator.
@@ -159,29 +145,15 @@ impl SuperCode {
     ) -> Self {
         let mut code = Self::default();
         let constants = Constants::of(constants);
-        // Where few operations name extended registers they become no superinstructions, so that
-        // all superinstructions name direct registers.
-        let count = ops.iter().filter(|op| is_extended_op(op)).count();
-        let apart = count * 8 <= ops.len();
         let mut planned = Vec::new();
         for run in runs {
             for at in run {
-                let op = &ops[at];
-                if apart && is_extended_op(op) {
-                    planned.push(Planned::other(at, uses[at]));
-                } else {
-                    plan(at, op, uses[at], &constants, &mut planned);
-                }
+                plan(at, &ops[at], uses[at], &constants, &mut planned);
             }
             let mut held = None;
             planned.drain(..).for_each(|planned| code.add(planned, &mut held, &constants));
             code.let_go(held);
         }
-        let direct = |register: u16| usize::from(register) < DIRECT_REGISTERS;
-        code.extended = !code
-            .superops
-            .iter()
-            .all(|superop| direct(superop.to) && superop.from.iter().all(|&register| direct(register)));
         let mut first = 0;
         code.first = (0..=ops.len() as u32)
             .map(|op| {
@@ -258,12 +230,6 @@ impl SuperCode {
         }
     }
 
-    /// Whether a superinstruction names an extended register.
-    #[cfg(test)]
-    pub fn is_extended(&self) -> bool {
-        self.extended
-    }
-
     fn push(&mut self, superop: SuperOp, op: u32) {
         self.superops.push(superop);
         self.op_of.push(op);
@@ -303,9 +269,9 @@ fn plan(at: usize, op: &Op, result_use: ResultUse, constants: &Constants, planne
     }
 }
 
-/// The number of a register, where superinstructions can name it.
-fn word(reg: Reg) -> Option<u16> {
-    u16::try_from(reg.0).ok()
+/// The number of a register, where superinstructions can name it: of a direct one.
+fn word(reg: Reg) -> Option<u8> {
+    u8::try_from(reg.0).ok()
 }
 
 fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], result_use: ResultUse) -> Option<[Planned; 2]> {
@@ -359,7 +325,7 @@ fn single(
 }
 
 /// The operands of a lane kernel, padded to the number that a superinstruction has.
-fn operands([a, b, c]: [u16; 3]) -> Operands<u16> {
+fn operands([a, b, c]: [u8; 3]) -> Operands<u8> {
     [a, b, c, c, c, c]
 }
 
@@ -385,7 +351,7 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
         return None;
     }
     // What the second one has beside the first one's result stands behind what that has.
-    let chain = |function, others: &[u16]| {
+    let chain = |function, others: &[u8]| {
         let mut from = first.from;
         let operands = first.operands + others.len();
         from[first.operands..operands].copy_from_slice(others);
