@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use sha2::{Digest, Sha256};
+use hmac_sha256::Hash as Sha256;
 
 use crate::error::{Error, ErrorKind, Result};
 
@@ -246,7 +246,7 @@ pub fn content_hash(source: &Source) -> String {
 
 /// SHA-256 of bytes, in hexadecimal.
 pub(super) fn bytes_hash(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes))
+    hex(&Sha256::hash(bytes))
 }
 
 fn hex(bytes: &[u8]) -> String {

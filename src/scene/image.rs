@@ -5,7 +5,7 @@ use std::io::{BufWriter, Cursor, Write};
 use std::ops::Range;
 use std::path::Path;
 
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use rayon::prelude::*;
 
@@ -117,7 +117,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Decodes a PNG, JPEG, Radiance HDR or OpenEXR file.
+    /// Decodes a PNG, JPEG, Radiance HDR or, with the feature `exr`, OpenEXR file.
     ///
     /// Without a wanted format: 8 bits give `rgba8_srgb`, 16 bits `rgba16`, floats `rgba32f`. A
     /// wanted format of 8 or 16 bits takes the stored numbers as they are when it is as wide as the
@@ -125,7 +125,8 @@ impl Picture {
     /// takes the stored numbers, not fractions of them.
     ///
     /// # Errors
-    /// `InvalidImage` for a broken file, one beyond the limits, or another kind of file.
+    /// `InvalidImage` for a broken file, one beyond the limits, or another kind of file;
+    /// `UnsupportedTool` for OpenEXR without the feature `exr`.
     pub fn decode(path: &Path, bytes: &[u8], wanted: Option<Format>) -> Result<Self> {
         let invalid = |message: String| {
             Error::new(ErrorKind::InvalidImage, message).at(Place::File(path.to_path_buf()))
@@ -135,6 +136,9 @@ impl Picture {
             .map_err(|error| invalid(error.to_string()))?;
         if reader.format().is_none() {
             return Err(invalid("not a PNG, JPEG, HDR or EXR file: these are read".into()));
+        }
+        if reader.format() == Some(ImageFormat::OpenExr) {
+            exr_support().map_err(|error| error.at(Place::File(path.to_path_buf())))?;
         }
         let mut limits = Limits::default();
         limits.max_image_width = Some(MAX_EXTENT);
@@ -231,12 +235,13 @@ impl Picture {
     /// Writes an OpenEXR file of the numbers, as 32-bit floats.
     ///
     /// # Errors
-    /// `InvalidImage` where the file cannot be made.
+    /// `InvalidImage` where the file cannot be made, `UnsupportedTool` without the feature `exr`.
     pub fn encode_exr(&self) -> Result<Vec<u8>> {
+        exr_support()?;
         let numbers = self.numbers().into_iter().map(|number| number as f32).collect();
         let picture = image::Rgba32FImage::from_raw(self.extent[0], self.extent[1], numbers)
             .expect("bug in anyhit: four numbers for every pixel");
-        encode(&picture.into(), image::ImageFormat::OpenExr)
+        encode(&picture.into(), ImageFormat::OpenExr)
     }
 }
 
@@ -392,7 +397,19 @@ fn invalid(message: String) -> Error {
     Error::new(ErrorKind::InvalidImage, message)
 }
 
-fn encode(picture: &DynamicImage, format: image::ImageFormat) -> Result<Vec<u8>> {
+/// Whether this build reads and writes OpenEXR files.
+///
+/// # Errors
+/// `UnsupportedTool` where it does not.
+pub(crate) fn exr_support() -> Result<()> {
+    if cfg!(feature = "exr") {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::UnsupportedTool, "this build neither reads nor writes OpenEXR files")
+        .note("build it with `cargo build --features exr`, or use HDR or PNG"))
+}
+
+fn encode(picture: &DynamicImage, format: ImageFormat) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     picture
         .write_to(&mut Cursor::new(&mut bytes), format)

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::harness::expect::{Bytes, Difference, Fix, Subject};
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::machine::format::Component;
-use crate::scene::image::Picture;
+use crate::scene::image::{Picture, exr_support};
 use crate::scene::read::{At, Parse, Table, TomlValue};
 use crate::scene::{DiskFiles, Files};
 
@@ -140,6 +140,10 @@ impl PictureExpectation {
         linear: bool,
         bytes: &Bytes,
     ) -> Result<Option<Difference>> {
+        if is_exr(path) {
+            // Before the file is read: where there is none, `--bless` could not write it either.
+            exr_support()?;
+        }
         let file = DiskFiles.read(path)?;
         let expected = Picture::decode(path, &file, None)?;
         let because = self.because.as_ref();
@@ -211,6 +215,10 @@ impl PictureExpectation {
         };
         Some(Fix::File(PathBuf::from(path), bytes))
     }
+}
+
+fn is_exr(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"))
 }
 
 /// The channels of two pictures of one size, side by side.
