@@ -2,7 +2,7 @@
 //!
 //! `tests/first_tests/` holds the files that the page shows: shaders and cases as they stand there,
 //! and of the Rust tests the functions, with the folder before their shaders' names. Whoever
-//! changes the page brings them in step by `BLESS=1 cargo test --test first_tests`.
+//! changes the page brings them in step by `BLESS=1 cargo test --test main first_tests::`.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,12 +12,9 @@ use anyhit::compile::{Language, tool};
 use pretty_assertions::assert_eq;
 
 #[cfg(feature = "glsl")]
-#[path = "first_tests/lss_glsl.rs"]
 mod lss_glsl;
-#[path = "first_tests/lss_slang.rs"]
 mod lss_slang;
 #[cfg(feature = "wgsl")]
-#[path = "first_tests/triangle.rs"]
 mod triangle;
 
 const PAGE: &str = "docs/testing.md";
@@ -74,7 +71,7 @@ fn the_files_are_those_of_the_page() {
             std::fs::write(&path, &text).expect("a writable folder");
         }
         let found = std::fs::read_to_string(&path).unwrap_or_default().replace("\r\n", "\n");
-        assert_eq!(found, text, "{}: `BLESS=1 cargo test --test first_tests`", name.display());
+        assert_eq!(found, text, "{}: `BLESS=1 cargo test --test main first_tests::`", name.display());
     }
 }
 

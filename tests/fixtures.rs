@@ -50,7 +50,9 @@ fn no_module_names_a_folder_of_the_machine_that_made_it() {
 fn the_palette_is_drawn_by_its_formula() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders/demo/swept-spheres/palette.png");
     let drawn = RgbImage::from_fn(64, 64, palette_pixel);
-    if std::env::var_os("BLESS").is_some() {
+    // Not when it is right: tests that run meanwhile read it.
+    let is_right = image::open(&path).is_ok_and(|stored| stored.into_rgb8() == drawn);
+    if !is_right && std::env::var_os("BLESS").is_some() {
         drawn.save(&path).unwrap();
     }
     let stored = image::open(&path).unwrap().into_rgb8();

@@ -8,8 +8,7 @@
 use std::fs;
 use std::path::Path;
 
-#[path = "support/files.rs"]
-mod files;
+use crate::support::files;
 
 /// The layers from left to right; folders of one row do not import each other.
 const LAYERS: &[&[&str]] = &[

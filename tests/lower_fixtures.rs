@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use anyhit::module::interface::Stage;
 
-#[path = "support/files.rs"]
-mod files;
+use crate::support::files;
 
 #[test]
 fn every_entry_point_lowers() {

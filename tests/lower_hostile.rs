@@ -8,8 +8,7 @@ use anyhit::machine::{Bindings, Mask, Resources, Stop};
 use anyhit::module;
 use anyhit::program::lower;
 
-#[path = "support/files.rs"]
-mod files;
+use crate::support::files;
 
 /// The generator SplitMix64 (Steele, Lea and Flood, 2014).
 struct Random(u64);

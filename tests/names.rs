@@ -6,8 +6,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-#[path = "support/files.rs"]
-mod files;
+use crate::support::files;
 
 /// Where this project's own Rust code lies.
 const FOLDERS: &[&str] =

@@ -118,15 +118,15 @@ fn parse(arguments: &[&str]) -> Result<(), String> {
     anyhit::cli::command().try_get_matches_from(line).map(|_| ()).map_err(|error| error.to_string())
 }
 
-/// Names behind `--test` are files of `tests/`.
+/// A name behind `--test` is a target, and a path behind that begins with a module of it.
 fn test_targets(words: &[&str]) -> Result<(), String> {
-    for pair in words.windows(2).filter(|pair| pair[0] == "--test") {
-        let file = format!("tests/{}.rs", pair[1]);
-        if exists(&file).is_err() {
-            exists(&format!("tests/{}/main.rs", pair[1]))?;
-        }
+    let Some(at) = words.iter().position(|&word| word == "--test") else { return Ok(()) };
+    let name = words.get(at + 1).copied().unwrap_or_default();
+    if !read("Cargo.toml").contains(&format!("[[test]]\nname = \"{name}\"\n")) {
+        return Err(format!("there is no test {name}"));
     }
-    Ok(())
+    let mut areas = words.iter().filter_map(|word| word.split_once("::"));
+    areas.try_for_each(|(area, _)| exists(&format!("tests/{area}.rs")))
 }
 
 fn exists(path: &str) -> Result<(), String> {

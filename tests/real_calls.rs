@@ -7,8 +7,7 @@ use anyhit::machine::Descriptor;
 use anyhit::program::{Inlining, LowerOptions, Terminator, lower_with};
 use anyhit::scene::{self, Assembled, DiskFiles, LoadOptions};
 
-#[path = "support/files.rs"]
-mod files;
+use crate::support::files;
 
 /// The bytes of all buffers after a launch; a trap's words where it ends in one.
 fn run(assembled: &Assembled) -> (Option<String>, Vec<Vec<u8>>) {

@@ -11,8 +11,7 @@ use anyhit::module::interface::Stage;
 use anyhit::pipeline::{Launch, Pipeline, RayOperands, Stats};
 use anyhit::{Program, Ray, Result};
 
-#[path = "support/assembly.rs"]
-mod assembly;
+use crate::support::assembly;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 

@@ -10,8 +10,7 @@ use anyhit::module::interface::Stage;
 use anyhit::pipeline::{Event, Launch, Pipeline, Stats};
 use anyhit::program::Program;
 
-#[path = "support/assembly.rs"]
-mod assembly;
+use crate::support::assembly;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 

@@ -7,10 +7,7 @@ use anyhit::harness::smoke::{self, BlockCoverage, EntryReport, SmokeOptions, Smo
 use anyhit::module;
 use rspirv::spirv::Op;
 
-#[path = "support/assembly.rs"]
-mod assembly;
-#[path = "support/files.rs"]
-mod files;
+use crate::support::{assembly, files};
 
 fn run(bytes: &[u8]) -> SmokeReport {
     let module = Arc::new(module::load(bytes).expect("a module"));

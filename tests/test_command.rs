@@ -2,8 +2,8 @@
 //! the files that it writes, and how it answers what makes no sense.
 //!
 //! `tests/test-command/*.stdout` hold what is printed of cases that fail; `BLESS=1 cargo test
-//! --test test_command` writes them anew. They guard the form; that the cases fail, and why, is
-//! derived here.
+//! --test main test_command::` writes them anew. They guard the form; that the cases fail, and why,
+//! is derived here.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

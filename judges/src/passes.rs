@@ -4,10 +4,10 @@ use spirv_tools::opt::Passes;
 
 use crate::Recipe;
 
-/// The passes that must keep what a compute shader means, by name, and `-O`. Not among them are those that
-/// relax precision, turn what they do not know into something else, touch only what these modules
-/// do not hold (debug information, specialization constants, `OpKill`, descriptors in arrays), or
-/// are for other stages.
+/// The passes that must keep what a compute shader means, by name, and `-O`. Not among them are
+/// those that relax precision, turn what they do not know into something else, touch only what
+/// these modules do not hold (debug information, specialization constants, `OpKill`, descriptors in
+/// arrays), or are for other stages.
 pub const RECIPES: &[(&str, Recipe)] = &[
     ("AggressiveDCE", Recipe::Pass(Passes::AggressiveDCE)),
     ("BlockMerge", Recipe::Pass(Passes::BlockMerge)),

@@ -7,24 +7,19 @@
 
 #![allow(dead_code, reason = "what the generator counts is for its own tests")]
 
-#[path = "../../tests/random_modules/arithmetic.rs"]
-mod arithmetic;
-#[path = "../../tests/random_modules/emit.rs"]
-mod emit;
-#[path = "../../tests/random_modules/evaluate.rs"]
-mod evaluate;
-#[path = "../../tests/random_modules/generate.rs"]
-mod generate;
-#[path = "../../tests/random_modules/module.rs"]
-mod module;
-#[path = "../../tests/random_modules/random.rs"]
-mod random;
-#[path = "../../tests/random_modules/reader.rs"]
-mod reader;
-#[path = "../../tests/random_modules/run.rs"]
-mod run;
-#[path = "../../tests/random_modules/types.rs"]
-mod types;
+/// The generator and the evaluator, by the path that they have in the tests of the crate itself.
+#[path = "../../tests/random_modules"]
+mod random_modules {
+    pub mod arithmetic;
+    pub mod emit;
+    pub mod evaluate;
+    pub mod generate;
+    pub mod module;
+    pub mod random;
+    pub mod reader;
+    pub mod run;
+    pub mod types;
+}
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -33,6 +28,8 @@ use std::time::Instant;
 use anyhit_judges::passes::RECIPES;
 use anyhit_judges::process::ToolProcess;
 use rayon::prelude::*;
+
+use random_modules::{emit, evaluate, generate, run};
 
 /// What became of a module under a pass.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use anyhit::accel::{GeometryData, InstanceFlags};
 use anyhit::harness::scene::Instance;
 
-use crate::rig::{AnyHit, BOX, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
+use crate::conformance::rig::{AnyHit, BOX, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
 
 /// The launch id of a linear index, and the volume of the launch, in every stage that notes them.
 #[test]

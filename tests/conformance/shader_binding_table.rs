@@ -2,7 +2,7 @@
 
 use anyhit::harness::scene::Instance;
 
-use crate::rig::{AnyHit, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
+use crate::conformance::rig::{AnyHit, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
 
 fn numbered(count: u32) -> Rig {
     Rig::with((0..count).map(|id| (Kind::Triangle, Plan { id, ..Plan::default() })))

@@ -10,7 +10,7 @@ use anyhit::accel::{EndCaps, GeometryData, Indexing};
 use anyhit::harness::scene::Instance;
 use half::f16;
 
-use crate::rig::{Kind, MISS, Plan, Rig, SPHERE, SWEPT, Shot};
+use crate::conformance::rig::{Kind, MISS, Plan, Rig, SPHERE, SWEPT, Shot};
 
 const RADII: [f32; 16] = [0.5, 0.6, 0.7, 0.8, 0.6, 0.5, 0.9, 0.4, 0.7, 0.6, 0.9, 0.5, 0.9, 0.6, 0.8, 0.5];
 const CENTRES: [[f32; 2]; 16] = [
@@ -173,7 +173,7 @@ fn hits(way: &'static str, data: GeometryData, rays: &[[f32; 2]], wanted: u32) -
 #[test]
 fn hits_are_counted_in_every_combination() {
     let mut behaviours = 0;
-    for way in crate::rig::WAYS {
+    for way in crate::conformance::rig::WAYS {
         for row in rows() {
             let stage = if matches!(row.shape, Shape::Spheres) { SPHERE } else { SWEPT };
             for format in FORMATS {
@@ -196,13 +196,13 @@ fn hits_are_counted_in_every_combination() {
         }
     }
     // 2 of spheres and 3 capped ones in 8 formats, 3 open ones in 4, each built and copied.
-    assert_eq!(behaviours, crate::rig::WAYS.len() * (5 * 8 + 3 * 4) * 2);
+    assert_eq!(behaviours, crate::conformance::rig::WAYS.len() * (5 * 8 + 3 * 4) * 2);
 }
 
 /// Positions and radii come back bit for bit; halves widened exactly.
 #[test]
 fn positions_and_radii_are_those_of_the_build() {
-    for way in crate::rig::WAYS {
+    for way in crate::conformance::rig::WAYS {
         for half in [false, true] {
             let (format, radius_format) = match half {
                 true => (VertexFormat::R16G16B16Sfloat, RadiusFormat::R16Sfloat),
@@ -243,7 +243,7 @@ fn u_tells_caps_from_the_side() {
         indexing: Indexing::List,
         end_caps: EndCaps::Chained,
     };
-    for way in crate::rig::WAYS {
+    for way in crate::conformance::rig::WAYS {
         let at = |radii: [f32; 2], x: f32| {
             let rig = Rig::with([(Kind::Swept, Plan::default())]).raygen(way);
             rig.run([Instance::of(data(radii))], &[Shot::down([x, 0.0, 4.0])])[0].attribute[0]
@@ -304,7 +304,7 @@ fn only_entries_are_hits() {
             end_caps,
         })
     };
-    for way in crate::rig::WAYS {
+    for way in crate::conformance::rig::WAYS {
         let stage = |caps, origin, direction| {
             let rig = Rig::with([(Kind::Swept, Plan::default())]).raygen(way);
             rig.run([capsule(caps)], &[Shot { direction, ..Shot::down(origin) }])[0].stage
@@ -325,7 +325,7 @@ fn instances_are_sheared_and_mirrored() {
     let segment = Instance::lss([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]], [0.5, 0.25]);
     // x scaled by -4, z sheared by x: at object x = 0 the depth is that of the capsule itself.
     let matrix = [[-4.0, 0.0, 0.0, 3.0], [0.0, 1.0, 0.0, 0.0], [0.5, 0.0, 1.0, 0.0]];
-    for way in crate::rig::WAYS {
+    for way in crate::conformance::rig::WAYS {
         let rig = Rig::with([(Kind::Swept, Plan::default())]).raygen(way);
         let [straight] = rig.run([segment.clone()], &[Shot::down([0.0, 0.5, 2.0])])[..] else { panic!() };
         let [placed] = rig.run([segment.clone().transform(matrix)], &[Shot::down([3.0, 0.5, 2.0])])[..]

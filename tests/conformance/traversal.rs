@@ -5,7 +5,9 @@ use anyhit::error::ErrorKind;
 use anyhit::harness::scene::Instance;
 use anyhit::pipeline::PipelineFlags;
 
-use crate::rig::{AnyHit, BOX, Kind, MISS, Plan, Probe, Rig, SPHERE, SWEPT, Shot, TRIANGLE, facing};
+use crate::conformance::rig::{
+    AnyHit, BOX, Kind, MISS, Plan, Probe, Rig, SPHERE, SWEPT, Shot, TRIANGLE, facing,
+};
 
 const OPAQUE: u32 = 1;
 const NO_OPAQUE: u32 = 2;

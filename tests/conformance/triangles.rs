@@ -3,7 +3,7 @@
 use anyhit::accel::GeometryData;
 use anyhit::harness::scene::Instance;
 
-use crate::rig::{AnyHit, BOX, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
+use crate::conformance::rig::{AnyHit, BOX, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
 
 /// Numbers in 0..1, the same on every machine (a linear congruential generator's upper bits).
 fn numbers(seed: u64) -> impl Iterator<Item = f32> {

@@ -12,7 +12,7 @@ use anyhit::stress::draw::Draw;
 use anyhit::stress::reference::LineOf;
 use anyhit::stress::{Shape, StressCase};
 
-use crate::cases;
+use crate::exact_intersections::cases;
 
 type Matrix = [[f32; 4]; 3];
 

@@ -7,8 +7,8 @@ use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::pipeline::{Compute, Launch, Pipeline};
 use anyhit::program::{Inlining, LowerOptions};
 
-use crate::assembly::assemble;
-use crate::run::{INVOCATIONS, Shader};
+use crate::instructions::run::{INVOCATIONS, Shader};
+use crate::support::assembly::assemble;
 
 const COUNTER_LAYOUT: &str = "
     OpDecorate %counter_block Block

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::pipeline::Compute;
 
-use crate::assembly::assemble;
-use crate::run::Shader;
+use crate::instructions::run::Shader;
+use crate::support::assembly::assemble;
 
 /// Runs a shader that writes the words of input variables, given as (builtin, type, words).
 fn read(capabilities: &str, builtins: &[(&str, &str, u32)]) -> Vec<[u32; 16]> {

@@ -1,6 +1,6 @@
 //! Calls of `SPV_NV_ray_tracing`, which name their data by its location.
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 #[test]
 fn callable_data_is_found_by_its_location() {

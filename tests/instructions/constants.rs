@@ -1,7 +1,7 @@
 //! `OpSpecConstantOp` with every instruction that it may hold in a shader, one by one, at edge
 //! values. The results are those of the same instruction in a function, by hand.
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 /// Instruction, type of the result, operands, bits of the result.
 const OPERATIONS: &[(&str, &str, &str, u32)] = &[

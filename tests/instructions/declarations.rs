@@ -1,6 +1,6 @@
 //! Instructions of module scope: specialization constants, groups of decorations, long vectors.
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 #[test]
 fn specialization_constants_have_their_defaults() {

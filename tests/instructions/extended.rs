@@ -1,7 +1,7 @@
 //! Arithmetic with carries and in two words, bit fields, saturation, relations: instructions whose
 //! rows stand behind a decoder of their own.
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 #[test]
 fn carries_and_wide_products() {

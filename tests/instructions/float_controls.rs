@@ -1,7 +1,7 @@
 //! Float controls (`SPV_KHR_float_controls`): denormals and rounding as an entry point asks for
 //! them.
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 fn run(mode: &str, body: &str) -> [u32; 16] {
     Shader {

@@ -8,7 +8,7 @@ use anyhit::error::{Error, ErrorKind};
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use half::f16;
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 const CAPABILITIES: &str = "
     OpCapability BFloat16TypeKHR

@@ -3,7 +3,7 @@
 //! the place of a reciprocal would show. By hand: e = 2^-24 is half a unit in the last place of 1,
 //! so that 1 + e = 1 (a tie, to even) and 1 + 2e = 1 + 2^-23.
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 /// Runs a body on floats given as bits, `%x0`, `%x1`, ..., which no constant folding sees; a line
 /// `result N %value` stores a float.

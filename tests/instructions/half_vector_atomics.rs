@@ -8,7 +8,7 @@ use anyhit::machine::image::{Image, ImageShape};
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use half::f16;
 
-use crate::run::{INVOCATIONS, Shader};
+use crate::instructions::run::{INVOCATIONS, Shader};
 
 const ANNOTATIONS: &str = "
     OpDecorate %block Block

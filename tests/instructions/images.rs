@@ -7,7 +7,7 @@ use anyhit::machine::image::{Dimension, Image, ImageShape, SampleWeight};
 use anyhit::machine::sampler::{AddressMode, BlockMatchWindow, Filter, Sampler};
 use anyhit::machine::{Descriptor, Resources};
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 const ANNOTATIONS: &str = "
     OpDecorate %images DescriptorSet 0

@@ -1,6 +1,6 @@
 //! Dot products of integers, replicated composites and expectations.
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 #[test]
 fn dot_products_widen_before_they_multiply() {

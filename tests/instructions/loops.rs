@@ -1,6 +1,6 @@
 //! Loops whose invocations turn differently often.
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 /// The value that a phi behind a loop takes from the block that goes back: each invocation keeps
 /// that of its own last turn, while others go round again.

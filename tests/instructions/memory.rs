@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhit::error::ErrorKind;
 use anyhit::machine::{Buffer, Descriptor, Resources};
 
-use crate::run::{INVOCATIONS, Shader};
+use crate::instructions::run::{INVOCATIONS, Shader};
 
 const PHYSICAL: &str = "OpCapability PhysicalStorageBufferAddresses";
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhit::error::{Error, Place};
 use anyhit::machine::{Buffer, Descriptor, Printed, Resources};
 
-use crate::run::{INVOCATIONS, Shader};
+use crate::instructions::run::{INVOCATIONS, Shader};
 
 #[test]
 fn texts_are_collected_in_launch_order() {

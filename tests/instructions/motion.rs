@@ -8,7 +8,7 @@ use anyhit::error::{ErrorKind, Result};
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::pipeline::{Launch, Pipeline};
 
-use crate::assembly::assemble;
+use crate::support::assembly::assemble;
 
 /// A ray generation shader that traces into nothing at a time, with the payload by variable or (as
 /// `SPV_NV_ray_tracing` does) by location; and a miss shader that hands the time back.

@@ -10,8 +10,8 @@ use anyhit::error::ErrorKind;
 use anyhit::machine::{Buffer, Descriptor, MemoryPolicy, Resources};
 use anyhit::pipeline::Compute;
 
-use crate::assembly::assemble;
-use crate::run::Shader;
+use crate::instructions::run::Shader;
+use crate::support::assembly::assemble;
 
 /// `%cells`, a storage buffer at binding 1 of which every body takes the address first, so that it
 /// is the first descriptor: { uint[2], mat2x3 (row-major), uint[] }. `%blocks`, two of them at

@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 use anyhit::machine::{Buffer, Descriptor, Resources};
 
-use crate::run::{INVOCATIONS, Shader};
+use crate::instructions::run::{INVOCATIONS, Shader};
 use judge::{Expected, judge};
 use rules::Rule;
 use types::{KINDS, Kind, Ty, hash};

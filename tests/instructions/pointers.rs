@@ -3,7 +3,7 @@
 use anyhit::error::ErrorKind;
 use anyhit::machine::{Buffer, Descriptor, Resources};
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 /// Two blocks { mat2x3 rows (row-major), mat2x3 columns, uint words[4] } at bindings 1 and 2: a
 /// mat2x3 has two columns of three components.

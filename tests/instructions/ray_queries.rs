@@ -2,7 +2,7 @@
 
 use anyhit::error::ErrorKind;
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 /// The prelude of a shader with ray queries through a null acceleration structure.
 fn shader<'a>(declarations: &'a str, body: &'a str, functions: &'a str) -> Shader<'a> {

@@ -8,7 +8,7 @@ use anyhit::machine::sampler::{Filter, Sampler};
 use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit::{Instance, Scene};
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 #[test]
 fn structures_are_found_by_their_address() {

@@ -8,7 +8,7 @@ use anyhit::module::interface::Stage;
 use anyhit::ops::lane_kernel::{LaneKernel, Width};
 use anyhit::pipeline::{Launch, Pipeline};
 
-use crate::assembly::assemble;
+use crate::support::assembly::assemble;
 
 /// Invocations of a launch: a full batch of 64 and a part of one.
 pub const INVOCATIONS: usize = 72;

@@ -9,7 +9,7 @@ use anyhit::machine::sampler::Sampler;
 use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit::program::race_analysis::{LaunchExtent, Memory};
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 const OUT: Memory = Memory::Binding(Binding { set: 0, binding: 0 });
 

@@ -1,6 +1,6 @@
 //! Subgroup instructions: a launch of 40 invocations is one subgroup of 32 and one of 8.
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 const CAPABILITIES: &str = "
     OpCapability GroupNonUniformVote

@@ -3,7 +3,7 @@
 
 use anyhit::error::ErrorKind;
 
-use crate::run::Shader;
+use crate::instructions::run::Shader;
 
 /// Kind and first note of the error of a shader that is refused.
 fn verdict(shader: &Shader<'_>) -> (ErrorKind, Option<String>) {

@@ -7,7 +7,7 @@ use rspirv::spirv::{
     StorageClass,
 };
 
-use crate::module::{
+use crate::random_modules::module::{
     Body, ConstantKind, End, Function, GLSL, Id, Inst, MAIN, Module, Node, Operand, Phi, Ty, Type,
 };
 
@@ -151,7 +151,7 @@ impl Emitter<'_> {
         let mut found = false;
         for function in self.module.functions.iter().filter(|function| self.used.contains(&function.id)) {
             Module::visit_body(&function.body, &mut |visit| {
-                if let crate::module::Visit::Inst(inst) = visit {
+                if let crate::random_modules::module::Visit::Inst(inst) = visit {
                     found |= wanted(inst);
                 }
             });
@@ -185,9 +185,9 @@ impl Emitter<'_> {
                 need(variable.ty);
             }
             Module::visit_body(&function.body, &mut |visit| match visit {
-                crate::module::Visit::Inst(inst) => inst.ty.iter().for_each(|&ty| need(ty)),
-                crate::module::Visit::Phis(phis) => phis.iter().for_each(|phi| need(phi.ty)),
-                crate::module::Visit::Uses(_) => {}
+                crate::random_modules::module::Visit::Inst(inst) => inst.ty.iter().for_each(|&ty| need(ty)),
+                crate::random_modules::module::Visit::Phis(phis) => phis.iter().for_each(|phi| need(phi.ty)),
+                crate::random_modules::module::Visit::Uses(_) => {}
             });
         }
         order

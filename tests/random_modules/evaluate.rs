@@ -6,18 +6,14 @@
 //! Invocations of a workgroup run one after the other up to a barrier or a subgroup instruction,
 //! where they meet.
 
-// With their paths, as another crate's tests name this file by its own.
-#[path = "evaluate/compute.rs"]
 mod compute;
-#[path = "evaluate/memory.rs"]
 mod memory;
-#[path = "evaluate/subgroup.rs"]
 mod subgroup;
 
 use rspirv::spirv::{Op, StorageClass};
 
-use crate::arithmetic as exact;
-use crate::reader::{Cell, Code, Id, Read, Type};
+use crate::random_modules::arithmetic as exact;
+use crate::random_modules::reader::{Cell, Code, Id, Read, Type};
 
 /// The buffers of a dispatch, by binding; the last one is that of the device address.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +38,7 @@ pub fn run_watched(
     groups: u32,
     subgroup: u32,
 ) -> Result<(Memory, bool), String> {
-    let read = crate::reader::read(words);
+    let read = crate::random_modules::reader::read(words);
     let mut machine = Machine {
         read: &read,
         memory: memory.clone(),
@@ -307,7 +303,7 @@ impl Machine<'_> {
                 _ => {
                     result.clear();
                     self.instruction(one, code, &mut result)?;
-                    if crate::reader::has_result(code.op) {
+                    if crate::random_modules::reader::has_result(code.op) {
                         let w = self.words(code);
                         debug_assert_eq!(result.len(), self.size(w[1]), "{:?}", code.op);
                         self.set(one, w[2], &result);

@@ -1,25 +1,20 @@
 //! Modules at random: what a module holds, and its functions.
 
-// With their paths, as another crate's tests name this file by its own.
-#[path = "generate/composite.rs"]
 mod composite;
-#[path = "generate/declare.rs"]
 mod declare;
-#[path = "generate/expression.rs"]
 mod expression;
-#[path = "generate/invocations.rs"]
 mod invocations;
-#[path = "generate/loops.rs"]
 mod loops;
-#[path = "generate/statement.rs"]
 mod statement;
 
 use std::collections::BTreeMap;
 
 use rspirv::spirv::{Decoration, Op, StorageClass};
 
-use crate::module::{Body, End, Function, Id, Inst, MAIN, Module, Node, Operand, Ty, Type, Variable};
-use crate::random::Random;
+use crate::random_modules::module::{
+    Body, End, Function, Id, Inst, MAIN, Module, Node, Operand, Ty, Type, Variable,
+};
+use crate::random_modules::random::Random;
 
 /// Words that every invocation reads, behind the words that all of them read: the device address
 /// and two numbers.

@@ -143,7 +143,7 @@ pub fn read(words: &[u32]) -> Read {
                     Type::Int(width, _) | Type::Float(width) => width,
                     _ => unreachable!("a constant's type"),
                 };
-                read.constant(w, &[bits & crate::arithmetic::mask(width)]);
+                read.constant(w, &[bits & crate::random_modules::arithmetic::mask(width)]);
             }
             Op::ConstantNull => {
                 let zeros = vec![0; read.cells[w[1] as usize] as usize];

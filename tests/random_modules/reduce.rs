@@ -3,8 +3,8 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::generate::Generated;
-use crate::module::{Body, ConstantKind, End, Id, Inst, Module, Node, Operand, Type, Visit};
+use crate::random_modules::generate::Generated;
+use crate::random_modules::module::{Body, ConstantKind, End, Id, Inst, Module, Node, Operand, Type, Visit};
 
 /// Trials that a reduction may take.
 const TRIALS: usize = 6000;
@@ -306,7 +306,7 @@ fn settle(module: &mut Module, mut instead: HashMap<Id, Id>) -> bool {
     let mut known: HashSet<Id> = module.constants.iter().map(|constant| constant.id).collect();
     known.extend(module.globals.iter().map(|global| global.id));
     known.extend(module.functions.iter().map(|function| function.id));
-    known.insert(crate::module::GLSL);
+    known.insert(crate::random_modules::module::GLSL);
     let mut used = HashSet::new();
     for function in &module.functions {
         known.extend(function.parameters.iter().map(|parameter| parameter.0));

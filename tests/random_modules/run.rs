@@ -6,9 +6,9 @@ use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::pipeline::Compute;
 use anyhit::program::{Inlining, LowerOptions, Optimization, Program};
 
-use crate::evaluate::Memory;
-use crate::generate::{BUFFERS, Generated, HEAD, INPUTS, OUTPUTS, SHARED};
-use crate::random::Random;
+use crate::random_modules::evaluate::Memory;
+use crate::random_modules::generate::{BUFFERS, Generated, HEAD, INPUTS, OUTPUTS, SHARED};
+use crate::random_modules::random::Random;
 
 /// Where the last buffer lies: the first of the device's allocations begins there.
 pub const ADDRESS: u64 = 1 << 32;
@@ -153,7 +153,7 @@ fn one_nan(generated: &Generated, binding: usize, bytes: &[u8]) -> Vec<u8> {
         for &(at, width) in &generated.floats[which] {
             let place = &mut element[at as usize..][..width as usize / 8];
             let bits = place.iter().rev().fold(0, |bits, byte| bits << 8 | u64::from(*byte));
-            if crate::arithmetic::float(bits, width).is_nan() {
+            if crate::random_modules::arithmetic::float(bits, width).is_nan() {
                 place.fill(0xFF);
             }
         }

@@ -2,7 +2,7 @@
 
 use rspirv::spirv::StorageClass;
 
-use crate::module::{Layout, Module, Ty, Type};
+use crate::random_modules::module::{Layout, Module, Ty, Type};
 
 /// A way to a part: the index at each step.
 pub type Path = Vec<u32>;

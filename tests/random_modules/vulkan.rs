@@ -4,8 +4,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::evaluate::Memory;
-use crate::generate::{BUFFERS, Generated};
+use crate::random_modules::evaluate::Memory;
+use crate::random_modules::generate::{BUFFERS, Generated};
 
 /// The command that `ANYHIT_VULKAN_MODULES` names.
 pub fn installed() -> Option<String> {

@@ -1,7 +1,7 @@
 //! A program as SPIR-V text: a compute shader with workgroups of 32, its inputs in binding 0 and
 //! its outputs in binding 1 of set 0.
 
-use crate::program::{
+use crate::random_programs::program::{
     COMPONENTS, ELEMENTS, Function, INPUTS, OUTPUTS, Program, Real, Selector, Statement, Truth, VARIABLES,
     Vector, Wide, Word,
 };

@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use crate::program::{
+use crate::random_programs::program::{
     COMPONENTS, ELEMENTS, Function, INPUTS, OUTPUTS, Program, Real, Selector, Statement, Truth, VARIABLES,
     Vector, Wide, Word,
 };

@@ -3,8 +3,8 @@
 //! Nothing is instrumented. A [`Recorder`] observes a launch or a ray as an
 //! [`Observer`](crate::machine::Observer): how many lanes entered each block of a program, and took
 //! each edge of a branch. What a block runs of its module is known from lowering
-//! ([`Program::instruction_spans`](crate::program::Program)), and its lines from debug information. A line
-//! that only an eliminated instruction stands on has run where its block has.
+//! ([`Program::instruction_spans`](crate::program::Program)), and its lines from debug information.
+//! A line that only an eliminated instruction stands on has run where its block has.
 
 mod blocks;
 mod lcov;

@@ -11,8 +11,8 @@ use anyhit::ops::support::{self, Support};
 use anyhit::pipeline::{Launch, Pipeline};
 use rspirv::grammar::{INSTRUCTION_TABLE, OperandKind, OperandQuantifier};
 
-use crate::assembly::assemble;
-use crate::operand_types::types::hash;
+use crate::instructions::operand_types::types::hash;
+use crate::support::assembly::assemble;
 
 /// The types of results.
 const TYPES: &[&str] = &[

@@ -3,7 +3,7 @@
 
 use num_bigint::{BigInt, Sign};
 
-use crate::operand_types::types::Kind;
+use crate::instructions::operand_types::types::Kind;
 
 /// What the bits of a float mean.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use anyhit::ops::support::{self, Support};
 use rspirv::grammar::{ExtInstOp, GLSL_STD_450_INSTRUCTION_TABLE, INSTRUCTION_TABLE, OperandKind};
 
-use crate::operand_types::{special, table};
+use crate::instructions::operand_types::{special, table};
 
 /// Instructions whose operands are numbers, and which other tests of this folder run with every
 /// type.

@@ -1,11 +1,11 @@
 //! What subgroup instructions give: a subgroup is 32 consecutive invocations, all of which take
 //! part.
 
-use crate::operand_types::Case;
-use crate::operand_types::exact::{self, to_f64};
-use crate::operand_types::judge::Expected::{self, Bits, Undefined};
-use crate::operand_types::types::Kind;
-use crate::run::INVOCATIONS;
+use crate::instructions::operand_types::Case;
+use crate::instructions::operand_types::exact::{self, to_f64};
+use crate::instructions::operand_types::judge::Expected::{self, Bits, Undefined};
+use crate::instructions::operand_types::types::Kind;
+use crate::instructions::run::INVOCATIONS;
 
 /// Invocations of a subgroup.
 const SIZE: usize = 32;

@@ -8,10 +8,10 @@ use anyhit::machine::image::{Image, ImageShape};
 use anyhit::machine::sampler::Sampler;
 use anyhit::machine::{Descriptor, Resources};
 
-use crate::operand_types::exact;
-use crate::operand_types::literal;
-use crate::operand_types::types::{self, KINDS, Kind};
-use crate::run::Shader;
+use crate::instructions::operand_types::exact;
+use crate::instructions::operand_types::literal;
+use crate::instructions::operand_types::types::{self, KINDS, Kind};
+use crate::instructions::run::Shader;
 
 const ANNOTATIONS: &str = "
     OpDecorate %images DescriptorSet 0

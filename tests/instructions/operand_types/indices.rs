@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
-use crate::operand_types::literal;
-use crate::operand_types::refused::not_refused;
-use crate::operand_types::types::{self, KINDS, Kind, Ty};
-use crate::run::Shader;
+use crate::instructions::operand_types::literal;
+use crate::instructions::operand_types::refused::not_refused;
+use crate::instructions::operand_types::types::{self, KINDS, Kind, Ty};
+use crate::instructions::run::Shader;
 
 /// Every integer type.
 fn integers() -> impl Iterator<Item = Kind> {

@@ -3,9 +3,9 @@
 
 use num_bigint::BigInt;
 
-use crate::operand_types::Case;
-use crate::operand_types::exact::{self, to_f64};
-use crate::operand_types::types::{Kind, Ty};
+use crate::instructions::operand_types::Case;
+use crate::instructions::operand_types::exact::{self, to_f64};
+use crate::instructions::operand_types::types::{Kind, Ty};
 
 /// What a component of a result must be.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,11 +2,11 @@
 
 use std::fmt::Write;
 
-use crate::operand_types::exact;
-use crate::operand_types::literal;
-use crate::operand_types::refused::not_refused;
-use crate::operand_types::types::{self, Kind};
-use crate::run::Shader;
+use crate::instructions::operand_types::exact;
+use crate::instructions::operand_types::literal;
+use crate::instructions::operand_types::refused::not_refused;
+use crate::instructions::operand_types::types::{self, Kind};
+use crate::instructions::run::Shader;
 
 const FLOATS: [Kind; 3] = [Kind::F16, Kind::F32, Kind::F64];
 

@@ -5,11 +5,11 @@ use std::fmt::Write;
 
 use anyhit::machine::{Buffer, Descriptor, Resources};
 
-use crate::operand_types::exact;
-use crate::operand_types::refused::not_refused;
-use crate::operand_types::types::{self, KINDS, Kind};
-use crate::operand_types::{bytes, literal, scalars};
-use crate::run::{INVOCATIONS, Shader};
+use crate::instructions::operand_types::exact;
+use crate::instructions::operand_types::refused::not_refused;
+use crate::instructions::operand_types::types::{self, KINDS, Kind};
+use crate::instructions::operand_types::{bytes, literal, scalars};
+use crate::instructions::run::{INVOCATIONS, Shader};
 
 /// An atomic instruction, and what it leaves of an old value and its operand.
 type New = fn(Kind, u64, u64) -> u64;

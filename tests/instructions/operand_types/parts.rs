@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
-use crate::operand_types::exact;
-use crate::operand_types::literal;
-use crate::operand_types::types::{self, KINDS, Kind};
-use crate::run::Shader;
+use crate::instructions::operand_types::exact;
+use crate::instructions::operand_types::literal;
+use crate::instructions::operand_types::types::{self, KINDS, Kind};
+use crate::instructions::run::Shader;
 
 /// Significand and exponent, by halving and doubling.
 fn frexp(value: f64) -> (f64, i32) {
@@ -113,5 +113,5 @@ fn whole_parts_have_the_type_of_the_operand() {
             ));
         }
     }
-    assert_eq!(crate::operand_types::refused::not_refused(&bodies), []);
+    assert_eq!(crate::instructions::operand_types::refused::not_refused(&bodies), []);
 }

@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use anyhit::error::ErrorKind;
 
-use crate::assembly::assemble;
-use crate::operand_types::rules::Rule;
-use crate::operand_types::types::{KINDS, Ty};
-use crate::operand_types::{Case, special, table};
+use crate::instructions::operand_types::rules::Rule;
+use crate::instructions::operand_types::types::{KINDS, Ty};
+use crate::instructions::operand_types::{Case, special, table};
+use crate::support::assembly::assemble;
 
 /// The instruction by itself, with operands that are all zero.
 fn instruction(case: &Case, at: usize) -> String {
@@ -282,7 +282,7 @@ const CHANGED: &[(&str, &str, &str)] = &[
 fn a_value_keeps_its_type() {
     let mut wrong = Vec::new();
     for &(declarations, body, functions) in CHANGED {
-        let shader = crate::run::Shader { declarations, body, functions, ..Default::default() };
+        let shader = crate::instructions::run::Shader { declarations, body, functions, ..Default::default() };
         match shader.run_with(&mut Default::default) {
             Err(error) if error.kind() == ErrorKind::InvalidModule => {}
             Err(error) => wrong.push(format!("{declarations}\n{body}: {}", error.render())),

@@ -14,7 +14,7 @@
 //! pair   (as a result) a struct of two members, each of the type behind it
 //! ```
 
-use crate::operand_types::types::{KINDS, Kind, Ty};
+use crate::instructions::operand_types::types::{KINDS, Kind, Ty};
 
 /// SPIR-V's own instructions.
 pub const CORE: &str = "

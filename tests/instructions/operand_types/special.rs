@@ -1,7 +1,7 @@
 //! Instructions whose types follow no line of the table, but a formula.
 
-use crate::operand_types::Case;
-use crate::operand_types::types::{KINDS, Kind, Ty};
+use crate::instructions::operand_types::Case;
+use crate::instructions::operand_types::types::{KINDS, Kind, Ty};
 
 fn case(name: &'static str, types: Vec<Ty>, tail: Vec<usize>) -> Case {
     Case { name, glsl: false, pair: false, types, head: "", tail }

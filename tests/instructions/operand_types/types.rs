@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use crate::operand_types::exact;
+use crate::instructions::operand_types::exact;
 
 /// A scalar type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -167,7 +167,8 @@ impl Ty {
     }
 }
 
-/// The declarations of every type that the prelude of [`Shader`](crate::run::Shader) lacks.
+/// The declarations of every type that the prelude of
+/// [`Shader`](crate::instructions::run::Shader) lacks.
 pub fn declarations() -> String {
     let mut text = String::from("%char = OpTypeInt 8 1\n%short = OpTypeInt 16 1\n");
     for ty in Ty::all().filter(|ty| ty.count > 1) {

@@ -3,8 +3,8 @@
 use rspirv::spirv::{GlslStd450Op as GLOp, Op};
 
 use super::{Cell, Invocation, Machine, Outcome, defined, known, read_type, truth};
-use crate::arithmetic as exact;
-use crate::reader::Type;
+use crate::random_modules::arithmetic as exact;
+use crate::random_modules::reader::Type;
 
 impl Machine<'_> {
     pub(super) fn bitcast(&self, one: &Invocation, w: &[u32], out: &mut Vec<Cell>) -> Outcome<()> {

@@ -3,8 +3,8 @@
 use rspirv::spirv::{BuiltIn, GlslStd450Op as GLOp, Op, StorageClass};
 
 use super::{COMMON, Cell, Claim, Invocation, MANY, Machine, Outcome, defined, known};
-use crate::arithmetic as exact;
-use crate::reader::{Id, MatrixLayout, Type};
+use crate::random_modules::arithmetic as exact;
+use crate::random_modules::reader::{Id, MatrixLayout, Type};
 
 /// Where something lies.
 enum Spot {

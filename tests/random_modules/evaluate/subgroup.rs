@@ -3,8 +3,8 @@
 use rspirv::spirv::{GlslStd450Op as GLOp, GroupOperation, Op};
 
 use super::{Cell, Invocation, Machine, Outcome, defined, known, truth};
-use crate::arithmetic as exact;
-use crate::reader::{Code, Id, Type};
+use crate::random_modules::arithmetic as exact;
+use crate::random_modules::reader::{Code, Id, Type};
 
 impl Machine<'_> {
     /// A subgroup instruction: all members of a subgroup take part.

@@ -2,8 +2,8 @@
 
 use rspirv::spirv::Op;
 
-use crate::generate::Generator;
-use crate::module::{ConstantKind, Id, Operand, Ty, Type};
+use crate::random_modules::generate::Generator;
+use crate::random_modules::module::{ConstantKind, Id, Operand, Ty, Type};
 
 impl Generator {
     pub(super) fn make_vector(&mut self, ty: Ty, scalar: Ty, count: u32, depth: usize) -> Id {

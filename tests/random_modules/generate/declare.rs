@@ -2,9 +2,9 @@
 
 use rspirv::spirv::{BuiltIn, Decoration, StorageClass};
 
-use crate::emit::{bound_at, is_builtin};
-use crate::generate::{Generator, Place};
-use crate::module::{ConstantKind, Id, Layout, Ty, Type, Variable};
+use crate::random_modules::emit::{bound_at, is_builtin};
+use crate::random_modules::generate::{Generator, Place};
+use crate::random_modules::module::{ConstantKind, Id, Layout, Ty, Type, Variable};
 
 impl Generator {
     pub(super) fn types(&mut self) {

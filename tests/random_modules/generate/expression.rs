@@ -2,8 +2,8 @@
 
 use rspirv::spirv::{Decoration, GlslStd450Op as GLOp, Op, StorageClass};
 
-use crate::generate::{Generator, Place};
-use crate::module::{ConstantKind, GLSL, Id, Operand, Ty, Type};
+use crate::random_modules::generate::{Generator, Place};
+use crate::random_modules::module::{ConstantKind, GLSL, Id, Operand, Ty, Type};
 
 const INT_BINARY: [Op; 6] = [Op::IAdd, Op::ISub, Op::IMul, Op::BitwiseAnd, Op::BitwiseOr, Op::BitwiseXor];
 const SHIFTS: [Op; 3] = [Op::ShiftLeftLogical, Op::ShiftRightLogical, Op::ShiftRightArithmetic];
@@ -422,7 +422,7 @@ impl Generator {
 
     fn float_splat(&mut self, ty: Ty, value: f64) -> Id {
         let (scalar, count) = self.module.scalar_of(ty);
-        let bits = crate::arithmetic::rounded(value, self.module.width(ty));
+        let bits = crate::random_modules::arithmetic::rounded(value, self.module.width(ty));
         let one = self.module.constant(scalar, ConstantKind::Bits(bits));
         if count == 1 {
             one

@@ -2,8 +2,8 @@
 
 use rspirv::spirv::{GroupOperation, Op, StorageClass};
 
-use crate::generate::{Generator, Place, SHARED};
-use crate::module::{Id, Operand, Ty};
+use crate::random_modules::generate::{Generator, Place, SHARED};
+use crate::random_modules::module::{Id, Operand, Ty};
 
 impl Generator {
     /// An atomic instruction on a word that all invocations change alike: the order does not show.

@@ -3,8 +3,8 @@
 
 use rspirv::spirv::Op;
 
-use crate::generate::{Around, Generator};
-use crate::module::{Body, End, Id, Inst, Loop, Node, Ty};
+use crate::random_modules::generate::{Around, Generator};
+use crate::random_modules::module::{Body, End, Id, Inst, Loop, Node, Ty};
 
 /// Where a loop asks whether to go on.
 #[derive(Clone, Copy, PartialEq)]

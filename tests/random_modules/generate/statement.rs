@@ -2,8 +2,8 @@
 
 use rspirv::spirv::{Op, StorageClass};
 
-use crate::generate::{COST, Generator, Parameter, Place, Signature};
-use crate::module::{Body, Case, End, Id, Node, Operand, Phi, Ty, Type};
+use crate::random_modules::generate::{COST, Generator, Parameter, Place, Signature};
+use crate::random_modules::module::{Body, Case, End, Id, Node, Operand, Phi, Ty, Type};
 
 impl Generator {
     /// Draws statements into the open body; how it ends, where it does before its last.
@@ -464,7 +464,7 @@ impl Generator {
                 }
                 let which = self.random.below(values.len());
                 let value = values.swap_remove(which);
-                literals.push(crate::emit::literal(self.module.at(ty), value));
+                literals.push(crate::random_modules::emit::literal(self.module.at(ty), value));
             }
             let case_phis = self.phis(&case_types[at]);
             let pool = self.pool.len();

@@ -6,8 +6,6 @@
 //! at a time. Where lavapipe is installed, it runs the same modules, too: CONTRIBUTING.md says how.
 #![allow(clippy::print_stdout, reason = "a judge that is missing is told")]
 
-#[path = "../support/assembly.rs"]
-mod assembly;
 mod emit;
 mod evaluate;
 mod lavapipe;
@@ -19,7 +17,8 @@ use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::pipeline::Compute;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
 
-use crate::program::{INPUTS, OUTPUTS, Program};
+use crate::support::assembly;
+use program::{INPUTS, OUTPUTS, Program};
 
 /// Workgroups of 32 invocations.
 const GROUPS: u32 = 2;

@@ -1,8 +1,5 @@
 //! Instructions that are no rows: small programs, run at every width of a batch.
 
-#[path = "../support/assembly.rs"]
-mod assembly;
-
 mod atomics;
 mod builtins;
 mod calls;

@@ -1,14 +1,12 @@
 //! Metamorphic tests: every case of `shaders/` with its modules rewritten at random.
 //!
 //! [`rewrite`] has the changes; none may be seen in any buffer, image, payload, printed line or
-//! trap, at 1, 8 and 64 lanes. `ANYHIT_REWRITES=100 cargo test --test rewriting` draws so many
-//! rewritings of each case, `ANYHIT_SEED` says where to begin. What differs is made short, printed,
-//! and saved in `target/tmp/rewriting`. With `ANYHIT_REWRITES_TO=FOLDER` every rewritten module is
-//! saved.
+//! trap, at 1, 8 and 64 lanes. `ANYHIT_REWRITES=100 cargo test --test main rewriting::` draws so
+//! many rewritings of each case, `ANYHIT_SEED` says where to begin. What differs is made short,
+//! printed, and saved in `target/tmp/rewriting`. With `ANYHIT_REWRITES_TO=FOLDER` every rewritten
+//! module is saved.
 #![allow(clippy::print_stdout, reason = "what was done is told")]
 
-#[path = "../support/files.rs"]
-mod files;
 mod rewrite;
 
 use std::collections::BTreeMap;
@@ -23,8 +21,10 @@ use anyhit::harness::expect::Observed;
 use anyhit::harness::run::{RayMeasurements, one_ray, run};
 use anyhit::scene::resolved::ShaderCode;
 use rayon::prelude::*;
-use rewrite::{Family, Module, Step, plan, rewritten};
 use rspirv::spirv::Op;
+
+use crate::support::files;
+use rewrite::{Family, Module, Step, plan, rewritten};
 
 /// Steps that are drawn for each module; `ANYHIT_STEPS` draws more or fewer.
 const STEPS: usize = 24;

@@ -25,7 +25,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use crate::generate::{Generated, generate};
+use generate::{Generated, generate};
 
 /// The kinds of constructs that modules must hold.
 const KINDS: &[&str] = &[

@@ -1,0 +1,53 @@
+//! All integration tests of the crate, as one executable: a module for each area.
+//!
+//! `cargo test --test main stability::` runs one area. What is not here is `cases.rs`, which lists
+//! its tests while it runs. The tests share a process: none may change what belongs to all of it,
+//! such as environment variables, the current directory or the panic hook. Whoever needs that
+//! starts the program `anyhit` as a process of its own.
+
+mod support;
+
+#[cfg(feature = "wgsl")]
+mod bands;
+mod cli;
+mod compile;
+mod conformance;
+mod device;
+mod driver_golden;
+#[cfg(feature = "stress")]
+mod exact_intersections;
+mod examples;
+mod first_tests;
+mod fixtures;
+mod instructions;
+#[cfg(all(feature = "proptest", feature = "wgsl"))]
+mod laws;
+mod layering;
+mod load_fixtures;
+mod load_hostile;
+mod lower_fixtures;
+mod lower_hostile;
+mod names;
+mod pictures;
+mod pipeline;
+mod random_modules;
+mod random_programs;
+mod readme;
+mod real_calls;
+mod rewriting;
+mod skips;
+mod skips_payload;
+mod smoke;
+mod stability;
+#[cfg(feature = "stress")]
+mod stress;
+mod support_table;
+mod swept_sphere_tables;
+mod test_command;
+mod test_files;
+mod trace_one_ray;
+mod traversal_order;
+mod traversal_rules;
+mod unit_test;
+mod verdict;
+mod verify;
