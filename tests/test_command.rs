@@ -431,11 +431,33 @@ fn bless_renews_recorded_values_and_nothing_else() {
 }
 
 #[test]
-fn bless_renews_files_beside_a_scene() {
-    let folder = scratch("bless-files");
+#[cfg(not(feature = "exr"))]
+fn a_build_without_the_feature_exr_says_so() {
+    let folder = scratch("no-exr");
     let root = env!("CARGO_MANIFEST_DIR").replace('\\', "/");
     let scene = format!(
         "version = 1\ninclude = \"{root}/{LEAVES}/leaves.toml\"\n[[expect.image]]\nname = \"picture\"\nfile = \"new.exr\"\n"
+    );
+    std::fs::write(folder.join("scene.toml"), scene).expect("a writable folder");
+    let path = folder.to_str().expect("UTF-8");
+    // With `--bless`, too, which would have to write the file.
+    for arguments in [&[path][..], &[path, "--bless"]] {
+        let ran = run(arguments);
+        assert_eq!(ran.code, Some(2), "{}{}", ran.out, ran.err);
+        let told = ran.out + &ran.err;
+        assert!(told.contains("neither reads nor writes OpenEXR"), "{told}");
+        assert!(told.contains("--features exr") && told.contains("scene.toml:5"), "{told}");
+    }
+}
+
+#[test]
+fn bless_renews_files_beside_a_scene() {
+    // Of floats where this build writes them.
+    let new = if cfg!(feature = "exr") { "new.exr" } else { "new.png" };
+    let folder = scratch("bless-files");
+    let root = env!("CARGO_MANIFEST_DIR").replace('\\', "/");
+    let scene = format!(
+        "version = 1\ninclude = \"{root}/{LEAVES}/leaves.toml\"\n[[expect.image]]\nname = \"picture\"\nfile = \"{new}\"\n"
     );
     std::fs::write(folder.join("scene.toml"), scene).expect("a writable folder");
     std::fs::write(folder.join("expect.stdout"), "").expect("a writable folder");
@@ -448,9 +470,11 @@ fn bless_renews_files_beside_a_scene() {
         std::fs::read_to_string(folder.join("expect.stdout")).expect("the file"),
         "pixel 0 saw 2 leaves\n"
     );
-    let pixel =
-        |name: &str| image::open(folder.join(name)).expect("a picture").to_rgba32f().get_pixel(0, 0).0;
-    assert_eq!(pixel("new.exr"), [0.5, 0.25, 1.0, 1.0]);
+    let found = image::open(folder.join(new)).expect("a picture").to_rgba32f().get_pixel(0, 0).0;
+    // Of `render`'s 8 bits there are 0.5 and 0.25 to the nearest of 255 levels.
+    let expected =
+        if cfg!(feature = "exr") { [0.5, 0.25, 1.0, 1.0] } else { [128.0 / 255.0, 64.0 / 255.0, 1.0, 1.0] };
+    assert_eq!(found, expected);
     assert_eq!(run(&[path]).code, Some(0));
 }
 
