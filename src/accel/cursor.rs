@@ -316,7 +316,7 @@ impl Cursor {
     }
 
     /// Lets the traversal end at *any* opaque hit, the first that it comes upon. For rays that only
-    /// ask whether something is hit: the caller must see to it that nobody can observe which hit
+    /// ask whether something is hit: the caller must ensure that it cannot be observed which hit
     /// was committed, or which candidates were handed out before.
     pub fn end_at_any_opaque_hit(&mut self) {
         self.hits.any_opaque_hit_ends = true;

@@ -7,7 +7,7 @@
 //! compiled again. A cache that cannot be written is slow, not an error.
 //!
 //! It does not grow without end: the first module that a process writes has it swept of entries
-//! that nobody took for 30 days, and of the longest unused ones beyond 256 MiB, or as many MiB as
+//! that were not used for 30 days, and of the longest unused ones beyond 256 MiB, or as many MiB as
 //! `ANYHIT_CACHE_LIMIT` says.
 
 use std::env;

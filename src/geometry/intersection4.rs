@@ -69,7 +69,7 @@ impl<D: F64x4Ops> Ends<D> {
     }
 
     /// A bit for each lane where both ends round to one `f32`, and those: made of what lies between
-    /// them, so that whoever takes them waits for no bound.
+    /// them, so that code that takes them waits for no bound.
     #[inline(always)]
     pub fn rounded(&self, simd: D) -> (u32, F32x4) {
         let [first, last] = self.rounded_ends(simd);

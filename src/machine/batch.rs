@@ -45,7 +45,7 @@ pub struct Batch<const W: usize> {
     pub block: u32,
     /// Whether an observer paused the batch before the operation that runs next.
     pub paused: bool,
-    /// Whether the operation that runs traps nobody, as the optimizer eliminates it; see
+    /// Whether traps of the operation that runs are suppressed, as the optimizer eliminates it; see
     /// [`Program::silent`](crate::program::Program::silent).
     pub silent: bool,
     /// How each lane ended, meaningful once it has.

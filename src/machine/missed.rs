@@ -1,6 +1,6 @@
-//! Indices outside their arrays, kept for the report of whoever follows them.
+//! Indices outside their arrays, kept for the report of the access that traps.
 //!
-//! Computing such an index stops nobody: what it gives says only that it is outside. The access
+//! Computing such an index stops no lane: what it gives says only that it is outside. The access
 //! that follows it traps, and its report tells which index that was.
 
 use crate::machine::lanes::Lanes;

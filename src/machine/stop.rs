@@ -5,8 +5,8 @@ use crate::machine::object::ObjectRef;
 
 /// Why the interpreter stopped; the mask holds the lanes that wait.
 ///
-/// Whoever serves a stop reads operands and writes results in the batch's registers, and runs the
-/// batch again.
+/// The code that serves a stop reads operands and writes results in the batch's registers, and runs
+/// the batch again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stop<const W: usize> {
     /// Every lane has ended; see [`Batch::exits`](crate::machine::Batch::exits).

@@ -72,7 +72,7 @@ impl Checker<'_> {
             }
         };
         let Some(known) = opcode(instruction.opcode) else {
-            // Which words of an unknown instruction are ids nobody knows: take them all.
+            // Which words of an unknown instruction are ids is unknown: take them all.
             let words = self.module.operands(instruction).iter();
             words.filter_map(|&word| self.module.definition(Id(word))).for_each(note);
             return Ok(());

@@ -78,7 +78,7 @@ fn check_phi(module: &Module, function: &Function, predecessors: &[u32], phi: &I
     Ok(())
 }
 
-/// Whether an instruction of unknown opcode ends a block: nobody knows where it goes on.
+/// Whether an instruction of unknown opcode ends a block: it is unknown where it continues.
 fn ends_unknown(block: &BasicBlock) -> bool {
     block.instructions.last().is_some_and(|last| opcode(last.opcode).is_none())
 }

@@ -15,7 +15,7 @@ use crate::module::words::{Span, invalid};
 use crate::module::{Definition, Id};
 
 /// How deep types may be nested: the universal limit of "Structure nesting depth" (specification,
-/// section 2.17), used for every kind of nesting so that nobody who walks a type runs out of stack.
+/// section 2.17), used for every kind of nesting so that recursion over a type has bounded depth.
 const MAX_DEPTH: u32 = 255;
 
 impl Loader<'_> {

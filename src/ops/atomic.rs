@@ -3,7 +3,7 @@
 //! Lanes apply them in ascending order, which is launch order. A program whose results depend on
 //! how invocations interleave (one that uses what an atomic returns, or adds floats) says so by
 //! [`AtomicOp::order_dependent`], and a launch then runs it invocation by invocation. Integer
-//! additions, bit operations, minima and maxima whose result nobody reads commute each with its own
+//! additions, bit operations, minima and maxima whose result is unused commute each with its own
 //! kind: those run on all threads, unless others may reach the same memory
 //! ([`Update::commutes_with`], [`crate::program::race_analysis`]).
 //!
@@ -84,7 +84,7 @@ pub enum AtomicKind {
     FMax,
 }
 
-/// What an atomic operation whose result nobody reads does to memory.
+/// The effect on memory of an atomic operation whose result is unused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Update {
     /// What becomes of the value.

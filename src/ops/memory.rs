@@ -19,7 +19,7 @@ pub use crate::ops::pointer::{
     Pointer, PointerBase, pointer_from_words, pointer_word_count, pointer_words, variable,
 };
 
-/// What a computed offset becomes when an index is outside its array: whoever follows it traps.
+/// What a computed offset becomes when an index is outside its array: an access through it traps.
 pub const OUT_OF_BOUNDS: u32 = u32::MAX;
 
 /// Which buffer a load or store means.

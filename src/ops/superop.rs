@@ -5,7 +5,7 @@
 //! `match` that is compiled for the processor's vectors as a whole. The result of each
 //! superinstruction stays in an *accumulator*, a register that the compiler keeps in vector
 //! registers from one superinstruction to the next: an operand that the one before it gave is not
-//! loaded, and a result that nobody else reads is never stored. Frequent pairs and chains of
+//! loaded, and a result without other uses is never stored. Frequent pairs and chains of
 //! operations have an opcode of their own, because dispatch takes time, too. Each operation of them
 //! rounds as it does by itself.
 //!

@@ -26,7 +26,7 @@ pub type Values = SmallVec<[ValueNumber; 4]>;
 enum Expression {
     /// What a register held at the beginning.
     Initial(Reg),
-    /// What nobody has written.
+    /// A register that has not been written.
     Undefined(Reg),
     Constant(u32),
     /// A word of what a regular operation gives; its kernel by its address.
@@ -101,7 +101,7 @@ impl Numbering {
         self.number(Expression::Initial(reg))
     }
 
-    /// What a register holds that nobody has written.
+    /// The value of a register that has not been written.
     pub fn undefined(&mut self, reg: Reg) -> ValueNumber {
         self.number(Expression::Undefined(reg))
     }

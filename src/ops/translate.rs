@@ -472,8 +472,8 @@ impl<'m> Translator<'m> {
         }
     }
 
-    /// Checks that the result of an instruction has as many words as its type: whoever uses it
-    /// goes by the type.
+    /// Checks that the result of an instruction has as many words as its type: its uses
+    /// go by the type.
     pub fn check_result(&mut self, instruction: &Instruction) -> Result<()> {
         let (Some(id), Some(_)) = (instruction.result, instruction.result_type) else { return Ok(()) };
         let Some(IdValue::Words(words)) = self.local(id) else { return Ok(()) };
@@ -549,8 +549,8 @@ impl<'m> Translator<'m> {
     /// The words of an id; a pointer is written out.
     ///
     /// # Errors
-    /// `UnsupportedModule` for a pointer into a matrix, whose layout nobody could tell from memory
-    /// or a composite.
+    /// `UnsupportedModule` for a pointer into a matrix in memory or a composite, as the
+    /// matrix's layout is not known there.
     pub fn words(&mut self, id: Id) -> Result<Words> {
         if let Some(IdValue::Words(words)) = self.values.find(id) {
             return Ok(words_from(words));

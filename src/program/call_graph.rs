@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn functions_that_nobody_calls_may_call_each_other_in_a_circle() {
+    fn uncalled_functions_may_be_mutually_recursive() {
         let module = module(&[(10, &[40, 40]), (20, &[30]), (30, &[20]), (40, &[])]);
         let sizes = sizes(&module, 0);
         // Three instructions of its own, and one of each call.

@@ -48,7 +48,7 @@ impl Shared {
 }
 
 /// Lets operations read a variable's register itself, where its copy serves this block alone; what
-/// nobody reads then is left to `eliminate_dead_code`.
+/// has no uses then is left to `eliminate_dead_code`.
 pub fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
     let shared = Shared::of(program, addressed);
     // How often a register is written.

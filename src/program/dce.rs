@@ -17,10 +17,10 @@ struct Needs<'a> {
     ops: &'a [Op],
     /// By operation.
     needed: Vec<bool>,
-    /// By register: whether somebody reads it.
+    /// By register: whether it is live.
     live: Vec<bool>,
-    /// The operations passed so far that write each register, which nobody read then: the last of
-    /// them, and for each entry the one before.
+    /// By register: the operations passed so far that write it, and whose results have not been
+    /// read since. The last of them, and for each entry the one before.
     last: Vec<u32>,
     passed: Vec<(u32, u32)>,
     /// Operations whose reads are not marked yet.
@@ -108,7 +108,7 @@ pub fn eliminate_dead_code(program: &mut Program, addressed: &[(Reg, u32)], stor
         let (first, count) = program.variables.iter().find(holds).copied().unwrap_or((first, count));
         needs.read(first, count);
     }
-    // Whoever calls this program reads payload, attributes and callable data.
+    // The caller of this program reads payload, attributes and callable data.
     for interface in program.interface.iter().filter(|registers| registers.storage_class >= 5328) {
         needs.read(interface.first, interface.count);
     }

@@ -1,6 +1,6 @@
 //! What becomes of payloads: which words a shader reads of one behind the instruction that traces,
-//! and what a shader leaves but its payload. Of a closest-hit or miss shader that leaves nothing
-//! else, and of it only words that nobody reads, nobody can say whether it ran.
+//! and what a shader leaves but its payload. Whether a closest-hit or miss shader ran cannot be
+//! observed where it leaves nothing else, and of its payload only words that are not read.
 
 use crate::machine::stop::RegSpan;
 use crate::machine::{Exit, Reg};
@@ -46,7 +46,7 @@ impl PayloadWords {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Payloads {
     /// The words of its own payload that it may write, where it leaves nothing else behind whatever
-    /// its inputs are: it stores nothing, hands the batch to nobody, and cannot trap.
+    /// its inputs are: it stores nothing, calls no shader, and cannot trap.
     pub writes_only: Option<PayloadWords>,
     /// By operation that traces or executes a hit object, ascending: the words of its payload that
     /// may be read behind it.
@@ -180,7 +180,7 @@ impl<'a> Liveness<'a> {
             Terminator::Switch { cases, default, .. } => {
                 cases.iter().fold(begins(default), |words, (_, to)| words.with(begins(to)))
             }
-            // Whoever called this program reads what it was handed.
+            // The caller of this program reads the variable that it was given.
             Terminator::Exit(_) => {
                 let own =
                     self.program.interface.iter().filter(|registers| is_handed_back(registers.storage_class));

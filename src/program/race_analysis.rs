@@ -495,7 +495,7 @@ impl<'a> Trace<'a> {
         if let Some(known) = self.known.get(&reg) {
             return known.clone();
         }
-        // Whoever comes here again while it is looked for goes round in a circle.
+        // To arrive here again while it is looked for is a cycle.
         self.known.insert(reg, None);
         let value = self.fresh_value(reg);
         self.known.insert(reg, value.clone());

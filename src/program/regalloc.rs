@@ -68,7 +68,7 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
     let shared = Shared::of(program, addressed);
     let values = LocalValues::of(program, &mut ops, &starts, &shared);
     for op in &mut ops {
-        // Whoever reads such a value later in the run is running now.
+        // The lanes that read such a value later in the superblock run now.
         if let Op::Memory(memory::MemoryOp::MoveMasked { to, from }) = *op
             && values.is_local(to)
         {
@@ -179,7 +179,7 @@ fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
 /// operations read it until the register is written again.
 ///
 /// It is told of the registers as they are shared. Where a copy got the register of its original it
-/// is gone, and whoever read the copy reads the original now.
+/// is gone, and the uses of the copy read the original.
 fn result_uses(
     program: &Program,
     ops: &mut [Op],
@@ -309,8 +309,8 @@ impl Copies {
     }
 }
 
-/// Lets the operations of a run read what local values are copies of; copies that nobody reads then
-/// become idle. `written` has, for each register, one more than the operation that wrote it last.
+/// Lets the operations of a run read what local values are copies of; copies without uses
+/// become idle then. `written` has, for each register, one more than the operation that wrote it last.
 fn forward(
     ops: &mut [Op],
     superblock: Range<usize>,
@@ -468,7 +468,7 @@ impl LocalValues {
         self.0.get(reg.0 as usize).is_some_and(|register| register.local)
     }
 
-    /// The registers that nobody names when local values share registers, the lowest last.
+    /// The registers that are not named when local values share registers, the lowest last.
     fn vanishing(&self) -> Vec<Reg> {
         let registers = (0..self.0.len() as u32).zip(&self.0).rev();
         registers
@@ -481,7 +481,7 @@ impl LocalValues {
         self.0[reg.0 as usize].writes == 1
     }
 
-    /// Whether whoever accesses a register names it by itself, so that it may be another one.
+    /// Whether the access of a register names it by itself, so that it may be another one.
     fn stands_alone(&self, reg: Reg) -> bool {
         self.0[reg.0 as usize].together == 0
     }
@@ -578,7 +578,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_writes_the_row_of_a_constant() {
+    fn the_register_of_a_constant_is_not_written() {
         // Superinstructions read one lane of it for all. Code with observers does write registers
         // that renamed constants took, but runs in batches of its own.
         let folder = format!("{}/spirv-fixtures/bench", env!("CARGO_MANIFEST_DIR"));

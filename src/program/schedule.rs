@@ -97,7 +97,7 @@ impl Schedule {
         let Self { waiting, followers, order, .. } = self;
         order.clear();
         let mut before: Option<u32> = None;
-        // The first that is left waits for nobody, as all wait for earlier ones.
+        // The first that is left has no pending predecessor, as all depend on earlier ones.
         let mut earliest = 0;
         while order.len() < ops.len() {
             while waiting[earliest].done {
@@ -128,8 +128,8 @@ impl Schedule {
         }
     }
 
-    /// Finds what each operation waits for: whoever wrote what it reads, and read or wrote what it
-    /// writes.
+    /// Finds what each operation depends on: the operations that wrote what it reads, and those that
+    /// read or wrote what it writes.
     fn find_edges(&mut self, ops: &[Op]) {
         let Self { registers, touched, readers, edges, waiting, .. } = self;
         edges.clear();

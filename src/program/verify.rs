@@ -4,8 +4,8 @@
 //! runs through it. They must have the same effects in the same order, with the same operands,
 //! decide the same way at the end, and leave the same in every register that is live there.
 //! Liveness is found here anew, without the passes' own. Registers that hold something beyond a
-//! superblock may be renamed, each to one of its own; nobody else may write those in all lanes, as
-//! lanes that wait elsewhere would lose what they hold.
+//! superblock may be renamed, each to one of its own; no other operation may write those in all
+//! lanes, as lanes that wait elsewhere would lose what they hold.
 //!
 //! Debug builds check every pass of every program, as do the tests.
 
@@ -92,7 +92,7 @@ impl Verifier {
         reached
             .addressed
             .extend(addressed.iter().map(whole).flat_map(|(first, count)| registers(first, count)));
-        // Nobody writes a table of constants.
+        // A table of constants is never written.
         reached.addressed.retain(|reg| !program.constants.iter().any(|(constant, _)| constant == reg));
         reached.addressed.sort_unstable();
         reached.addressed.dedup();
@@ -122,7 +122,7 @@ impl Verifier {
     }
 
     /// Runs backwards over a superblock: what is live at its beginning, given what is live at its
-    /// end. An operation that has no effect and whose results nobody needs reads nothing.
+    /// end. An operation that has no effect and whose results are dead reads nothing.
     fn transfer(&self, superblock: (u32, u32), live: &mut FxHashSet<Reg>) {
         let terminator = &self.before.blocks[superblock.1 as usize].terminator;
         each_read(terminator, |reg| {

@@ -35,7 +35,7 @@ pub struct LoadOptions {
     /// The `[[variant]]` of the scene's own file to take, by its place in the list.
     pub variant: Option<usize>,
     /// Whether storage images that are only filled may be larger than any that are held whole:
-    /// whoever launches the scene hands them out in bands.
+    /// the launch hands them out in bands.
     pub streams: bool,
 }
 

@@ -16,7 +16,7 @@
 //!
 //! # Branches
 //! What is returned is made of the quotients as they are, and the bounds only say that it holds: as
-//! that is nearly always so, the processor foresees it, and whoever takes the t waits for no bound.
+//! that is nearly always so, the branch is predicted, and code that takes the t waits for no bound.
 
 use crate::geometry::Intersection;
 use crate::geometry::intersection4::{ALL, Divisor4};

@@ -194,7 +194,7 @@ impl SuperCode {
             && let Some(last) = self.superops.last_mut()
             && last.opcode == opcode(Function::Settle, false, 1, true)
         {
-            // Nobody else needs what was settled: its register is left out.
+            // The settled value has no other use: its register is left out.
             *last =
                 SuperOp { opcode: opcode(Function::SettleMasked, false, 1, true), to: planned.to, ..*last };
             held.reads = None;

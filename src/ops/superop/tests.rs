@@ -300,7 +300,7 @@ fn a_constant_factor_stands_behind_the_other_one() {
 
 #[test]
 fn a_square_reads_no_register() {
-    // (x - y)^2 with x = 3 and y = 5; nobody stores the difference.
+    // (x - y)^2 with x = 3 and y = 5; the difference is not stored.
     let [minus, times] =
         [&arithmetic::FSub, &arithmetic::FMul].map(|family| family.kernel(32).expect("a kernel"));
     let ops = [kernel(minus, 3, [0, 1, 0]), kernel(times, 4, [3, 3, 3])];

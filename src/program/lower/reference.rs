@@ -28,7 +28,7 @@ pub(super) fn complete(program: &mut Program, optimized: &Program) {
 /// What tells the operations of one instruction apart: a load of a whole structure has several.
 type Part = Option<(u32, u32, u32)>;
 
-/// By operation: whether the optimised program lacks it. A load whose value nobody needs is
+/// By operation: whether the optimised program lacks it. A load whose value is dead is
 /// eliminated, and with it the trap that it might have raised.
 fn silent(program: &Program, optimized: &Program) -> Vec<bool> {
     let mut kept: FxHashMap<Origin, Vec<Part>> = FxHashMap::default();
