@@ -267,3 +267,60 @@ fn elements_of_buffer_arrays_are_chosen_by_each_lane() {
         assert_eq!(words[..2], [100 + id as u32 % 4, 102]);
     }
 }
+
+#[test]
+fn an_address_that_leads_nowhere_is_told_by_its_distance_from_the_nearest_buffer() {
+    // Regions of 4 GiB: 16 bytes at 0x1_0000_0000 and, bound as `%table` too, 8 at 0x2_0000_0000.
+    const FIRST: u64 = 0x1_0000_0000;
+    const SECOND: u64 = 0x2_0000_0000;
+    let first = "buffer at 0x100000000, which has 16 bytes";
+    let second = "buffer, `table` (set 0, binding 1, element 0) at 0x200000000, which has 8 bytes";
+    let inside = "buffer `table` (set 0, binding 1, element 0) at 0x200000000, which has 8 bytes";
+    let apart = first.replace("buffer", "buffer,");
+    for (address, expected) in [
+        (0x1_0000, format!("4294901760 bytes before the nearest {apart}")),
+        (FIRST - 4, format!("4 bytes before the nearest {apart}")),
+        (FIRST + 14, format!("offset 14 of the {first}")),
+        (FIRST + 16, format!("at the end of the {first}")),
+        (FIRST + 20, format!("4 bytes behind the end of the nearest {apart}")),
+        // Halfway between the end of the one and the beginning of the other.
+        (FIRST + 0x8000_0004, format!("2147483636 bytes behind the end of the nearest {apart}")),
+        (FIRST + 0x8000_000C, format!("2147483636 bytes before the nearest {second}")),
+        (SECOND - 1, format!("1 bytes before the nearest {second}")),
+        (SECOND + 5, format!("offset 5 of the {inside}")),
+        (SECOND + 8, format!("at the end of the {inside}")),
+        (SECOND + 9, format!("1 bytes behind the end of the nearest {second}")),
+    ] {
+        for access in [
+            "OpStore %p %u1 Aligned 4",
+            "%v = OpLoad %uint %p Aligned 4\nout 0 %v",
+            "%v = OpAtomicIAdd %uint %p %u1 %u0 %u1",
+        ] {
+            // The table is read, too, so that its slot has a name.
+            let body = format!(
+                "%slot = OpAccessChain %ptr_StorageBuffer_ulong %table %u0 %u0
+                 %p = OpConvertUToPtr %ptr_uint %asked
+                 {access}
+                 %last = OpLoad %ulong %slot
+                 OpStore %slot %last"
+            );
+            let error = Shader {
+                capabilities: PHYSICAL,
+                annotations: &format!("OpName %table \"table\"{TABLE_LAYOUT}"),
+                declarations: &format!("{TABLE}\n%asked = OpConstant %ulong {address:#x}L"),
+                body: &body,
+                ..Shader::default()
+            }
+            .run_with(&mut || {
+                let mut resources = Resources::default();
+                let second = Buffer::zeroed(8);
+                assert_eq!(resources.memory.add_buffer(&Buffer::zeroed(16)), FIRST);
+                assert_eq!(resources.memory.add_buffer(&second), SECOND);
+                resources.bind(0, 1, Descriptor::Buffer(second))
+            })
+            .expect_err(&body);
+            let expected = format!("4 bytes at address {address:#x}: {expected}");
+            assert_eq!(error.notes()[0], expected, "{}", error.render());
+        }
+    }
+}

@@ -307,3 +307,113 @@ fn a_missing_descriptor_is_told_with_those_that_are_bound() {
         ]
     );
 }
+
+/// What stands before an instruction: up to four of an `OpLine`, an `OpNoLine` and a new block, in
+/// every order; beside it the line that is in force behind them, and the last one.
+fn line_instructions() -> Vec<(String, Option<u32>, Option<u32>)> {
+    let mut all = Vec::new();
+    for length in 0..=4 {
+        for sequence in 0..3u32.pow(length) {
+            let (mut text, mut in_force, mut last) = (String::new(), None, None);
+            for at in 0..length {
+                // SPIR-V, OpLine: up to "the next end of block, the next OpLine instruction, or the
+                // next OpNoLine instruction".
+                in_force = None;
+                match sequence / 3u32.pow(at) % 3 {
+                    0 => {
+                        let line = 10 + at;
+                        text += &format!("OpLine %file {line} 1\n");
+                        (in_force, last) = (Some(line), Some(line));
+                    }
+                    1 => text += "OpNoLine\n",
+                    _ => text += &format!("OpBranch %b{at}\n%b{at} = OpLabel\n"),
+                }
+            }
+            all.push((text, in_force, last));
+        }
+    }
+    all
+}
+
+const FILE: &str = "%file = OpString \"b.rgen\"";
+
+#[test]
+fn a_trap_has_the_line_in_force_or_the_last_one_of_its_function() {
+    for (lines, in_force, last) in line_instructions() {
+        let body = format!("%p = OpAccessChain %ptr_Private_uint %table %u9\n{lines}OpStore %p %u1");
+        let error = trapped(FILE, &body, "");
+        let found = error.places().find_map(|(place, label)| match place {
+            Place::Line { line, .. } => Some((*line, label)),
+            _ => None,
+        });
+        let label = match (in_force, last) {
+            (None, Some(line)) => format!("near b.rgen:{line}: the instruction has no line of its own"),
+            _ => String::new(),
+        };
+        assert_eq!(found, in_force.or(last).map(|line| (line, &*label)), "{body}");
+        // The word of the module stands there in any case.
+        assert!(error.places().any(|(place, _)| matches!(place, Place::Word(_))), "{body}");
+    }
+}
+
+#[test]
+fn a_call_has_the_line_in_force_or_the_last_one_of_its_function() {
+    let helper = "
+        %helper = OpFunction %void None %main_type
+        %helper_label = OpLabel
+        %p = OpAccessChain %ptr_Private_uint %table %u9
+        OpStore %p %u1
+        OpReturn
+        OpFunctionEnd";
+    for (lines, in_force, last) in line_instructions() {
+        let body = format!("{lines}%call = OpFunctionCall %void %helper");
+        let error = trapped(FILE, &body, helper);
+        let notes = error.notes().join("\n");
+        match (in_force, last) {
+            (Some(line), _) => {
+                assert!(notes.contains(&format!("called at b.rgen:{line}")), "{body}: {notes}")
+            }
+            (None, Some(line)) => {
+                assert!(notes.contains(&format!("called near b.rgen:{line}")), "{body}: {notes}");
+            }
+            (None, None) => assert!(!notes.contains("b.rgen"), "{body}: {notes}"),
+        }
+    }
+}
+
+#[test]
+fn elements_of_arrays_in_blocks_are_counted_from_their_own_beginning() {
+    // A head of 8 bytes, then 14 words in each of the two buffers of 64 bytes.
+    for (body, expected) in [
+        (
+            "%p = OpAccessChain %ptr_StorageBuffer_uint %blocks %u1 %u1 %id\nOpStore %p %u1",
+            "index 14 of `blocks[1].words`, which has 14 elements in this buffer",
+        ),
+        (
+            "%odd = OpBitwiseAnd %uint %id %u1
+             %p = OpAccessChain %ptr_StorageBuffer_uint %blocks %odd %u1 %id
+             %v = OpLoad %uint %p
+             out 0 %v",
+            "index 14 of `blocks[].words`, which has 14 elements in this buffer",
+        ),
+        (
+            "%far = OpIAdd %uint %id %u20
+             %p = OpAccessChain %ptr_StorageBuffer_uint %blocks %u0 %u1 %far
+             %v = OpAtomicIAdd %uint %p %u1 %u0 %u1",
+            "index 20 of `blocks[0].words`, which has 14 elements in this buffer",
+        ),
+        (
+            "%p = OpAccessChain %ptr_StorageBuffer_uint %cells %u1 %id
+             %v = OpAtomicExchange %uint %p %u1 %u0 %u1",
+            "index 14 of `cells.words`, which has 14 elements in this buffer",
+        ),
+        (
+            "%p = OpAccessChain %ptr_StorageBuffer_uint %blocks %u1 %u0 %id
+             %v = OpAtomicOr %uint %p %u1 %u0 %u1",
+            "index 2 of `blocks[1].head`, which has 2 elements",
+        ),
+    ] {
+        let error = trapped("", body, "");
+        assert!(error.notes().iter().any(|note| note == expected), "{body}: {}", error.render());
+    }
+}

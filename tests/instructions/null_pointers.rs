@@ -370,3 +370,143 @@ fn null_leads_into_no_workgroup_memory() {
         assert_eq!(error.message(), "an access through a null pointer", "{body}");
     }
 }
+
+/// Types, with constant indices to a `uint` in each and computed ones.
+const POINTEES: &[(&str, &str, &str)] = &[
+    ("uint", "", ""),
+    ("uint4", "%u1", "%odd_word"),
+    ("numbers", "%u2", "%odd_word"),
+    ("parts", "%u1", "%u1"),
+    ("nested", "%u1 %u3", "%u1 %odd_word"),
+];
+
+#[test]
+fn null_of_every_type_in_every_storage_class_traps() {
+    let classes = [
+        ("StorageBuffer", ""),
+        ("Uniform", ""),
+        ("PushConstant", ""),
+        ("ShaderRecordBufferKHR", ""),
+        ("PhysicalStorageBuffer", " Aligned 4"),
+        ("Private", ""),
+        ("Function", ""),
+    ];
+    let annotations = "
+        OpDecorate %numbers ArrayStride 4
+        OpMemberDecorate %parts 0 Offset 0
+        OpMemberDecorate %parts 1 Offset 4
+        OpMemberDecorate %nested 0 Offset 0
+        OpMemberDecorate %nested 1 Offset 4
+        OpDecorate %held DescriptorSet 0
+        OpDecorate %held Binding 1
+        OpMemberDecorate %held_block 0 Offset 0
+        OpDecorate %held_block Block";
+    let mut number = 0;
+    for (class, aligned) in classes {
+        let writable = !matches!(class, "Uniform" | "PushConstant" | "ShaderRecordBufferKHR");
+        for &(pointee, constant, computed) in POINTEES {
+            // The prelude has some of the pointers' types.
+            let (to_word, own_word) = match class {
+                "StorageBuffer" | "Private" | "Function" => (format!("ptr_{class}_uint"), String::new()),
+                _ => ("to_word".to_owned(), format!("%to_word = OpTypePointer {class} %uint")),
+            };
+            let (to_pointee, own_pointee) = match pointee {
+                "uint" => (&*to_word, String::new()),
+                "nested" if class == "Private" => ("ptr_first", String::new()),
+                _ => ("to_pointee", format!("%to_pointee = OpTypePointer {class} %{pointee}")),
+            };
+            // A descriptor and a variable that the pointer of zeros would name.
+            let declarations = format!(
+                "%numbers = OpTypeArray %uint %u4
+                 %parts = OpTypeStruct %float %uint
+                 %nested = OpTypeStruct %float %numbers
+                 %held_block = OpTypeStruct %nested
+                 %ptr_held = OpTypePointer Uniform %held_block
+                 %ptr_held_float = OpTypePointer Uniform %float
+                 %held = OpVariable %ptr_held Uniform
+                 %ptr_first = OpTypePointer Private %nested
+                 %first = OpVariable %ptr_first Private
+                 {own_word}
+                 {own_pointee}
+                 %nothing = OpConstantNull %{pointee}
+                 %null = OpConstantNull %{to_pointee}"
+            );
+            let chain = |indices: &str| match indices {
+                "" => format!("%p = OpCopyObject %{to_word} %null"),
+                _ => format!("%p = OpAccessChain %{to_word} %null {indices}"),
+            };
+            let literals = constant.replace("%u", "");
+            let part = match pointee {
+                "uint" => "%part = OpCopyObject %uint %whole".to_owned(),
+                _ => format!("%part = OpCompositeExtract %uint %whole {literals}"),
+            };
+            let mut bodies = vec![format!("%whole = OpLoad %{pointee} %null{aligned}\n{part}\nout 0 %part")];
+            for indices in [constant, computed] {
+                bodies.push(format!("{}\n%part = OpLoad %uint %p{aligned}\nout 0 %part", chain(indices)));
+                if writable {
+                    bodies.push(format!("{}\nOpStore %p %u9{aligned}", chain(indices)));
+                }
+            }
+            if writable {
+                bodies.push(format!("OpStore %null %nothing{aligned}"));
+            }
+            for body in bodies {
+                number += 1;
+                let body = format!(
+                    "%odd_word = OpBitwiseAnd %uint %id %u1
+                     %at = OpAccessChain %ptr_held_float %held %u0 %u0
+                     %number = OpLoad %float %at
+                     %start = OpConvertFToU %uint %number
+                     %own = OpAccessChain %ptr_Private_uint %first %u1 %odd_word
+                     OpStore %own %start
+                     {body}
+                     %end = OpLoad %uint %own
+                     out 1 %end"
+                );
+                let error = Shader {
+                    capabilities: "OpCapability VariablePointers\nOpCapability PhysicalStorageBufferAddresses",
+                    annotations,
+                    declarations: &declarations,
+                    body: &body,
+                    ..Shader::default()
+                }
+                .run_with(&mut || {
+                    let bytes = Buffer::zeroed(64);
+                    let resources = Resources::default().bind(0, 1, Descriptor::Buffer(bytes.clone()));
+                    Resources { push_constants: Some(bytes), ..resources }
+                });
+                let error = error.map(|_| ()).expect_err(&body);
+                assert_eq!(error.kind(), ErrorKind::Trap, "{class}: {body}: {}", error.render());
+                assert_eq!(error.message(), "an access through a null pointer", "{class}: {body}");
+            }
+        }
+    }
+    assert_eq!(number, 4 * 5 * 6 + 3 * 5 * 3);
+}
+
+#[test]
+fn null_is_no_hit_object() {
+    let declarations = "
+        %object = OpTypeHitObjectEXT
+        %ptr_object = OpTypePointer Private %object
+        %ptr_local = OpTypePointer Function %object
+        %first = OpVariable %ptr_object Private
+        %null_object = OpConstantNull %ptr_object
+        %null_local = OpConstantNull %ptr_local";
+    for null in ["null_object", "null_local"] {
+        for body in [
+            format!("OpHitObjectRecordEmptyEXT %{null}"),
+            format!("%b = OpHitObjectIsEmptyEXT %bool %{null}\n%w = OpSelect %uint %b %u1 %u0\nout 0 %w"),
+        ] {
+            let body = format!("OpHitObjectRecordEmptyEXT %first\n{body}");
+            let error = Shader {
+                capabilities: "OpCapability ShaderInvocationReorderEXT\nOpCapability VariablePointers",
+                declarations,
+                body: &body,
+                ..Shader::default()
+            }
+            .refused();
+            assert_eq!(error.message(), "an access through a null pointer", "{body}: {}", error.render());
+        }
+    }
+}

@@ -372,3 +372,99 @@ fn elements_are_counted_in_the_stride_of_their_array() {
     assert_eq!(error.kind(), anyhit::ErrorKind::InvalidModule);
     assert!(error.message().contains("ArrayStride"), "{}", error.render());
 }
+
+/// Ways from `%p`, which leads to an element of `%array`, to a pointer `%way` of equal value.
+const POINTER_WAYS: &[(&str, &str)] = &[
+    ("itself", "%way = OpCopyObject %ptr %p"),
+    ("a choice", "%way = OpSelect %ptr %odd %p %p_again"),
+    ("a variable", "OpStore %kept %p\n%way = OpLoad %ptr %kept"),
+    ("a parameter and a result", "%way = OpFunctionCall %ptr %same %p"),
+    (
+        "a phi",
+        "OpSelectionMerge %merge None
+         OpBranchConditional %odd %then %merge
+         %then = OpLabel
+         OpBranch %merge
+         %merge = OpLabel
+         %way = OpPhi %ptr %p %entry %p_again %then",
+    ),
+];
+
+#[test]
+fn distances_are_counted_in_elements_whatever_they_are_and_wherever_a_pointer_comes_from() {
+    // Element types with the strides that their arrays have: tight and wide ones.
+    for (element, strides) in [
+        ("uint", [4, 8, 20]),
+        ("ulong", [8, 16, 24]),
+        ("uint2", [8, 12, 32]),
+        ("item", [12, 16, 64]),
+        ("row", [16, 20, 48]),
+    ] {
+        for stride in strides {
+            for &(name, way) in POINTER_WAYS {
+                // Of a pointer that was stored its type alone tells, and `%out` has an array of
+                // `uint` with a stride of its own.
+                if (element, name) == ("uint", "a variable") && stride != 4 {
+                    continue;
+                }
+                let annotations = format!(
+                    "OpDecorate %array ArrayStride {stride}
+                     OpDecorate %row ArrayStride 4
+                     OpMemberDecorate %item 0 Offset 0
+                     OpMemberDecorate %item 1 Offset 4
+                     OpDecorate %block Block
+                     OpMemberDecorate %block 0 Offset 16
+                     OpDecorate %a DescriptorSet 0
+                     OpDecorate %a Binding 1"
+                );
+                let declarations = format!(
+                    "%row = OpTypeArray %float %u4
+                     %item = OpTypeStruct %uint %uint2
+                     %array = OpTypeArray %{element} %u8
+                     %block = OpTypeStruct %array
+                     %ptr_block = OpTypePointer StorageBuffer %block
+                     %ptr = OpTypePointer StorageBuffer %{element}
+                     %ptr_kept = OpTypePointer Private %ptr
+                     %kept = OpVariable %ptr_kept Private
+                     %a = OpVariable %ptr_block StorageBuffer
+                     %same_type = OpTypeFunction %ptr %ptr"
+                );
+                let body = format!(
+                    "%at = OpBitwiseAnd %uint %id %u7
+                     %odd_word = OpBitwiseAnd %uint %id %u1
+                     %odd = OpIEqual %bool %odd_word %u1
+                     %p = OpAccessChain %ptr %a %u0 %at
+                     %p_again = OpInBoundsAccessChain %ptr %a %u0 %at
+                     %q = OpAccessChain %ptr %a %u0 %u5
+                     {way}
+                     %there = OpPtrDiff %int %way %q
+                     %back = OpPtrDiff %int %q %way
+                     %there_word = OpBitcast %uint %there
+                     %back_word = OpBitcast %uint %back
+                     out 0 %there_word
+                     out 1 %back_word"
+                );
+                let found = Shader {
+                    capabilities: CAPABILITIES,
+                    annotations: &annotations,
+                    declarations: &declarations,
+                    body: &body,
+                    functions: "
+                        %same = OpFunction %ptr DontInline %same_type
+                        %given = OpFunctionParameter %ptr
+                        %same_entry = OpLabel
+                        OpReturnValue %given
+                        OpFunctionEnd",
+                    ..Shader::default()
+                }
+                .run_with(&mut || Resources::default().bind(0, 1, Descriptor::Buffer(Buffer::zeroed(528))));
+                let found = found.unwrap_or_else(|error| panic!("{name}, {element}: {}", error.render()));
+                for (id, words) in found.iter().enumerate() {
+                    let at = id as u32 % 8;
+                    let expected = [at.wrapping_sub(5), 5u32.wrapping_sub(at)];
+                    assert_eq!(words[..2], expected, "{name}, {element} every {stride} bytes, element {at}");
+                }
+            }
+        }
+    }
+}

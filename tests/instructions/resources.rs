@@ -212,3 +212,81 @@ fn a_hit_object_without_motion_is_at_the_beginning() {
     .run();
     assert!(found.iter().all(|words| words[..2] == [0, 0]));
 }
+
+#[test]
+fn whatever_descriptor_is_missing_the_bound_ones_are_told() {
+    let declarations = "
+        %read_image = OpTypeImage %float 2D 0 0 0 1 Unknown
+        %store_image = OpTypeImage %uint 2D 0 0 0 2 R32ui
+        %sampled_type = OpTypeSampledImage %read_image
+        %ptr_sampled = OpTypePointer UniformConstant %sampled_type
+        %ptr_image = OpTypePointer UniformConstant %store_image
+        %ptr_texel = OpTypePointer Image %uint
+        %sampled = OpVariable %ptr_sampled UniformConstant
+        %image = OpVariable %ptr_image UniformConstant
+        %cells = OpVariable %ptr_StorageBuffer_out_block StorageBuffer
+        %zero = OpConstant %float 0.0
+        %middle = OpConstantComposite %float2 %zero %zero
+        %corner = OpConstantComposite %uint2 %u0 %u0
+        %texel = OpConstantComposite %uint4 %u1 %u1 %u1 %u1";
+    let annotations = "
+        OpName %sampled \"sampled\"
+        OpName %image \"image\"
+        OpName %cells \"cells\"
+        OpDecorate %sampled DescriptorSet 1
+        OpDecorate %sampled Binding 0
+        OpDecorate %image DescriptorSet 1
+        OpDecorate %image Binding 1
+        OpDecorate %cells DescriptorSet 1
+        OpDecorate %cells Binding 2";
+    let bodies = [
+        "%s = OpLoad %sampled_type %sampled
+         %c = OpImageSampleExplicitLod %float4 %s %middle 2 %zero
+         %r = OpCompositeExtract %float %c 0
+         %b = OpBitcast %uint %r
+         out 0 %b",
+        "%i = OpLoad %store_image %image\nOpImageWrite %i %corner %texel",
+        "%p = OpImageTexelPointer %ptr_texel %image %corner %u0
+         %v = OpAtomicIAdd %uint %p %u1 %u0 %u1",
+        "%p = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %u0\nOpStore %p %u1",
+        "%p = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %u0
+         %v = OpAtomicIAdd %uint %p %u1 %u0 %u1",
+    ];
+    let image = || {
+        Image::new(Format::new(Component::Float32, 1), ImageShape::plane(1, 1), &[0; 4]).expect("an image")
+    };
+    let buffer = || Descriptor::Buffer(Buffer::zeroed(4));
+    let sampler = Arc::new(Sampler::default());
+    let few = |resources: Resources| resources;
+    let kinds = |resources: Resources| {
+        let mut resources = resources
+            .bind(0, 2, Descriptor::Image(image()))
+            .bind(0, 3, Descriptor::Sampler(sampler.clone()))
+            .bind(2, 0, Descriptor::ImageSampler(image(), sampler.clone()));
+        // Of three elements the first two are unbound.
+        resources.insert(Binding { set: 2, binding: 1 }, 2, buffer());
+        resources
+    };
+    // One of them is `%out`: as many as are told, and three more.
+    let many = |resources: Resources| (1..19).fold(resources, |all, at| all.bind(0, at, buffer()));
+    let sixteen: Vec<String> = (0..16).map(|at| format!("set 0, binding {at} (a buffer)")).collect();
+    type Bound<'a> = &'a dyn Fn(Resources) -> Resources;
+    let cases: [(Bound<'_>, String); 3] = [
+        (&few, "bound: set 0, binding 0 (a buffer)".to_owned()),
+        (
+            &kinds,
+            "bound: set 0, binding 0 (a buffer); set 0, binding 2 (an image); set 0, binding 3 (a sampler); \
+             set 2, binding 0 (an image with a sampler); set 2, binding 1 (a buffer, 3 elements)"
+                .to_owned(),
+        ),
+        (&many, format!("bound: {}; and 3 more", sixteen.join("; "))),
+    ];
+    for body in bodies {
+        for (bound, expected) in &cases {
+            let shader = Shader { annotations, declarations, body, ..Shader::default() };
+            let error = shader.run_with(&mut || bound(Resources::default())).expect_err(body);
+            let told = error.notes().iter().find(|note| note.starts_with("bound:"));
+            assert_eq!(told, Some(expected), "{body}: {}", error.render());
+        }
+    }
+}

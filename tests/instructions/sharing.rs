@@ -405,3 +405,60 @@ fn one_schedule_at_every_width() {
         assert_eq!(words[0], if id < 64 { 63 } else { 71 });
     }
 }
+
+#[test]
+fn whatever_reads_an_image_finds_what_those_beside_it_wrote() {
+    // Each writes its number and one to its own texel, then reads texel 63: that has been written
+    // where 64 go together.
+    let reads = [
+        "%texel = OpImageSampleExplicitLod %float4 %sampled_value %near 2 %zero_float
+         %read = OpCompositeExtract %float %texel 0",
+        // The texels beside the coordinate, 63 and 64; the last of them has the lower x and y.
+        "%texel = OpImageGather %float4 %sampled_value %between %u0
+         %read = OpCompositeExtract %float %texel 3",
+        "%fetched = OpImage %read_image %sampled_value
+         %texel = OpImageFetch %float4 %fetched %last
+         %read = OpCompositeExtract %float %texel 0",
+        "%texel = OpImageRead %float4 %image_value %last
+         %read = OpCompositeExtract %float %texel 0",
+    ];
+    for read in reads {
+        let body = format!(
+            "%x = OpBitcast %int %id
+             %xy = OpCompositeConstruct %int2 %x %zero
+             %number = OpIAdd %uint %id %u1
+             %value = OpConvertUToF %float %number
+             %color = OpCompositeConstruct %float4 %value %value %value %value
+             %image_value = OpLoad %image %picture
+             %sampled_value = OpLoad %sampled %texture
+             OpImageWrite %image_value %xy %color
+             {read}
+             %word = OpConvertFToU %uint %read
+             out 0 %word"
+        );
+        let found = Shader {
+            annotations: ANNOTATIONS,
+            declarations: &format!(
+                "{DECLARATIONS}
+                 %half_y = OpConstant %float 0.5
+                 %near_x = OpConstant %float 0.49609375
+                 %near = OpConstantComposite %float2 %near_x %half_y
+                 %between_x = OpConstant %float 0.4990234375
+                 %between = OpConstantComposite %float2 %between_x %half_y
+                 %sixty_three = OpConstant %int 63
+                 %last = OpConstantComposite %int2 %sixty_three %zero"
+            ),
+            body: &body,
+            ..Shader::default()
+        }
+        .run_with(&mut || {
+            let image = Image::new(Format::new(Component::Float32, 1), ImageShape::plane(128, 1), &[0; 512]);
+            let image = image.expect("an image");
+            let sampler = Arc::new(Sampler::default());
+            let resources = Resources::default().bind(0, 2, Descriptor::Image(image.clone()));
+            resources.bind(0, 5, Descriptor::ImageSampler(image, sampler))
+        });
+        let found = found.unwrap_or_else(|error| panic!("{read}: {}", error.render()));
+        assert!(found.iter().all(|words| words[0] == 64), "{read}");
+    }
+}

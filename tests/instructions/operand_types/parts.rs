@@ -115,3 +115,54 @@ fn whole_parts_have_the_type_of_the_operand() {
     }
     assert_eq!(crate::instructions::operand_types::refused::not_refused(&bodies), []);
 }
+
+#[test]
+fn exponents_of_every_width_count_whole() {
+    // 1 times 2 to the exponent, as an f32: from 2^128 on infinite, up to 2^-150 zero.
+    let power = |exponent: i128| match exponent {
+        128.. => f32::INFINITY.to_bits(),
+        -126..128 => ((exponent + 127) as u32) << 23,
+        -149..-126 => 1 << (exponent + 149),
+        _ => 0,
+    };
+    for kind in KINDS.into_iter().filter(|kind| kind.is_integer()) {
+        let top = 1u64 << (kind.bits() - 1);
+        let mut exponents: Vec<u64> = [0, 1, 5, 127, 128, top - 1, top, top + 1].to_vec();
+        exponents.extend([1u64, 2, 126, 127, 128].map(|below| below.wrapping_neg() & kind.mask()));
+        // Whose lower 32 bits say something else, where there are more.
+        exponents.extend([1u64 << 32, (1 << 32) + 3, 0xFFFF_FFFF].map(|wide| wide & kind.mask()));
+        let name = kind.name();
+        let mut declarations = types::declarations()
+            + &format!(
+                "%to_held = OpTypePointer Private %{name}
+                 %held = OpVariable %to_held Private
+                 %one = OpConstant %float 1.0\n"
+            );
+        for (at, &bits) in exponents.iter().enumerate() {
+            let _ = writeln!(declarations, "%e{at} = OpConstant %{name} {}", literal(kind, bits));
+        }
+        for (at, &bits) in exponents.iter().enumerate() {
+            let body = format!(
+                "%constant = OpExtInst %float %glsl Ldexp %one %e{at}
+                 %constant_word = OpBitcast %uint %constant
+                 out 0 %constant_word
+                 OpStore %held %e{at}
+                 %exponent = OpLoad %{name} %held
+                 %f = OpConvertUToF %float %id
+                 %zero = OpFSub %float %f %f
+                 %read_one = OpFAdd %float %zero %one
+                 %read = OpExtInst %float %glsl Ldexp %read_one %exponent
+                 %read_word = OpBitcast %uint %read
+                 out 1 %read_word"
+            );
+            let number = match kind.is_signed() {
+                true => i128::from((bits << (64 - kind.bits())) as i64 >> (64 - kind.bits())),
+                false => i128::from(bits),
+            };
+            let found = Shader { declarations: &declarations, body: &body, ..Shader::default() }.run();
+            for words in found {
+                assert_eq!(words[..2], [power(number); 2], "{name} {number}");
+            }
+        }
+    }
+}
