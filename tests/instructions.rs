@@ -1,5 +1,6 @@
 //! Instructions that are no rows: small programs, run at every width of a batch.
 
+mod atomic_order;
 mod atomics;
 mod builtins;
 mod calls;

@@ -13,7 +13,7 @@ use crate::ops::integer_operand::Reading;
 use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::op::Op;
 use crate::ops::pointer::{self, Pointer, PointerBase, storage};
-use crate::ops::pointer_stride;
+use crate::ops::pointer_stride::{Stride, stride_of_array};
 use crate::ops::relational_logical::{IEqual, LogicalAnd, LogicalNot};
 use crate::ops::translate::{IdValue, Translator, Words};
 
@@ -92,8 +92,19 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             translator.result(instruction, SmallVec::from_slice(&[result]));
         }
         Opcode::PtrDiff => {
-            let base = translator.id(instruction, 0)?;
-            let stride = stride(translator, base, &array_stride)?;
+            // Both lead into one array, and either may tell which.
+            let [base, other] = [translator.id(instruction, 0)?, translator.id(instruction, 1)?];
+            let untold = |translator: &Translator<'_>, base, pointer: &Pointer| match stride_of_array(
+                translator.module,
+                &[base, other],
+            ) {
+                Stride::One(stride) => Ok(stride),
+                Stride::None => size(translator, pointer),
+                Stride::Several => {
+                    Err(translator.unsupported("pointers into an array that may have one of several strides"))
+                }
+            };
+            let stride = stride(translator, base, &untold)?;
             let mut ends = Words::new();
             for at in 0..2 {
                 let pointer = translator.id(instruction, at)?;
@@ -244,16 +255,16 @@ fn explicit_stride(translator: &Translator<'_>, base: Id, pointer: &Pointer) -> 
     }
     // "For all other objects, the implementation calculates the element's address"
     // (OpPtrAccessChain).
-    array_stride(translator, base, pointer)
+    match stride_of_array(translator.module, &[base]) {
+        Stride::One(stride) => Ok(stride),
+        Stride::None | Stride::Several => size(translator, pointer),
+    }
 }
 
-/// The stride of the array that a pointer leads into, or the size of what it points to where
-/// nothing tells of an array.
-fn array_stride(translator: &Translator<'_>, base: Id, pointer: &Pointer) -> Result<u32> {
-    let told = pointer_stride::stride_of_array(translator.module, base);
-    let size = || translator.module.size_of(pointer.pointee).and_then(|size| u32::try_from(size).ok());
-    told.or_else(size)
-        .ok_or_else(|| translator.unsupported("a pointer into an array whose stride is not known"))
+/// The stride of an array of what a pointer points to where nothing tells of another one.
+fn size(translator: &Translator<'_>, pointer: &Pointer) -> Result<u32> {
+    let size = translator.module.size_of(pointer.pointee).and_then(|size| u32::try_from(size).ok());
+    size.ok_or_else(|| translator.unsupported("a pointer into an array whose stride is not known"))
 }
 
 /// The pointer to another element of the array that a pointer leads into.

@@ -12,17 +12,36 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::pointer_layout::{instructions, opcode};
 
-/// The one stride of all arrays that a pointer may lead into; `None` where nothing tells it or
-/// where several differ.
-pub fn stride_of_array(module: &Module, pointer: Id) -> Option<u32> {
-    let mut trace = Trace { module, seen: HashSet::new(), found: SmallVec::new() };
-    trace.follow(pointer);
-    if trace.found.is_empty() {
-        trace.found = arrays_of(module, pointee(module, pointer)?);
+/// What a module tells of the array that pointers lead into.
+pub enum Stride {
+    /// The stride of every array that they may lead into.
+    One(u32),
+    /// They may lead into arrays of several strides.
+    Several,
+    /// They lead into no array that the module tells of.
+    None,
+}
+
+/// The stride of the one array that all of some pointers of one type lead into.
+pub fn stride_of_array(module: &Module, pointers: &[Id]) -> Stride {
+    let mut all: SmallVec<[u32; 1]> = SmallVec::new();
+    for &pointer in pointers {
+        let mut trace = Trace { module, seen: HashSet::new(), found: SmallVec::new(), complete: true };
+        trace.follow(pointer);
+        if let ([stride], true) = (&trace.found[..], trace.complete) {
+            return Stride::One(*stride);
+        }
+        if !trace.complete {
+            trace.found.extend(pointee(module, pointer).into_iter().flat_map(|ty| arrays_of(module, ty)));
+        }
+        all.extend(trace.found);
     }
-    match trace.found[..] {
-        [stride] => Some(stride),
-        _ => None,
+    all.sort_unstable();
+    all.dedup();
+    match all[..] {
+        [] => Stride::None,
+        [stride] => Stride::One(stride),
+        _ => Stride::Several,
     }
 }
 
@@ -33,7 +52,7 @@ fn pointee(module: &Module, pointer: Id) -> Option<TypeId> {
     }
 }
 
-/// The strides of all arrays of a type: for pointers that were stored and loaded.
+/// The strides of all arrays of a type: for pointers that come out of memory.
 fn arrays_of(module: &Module, of: TypeId) -> SmallVec<[u32; 1]> {
     let mut found = SmallVec::new();
     for ty in &module.types {
@@ -54,6 +73,8 @@ struct Trace<'m> {
     /// Ids on the way: a loop adds nothing to what it began with.
     seen: HashSet<Id>,
     found: SmallVec<[u32; 1]>,
+    /// Whether each way back ended at an array.
+    complete: bool,
 }
 
 impl Trace<'_> {
@@ -75,7 +96,9 @@ impl Trace<'_> {
                 let instruction = &block.instructions[at as usize];
                 self.result(instruction.opcode, module.operands(instruction));
             }
-            _ => {}
+            // The null pointer leads nowhere.
+            Some(Definition::Constant(_)) => {}
+            _ => self.complete = false,
         }
     }
 
@@ -100,34 +123,40 @@ impl Trace<'_> {
             opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
                 self.chain(operands[0], &operands[2..]);
             }
-            _ => {}
+            opcode::UNDEF => {}
+            _ => self.complete = false,
         }
     }
 
     /// The array that the last of the indices goes into.
     fn chain(&mut self, base: u32, indices: &[u32]) {
-        let module = self.module;
         let Some((_, before)) = indices.split_last() else { return self.follow(Id(base)) };
-        let Some(mut ty) = pointee(module, Id(base)) else { return };
-        for &index in before {
+        match self.stride(base, before) {
+            Some(stride) if self.found.contains(&stride) => {}
+            Some(stride) => self.found.push(stride),
+            None => self.complete = false,
+        }
+    }
+
+    /// The stride of the array that indices lead to.
+    fn stride(&self, base: u32, indices: &[u32]) -> Option<u32> {
+        let module = self.module;
+        let mut ty = pointee(module, Id(base))?;
+        for &index in indices {
             ty = match module.ty(ty) {
                 Type::Struct { members, .. } => {
-                    let at = module.scalar_value(Id(index)).unwrap_or(u64::MAX);
-                    let Some(member) = members.get(at as usize) else { return };
-                    member.ty
+                    members.get(usize::try_from(module.scalar_value(Id(index))?).ok()?)?.ty
                 }
                 Type::Matrix { column: part, .. }
                 | Type::Vector { component: part, .. }
                 | Type::Array { element: part, .. }
                 | Type::RuntimeArray { element: part, .. } => *part,
-                _ => return,
+                _ => return None,
             };
         }
-        if let Type::Array { stride: Some(stride), .. } | Type::RuntimeArray { stride: Some(stride), .. } =
-            *module.ty(ty)
-            && !self.found.contains(&stride)
-        {
-            self.found.push(stride);
+        match *module.ty(ty) {
+            Type::Array { stride, .. } | Type::RuntimeArray { stride, .. } => stride,
+            _ => None,
         }
     }
 }

@@ -309,8 +309,8 @@ impl Copies {
     }
 }
 
-/// Lets the operations of a run read what local values are copies of; copies without uses
-/// become idle then. `written` has, for each register, one more than the operation that wrote it last.
+/// Lets the operations of a run read what local values are copies of; copies without uses become
+/// idle then. `written` has, for each register, one more than the operation that wrote it last.
 fn forward(
     ops: &mut [Op],
     superblock: Range<usize>,

@@ -128,8 +128,8 @@ impl Schedule {
         }
     }
 
-    /// Finds what each operation depends on: the operations that wrote what it reads, and those that
-    /// read or wrote what it writes.
+    /// Finds what each operation depends on: the operations that wrote what it reads, and those
+    /// that read or wrote what it writes.
     fn find_edges(&mut self, ops: &[Op]) {
         let Self { registers, touched, readers, edges, waiting, .. } = self;
         edges.clear();

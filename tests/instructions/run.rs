@@ -6,7 +6,7 @@ use anyhit::error::{Error, Result};
 use anyhit::machine::{Buffer, Descriptor, Resources};
 use anyhit::module::interface::Stage;
 use anyhit::ops::lane_kernel::{LaneKernel, Width};
-use anyhit::pipeline::{Launch, Pipeline};
+use anyhit::pipeline::{Compute, Launch, Pipeline, Stats};
 
 use crate::support::assembly::assemble;
 
@@ -198,4 +198,14 @@ where
     launch.run::<W>([count as u32, 1, 1], &|_| ())?;
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(&out.bytes());
     Ok(words.chunks_exact(WORDS).map(|words| words.try_into().unwrap()).collect())
+}
+
+/// Runs a compute shader in batches of 1, 8 or 64 lanes.
+pub fn run_lanes(compute: &Compute, lanes: usize, resources: &Resources, groups: [u32; 3]) -> Result<Stats> {
+    match lanes {
+        1 => compute.run::<1>(resources, groups, &|_| ()),
+        8 => compute.run::<8>(resources, groups, &|_| ()),
+        64 => compute.run::<64>(resources, groups, &|_| ()),
+        _ => panic!("no batch has {lanes} lanes"),
+    }
 }
