@@ -1,4 +1,5 @@
-//! The stack of shader calls: shaders that run or wait, and between them what they wait for.
+//! The stack of shader calls: shaders that run or wait, and between them the traces, calls and
+//! reports that they wait for.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -26,7 +27,7 @@ use crate::pipeline::trace::{Data, Trace, Waiting, at, general};
 use crate::pipeline::trapped::Trapped;
 use crate::program::Program;
 
-/// Why a shader runs.
+/// The role in which a shader runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     RayGeneration,
@@ -39,20 +40,20 @@ pub(super) enum Role {
     Callable,
 }
 
-/// A shader that runs or waits. Its lanes are those of its caller, as many of them as called it.
+/// A shader that runs or waits. Its lanes are the lanes of its caller that called it.
 #[derive(Clone, Debug)]
 pub(super) struct Running<const W: usize> {
     pub shader: Shader,
     role: Role,
     pub batch: Batch<W>,
     lanes: Mask<W>,
-    /// The rows of the payload, or of callable data.
+    /// The registers of the payload, or of callable data.
     data: Option<RegSpan>,
     attributes: Option<RegSpan>,
 }
 
 impl<const W: usize> Running<W> {
-    /// Takes the payload (or callable data) that a caller's registers hold.
+    /// Copies the payload (or callable data) from a caller's registers.
     fn take_data(&mut self, from: &Registers<W>, rows: RegSpan) {
         if let Some(own) = self.data {
             let count = own.count.min(rows.count);
@@ -61,7 +62,7 @@ impl<const W: usize> Running<W> {
         }
     }
 
-    /// Leaves the payload (or callable data) in a caller's registers.
+    /// Copies the payload (or callable data) back to a caller's registers.
     fn leave_data(&self, to: &mut Registers<W>, rows: RegSpan) {
         if let Some(own) = self.data {
             let count = own.count.min(rows.count);
@@ -69,7 +70,7 @@ impl<const W: usize> Running<W> {
         }
     }
 
-    /// The rows of its attributes.
+    /// The registers of its hit attributes.
     fn attributes(&mut self) -> Option<&mut [Lanes<W>]> {
         self.attributes.map(|rows| self.batch.registers.span_mut(rows.first, rows.count))
     }
@@ -78,7 +79,7 @@ impl<const W: usize> Running<W> {
 /// `OpExecuteCallableKHR` in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Call<const W: usize> {
-    /// The row of the records' indices.
+    /// The register of the record indices.
     index: Reg,
     data: RegSpan,
     /// Callable shaders and the lanes that call them.
@@ -89,7 +90,7 @@ pub(super) struct Call<const W: usize> {
 #[derive(Clone, Debug)]
 pub(super) enum ShaderCallFrame<const W: usize> {
     Shader(Box<Running<W>>),
-    /// `object` where the hit objects there take what is found.
+    /// `object`: the hit objects that receive the result, if any.
     Trace {
         trace: Box<Trace<W>>,
         payload: RegSpan,
@@ -157,16 +158,15 @@ where
         }
     }
 
-    /// Runs the ray generation shader for the invocations at any number of positions, a batch after
-    /// the other.
+    /// Runs the ray generation shader for the invocations at a range of positions, batch by batch.
     pub fn launch_all(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
         for start in positions.clone().step_by(W) {
             self.launch(record, order, start..positions.end.min(start + W as u64));
         }
     }
 
-    /// Runs the ray generation shader for the invocations at some positions of a launch's order: a
-    /// batch.
+    /// Runs the ray generation shader for one batch: the invocations at a range of positions in a
+    /// launch's order.
     pub fn launch(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
         let count = (positions.end - positions.start) as usize;
         let Some(shader) = general(self.pipeline, record) else { return };
@@ -185,7 +185,7 @@ where
         self.run();
     }
 
-    /// Runs any shader but an intersection shader for one invocation, without what would call it.
+    /// Runs any shader but an intersection shader for one invocation, without a caller.
     pub fn invoke(&mut self, shader: Shader, invocation: Invocation, payload: Data, attributes: Data) {
         let role = match self.pipeline.programs[shader.0 as usize].stage {
             Stage::RayGeneration => Role::RayGeneration,
@@ -207,8 +207,8 @@ where
         self.run();
     }
 
-    /// Traces one ray without a ray generation shader, in the first lane; the trace when it is
-    /// over.
+    /// Traces one ray without a ray generation shader, in the first lane; returns the finished
+    /// trace.
     pub fn trace(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Option<Box<Trace<W>>> {
         let mut trace = self.spare_trace(true);
         let payload = trace.take_host_operands(tlas, operands);
@@ -216,7 +216,7 @@ where
         self.run()
     }
 
-    /// Runs until the stack is empty; the trace that nothing called.
+    /// Runs until the stack is empty; returns the trace if it has no caller.
     fn run(&mut self) -> Option<Box<Trace<W>>> {
         loop {
             match self.frames.last_mut()? {
@@ -272,7 +272,7 @@ where
         }
     }
 
-    /// Puts a shader on the stack that the rays of the trace there wait for.
+    /// Pushes a shader that rays of the trace on top of the stack wait for.
     pub(super) fn enter_traced(&mut self, waiting: Waiting<W>) {
         let Waiting { shader, role, lanes } = waiting;
         let mut running = self.ready(shader, role);
@@ -288,7 +288,7 @@ where
         self.push(running);
     }
 
-    /// A batch of a shader without lanes.
+    /// A batch for a shader, without lanes yet.
     fn ready(&mut self, shader: Shader, role: Role) -> Box<Running<W>> {
         let mut running = self.free_batches[shader.0 as usize].pop().unwrap_or_else(|| {
             let program = &*self.pipeline.programs[shader.0 as usize];
@@ -310,7 +310,7 @@ where
         running
     }
 
-    /// Puts a batch on the stack whose lanes have begun.
+    /// Pushes a batch whose lanes have begun.
     fn push(&mut self, mut running: Box<Running<W>>) {
         let program = &*self.pipeline.programs[running.shader.0 as usize];
         let mask = running.lanes;
@@ -340,7 +340,7 @@ where
         self.frames.push(ShaderCallFrame::Shader(running));
     }
 
-    /// Takes a shader that is done from the stack and gives its results to its caller.
+    /// Pops a shader that is done and passes its results to its caller.
     fn leave(&mut self) {
         let pipeline = self.pipeline;
         let Some(ShaderCallFrame::Shader(running)) = self.frames.pop() else {
@@ -495,7 +495,7 @@ where
         }
     }
 
-    /// Puts an any-hit shader on the stack that decides on reports.
+    /// Pushes an any-hit shader that decides on reports.
     fn enter_reported(&mut self, shader: Shader, lanes: Mask<W>) {
         let role = Role::ReportedAnyHit;
         let mut running = self.ready(shader, role);
@@ -530,7 +530,7 @@ fn begin<const W: usize>(pipeline: &Pipeline, running: &mut Running<W>, lanes: M
 const CALL_LIMIT: u64 = 1024;
 
 impl Stats {
-    /// Counts a batch of a stage.
+    /// Counts a batch of a stage and its lanes.
     pub(super) fn count(&mut self, stage: Stage, lanes: u32) {
         let entry = self.shaders.entry(stage).or_default();
         entry.batches += 1;
