@@ -47,8 +47,8 @@ where
         let mut lanes = Mask::NONE;
         for lane in mask.lanes() {
             let batch = &running.batch;
-            let found = object.register(&batch.registers, lane).and_then(|row| {
-                let found = batch.hit_objects.get(batch.registers[row].0[lane]);
+            let found = object.register(&batch.registers, lane).and_then(|register| {
+                let found = batch.hit_objects.get(batch.registers[register].0[lane]);
                 match found.unwrap_or(&HitObject::Unrecorded) {
                     HitObject::Unrecorded => Err(TrapCode::HitObjectUnrecorded),
                     HitObject::Empty => Ok(false),
@@ -84,8 +84,8 @@ where
         let memory = &self.bindings[running.shader.0 as usize].memory;
         for lane in mask.lanes() {
             let batch = &mut running.batch;
-            let record = object.register(&batch.registers, lane).and_then(|row| {
-                let found = batch.hit_objects.get(batch.registers[row].0[lane]);
+            let record = object.register(&batch.registers, lane).and_then(|register| {
+                let found = batch.hit_objects.get(batch.registers[register].0[lane]);
                 let found = found.unwrap_or(&HitObject::Unrecorded);
                 let table = match found {
                     HitObject::Hit(..) => &self.pipeline.sbt.hit,

@@ -47,7 +47,9 @@ impl<const W: usize> IntersectionReport<W> {
                 continue;
             }
             let attributes = match program.interface_registers(storage::HIT_ATTRIBUTE) {
-                Some(rows) => batch.registers.lane_words(rows.first, rows.count, lane).collect(),
+                Some(registers) => {
+                    batch.registers.lane_words(registers.first, registers.count, lane).collect()
+                }
                 None => Data::new(),
             };
             let reported = Reported { t, kind, attributes };
@@ -98,10 +100,10 @@ impl<const W: usize> IntersectionReport<W> {
     }
 
     /// Writes the hit attributes that an any-hit shader begins with.
-    pub fn write_hit_attributes(&self, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
+    pub fn write_hit_attributes(&self, lanes: Mask<W>, registers: &mut [Lanes<W>]) {
         for lane in lanes.lanes() {
             let attributes = self.reports[lane].iter().flat_map(|reported| &reported.attributes);
-            rows.iter_mut().zip(attributes).for_each(|(row, &word)| row.0[lane] = word);
+            registers.iter_mut().zip(attributes).for_each(|(register, &word)| register.0[lane] = word);
         }
     }
 

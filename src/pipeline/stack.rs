@@ -54,25 +54,25 @@ pub(super) struct Running<const W: usize> {
 
 impl<const W: usize> Running<W> {
     /// Copies the payload (or callable data) from a caller's registers.
-    fn take_data(&mut self, from: &Registers<W>, rows: RegSpan) {
+    fn take_data(&mut self, from: &Registers<W>, span: RegSpan) {
         if let Some(own) = self.data {
-            let count = own.count.min(rows.count);
+            let count = own.count.min(span.count);
             // Nothing reads the other lanes.
-            self.batch.registers.copy_span(own.first, from, rows.first, count, Mask::ALL);
+            self.batch.registers.copy_span(own.first, from, span.first, count, Mask::ALL);
         }
     }
 
     /// Copies the payload (or callable data) back to a caller's registers.
-    fn leave_data(&self, to: &mut Registers<W>, rows: RegSpan) {
+    fn leave_data(&self, to: &mut Registers<W>, span: RegSpan) {
         if let Some(own) = self.data {
-            let count = own.count.min(rows.count);
-            to.copy_span(rows.first, &self.batch.registers, own.first, count, self.lanes);
+            let count = own.count.min(span.count);
+            to.copy_span(span.first, &self.batch.registers, own.first, count, self.lanes);
         }
     }
 
     /// The registers of its hit attributes.
     fn attributes(&mut self) -> Option<&mut [Lanes<W>]> {
-        self.attributes.map(|rows| self.batch.registers.span_mut(rows.first, rows.count))
+        self.attributes.map(|span| self.batch.registers.span_mut(span.first, span.count))
     }
 }
 
@@ -197,10 +197,10 @@ where
         let mut running = self.ready(shader, role);
         running.batch.invocations.set(0, invocation);
         begin(self.pipeline, &mut running, Mask::lane(0));
-        for (rows, words) in [(running.data, payload), (running.attributes, attributes)] {
-            if let Some(rows) = rows {
-                let words = words.into_iter().take(rows.count as usize);
-                running.batch.registers.set_lane_words(rows.first, 0, words);
+        for (span, words) in [(running.data, payload), (running.attributes, attributes)] {
+            if let Some(span) = span {
+                let words = words.into_iter().take(span.count as usize);
+                running.batch.registers.set_lane_words(span.first, 0, words);
             }
         }
         self.push(running);
@@ -282,8 +282,8 @@ where
         trace.write_builtins(self.pipeline, role, lanes, &mut running.batch.invocations);
         begin(self.pipeline, &mut running, lanes);
         running.take_data(trace.payload(below), *payload);
-        if let Some(rows) = running.attributes() {
-            trace.write_hit_attributes(role, lanes, rows);
+        if let Some(attributes) = running.attributes() {
+            trace.write_hit_attributes(role, lanes, attributes);
         }
         self.push(running);
     }
@@ -321,8 +321,8 @@ where
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
-                let rows =
-                    |rows: Option<RegSpan>| rows.map_or_else(Vec::new, |rows| read(rows.first, rows.count));
+                let words =
+                    |span: Option<RegSpan>| span.map_or_else(Vec::new, |span| read(span.first, span.count));
                 self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
                 self.pipeline_observer.event(Event::Enter {
                     shader: running.shader,
@@ -330,10 +330,10 @@ where
                     builtins: program
                         .inputs
                         .iter()
-                        .map(|rows| (rows.builtin, read(rows.first, rows.count)))
+                        .map(|input| (input.builtin, read(input.first, input.count)))
                         .collect(),
-                    payload: rows(running.data),
-                    attributes: rows(running.attributes),
+                    payload: words(running.data),
+                    attributes: words(running.attributes),
                 });
             }
         }
@@ -355,8 +355,8 @@ where
                 self.trap(&running, lane, trap);
             }
             if T::ACTIVE {
-                let payload = running.data.map_or_else(Vec::new, |rows| {
-                    running.batch.registers.lane_words(rows.first, rows.count, lane).collect()
+                let payload = running.data.map_or_else(Vec::new, |span| {
+                    running.batch.registers.lane_words(span.first, span.count, lane).collect()
                 });
                 let (shader, stage) = (running.shader, program.stage);
                 self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
@@ -512,8 +512,8 @@ where
         report.write_builtins(lanes, &mut running.batch);
         begin(self.pipeline, &mut running, lanes);
         running.take_data(trace.payload(below), *payload);
-        if let Some(rows) = running.attributes() {
-            report.write_hit_attributes(lanes, rows);
+        if let Some(attributes) = running.attributes() {
+            report.write_hit_attributes(lanes, attributes);
         }
         self.push(running);
     }

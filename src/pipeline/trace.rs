@@ -211,7 +211,7 @@ impl<const W: usize> Trace<W> {
 
     /// `LaunchIdKHR` of a lane.
     pub fn launch_id(&self, lane: usize) -> [u32; 3] {
-        self.launch_id.each_ref().map(|row| row.0[lane])
+        self.launch_id.each_ref().map(|register| register.0[lane])
     }
 
     /// The traversal of a lane's ray that may call shaders.
@@ -516,7 +516,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Writes the initial hit attributes of a shader that runs in a role.
-    pub fn write_hit_attributes(&self, role: Role, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
+    pub fn write_hit_attributes(&self, role: Role, lanes: Mask<W>, registers: &mut [Lanes<W>]) {
         for lane in lanes.lanes() {
             let candidate = match role {
                 Role::AnyHit => self.cursor(lane).candidate(),
@@ -525,10 +525,13 @@ impl<const W: usize> Trace<W> {
             };
             if let Some(candidate) = candidate {
                 let values = candidate.intersection.attributes;
-                rows.iter_mut().zip(values).for_each(|(row, value)| row.0[lane] = value.to_bits());
+                registers
+                    .iter_mut()
+                    .zip(values)
+                    .for_each(|(register, value)| register.0[lane] = value.to_bits());
             } else if role == Role::ClosestHit {
                 let words = self.attributes.get(lane).into_iter().flatten();
-                rows.iter_mut().zip(words).for_each(|(row, &word)| row.0[lane] = word);
+                registers.iter_mut().zip(words).for_each(|(register, &word)| register.0[lane] = word);
             }
         }
     }

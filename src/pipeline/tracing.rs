@@ -27,13 +27,13 @@ impl<const W: usize> Trace<W> {
         bindings: &Bindings,
         mask: Mask<W>,
     ) -> Mask<W> {
-        let row = |at: u32| &registers[operands.plus(at)];
+        let operand = |at: u32| &registers[operands.plus(at)];
         self.rays.copy(registers, operands.plus(2), operands.plus(3), operands.plus(7));
-        (self.sbt_offset, self.sbt_stride, self.miss_index) = (*row(4), *row(5), *row(6));
+        (self.sbt_offset, self.sbt_stride, self.miss_index) = (*operand(4), *operand(5), *operand(6));
         let (mut rest, mut found) = (mask, Mask::NONE);
         while let Some(lane) = rest.lowest() {
-            let handle = [row(0).0[lane], row(1).0[lane]];
-            let same = rest & Mask::equal(row(0), handle[0]) & Mask::equal(row(1), handle[1]);
+            let handle = [operand(0).0[lane], operand(1).0[lane]];
+            let same = rest & Mask::equal(operand(0), handle[0]) & Mask::equal(operand(1), handle[1]);
             rest = rest.without(same);
             if let Some(tlas) = bindings.acceleration_structure(handle) {
                 self.structures.set(same, tlas);
@@ -53,11 +53,11 @@ impl<const W: usize> Trace<W> {
         (self.sbt_offset.0[0], self.sbt_stride.0[0], self.miss_index.0[0]) =
             (sbt_offset, sbt_stride, miss_index);
         let mut registers = Registers::new(payload.len());
-        let rows = RegSpan { first: Reg(0), count: payload.len() as u32 };
-        registers.set_lane_words(rows.first, 0, payload);
+        let span = RegSpan { first: Reg(0), count: payload.len() as u32 };
+        registers.set_lane_words(span.first, 0, payload);
         self.host_payload = Some(registers);
         self.begin(Mask::lane(0));
-        rows
+        span
     }
 
     /// The registers that hold the payload; `below` are the frames under the trace.
@@ -143,7 +143,8 @@ where
                     launch_id,
                     depth: trace.depth,
                     trace: trace.rays.get(lane),
-                    sbt: [&trace.sbt_offset, &trace.sbt_stride, &trace.miss_index].map(|row| row.0[lane]),
+                    sbt: [&trace.sbt_offset, &trace.sbt_stride, &trace.miss_index]
+                        .map(|operand| operand.0[lane]),
                     payload: words,
                 });
             }

@@ -77,14 +77,14 @@ impl<const W: usize> Trace<W> {
                 (Some(shader), _) => self.wait(shader, role, called),
                 (None, Some(code)) => called.lanes().for_each(|lane| self.trap(lane, code)),
                 (None, None) if T::ACTIVE => {
-                    let (Some(caller), Some((registers, rows))) = (self.caller, &mut payload) else {
+                    let (Some(caller), Some((registers, span))) = (self.caller, &mut payload) else {
                         continue;
                     };
                     for lane in called.lanes() {
-                        let mut words: Data = registers.lane_words(rows.first, rows.count, lane).collect();
+                        let mut words: Data = registers.lane_words(span.first, span.count, lane).collect();
                         observer.invocation(self.launch_id(lane));
                         observer.absent(caller, &mut words);
-                        registers.set_lane_words(rows.first, lane, words);
+                        registers.set_lane_words(span.first, lane, words);
                     }
                 }
                 (None, None) => {}
