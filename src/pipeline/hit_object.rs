@@ -13,7 +13,7 @@ use crate::pipeline::stack::{ShaderCallFrame, Stack};
 use crate::pipeline::trace::{Trace, at};
 
 impl<const W: usize> Trace<W> {
-    /// What a lane's ray found.
+    /// The result of a lane's ray.
     pub fn hit_object(&self, lane: usize) -> HitObject {
         let trace = self.rays.get(lane);
         match self.committed[lane] {

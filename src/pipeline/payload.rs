@@ -1,5 +1,4 @@
-//! Payloads and callable data: what a shader gives and what the shader that it calls takes are of
-//! one type.
+//! Payloads and callable data: checks that a shader and the shader that it calls declare one type.
 
 use crate::machine::Reg;
 use crate::machine::stop::RegSpan;
@@ -44,13 +43,13 @@ pub(super) fn mismatch(caller: &Program, first: Reg, called: &Program) -> Option
     ))
 }
 
-/// The file that a module was made from, where it names one: many entry points are called `main`.
+/// The source file that a module names, if any: many entry points are called `main`.
 fn source(module: &Module) -> String {
     let file = module.debug_info.files.first().filter(|file| !file.name.is_empty());
     file.map_or_else(String::new, |file| format!(" ({})", file.name))
 }
 
-/// A type for people, a struct with its members.
+/// A type as text, a struct with its members.
 fn of_type(module: &Module, ty: TypeId) -> String {
     let name = module.describe_type(ty);
     let Type::Struct { members, .. } = module.ty(ty) else { return name };

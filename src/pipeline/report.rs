@@ -28,7 +28,7 @@ struct Reported {
 }
 
 impl<const W: usize> IntersectionReport<W> {
-    /// Takes the reports of an intersection batch.
+    /// Makes the reports of an intersection batch.
     pub fn new<T: PipelineObserver>(
         pipeline: &Pipeline,
         trace: &mut Trace<W>,
@@ -99,7 +99,7 @@ impl<const W: usize> IntersectionReport<W> {
         }
     }
 
-    /// Writes the hit attributes that an any-hit shader begins with.
+    /// Writes the initial hit attributes of an any-hit shader.
     pub fn write_hit_attributes(&self, lanes: Mask<W>, registers: &mut [Lanes<W>]) {
         for lane in lanes.lanes() {
             let attributes = self.reports[lane].iter().flat_map(|reported| &reported.attributes);
@@ -107,7 +107,7 @@ impl<const W: usize> IntersectionReport<W> {
         }
     }
 
-    /// Takes the decisions of an any-hit shader on lanes of the intersection batch.
+    /// Applies the decisions of an any-hit shader to lanes of the intersection batch.
     pub fn deliver<T: PipelineObserver>(
         &mut self,
         trace: &mut Trace<W>,
@@ -131,7 +131,7 @@ impl<const W: usize> IntersectionReport<W> {
                 }
             };
             if any_hit.exits[lane] == Exit::Terminated {
-                // The report does not return where an any-hit shader terminates the ray.
+                // The report does not return if an any-hit shader terminates the ray.
                 trace.cursor_mut(lane).terminate();
                 intersection.exit(Mask::lane(lane), Exit::Terminated);
             }
