@@ -1,4 +1,4 @@
-//! The f64 values that stand beside a shader's registers.
+//! The f64 shadow values of a shader's registers.
 
 use std::collections::HashMap;
 
@@ -6,11 +6,11 @@ use crate::harness::stability::rays::{Beside, Numbers, Queried};
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Reg};
 
-/// What stands beside a word, or beside the two words of a wide number.
+/// The shadow of a word, or of the two words of a wide number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Entry {
-    /// The bits that it stands beside: where the register holds others by now, something that is
-    /// not followed wrote it, and the entry means nothing.
+    /// The bits of the register: if it holds others by now, it was written by something that is not
+    /// shadowed, and the entry is invalid.
     pub bits: u64,
     /// The value without the rounding; of a truth value 0 or 1, of an integer the integer.
     pub value: f64,
